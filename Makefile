@@ -1,0 +1,54 @@
+# turnscan: `make help` lists what there is.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ready
+
+.DEFAULT_GOAL := help
+.PHONY: help setup system demo test check format bench docs clean
+
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
+
+setup: $(STAMP) ## make .venv with turnscan and everything needed to work on it
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+# Independent readers of our files; the tests use those that are there, and CI insists on all.
+SYSTEM_PACKAGES := assimp-utils dime gdal-bin
+system: ## install the independent CAD readers that the tests compare with (Debian, as root)
+	@if command -v assimp >/dev/null && command -v dxf2vrml >/dev/null && command -v ogr2ogr >/dev/null; \
+	then :; elif command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; \
+	then apt-get update -qq && DEBIAN_FRONTEND=noninteractive \
+	     apt-get install -y -qq --no-install-recommends $(SYSTEM_PACKAGES) >/dev/null; \
+	else echo "not root or not Debian: the tests against $(SYSTEM_PACKAGES) will be skipped"; fi
+
+demo: setup ## the main job from end to end: pictures → mesh → DXF, report and pictures
+	$(BIN)/turnscan demo -o demo-output
+
+test: setup system ## run all tests
+	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+check: setup ## format, lint, types, import contract, module sizes, docs
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python tests/contracts/module_sizes.py
+	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
+
+format: setup ## let ruff put the sources in order
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: setup ## benchmarks, as ratios within one run
+	$(BIN)/python -m bench
+
+docs: setup ## build the documentation into docs/_build/html
+	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
+
+clean: ## remove what the other targets made
+	rm -rf $(VENV) demo-output docs/_build

@@ -1,0 +1,5 @@
+"""``python -m turnscan``."""
+
+from turnscan.cli import main
+
+main()

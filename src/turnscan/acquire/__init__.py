@@ -1,0 +1,1 @@
+"""Runs a plan on devices into a scan file."""

@@ -1,0 +1,66 @@
+"""The array types of turnscan, and the check that every frozen dataclass gives its arrays."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar, overload
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int32]
+Flags = npt.NDArray[np.uint16]
+Bools = npt.NDArray[np.bool_]
+Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+"""One picture, shape (H, W) or, in colour, (H, W, 3) in the order red, green, blue."""
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+@overload
+def frozen(
+    values: npt.ArrayLike, shape: tuple[int | None, ...], name: str, *, nan: bool = False
+) -> Floats: ...
+
+
+@overload
+def frozen(
+    values: npt.ArrayLike,
+    shape: tuple[int | None, ...],
+    name: str,
+    dtype: type[Scalar],
+    *,
+    nan: bool = False,
+) -> npt.NDArray[Scalar]: ...
+
+
+def frozen(
+    values: npt.ArrayLike,
+    shape: tuple[int | None, ...],
+    name: str,
+    dtype: type[Any] = np.float64,
+    *,
+    nan: bool = False,
+) -> npt.NDArray[Any]:
+    """Return ``values`` as a read-only, C-contiguous array of the wanted shape and type.
+
+    ``shape`` has None where any length will do. ``nan=True`` allows NaN, the mark of missing data;
+    infinity is never allowed.
+
+    Raises ValueError, naming the field and the value, where shape or content do not fit.
+    """
+    array: npt.NDArray[Any] = np.ascontiguousarray(values, dtype=dtype)
+    if array.ndim != len(shape) or any(
+        want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
+    ):
+        wanted = tuple("any" if s is None else s for s in shape)
+        raise ValueError(f"{name}: shape {array.shape}, expected {wanted}")
+    if np.issubdtype(array.dtype, np.floating):
+        bad = np.isinf(array) if nan else ~np.isfinite(array)
+        if bad.any():
+            place = tuple(int(i) for i in np.argwhere(bad)[0])
+            raise ValueError(f"{name}{list(place)}: {array[place]} is not a finite number")
+    if array is values or array.base is not None:
+        array = array.copy()
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,1 @@
+"""Views of a target or an artefact → Rig + covariance + findings."""

@@ -1,0 +1,72 @@
+"""The command line. Each verb lives in its own module and is imported only when it is used."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from turnscan import __version__
+from turnscan.errors import TurnscanError
+
+_VERBS = {
+    "calibrate": "pictures of boards and of the empty table → rig.json with its uncertainty",
+    "check": "is a scan file whole, and what is in it?",
+    "demo": "scan a part that isn't there, and write it as DXF, STL and a report",
+    "design": "resolution, working volume and limits of a rig before it is built",
+    "import": "pictures made elsewhere → a scan file",
+    "reconstruct": "a scan file → points, mesh, CAD",
+}
+
+
+class _Verbs(click.Group):
+    """Verbs by name; the module ``turnscan.cli._NAME`` holds the click command ``verb``."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(_VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _VERBS:
+            return None
+        command = importlib.import_module(f"turnscan.cli._{cmd_name}").verb
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Verbs"):
+            formatter.write_dl(sorted(_VERBS.items()))
+
+
+@click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="turnscan")
+def turnscan() -> None:
+    """Laser-line turntable 3-D scanning: pictures in, calibrated mesh and DXF out."""
+
+
+def main() -> None:
+    """Run the command line; every foreseen error is one line on stderr and an exit code."""
+    try:
+        turnscan.main(standalone_mode=False)
+    except click.exceptions.Abort:
+        _fail("interrupted", 130)
+    except click.ClickException as e:
+        e.show()
+        sys.exit(e.exit_code)
+    except click.exceptions.Exit as e:
+        sys.exit(e.exit_code)
+    except TurnscanError as e:
+        _fail(str(e), e.exit_code)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+    except MemoryError:
+        _fail("out of memory → use a smaller scan or a coarser spacing", 2)
+    except OSError as e:
+        what = f"{e.filename}: {e.strerror}" if e.filename else str(e)
+        _fail(f"{what} → check the path, its permissions and the free space", 5)
+
+
+def _fail(text: str, code: int) -> None:
+    click.echo(f"turnscan: {text}", err=True)
+    sys.exit(code)

@@ -1,0 +1,1 @@
+"""Camera, Turntable and Lasers: the protocols every device obeys."""

@@ -1,0 +1,1 @@
+"""Bytes for CAD and print; every writer has a reader that audits it."""

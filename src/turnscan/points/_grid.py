@@ -1,0 +1,76 @@
+"""RangeGrid, the master structure of a scan, and PointCloud, its loose form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Bools, Flags, Floats, Ints, frozen
+
+
+@dataclass(frozen=True)
+class RangeGrid:
+    """Profiles of one laser stacked as (step, line): where each measured point lies, and how well.
+
+    Points are in the table frame turned back to angle 0 (the object's frame), so all steps of a
+    scan lie in one frame. Lines are image rows (columns for a horizontal stripe).
+    """
+
+    laser: str
+    steps: Ints
+    """(s,) step numbers of the scan, ascending."""
+    angles: Floats
+    """(s,) table angles, radians, counter-clockwise seen from above."""
+    points: Floats
+    """(s, n, 3) mm, NaN where missing."""
+    sigma: Floats
+    """(s, n) mm: standard uncertainty along the viewing ray, NaN where missing."""
+    amplitude: Floats
+    """(s, n) grey levels, NaN where missing."""
+    flags: Flags
+    """(s, n) bits of `turnscan.stripes.StripeFlag`: quality, or why a point is missing."""
+    closed: bool
+    """True when the steps go all the way round, so that the last profile neighbours the first."""
+
+    def __post_init__(self) -> None:
+        if self.points.ndim != 3:
+            raise ValueError(f"RangeGrid.points: shape {self.points.shape}, expected (s, n, 3)")
+        s, n, _ = self.points.shape
+        put = object.__setattr__
+        put(self, "steps", frozen(self.steps, (s,), "RangeGrid.steps", np.int32))
+        put(self, "angles", frozen(self.angles, (s,), "RangeGrid.angles"))
+        put(self, "points", frozen(self.points, (s, n, 3), "RangeGrid.points", nan=True))
+        put(self, "sigma", frozen(self.sigma, (s, n), "RangeGrid.sigma", nan=True))
+        put(self, "amplitude", frozen(self.amplitude, (s, n), "RangeGrid.amplitude", nan=True))
+        put(self, "flags", frozen(self.flags, (s, n), "RangeGrid.flags", np.uint16))
+
+    @property
+    def found(self) -> Bools:
+        """(s, n) True where there is a point."""
+        return ~np.isnan(self.points[..., 0])
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Loose points with their provenance."""
+
+    points: Floats
+    """(m, 3) mm."""
+    sigma: Floats
+    """(m,) mm along the viewing ray; NaN where not known."""
+    laser: Ints
+    """(m,) index into ``lasers``."""
+    step: Ints
+    """(m,) step number."""
+    line: Ints
+    """(m,) image row (column for a horizontal stripe)."""
+    lasers: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        m = len(self.points)
+        put = object.__setattr__
+        put(self, "points", frozen(self.points, (m, 3), "PointCloud.points"))
+        put(self, "sigma", frozen(self.sigma, (m,), "PointCloud.sigma", nan=True))
+        for name in ("laser", "step", "line"):
+            put(self, name, frozen(getattr(self, name), (m,), f"PointCloud.{name}", np.int32))

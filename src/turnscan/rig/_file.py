@@ -1,0 +1,159 @@
+"""The rig as a JSON file, strictly parsed: unknown keys, NaN and duplicates are errors."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any, Literal, NoReturn
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from turnscan.errors import FormatError, LimitExceeded
+from turnscan.rig._camera import Camera
+from turnscan.rig._pose import Pose
+from turnscan.rig._rig import Marker, Rig
+from turnscan.rig._sheet import LaserSheet
+
+RIG_FORMAT = "turnscan-rig"
+RIG_VERSION = 1
+_MAX_BYTES = 16 * 2**20
+
+Vec2 = tuple[float, float]
+Vec3 = tuple[float, float, float]
+Vec5 = tuple[float, float, float, float, float]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=False)
+
+
+class _CameraFile(_Strict):
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: Vec5 = (0.0, 0.0, 0.0, 0.0, 0.0)
+    tilt: Vec2 = (0.0, 0.0)
+
+
+class _SheetFile(_Strict):
+    name: str = Field(min_length=1, max_length=200)
+    normal: Vec3
+    centre: Vec3
+    bow: Vec3 = (0.0, 0.0, 0.0)
+
+
+class _PoseFile(_Strict):
+    rotation: tuple[Vec3, Vec3, Vec3]
+    translation: Vec3
+
+
+class _MarkerFile(_Strict):
+    dictionary: str
+    number: int
+    corners: tuple[Vec3, Vec3, Vec3, Vec3]
+
+
+class _RigFile(_Strict):
+    format: Literal["turnscan-rig"]
+    version: Literal[1]
+    unit: Literal["mm"]
+    camera: _CameraFile
+    sheets: tuple[_SheetFile, ...]
+    T_camera_table: _PoseFile
+    markers: tuple[_MarkerFile, ...] = ()
+    covariance: tuple[tuple[float, ...], ...] | None = None
+
+
+def rig_to_json(rig: Rig) -> str:
+    """Write a rig as JSON text; `rig_from_json` gives the same rig back, to the bit."""
+    body: dict[str, Any] = {
+        "format": RIG_FORMAT,
+        "version": RIG_VERSION,
+        "unit": "mm",
+        "camera": {
+            **{k: getattr(rig.camera, k) for k in ("width", "height", "fx", "fy", "cx", "cy")},
+            "distortion": rig.camera.distortion.tolist(),
+            "tilt": rig.camera.tilt.tolist(),
+        },
+        "sheets": [
+            {
+                "name": s.name,
+                "normal": s.normal.tolist(),
+                "centre": s.centre.tolist(),
+                "bow": s.bow.tolist(),
+            }
+            for s in rig.sheets
+        ],
+        "T_camera_table": {
+            "rotation": rig.T_camera_table.rotation.tolist(),
+            "translation": rig.T_camera_table.translation.tolist(),
+        },
+        "markers": [
+            {"dictionary": m.dictionary, "number": m.number, "corners": m.corners.tolist()}
+            for m in rig.markers
+        ],
+        "covariance": None if rig.covariance is None else rig.covariance.tolist(),
+    }
+    return json.dumps(body, indent=1, allow_nan=False)
+
+
+def rig_from_json(text: str, source: str = "rig") -> Rig:
+    """Parse a rig from JSON text.
+
+    ``source`` names the place in errors. Raises FormatError naming the key and the value, or
+    LimitExceeded for a text over 16 MiB.
+    """
+    if len(text) > _MAX_BYTES:
+        raise LimitExceeded(f"{source}: {len(text)} characters; a rig has at most {_MAX_BYTES}")
+    try:
+        body = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+        parsed = _RigFile.model_validate(body)
+        return _build(parsed)
+    except ValidationError as e:
+        first = e.errors()[0]
+        key = ".".join(str(p) for p in first["loc"]) or "top level"
+        value = repr(first.get("input"))
+        shown = value if len(value) <= 60 else value[:57] + "…"
+        raise FormatError(f"{source}: {key}: {first['msg']} (found {shown})", hint=_HINT) from None
+    except (ValueError, RecursionError) as e:
+        raise FormatError(f"{source}: {e}", hint=_HINT) from None
+
+
+_HINT = "write the rig again with `turnscan calibrate`, or mend that key by hand"
+
+
+def rig_hash(rig: Rig) -> str:
+    """SHA-256 (hex) of the rig's JSON text: the rig's identity in exports and scan files."""
+    return hashlib.sha256(rig_to_json(rig).encode()).hexdigest()
+
+
+def _build(f: _RigFile) -> Rig:
+    return Rig(
+        camera=Camera(**f.camera.model_dump()),
+        sheets=tuple(LaserSheet(**s.model_dump()) for s in f.sheets),
+        T_camera_table=Pose(**f.T_camera_table.model_dump()),
+        markers=tuple(Marker(**m.model_dump()) for m in f.markers),
+        covariance=None if f.covariance is None else _square(f.covariance),
+    )
+
+
+def _square(rows: tuple[tuple[float, ...], ...]) -> Any:
+    if any(len(r) != len(rows) for r in rows):
+        raise ValueError(f"covariance: {len(rows)} rows, but not every row has that length")
+    return rows
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in out:
+            raise ValueError(f"key {key!r} stands twice")
+        out[key] = value
+    return out
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a number that a rig can hold")

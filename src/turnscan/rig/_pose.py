@@ -1,0 +1,74 @@
+"""Rigid motions between frames, named ``T_ab``: ``x_a = T_ab @ x_b``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, frozen
+
+
+def rotation_about(axis: npt.ArrayLike, angle: float) -> Floats:
+    """Rotation matrix (3, 3) by ``angle`` radians about the direction ``axis`` (Rodrigues)."""
+    w = np.asarray(axis, dtype=np.float64)
+    w = w / np.linalg.norm(w)
+    cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+    turned: Floats = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return turned
+
+
+def rotation_from_vector(vector: npt.ArrayLike) -> Floats:
+    """Rotation matrix (3, 3) of a rotation vector (direction × angle in radians)."""
+    r = np.asarray(vector, dtype=np.float64)
+    angle = float(np.linalg.norm(r))
+    return np.eye(3) if angle < 1e-300 else rotation_about(r, angle)
+
+
+def rotation_z(angle: npt.ArrayLike) -> Floats:
+    """Rotation matrices (..., 3, 3) by ``angle`` radians (any shape) about z."""
+    a = np.asarray(angle, dtype=np.float64)
+    R = np.zeros((*a.shape, 3, 3))
+    R[..., 0, 0] = R[..., 1, 1] = np.cos(a)
+    R[..., 1, 0] = np.sin(a)
+    R[..., 0, 1] = -R[..., 1, 0]
+    R[..., 2, 2] = 1.0
+    return R
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rigid motion ``T_ab``: coordinates in frame b become coordinates in frame a."""
+
+    rotation: Floats = field(default_factory=lambda: np.eye(3))
+    """(3, 3), proper and orthonormal."""
+    translation: Floats = field(default_factory=lambda: np.zeros(3))
+    """(3,) mm: the origin of b, in frame a."""
+
+    def __post_init__(self) -> None:
+        R = frozen(self.rotation, (3, 3), "Pose.rotation")
+        if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
+            raise ValueError("Pose.rotation: not a proper rotation (R Rᵀ ≠ 1 or det < 0)")
+        object.__setattr__(self, "rotation", R)
+        object.__setattr__(self, "translation", frozen(self.translation, (3,), "Pose.translation"))
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """``T_ac = T_ab @ T_bc``."""
+        return Pose(
+            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+        )
+
+    def inverse(self) -> Pose:
+        """``T_ba`` of ``T_ab``."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def apply(self, points: npt.ArrayLike) -> Floats:
+        """Points (..., 3) in frame b → the same points in frame a, mm."""
+        moved: Floats = np.asarray(points, dtype=np.float64) @ self.rotation.T + self.translation
+        return moved
+
+    def turn(self, directions: npt.ArrayLike) -> Floats:
+        """Directions (..., 3) in frame b → the same directions in frame a."""
+        turned: Floats = np.asarray(directions, dtype=np.float64) @ self.rotation.T
+        return turned

@@ -1,0 +1,105 @@
+"""Rig: camera model, laser sheets, table pose, and how well all of it is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, frozen
+from turnscan.rig._camera import Camera
+from turnscan.rig._pose import Pose, rotation_from_vector
+from turnscan.rig._sheet import LaserSheet
+
+_CAMERA = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "tilt_x", "tilt_y")
+_SHEET = ("turn_along", "turn_across", "offset", "bow_aa", "bow_ab", "bow_bb")
+_TABLE = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A fiducial marker fixed to the platter, by which a picture tells the table's angle."""
+
+    dictionary: str
+    """Name of the ArUco dictionary, like ``DICT_4X4_50``."""
+    number: int
+    """The marker's id in its dictionary."""
+    corners: Floats
+    """(4, 3) mm in the table frame at angle 0; clockwise from the marker's top left."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "corners", frozen(self.corners, (4, 3), "Marker.corners"))
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Everything needed to turn a stripe and a table angle into millimetres.
+
+    The table frame has its origin on the rotation axis at platter height and z along the axis, up;
+    table angles run counter-clockwise seen from above.
+    """
+
+    camera: Camera
+    sheets: tuple[LaserSheet, ...]
+    T_camera_table: Pose
+    """Table frame at angle 0 → camera frame."""
+    markers: tuple[Marker, ...] = ()
+    """Markers on the platter; empty when there are none."""
+    covariance: Floats | None = None
+    """(p, p) covariance of the parameters named by `parameter_names`, or None when not known."""
+
+    def __post_init__(self) -> None:
+        names = [s.name for s in self.sheets]
+        if len(set(names)) != len(names):
+            raise ValueError(f"Rig.sheets: two sheets have the same name: {names}")
+        if self.covariance is not None:
+            p = len(self.parameter_names)
+            object.__setattr__(
+                self, "covariance", frozen(self.covariance, (p, p), "Rig.covariance")
+            )
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the rig's free parameters, in the order of `covariance` and `perturbed`."""
+        sheets = tuple(f"{s.name}.{p}" for s in self.sheets for p in _SHEET)
+        return tuple(f"camera.{p}" for p in _CAMERA) + sheets + tuple(f"table.{p}" for p in _TABLE)
+
+    def sheet(self, name: str) -> LaserSheet:
+        """The sheet of that name; raises KeyError that lists the names there are."""
+        for s in self.sheets:
+            if s.name == name:
+                return s
+        raise KeyError(f"no laser {name!r} in this rig; it has {[s.name for s in self.sheets]}")
+
+    def perturbed(self, delta: npt.ArrayLike) -> Rig:
+        """The rig with its parameters moved by ``delta`` (p,), in the order of `parameter_names`.
+
+        Camera parameters and bows add. A sheet turns about its centre by ``turn_along`` about e₁
+        and ``turn_across`` about e₂ (radians), then shifts by ``offset`` mm along its normal. The
+        table frame turns by the rotation vector ``turn`` (radians) and shifts (mm) in camera axes.
+        """
+        d = frozen(delta, (len(self.parameter_names),), "delta")
+        k = len(_CAMERA)
+        c = self.camera
+        camera = replace(
+            c,
+            fx=c.fx + d[0],
+            fy=c.fy + d[1],
+            cx=c.cx + d[2],
+            cy=c.cy + d[3],
+            distortion=c.distortion + d[4:9],
+            tilt=c.tilt + d[9:11],
+        )
+        sheets = []
+        for s in self.sheets:
+            sheets.append(_moved_sheet(s, d[k : k + len(_SHEET)]))
+            k += len(_SHEET)
+        T = self.T_camera_table
+        moved = Pose(rotation_from_vector(d[k : k + 3]) @ T.rotation, T.translation + d[k + 3 :])
+        return replace(self, camera=camera, sheets=tuple(sheets), T_camera_table=moved)
+
+
+def _moved_sheet(sheet: LaserSheet, d: Floats) -> LaserSheet:
+    e1, e2 = sheet.axes
+    normal = rotation_from_vector(d[0] * e1 + d[1] * e2) @ sheet.normal
+    return LaserSheet(sheet.name, normal, sheet.centre + d[2] * sheet.normal, sheet.bow + d[3:6])

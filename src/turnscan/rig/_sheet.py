@@ -1,0 +1,93 @@
+"""The laser sheet: a plane of light, or one that a cheap line lens has slightly bent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, frozen
+
+_BOW_ROUNDS = 8
+
+
+@dataclass(frozen=True)
+class LaserSheet:
+    """A laser sheet in the camera frame.
+
+    A point X lies on it where ``n·(X − c) = q_aa a² + q_ab a b + q_bb b²`` with
+    ``a = e₁·(X − c)`` and ``b = e₂·(X − c)``, the in-sheet coordinates along the stripe and
+    across it (`axes`).
+    """
+
+    name: str
+    normal: Floats
+    """(3,) unit normal n, camera frame."""
+    centre: Floats
+    """(3,) mm: a point c of the sheet, best in the middle of the working volume."""
+    bow: Floats = field(default_factory=lambda: np.zeros(3))
+    """(3,) 1/mm: q_aa, q_ab, q_bb; all zero for a plane."""
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise ValueError("LaserSheet.name: empty")
+        n = frozen(self.normal, (3,), "LaserSheet.normal")
+        length = float(np.linalg.norm(n))
+        if length < 1e-9:
+            raise ValueError("LaserSheet.normal: zero length")
+        # A normal that is already unit stays as it is, to the bit: a rig survives its own file.
+        unit = n if abs(length - 1.0) < 1e-12 else n / length
+        object.__setattr__(self, "normal", frozen(unit, (3,), "LaserSheet.normal"))
+        object.__setattr__(self, "centre", frozen(self.centre, (3,), "LaserSheet.centre"))
+        object.__setattr__(self, "bow", frozen(self.bow, (3,), "LaserSheet.bow"))
+
+    @property
+    def axes(self) -> tuple[Floats, Floats]:
+        """Unit in-sheet directions e₁ (along the stripe) and e₂ = n × e₁, each (3,).
+
+        e₁ is the picture's vertical laid into the sheet, or its horizontal where the sheet's
+        normal is nearer to the vertical.
+        """
+        lead = np.array([0.0, 1.0, 0.0] if abs(self.normal[1]) < 0.7 else [1.0, 0.0, 0.0])
+        e1 = lead - (lead @ self.normal) * self.normal
+        e1 /= np.linalg.norm(e1)
+        return e1, np.cross(self.normal, e1)
+
+    def distance(self, points: npt.ArrayLike) -> Floats:
+        """Signed distance (...,) mm of points (..., 3) from the sheet, measured along n."""
+        d = np.asarray(points, dtype=np.float64) - self.centre
+        away: Floats = d @ self.normal
+        if not self.bow.any():
+            return away
+        e1, e2 = self.axes
+        a, b = d @ e1, d @ e2
+        bent: Floats = away - (self.bow[0] * a * a + self.bow[1] * a * b + self.bow[2] * b * b)
+        return bent
+
+    def intersect(self, rays: npt.ArrayLike) -> Floats:
+        """Rays (..., 3) from the camera centre → points (..., 3) mm where they meet the sheet.
+
+        NaN where the ray runs along the sheet or meets it behind the camera.
+        """
+        d = np.asarray(rays, dtype=np.float64)
+        with np.errstate(all="ignore"):
+            slope = d @ self.normal
+            t = (self.centre @ self.normal) / slope
+            if self.bow.any():
+                t = self._bent(d, t)
+            t = np.where((t > 0) & np.isfinite(t), t, np.nan)
+        points: Floats = t[..., None] * d
+        return points
+
+    def _bent(self, d: Floats, t: Floats) -> Floats:
+        e1, e2 = self.axes
+        slope, da, db = d @ self.normal, d @ e1, d @ e2
+        q = self.bow
+        for _ in range(_BOW_ROUNDS):
+            p = t[..., None] * d - self.centre
+            a, b = p @ e1, p @ e2
+            f = p @ self.normal - (q[0] * a * a + q[1] * a * b + q[2] * b * b)
+            df = slope - (2 * q[0] * a * da + q[1] * (a * db + b * da) + 2 * q[2] * b * db)
+            t = t - f / df
+        return t

@@ -1,0 +1,1 @@
+"""The scan file (SQLite): plan, rig, frames; the only code that writes one."""

@@ -1,0 +1,1 @@
+"""Mesh and points → planes and other primitives, with residuals and uncertainty."""

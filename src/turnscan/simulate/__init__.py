@@ -1,0 +1,1 @@
+"""The physical simulator: scene, optics, sensor, motion."""

@@ -1,0 +1,101 @@
+"""Stripe: one sub-pixel centre per scan line; Candidates: all the centres it was chosen from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Literal
+
+import numpy as np
+
+from turnscan.arrays import Flags, Floats, frozen
+
+Orientation = Literal["vertical", "horizontal"]
+"""vertical: one centre per image row (its column); horizontal: one centre per column (its row)."""
+
+
+class StripeFlag(IntFlag):
+    """What is known about a centre, or why there is none."""
+
+    OK = 0
+    DARK = 1
+    """Missing: nothing above the threshold."""
+    OUTSIDE = 2
+    """Missing: outside the region of interest or the picture."""
+    AMBIGUOUS = 4
+    """Several candidates that the choice could not tell apart."""
+    SATURATED = 8
+    """Clipped pixels inside the window."""
+    HALO = 16
+    """Skewed or heavy-tailed: light that spread inside or around the surface."""
+    EDGE = 32
+    """The stripe ends here, or is cut by the picture's border: one-sided light."""
+    MULTI = 64
+    """More than one candidate in this line."""
+    GRAZING = 128
+    """Far wider than the stripe's usual width."""
+
+
+@dataclass(frozen=True)
+class Stripe:
+    """The laser line in one picture: one centre per scan line, NaN where there is none.
+
+    Lines are image rows for a vertical stripe and image columns for a horizontal one.
+    """
+
+    position: Floats
+    """(n,) px across the stripe (column for vertical), NaN where missing."""
+    sigma: Floats
+    """(n,) px standard uncertainty of ``position``, NaN where missing."""
+    amplitude: Floats
+    """(n,) grey levels above background at the peak, NaN where missing."""
+    width: Floats
+    """(n,) px rms width of the light in the window, NaN where missing."""
+    flags: Flags
+    """(n,) bits of `StripeFlag`."""
+    orientation: Orientation = "vertical"
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        for name in ("position", "sigma", "amplitude", "width"):
+            values = frozen(getattr(self, name), (n,), f"Stripe.{name}", nan=True)
+            object.__setattr__(self, name, values)
+        object.__setattr__(self, "flags", frozen(self.flags, (n,), "Stripe.flags", np.uint16))
+
+    @property
+    def found(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """(n,) True where there is a centre."""
+        return ~np.isnan(self.position)
+
+    @property
+    def pixels(self) -> Floats:
+        """(n, 2) pixel coordinates (u, v) of the centres, NaN where missing."""
+        line = np.where(self.found, np.arange(len(self.position), dtype=np.float64), np.nan)
+        pair = (self.position, line) if self.orientation == "vertical" else (line, self.position)
+        return np.stack(pair, axis=-1)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Up to K possible centres per scan line, ordered by position; NaN beyond the last one."""
+
+    position: Floats
+    """(n, K) px."""
+    sigma: Floats
+    """(n, K) px."""
+    amplitude: Floats
+    """(n, K) grey levels."""
+    width: Floats
+    """(n, K) px."""
+    flags: Flags
+    """(n, K) bits of `StripeFlag`."""
+    orientation: Orientation = "vertical"
+
+    def __post_init__(self) -> None:
+        shape = self.position.shape
+        if len(shape) != 2:
+            raise ValueError(f"Candidates.position: shape {shape}, expected (lines, K)")
+        for name in ("position", "sigma", "amplitude", "width"):
+            values = frozen(getattr(self, name), shape, f"Candidates.{name}", nan=True)
+            object.__setattr__(self, name, values)
+        object.__setattr__(self, "flags", frozen(self.flags, shape, "Candidates.flags", np.uint16))
