@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 
 import click
@@ -65,6 +66,14 @@ def main() -> None:
     except OSError as e:
         what = f"{e.filename}: {e.strerror}" if e.filename else str(e)
         _fail(f"{what} → check the path, its permissions and the free space", 5)
+    except Exception as e:  # noqa: BLE001: the door; whatever is left is our mistake
+        if os.environ.get("TURNSCAN_TRACEBACK"):
+            raise
+        _fail(
+            f"a mistake inside turnscan ({type(e).__name__}: {' '.join(str(e).split())}) → "
+            "please report it with the output of the same command under TURNSCAN_TRACEBACK=1",
+            1,
+        )
 
 
 def _fail(text: str, code: int) -> None:

@@ -1,0 +1,19 @@
+"""How Sphinx builds the documentation."""
+
+from turnscan import __version__
+
+project = "turnscan"
+author = "the turnscan authors"
+copyright = "the turnscan authors"  # noqa: A001
+version = release = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
+myst_enable_extensions = ["dollarmath", "deflist"]
+myst_heading_anchors = 3
+html_theme = "furo"
+html_title = f"turnscan {__version__}"
+exclude_patterns = ["_build"]
+
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "show-inheritance": False}

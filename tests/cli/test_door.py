@@ -1,0 +1,80 @@
+"""The door: help is quick because nothing heavy is imported, and errors are one line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from turnscan import cli
+from turnscan.cli import _VERBS
+
+HEAVY = ("numpy", "scipy", "cv2", "numba", "matplotlib", "ezdxf", "pydantic", "rich")
+
+
+def _run(*args: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "turnscan", *args],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=cwd,
+        check=False,
+    )
+
+
+def test_help_names_every_verb_and_loads_nothing_heavy() -> None:
+    probe = (
+        "import sys\nfrom turnscan.cli import turnscan\n"
+        "try: turnscan.main(['--help'])\nexcept SystemExit: pass\n"
+        f"print([m for m in {HEAVY!r} if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.rstrip().endswith("[]"), done.stdout
+    for verb in _VERBS:
+        assert f"\n  {verb} " in done.stdout
+
+
+@pytest.mark.parametrize("verb", sorted(_VERBS))
+def test_every_verb_has_help(verb: str) -> None:
+    done = _run(verb, "--help")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Usage:")
+
+
+def test_unknown_verb_is_a_usage_error() -> None:
+    done = _run("scna")
+    assert done.returncode == 2
+    assert "scna" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "text"),
+    [
+        (FileNotFoundError(2, "No such file or directory", "part.turnscan"), 5, "part.turnscan"),
+        (MemoryError(), 2, "memory"),
+        (ZeroDivisionError("division\nby zero"), 1, "TURNSCAN_TRACEBACK"),
+    ],
+)
+def test_foreseen_builtin_errors_become_one_line(
+    raised: BaseException,
+    code: int,
+    text: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fail(**_: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(cli.turnscan, "main", fail)
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == code
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert text in err
