@@ -4,7 +4,7 @@ from turnscan import __version__
 
 project = "turnscan"
 author = "the turnscan authors"
-copyright = "the turnscan authors"  # noqa: A001
+copyright = "the turnscan authors"
 version = release = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
