@@ -1,0 +1,128 @@
+"""The table's angle in one picture, read from the markers on the platter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Floats, Image
+from turnscan.calibrate._markers import MarkerView, detect_markers
+from turnscan.rig import Rig, rotation_z
+
+_ROUNDS = 15
+_HUBER = 2.0
+_AGREE_PX = 6.0  # a marker this far from where the others put it is not on the platter
+_LEAST_SIGMA_PX = 0.05  # corners of real markers are never better than this
+
+
+@dataclass(frozen=True)
+class TableAngle:
+    """The angle of the table in one picture."""
+
+    angle: float
+    """rad in [-π, π), counter-clockwise seen from above."""
+    sigma: float
+    """rad, standard uncertainty from the scatter of the corners."""
+    residual_px: float
+    """rms distance of the corners from where the rig puts them, px."""
+    markers: tuple[int, ...]
+    """Numbers of the markers that were used."""
+
+
+def measure_table_angle(image: Image, rig: Rig) -> TableAngle | None:
+    """Angle of the table in a picture (H, W) or (H, W, 3), from the rig's markers.
+
+    One visible marker is enough. None where no marker of the rig is seen, or where those seen
+    contradict the rig. Raises ValueError when the rig has no markers or another picture size.
+    """
+    if not rig.markers:
+        raise ValueError("this rig has no markers on its table")
+    if image.shape[:2] != (rig.camera.height, rig.camera.width):
+        raise ValueError(
+            f"picture {image.shape[1]}×{image.shape[0]} px, but the rig's camera has "
+            f"{rig.camera.width}×{rig.camera.height}"
+        )
+    layout = {(m.dictionary, m.number): m.corners for m in rig.markers}
+    seen: list[tuple[int, Floats, Floats]] = []
+    for dictionary in sorted({m.dictionary for m in rig.markers}):
+        view = detect_markers(image, dictionary)
+        for number, corners in zip(view.numbers, view.corners, strict=True):
+            known = layout.get((dictionary, int(number)))
+            if known is not None:
+                seen.append((int(number), known, corners))
+    return table_angle(rig, seen)
+
+
+def markers_of(view: MarkerView, rig: Rig) -> list[tuple[int, Floats, Floats]]:
+    """The markers of one view that the rig knows: number, corners (4, 3) mm, pixels (4, 2)."""
+    layout = {m.number: m.corners for m in rig.markers}
+    return [
+        (int(n), layout[int(n)], c)
+        for n, c in zip(view.numbers, view.corners, strict=True)
+        if int(n) in layout
+    ]
+
+
+def table_angle(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> TableAngle | None:
+    """Angle of the table from markers given as (number, corners (4, 3) mm, pixels (4, 2))."""
+    while seen:
+        start = [_start(rig, mm, px) for _, mm, px in seen]
+        angle = _median_angle(np.array(start))
+        points = np.concatenate([mm for _, mm, _ in seen])
+        pixels = np.concatenate([px for _, _, px in seen])
+        angle, residual, slope, weight = _refine(rig, points, pixels, angle)
+        worst = np.linalg.norm(residual.reshape(len(seen), 4, 2), axis=2).mean(axis=1)
+        if worst.max() <= _AGREE_PX:
+            rms = float(np.sqrt((weight * residual**2).sum() * 2 / weight.sum()))
+            scatter = np.sqrt((weight * residual**2).sum() / max(residual.size - 1, 1))
+            sigma = max(float(scatter), _LEAST_SIGMA_PX) / np.sqrt((weight * slope**2).sum())
+            wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
+            return TableAngle(float(wrapped), float(sigma), rms, tuple(n for n, _, _ in seen))
+        del seen[int(worst.argmax())]
+    return None
+
+
+def _start(rig: Rig, corners_mm: Floats, pixels: Floats) -> float:
+    """Lay the marker's pixels on its plane of the table; by how much must it turn to get there?"""
+    T = rig.T_camera_table
+    normal = T.rotation[:, 2]
+    centre = corners_mm.mean(axis=0)
+    level = normal @ (T.translation + normal * centre[2])
+    rays = rig.camera.rays(pixels)
+    laid = T.inverse().apply(rays * (level / (rays @ normal))[:, None])
+    # Edges turn with the table just as the centre does, and serve a marker near the axis too.
+    here = np.concatenate([laid - laid.mean(axis=0), laid.mean(axis=0, keepdims=True)])
+    there = np.concatenate([corners_mm - centre, centre[None]])
+    sine = (there[:, 0] * here[:, 1] - there[:, 1] * here[:, 0]).sum()
+    return float(np.arctan2(sine, (there[:, :2] * here[:, :2]).sum()))
+
+
+def _median_angle(angles: Floats) -> float:
+    """The one of the angles that is nearest to all others on the circle."""
+    apart = np.abs(np.angle(np.exp(1j * (angles[:, None] - angles[None]))))
+    return float(angles[apart.sum(axis=1).argmin()])
+
+
+def _refine(
+    rig: Rig, points: Floats, pixels: Floats, angle: float
+) -> tuple[float, Floats, Floats, Floats]:
+    """Gauss-Newton on one angle with Huber weights → angle, residual, slope, weight (n, 2)."""
+    T = rig.T_camera_table
+
+    def project(a: float) -> Floats:
+        return rig.camera.project(T.apply(points @ rotation_z(a).T))
+
+    small = 1e-5
+    weight = np.ones_like(pixels)
+    for _ in range(_ROUNDS):
+        residual = pixels - project(angle)
+        slope = (project(angle + small) - project(angle - small)) / (2 * small)
+        scale = max(1.4826 * float(np.median(np.abs(residual))), _LEAST_SIGMA_PX)
+        off = np.linalg.norm(residual, axis=1, keepdims=True) / (_HUBER * scale)
+        weight = np.broadcast_to(1.0 / np.maximum(off, 1.0), residual.shape)
+        step = float((weight * slope * residual).sum() / (weight * slope**2).sum())
+        angle += step
+        if abs(step) < 1e-10:
+            break
+    return angle, pixels - project(angle), slope, weight
