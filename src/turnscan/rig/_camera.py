@@ -93,6 +93,37 @@ class Camera:
         xy = self.normalised(pixels)
         return np.concatenate([xy, np.where(np.isnan(xy[..., :1]), np.nan, 1.0)], axis=-1)
 
+    def ray_derivatives(self, xy: npt.ArrayLike) -> Floats:
+        """How `normalised` moves with the pixel: (..., 2, 2), ∂(x, y)/∂(u, v).
+
+        ``xy`` (..., 2) are undistorted coordinates, as `normalised` gives them.
+        """
+        at = np.asarray(xy, dtype=np.float64)
+        J = self._distortion_jacobian(at)
+        if self.tilt.any():
+            J = _homography_jacobian(self._tilt_matrix(), self._distort(at)) @ J
+        J = J * np.array([[self.fx], [self.fy]])
+        inverse = np.empty_like(J)
+        with np.errstate(all="ignore"):
+            det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
+            inverse[..., 0, 0] = J[..., 1, 1] / det
+            inverse[..., 1, 1] = J[..., 0, 0] / det
+            inverse[..., 0, 1] = -J[..., 0, 1] / det
+            inverse[..., 1, 0] = -J[..., 1, 0] / det
+        return inverse
+
+    def _distortion_jacobian(self, xy: Floats) -> Floats:
+        k1, k2, p1, p2, k3 = self.distortion
+        x, y = xy[..., 0], xy[..., 1]
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
+        J = np.empty((*x.shape, 2, 2))
+        J[..., 0, 0] = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+        J[..., 1, 1] = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+        J[..., 0, 1] = J[..., 1, 0] = slope * x * y + 2 * p1 * x + 2 * p2 * y
+        return J
+
     def _distort(self, xy: Floats) -> Floats:
         k1, k2, p1, p2, k3 = self.distortion
         x, y = xy[..., 0], xy[..., 1]
@@ -108,17 +139,11 @@ class Camera:
 
     def _undistorted(self, target: Floats) -> Floats:
         """Newton's method on the 2×2 system distort(xy) = target, all points at once."""
-        k1, k2, p1, p2, k3 = self.distortion
         xy = target.copy()
         with np.errstate(all="ignore"):
             for _ in range(_ROUNDS):
-                x, y = xy[..., 0], xy[..., 1]
-                r2 = x * x + y * y
-                radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-                slope = 2.0 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
-                jxx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-                jyy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
-                jxy = slope * x * y + 2 * p1 * x + 2 * p2 * y
+                J = self._distortion_jacobian(xy)
+                jxx, jxy, jyy = J[..., 0, 0], J[..., 0, 1], J[..., 1, 1]
                 error = self._distort(xy) - target
                 det = jxx * jyy - jxy * jxy
                 step = np.stack(
@@ -156,3 +181,10 @@ def _homography(H: Floats, xy: Floats) -> Floats:
     moved = np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) @ H.T
     result: Floats = moved[..., :2] / moved[..., 2:]
     return result
+
+
+def _homography_jacobian(H: Floats, xy: Floats) -> Floats:
+    moved = np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) @ H.T
+    w = moved[..., 2, None, None]
+    J: Floats = (H[:2, :2] - (moved[..., :2, None] / w) * H[2, :2]) / w
+    return J

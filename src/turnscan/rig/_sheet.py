@@ -65,6 +65,17 @@ class LaserSheet:
         bent: Floats = away - (self.bow[0] * a * a + self.bow[1] * a * b + self.bow[2] * b * b)
         return bent
 
+    def gradient(self, points: npt.ArrayLike) -> Floats:
+        """Gradient (..., 3) of `distance` at points (..., 3): the sheet's local normal direction."""
+        d = np.asarray(points, dtype=np.float64) - self.centre
+        slope = np.broadcast_to(self.normal, d.shape).copy()
+        if self.bow.any():
+            e1, e2 = self.axes
+            a, b = (d @ e1)[..., None], (d @ e2)[..., None]
+            q = self.bow
+            slope -= (2 * q[0] * a + q[1] * b) * e1 + (q[1] * a + 2 * q[2] * b) * e2
+        return slope
+
     def intersect(self, rays: npt.ArrayLike) -> Floats:
         """Rays (..., 3) from the camera centre → points (..., 3) mm where they meet the sheet.
 
