@@ -66,7 +66,7 @@ def main() -> None:
     except OSError as e:
         what = f"{e.filename}: {e.strerror}" if e.filename else str(e)
         _fail(f"{what} → check the path, its permissions and the free space", 5)
-    except Exception as e:  # noqa: BLE001 - the door: whatever is left is our mistake
+    except Exception as e:  # the door: whatever is left is our mistake
         if os.environ.get("TURNSCAN_TRACEBACK"):
             raise
         _fail(
