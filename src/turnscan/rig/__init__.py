@@ -1,21 +1,47 @@
 """Camera model, laser sheets, rotation axis; the paper's closed form; planning of a rig."""
 
+from turnscan.rig import _limits as limits
+from turnscan.rig import _paper as paper
 from turnscan.rig._camera import Camera
+from turnscan.rig._design import PRESET_NAMES, Design, design_preset
 from turnscan.rig._file import rig_from_json, rig_hash, rig_to_json
+from turnscan.rig._planar import PlanarPoint, planar_pixel, planar_point
 from turnscan.rig._pose import Pose, rotation_about, rotation_from_vector, rotation_z
 from turnscan.rig._rig import Marker, Rig
 from turnscan.rig._sheet import LaserSheet
+from turnscan.rig._table1 import (
+    Disagreement,
+    TableRow,
+    disagreements,
+    table_1,
+    table_1_designs,
+    table_1_text,
+)
 
 __all__ = [
+    "PRESET_NAMES",
     "Camera",
+    "Design",
+    "Disagreement",
     "LaserSheet",
     "Marker",
+    "PlanarPoint",
     "Pose",
     "Rig",
+    "TableRow",
+    "design_preset",
+    "disagreements",
+    "limits",
+    "paper",
+    "planar_pixel",
+    "planar_point",
     "rig_from_json",
     "rig_hash",
     "rig_to_json",
     "rotation_about",
     "rotation_from_vector",
     "rotation_z",
+    "table_1",
+    "table_1_designs",
+    "table_1_text",
 ]
