@@ -107,6 +107,55 @@ def cell_keys(points: npt.ArrayLike, size: float) -> Keys:
     return _grain.hashed_cells(X.reshape(-1, 3), size).reshape(X.shape[:-1])
 
 
+def surface_cells(
+    points: npt.ArrayLike,
+    slopes: npt.ArrayLike,
+    distance: npt.ArrayLike,
+    width: npt.ArrayLike,
+    electrons: npt.ArrayLike,
+    cells: tuple[int, int],
+    size: float,
+    *,
+    path: tuple[npt.ArrayLike, npt.ArrayLike, float] | None = None,
+) -> tuple[Singles, Keys, Singles | None]:
+    """Divide lit pixels into cells, taking the surface within each pixel for flat.
+
+    ``points`` (n, 3): surface points at the pixel centres in coordinates fixed to the object, mm.
+    ``slopes`` (n, 2, 3): how they move per row and per column, mm per pixel.
+    ``distance`` (n, 3): signed distance to the middle of the laser sheet, mm, and its change per
+    row and per column. ``width`` (n,): 1/e² half thickness of the sheet there, mm.
+    ``electrons`` (n,): what the pixel would collect if all of it were in the middle of the sheet.
+    ``cells``: (oy, ox) as of `oversampling`. ``size``: edge of a scatterer, mm, as of `cell_size`.
+    ``path``: laser and lens (3,) in the object's coordinates, and the wavelength, all mm.
+
+    Returns energy, keys and phase, each (n, oy, ox), for `speckled`; phase is None without path.
+    Raises ValueError where shapes do not fit.
+    """
+    from turnscan.simulate import _grain
+
+    X = np.ascontiguousarray(points, dtype=np.float64)
+    n = len(X)
+    arrays = [X]
+    for name, values, shape in (
+        ("slopes", slopes, (n, 2, 3)),
+        ("distance", distance, (n, 3)),
+        ("width", width, (n,)),
+        ("electrons", electrons, (n,)),
+    ):
+        arrays.append(np.ascontiguousarray(values, dtype=np.float64))
+        if arrays[-1].shape != shape:
+            raise ValueError(f"surface_cells: {name} {arrays[-1].shape}, expected {shape}")
+    energy = np.empty((n, *cells), np.float32)
+    keys = np.empty((n, *cells), np.uint32)
+    _grain.divide(*arrays, 1.0 / size, energy, keys)
+    if path is None:
+        return energy, keys, None
+    phase = np.empty((n, *cells), np.float32)
+    laser, lens = (np.asarray(end, dtype=np.float64) for end in path[:2])
+    _grain.path_phase(X, arrays[1], 1.0 / size, laser, lens, 1.0 / path[2], phase)
+    return energy, keys, phase
+
+
 def speckled(
     pixels: npt.ArrayLike,
     energy: npt.ArrayLike,
@@ -124,8 +173,8 @@ def speckled(
     ``energy`` (n, oy, ox): expected electrons of each cell of each pixel, as rays would give them
     (oy, ox as of `oversampling`); their sum is the energy of the picture in the mean.
     ``keys`` (n, oy, ox) uint32: the scatterer each cell shows, from `cell_keys`.
-    ``phase`` (n, oy, ox), cycles: optical path laser-surface-lens in wavelengths, added to the
-    phasor's own, so that speckle also changes when the surface tilts.
+    ``phase`` (n, oy, ox), cycles: optical path laser-scatterer-lens in wavelengths, the same for
+    all cells of a scatterer; added to the phasor's own, it changes the speckle as the table turns.
     ``seed`` says which rough surface; ``contrast`` as of `contrast`.
 
     Raises ValueError, naming the argument, where shapes or values do not fit.
