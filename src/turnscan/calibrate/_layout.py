@@ -1,0 +1,163 @@
+"""What rides on the table: markers glued to the platter, or one board standing on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from turnscan.arrays import Floats, Ints, frozen
+from turnscan.calibrate._board import Board
+from turnscan.rig import Marker, Pose, rotation_from_vector
+
+# Clockwise from the marker's top left, seen from above: x right, y up.
+_SQUARE = np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]]) / 2
+
+
+@dataclass(frozen=True)
+class MarkerLayout:
+    """Square markers in the plane of the platter, each of its own size.
+
+    The platter is the plane z = tilt·(x, y) of the turning table frame: a tilt is a platter that
+    does not stand square on its axis.
+    """
+
+    numbers: Ints
+    """(m,) ids."""
+    squares: Floats
+    """(m, 4): centre x, y mm; angle rad of the marker's x edge; side mm."""
+    tilt: Floats = field(default_factory=lambda: np.zeros(2))
+    """(2,) slope of the platter along x and y."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "numbers", frozen(self.numbers, (None,), "numbers", np.int32))
+        m = len(self.numbers)
+        object.__setattr__(self, "squares", frozen(self.squares, (m, 4), "squares"))
+        object.__setattr__(self, "tilt", frozen(self.tilt, (2,), "tilt"))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the 2 + 4 m parameters."""
+        each = [f"marker{n}.{p}" for n in self.numbers for p in ("x", "y", "angle", "side")]
+        return ("platter.slope_x", "platter.slope_y", *each)
+
+    @property
+    def held(self) -> tuple[int, ...]:
+        """Parameters that only say where zero is: the first marker's y (it lies on the x axis)."""
+        return (3,)
+
+    def points(self, numbers: Ints) -> tuple[Floats, Floats]:
+        """Corners of the markers ``numbers`` (k,) → (4 k, 3) mm in the table frame at angle 0 and
+        their derivative (4 k, 3, 2 + 4 m)."""
+        at = np.array([int(np.flatnonzero(self.numbers == n)[0]) for n in numbers], dtype=int)
+        x, y, turn, side = self.squares[at].T[:, :, None]
+        c, s = np.cos(turn), np.sin(turn)
+        lx, ly = _SQUARE[:, 0], _SQUARE[:, 1]
+        ux, uy = c * lx - s * ly, s * lx + c * ly
+        px, py = x + side * ux, y + side * uy
+        k = len(at)
+        by = np.zeros((k, 4, 3, 2 + self.squares.size))
+        rows = np.arange(k)[:, None]
+        corner = np.arange(4)[None, :]
+        first = 2 + 4 * at[:, None]
+        by[rows, corner, 0, first] = 1.0
+        by[rows, corner, 1, first + 1] = 1.0
+        by[rows, corner, 0, first + 2] = -side * uy
+        by[rows, corner, 1, first + 2] = side * ux
+        by[rows, corner, 0, first + 3] = ux
+        by[rows, corner, 1, first + 3] = uy
+        by[:, :, 2] = self.tilt[0] * by[:, :, 0] + self.tilt[1] * by[:, :, 1]
+        by[:, :, 2, 0] = px
+        by[:, :, 2, 1] = py
+        points = np.stack([px, py, self.tilt[0] * px + self.tilt[1] * py], axis=2)
+        return points.reshape(-1, 3), by.reshape(4 * k, 3, -1)
+
+    def plane(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """The platter at angle 0: normal (3,), a point (3,), and their derivatives (3, 2 + 4 m)."""
+        normal = np.array([-self.tilt[0], -self.tilt[1], 1.0])
+        by = np.zeros((3, 2 + self.squares.size))
+        by[0, 0] = by[1, 1] = -1.0
+        return normal, np.zeros(3), by, np.zeros_like(by)
+
+    def moved(self, delta: Floats) -> MarkerLayout:
+        """The layout with its parameters moved by ``delta`` (2 + 4 m,)."""
+        return replace(
+            self, tilt=self.tilt + delta[:2], squares=self.squares + delta[2:].reshape(-1, 4)
+        )
+
+    def scaled(self, factor: float) -> MarkerLayout:
+        """The layout with all lengths multiplied."""
+        return replace(self, squares=self.squares * np.array([factor, factor, 1.0, factor]))
+
+    def markers(self, dictionary: str) -> tuple[Marker, ...]:
+        """The markers as a rig holds them."""
+        corners, _ = self.points(self.numbers)
+        return tuple(
+            Marker(dictionary, int(n), c)
+            for n, c in zip(self.numbers, corners.reshape(-1, 4, 3), strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class BoardLayout:
+    """One board fixed to the turning table, anyhow."""
+
+    board: Board
+    pose: Pose
+    """Board frame → table frame at angle 0."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the 6 parameters."""
+        return tuple(f"board.{p}" for p in ("turn_x", "turn_y", "turn_z", "x", "y", "z"))
+
+    @property
+    def held(self) -> tuple[int, ...]:
+        """Parameters that only say where zero is: the turn about the axis and the height."""
+        return (2, 5)
+
+    def points(self, numbers: Ints) -> tuple[Floats, Floats]:
+        """Corners ``numbers`` (k,) → (k, 3) mm in the table frame at angle 0, derivative
+        (k, 3, 6)."""
+        turned = self.pose.turn(self.board.points[numbers])
+        by = np.zeros((len(turned), 3, 6))
+        by[:, :, :3] = -cross_matrices(turned)
+        by[:, :, 3:] = np.eye(3)
+        return turned + self.pose.translation, by
+
+    def plane(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """The board at angle 0: normal (3,), a point (3,), and their derivatives (3, 6)."""
+        normal = self.pose.rotation[:, 2]
+        by_normal, by_point = np.zeros((3, 6)), np.zeros((3, 6))
+        by_normal[:, :3] = -cross_matrices(normal[None])[0]
+        by_point[:, 3:] = np.eye(3)
+        return normal, self.pose.translation, by_normal, by_point
+
+    def moved(self, delta: Floats) -> BoardLayout:
+        """The layout with its pose turned and shifted by ``delta`` (6,) in table axes."""
+        return replace(self, pose=moved_pose(self.pose, delta))
+
+    def scaled(self, factor: float) -> BoardLayout:
+        """The layout with its distances multiplied (the board itself keeps its size)."""
+        return replace(self, pose=Pose(self.pose.rotation, self.pose.translation * factor))
+
+
+Layout: TypeAlias = MarkerLayout | BoardLayout
+
+
+def cross_matrices(v: Floats) -> Floats:
+    """(n, 3) → (n, 3, 3) matrices [v]ₓ with [v]ₓ w = v × w."""
+    out = np.zeros((len(v), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
+    return out
+
+
+def moved_pose(pose: Pose, delta: Floats) -> Pose:
+    """Turn by the rotation vector ``delta[:3]`` in the outer axes, shift by ``delta[3:]``.
+
+    The rotation is made orthonormal again, so that many small steps do not add up.
+    """
+    u, _, vt = np.linalg.svd(rotation_from_vector(delta[:3]) @ pose.rotation)
+    return Pose(u @ vt, pose.translation + delta[3:])

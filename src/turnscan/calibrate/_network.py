@@ -1,0 +1,255 @@
+"""All observations of a calibration in one adjustment: boards, stripes, what rides on the table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints, frozen
+from turnscan.calibrate._adjust import Block
+from turnscan.calibrate._board import BoardView
+from turnscan.calibrate._layout import Layout, MarkerLayout, cross_matrices, moved_pose
+from turnscan.calibrate._terms import CAMERA_SIZE, point_term, stripe_term
+from turnscan.rig import Pose, Rig, rotation_z
+
+BOARD, RIDER, PRIOR = "board corners", "table corners", "prior marker side"
+Where = Literal["boards", "table"]
+
+
+def stripe_kind(where: Where, laser: str) -> str:
+    """The kind of the residuals of one laser's stripe on the boards or on the table."""
+    return f"stripe on {where} [{laser}]"
+
+
+@dataclass(frozen=True)
+class StripeView:
+    """A laser's stripe on a plane that is known: pixels and the direction they were located in."""
+
+    laser: str
+    pixels: Floats
+    """(n, 2) px."""
+    direction: Floats
+    """(2,): (1, 0) for one centre per row, (0, 1) for one per column."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pixels", frozen(self.pixels, (None, 2), "pixels"))
+        object.__setattr__(self, "direction", frozen(self.direction, (2,), "direction"))
+
+
+@dataclass(frozen=True)
+class RiderView:
+    """What rides on the table, seen in one picture."""
+
+    numbers: Ints
+    """Markers (m,) or board corners (n,) that were found."""
+    corners: Floats
+    """(4 m, 2) or (n, 2) px."""
+    stripes: tuple[StripeView, ...] = ()
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "numbers", frozen(self.numbers, (None,), "numbers", np.int32))
+        object.__setattr__(self, "corners", frozen(self.corners, (None, 2), "corners"))
+
+
+@dataclass(frozen=True)
+class State:
+    """What is adjusted: the rig, what rides on the table, every board's pose, every angle."""
+
+    rig: Rig
+    layout: Layout | None
+    poses: tuple[Pose, ...]
+    """Board frame → camera frame, one per board view."""
+    angles: Floats
+    """(k,) rad, one per table view."""
+
+
+@dataclass(frozen=True)
+class RigNetwork:
+    """The observations. Board views come first among the views, then table views."""
+
+    boards: tuple[BoardView, ...]
+    board_stripes: tuple[tuple[StripeView, ...], ...]
+    """Per board view: the stripes on it."""
+    table: tuple[RiderView, ...]
+    lasers: tuple[str, ...]
+    layout_names: tuple[str, ...] = ()
+    trusted_side: tuple[float, float] | None = None
+    """Mean marker side and its uncertainty, mm, where nothing else gives the scale."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the shared parameters: those of the rig, then those of the layout."""
+        sheet = ("turn_along", "turn_across", "offset", "bow_aa", "bow_ab", "bow_bb")
+        lens_names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "tilt_x", "tilt_y")
+        table = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
+        return (
+            *(f"camera.{n}" for n in lens_names),
+            *(f"{laser}.{n}" for laser in self.lasers for n in sheet),
+            *(f"table.{n}" for n in table),
+            *self.layout_names,
+        )
+
+    @property
+    def own_sizes(self) -> tuple[int, ...]:
+        """Six for a board's pose, one for an angle; the first angle is where zero is."""
+        return (6,) * len(self.boards) + tuple(0 if i == 0 else 1 for i in range(len(self.table)))
+
+    def blocks(self, state: State) -> list[Block]:
+        """Residuals and derivatives of all observations at ``state``."""
+        out: list[Block] = []
+        for i, (view, pose) in enumerate(zip(self.boards, state.poses, strict=True)):
+            out.append(self._board(state, i, view, pose))
+            for stripe in self.board_stripes[i]:
+                out.append(self._board_stripe(state, i, stripe, pose))
+        for k, rider in enumerate(self.table):
+            out.append(self._rider(state, k, rider))
+            for stripe in rider.stripes:
+                out.append(self._rider_stripe(state, k, stripe))
+        if self.trusted_side is not None and isinstance(state.layout, MarkerLayout):
+            out.append(self._prior(state.layout, self.trusted_side))
+        return out
+
+    def moved(self, state: State, common: Floats, own: Sequence[Floats]) -> State:
+        """``state`` after a step of the shared parameters and of every view's own."""
+        p = len(state.rig.parameter_names)
+        rig = state.rig.perturbed(common[:p])
+        u, _, vt = np.linalg.svd(rig.T_camera_table.rotation)
+        rig = replace(rig, T_camera_table=Pose(u @ vt, rig.T_camera_table.translation))
+        n = len(self.boards)
+        poses = tuple(moved_pose(T, d) for T, d in zip(state.poses, own[:n], strict=True))
+        turns = np.array([d[0] if len(d) else 0.0 for d in own[n:]])
+        layout = None if state.layout is None else state.layout.moved(common[p:])
+        return State(rig, layout, poses, state.angles + turns)
+
+    def free(
+        self,
+        state: State,
+        *,
+        camera: bool | Sequence[str] = True,
+        bow: bool = False,
+        platter_tilt: bool = True,
+    ) -> Bools:
+        """Which shared parameters the observations at hand should determine.
+
+        ``camera`` may name the distortion coefficients to estimate besides focal lengths and
+        principal point.
+        """
+        names = self.names
+        on = np.zeros(len(names), dtype=bool)
+        if camera is not False:
+            wanted = ("k1", "k2") if camera is True else tuple(camera)
+            for name in ("fx", "fy", "cx", "cy", *wanted):
+                on[names.index(f"camera.{name}")] = True
+        seen = {s.laser for group in self.board_stripes for s in group}
+        seen |= {s.laser for v in self.table for s in v.stripes}
+        for laser in seen:
+            first = names.index(f"{laser}.turn_along")
+            on[first : first + (6 if bow else 3)] = True
+        if self.table and state.layout is not None:
+            table = names.index("table.turn_x")
+            on[table:] = True
+            for k in state.layout.held:
+                on[table + 6 + k] = False
+            if isinstance(state.layout, MarkerLayout) and not platter_tilt:
+                on[table + 6 : table + 8] = False
+        return on
+
+    def _zeros(self, rows: int) -> Floats:
+        return np.zeros((rows, len(self.names)))
+
+    def _board(self, state: State, i: int, view: BoardView, pose: Pose) -> Block:
+        turned = pose.turn(view.points)
+        pixels, by_point, by_camera = point_term(state.rig.camera, turned + pose.translation)
+        own = np.concatenate([-by_point @ cross_matrices(turned), by_point], axis=2)
+        common = self._zeros(2 * len(pixels))
+        common[:, :CAMERA_SIZE] = by_camera.reshape(-1, CAMERA_SIZE)
+        residual = (view.corners - pixels).reshape(-1)
+        return Block(i, BOARD, residual, common, own.reshape(-1, 6))
+
+    def _board_stripe(self, state: State, i: int, stripe: StripeView, pose: Pose) -> Block:
+        normal = pose.rotation[:, 2]
+        term = stripe_term(
+            state.rig.camera,
+            state.rig.sheet(stripe.laser),
+            stripe.pixels,
+            stripe.direction,
+            normal,
+            pose.translation,
+        )
+        own = np.concatenate(
+            [-term.by_normal @ cross_matrices(normal[None])[0], term.by_point], axis=1
+        )
+        common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
+        return Block(i, stripe_kind("boards", stripe.laser), term.residual, common, own)
+
+    def _sheet_columns(self, by_camera: Floats, by_sheet: Floats, laser: str) -> Floats:
+        common = self._zeros(len(by_camera))
+        common[:, :CAMERA_SIZE] = by_camera
+        first = CAMERA_SIZE + 6 * self.lasers.index(laser)
+        common[:, first : first + 6] = by_sheet
+        return common
+
+    @property
+    def _table_column(self) -> int:
+        return CAMERA_SIZE + 6 * len(self.lasers)
+
+    def _rider(self, state: State, k: int, view: RiderView) -> Block:
+        assert state.layout is not None
+        T = state.rig.T_camera_table
+        spin = rotation_z(state.angles[k])
+        points, by_layout = state.layout.points(view.numbers)
+        on_table = points @ spin.T
+        turned = T.turn(on_table)
+        pixels, by_point, by_camera = point_term(state.rig.camera, turned + T.translation)
+        common = self._zeros(2 * len(pixels))
+        common[:, :CAMERA_SIZE] = by_camera.reshape(-1, CAMERA_SIZE)
+        c = self._table_column
+        common[:, c : c + 3] = (-by_point @ cross_matrices(turned)).reshape(-1, 3)
+        common[:, c + 3 : c + 6] = by_point.reshape(-1, 3)
+        common[:, c + 6 :] = (by_point @ (T.rotation @ spin) @ by_layout).reshape(
+            2 * len(pixels), -1
+        )
+        by_angle = np.stack([-on_table[:, 1], on_table[:, 0], np.zeros(len(points))], axis=1)
+        own = np.einsum("nij,nj->ni", by_point, T.turn(by_angle)).reshape(-1, 1)
+        residual = (view.corners - pixels).reshape(-1)
+        return Block(len(self.boards) + k, RIDER, residual, common, own if k else own[:, :0])
+
+    def _rider_stripe(self, state: State, k: int, stripe: StripeView) -> Block:
+        assert state.layout is not None
+        T = state.rig.T_camera_table
+        turn = T.rotation @ rotation_z(state.angles[k])
+        n0, q0, by_n0, by_q0 = state.layout.plane()
+        normal, arm = turn @ n0, turn @ q0
+        term = stripe_term(
+            state.rig.camera,
+            state.rig.sheet(stripe.laser),
+            stripe.pixels,
+            stripe.direction,
+            normal,
+            arm + T.translation,
+        )
+        common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
+        c = self._table_column
+        swing = cross_matrices(np.stack([normal, arm]))
+        common[:, c : c + 3] = -term.by_normal @ swing[0] - term.by_point @ swing[1]
+        common[:, c + 3 : c + 6] = term.by_point
+        common[:, c + 6 :] = term.by_normal @ (turn @ by_n0) + term.by_point @ (turn @ by_q0)
+        axis = T.rotation[:, 2]
+        own = (term.by_normal @ np.cross(axis, normal) + term.by_point @ np.cross(axis, arm))[
+            :, None
+        ]
+        view = len(self.boards) + k
+        kind = stripe_kind("table", stripe.laser)
+        return Block(view, kind, term.residual, common, own if k else own[:, :0])
+
+    def _prior(self, layout: MarkerLayout, trusted: tuple[float, float]) -> Block:
+        side, sigma = trusted
+        common = self._zeros(1)
+        m = len(layout.numbers)
+        common[0, self._table_column + 6 + 2 + 3 :: 4] = 1.0 / (m * sigma)
+        residual = np.array([(side - float(layout.squares[:, 3].mean())) / sigma])
+        return Block(-1, PRIOR, residual, common, np.zeros((1, 0)))
