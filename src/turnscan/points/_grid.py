@@ -25,13 +25,19 @@ class RangeGrid:
     points: Floats
     """(s, n, 3) mm, NaN where missing."""
     sigma: Floats
-    """(s, n) mm: standard uncertainty along the viewing ray, NaN where missing."""
+    """(s, n) mm: how far the stripe's standard uncertainty moves the point along the laser sheet,
+    NaN where missing."""
     amplitude: Floats
     """(s, n) grey levels, NaN where missing."""
     flags: Flags
     """(s, n) bits of `turnscan.stripes.StripeFlag`: quality, or why a point is missing."""
     closed: bool
     """True when the steps go all the way round, so that the last profile neighbours the first."""
+    eyes: Floats | None = None
+    """(s, 3) mm: where the camera stood in the object's frame at each step; None when not known."""
+    behind: Bools | None = None
+    """(s, n) True where the laser sheet was met beyond the rotation axis, so that neighbouring
+    steps run the other way round; None when nowhere."""
 
     def __post_init__(self) -> None:
         if self.points.ndim != 3:
@@ -44,6 +50,10 @@ class RangeGrid:
         put(self, "sigma", frozen(self.sigma, (s, n), "RangeGrid.sigma", nan=True))
         put(self, "amplitude", frozen(self.amplitude, (s, n), "RangeGrid.amplitude", nan=True))
         put(self, "flags", frozen(self.flags, (s, n), "RangeGrid.flags", np.uint16))
+        if self.eyes is not None:
+            put(self, "eyes", frozen(self.eyes, (s, 3), "RangeGrid.eyes"))
+        if self.behind is not None:
+            put(self, "behind", frozen(self.behind, (s, n), "RangeGrid.behind", np.bool_))
 
     @property
     def found(self) -> Bools:
@@ -58,7 +68,7 @@ class PointCloud:
     points: Floats
     """(m, 3) mm."""
     sigma: Floats
-    """(m,) mm along the viewing ray; NaN where not known."""
+    """(m,) mm, as `RangeGrid.sigma`; NaN where not known."""
     laser: Ints
     """(m,) index into ``lasers``."""
     step: Ints

@@ -103,7 +103,7 @@ class Camera:
         if self.tilt.any():
             J = _homography_jacobian(self._tilt_matrix(), self._distort(at)) @ J
         J = J * np.array([[self.fx], [self.fy]])
-        inverse = np.empty_like(J)
+        inverse: Floats = np.empty_like(J)
         with np.errstate(all="ignore"):
             det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
             inverse[..., 0, 0] = J[..., 1, 1] / det

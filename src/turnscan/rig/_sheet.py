@@ -66,7 +66,7 @@ class LaserSheet:
         return bent
 
     def gradient(self, points: npt.ArrayLike) -> Floats:
-        """Gradient (..., 3) of `distance` at points (..., 3): the sheet's local normal direction."""
+        """Gradient (..., 3) of `distance` at points (..., 3), the sheet's local normal."""
         d = np.asarray(points, dtype=np.float64) - self.centre
         slope = np.broadcast_to(self.normal, d.shape).copy()
         if self.bow.any():

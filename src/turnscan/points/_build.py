@@ -1,0 +1,132 @@
+"""Stripes of one laser at many table angles → RangeGrid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats
+from turnscan.errors import InputError
+from turnscan.points._grid import RangeGrid
+from turnscan.points._triangulate import beyond_axis, to_object, triangulate
+from turnscan.rig import Rig, rotation_z
+from turnscan.stripes import Stripe, StripeFlag
+
+_GAP = 1.5
+"""The turn is closed when the gap from last to first is at most this many usual steps."""
+
+
+def build_grid(
+    rig: Rig,
+    laser: str,
+    stripes: Sequence[Stripe],
+    steps: npt.ArrayLike,
+    angles: npt.ArrayLike,
+) -> RangeGrid:
+    """All stripes of one laser → its range grid in the object's frame.
+
+    ``steps`` (s,) are step numbers and ``angles`` (s,) table angles in radians, one per stripe,
+    in scan order. A centre whose ray does not meet the sheet is missing, flagged OUTSIDE.
+
+    Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
+    """
+    turns = np.asarray(angles, dtype=np.float64)
+    if not stripes or not (len(stripes) == turns.size == np.size(steps)):
+        raise InputError(
+            f"laser {laser}: {len(stripes)} stripes, {np.size(steps)} steps, {turns.size} angles",
+            hint="give one step number and one angle for each stripe, and at least one stripe",
+        )
+    shapes = {(len(s.position), s.orientation) for s in stripes}
+    if len(shapes) > 1:
+        raise InputError(
+            f"laser {laser}: stripes of different lengths or directions: {sorted(shapes)}",
+            hint="all pictures of a scan must have one size",
+        )
+    vertical = stripes[0].orientation == "vertical"
+    position = np.stack([s.position for s in stripes])
+    flags = np.stack([s.flags for s in stripes])
+    there = ~np.isnan(position)
+    step_of, line_of = np.nonzero(there)
+    pair = (position[there], line_of.astype(np.float64))
+    pixels = np.stack(pair if vertical else pair[::-1], axis=-1)
+    sigma_px = np.stack([s.sigma for s in stripes])[there]
+    camera, sigma = triangulate(rig, laser, pixels, sigma_px, across=0 if vertical else 1)
+    points = np.full((*position.shape, 3), np.nan)
+    points[there] = to_object(rig, camera, turns[step_of])
+    behind = np.zeros(position.shape, dtype=np.bool_)
+    behind[there] = beyond_axis(rig, laser, camera)
+    lost = there & np.isnan(points[..., 0])
+    eye = rig.T_camera_table.inverse().translation
+    return RangeGrid(
+        laser=laser,
+        steps=np.asarray(steps, dtype=np.int32),
+        angles=turns,
+        points=points,
+        sigma=_spread(sigma, there & ~lost, there),
+        amplitude=np.where(lost, np.nan, np.stack([s.amplitude for s in stripes])),
+        flags=np.where(lost, StripeFlag.OUTSIDE, flags).astype(np.uint16),
+        closed=goes_round(turns),
+        eyes=np.einsum("sij,j->si", rotation_z(-turns), eye),
+        behind=behind & ~lost,
+    )
+
+
+def _spread(values: Floats, keep: npt.NDArray[np.bool_], there: npt.NDArray[np.bool_]) -> Floats:
+    full = np.full(there.shape, np.nan)
+    full[there] = values
+    return np.where(keep, full, np.nan)
+
+
+def goes_round(angles: npt.ArrayLike) -> bool:
+    """Whether table angles (s,) in scan order close a whole turn.
+
+    True when they run one way only and the gap that is left from last to first is no wider than
+    1.5 usual steps, so a turn also closes where 360° is not a whole number of steps.
+    """
+    a = np.unwrap(np.asarray(angles, dtype=np.float64))
+    if len(a) < 3:
+        return False
+    moves = np.diff(a)
+    usual = float(np.median(np.abs(moves)))
+    one_way = bool((moves > 0).all() or (moves < 0).all())
+    return one_way and usual > 0 and 2 * np.pi - abs(a[-1] - a[0]) <= _GAP * usual
+
+
+def one_turn(grid: RangeGrid) -> tuple[RangeGrid, int]:
+    """The grid without the steps that go round a second time, and how many those were.
+
+    A step is a second time when it comes within half a usual step of the first one or passes it.
+    """
+    a = np.unwrap(grid.angles)
+    if len(a) < 3:
+        return grid, 0
+    usual = float(np.median(np.abs(np.diff(a))))
+    again = np.abs(a - a[0]) > 2 * np.pi - 0.5 * usual
+    return (
+        (take_steps(grid, np.flatnonzero(~again)), int(again.sum())) if again.any() else (grid, 0)
+    )
+
+
+def every(grid: RangeGrid, n: int) -> RangeGrid:
+    """Every ``n``-th profile of the grid. Raises InputError for ``n`` below 1."""
+    if n < 1:
+        raise InputError(f"every {n} steps", hint="take every 1st, 2nd, 3rd … profile")
+    return grid if n == 1 else take_steps(grid, np.arange(0, len(grid.steps), n))
+
+
+def take_steps(grid: RangeGrid, index: npt.NDArray[np.intp]) -> RangeGrid:
+    """The grid of those profiles; whether it is closed is decided anew from their angles."""
+    return RangeGrid(
+        laser=grid.laser,
+        steps=grid.steps[index],
+        angles=grid.angles[index],
+        points=grid.points[index],
+        sigma=grid.sigma[index],
+        amplitude=grid.amplitude[index],
+        flags=grid.flags[index],
+        closed=goes_round(grid.angles[index]),
+        eyes=None if grid.eyes is None else grid.eyes[index],
+        behind=None if grid.behind is None else grid.behind[index],
+    )

@@ -1,0 +1,100 @@
+"""Pixels → points: the camera's ray meets the laser sheet, and the table turns it back."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats
+from turnscan.rig import LaserSheet, Rig, rotation_z
+
+_SMALL = 1e-3
+"""Step of the finite differences of `point_covariance`, in standard deviations."""
+
+
+def triangulate(
+    rig: Rig, laser: str, pixels: npt.ArrayLike, sigma_px: npt.ArrayLike, *, across: int = 0
+) -> tuple[Floats, Floats]:
+    """Pixels (..., 2) on the stripe → points (..., 3) mm in the camera frame, and their sigma.
+
+    The undistorted ray d meets the sheet n·X = D at X = d·D/(n·d), or its bent form where the
+    sheet has a bow. ``across`` is the pixel coordinate that the stripe's centre was measured in:
+    0 (u) for a vertical stripe, 1 (v) for a horizontal one. The second result (...) is
+    |∂X/∂u|·``sigma_px`` mm, the length by which the point moves along the sheet.
+
+    NaN where the pixel is NaN, the lens cannot be inverted or the ray does not meet the sheet.
+    Raises KeyError for a laser that the rig does not have.
+    """
+    sheet = rig.sheet(laser)
+    xy = rig.camera.normalised(pixels)
+    rays = np.concatenate([xy, np.where(np.isnan(xy[..., :1]), np.nan, 1.0)], axis=-1)
+    points = sheet.intersect(rays)
+    step = _movement(rig, sheet, xy, rays, points, across)
+    sigma: Floats = np.sqrt(np.einsum("...i,...i->...", step, step)) * np.asarray(sigma_px)
+    return points, sigma
+
+
+def _movement(
+    rig: Rig, sheet: LaserSheet, xy: Floats, rays: Floats, points: Floats, across: int
+) -> Floats:
+    """∂X/∂u (..., 3): the ray turns with the pixel, and the point stays on the sheet."""
+    turn = np.zeros_like(rays)
+    turn[..., :2] = rig.camera.ray_derivatives(xy)[..., :, across]
+    normal = sheet.gradient(points)
+    with np.errstate(all="ignore"):
+        slide = np.einsum("...i,...i->...", normal, turn) / np.einsum(
+            "...i,...i->...", normal, rays
+        )
+        moved: Floats = points[..., 2:] * (turn - rays * slide[..., None])
+    return moved
+
+
+def to_object(rig: Rig, points_camera: npt.ArrayLike, angle: npt.ArrayLike) -> Floats:
+    """Points (..., 3) mm in the camera frame → the object's frame, the table frame at angle 0.
+
+    ``angle`` in radians broadcasts against the leading axes: x_object = Rz(−angle) T_table_camera.
+    """
+    table = rig.T_camera_table.inverse().apply(points_camera)
+    turned: Floats = np.einsum("...ij,...j->...i", rotation_z(-np.asarray(angle)), table)
+    return turned
+
+
+def beyond_axis(rig: Rig, laser: str, points_camera: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """(...) True where the sheet was met beyond the rotation axis, seen from the laser's side.
+
+    There the turning table carries the surface through the sheet the other way. The laser is
+    taken to stand on the camera's side of the axis.
+    """
+    T = rig.T_camera_table
+    axis = T.rotation[:, 2]
+    normal = rig.sheet(laser).normal
+    along = np.cross(axis, normal)
+    along = along if along @ -T.translation > 0 else -along
+    side = (np.asarray(points_camera) - T.translation) @ along
+    return np.asarray(side < 0)
+
+
+def point_covariance(rig: Rig, laser: str, pixels: npt.ArrayLike, angles: npt.ArrayLike) -> Floats:
+    """Pixels (m, 2) seen at table angles (m,) → covariance (m, 3, 3) mm² that the rig gives them.
+
+    This is the systematic part, common to all points of a scan: the rig's own covariance carried
+    through the triangulation by central differences in each of its parameters. It comes on top of
+    the stripe's noise. Zero where the rig has no covariance.
+    """
+    uv = np.asarray(pixels, dtype=np.float64)
+    total = np.zeros((len(uv), 3, 3))
+    if rig.covariance is None:
+        return total
+    values, vectors = np.linalg.eigh(rig.covariance)
+    for value, direction in zip(values, vectors.T, strict=True):
+        if value <= 0.0:
+            continue
+        delta = np.sqrt(value) * _SMALL * direction
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = rig.perturbed(sign * delta)
+            X = moved.sheet(laser).intersect(moved.camera.rays(uv))
+            ends.append(to_object(moved, X, angles))
+        slope = (ends[0] - ends[1]) / (2.0 * _SMALL)
+        total += slope[:, :, None] * slope[:, None, :]
+    return total
