@@ -1,5 +1,7 @@
 """The scan file and the pictures that go into it: the only code that writes one."""
 
+from turnscan.scan._codec import signal_of, statistics
+from turnscan.scan._file import Scan, Stored, replacing_scan
 from turnscan.scan._pictures import (
     is_video,
     list_pictures,
@@ -8,12 +10,20 @@ from turnscan.scan._pictures import (
     read_picture,
     read_video,
 )
+from turnscan.scan._plan import Frame, ScanPlan
 
 __all__ = [
+    "Frame",
+    "Scan",
+    "ScanPlan",
+    "Stored",
     "is_video",
     "list_pictures",
     "natural_key",
     "picture_numbers",
     "read_picture",
     "read_video",
+    "replacing_scan",
+    "signal_of",
+    "statistics",
 ]

@@ -1,0 +1,309 @@
+"""Pixels ↔ bytes: only the runs above the threshold, or everything; lossless in what is kept.
+
+A payload is one zstd frame. Its content, all little-endian (docs/reference/scan-file.md)::
+
+    runs    uint32 number of runs, uint32 number of pixels, fill value of each channel (of lit,
+            then of dark where the frame has its own),
+            uint32 runs of each line, uint32 first pixel of each run, uint32 length of each run,
+            lit pixels, and dark pixels where the frame has its own
+    full    lit pixels, and dark pixels where the frame has its own
+
+Lines are image rows for a vertical stripe and image columns for a horizontal one. Pixels stand
+channel by channel, as differences from the pixel before (modulo 2^bits), 16-bit ones as all low
+bytes and then all high bytes: that is what zstd packs best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import zstandard
+
+from turnscan.arrays import Image
+from turnscan.errors import LimitExceeded, ScanCorrupt
+from turnscan.scan._plan import ScanPlan
+
+Pixels = npt.NDArray[Any]
+Dark = Literal["own", "background", "none"]
+Project = Callable[[Image], Pixels]
+"""Colour pixels (H, W, 3) → signal (H, W); applied to the kept pixels only, as one long line."""
+
+_LEVEL = 3
+_SAMPLES = 20_000
+_U32 = np.dtype("<u4")
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Of the signal over a whole picture, in grey levels."""
+
+    level: float
+    noise: float
+
+
+def signal_of(lit: Image, dark: Image | None, weights: tuple[float, ...] | None) -> Pixels:
+    """Light that the laser adds, (H, W), signed: int16, int32 or, for colour, float32."""
+    wide = np.int16 if lit.dtype == np.uint8 else np.int32
+    raw: Pixels = lit.astype(wide) if dark is None else np.subtract(lit, dark, dtype=wide)
+    if weights is None:
+        return raw
+    return sum(
+        (np.float32(w) * raw[..., c] for c, w in enumerate(weights) if w != 0.0),
+        start=np.zeros(raw.shape[:2], np.float32),
+    )
+
+
+def statistics(signal: Pixels) -> Statistics:
+    """Median and robust standard deviation of a signal, from about 20 000 of its pixels.
+
+    Values are integers more often than not, so quantiles are taken as if each were spread evenly
+    over its own grey level: the result is smooth in the true noise, also when that is below one.
+    """
+    flat = signal.ravel()
+    stride = max(1, flat.size // _SAMPLES) | 1  # odd: meets every column and row parity
+    values, counts = np.unique(flat[::stride], return_counts=True)
+    if len(values) == 1:
+        return Statistics(float(values[0]), 0.0)
+    edges = np.concatenate(([values[0] - 0.5], (values[1:] + values[:-1]) / 2, [values[-1] + 0.5]))
+    share = np.concatenate(([0.0], np.cumsum(counts) / counts.sum()))
+    low, middle, high = np.interp((0.158655, 0.5, 0.841345), share, edges)
+    return Statistics(float(middle), float(high - low) / 2)
+
+
+@dataclass(frozen=True)
+class Background:
+    """A picture without the laser that many frames share, as stored and as it is shown."""
+
+    stored: Image
+    shown: Pixels
+    """The same, or its projection."""
+
+
+def encode(
+    lit: Image, dark: Image | None, own: bool, signal: Pixels, threshold: float, plan: ScanPlan
+) -> bytes:
+    """Payload of a frame: where ``signal`` is above ``threshold``, and ``dark`` too if ``own``."""
+    pictures = [lit, dark] if own and dark is not None else [lit]
+    if plan.keep == "full":
+        body = [_squeeze(_planes(p)) for p in pictures]
+    else:
+        lines = signal if plan.orientation == "vertical" else signal.T
+        counts, starts, lengths = find_runs(lines, threshold, plan.margin)
+        index = _indices(counts, starts, lengths, lines.shape, plan)
+        body = [
+            np.array([len(starts), len(index)], _U32).tobytes(),
+            _fill(lit, dark, own).tobytes(),
+            *(a.astype(_U32).tobytes() for a in (counts, starts, lengths)),
+            *(_squeeze(_planes(p)[:, index]) for p in pictures),
+        ]
+    return zstandard.ZstdCompressor(level=_LEVEL).compress(b"".join(body))
+
+
+def decode(
+    payload: bytes,
+    plan: ScanPlan,
+    dark: Dark,
+    background: Background | None,
+    project: Project | None,
+    where: str,
+) -> tuple[Pixels, Pixels | None]:
+    """Lit and dark pictures from a payload; with ``project``, of the projected signal.
+
+    Raises ScanCorrupt naming ``where``.
+    """
+    body = _unpacked(payload, plan, dark == "own", where)
+    if plan.keep == "full":
+        return _decode_full(body, plan, dark, background, project, where)
+    return _decode_runs(body, plan, dark, background, project, where)
+
+
+def find_runs(lines: Pixels, threshold: float, margin: int) -> tuple[Pixels, Pixels, Pixels]:
+    """Runs of pixels to keep in each line of ``lines`` (n, m).
+
+    A pixel is kept within ``margin`` of one that is above the threshold, or of five in a row whose
+    mean is above threshold/√5: as unlikely by noise alone, and where a weak wide stripe shows
+    first. Returns runs per line (n,), first pixel and length of each run.
+    """
+    n, m = lines.shape
+    bright = lines > threshold
+    if m >= 5:
+        wide = lines if lines.dtype == np.float32 else lines.astype(np.int32)
+        five = wide[:, :-4] + wide[:, 1:-3]
+        for shift in (2, 3, 4):
+            five += wide[:, shift : m - 4 + shift]
+        bright[:, 2:-2] |= five > threshold * 5**0.5
+    place = np.flatnonzero(bright)
+    line, column = np.divmod(place, m)
+    first, after = np.maximum(column - margin, 0), np.minimum(column + margin + 1, m)
+    new = np.ones(len(place), bool)
+    new[1:] = (line[1:] != line[:-1]) | (first[1:] > after[:-1])
+    begin = np.flatnonzero(new)
+    last = np.append(begin[1:], len(place)) - 1 if len(place) else begin
+    counts = np.bincount(line[begin], minlength=n)
+    return counts, first[begin], after[last] - first[begin]
+
+
+def _indices(
+    counts: Pixels, starts: Pixels, lengths: Pixels, shape: tuple[int, ...], plan: ScanPlan
+) -> npt.NDArray[np.int64]:
+    """Flat index, in the picture, of every kept pixel in the order of the runs."""
+    n, m = shape
+    line = np.repeat(np.arange(n), counts)
+    ends = np.cumsum(lengths)
+    within = np.arange(int(ends[-1]) if len(ends) else 0) - np.repeat(ends - lengths, lengths)
+    if plan.orientation == "vertical":
+        return np.asarray(np.repeat(line * m + starts, lengths) + within, np.int64)
+    return np.asarray(np.repeat(line + starts * n, lengths) + within * n, np.int64)
+
+
+def _decode_runs(
+    body: memoryview,
+    plan: ScanPlan,
+    dark: Dark,
+    background: Background | None,
+    project: Project | None,
+    where: str,
+) -> tuple[Pixels, Pixels | None]:
+    dtype, channels = np.dtype(plan.dtype), plan.channels
+    shape = (plan.height, plan.width) if plan.orientation == "vertical" else plan.shape[1::-1]
+    pictures = 2 if dark == "own" else 1
+    head = 8 + pictures * channels * dtype.itemsize
+    if len(body) < head + 4 * shape[0]:
+        raise ScanCorrupt(f"{where}: its table of runs is cut short")
+    runs, count = (int(v) for v in np.frombuffer(body, _U32, 2))
+    fill = np.frombuffer(body, dtype.newbyteorder("<"), pictures * channels, 8).astype(dtype)
+    table = 4 * (shape[0] + 2 * runs)
+    if len(body) != head + table + pictures * count * channels * dtype.itemsize:
+        raise ScanCorrupt(f"{where}: {len(body)} bytes do not hold {runs} runs, {count} pixels")
+    numbers = np.frombuffer(body, _U32, shape[0] + 2 * runs, head).astype(np.int64)
+    counts, starts, lengths = np.split(numbers, [shape[0], shape[0] + runs])
+    if counts.sum() != runs or lengths.sum() != count or (starts + lengths > shape[1]).any():
+        raise ScanCorrupt(f"{where}: its runs do not fit the picture")
+    index = _indices(counts, starts, lengths, shape, plan)
+    values = [
+        _spread(body[head + table :], i, count, channels, dtype, project) for i in range(pictures)
+    ]
+    lit = _ground(plan, fill[:channels], background, project)
+    _put(lit, index, values[0])
+    if dark != "own":
+        return lit, None if background is None else background.shown
+    off = _ground(plan, fill[channels:], None, project)
+    _put(off, index, values[1])
+    return lit, off
+
+
+def _decode_full(
+    body: memoryview,
+    plan: ScanPlan,
+    dark: Dark,
+    background: Background | None,
+    project: Project | None,
+    where: str,
+) -> tuple[Pixels, Pixels | None]:
+    dtype, count = np.dtype(plan.dtype), plan.width * plan.height
+    pictures = 2 if dark == "own" else 1
+    if len(body) != pictures * count * plan.channels * dtype.itemsize:
+        raise ScanCorrupt(f"{where}: {len(body)} bytes are not {pictures} pictures")
+    out = [
+        _spread(body, i, count, plan.channels, dtype, project).reshape(
+            (plan.height, plan.width) + ((3,) if plan.channels == 3 and project is None else ())
+        )
+        for i in range(pictures)
+    ]
+    if dark == "own":
+        return out[0], out[1]
+    return out[0], None if background is None else background.shown
+
+
+def _unpacked(payload: bytes, plan: ScanPlan, own: bool, where: str) -> memoryview:
+    """Content of the payload; its size is checked before it is unpacked."""
+    pixels = plan.width * plan.height
+    each = plan.channels * np.dtype(plan.dtype).itemsize * (2 if own else 1)
+    most = pixels * (each + 8) + 4 * max(plan.width, plan.height) + 64
+    try:
+        size = zstandard.frame_content_size(payload)
+        if size < 0:
+            raise ScanCorrupt(f"{where}: its payload does not say its size")
+        if size > most:
+            raise LimitExceeded(f"{where}: unpacks to {size} bytes; at most {most} are possible")
+        return memoryview(zstandard.ZstdDecompressor().decompress(payload))
+    except zstandard.ZstdError as e:
+        raise ScanCorrupt(f"{where}: its payload does not unpack ({e})") from None
+
+
+def _planes(picture: Pixels) -> Pixels:
+    """(H, W) or (H, W, C) → (C, H·W)."""
+    return np.ascontiguousarray(picture.reshape(picture.shape[0] * picture.shape[1], -1).T)
+
+
+def _squeeze(planes: Pixels) -> bytes:
+    """(C, N) pixels → bytes that pack well: differences, low bytes before high bytes."""
+    step = planes.copy()
+    step[:, 1:] -= planes[:, :-1]
+    low_high = step.astype(step.dtype.newbyteorder("<")).reshape(-1).view(np.uint8)
+    return low_high.reshape(-1, step.dtype.itemsize).T.tobytes()
+
+
+def _spread(
+    body: memoryview, which: int, count: int, channels: int, dtype: Any, project: Project | None
+) -> Pixels:
+    """Undo `_squeeze` for picture number ``which``: (N,), (N, 3) or, projected, (N,)."""
+    size = count * channels
+    raw = np.frombuffer(body, np.uint8, size * dtype.itemsize, which * size * dtype.itemsize)
+    if dtype.itemsize == 2:
+        raw = np.ascontiguousarray(raw.reshape(2, -1).T).reshape(-1).view("<u2")
+    values = np.cumsum(raw.reshape(channels, count), axis=1, dtype=dtype)
+    if channels == 1:
+        return values[0]
+    pixels = np.ascontiguousarray(values.T)
+    return pixels if project is None else project(pixels[np.newaxis])[0]
+
+
+def _fill(lit: Image, dark: Image | None, own: bool) -> Pixels:
+    """What stands where nothing is kept, so that the signal there is its own median.
+
+    Values of the channels: of lit where there is no dark, of lit and of dark where that is the
+    frame's own, and of lit − dark, modulo 2^bits, where dark is the shared background.
+    """
+    bits = lit.dtype.newbyteorder("<")
+    if dark is None:
+        return _medians(lit).astype(bits)
+    added = _medians(signal_of(lit, dark, None)).astype(np.int64)
+    if not own:
+        return added.astype(bits)
+    off = _medians(dark).astype(np.int64)
+    top = np.iinfo(lit.dtype).max
+    return np.concatenate((np.clip(off + added, 0, top), off)).astype(bits)
+
+
+def _medians(picture: Pixels) -> Pixels:
+    planes = picture.reshape(picture.shape[0] * picture.shape[1], -1)
+    stride = max(1, len(planes) // _SAMPLES) | 1
+    return np.asarray(np.median(planes[::stride], axis=0))
+
+
+def _ground(
+    plan: ScanPlan, fill: Pixels, background: Background | None, project: Project | None
+) -> Pixels:
+    """Picture, writeable, of what stands where nothing is kept."""
+    if background is not None:
+        if not fill.any():
+            return background.shown.copy()
+        signed = fill.astype(f"i{fill.dtype.itemsize}").astype(np.int64)
+        top = np.iinfo(fill.dtype).max
+        raised = np.clip(background.stored + signed, 0, top).astype(fill.dtype)
+        return raised if project is None or plan.channels == 1 else project(raised)
+    if plan.channels == 1:
+        return np.full((plan.height, plan.width), fill[0])
+    pixel = fill.reshape(1, 1, 3)
+    if project is not None:
+        return np.full((plan.height, plan.width), project(pixel)[0, 0])
+    return np.broadcast_to(pixel, plan.shape).copy()
+
+
+def _put(picture: Pixels, index: npt.NDArray[np.int64], values: Pixels) -> None:
+    picture.reshape(-1, *picture.shape[2:])[index] = values

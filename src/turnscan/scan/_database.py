@@ -1,0 +1,357 @@
+"""The SQLite side of a scan file: its tables, its checks before anything is believed, its errors.
+
+The header is judged before SQLite sees the file, the schema must be ours to the letter, and every
+SQLite error becomes a named one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import sqlite3
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from turnscan.errors import (
+    FormatError,
+    InputError,
+    ScanBusy,
+    ScanCorrupt,
+    ScanError,
+    ScanNewer,
+    StorageFull,
+    TurnscanError,
+)
+
+APPLICATION_ID = 0x54524E53  # "TRNS"
+VERSION = 1
+_MAGIC = b"SQLite format 3\0"
+_LARGEST_VALUE = 1 << 30
+
+SCHEMA = (
+    "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL, sha256 BLOB NOT NULL)"
+    " STRICT, WITHOUT ROWID",
+    "CREATE TABLE frames (id INTEGER PRIMARY KEY, kind TEXT NOT NULL, step INTEGER NOT NULL,"
+    " laser TEXT NOT NULL, exposure INTEGER NOT NULL, commanded REAL, measured REAL, sigma REAL,"
+    " noise REAL, level REAL, time REAL, settings TEXT NOT NULL, width INTEGER NOT NULL,"
+    " height INTEGER NOT NULL, codec TEXT NOT NULL, payload_sha256 BLOB NOT NULL,"
+    " sha256 BLOB NOT NULL, payload BLOB NOT NULL, UNIQUE (kind, laser, step, exposure)) STRICT",
+    "CREATE TABLE edits (id INTEGER PRIMARY KEY, time REAL, edit TEXT NOT NULL,"
+    " sha256 BLOB NOT NULL) STRICT",
+)
+_COLUMNS = (
+    "id, kind, step, laser, exposure, commanded, measured, sigma, noise, level, time, settings,"
+    " width, height, codec, payload_sha256, sha256, length(payload)"
+)
+_REAL = (float, type(None))
+_KINDS: tuple[type | tuple[type, ...], ...] = (
+    *(int, str, int, str, int),
+    *(_REAL, _REAL, _REAL, _REAL, _REAL, _REAL),
+    *(str, int, int, str, bytes, bytes, int),
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the table of frames, without its payload."""
+
+    id: int
+    kind: str
+    """lit, background or missing."""
+    step: int
+    laser: str
+    exposure: int
+    commanded: float
+    measured: float
+    sigma: float
+    noise: float
+    level: float
+    time: float
+    settings: str
+    width: int
+    height: int
+    codec: str
+    payload_sha256: bytes
+
+    def digest(self) -> bytes:
+        """SHA-256 of everything in the row: its values and, through its digest, its payload."""
+        floats = (self.commanded, self.measured, self.sigma, self.noise, self.level, self.time)
+        values = [
+            self.kind,
+            self.step,
+            self.laser,
+            self.exposure,
+            *(struct.pack("<d", f).hex() if not math.isnan(f) else None for f in floats),
+            self.settings,
+            self.width,
+            self.height,
+            self.codec,
+            self.payload_sha256.hex(),
+        ]
+        return hashlib.sha256(json.dumps(values).encode()).digest()
+
+    def __str__(self) -> str:
+        if self.kind == "background":
+            return f"background of laser {self.laser}"
+        extra = f", exposure {self.exposure}" if self.exposure else ""
+        return f"step {self.step} of laser {self.laser}{extra}"
+
+
+@contextmanager
+def storage(path: Path) -> Iterator[None]:
+    """Turn what SQLite and the disk say into the errors of turnscan."""
+    try:
+        yield
+    except sqlite3.Error as e:
+        raise _named(e, path) from None
+    except (OverflowError, UnicodeError) as e:
+        raise _damaged(path, str(e)) from None
+
+
+def create(path: Path) -> sqlite3.Connection:
+    """Make an empty scan file and open it for writing. Raises InputError where one exists."""
+    try:
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666))
+    except FileExistsError:
+        raise InputError(f"{path}: exists already", hint="choose another name") from None
+    except OSError as e:
+        raise ScanError(
+            f"{path}: cannot be created ({e.strerror})", hint="check the folder and its permissions"
+        ) from None
+    with storage(path):
+        db = _connect(path, "rw")
+        db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        db.execute(f"PRAGMA user_version = {VERSION}")
+        db.execute("BEGIN EXCLUSIVE")
+        for table in SCHEMA:
+            db.execute(table)
+        db.execute("COMMIT")
+        _lock(db)
+        sync_folder(path)
+    return db
+
+
+def open_writing(path: Path) -> sqlite3.Connection:
+    """Open a scan file to add frames. Raises ScanBusy where another process is writing it."""
+    _judge_header(path)
+    with storage(path):
+        db = _connect(path, "rw")
+        _judge_schema(db, path)
+        _lock(db)
+    return db
+
+
+def open_reading(path: Path) -> sqlite3.Connection:
+    """Open a scan file read-only, after its header and its schema are found to be in order."""
+    _judge_header(path)
+    with storage(path):
+        db = _connect(path, "ro")
+        db.execute("PRAGMA query_only = ON")
+        _judge_schema(db, path)
+    return db
+
+
+def seal(db: sqlite3.Connection) -> None:
+    """Bring a written file back to one single file, whole and synced."""
+    db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    db.execute("PRAGMA journal_mode = DELETE")
+
+
+def write_meta(db: sqlite3.Connection, key: str, value: str) -> None:
+    """Write one value with its digest, within the caller's transaction."""
+    db.execute("REPLACE INTO meta VALUES (?, ?, ?)", (key, value, _meta_digest(key, value)))
+
+
+def read_meta(db: sqlite3.Connection, path: Path) -> dict[str, str]:
+    """All values, each compared with its digest. Raises ScanCorrupt naming the key."""
+    out: dict[str, str] = {}
+    with storage(path):
+        for key, value, digest in db.execute("SELECT key, value, sha256 FROM meta"):
+            if not isinstance(key, str) or not isinstance(value, str):
+                raise _damaged(path, "its table of settings")
+            if digest != _meta_digest(key, value):
+                raise _damaged(path, f"its {key!r} does not agree with its checksum")
+            out[key] = value
+    return out
+
+
+def insert(db: sqlite3.Connection, row: Row, payload: bytes) -> None:
+    """Write one row of frames, within the caller's transaction."""
+    floats = (row.commanded, row.measured, row.sigma, row.noise, row.level, row.time)
+    db.execute(
+        "INSERT INTO frames VALUES (NULL, ?,?,?,?, ?,?,?,?,?,?, ?,?,?,?, ?,?,?)",
+        (
+            row.kind,
+            row.step,
+            row.laser,
+            row.exposure,
+            *(None if math.isnan(f) else f for f in floats),
+            row.settings,
+            row.width,
+            row.height,
+            row.codec,
+            row.payload_sha256,
+            row.digest(),
+            payload,
+        ),
+    )
+
+
+def read_rows(db: sqlite3.Connection, path: Path, largest: int) -> list[Row]:
+    """All rows without their payloads, in order of laser, step and exposure.
+
+    Each is compared with its digest; a payload of more than ``largest`` bytes is refused.
+    Raises ScanCorrupt naming the row.
+    """
+    rows: list[Row] = []
+    with storage(path):
+        for values in db.execute(f"SELECT {_COLUMNS} FROM frames"):  # noqa: S608 (our constant)
+            row = _row(values, path)
+            if row.digest() != values[-2]:
+                raise _damaged(path, f"{row} does not agree with its checksum")
+            if values[-1] > largest:
+                raise _damaged(path, f"{row} holds {values[-1]} bytes, at most {largest} fit")
+            rows.append(row)
+    rows.sort(key=lambda r: (r.laser, r.step, r.exposure))
+    return rows
+
+
+def read_payload(db: sqlite3.Connection, row: Row, path: Path) -> bytes:
+    """The payload of one row, compared with its digest. Raises ScanCorrupt naming the row."""
+    with storage(path):
+        found = db.execute("SELECT payload FROM frames WHERE id = ?", (row.id,)).fetchone()
+    if found is None or not isinstance(found[0], bytes):
+        raise _damaged(path, f"the pixels of {row} are gone")
+    if hashlib.sha256(found[0]).digest() != row.payload_sha256:
+        raise _damaged(path, f"the pixels of {row} do not agree with their checksum")
+    return found[0]
+
+
+def quick_check(db: sqlite3.Connection, path: Path) -> None:
+    """Let SQLite walk through all pages of the file. Raises ScanCorrupt with its first remark."""
+    with storage(path):
+        said = db.execute("PRAGMA quick_check(1)").fetchone()
+    if said is None or said[0] != "ok":
+        raise _damaged(path, str(said[0] if said else "no answer").splitlines()[-1])
+
+
+def digest_of_rows(rows: list[Row]) -> str:
+    """One digest for all rows, so that none can vanish unnoticed."""
+    total = hashlib.sha256()
+    for digest in sorted(r.digest() for r in rows):
+        total.update(digest)
+    return total.hexdigest()
+
+
+def sync_folder(path: Path) -> None:
+    """Make a new or renamed file's entry in its folder survive a power cut."""
+    if os.name == "posix":
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def _connect(path: Path, mode: str) -> sqlite3.Connection:
+    db = sqlite3.connect(
+        f"{path.absolute().as_uri()}?mode={mode}",
+        uri=True,
+        timeout=0.2 if mode == "ro" else 0.0,
+        isolation_level=None,
+        check_same_thread=False,
+    )
+    db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_VALUE)
+    for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
+        db.execute(f"PRAGMA {pragma}")
+    return db
+
+
+def _lock(db: sqlite3.Connection) -> None:
+    """One writer, until it closes or dies; every commit is on the disk when it returns."""
+    db.execute("PRAGMA locking_mode = EXCLUSIVE")
+    db.execute("PRAGMA journal_mode = WAL")
+    db.execute("PRAGMA synchronous = FULL")
+    db.execute("BEGIN EXCLUSIVE")
+    db.execute("COMMIT")
+
+
+def _judge_header(path: Path) -> None:
+    if path.is_dir():
+        raise InputError(f"{path}: a folder, not a scan file", hint="name a .turnscan file")
+    if not path.exists():
+        raise InputError(f"{path}: there is no such scan file", hint="check the path")
+    try:
+        with path.open("rb") as file:
+            head = file.read(100)
+            size = os.fstat(file.fileno()).st_size
+    except OSError as e:
+        raise ScanError(f"{path}: cannot be read ({e.strerror})") from None
+    if not head.startswith(_MAGIC) or len(head) < 100:
+        what = "an empty file" if not head else "not a scan file"
+        raise FormatError(f"{path}: {what}", hint="name a file made by turnscan import or scan")
+    if int.from_bytes(head[68:72], "big") != APPLICATION_ID:
+        raise FormatError(
+            f"{path}: an SQLite file, but not a scan", hint="name a file made by turnscan"
+        )
+    version = int.from_bytes(head[60:64], "big")
+    if version > VERSION:
+        raise ScanNewer(
+            f"{path}: version {version} of the scan file; this turnscan knows up to {VERSION}",
+            hint="install a newer turnscan",
+        )
+    if version < 1:
+        raise _damaged(path, f"version {version} does not exist")
+    page = int.from_bytes(head[16:18], "big")
+    page = 65536 if page == 1 else page
+    said = page * int.from_bytes(head[28:32], "big")
+    if size < said and not path.with_name(path.name + "-wal").exists():
+        raise ScanCorrupt(
+            f"{path}: cut short, {size} bytes are left of {said}", hint="copy the file again"
+        )
+
+
+def _judge_schema(db: sqlite3.Connection, path: Path) -> None:
+    found = db.execute("SELECT type, sql FROM sqlite_schema WHERE sql IS NOT NULL").fetchall()
+    if sorted(found) != sorted(("table", table) for table in SCHEMA):
+        raise _damaged(path, "its tables are not those of a scan file")
+
+
+def _row(values: tuple[Any, ...], path: Path) -> Row:
+    if not all(isinstance(v, kind) for v, kind in zip(values, _KINDS, strict=True)):
+        raise _damaged(path, f"row {values[0]!r} of its frames")
+    floats = (math.nan if v is None else v for v in values[5:11])
+    return Row(*values[:5], *floats, *values[11:16])
+
+
+def _meta_digest(key: str, value: str) -> bytes:
+    return hashlib.sha256(f"{key}\0{value}".encode("utf-8", "surrogatepass")).digest()
+
+
+def _damaged(path: Path, what: str) -> ScanCorrupt:
+    return ScanCorrupt(
+        f"{path}: damaged: {what}", hint="take a copy from a backup, or scan or import again"
+    )
+
+
+def _named(e: sqlite3.Error, path: Path) -> TurnscanError:
+    name = getattr(e, "sqlite_errorname", "") or ""
+    if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+        return ScanBusy(
+            f"{path}: another process is writing it", hint="wait until that one has finished"
+        )
+    if name == "SQLITE_FULL":
+        return StorageFull(f"{path}: no room left on the disk", hint="free some space, then resume")
+    if name == "SQLITE_IOERR_SHORT_READ":
+        return _damaged(path, "it ends too early")
+    if name.startswith(("SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
+        return ScanError(
+            f"{path}: {e} ({name})", hint="check the disk, the folder and its permissions"
+        )
+    return _damaged(path, str(e))

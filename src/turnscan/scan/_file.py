@@ -1,0 +1,517 @@
+"""Scan: the archive of what the camera saw, one crash-safe file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import secrets
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from turnscan import __version__
+from turnscan.arrays import Floats, Image
+from turnscan.errors import InputError, ScanBusy, ScanCorrupt, ScanError
+from turnscan.rig import Rig, rig_from_json, rig_to_json
+from turnscan.scan import _database as database
+from turnscan.scan._codec import (
+    Background,
+    Dark,
+    Pixels,
+    Project,
+    decode,
+    encode,
+    signal_of,
+    statistics,
+)
+from turnscan.scan._database import Row, storage
+from turnscan.scan._plan import (
+    Frame,
+    ScanPlan,
+    plan_from_json,
+    plan_to_json,
+    settings_from_json,
+    settings_to_json,
+)
+
+_DARKS: tuple[Dark, ...] = ("own", "background", "none")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A frame as it lies in the file; `decode` may run in any thread, many at a time."""
+
+    row: Row
+    payload: bytes
+    plan: ScanPlan
+    background: Background | None
+    project: Project | None
+    where: str
+
+    def decode(self) -> Frame:
+        """Unpack the pixels. Raises ScanCorrupt naming the file and the frame."""
+        row = self.row
+        lit, dark = decode(
+            self.payload, self.plan, _dark(row), self.background, self.project, self.where
+        )
+        return Frame(
+            step=row.step,
+            laser=row.laser,
+            lit=lit,
+            dark=dark,
+            exposure=row.exposure,
+            commanded=row.commanded,
+            measured=row.measured,
+            angle_sigma=row.sigma,
+            noise=row.noise,
+            level=row.level,
+            time=row.time,
+            settings=settings_from_json(row.settings, self.where),
+        )
+
+
+class Scan:
+    """A scan file, open for reading or for writing; use it as a context manager.
+
+    Frames are on the disk when `add` returns (SQLite, write-ahead log, ``synchronous=FULL``): a
+    crash loses at most the one in flight. Closing brings everything back to one single file.
+    """
+
+    def __init__(
+        self, path: Path, db: sqlite3.Connection, plan: ScanPlan, rig: Rig | None, writing: bool
+    ) -> None:
+        """For `create`, `open` and `resume`, which judge what they open."""
+        self.path = path
+        self.plan = plan
+        self.rig = rig
+        self.writing = writing
+        self.sealed = False
+        """Whether the file was closed properly, with all the frames it had then."""
+        self._db = db
+        self._rows: dict[tuple[str, int, int], Row] = {}
+        self._backgrounds: dict[str, Row] = {}
+        self._pictures: dict[str, Image] = {}
+        self._projected: tuple[str, Project, Pixels] | None = None
+        self._closed = False
+        self._thread = threading.RLock()
+
+    @classmethod
+    def create(cls, path: str | Path, plan: ScanPlan, rig: Rig | None = None) -> Self:
+        """Make a new scan file and lock it for writing.
+
+        Raises InputError where the file exists, ScanError where it cannot be created.
+        """
+        path = Path(path)
+        db = database.create(path)
+        try:
+            with storage(path), _transaction(db):
+                database.write_meta(db, "software", f"turnscan {__version__}")
+                database.write_meta(db, "plan", plan_to_json(plan))
+                if rig is not None:
+                    database.write_meta(db, "rig", rig_to_json(rig))
+        except BaseException:
+            db.close()
+            _remove(path)
+            raise
+        return cls(path, db, plan, rig, writing=True)
+
+    @classmethod
+    def open(cls, path: str | Path) -> Self:
+        """Open a scan file read-only.
+
+        Raises InputError where there is none, FormatError where it is something else, ScanNewer,
+        ScanBusy while another process writes it, and ScanCorrupt naming the damaged place.
+        """
+        return cls._load(Path(path), writing=False)
+
+    @classmethod
+    def resume(cls, path: str | Path) -> Self:
+        """Open a scan file to add the frames that are missing. Raises like `open`."""
+        return cls._load(Path(path), writing=True)
+
+    @classmethod
+    def _load(cls, path: Path, writing: bool) -> Self:
+        db = database.open_writing(path) if writing else database.open_reading(path)
+        try:
+            meta = database.read_meta(db, path)
+            if "plan" not in meta:
+                raise ScanCorrupt(f"{path}: damaged: it has no plan", hint="import or scan again")
+            plan = plan_from_json(meta["plan"], f"{path}: plan")
+            rig = rig_from_json(meta["rig"], f"{path}: rig") if "rig" in meta else None
+            scan = cls(path, db, plan, rig, writing)
+            scan._read_rows(meta.get("seal"))
+        except BaseException:
+            db.close()
+            raise
+        return scan
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Seal what was written, back to one single file, and let go of it. Twice is fine."""
+        with self._thread:
+            if self._closed:
+                return
+            self._closed = True
+            try:
+                if self.writing:
+                    with storage(self.path):
+                        with _transaction(self._db):
+                            database.write_meta(self._db, "seal", self._seal())
+                        database.seal(self._db)
+            finally:
+                self._db.close()
+
+    # Writing
+
+    def add(self, frame: Frame) -> None:
+        """Store one frame; it is on the disk when this returns.
+
+        A frame without ``dark`` refers to the laser's background, where there is one. ``noise`` and
+        ``level`` are measured where they are NaN. Raises InputError where the frame does not fit
+        the plan or is there already, StorageFull, ScanError.
+        """
+        self._fits(frame.laser, frame.step, frame.exposure)
+        self._check_picture(frame.lit, f"lit picture of step {frame.step}")
+        background = self.background(frame.laser)
+        dark: Dark = "own" if frame.dark is not None else "background"
+        off = background if frame.dark is None else frame.dark
+        if off is None:
+            dark = "none"
+        else:
+            self._check_picture(off, f"dark picture of step {frame.step}")
+        signal = signal_of(frame.lit, off, self.plan.weights)
+        seen = statistics(signal)
+        threshold = self.plan.threshold + (seen.level if off is None else 0.0)
+        payload = encode(frame.lit, off, dark == "own", signal, threshold, self.plan)
+        row = self._new_row(
+            "lit", frame, dark, payload, settings_to_json(frame.settings), seen.noise, seen.level
+        )
+        self._insert(row, payload)
+        self._rows[row.laser, row.step, row.exposure] = row
+
+    def add_missing(
+        self, step: int, laser: str, cause: str, commanded: float = math.nan, exposure: int = 0
+    ) -> None:
+        """Record that there is no frame here, and why. Raises InputError like `add`."""
+        self._fits(laser, step, exposure)
+        nothing = Frame(
+            step, laser, np.zeros((1, 1), np.uint8), exposure=exposure, commanded=commanded
+        )
+        text = settings_to_json({"cause": cause})
+        row = self._new_row("missing", nothing, "none", b"", text, math.nan, math.nan)
+        self._insert(row, b"")
+        self._rows[laser, step, exposure] = row
+
+    def add_background(self, laser: str, picture: Image) -> None:
+        """Store the picture without the laser that later frames of this laser refer to.
+
+        Raises InputError where it does not fit the plan, or where there is one already.
+        """
+        if laser not in self.plan.lasers or laser in self._backgrounds:
+            raise InputError(f"{self.path}: no (second) background for laser {laser!r}")
+        self._check_picture(picture, f"background of laser {laser}")
+        whole = _whole(self.plan)
+        payload = encode(picture, None, False, np.zeros((1, 1)), 0.0, whole)
+        frame = Frame(0, laser, picture)
+        row = self._new_row("background", frame, "none", payload, "{}", math.nan, math.nan)
+        self._insert(row, payload)
+        self._backgrounds[laser] = row
+        self._pictures[laser] = _read_only(picture.copy())
+
+    # Reading
+
+    def frames(self, laser: str | None = None, project: Project | None = None) -> Iterator[Frame]:
+        """Frames in step order, of one laser or of all, one laser after the other.
+
+        ``project`` turns colour pixels (H, W, 3) into the signal (H, W); it is applied to the kept
+        pixels alone, which is far cheaper than to whole pictures. Grey frames ignore it.
+        Raises ScanCorrupt naming the frame.
+        """
+        return (stored.decode() for stored in self.stored(laser, project))
+
+    def stored(self, laser: str | None = None, project: Project | None = None) -> Iterator[Stored]:
+        """Like `frames`, not yet unpacked: give these to a pool of threads."""
+        self._known(laser)
+        for row in self._in_order(laser):
+            yield self._stored(row, project)
+
+    def frame(
+        self, step: int, laser: str, exposure: int = 0, project: Project | None = None
+    ) -> Frame:
+        """One frame. Raises InputError where there is none."""
+        row = self._rows.get((laser, step, exposure))
+        if row is None or row.kind != "lit":
+            cause = self.missing(laser).get(step, "it was never taken")
+            raise InputError(f"{self.path}: no frame at step {step} of laser {laser!r} ({cause})")
+        return self._stored(row, project).decode()
+
+    def angles(self, laser: str | None = None) -> Floats:
+        """(n,) rad, the table's angle of each frame in the order of `frames`; NaN where unknown."""
+        rows = self._in_order(laser)
+        return np.array(
+            [r.commanded if math.isnan(r.measured) else r.measured for r in rows], np.float64
+        )
+
+    def steps(self, laser: str | None = None) -> list[int]:
+        """Step number of each frame in the order of `frames`."""
+        return [r.step for r in self._in_order(laser)]
+
+    def missing(self, laser: str) -> dict[int, str]:
+        """Steps of a laser that have no frame, with the cause."""
+        self._known(laser)
+        out: dict[int, str] = {}
+        for step in range(self.plan.steps):
+            row = self._rows.get((laser, step, 0))
+            if row is None:
+                out[step] = "it was never taken"
+            elif row.kind == "missing":
+                out[step] = str(settings_from_json(row.settings, str(row)).get("cause", ""))
+        return out
+
+    def background(self, laser: str) -> Image | None:
+        """(H, W) or (H, W, 3): what the frames of a laser refer to as dark, or None."""
+        self._known(laser)
+        row = self._backgrounds.get(laser)
+        if row is not None and laser not in self._pictures:
+            where = f"{self.path}: {row}"
+            payload = self._payload(row)
+            picture, _ = decode(payload, _whole(self.plan), "none", None, None, where)
+            self._pictures[laser] = _read_only(picture)
+        return self._pictures.get(laser)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every step of every laser has a frame, or a record of why it has none."""
+        wanted = ((laser, step, 0) for laser in self.plan.lasers for step in range(self.plan.steps))
+        return all(key in self._rows for key in wanted)
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return sum(r.kind == "lit" for r in self._rows.values())
+
+    def verify(self) -> Iterator[str]:
+        """Read and check everything there is, yielding the name of each frame when it is good.
+
+        Raises ScanCorrupt naming the first damaged place.
+        """
+        with self._thread:
+            database.quick_check(self._db, self.path)
+        for laser in self._backgrounds:
+            self.background(laser)
+        for stored in self.stored():
+            stored.decode()
+            yield str(stored.row)
+
+    # Inside
+
+    def _stored(self, row: Row, project: Project | None) -> Stored:
+        if self.plan.channels == 1:
+            project = None
+        background = None
+        if _dark(row) == "background":
+            picture = self.background(row.laser)
+            if picture is None:
+                raise ScanCorrupt(f"{self.path}: damaged: the background of {row} is gone")
+            background = Background(picture, self._shown(row.laser, picture, project))
+        where = f"{self.path}: {row}"
+        return Stored(row, self._payload(row), self.plan, background, project, where)
+
+    def _shown(self, laser: str, picture: Image, project: Project | None) -> Pixels:
+        if project is None:
+            return picture
+        if self._projected is None or self._projected[:2] != (laser, project):
+            self._projected = (laser, project, project(picture))
+        return self._projected[2]
+
+    def _payload(self, row: Row) -> bytes:
+        with self._thread:
+            return database.read_payload(self._db, row, self.path)
+
+    def _in_order(self, laser: str | None) -> list[Row]:
+        self._known(laser)
+        rows = [r for r in self._rows.values() if r.kind == "lit" and laser in (None, r.laser)]
+        order = {name: i for i, name in enumerate(self.plan.lasers)}
+        return sorted(rows, key=lambda r: (order[r.laser], r.step, r.exposure))
+
+    def _known(self, laser: str | None) -> None:
+        if laser is not None and laser not in self.plan.lasers:
+            raise InputError(
+                f"{self.path}: no laser {laser!r}", hint=f"it has {', '.join(self.plan.lasers)}"
+            )
+
+    def _fits(self, laser: str, step: int, exposure: int) -> None:
+        self._known(laser)
+        if not 0 <= step < self.plan.steps:
+            raise InputError(f"{self.path}: step {step} is not one of 0 … {self.plan.steps - 1}")
+        if (laser, step, exposure) in self._rows:
+            raise InputError(f"{self.path}: step {step} of laser {laser!r} is there already")
+
+    def _check_picture(self, picture: Image, what: str) -> None:
+        if picture.shape != self.plan.shape or picture.dtype != self.plan.dtype:
+            raise InputError(
+                f"{what}: {_kind(picture.shape, str(picture.dtype))}; the scan has "
+                f"{_kind(self.plan.shape, self.plan.dtype)}",
+                hint="all pictures of one scan must have one size and type",
+            )
+
+    def _new_row(
+        self,
+        kind: str,
+        frame: Frame,
+        dark: Dark,
+        payload: bytes,
+        settings: str,
+        noise: float,
+        level: float,
+    ) -> Row:
+        form = "full" if kind == "background" or self.plan.keep == "full" else "runs"
+        return Row(
+            id=0,
+            kind=kind,
+            step=frame.step,
+            laser=frame.laser,
+            exposure=frame.exposure,
+            commanded=frame.commanded,
+            measured=frame.measured,
+            sigma=frame.angle_sigma,
+            noise=noise if math.isnan(frame.noise) else frame.noise,
+            level=level if math.isnan(frame.level) else frame.level,
+            time=frame.time,
+            settings=settings,
+            width=self.plan.width,
+            height=self.plan.height,
+            codec=f"{form}.{dark}",
+            payload_sha256=hashlib.sha256(payload).digest(),
+        )
+
+    def _insert(self, row: Row, payload: bytes) -> None:
+        if not self.writing:
+            raise InputError(f"{self.path}: open for reading only")
+        with self._thread, storage(self.path), _transaction(self._db):
+            if self.sealed:
+                self._db.execute("DELETE FROM meta WHERE key = 'seal'")
+            database.insert(self._db, row, payload)
+            number = self._db.execute("SELECT last_insert_rowid()").fetchone()[0]
+        object.__setattr__(row, "id", number)
+        self.sealed = False
+
+    def _read_rows(self, seal: str | None) -> None:
+        itemsize = np.dtype(self.plan.dtype).itemsize
+        most = 2 * self.plan.width * self.plan.height * (self.plan.channels * itemsize + 8) + 4096
+        for row in database.read_rows(self._db, self.path, most):
+            self._believe(row)
+            if row.kind == "background":
+                self._backgrounds[row.laser] = row
+            else:
+                self._rows[row.laser, row.step, row.exposure] = row
+        if seal is not None:
+            if seal != self._seal():
+                raise ScanCorrupt(
+                    f"{self.path}: damaged: it does not hold the frames it was closed with",
+                    hint="take a copy from a backup, or scan or import again",
+                )
+            self.sealed = True
+
+    def _believe(self, row: Row) -> None:
+        """A row with a right checksum can still be a stranger's: does it fit the plan?"""
+        plan = self.plan
+        form = "full" if row.kind == "background" or plan.keep == "full" else "runs"
+        good = (
+            row.kind in ("lit", "background", "missing")
+            and row.laser in plan.lasers
+            and 0 <= row.step < plan.steps
+            and row.exposure >= 0
+            and (row.width, row.height) == (plan.width, plan.height)
+            and row.codec in [f"{form}.{dark}" for dark in _DARKS]
+            and not any(math.isinf(v) for v in (row.commanded, row.measured, row.sigma))
+        )
+        if not good:
+            raise ScanCorrupt(f"{self.path}: damaged: {row} does not fit the plan of the scan")
+
+    def _seal(self) -> str:
+        rows = [*self._rows.values(), *self._backgrounds.values()]
+        return json.dumps({"frames": len(rows), "sha256": database.digest_of_rows(rows)})
+
+
+@contextmanager
+def replacing_scan(path: str | Path, plan: ScanPlan, rig: Rig | None = None) -> Iterator[Scan]:
+    """Write a whole scan file; ``path`` appears, or is replaced, only when all of it is good.
+
+    It is written under a temporary name in the same folder, sealed, read again and compared with
+    its checksums, and only then renamed. On any error the old file is as it was.
+    Raises ScanBusy where the old file is being written or waits to be resumed, ScanError.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise ScanError(f"{path}: a folder, so no scan file can be written here")
+    if path.with_name(path.name + "-wal").exists():
+        raise ScanBusy(
+            f"{path}: another process is writing it, or an interrupted scan waits there",
+            hint="choose another name, or finish that scan first",
+        )
+    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    try:
+        with Scan.create(part, plan, rig) as scan:
+            yield scan
+        with Scan.open(part) as scan:
+            for _ in scan.verify():
+                pass
+        os.replace(part, path)
+        database.sync_folder(path)
+    except BaseException:
+        _remove(part)
+        raise
+
+
+@contextmanager
+def _transaction(db: sqlite3.Connection) -> Iterator[None]:
+    db.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+        db.execute("COMMIT")
+    except BaseException:
+        if db.in_transaction:
+            db.execute("ROLLBACK")
+        raise
+
+
+def _remove(path: Path) -> None:
+    for tail in ("", "-wal", "-shm", "-journal"):
+        path.with_name(path.name + tail).unlink(missing_ok=True)
+
+
+def _dark(row: Row) -> Dark:
+    return next(d for d in _DARKS if row.codec.endswith(d))
+
+
+def _whole(plan: ScanPlan) -> ScanPlan:
+    return replace(plan, keep="full")
+
+
+def _kind(shape: tuple[int, ...], dtype: str) -> str:
+    colour = "colour" if len(shape) == 3 else "grey"
+    return f"{shape[1]}×{shape[0]} {colour} {dtype}"
+
+
+def _read_only(picture: Any) -> Any:
+    picture.flags.writeable = False
+    return picture
