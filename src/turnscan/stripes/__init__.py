@@ -1,5 +1,18 @@
 """Frame → candidates per scan line → one sub-pixel Stripe with sigma and quality."""
 
+from turnscan.stripes._detect import choose, detect, find_candidates
+from turnscan.stripes._settings import Choice, Strategy, StripeSettings
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
-__all__ = ["Candidates", "Orientation", "Stripe", "StripeFlag"]
+__all__ = [
+    "Candidates",
+    "Choice",
+    "Orientation",
+    "Strategy",
+    "Stripe",
+    "StripeFlag",
+    "StripeSettings",
+    "choose",
+    "detect",
+    "find_candidates",
+]

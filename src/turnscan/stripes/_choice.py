@@ -1,0 +1,204 @@
+"""Which candidate of a line is the stripe: the kernels of the choice and the remarks that follow."""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+DARK, AMBIGUOUS, SATURATED, HALO, EDGE, MULTI, GRAZING = 1, 4, 8, 16, 32, 64, 128
+BRIGHTEST, FIRST, LAST, NEAREST = range(4)
+
+GLOW_WIDTH, GLOW_AMPLITUDE = 3.0, 0.35
+"""A candidate this much wider and weaker than the usual one is glow without a stripe in it."""
+GRAZING_WIDTH = 2.5
+"""A stripe this much wider than usual is lit or seen at a grazing angle."""
+NONE_COST, GAP_COST = 4.0, 1.5
+"""Path: cost of a line without stripe, and of going from or to one."""
+JUMP_LIMIT = 6.0
+"""Path: a jump costs its length in usual widths, at most this: surfaces do have edges."""
+WEAK_COST, WIDTH_COST = 0.5, 0.5
+"""Path: cost per e-fold below the usual amplitude, and away from the usual width."""
+MARGIN = 2.0
+"""Path: a second candidate whose path costs less than this more is ambiguous."""
+EDGE_JUMP = 4.0
+"""A stripe that jumps by more than this many widths to the next line ends there."""
+
+
+@njit(cache=True, nogil=True)
+def usual(table: Any, row: int) -> float:
+    """Median over the lines of one row of the table, at the brightest candidate of each line."""
+    _, lines, k = table.shape
+    values = np.empty(lines)
+    n = 0
+    for v in range(lines):
+        best = -1
+        for j in range(k):
+            if not np.isnan(table[0, v, j]) and (best < 0 or table[2, v, j] > table[2, v, best]):
+                best = j
+        if best >= 0:
+            values[n] = table[row, v, best]
+            n += 1
+    return np.median(values[:n]) if n else 0.0
+
+
+@njit(cache=True, nogil=True)
+def drop_glow(table: Any, bits: Any) -> None:
+    """Forget the candidates that are light spread around the stripe; mark the grazing ones."""
+    width = usual(table, 3)
+    amplitude = usual(table, 2)
+    _, lines, k = table.shape
+    for v in range(lines):
+        kept = 0
+        for j in range(k):
+            if np.isnan(table[0, v, j]):
+                break
+            wide = table[3, v, j] > GLOW_WIDTH * width
+            if wide and table[2, v, j] < GLOW_AMPLITUDE * amplitude:
+                continue
+            for i in range(4):
+                table[i, v, kept] = table[i, v, j]
+            bits[v, kept] = bits[v, j]
+            if table[3, v, j] > GRAZING_WIDTH * width:
+                bits[v, kept] |= GRAZING
+            kept += 1
+        for j in range(kept, k):
+            table[:, v, j] = np.nan
+            bits[v, j] = 0
+        if kept > 1:
+            for j in range(kept):
+                bits[v, j] |= MULTI
+
+
+@njit(cache=True, nogil=True)
+def brighter(table: Any, bits: Any, v: int, j: int, best: int) -> bool:
+    """Amplitude decides, and the width where both are clipped at the same level."""
+    if bits[v, j] & bits[v, best] & SATURATED:
+        return table[2, v, j] * table[3, v, j] > table[2, v, best] * table[3, v, best]
+    return table[2, v, j] > table[2, v, best]
+
+
+@njit(cache=True, nogil=True)
+def simple_choice(table: Any, bits: Any, how: int, chosen: Any) -> None:
+    """The brightest, the first or the last candidate of each line; -1 where there is none."""
+    _, lines, k = table.shape
+    for v in range(lines):
+        best = -1
+        for j in range(k):
+            if np.isnan(table[0, v, j]):
+                break
+            if best < 0 or how == LAST or (how == BRIGHTEST and brighter(table, bits, v, j, best)):
+                best = j
+        chosen[v] = best
+
+
+@njit(cache=True, nogil=True)
+def sweep(own: Any, table: Any, width: float, costs: Any, back: Any, reverse: bool) -> None:
+    """Cheapest path from one end to each state; state K is 'no stripe here'."""
+    lines, states = own.shape
+    k = states - 1
+    for step in range(lines):
+        v = lines - 1 - step if reverse else step
+        w = v + 1 if reverse else v - 1
+        for j in range(states):
+            best = 0.0
+            source = -1
+            if step > 0:
+                best = np.inf
+                for i in range(states):
+                    if i < k and j < k:
+                        jump = abs(table[0, v, j] - table[0, w, i]) / width
+                        move = min(jump, JUMP_LIMIT)
+                    else:
+                        move = 0.0 if i == j else GAP_COST
+                    if costs[w, i] + move < best:
+                        best = costs[w, i] + move
+                        source = i
+            costs[v, j] = best + own[v, j]
+            back[v, j] = source
+
+
+@njit(cache=True, nogil=True)
+def path_choice(table: Any, bits: Any, chosen: Any) -> None:
+    """The cheapest path through all lines (Viterbi), and where it is nearly a tie.
+
+    A path prefers candidates near their neighbours, not weaker than usual and of the usual width;
+    being brighter than usual earns nothing, so that a bright reflection cannot pull it away.
+    """
+    _, lines, k = table.shape
+    width = max(usual(table, 3), 0.5)
+    amplitude = usual(table, 2)
+    own = np.full((lines, k + 1), np.inf)
+    for v in range(lines):
+        own[v, k] = NONE_COST
+        for j in range(k):
+            if np.isnan(table[0, v, j]):
+                break
+            weak = max(0.0, np.log(amplitude / max(table[2, v, j], 1e-3)))
+            odd = abs(np.log(max(table[3, v, j], 1e-3) / width))
+            own[v, j] = WEAK_COST * weak + WIDTH_COST * odd
+        if np.isnan(table[0, v, 0]):
+            own[v, k] = 0.0
+    ahead = np.empty((lines, k + 1))
+    behind = np.empty((lines, k + 1))
+    back = np.empty((lines, k + 1), np.int32)
+    sweep(own, table, width, behind, back, True)
+    sweep(own, table, width, ahead, back, False)
+    state = int(np.argmin(ahead[lines - 1]))
+    for v in range(lines - 1, -1, -1):
+        chosen[v] = state if state < k else -1
+        if state < k:
+            through = ahead[v, state] + behind[v, state] - own[v, state]
+            for j in range(k):
+                other = ahead[v, j] + behind[v, j] - own[v, j]
+                if j != state and own[v, j] < np.inf and other - through < MARGIN:
+                    bits[v, state] |= AMBIGUOUS
+        state = back[v, state]
+
+
+@njit(cache=True, nogil=True)
+def gather(table: Any, bits: Any, chosen: Any, out: Any, flags: Any) -> None:
+    """Copy the chosen candidates into ``out`` (4, lines), and flag where the stripe ends."""
+    lines = chosen.size
+    for v in range(lines):
+        j = chosen[v]
+        if j >= 0:
+            for i in range(4):
+                out[i, v] = table[i, v, j]
+            flags[v] = bits[v, j]
+        else:
+            flags[v] = DARK | (AMBIGUOUS if not np.isnan(table[0, v, 0]) else 0)
+    for v in range(lines):
+        if chosen[v] < 0:
+            continue
+        for w in (v - 1, v + 1):
+            if 0 <= w < lines:
+                ends = chosen[w] < 0
+                if not ends:
+                    reach = EDGE_JUMP * max(out[3, v], 1.0)
+                    ends = abs(out[0, w] - out[0, v]) > reach
+                if ends:
+                    flags[v] |= EDGE
+
+
+@njit(cache=True, nogil=True)
+def roughness(out: Any) -> float:
+    """Ratio of the scatter of the centres along the stripe to their claimed sigma, at least 1.
+
+    From second differences, whose median absolute value is 0.6745·√6 sigma for pure noise;
+    smooth shape cancels in them.
+    """
+    lines = out.shape[1]
+    ratios = np.empty(lines)
+    n = 0
+    for v in range(1, lines - 1):
+        bend = out[0, v - 1] - 2.0 * out[0, v] + out[0, v + 1]
+        claimed = out[1, v - 1] ** 2 + 4.0 * out[1, v] ** 2 + out[1, v + 1] ** 2
+        if not np.isnan(bend):
+            ratios[n] = abs(bend) / np.sqrt(claimed)
+            n += 1
+    if n < 20:
+        return 1.0
+    return max(1.0, np.median(ratios[:n]) / 0.6745)

@@ -1,0 +1,194 @@
+"""Pictures → Candidates → Stripe: the doors to the kernels."""
+
+from __future__ import annotations
+
+import math
+from typing import get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Image
+from turnscan.errors import InputError
+from turnscan.stripes._settings import Choice, Strategy, StripeSettings
+from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
+
+Table = npt.NDArray[np.float64]
+Bits = npt.NDArray[np.uint16]
+
+MIN_THRESHOLD = 4.0
+"""Quantisation steps: below this the automatic threshold would follow rounding."""
+HYSTERESIS = 0.5
+"""A run above the threshold goes on down to this part of it."""
+WINDOW_LOSS = 1.3
+"""Excess speckle variance of the ±2.5 sigma window (ALGORITHMS §2.3)."""
+
+
+def find_candidates(
+    lit: Image, dark: Image | None = None, settings: StripeSettings | None = None
+) -> Candidates:
+    """Find up to K possible centres in every line of a picture.
+
+    ``lit`` and ``dark`` are (H, W) pictures with the laser on and off, uint8 or uint16, of the
+    same shape and type. Raises InputError where they are not, or where the region of interest
+    lies outside.
+    """
+    settings = settings or StripeSettings()
+    table, bits = _tables(lit, dark, settings)
+    return Candidates(table[0], table[1], table[2], table[3], bits, settings.orientation)
+
+
+def choose(candidates: Candidates, settings: StripeSettings | None = None) -> Stripe:
+    """Choose one candidate in every line.
+
+    A line where none was found or chosen is NaN with the flag DARK, and AMBIGUOUS too where the
+    path left out what was there. Where the electrons per grey level are unknown, the sigmas are
+    scaled up to the scatter of the centres along the stripe.
+    """
+    settings = settings or StripeSettings()
+    c = candidates
+    table = np.stack([c.position, c.sigma, c.amplitude, c.width])
+    return _stripe(table, c.flags.copy(), c.orientation, settings)
+
+
+def detect(lit: Image, dark: Image | None = None, settings: StripeSettings | None = None) -> Stripe:
+    """Find the stripe in a picture: `find_candidates`, then `choose`, in one go.
+
+    Lines outside the region of interest are NaN with the flag OUTSIDE, lines without light NaN
+    with the flag DARK.
+    """
+    settings = settings or StripeSettings()
+    table, bits = _tables(lit, dark, settings)
+    return _stripe(table, bits, settings.orientation, settings)
+
+
+def _tables(lit: Image, dark: Image | None, settings: StripeSettings) -> tuple[Table, Bits]:
+    """Run the kernel: (4, lines, K) position, sigma, amplitude, width, and (lines, K) flags."""
+    from turnscan.stripes._choice import drop_glow
+    from turnscan.stripes._kernels import detect_lines
+
+    lit, off, roi = _prepare(lit, dark, settings)
+    lines = lit.shape[0]
+    table = np.full((4, lines, settings.max_candidates), np.nan)
+    bits = np.zeros((lines, settings.max_candidates), np.uint16)
+    if roi[0] < roi[2] and roi[1] < roi[3]:
+        detect_lines(lit, off, roi, _terms(lit, off, roi, settings), table, bits)
+        drop_glow(table, bits)
+    bits[: roi[1], 0] |= np.uint16(StripeFlag.OUTSIDE)
+    bits[roi[3] :, 0] |= np.uint16(StripeFlag.OUTSIDE)
+    return table, bits
+
+
+def _prepare(
+    lit: Image, dark: Image | None, settings: StripeSettings
+) -> tuple[Image, Image, tuple[int, int, int, int]]:
+    """Check the pictures and lay them so that lines are rows; no laser-off picture is zeros."""
+    for name, image in (("lit", lit), ("dark", dark)):
+        if image is None:
+            continue
+        if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16) or not image.size:
+            raise InputError(
+                f"{name} is a {image.dtype} array of shape {image.shape}",
+                hint="give (H, W) uint8 or uint16; project_colour makes one of a colour picture",
+            )
+    if dark is not None and (dark.shape != lit.shape or dark.dtype != lit.dtype):
+        raise InputError(
+            f"laser on is {lit.dtype} {lit.shape}, laser off {dark.dtype} {dark.shape}",
+            hint="both pictures must come from the same camera",
+        )
+    height, width = lit.shape
+    u0, v0, u1, v1 = settings.roi or (0, 0, width, height)
+    if u1 > width or v1 > height:
+        raise InputError(
+            f"roi {settings.roi} reaches beyond the picture of {width} × {height}",
+            hint="give (u0, v0, u1, v1) with u1 ≤ width and v1 ≤ height",
+        )
+    if settings.mask is not None:
+        lit, dark, (u0, v0, u1, v1) = _masked(lit, dark, settings.mask, (u0, v0, u1, v1))
+    if settings.orientation == "horizontal":
+        lit = lit.T
+        dark = None if dark is None else dark.T
+        u0, v0, u1, v1 = v0, u0, v1, u1
+    off = np.zeros((1, lit.shape[1]), lit.dtype) if dark is None else dark
+    return _readable(lit), _readable(off), (u0, v0, u1, v1)
+
+
+def _readable(image: Image) -> Image:
+    """A contiguous read-only view: one type for the compiler, whoever owns the picture."""
+    view = np.ascontiguousarray(image).view()
+    view.flags.writeable = False
+    return view
+
+
+def _masked(
+    lit: Image, dark: Image | None, mask: npt.NDArray[np.bool_], roi: tuple[int, int, int, int]
+) -> tuple[Image, Image | None, tuple[int, int, int, int]]:
+    """Put out the light outside the mask, and shrink the region to what the mask leaves."""
+    if mask.shape != lit.shape:
+        raise InputError(
+            f"mask of shape {mask.shape} for a picture of shape {lit.shape}",
+            hint="give a mask of the picture's shape",
+        )
+    off = lit.dtype.type(0) if dark is None else dark
+    lit = np.where(mask, lit, off)
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return lit, dark, (0, 0, 0, 0)
+    u0, v0, u1, v1 = roi
+    u0, v0 = max(u0, int(columns[0])), max(v0, int(rows[0]))
+    u1, v1 = min(u1, int(columns[-1]) + 1), min(v1, int(rows[-1]) + 1)
+    return lit, dark, (u0, v0, max(u0, u1), max(v0, v1))
+
+
+def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSettings) -> object:
+    """The threshold, the noise and the rest of what the kernel needs to know."""
+    from turnscan.stripes import _kernels as kernels
+
+    level, noise = kernels.background(lit, off, roi)
+    paired = off.shape[0] > 1
+    step = s.quantisation
+    noise = max(noise, step / math.sqrt(12.0))
+    base = level if s.threshold is None else 0.0
+    threshold = s.threshold
+    if threshold is None:
+        threshold = max(s.noise_factor * noise, MIN_THRESHOLD * step)
+    variance = noise**2
+    if s.read_noise is not None:
+        variance = (2.0 if paired else 1.0) * (s.read_noise**2 + step**2 / 12.0)
+    grain = s.speckle_grain
+    speckle = 0.0
+    if grain > 0.0:
+        area = 4.0 / math.pi * grain**2
+        looks = area / math.hypot(1.0, 1.18 * grain)
+        speckle = WINDOW_LOSS * s.speckle_contrast**2 * looks / (4.0 * math.sqrt(math.pi))
+    return kernels.Terms(
+        base=float(base),
+        level=float(threshold),
+        low=float(max(HYSTERESIS * threshold, min(2.0 * noise, threshold))),
+        noise=float(noise),
+        variance=float(variance),
+        per_level=1.0 / s.electrons_per_dn if s.electrons_per_dn else 0.0,
+        with_background=s.read_noise is not None,
+        speckle=float(speckle),
+        width=float(s.width or 0.0),
+        saturation=float(s.saturation or 0.0),
+        strategy=get_args(Strategy).index(s.strategy),
+    )
+
+
+def _stripe(table: Table, bits: Bits, orientation: str, settings: StripeSettings) -> Stripe:
+    """Choose, gather, and let the scatter along the stripe have its say about sigma."""
+    from turnscan.stripes import _choice as choice
+
+    lines = table.shape[1]
+    chosen = np.empty(lines, np.int32)
+    if settings.choose == "nearest":
+        choice.path_choice(table, bits, chosen)
+    else:
+        choice.simple_choice(table, bits, get_args(Choice).index(settings.choose), chosen)
+    out = np.full((4, lines), np.nan)
+    flags = np.empty(lines, np.uint16)
+    choice.gather(table, bits, chosen, out, flags)
+    if settings.electrons_per_dn is None:
+        out[1] *= choice.roughness(out)
+    return Stripe(out[0], out[1], out[2], out[3], flags, orientation)  # type: ignore[arg-type]
