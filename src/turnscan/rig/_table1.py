@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from turnscan.rig import _paper as paper
@@ -117,29 +117,30 @@ def disagreements() -> tuple[Disagreement, ...]:
             table_1_text("delta_x"),
             eq6,
             f"Δx row: the table uses the approximation (7), εL/(f tan θ); equation (6) gives "
-            f"{_listed(eq6, 2)}, which differs at 10°",
+            f"{_listed(eq6, 2)}, which differs at {_differing('delta_x', eq6)}",
         ),
         Disagreement(
             "Table 1, ΔR",
             table_1_text("delta_r"),
             eq5,
             f"ΔR row: the table is εL/(f sin θ), that is (7) divided by cos θ; equation (5) as "
-            f"printed gives {_listed(eq5, 2)}, which differs at 10° and 15°",
+            f"printed gives {_listed(eq5, 2)}, which differs at {_differing('delta_r', eq5)}",
         ),
         Disagreement(
             "Table 1, H_max",
             table_1_text("h_max"),
             printed_h,
             f"H_max row: the table is 2(L − R_max cos θ) tan(β_max/2); the printed formula takes "
-            f"tan of β_max = 2·atan(…), the full angle, and gives {_listed(printed_h, 0)}",
+            f"tan of β_max = 2·atan(…), the full angle, and gives {_listed(printed_h, 0)}, which "
+            f"differs at {_differing('h_max', printed_h)}",
         ),
         Disagreement(
             "Table 1, ΔR/R_max",
             table_1_text("ratio"),
             ratio,
             f"ΔR/R_max row: the table divides its own rounded rows, and prints 10° to three "
-            f"places only; unrounded the row is {_listed(ratio, 5)}, so that 30° would print as "
-            f"{ratio[2]:.4f}, not {table_1_text('ratio')[2]}",
+            f"places only; unrounded the row is {_listed(ratio, 5)}, which to the printed places "
+            f"differs at {_differing('ratio', ratio)}",
         ),
         *quotes,
         Disagreement(
@@ -167,3 +168,14 @@ def _quoted_resolution(row: TableRow, theta_deg: int) -> Disagreement:
 
 def _listed(values: Iterable[float], decimals: int) -> str:
     return " ".join(as_printed(v, decimals) for v in values)
+
+
+def _differing(name: str, values: Sequence[float]) -> str:
+    """The angles at which ``values`` do not round to what Table 1 prints."""
+    places, print_ = TABLE_1_DECIMALS[name], table_1_text(name)
+    angles = [
+        f"{t:g}°"
+        for t, v, p, text in zip(TABLE_1_ANGLES_DEG, values, places, print_, strict=True)
+        if as_printed(v, p) != text
+    ]
+    return ", ".join(angles) or "no angle"
