@@ -60,8 +60,9 @@ def signal_of(lit: Image, dark: Image | None, weights: tuple[float, ...] | None)
 def statistics(signal: Pixels) -> Statistics:
     """Median and robust standard deviation of a signal, from about 20 000 of its pixels.
 
-    Values are integers more often than not, so quantiles are taken as if each were spread evenly
-    over its own grey level: the result is smooth in the true noise, also when that is below one.
+    The deviation is the distance from the median down to the 16 % quantile, because the laser only
+    adds on the other side. Values are integers more often than not, so quantiles are taken as if
+    each were spread evenly over its own grey level: smooth in the true noise, also below one.
     """
     flat = signal.ravel()
     stride = max(1, flat.size // _SAMPLES) | 1  # odd: meets every column and row parity
@@ -70,8 +71,8 @@ def statistics(signal: Pixels) -> Statistics:
         return Statistics(float(values[0]), 0.0)
     edges = np.concatenate(([values[0] - 0.5], (values[1:] + values[:-1]) / 2, [values[-1] + 0.5]))
     share = np.concatenate(([0.0], np.cumsum(counts) / counts.sum()))
-    low, middle, high = np.interp((0.158655, 0.5, 0.841345), share, edges)
-    return Statistics(float(middle), float(high - low) / 2)
+    low, middle = np.interp((0.158655, 0.5), share, edges)
+    return Statistics(float(middle), float(middle - low))
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,8 @@ def _unpacked(payload: bytes, plan: ScanPlan, own: bool, where: str) -> memoryvi
 
 def _planes(picture: Pixels) -> Pixels:
     """(H, W) or (H, W, C) → (C, H·W)."""
-    return np.ascontiguousarray(picture.reshape(picture.shape[0] * picture.shape[1], -1).T)
+    planes: Pixels = picture.reshape(picture.shape[0] * picture.shape[1], -1).T
+    return np.ascontiguousarray(planes)
 
 
 def _squeeze(planes: Pixels) -> bytes:
@@ -245,7 +247,7 @@ def _squeeze(planes: Pixels) -> bytes:
     step = planes.copy()
     step[:, 1:] -= planes[:, :-1]
     low_high = step.astype(step.dtype.newbyteorder("<")).reshape(-1).view(np.uint8)
-    return low_high.reshape(-1, step.dtype.itemsize).T.tobytes()
+    return bytes(low_high.reshape(-1, step.dtype.itemsize).T.tobytes())
 
 
 def _spread(

@@ -144,7 +144,7 @@ def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSett
     """The threshold, the noise and the rest of what the kernel needs to know."""
     from turnscan.stripes import _kernels as kernels
 
-    level, noise = kernels.background(lit, off, roi)
+    level, noise = s.background or kernels.background(lit, off, roi)
     paired = off.shape[0] > 1
     step = s.quantisation
     noise = max(noise, step / math.sqrt(12.0))

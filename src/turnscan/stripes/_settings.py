@@ -50,6 +50,9 @@ class StripeSettings:
     """Grey levels above the background; None takes it from the noise of the picture."""
     noise_factor: float = 7.0
     """Automatic threshold = this factor × the robust noise of the background."""
+    background: tuple[float, float] | None = None
+    """(level, noise) in grey levels of lit − dark (or of lit) away from the stripe, where they are
+    known already, as they are for a frame of a scan file that no longer holds its background."""
     max_candidates: int = 3
     """Candidates kept in a line, 1 to 5; the brightest are kept."""
     orientation: Orientation = "vertical"
@@ -86,6 +89,11 @@ class StripeSettings:
             _positive(name, getattr(self, name), zero=False)
         for name in ("read_noise", "quantisation", "speckle_contrast", "speckle_grain"):
             _positive(name, getattr(self, name), zero=True)
+        if self.background is not None:
+            level, noise = self.background
+            if not math.isfinite(level):
+                raise InputError(f"background level is {level}", hint="give a finite number")
+            _positive("background noise", noise, zero=True)
         if self.roi is not None:
             u0, v0, u1, v1 = self.roi
             if not (0 <= u0 < u1 and 0 <= v0 < v1):
