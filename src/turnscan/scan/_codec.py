@@ -9,8 +9,8 @@ A payload is one zstd frame. Its content, all little-endian (docs/reference/scan
     full    lit pixels, and dark pixels where the frame has its own
 
 Lines are image rows for a vertical stripe and image columns for a horizontal one. Pixels stand
-channel by channel, as differences from the pixel before (modulo 2^bits), 16-bit ones as all low
-bytes and then all high bytes: that is what zstd packs best.
+channel by channel (red and blue less green), as differences from the pixel before, all modulo
+2^bits, 16-bit ones as all low bytes and then all high bytes: that is what zstd packs best.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Dark = Literal["own", "background", "none"]
 Project = Callable[[Image], Pixels]
 """Colour pixels (H, W, 3) → signal (H, W); applied to the kept pixels only, as one long line."""
 
-_LEVEL = 3
+_LEVEL = 1
 _SAMPLES = 20_000
 _U32 = np.dtype("<u4")
 
@@ -244,6 +244,8 @@ def _planes(picture: Pixels) -> Pixels:
 
 def _squeeze(planes: Pixels) -> bytes:
     """(C, N) pixels → bytes that pack well: differences, low bytes before high bytes."""
+    if len(planes) == 3:
+        planes = planes - np.stack([planes[1], np.zeros_like(planes[1]), planes[1]])
     step = planes.copy()
     step[:, 1:] -= planes[:, :-1]
     low_high = step.astype(step.dtype.newbyteorder("<")).reshape(-1).view(np.uint8)
@@ -260,7 +262,8 @@ def _spread(
         raw = np.ascontiguousarray(raw.reshape(2, -1).T).reshape(-1).view("<u2")
     values = np.cumsum(raw.reshape(channels, count), axis=1, dtype=dtype)
     if channels == 1:
-        return values[0]
+        return np.asarray(values[0])
+    values[::2] += values[1]
     pixels = np.ascontiguousarray(values.T)
     return pixels if project is None else project(pixels[np.newaxis])[0]
 

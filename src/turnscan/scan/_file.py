@@ -200,8 +200,8 @@ class Scan:
             self._check_picture(off, f"dark picture of step {frame.step}")
         signal = signal_of(frame.lit, off, self.plan.weights)
         seen = statistics(signal)
-        threshold = self.plan.threshold + (seen.level if off is None else 0.0)
-        payload = encode(frame.lit, off, dark == "own", signal, threshold, self.plan)
+        bright = seen.level + self.plan.threshold
+        payload = encode(frame.lit, off, dark == "own", signal, bright, self.plan)
         row = self._new_row(
             "lit", frame, dark, payload, settings_to_json(frame.settings), seen.noise, seen.level
         )

@@ -43,10 +43,11 @@ class ScanPlan:
     steps: int
     """Table positions 0 … steps − 1 of each laser."""
     threshold: float
-    """Grey levels of the signal above which a pixel of a sparse frame is kept."""
+    """Grey levels above the median of the signal from which a pixel of a sparse frame is kept."""
     keep: Keep = "sparse"
-    margin: int = 12
-    """px kept on both sides of every pixel above the threshold, along the scan direction."""
+    margin: int = 32
+    """px kept on both sides of every pixel above the threshold, along the scan direction: the
+    window of a stripe up to 5 px wide (rms) and the flanks its background is taken from."""
     orientation: Literal["vertical", "horizontal"] = "vertical"
     """Of the stripe: a vertical one is cut by image rows, a horizontal one by image columns."""
     weights: tuple[float, float, float] | None = None
