@@ -121,13 +121,7 @@ def _in_the_sheet(ax: Axes, d: Design, levels: Floats) -> None:
     ax.plot(R, -half, color=_CAMERA, lw=1.0)
     ax.plot([0, 0], [-half.max(), half.max()], color="black", ls="-.", lw=1.2)
     ax.annotate(
-        "rotation axis",
-        (0, half.max()),
-        (4, 0),
-        textcoords="offset points",
-        rotation="vertical",
-        va="top",
-        fontsize=8,
+        "rotation axis", (0, -half.max()), (0, -12), textcoords="offset points", ha="center"
     )
     box = d.r_max, d.h_max / 2
     ax.plot(
@@ -148,8 +142,8 @@ def _in_the_sheet(ax: Axes, d: Design, levels: Floats) -> None:
         xlabel="R along the sheet, mm (negative: behind the axis)",
         ylabel="z from the camera's plane, mm",
     )
-    ax.set_ylim(-1.55 * half.max(), 1.08 * half.max())
-    ax.legend(loc="lower right", fontsize=8, facecolor="#cccccc")
+    ax.set_ylim(-1.7 * half.max(), 1.08 * half.max())
+    ax.legend(loc="lower left", fontsize=8, facecolor="#cccccc")
 
 
 def _over_radius(ax: Axes, d: Design) -> None:
@@ -175,6 +169,7 @@ def _over_radius(ax: Axes, d: Design) -> None:
         xlim=(0, d.r_max),
     )
     ax.grid(alpha=0.3, which="both")
+    ax.yaxis.set_major_formatter("{x:g}")
     ax.legend(fontsize=8)
 
 

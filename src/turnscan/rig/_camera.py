@@ -7,14 +7,17 @@ row) with (0, 0) at the centre of the top-left pixel.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
 
-_ROUNDS = 60
+_ROUNDS = 30
 _SETTLED = 1e-13
+_CLOSED = 1e-9
+_BLOCK = 8192
 
 
 @dataclass(frozen=True)
@@ -68,21 +71,30 @@ class Camera:
         return np.concatenate([self.distortion, np.zeros(7), self.tilt])
 
     def project(self, points: npt.ArrayLike) -> Floats:
-        """Points (..., 3) in the camera frame, mm → pixels (..., 2); NaN behind the camera."""
+        """Points (..., 3) in the camera frame, mm → pixels (..., 2).
+
+        NaN behind the camera, and so far aside that the lens polynomial has turned back on itself:
+        it would put such points into the picture as ghosts.
+        """
         X = np.asarray(points, dtype=np.float64)
         z = np.where(X[..., 2] > 0, X[..., 2], np.nan)
-        xy = self._distort(X[..., :2] / z[..., None])
-        xy = self._tilted(xy)
+        with np.errstate(over="ignore", invalid="ignore"):
+            xy = X[..., :2] / z[..., None]
+            if self.distortion.any():
+                inside = (xy * xy).sum(axis=-1) < self._fold()
+                xy = self._distort(np.where(inside[..., None], xy, np.nan))
+            xy = self._tilted(xy)
         pixels: Floats = xy * (self.fx, self.fy) + (self.cx, self.cy)
         return pixels
 
     def normalised(self, pixels: npt.ArrayLike) -> Floats:
         """Pixels (..., 2) → undistorted image coordinates (..., 2) on the plane z = 1.
 
-        NaN where the pixel is NaN or where the lens model cannot be inverted (the iteration does
-        not come back to the pixel it started from, which happens outside the calibrated field).
+        NaN where the pixel is NaN or infinite, and where the lens model cannot be inverted: no
+        direction before the polynomial's fold leads to that pixel.
         """
         uv = np.asarray(pixels, dtype=np.float64)
+        uv = np.where(np.isfinite(uv), uv, np.nan)
         target = self._untilted((uv - (self.cx, self.cy)) / (self.fx, self.fy))
         if not self.distortion.any():
             return target
@@ -113,52 +125,77 @@ class Camera:
         return inverse
 
     def _distortion_jacobian(self, xy: Floats) -> Floats:
-        k1, k2, p1, p2, k3 = self.distortion
-        x, y = xy[..., 0], xy[..., 1]
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2.0 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
-        J = np.empty((*x.shape, 2, 2))
-        J[..., 0, 0] = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-        J[..., 1, 1] = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
-        J[..., 0, 1] = J[..., 1, 0] = slope * x * y + 2 * p1 * x + 2 * p2 * y
+        J = np.empty((*xy.shape[:-1], 2, 2))
+        J[..., 0, 0], J[..., 0, 1], J[..., 1, 1] = self._lens_slopes(xy[..., 0], xy[..., 1])
+        J[..., 1, 0] = J[..., 0, 1]
         return J
 
     def _distort(self, xy: Floats) -> Floats:
+        return np.stack(self._lens(xy[..., 0], xy[..., 1]), axis=-1)
+
+    def _lens(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Undistorted (x, y) → distorted (x, y)."""
         k1, k2, p1, p2, k3 = self.distortion
-        x, y = xy[..., 0], xy[..., 1]
         r2 = x * x + y * y
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        return np.stack(
-            [
-                x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-                y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-            ],
-            axis=-1,
+        return (
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
         )
 
+    def _lens_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """The lens's derivatives ∂x/∂x, ∂x/∂y = ∂y/∂x and ∂y/∂y at undistorted (x, y)."""
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
+        return (
+            radial + slope * x * x + 2 * p1 * y + 6 * p2 * x,
+            slope * x * y + 2 * p1 * x + 2 * p2 * y,
+            radial + slope * y * y + 6 * p1 * y + 2 * p2 * x,
+        )
+
+    def _fold(self) -> float:
+        """The r² at which the radial polynomial stops growing; infinite when it never does."""
+        k1, k2, _, _, k3 = self.distortion
+        roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+        real = roots[np.abs(roots.imag) <= 1e-12 * np.abs(roots)].real
+        return float(np.min(real[real > 0], initial=np.inf))
+
     def _undistorted(self, target: Floats) -> Floats:
-        """Newton's method on the 2×2 system distort(xy) = target, all points at once."""
-        xy = target.copy()
+        """Undo the lens for target (..., 2), in blocks that stay in the processor's cache."""
+        x, y = target[..., 0].ravel(), target[..., 1].ravel()
+        blocks = range(0, len(x), _BLOCK)
+        solved = [self._newton(x[i : i + _BLOCK], y[i : i + _BLOCK]) for i in blocks]
+        return np.concatenate([*solved, np.empty((0, 2))]).reshape(target.shape)
+
+    def _newton(self, x_lens: Floats, y_lens: Floats) -> Floats:
+        """Newton's method on lens(x, y) = (x_lens, y_lens), every point until it has settled.
+
+        It starts at the target, from where it runs towards a radial polynomial's first root
+        without passing it. NaN where that does not lead back to the target before the fold.
+        """
+        x, y = x_lens.copy(), y_lens.copy()
+        moving: Any = slice(None)
         with np.errstate(all="ignore"):
             for _ in range(_ROUNDS):
-                J = self._distortion_jacobian(xy)
-                jxx, jxy, jyy = J[..., 0, 0], J[..., 0, 1], J[..., 1, 1]
-                error = self._distort(xy) - target
+                at_x, at_y = x[moving], y[moving]
+                jxx, jxy, jyy = self._lens_slopes(at_x, at_y)
+                ex, ey = self._lens(at_x, at_y)
+                ex, ey = ex - x_lens[moving], ey - y_lens[moving]
                 det = jxx * jyy - jxy * jxy
-                step = np.stack(
-                    [
-                        (jyy * error[..., 0] - jxy * error[..., 1]) / det,
-                        (jxx * error[..., 1] - jxy * error[..., 0]) / det,
-                    ],
-                    axis=-1,
-                )
-                xy = xy - step
-                if not np.nanmax(np.abs(step), initial=0.0) > _SETTLED:
+                step_x, step_y = (jyy * ex - jxy * ey) / det, (jxx * ey - jxy * ex) / det
+                x[moving], y[moving] = at_x - step_x, at_y - step_y
+                far = np.abs(step_x) + np.abs(step_y) > _SETTLED
+                if not far.any():
                     break
-            # A fold of the lens polynomial has det <= 0: the pixel there has no single ray.
-            wrong = (np.abs(self._distort(xy) - target).max(axis=-1) > 1e-9) | ~(det > 0)
-        return np.where(wrong[..., None], np.nan, xy)
+                if not far.all():
+                    moving = np.flatnonzero(far) if isinstance(moving, slice) else moving[far]
+            jxx, jxy, jyy = self._lens_slopes(x, y)
+            ex, ey = self._lens(x, y)
+            good = np.abs(ex - x_lens) + np.abs(ey - y_lens) <= _CLOSED
+            good &= (jxx * jyy > jxy * jxy) & (x * x + y * y < self._fold())
+        return np.where(good[:, None], np.stack([x, y], axis=-1), np.nan)
 
     def _tilt_matrix(self) -> Floats:
         tx, ty = self.tilt

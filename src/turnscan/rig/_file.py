@@ -24,7 +24,7 @@ Vec5 = tuple[float, float, float, float, float]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class _CameraFile(_Strict):
@@ -109,9 +109,9 @@ def rig_from_json(text: str, source: str = "rig") -> Rig:
     if len(text) > _MAX_BYTES:
         raise LimitExceeded(f"{source}: {len(text)} characters; a rig has at most {_MAX_BYTES}")
     try:
-        body = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
-        parsed = _RigFile.model_validate(body)
-        return _build(parsed)
+        # Once for what pydantic lets pass (keys that stand twice, NaN), once for the types.
+        json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+        return _build(_RigFile.model_validate_json(text))
     except ValidationError as e:
         first = e.errors()[0]
         key = ".".join(str(p) for p in first["loc"]) or "top level"

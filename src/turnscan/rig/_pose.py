@@ -11,9 +11,15 @@ from turnscan.arrays import Floats, frozen
 
 
 def rotation_about(axis: npt.ArrayLike, angle: float) -> Floats:
-    """Rotation matrix (3, 3) by ``angle`` radians about the direction ``axis`` (Rodrigues)."""
-    w = np.asarray(axis, dtype=np.float64)
-    w = w / np.linalg.norm(w)
+    """Rotation matrix (3, 3) by ``angle`` radians about the direction ``axis`` (Rodrigues).
+
+    Raises ValueError for an axis that has no direction.
+    """
+    w = frozen(axis, (3,), "axis")
+    length = float(np.linalg.norm(w))
+    if not 1e-300 < length < np.inf:
+        raise ValueError(f"axis: {w} has no direction")
+    w = w / length
     cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
     turned: Floats = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
     return turned

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
 
-_BOW_ROUNDS = 8
-
 
 @dataclass(frozen=True)
 class LaserSheet:
@@ -79,26 +77,29 @@ class LaserSheet:
     def intersect(self, rays: npt.ArrayLike) -> Floats:
         """Rays (..., 3) from the camera centre → points (..., 3) mm where they meet the sheet.
 
-        NaN where the ray runs along the sheet or meets it behind the camera.
+        NaN where the ray runs along the sheet, meets it behind the camera or, when it is bent,
+        misses it.
         """
         d = np.asarray(rays, dtype=np.float64)
         with np.errstate(all="ignore"):
-            slope = d @ self.normal
-            t = (self.centre @ self.normal) / slope
-            if self.bow.any():
-                t = self._bent(d, t)
+            t = self._range(d)
             t = np.where((t > 0) & np.isfinite(t), t, np.nan)
         points: Floats = t[..., None] * d
         return points
 
-    def _bent(self, d: Floats, t: Floats) -> Floats:
+    def _range(self, d: Floats) -> Floats:
+        """How many times d reaches from the camera to the sheet.
+
+        Along a ray the bent sheet is a quadratic A t² + B t + C = 0; of its two roots this is the
+        one that becomes the plane's, −C/B, as the bow vanishes. NaN where the ray misses.
+        """
+        B, C = d @ self.normal, -(self.centre @ self.normal)
+        if not self.bow.any():
+            return np.asarray(-C / B)
         e1, e2 = self.axes
-        slope, da, db = d @ self.normal, d @ e1, d @ e2
-        q = self.bow
-        for _ in range(_BOW_ROUNDS):
-            p = t[..., None] * d - self.centre
-            a, b = p @ e1, p @ e2
-            f = p @ self.normal - (q[0] * a * a + q[1] * a * b + q[2] * b * b)
-            df = slope - (2 * q[0] * a * da + q[1] * (a * db + b * da) + 2 * q[2] * b * db)
-            t = t - f / df
-        return t
+        da, db, a, b = d @ e1, d @ e2, -(self.centre @ e1), -(self.centre @ e2)
+        q_aa, q_ab, q_bb = self.bow
+        A = -(q_aa * da * da + q_ab * da * db + q_bb * db * db)
+        B = B - (2 * q_aa * a * da + q_ab * (a * db + b * da) + 2 * q_bb * b * db)
+        C = C - (q_aa * a * a + q_ab * a * b + q_bb * b * b)
+        return np.asarray(-2 * C / (B + np.copysign(np.sqrt(B * B - 4 * A * C), B)))
