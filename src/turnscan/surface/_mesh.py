@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Ints, frozen
+from turnscan.arrays import Bools, Floats, Ints, frozen
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Mesh:
     """One entry per vertex, or None for a mesh that nobody measured."""
     colour: npt.NDArray[np.uint8] | None = field(default=None)
     """(v, 3) red, green, blue, or None."""
+    measured: Bools | None = field(default=None)
+    """(f,) False for a face that closes a gap and was not measured; None when all were."""
 
     def __post_init__(self) -> None:
         v, f = len(self.vertices), len(self.faces)
@@ -55,6 +57,8 @@ class Mesh:
         put(self, "faces", faces)
         if self.provenance is not None and len(self.provenance.sigma) != v:
             raise ValueError(f"Mesh.provenance: {len(self.provenance.sigma)} entries, {v} vertices")
+        if self.measured is not None:
+            put(self, "measured", frozen(self.measured, (f,), "Mesh.measured", np.bool_))
         if self.colour is not None:
             put(self, "colour", frozen(self.colour, (v, 3), "Mesh.colour", np.uint8))
 

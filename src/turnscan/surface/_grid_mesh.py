@@ -1,0 +1,141 @@
+"""RangeGrid → Mesh: neighbouring profiles pasted together, torn where the surface is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.points import RangeGrid
+from turnscan.surface._mesh import Mesh, Provenance
+
+
+@dataclass(frozen=True)
+class Tears:
+    """When two neighbours in the grid are not one surface."""
+
+    stretch: float = 4.0
+    """A side longer than this many local spacings (the median of it and its neighbours in the
+    same direction, so a surface seen at an angle is allowed its wider spacing) …"""
+    jump: float = 5.0
+    """… and longer than this many combined sigma, is torn."""
+    grazing: float = float(np.deg2rad(80.0))
+    """Radians: a face whose normal lies further than this from the viewing ray and whose depth is
+    more than ``jump`` combined sigma, is torn."""
+
+    def __post_init__(self) -> None:
+        if not (self.stretch > 1 and self.jump >= 0 and 0 < self.grazing <= np.pi / 2):
+            raise ValueError(f"Tears: stretch {self.stretch}, jump {self.jump}, {self.grazing} rad")
+
+
+def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
+    """Paste neighbouring profiles of one grid into a mesh (paper §3, ALGORITHMS §5.1).
+
+    Each quad of the grid is cut along its shorter diagonal; where a corner is missing or torn off
+    the other three still make a face. The seam closes where ``grid.closed`` and there are at
+    least three steps. All faces look outward: towards the camera that saw them, or away from the
+    axis where the camera's place is not known. Every side has one or two faces.
+    """
+    vertices, faces, flat, _ = _faces(grid, tears or Tears())
+    s, n = grid.flags.shape
+    step, line = np.divmod(flat, max(n, 1))
+    return Mesh(
+        vertices,
+        faces,
+        Provenance(
+            sigma=grid.sigma.reshape(s * n)[flat],
+            laser=np.zeros(len(flat), dtype=np.int32),
+            step=grid.steps[step],
+            line=line.astype(np.int32),
+            lasers=(grid.laser,),
+        ),
+    )
+
+
+def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints, int]:
+    from turnscan.surface import _grid_kernels as kernels
+
+    s, n = grid.flags.shape
+    side = np.zeros((s, n), dtype=np.bool_) if grid.behind is None else grid.behind
+    eyes = np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes
+    closed = grid.closed and s >= 3
+    to_step, to_line = kernels.edges(grid.points, side, closed)
+    usual_step = kernels.usual(to_step, True, closed, _floor(to_step))
+    usual_line = kernels.usual(to_line, False, False, _floor(to_line))
+    faces, torn = kernels.triangulate(
+        grid.points,
+        grid.sigma,
+        side,
+        eyes,
+        to_step,
+        to_line,
+        usual_step,
+        usual_line,
+        closed,
+        tears.stretch,
+        tears.jump,
+        float(np.cos(tears.grazing)),
+    )
+    points = grid.points.reshape(s * n, 3)
+    if _inward(points, faces, eyes, n) < 0:
+        faces = faces[:, ::-1]
+    used = np.zeros(s * n, dtype=np.bool_)
+    used[faces] = True
+    flat = np.flatnonzero(used).astype(np.int32)
+    new = np.cumsum(used, dtype=np.int32) - 1
+    return points[flat], new[faces].astype(np.int32).reshape(-1, 3), flat, int(torn)
+
+
+def _floor(lengths: Floats) -> float:
+    """Half the usual spacing of the whole grid: what is denser than that is never torn for it."""
+    have = lengths[~np.isnan(lengths)]
+    return max(0.5 * float(np.median(have)), 1e-12) if len(have) else 1.0
+
+
+def _inward(points: Floats, faces: Ints, eyes: Floats, n: int) -> float:
+    """Positive where the grid's winding makes the faces look at the camera, on the whole.
+
+    The faces of a grid wind alike, so one sign holds for all of them.
+    """
+    if not len(faces):
+        return 1.0
+    some = faces[:: max(1, len(faces) // 20_000)]
+    t = points[some]
+    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    eye = eyes[some[:, 0] // n]
+    outward = np.where(np.isnan(eye), t[:, 0] * (1.0, 1.0, 0.0), eye - t[:, 0])
+    return float(np.einsum("ij,ij->", normal, outward))
+
+
+def vertex_normals(mesh: Mesh) -> Floats:
+    """(v, 3) unit normals of the vertices, their faces weighted by area; NaN without a face."""
+    t = mesh.triangles
+    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    total = np.zeros((len(mesh.vertices), 3))
+    for corner in range(3):
+        for axis in range(3):
+            total[:, axis] += np.bincount(
+                mesh.faces[:, corner], normal[:, axis], minlength=len(total)
+            )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        unit: Floats = total / np.linalg.norm(total, axis=1, keepdims=True)
+    return unit
+
+
+def submesh(mesh: Mesh, keep: Bools) -> Mesh:
+    """The mesh of the faces where ``keep`` (f,) is True, without vertices that nobody uses."""
+    faces = mesh.faces[keep]
+    used = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    used[faces] = True
+    new = np.cumsum(used) - 1
+    p = mesh.provenance
+    return Mesh(
+        mesh.vertices[used],
+        new[faces].astype(np.int32).reshape(-1, 3),
+        None
+        if p is None
+        else Provenance(p.sigma[used], p.laser[used], p.step[used], p.line[used], p.lasers),
+        None if mesh.colour is None else mesh.colour[used],
+        None if mesh.measured is None else mesh.measured[keep],
+    )

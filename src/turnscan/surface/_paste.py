@@ -1,0 +1,164 @@
+"""Several grids → one mesh, and what is taken away from it: double cover and islands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.errors import InputError
+from turnscan.points import RangeGrid, RangeScan
+from turnscan.rig import Pose
+from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh, vertex_normals
+from turnscan.surface._mesh import Mesh, Provenance
+
+_ALIKE = 0.5
+"""Two surfaces are the same one where their normals are within 60°."""
+_NOISE = 3.0
+"""Sigmas that two measurements of one surface may lie apart, on top of their spacing."""
+
+
+def paste(
+    grids: Iterable[RangeGrid], tears: Tears | None = None, *, keep_double: bool = False
+) -> Mesh:
+    """Mesh every grid and join them as one mesh with the provenance of each vertex.
+
+    What was measured twice is kept once: grids come in their order, what the sheet met beyond the
+    rotation axis comes last, and a face is left out where all its corners lie on a surface already
+    there (nearer than that surface's own spacing plus three sigma, normals within 60°).
+    ``keep_double`` keeps all. The patches overlap by at most a face at their borders and are not
+    sewn together; measurements of two lasers are not averaged.
+    """
+    fronts, backs = [], []
+    for grid in grids:
+        behind = np.zeros(grid.flags.shape, bool) if grid.behind is None else grid.behind
+        fronts.append(_part(grid, ~behind, tears))
+        if behind.any():
+            backs.append(_part(grid, behind, tears))
+    parts = [m for m in fronts + backs if len(m.faces)]
+    if not parts:
+        return fronts[0] if fronts else Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+    return join(parts if keep_double else _once(parts))
+
+
+def _part(grid: RangeGrid, keep: Bools, tears: Tears | None) -> Mesh:
+    points = np.where(keep[..., None], grid.points, np.nan)
+    return mesh_grid(replace(grid, points=points), tears)
+
+
+def _once(parts: Sequence[Mesh]) -> list[Mesh]:
+    from scipy.spatial import cKDTree
+
+    done = [parts[0]]
+    for mesh in parts[1:]:
+        normals = vertex_normals(mesh)
+        covered = np.zeros(len(mesh.vertices), dtype=np.bool_)
+        for other in done:
+            near, which = cKDTree(other.vertices).query(mesh.vertices)
+            alike = np.einsum("ij,ij->i", normals, vertex_normals(other)[which]) > _ALIKE
+            covered |= alike & (near <= (_reach(other) + _noise(other))[which] + _noise(mesh))
+        left = submesh(mesh, np.asarray(~covered[mesh.faces].all(axis=1)))
+        if len(left.faces):
+            done.append(left)
+    return done
+
+
+def _reach(mesh: Mesh) -> Floats:
+    """(v,) mm: the longest side at each vertex."""
+    reach = np.zeros(len(mesh.vertices))
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        ends = mesh.faces[:, [a, b]]
+        length = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
+        np.maximum.at(reach, ends[:, 0], length)
+        np.maximum.at(reach, ends[:, 1], length)
+    return reach
+
+
+def _noise(mesh: Mesh) -> Floats:
+    if mesh.provenance is None:
+        return np.zeros(len(mesh.vertices))
+    return _NOISE * np.nan_to_num(mesh.provenance.sigma)
+
+
+def join(meshes: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one, side by side; the provenance of each vertex stays with it."""
+    starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
+    lasers = tuple(dict.fromkeys(n for m in meshes if m.provenance for n in m.provenance.lasers))
+    some = any(m.measured is not None for m in meshes)
+    return Mesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.faces + k for m, k in zip(meshes, starts, strict=False)]),
+        _joined(meshes, lasers) if all(m.provenance is not None for m in meshes) else None,
+        np.concatenate([m.colour for m in meshes if m.colour is not None])
+        if all(m.colour is not None for m in meshes)
+        else None,
+        np.concatenate([measured(m) for m in meshes]) if some else None,
+    )
+
+
+def measured(mesh: Mesh) -> Bools:
+    """(f,) True for the faces that were measured."""
+    return np.ones(len(mesh.faces), bool) if mesh.measured is None else mesh.measured
+
+
+def _joined(meshes: Sequence[Mesh], lasers: tuple[str, ...]) -> Provenance:
+    known = [m.provenance for m in meshes if m.provenance is not None]
+    index = []
+    for p in known:
+        table = np.array([*(lasers.index(n) for n in p.lasers), -1], dtype=np.int32)
+        index.append(table[p.laser])
+    return Provenance(
+        np.concatenate([p.sigma for p in known]),
+        np.concatenate(index),
+        np.concatenate([p.step for p in known]),
+        np.concatenate([p.line for p in known]),
+        lasers,
+    )
+
+
+def components(mesh: Mesh) -> Ints:
+    """(f,) the number of the connected piece that each face belongs to, from 0."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    v = len(mesh.vertices)
+    a = mesh.faces[:, [0, 1]].ravel()
+    b = mesh.faces[:, [1, 2]].ravel()
+    graph = coo_array((np.ones(len(a), np.int8), (a, b)), shape=(v, v))
+    _, label = connected_components(graph, directed=False)
+    return np.unique(label[mesh.faces[:, 0]], return_inverse=True)[1].astype(np.int32)
+
+
+def drop_islands(mesh: Mesh, smallest: int) -> tuple[Mesh, int, int]:
+    """The mesh without pieces of fewer than ``smallest`` faces; how many pieces and faces went."""
+    if smallest <= 1 or not len(mesh.faces):
+        return mesh, 0, 0
+    label = components(mesh)
+    size: npt.NDArray[np.intp] = np.bincount(label)
+    keep = size[label] >= smallest
+    if keep.all():
+        return mesh, 0, 0
+    return submesh(mesh, keep), int((size < smallest).sum()), int((~keep).sum())
+
+
+def join_range_scans(
+    scans: Sequence[RangeScan],
+    placements: Mapping[str, Pose],
+    tears: Tears | None = None,
+    *,
+    keep_double: bool = False,
+) -> Mesh:
+    """Range scans of another scanner, brought together by their placements and pasted.
+
+    Raises InputError for a scan without a placement.
+    """
+    missing = [s.name for s in scans if s.name not in placements]
+    if missing:
+        raise InputError(
+            f"no placement for {', '.join(missing)}", hint="add a bmesh line for each scan"
+        )
+    grids = (s.range_grid(placements[s.name]) for s in scans)
+    return paste(grids, tears, keep_double=keep_double)
