@@ -34,14 +34,15 @@ def hashed_cells(points: Floats, size: float) -> Keys:
     return keys
 
 
-def index_of_lit(pixels: npt.NDArray[np.int32], shape: tuple[int, int]) -> npt.NDArray[np.int32]:
+def index_of_lit(
+    pixels: npt.NDArray[np.int32], energy: Singles, shape: tuple[int, int]
+) -> npt.NDArray[np.int32]:
     """(H, W) index of each lit pixel in the list, -1 where dark.
 
     Raises ValueError where a pixel is listed twice.
     """
     lit = np.full(shape, -1, np.int32)
-    lit[pixels[:, 0], pixels[:, 1]] = np.arange(len(pixels), dtype=np.int32)
-    if np.count_nonzero(lit >= 0) != len(pixels):
+    if _index(pixels, energy, lit):
         raise ValueError("speckled: a pixel is listed twice")
     return lit
 
@@ -76,15 +77,18 @@ def expose_window(
         _gather_phase(lit, r0 - apron, c0, r1 + apron, c1, phase, turns)
     amplitude = np.zeros(size, np.float32)
     _amplitudes(light, ids, _lobe(grain, per_pixel), amplitude)
-    core = slice(apron * per_pixel[0], (apron + r1 - r0) * per_pixel[0])
+    # One row of cells more at either end: the rule that integrates a pixel reaches over its edge.
+    core = slice(apron * per_pixel[0] - 1, (apron + r1 - r0) * per_pixel[0] + 1)
+    place = (r0, c0, c1 - c0)
+    rules = [_rule(n, g) for n, g in zip(per_pixel, grain, strict=True)]
     field = np.empty(size, np.complex64)
     for k, share in enumerate(shares):
         _dress(amplitude, ids, turns, seed64(seed, k), phasor_table(), _turns(), field)
         seen = _low_passed(field, _pupil(grain, per_pixel, size), core)
-        _integrate(seen, share, per_pixel[0], per_pixel[1], r0, c0, c1, out)
+        _integrate(_intensity(seen), share, *rules, *place, out)
     if plain:
         seen = _low_passed(light.astype(np.complex64), _transfer(grain, per_pixel, size), core)
-        _sum_up(seen.real, plain, per_pixel[0], per_pixel[1], r0, c0, c1, out)
+        _integrate(seen.real, plain, *rules, *place, out)
 
 
 def gamma_field(keys: Keys, seed: int, spread: float, neighbours: tuple[float, float]) -> Singles:
@@ -122,6 +126,22 @@ def _lobe(grain: Grain, per_pixel: tuple[int, int]) -> Singles:
     y = np.arange(-reach[0], reach[0] + 1)[:, None] * step[0]
     x = np.arange(-reach[1], reach[1] + 1)[None, :] * step[1]
     return jinc(np.hypot(y, x)).astype(np.float32)
+
+
+@lru_cache(maxsize=32)
+def _rule(cells: int, grain: float) -> Singles:
+    """(cells + 2,) weights of the cells of a pixel, and of one beyond either edge.
+
+    They integrate light that has no frequency above 1/(λN'). The plain sum would let too much
+    of the finest grain pass when a cell is half a grain: each cell must stand for its own mean,
+    which a three-point average (a, 1 - 2a, a) gives, exact here at half the highest frequency.
+    """
+    beta = 1.0 / (cells * grain)
+    a = (1.0 - np.sinc(0.5 * beta)) / (2.0 * (1.0 - math.cos(math.pi * beta)))
+    rule = np.ones(cells + 2)
+    rule[[0, -1]] = a
+    rule[[1, -2]] -= a
+    return rule.astype(np.float32)
 
 
 def _radius(grain: Grain, per_pixel: tuple[int, int], size: tuple[int, int]) -> Floats:
@@ -170,6 +190,18 @@ def _turns() -> Complexes:
     table = np.exp(2j * np.pi * (np.arange(_TURN) + 0.5) / _TURN).astype(np.complex64)
     table.flags.writeable = False
     return table
+
+
+@njit(cache=True, nogil=True)
+def _index(pixels: npt.NDArray[np.int32], energy: Singles, lit: npt.NDArray[np.int32]) -> bool:
+    """Fill ``lit``; pixels without energy stay dark. True where a pixel is listed twice."""
+    twice = False
+    for i in range(len(pixels)):
+        r, c = pixels[i, 0], pixels[i, 1]
+        if energy[i].max() > 0.0:
+            twice |= lit[r, c] >= 0
+            lit[r, c] = i
+    return twice
 
 
 @njit(cache=True, nogil=True)
@@ -327,31 +359,40 @@ def _dress(
 
 
 @njit(cache=True, nogil=True)
-def _integrate(
-    seen: Complexes, share: float, oy: int, ox: int, r0: int, c0: int, c1: int, out: Singles
-) -> None:
-    """Add the intensity of the cells of each pixel to the picture."""
-    for r in range(seen.shape[0] // oy):
-        for c in range(c1 - c0):
-            total = np.float32(0.0)
-            for y in range(r * oy, (r + 1) * oy):
-                for x in range(c * ox, (c + 1) * ox):
-                    value = seen[y, x]
-                    total += value.real * value.real + value.imag * value.imag
-            out[r0 + r, c0 + c] += np.float32(share) * total
+def _intensity(seen: Complexes) -> Singles:
+    out = np.empty(seen.shape, np.float32)
+    for r in range(seen.shape[0]):
+        for c in range(seen.shape[1]):
+            value = seen[r, c]
+            out[r, c] = value.real * value.real + value.imag * value.imag
+    return out
 
 
 @njit(cache=True, nogil=True)
-def _sum_up(
-    light: Singles, share: float, oy: int, ox: int, r0: int, c0: int, c1: int, out: Singles
+def _integrate(
+    light: Singles,
+    share: float,
+    down: Singles,
+    across: Singles,
+    r0: int,
+    c0: int,
+    columns: int,
+    out: Singles,
 ) -> None:
-    """Add the cells of each pixel of light that needs no squaring to the picture."""
-    for r in range(light.shape[0] // oy):
-        for c in range(c1 - c0):
+    """Add the light of each pixel to the picture; ``light`` has one row more at either end."""
+    oy, ox = len(down) - 2, len(across) - 2
+    width = light.shape[1]
+    rows = (light.shape[0] - 2) // oy
+    strip = np.empty(width, np.float32)
+    for r in range(rows):
+        strip[:] = 0.0
+        for y in range(oy + 2):
+            for x in range(width):
+                strip[x] += down[y] * light[r * oy + y, x]
+        for c in range(columns):
             total = np.float32(0.0)
-            for y in range(r * oy, (r + 1) * oy):
-                for x in range(c * ox, (c + 1) * ox):
-                    total += light[y, x]
+            for x in range(ox + 2):
+                total += across[x] * strip[(c * ox + x - 1 + width) % width]
             out[r0 + r, c0 + c] += np.float32(share) * max(total, np.float32(0.0))
 
 

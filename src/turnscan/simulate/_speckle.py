@@ -27,8 +27,8 @@ Grain = tuple[float, float]
 
 MAX_PATTERNS = 4
 """Patterns computed at most; lower contrasts are had by mixing in speckle-free light."""
-_LEAST_CELLS = 2
-_MOST_CELLS = 64
+_LEAST_CELLS = 4
+_MOST_CELLS = 128
 _CHUNK_ROWS = 32
 _APRON_GRAINS = 3.0
 
@@ -39,18 +39,24 @@ def grain(wavelength: float, f_number: float, magnification: float, pitch: Grain
     return blur / pitch[0], blur / pitch[1]
 
 
-def oversampling(grain: Grain) -> tuple[int, int]:
-    """Cells per pixel (down, across) that resolve this grain: cells of at most λN'/2.
+def oversampling(grain: Grain, per_grain: int = 2) -> tuple[int, int]:
+    """Cells per pixel (down, across) that resolve this grain: cells of at most λN'/``per_grain``.
 
-    Intensity has no frequency above 1/(λN'), so λN'/2 is its Nyquist interval: the sum of the
-    cells is then the integral over the pixel.
+    Intensity has no frequency above 1/(λN'), so λN'/2 is its Nyquist interval: with two cells per
+    grain every single picture has the right statistics. How speckle changes while the surface
+    moves by less than a grain takes four. At least four cells per pixel, for the picture's sake.
 
-    Raises ValueError where the grain is too fine for the wave model (below 1/32 pixel).
+    Raises ValueError where the grain is too fine for the wave model (over 128 cells per pixel).
     """
     _check_grain(grain)
-    down, across = (max(_LEAST_CELLS, math.ceil(2.0 / g - 1e-9)) for g in grain)
+    if per_grain < 2:
+        raise ValueError(f"oversampling: {per_grain} cells per grain, at least 2")
+    down, across = (max(_LEAST_CELLS, math.ceil(per_grain / g - 1e-9)) for g in grain)
     if max(down, across) > _MOST_CELLS:
-        raise ValueError(f"oversampling: grain {grain} px is finer than 1/32 px; use gamma_speckle")
+        raise ValueError(
+            f"oversampling: grain {grain} px takes {down} x {across} cells per pixel, "
+            f"at most {_MOST_CELLS}; use gamma_speckle"
+        )
     return down, across
 
 
@@ -171,7 +177,7 @@ def speckled(
 
     ``pixels`` (n, 2): row and column of the lit pixels, each once, any order.
     ``energy`` (n, oy, ox): expected electrons of each cell of each pixel, as rays would give them
-    (oy, ox as of `oversampling`); their sum is the energy of the picture in the mean.
+    (oy, ox as of `oversampling`, or more); their sum is the energy of the picture in the mean.
     ``keys`` (n, oy, ox) uint32: the scatterer each cell shows, from `cell_keys`.
     ``phase`` (n, oy, ox), cycles: optical path laser-scatterer-lens in wavelengths, the same for
     all cells of a scatterer; added to the phasor's own, it changes the speckle as the table turns.
@@ -183,10 +189,8 @@ def speckled(
 
     where, cells, ids, turns = _checked(pixels, energy, keys, phase, shape, grain)
     out = np.zeros(shape, np.float32)
-    if len(where) == 0:
-        return out
     mixture = pattern_weights(contrast)
-    lit = _grain.index_of_lit(where, shape)
+    lit = _grain.index_of_lit(where, cells, shape)
     apron = max(1, math.ceil(_APRON_GRAINS * max(grain)))
     for window in _windows(lit, apron):
         _grain.expose_window(window, lit, (cells, ids, turns), grain, seed, mixture, apron, out)
@@ -224,14 +228,14 @@ def pixel_contrast(grain: Grain, rows: int = 1) -> float:
     return math.sqrt(_pair_mean(grain, 0, 0, rows))
 
 
-def _pair_mean(grain: Grain, down: int, across: int, rows: int = 1) -> float:
+def _pair_mean(grain: Grain, down: float, across: float, rows: int = 1) -> float:
     """Covariance of two pixels' intensity, this many rows and columns apart, mean intensity 1."""
     y, wy = _box_pairs(down, grain[0], rows)
     x, wx = _box_pairs(across, grain[1], 1)
     return float(wy @ (jinc(np.hypot(y[:, None], x[None, :])) ** 2) @ wx)
 
 
-def _box_pairs(distance: int, grain: float, pixels: int) -> tuple[Floats, Floats]:
+def _box_pairs(distance: float, grain: float, pixels: int) -> tuple[Floats, Floats]:
     """Separations in grains of points of two boxes, and their weights (a triangle)."""
     n = max(64, math.ceil(24 * pixels / grain))
     t = (np.arange(-n, n) + 0.5) / n
@@ -274,7 +278,14 @@ def _checked(
     turns = None if phase is None else _whole_turns_removed(phase)
     if where.ndim != 2 or where.shape[1] != 2:
         raise ValueError(f"speckled: pixels of shape {where.shape}, expected (n, 2)")
-    wanted = (len(where), *oversampling(grain))
+    if cells.ndim != 3 or any(
+        n * g < 2 - 1e-6 for n, g in zip(cells.shape[1:], grain, strict=True)
+    ):
+        raise ValueError(
+            f"speckled: energy of shape {cells.shape}, "
+            f"expected (n, oy, ox) with oy, ox of at least {oversampling(grain)}"
+        )
+    wanted = (len(where), *cells.shape[1:])
     for name, got in (("energy", cells), ("keys", ids), ("phase", turns)):
         if got is not None and got.shape != wanted:
             raise ValueError(f"speckled: {name} of shape {got.shape}, expected {wanted}")
