@@ -1,0 +1,194 @@
+"""What stands in front of the camera: bodies with materials, a lamp, the surroundings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, Ints, frozen
+from turnscan.errors import InputError
+from turnscan.rig import Pose
+from turnscan.simulate._parts import Part
+from turnscan.simulate._solids import bisected
+from turnscan.surface import Mesh
+
+PatternKind = Literal["none", "bars", "rings", "checks"]
+_KINDS: tuple[PatternKind, ...] = ("none", "bars", "rings", "checks")
+_CREASE = np.cos(np.deg2rad(25.0))
+_LONGEST_EDGE = 8.0
+
+
+@dataclass(frozen=True)
+class Material:
+    """How a surface gives light back: Lambert + GGX, a painted pattern, light spreading inside.
+
+    Raises ValueError where a share is not between 0 and 1.
+    """
+
+    albedo: tuple[float, float, float] = (0.6, 0.6, 0.6)
+    """Diffuse reflectance in red, green and blue."""
+    specular: float = 0.0
+    """Fresnel reflectance at normal incidence (0.04 varnish, 0.9 metal); 0: none."""
+    roughness: float = 0.3
+    """GGX roughness α."""
+    pattern: PatternKind = "none"
+    """bars along z, rings round z, or checks of both."""
+    pitch: float = 10.0
+    """Period of the pattern, mm (for bars: measured along the circumference at 25 mm radius)."""
+    pattern_ratio: float = 0.1
+    """Albedo of the pattern's dark half over that of its light half."""
+    halo: float = 0.0
+    """Share of the diffuse light that travels inside the material before it comes out."""
+    halo_length: float = 2.0
+    """mm: how far it travels (length of the exponential)."""
+    polarisation: float = 0.0
+    """Degree of polarisation of the scattered laser light: 0 matt (contrast 1/√2), 1 metal."""
+
+    def __post_init__(self) -> None:
+        shares = {"specular": self.specular, "halo": self.halo, "polarisation": self.polarisation}
+        shares |= {f"albedo[{i}]": a for i, a in enumerate(self.albedo)}
+        shares |= {"pattern_ratio": self.pattern_ratio}
+        for name, value in shares.items():
+            if not 0.0 <= value <= 1.0:
+                raise ValueError(f"Material.{name}: {value}, expected 0 to 1")
+        for name in ("roughness", "pitch", "halo_length"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"Material.{name}: {getattr(self, name)}, expected above 0")
+        if self.pattern not in _KINDS:
+            raise ValueError(f"Material.pattern: {self.pattern!r}, expected one of {_KINDS}")
+
+    def at(self, wavelength: float) -> float:
+        """Albedo at a wavelength (mm), between those of red, green and blue."""
+        return float(np.interp(wavelength * 1e6, (460.0, 535.0, 620.0), self.albedo[::-1]))
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A printed picture on a body's faces: a calibration board."""
+
+    picture: Floats
+    """(h, w) reflectance 0 to 1, row 0 at the top."""
+    corner: Floats
+    """(3,) mm: the outer corner of the top-left pixel, in the body's frame."""
+    right: Floats
+    """(3,) mm: from there to the top right corner."""
+    down: Floats
+    """(3,) mm: from there to the bottom left corner."""
+
+    def __post_init__(self) -> None:
+        h, w = self.picture.shape
+        put = object.__setattr__
+        put(self, "picture", frozen(self.picture, (h, w), "Texture.picture"))
+        for name in ("corner", "right", "down"):
+            put(self, name, frozen(getattr(self, name), (3,), f"Texture.{name}"))
+
+    def at(self, points: Floats) -> Floats:
+        """Reflectance (n,) at points (n, 3) in the body's frame; 1 off the print."""
+        import cv2
+
+        h, w = self.picture.shape
+        d = points - self.corner
+        x = (d @ self.right / (self.right @ self.right) * w - 0.5).astype(np.float32)
+        y = (d @ self.down / (self.down @ self.down) * h - 0.5).astype(np.float32)
+        paper = self.picture.astype(np.float32)
+        out = np.empty(len(points))
+        for i in range(0, len(points), 16384):  # OpenCV's remap takes at most 32767 rows
+            part = cv2.remap(
+                paper, x[i : i + 16384, None], y[i : i + 16384, None], cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_CONSTANT, borderValue=1.0,
+            )  # fmt: skip
+            out[i : i + 16384] = part[:, 0]
+        return out
+
+
+@dataclass(frozen=True)
+class Body:
+    """A part somewhere on the table."""
+
+    part: Part
+    material: Material = field(default_factory=Material)
+    T_table_part: Pose = field(default_factory=Pose)
+    """Part's frame → table frame at angle 0."""
+    texture: Texture | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that turns with the table, and the light that does not."""
+
+    bodies: tuple[Body, ...]
+    sky: float = 0.0
+    """Irradiance of diffuse room light in the camera's band, W/mm²."""
+    lamp: float = 0.0
+    """Irradiance of a lamp square to its rays, W/mm²."""
+    lamp_from: Floats = field(default_factory=lambda: np.array([0.7, -0.5, 0.5]))
+    """(3,) direction from the scene to the lamp, table frame at rest."""
+    background: float = 0.0
+    """Radiance behind everything, relative to white paper under the diffuse light."""
+
+    def __post_init__(self) -> None:
+        d = np.asarray(self.lamp_from, dtype=np.float64)
+        d = frozen(d / np.linalg.norm(d), (3,), "Scene.lamp_from")
+        object.__setattr__(self, "lamp_from", d)
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """All bodies as triangles in the table frame at angle 0, ready for ray casting."""
+
+    vertices: Floats
+    """(v, 3) mm."""
+    faces: Ints
+    """(f, 3)."""
+    flat_normals: Floats
+    """(f, 3) unit normals of the triangles."""
+    corner_normals: Floats
+    """(f, 3, 3) unit normals of the smooth surface at the corners."""
+    body: Ints
+    """(f,) which body."""
+
+
+def triangles(bodies: Sequence[Body]) -> Triangles:
+    """Collect the bodies' triangles. Raises InputError for a body without faces."""
+    meshes = []
+    for b in bodies:
+        if not len(b.part.mesh.faces):
+            raise InputError(f"{b.part.name}: the mesh has no faces", hint="give another part")
+        m = bisected(b.part.mesh, _LONGEST_EDGE)
+        meshes.append(Mesh(b.T_table_part.apply(m.vertices), m.faces))
+    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    v = np.concatenate([m.vertices for m in meshes])
+    f = np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=False)])
+    t = v[f]
+    cross = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    length = np.linalg.norm(cross, axis=1)
+    solid = length > 1e-12
+    f, cross, length = f[solid], cross[solid], length[solid]
+    body = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes])[solid]
+    flat = cross / length[:, None]
+    return Triangles(
+        frozen(v, (None, 3), "Triangles.vertices"),
+        frozen(f, (None, 3), "Triangles.faces", np.int32),
+        frozen(flat, (None, 3), "Triangles.flat_normals"),
+        frozen(_smooth(v, f, flat), (None, 3, 3), "Triangles.corner_normals"),
+        frozen(body, (None,), "Triangles.body", np.int32),
+    )
+
+
+def _smooth(v: Floats, f: npt.NDArray[np.integer], flat: Floats) -> Floats:
+    """Corner normals: mean of the neighbours' normals weighted by angle, but not across edges."""
+    from turnscan.simulate import _shade
+
+    t = v[f]
+    angles = np.empty((len(f), 3))
+    for k in range(3):
+        a = t[:, (k + 1) % 3] - t[:, k]
+        b = t[:, (k + 2) % 3] - t[:, k]
+        angles[:, k] = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
+    order = np.argsort(f.ravel(), kind="stable")
+    starts = np.concatenate([[0], np.cumsum(np.bincount(f.ravel(), minlength=len(v)))])
+    return np.asarray(_shade.corner_normals(f, flat, angles, order, starts, _CREASE))

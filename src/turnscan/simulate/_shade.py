@@ -1,0 +1,475 @@
+# mypy: disable-error-code="untyped-decorator,no-any-return"
+"""Numba kernels of the renderer. This module imports numba; import it inside functions only.
+
+Frames: "camera" is the camera's, "object" the table's frame turned with the table. ``R`` (3, 3)
+and ``t`` (3,) map object to camera. Image coordinates are the undistorted ones on z = 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Floats, Ints
+
+Singles = npt.NDArray[np.float32]
+
+
+@nb.njit(cache=True, nogil=True)
+def corner_normals(
+    faces: Ints, flat: Floats, angles: Floats, order: Ints, starts: Ints, crease: float
+) -> Floats:
+    """(f, 3, 3): neighbours' normals averaged by their angle, except across edges."""
+    out = np.empty((len(faces), 3, 3))
+    for f in range(len(faces)):
+        for k in range(3):
+            x = y = z = 0.0
+            for i in range(starts[faces[f, k]], starts[faces[f, k] + 1]):
+                g, j = order[i] // 3, order[i] % 3
+                n = flat[g]
+                if n[0] * flat[f, 0] + n[1] * flat[f, 1] + n[2] * flat[f, 2] > crease:
+                    x += angles[g, j] * n[0]
+                    y += angles[g, j] * n[1]
+                    z += angles[g, j] * n[2]
+            length = math.sqrt(x * x + y * y + z * z)
+            out[f, k, 0], out[f, k, 1], out[f, k, 2] = x / length, y / length, z / length
+    return out
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _sheet_distance(x: float, y: float, z: float, sheet: Floats) -> float:
+    """Signed distance from the sheet (n, c, e1, e2, bow as five rows of three)."""
+    dx, dy, dz = x - sheet[1, 0], y - sheet[1, 1], z - sheet[1, 2]
+    away = dx * sheet[0, 0] + dy * sheet[0, 1] + dz * sheet[0, 2]
+    a = dx * sheet[2, 0] + dy * sheet[2, 1] + dz * sheet[2, 2]
+    b = dx * sheet[3, 0] + dy * sheet[3, 1] + dz * sheet[3, 2]
+    return away - (sheet[4, 0] * a * a + sheet[4, 1] * a * b + sheet[4, 2] * b * b)
+
+
+@nb.njit(cache=True, nogil=True)
+def sheet_polygons(
+    vertices: Floats,
+    faces: Ints,
+    flat: Floats,
+    R: Floats,
+    t: Floats,
+    apex: Floats,
+    sheet: Floats,
+    beam: Floats,
+) -> tuple[Floats, Ints]:
+    """Parts of the triangles within reach of the sheet that face both laser and camera.
+
+    ``beam`` holds waist, waist distance, Rayleigh length, reach in radii, and the aim (3).
+    Returns corner points (m, 3) in the camera frame and, per polygon, where it starts (p + 1,).
+    """
+    moved = vertices @ R.T + t
+    away = np.empty(len(moved))
+    for i in range(len(moved)):
+        away[i] = _sheet_distance(moved[i, 0], moved[i, 1], moved[i, 2], sheet)
+    points = np.empty((1024, 3))
+    starts = np.zeros(1024, np.int32)
+    m = p = 0
+    poly, cut = np.empty((8, 4)), np.empty((8, 4))
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        low, high = min(away[a], away[b], away[c]), max(away[a], away[b], away[c])
+        reach = _reach(moved[a], apex, beam)
+        if low > reach or high < -reach or not _faces_both(moved[a], flat[f], R, apex):
+            continue
+        for k in range(3):
+            v = faces[f, k]
+            poly[k, 0], poly[k, 1], poly[k, 2] = moved[v, 0], moved[v, 1], moved[v, 2]
+            poly[k, 3] = away[v]
+        n = _clip(poly, 3, reach, 1.0, cut)
+        n = _clip(cut, n, reach, -1.0, poly)
+        if n < 3:
+            continue
+        if m + n > len(points):
+            points = np.concatenate((points, np.empty_like(points)))
+        if p + 2 > len(starts):
+            starts = np.concatenate((starts, np.empty_like(starts)))
+        points[m : m + n] = poly[:n, :3]
+        m += n
+        p += 1
+        starts[p] = m
+    return points[:m], starts[: p + 1]
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _reach(x: Floats, apex: Floats, beam: Floats) -> float:
+    z = (x[0] - apex[0]) * beam[4] + (x[1] - apex[1]) * beam[5] + (x[2] - apex[2]) * beam[6]
+    far = (z - beam[1]) / beam[2]
+    return beam[3] * beam[0] * math.sqrt(1.0 + far * far)
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _faces_both(x: Floats, n: Floats, R: Floats, apex: Floats) -> bool:
+    to_eye = to_laser = 0.0
+    for i in range(3):
+        across = R[i, 0] * n[0] + R[i, 1] * n[1] + R[i, 2] * n[2]
+        to_eye -= across * x[i]
+        to_laser += across * (apex[i] - x[i])
+    return to_eye > 0.0 and to_laser > 0.0
+
+
+@nb.njit(cache=True, nogil=True)
+def _clip(poly: Floats, n: int, reach: float, side: float, out: Floats) -> int:
+    """Keep the part of a polygon where side · distance ≤ reach (Sutherland-Hodgman)."""
+    m = 0
+    for i in range(n):
+        j = (i + 1) % n
+        di, dj = side * poly[i, 3] - reach, side * poly[j, 3] - reach
+        if di <= 0.0:
+            out[m] = poly[i]
+            m += 1
+        if (di < 0.0 < dj) or (dj < 0.0 < di):
+            out[m] = poly[i] + (poly[j] - poly[i]) * (di / (di - dj))
+            m += 1
+    return m
+
+
+@nb.njit(cache=True, nogil=True)
+def fill(pixels: Floats, starts: Ints, pad: float, mask: Bools) -> None:
+    """Mark the pixels of convex polygons, grown by ``pad``, in the mask (H, W)."""
+    H, W = mask.shape
+    for p in range(len(starts) - 1):
+        a, b = starts[p], starts[p + 1]
+        low, high = np.inf, -np.inf
+        for i in range(a, b):
+            low, high = min(low, pixels[i, 1]), max(high, pixels[i, 1])
+        if not (high >= low):
+            continue
+        for row in range(max(0, math.ceil(low - pad)), min(H - 1, math.floor(high + pad)) + 1):
+            left, right = _span(pixels, a, b, row - pad, row + pad)
+            c0, c1 = max(0.0, left - pad), min(W - 1.0, right + pad)
+            for c in range(math.ceil(c0), math.floor(c1) + 1):
+                mask[row, c] = True
+
+
+@nb.njit(cache=True, nogil=True)
+def _span(pixels: Floats, a: int, b: int, top: float, bottom: float) -> tuple[float, float]:
+    left, right = np.inf, -np.inf
+    for i in range(a, b):
+        j = i + 1 if i + 1 < b else a
+        u0, v0, u1, v1 = pixels[i, 0], pixels[i, 1], pixels[j, 0], pixels[j, 1]
+        for limit in (top, bottom):
+            if (v0 - limit) * (v1 - limit) < 0.0:
+                u = u0 + (u1 - u0) * (limit - v0) / (v1 - v0)
+                left, right = min(left, u), max(right, u)
+        if top <= v0 <= bottom:
+            left, right = min(left, u0), max(right, u0)
+    return left, right
+
+
+@nb.njit(cache=True, nogil=True)
+def rays(pixels: Ints, field: Floats, down: int, across: int, R: Floats) -> Singles:
+    """Directions (n·down·across, 3), object frame, of a grid of rays in each pixel (n, 2).
+
+    ``field`` (H + 1, W + 1, 2) holds the image coordinates of the pixels' outer corners.
+    """
+    out = np.empty((len(pixels) * down * across, 3), np.float32)
+    k = 0
+    for i in range(len(pixels)):
+        for y in range(down):
+            for x in range(across):
+                p, q = _within(
+                    field, pixels[i, 0], pixels[i, 1], (y + 0.5) / down, (x + 0.5) / across
+                )
+                for j in range(3):
+                    out[k, j] = R[0, j] * p + R[1, j] * q + R[2, j]
+                k += 1
+    return out
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _within(field: Floats, row: int, column: int, y: float, x: float) -> tuple[float, float]:
+    a, b = field[row, column], field[row, column + 1]
+    c, d = field[row + 1, column], field[row + 1, column + 1]
+    p = (1 - y) * ((1 - x) * a[0] + x * b[0]) + y * ((1 - x) * c[0] + x * d[0])
+    q = (1 - y) * ((1 - x) * a[1] + x * b[1]) + y * ((1 - x) * c[1] + x * d[1])
+    return p, q
+
+
+@nb.njit(cache=True, nogil=True)
+def surface(
+    face: Ints,
+    directions: Singles,
+    origin: Floats,
+    v: Floats,
+    faces: Ints,
+    flat: Floats,
+    corners: Floats,
+) -> tuple[Floats, Floats]:
+    """Where rays from ``origin`` meet their faces, and the smooth normals there: (n, 3) each.
+
+    Object frame; NaN where the ray meets nothing.
+    """
+    points, normals = np.full((len(face), 3), np.nan), np.full((len(face), 3), np.nan)
+    for i in range(len(face)):
+        f = face[i]
+        if f < 0:
+            continue
+        n, a = flat[f], v[faces[f, 0]]
+        slope = reach = 0.0
+        for k in range(3):
+            slope += n[k] * directions[i, k]
+            reach += n[k] * (a[k] - origin[k])
+        if slope >= 0.0:
+            continue
+        for k in range(3):
+            points[i, k] = origin[k] + directions[i, k] * (reach / slope)
+        _smooth_normal(
+            points[i], v[faces[f, 0]], v[faces[f, 1]], v[faces[f, 2]], corners[f], normals[i]
+        )
+    return points, normals
+
+
+@nb.njit(cache=True, nogil=True)
+def _smooth_normal(
+    x: Floats, a: Floats, b: Floats, c: Floats, corners: Floats, out: Floats
+) -> None:
+    e1, e2, w = b - a, c - a, x - a
+    d11: float = np.dot(e1, e1)
+    d12: float = np.dot(e1, e2)
+    d22: float = np.dot(e2, e2)
+    p: float = np.dot(w, e1)
+    q: float = np.dot(w, e2)
+    det = d11 * d22 - d12 * d12
+    u: float = min(max((d22 * p - d12 * q) / det, 0.0), 1.0)
+    t: float = min(max((d11 * q - d12 * p) / det, 0.0), 1.0)
+    length = 0.0
+    for k in range(3):
+        out[k] = (1 - u - t) * corners[0, k] + u * corners[1, k] + t * corners[2, k]
+        length += out[k] * out[k]
+    for k in range(3):
+        out[k] /= math.sqrt(length)
+
+
+@nb.njit(cache=True, nogil=True)
+def near_sheet(
+    points: Floats,
+    normals: Floats,
+    R: Floats,
+    t: Floats,
+    apex: Floats,
+    sheet: Floats,
+    beam: Floats,
+    widened: float,
+) -> Bools:
+    """(n,) True where a point faces the laser and lies within reach of its sheet."""
+    out = np.zeros(len(points), np.bool_)
+    x = np.empty(3)
+    for i in range(len(points)):
+        if math.isnan(points[i, 0]):
+            continue
+        facing = 0.0
+        for k in range(3):
+            x[k] = R[k, 0] * points[i, 0] + R[k, 1] * points[i, 1] + R[k, 2] * points[i, 2] + t[k]
+        for k in range(3):
+            n = R[k, 0] * normals[i, 0] + R[k, 1] * normals[i, 1] + R[k, 2] * normals[i, 2]
+            facing += n * (apex[k] - x[k])
+        d = _sheet_distance(x[0], x[1], x[2], sheet)
+        out[i] = facing > 0.0 and abs(d) < widened * _reach(x, apex, beam)
+    return out
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def brdf(
+    albedo: float, specular: float, alpha: float, n: Floats, to_light: Floats, to_eye: Floats
+) -> float:
+    """Lambert + GGX with Smith shadowing and Schlick's Fresnel term (Walter et al. 2007), 1/sr."""
+    diffuse = albedo / math.pi
+    nl: float = np.dot(n, to_light)
+    nv: float = np.dot(n, to_eye)
+    if specular <= 0.0 or nl <= 0.0 or nv <= 0.0:
+        return diffuse
+    h = to_light + to_eye
+    h /= math.sqrt(h @ h)
+    nh: float = np.dot(n, h)
+    vh: float = np.dot(to_eye, h)
+    a2 = alpha * alpha
+    D = a2 / (math.pi * (nh * nh * (a2 - 1.0) + 1.0) ** 2)
+    gl = 2.0 * nl / (nl + math.sqrt(a2 + (1.0 - a2) * nl * nl))
+    gv = 2.0 * nv / (nv + math.sqrt(a2 + (1.0 - a2) * nv * nv))
+    F = specular + (1.0 - specular) * (1.0 - vh) ** 5
+    return diffuse + D * gl * gv * F / (4.0 * nl * nv)
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def painted(x: float, y: float, z: float, paint: Floats) -> float:
+    """Albedo of a point in the object frame; ``paint`` is albedo, kind, pitch, ratio."""
+    if paint[1] == 0.0:
+        return paint[0]
+    dark = False
+    if paint[1] != 2.0:
+        dark = math.floor(2.0 * 25.0 * math.atan2(y, x) / paint[2]) % 2 != 0
+    if paint[1] != 1.0:
+        dark ^= math.floor(2.0 * z / paint[2]) % 2 != 0
+    return paint[0] * (paint[3] if dark else 1.0)
+
+
+@nb.njit(cache=True, nogil=True)
+def glow(
+    pixels: Ints,
+    field: Floats,
+    blocks: tuple[int, int],
+    cells: tuple[int, int],
+    face: Ints,
+    normals: Floats,
+    lit: Bools,
+    R: Floats,
+    t: Floats,
+    v: Floats,
+    faces: Ints,
+    flat: Floats,
+    body: Ints,
+    paints: Floats,
+    apex: Floats,
+    sheet: Floats,
+    beam: Floats,
+    fan: Floats,
+    profile: Floats,
+    optics: Floats,
+) -> tuple[Singles, Floats]:
+    """Laser light that each cell of each pixel collects, and where on the object it comes from.
+
+    ``paints`` (bodies, 6): albedo, pattern, pitch, ratio, specular, roughness.
+    ``fan``: sheet power, tan of the half angle, and the unit vector across the fan (3).
+    ``profile`` (H or 1, k): share of the power per unit of s from −1 to 1.
+    ``optics``: electrons per radiance, and for the blur: f/(N·pitch_x), f/(N·pitch_y),
+    focal length, focus distance, and the slope (2) of the image distance over the picture.
+    Returns energy (n, oy, ox) in electrons and points (n, oy, ox, 3), object frame.
+    """
+    oy, ox = cells
+    by, bx = blocks
+    energy = np.zeros((len(pixels), oy, ox), np.float32)
+    points = np.zeros((len(pixels), oy, ox, 3))
+    for i in range(len(pixels)):
+        row, column = pixels[i, 0], pixels[i, 1]
+        table = profile[row if len(profile) > 1 else 0]
+        for ky in range(by):
+            for kx in range(bx):
+                k = (i * by + ky) * bx + kx
+                if not lit[k]:
+                    continue
+                f = face[k]
+                n_flat = R @ flat[f]
+                n = R @ normals[k]
+                reach = n_flat @ (R @ v[faces[f, 0]] + t)
+                y0, x0 = (ky + 0.5) / by, (kx + 0.5) / bx
+                spread = _blurred(
+                    field, row, column, y0, x0, n_flat, reach, sheet, apex, beam, optics
+                )
+                paint = paints[body[f]]
+                for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
+                    for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
+                        p, q = _within(field, row, column, (y + 0.5) / oy, (x + 0.5) / ox)
+                        slope = n_flat[0] * p + n_flat[1] * q + n_flat[2]
+                        if slope >= 0.0:
+                            continue
+                        s = reach / slope
+                        X = np.array([p * s, q * s, s])
+                        w = X - t
+                        for j in range(3):
+                            points[i, y, x, j] = R[0, j] * w[0] + R[1, j] * w[1] + R[2, j] * w[2]
+                        o = points[i, y, x]
+                        albedo = painted(o[0], o[1], o[2], paint)
+                        energy[i, y, x] = (
+                            optics[0]
+                            / (oy * ox)
+                            * _radiance(X, n, albedo, paint, apex, sheet, beam, fan, table, spread)
+                        )
+    return energy, points
+
+
+@nb.njit(cache=True, nogil=True)
+def _blurred(
+    field: Floats,
+    row: int,
+    column: int,
+    y: float,
+    x: float,
+    n: Floats,
+    reach: float,
+    sheet: Floats,
+    apex: Floats,
+    beam: Floats,
+    optics: Floats,
+) -> float:
+    """How much wider defocus makes the sheet's profile on this surface (a factor, 1 in focus).
+
+    A Gaussian sheet blurred by a Gaussian is a wider Gaussian: exact on a flat patch.
+    """
+    p, q = _within(field, row, column, y, x)
+    s = reach / (n[0] * p + n[1] * q + n[2])
+    v = optics[3] * optics[4] / (optics[4] - optics[3])
+    v /= 1.0 + optics[5] * p + optics[6] * q
+    sharp = optics[3] * s / (s - optics[3])
+    blur = abs(v / sharp - 1.0) / 4.0  # rms of a disc along one axis, in apertures
+    if blur * max(optics[1], optics[2]) < 0.02:
+        return 1.0
+    at = np.empty(3)
+    for j in range(3):
+        pj, qj = p, q
+        if j == 1:
+            pj, qj = _within(field, row, column, y, x + 1.0)
+        elif j == 2:
+            pj, qj = _within(field, row, column, y + 1.0, x)
+        sj = reach / (n[0] * pj + n[1] * qj + n[2])
+        at[j] = _sheet_distance(pj * sj, qj * sj, sj, sheet)
+    X = np.array([p * s, q * s, s])
+    sigma = 0.5 * _reach(X, apex, beam) / beam[3]
+    du, dv = (at[1] - at[0]) * blur * optics[1], (at[2] - at[0]) * blur * optics[2]
+    return math.sqrt(1.0 + (du * du + dv * dv) / (sigma * sigma))
+
+
+@nb.njit(cache=True, nogil=True)
+def _radiance(
+    X: Floats,
+    n: Floats,
+    albedo: float,
+    paint: Floats,
+    apex: Floats,
+    sheet: Floats,
+    beam: Floats,
+    fan: Floats,
+    table: Floats,
+    spread: float,
+) -> float:
+    """Radiance towards the camera, W/(mm² sr), times cos⁴ of the camera's field angle."""
+    way = X - apex
+    z = way[0] * beam[4] + way[1] * beam[5] + way[2] * beam[6]
+    if z <= 0.0:
+        return 0.0
+    s = (way[0] * fan[2] + way[1] * fan[3] + way[2] * fan[4]) / (z * fan[1])
+    if abs(s) >= 1.0:
+        return 0.0
+    length = math.sqrt(way @ way)
+    to_light = -way / length
+    cosine = n @ to_light
+    if cosine <= 0.0:
+        return 0.0
+    far = (z - beam[1]) / beam[2]
+    w = beam[0] * math.sqrt(1.0 + far * far) * spread
+    d = _sheet_distance(X[0], X[1], X[2], sheet)
+    place = (s + 1.0) * 0.5 * (len(table) - 1)
+    k = min(int(place), len(table) - 2)
+    share = table[k] + (place - k) * (table[k + 1] - table[k])
+    across = math.sqrt(2.0 / math.pi) / w * math.exp(-2.0 * d * d / (w * w))
+    # Power per area of a plane square to the aim; a plane square to the ray gets it over z/length.
+    irradiance = fan[0] * share / (z * fan[1]) * across * cosine * length / z
+    distance = math.sqrt(X @ X)
+    field4 = (X[2] / distance) ** 4
+    return irradiance * brdf(albedo, paint[4], paint[5], n, to_light, -X / distance) * field4
+
+
+@nb.njit(cache=True, nogil=True)
+def paint_all(points: Floats, paint: Floats) -> Floats:
+    """(n,) albedo of points (n, 3), object frame."""
+    out = np.empty(len(points))
+    for i in range(len(points)):
+        out[i] = painted(points[i, 0], points[i, 1], points[i, 2], paint)
+    return out
