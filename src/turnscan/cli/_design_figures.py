@@ -28,12 +28,12 @@ GROUPS: dict[str, tuple[Figure, ...]] = {
         Figure("delta_x_eq6_mm", "Δx by eq. (6) as printed, mm", lambda d: d.delta_x_eq6),
         Figure("delta_r_mm", "ΔR at the axis, mm", lambda d: d.delta_r()),
         Figure("delta_r_eq5_mm", "ΔR by eq. (5) as printed, mm", lambda d: d.delta_r_eq5),
-        Figure("delta_r_rim_mm", "ΔR at R_max, mm", lambda d: d.delta_r(d.r_max)),
+        Figure("delta_r_rim_mm", "ΔR at R_max, mm", lambda d: d.delta_r_rim),
         Figure("delta_r_over_r_max", "ΔR at the axis / R_max", lambda d: d.delta_r() / d.r_max),
         Figure(
             "delta_r_rim_over_r_max",
             "ΔR at R_max / R_max",
-            lambda d: d.delta_r(d.r_max) / d.r_max,
+            lambda d: d.delta_r_rim / d.r_max,
         ),
     ),
     "Working volume": (
@@ -73,7 +73,7 @@ GROUPS: dict[str, tuple[Figure, ...]] = {
         Figure("camera_noise_px", "camera noise (Cramér-Rao), px", lambda d: d.camera_noise),
         Figure("camera_noise_mm", "camera noise, mm of R", lambda d: d.camera_noise * d.delta_r()),
         Figure("pixel_contrast", "speckle contrast in a pixel", lambda d: d.pixel_contrast),
-        Figure("dorsch_mm", "Dorsch limit, mm of R", lambda d: d.dorsch_noise * d.delta_r()),
+        Figure("dorsch_mm", "Dorsch limit of depth, mm", lambda d: d.dorsch_limit),
         Figure("speckle_noise_px", "speckle of the line, px", lambda d: d.speckle_noise()),
         Figure("speckle_noise_mm", "speckle, mm of R", lambda d: d.speckle_noise() * d.delta_r()),
         Figure(

@@ -159,8 +159,13 @@ class Design:
     def delta_r(self, R: npt.ArrayLike = 0.0) -> Floats:
         """The R that one pixel is worth at radius R, ε dR/dx, mm; NaN outside the picture."""
         x = self.pixel(R)[..., 0]
-        seen = np.abs(x) <= self.half_width * (1 + 1e-12)
+        seen = np.abs(x) <= self.half_width * (1 + 1e-9)
         return np.where(seen, self.pixel_width * self.point(x).slope, np.nan)
+
+    @property
+    def delta_r_rim(self) -> float:
+        """The R that one pixel is worth at R_max, mm."""
+        return float(self.pixel_width * self.point(self.half_width).slope)
 
     def delta_z(self, R: npt.ArrayLike = 0.0) -> Floats:
         """The height that one row is worth at radius R, mm."""
@@ -219,9 +224,11 @@ class Design:
         return noise / self.pixel_width
 
     @property
-    def dorsch_noise(self) -> float:
-        """Dorsch's limit for the same aperture and contrast, pixels."""
-        return limits.dorsch_limit(self.speckle_contrast, self.blur) / self.pixel_width
+    def dorsch_limit(self) -> float:
+        """Dorsch's limit of depth at the axis for this aperture and contrast, mm."""
+        aperture = self.focal / (2 * self.f_number)
+        sine = aperture / math.hypot(self.distance, aperture)
+        return limits.dorsch_limit(self.speckle_contrast, self.wavelength, sine, self.theta)
 
     @property
     def pixel_contrast(self) -> float:

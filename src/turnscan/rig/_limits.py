@@ -22,13 +22,14 @@ def readout_bound(sigma: float, electrons: float, read_noise: float) -> float:
     return float(read_noise / electrons * np.sqrt(2 * sigma / np.sqrt(np.pi)))
 
 
-def dorsch_limit(contrast: float, blur: float) -> float:
-    """Speckle limit of a spot's centre after Dorsch, Häusler and Herrmann (1994): C λN′/π, mm.
+def dorsch_limit(contrast: float, wavelength: float, sine: float, theta: float) -> float:
+    """Speckle limit of a spot's depth, Dorsch, Häusler and Herrmann (1994): C λ/(2π sin u sin θ).
 
-    Independent of the spot's size. With the rms conventions of `line_speckle` a two-dimensional
+    ``sine`` is sin u of the observing aperture seen from the object; mm when λ is in mm. It does
+    not depend on the spot's size. With the rms conventions of `line_speckle` a two-dimensional
     spot comes out √2 smaller.
     """
-    return float(contrast * blur / np.pi)
+    return float(contrast * wavelength / (2 * np.pi * sine * np.sin(theta)))
 
 
 def line_speckle(contrast: float, blur: float, sigma: float, row_height: float) -> float:

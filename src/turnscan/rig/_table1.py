@@ -104,7 +104,7 @@ def disagreements() -> tuple[Disagreement, ...]:
 
     eq6, eq5 = each(lambda d: d.delta_x_eq6), each(lambda d: d.delta_r_eq5)
     printed_h = each(lambda d: d.h_max_printed)
-    rim = each(lambda d: float(d.delta_r(d.r_max)))
+    rim = each(lambda d: d.delta_r_rim)
     ratio = tuple(r.ratio for r in rows)
     quotes = [_quoted_resolution(rows[i], int(rows[i].theta * 180 / math.pi + 0.5)) for i in (0, 4)]
     sharp = " and ".join(
