@@ -75,7 +75,7 @@ def _ear(xy: Any, back: Any, ahead: Any, i: int, order: Any, sides: Any, size: i
         return -1.0
     shape = twice / longest
     if shape <= 0.0:
-        return shape - 1.0
+        return float(shape - 1.0)
     k = ahead[c]
     while k != a:
         # A corner inside or on the triangle, other than one that lies on its own corners.
@@ -87,7 +87,7 @@ def _ear(xy: Any, back: Any, ahead: Any, i: int, order: Any, sides: Any, size: i
             and not _same(xy, k, i)
             and not _same(xy, k, c)
         ):
-            return -1.0 + shape * 0.5
+            return float(-1.0 + shape * 0.5)
         k = ahead[k]
     return float(shape)
 

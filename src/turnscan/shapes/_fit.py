@@ -1,0 +1,278 @@
+"""Planes, spheres and cylinders through points, with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, frozen
+from turnscan.errors import DidNotConverge, InputError
+
+_ROUNDS = 100
+_STARTS = 24
+"""Axis directions tried for a cylinder, spread over the half sphere."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane n·x = d."""
+
+    normal: Floats
+    """(3,) unit."""
+    distance: float
+    """d, mm from the origin along the normal."""
+    centre: Floats
+    """(3,) mm: centroid of the points, which the uncertainty is about."""
+    rms: float
+    """mm, root mean square distance of the points."""
+    covariance: Floats
+    """(3, 3): tilt about the two principal directions of the points (radians), shift along the
+    normal at the centre (mm); from the points' scatter, independent from point to point."""
+    count: int
+    """Points used."""
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "normal", frozen(self.normal, (3,), "Plane.normal"))
+        put(self, "centre", frozen(self.centre, (3,), "Plane.centre"))
+        put(self, "covariance", frozen(self.covariance, (3, 3), "Plane.covariance"))
+
+    @property
+    def normal_sigma(self) -> float:
+        """Standard uncertainty of the normal's direction, radians (the worse of the two tilts)."""
+        return float(np.sqrt(max(self.covariance[0, 0], self.covariance[1, 1])))
+
+    def distances(self, points: npt.ArrayLike) -> Floats:
+        """Signed distances (...) mm of points (..., 3)."""
+        away: Floats = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
+        return away
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere."""
+
+    centre: Floats
+    """(3,) mm."""
+    radius: float
+    """mm."""
+    rms: float
+    """mm, root mean square distance of the points."""
+    covariance: Floats
+    """(4, 4) mm²: centre x, y, z, radius."""
+    count: int
+    """Points used."""
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "centre", frozen(self.centre, (3,), "Sphere.centre"))
+        put(self, "covariance", frozen(self.covariance, (4, 4), "Sphere.covariance"))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder without ends."""
+
+    point: Floats
+    """(3,) mm: the point of the axis nearest to the centroid of the points."""
+    axis: Floats
+    """(3,) unit direction of the axis, z ≥ 0."""
+    radius: float
+    """mm."""
+    rms: float
+    """mm, root mean square distance of the points."""
+    covariance: Floats
+    """(5, 5): tilt of the axis in two directions across it (radians), shift of the point in the
+    same two (mm), radius (mm)."""
+    count: int
+    """Points used."""
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "point", frozen(self.point, (3,), "Cylinder.point"))
+        put(self, "axis", frozen(self.axis, (3,), "Cylinder.axis"))
+        put(self, "covariance", frozen(self.covariance, (5, 5), "Cylinder.covariance"))
+
+
+def _checked(points: npt.ArrayLike, least: int, what: str) -> Floats:
+    X = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    if len(X) < least or not np.isfinite(X).all():
+        raise InputError(
+            f"{what}: {len(X)} points, expected at least {least} finite ones",
+            hint="choose a larger region",
+        )
+    return X
+
+
+def _weights(sigma: npt.ArrayLike | None, count: int) -> Floats:
+    if sigma is None:
+        return np.ones(count)
+    s = np.broadcast_to(np.asarray(sigma, dtype=np.float64), (count,))
+    if not (s > 0).all():
+        raise InputError(f"sigma {float(s.min())} mm", hint="give positive standard uncertainties")
+    return np.asarray(1.0 / (s * s))
+
+
+def _variance(residual: Floats, w: Floats, free: int, known: bool) -> float:
+    """Variance of unit weight: from the residuals, not below 1 where sigma was given."""
+    measured = float((w * residual**2).sum()) / max(len(residual) - free, 1)
+    return max(measured, 1.0) if known else measured
+
+
+def fit_plane(points: npt.ArrayLike, sigma: npt.ArrayLike | None = None) -> Plane:
+    """Least-squares plane through points (n, 3) mm, n ≥ 3, weighted by 1/sigma² where given.
+
+    Orthogonal distances (principal axes of the points). The covariance follows from the scatter
+    of the residuals, or from ``sigma`` (n,) mm where that is larger. Raises InputError for too few
+    points or points on one line.
+    """
+    X = _checked(points, 3, "plane")
+    w = _weights(sigma, len(X))
+    centre = w @ X / w.sum()
+    d = X - centre
+    moments, axes = np.linalg.eigh((d * w[:, None]).T @ d)
+    if not moments[1] > 1e-12 * max(moments[2], 1e-300):
+        raise InputError("plane: the points lie on one line", hint="choose a wider region")
+    normal = axes[:, 0]
+    normal = normal if normal[np.argmax(np.abs(normal))] > 0 else -normal
+    residual = d @ normal
+    unit = _variance(residual, w, 3, sigma is not None)
+    covariance = np.diag(unit / np.array([moments[2], moments[1], w.sum()]))
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return Plane(normal, float(normal @ centre), centre, rms, covariance, len(X))
+
+
+def fit_sphere(points: npt.ArrayLike, sigma: npt.ArrayLike | None = None) -> Sphere:
+    """Least-squares sphere (orthogonal distances) through points (n, 3) mm, n ≥ 4.
+
+    Starts at the algebraic solution. Raises InputError for too few points or points in a plane,
+    DidNotConverge where the adjustment does not settle.
+    """
+    X = _checked(points, 4, "sphere")
+    w = _weights(sigma, len(X))
+    middle = X.mean(axis=0)
+    d = X - middle
+    A = np.column_stack([2 * d, np.ones(len(d))])
+    solution, _, rank, _ = np.linalg.lstsq(A, (d * d).sum(axis=1), rcond=1e-10)
+    if rank < 4:
+        raise InputError("sphere: the points lie in one plane", hint="choose a wider region")
+    start = np.append(solution[:3], np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 1e-12)))
+
+    def model(p: Floats) -> tuple[Floats, Floats]:
+        away = d - p[:3]
+        r = np.linalg.norm(away, axis=1)
+        return r - p[3], np.column_stack([-away / r[:, None], -np.ones(len(r))])
+
+    p, residual, N = _settle(model, start, w, "sphere")
+    covariance = np.asarray(np.linalg.inv(N), float) * _variance(residual, w, 4, sigma is not None)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return Sphere(middle + p[:3], float(p[3]), rms, covariance, len(X))
+
+
+def fit_cylinder(
+    points: npt.ArrayLike, sigma: npt.ArrayLike | None = None, axis: npt.ArrayLike | None = None
+) -> Cylinder:
+    """Least-squares cylinder (orthogonal distances) through points (n, 3) mm, n ≥ 6.
+
+    ``axis`` (3,) is a first guess of the direction; without one, directions all round are tried
+    and the best fit is kept. Raises InputError for too few points, DidNotConverge where no start
+    settles.
+    """
+    X = _checked(points, 6, "cylinder")
+    w = _weights(sigma, len(X))
+    middle = X.mean(axis=0)
+    d = X - middle
+    starts = _directions(_STARTS) if axis is None else np.atleast_2d(np.asarray(axis, float))
+    best: Cylinder | None = None
+    for direction in sorted(starts, key=lambda a: _circle(d, a / np.linalg.norm(a))[2])[:3]:
+        try:
+            found = _cylinder_from(d, w, direction / np.linalg.norm(direction), sigma is not None)
+        except (DidNotConverge, np.linalg.LinAlgError):
+            continue
+        if best is None or found.rms < best.rms:
+            best = found
+    if best is None:
+        raise DidNotConverge("cylinder: no fit settled", hint="choose a region that is rounder")
+    return Cylinder(
+        best.point + middle, best.axis, best.radius, best.rms, best.covariance, best.count
+    )
+
+
+def _cylinder_from(d: Floats, w: Floats, axis: Floats, known: bool) -> Cylinder:
+    """Gauss-Newton on tilt, shift and radius, about an axis that is re-set in every round."""
+    a = axis
+    foot, radius, _ = _circle(d, a)
+    for _ in range(_ROUNDS):
+        e1, e2 = _across(a)
+        away = d - foot
+        away = away - np.outer(away @ a, a)
+        r = np.linalg.norm(away, axis=1)
+        out = away / r[:, None]
+        residual = r - radius
+        along = (d - foot) @ a
+        o1, o2 = out @ e1, out @ e2
+        J = np.column_stack([-along * o1, -along * o2, -o1, -o2, -np.ones(len(r))])
+        N = (J * w[:, None]).T @ J
+        step = np.linalg.solve(N, J.T @ (w * -residual))
+        a = a + step[0] * e1 + step[1] * e2
+        a /= np.linalg.norm(a)
+        foot = foot + step[2] * e1 + step[3] * e2
+        foot = foot - (foot @ a) * a
+        radius += float(step[4])
+        if np.abs(step).max() < 1e-12 * max(1.0, abs(radius)):
+            break
+    else:
+        if np.abs(step).max() > 1e-6 * max(1.0, abs(radius)):
+            raise DidNotConverge("cylinder: the fit does not settle")
+    if not radius > 0:
+        raise DidNotConverge("cylinder: the fit turned inside out")
+    a = a if a[2] >= 0 else -a
+    covariance = np.linalg.inv(N) * _variance(residual, w, 5, known)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return Cylinder(foot, a, radius, rms, covariance, len(d))
+
+
+def _circle(d: Floats, a: Floats) -> tuple[Floats, float, float]:
+    """Algebraic circle of the points seen along ``a``: its centre, radius and rms."""
+    e1, e2 = _across(a)
+    x, y = d @ e1, d @ e2
+    A = np.column_stack([2 * x, 2 * y, np.ones(len(x))])
+    s = np.linalg.lstsq(A, x * x + y * y, rcond=1e-12)[0]
+    radius = float(np.sqrt(max(s[2] + s[0] ** 2 + s[1] ** 2, 1e-12)))
+    residual = np.hypot(x - s[0], y - s[1]) - radius
+    return s[0] * e1 + s[1] * e2, radius, float(np.sqrt(np.mean(residual**2)))
+
+
+def _across(a: Floats) -> tuple[Floats, Floats]:
+    lead = np.eye(3)[int(np.argmin(np.abs(a)))]
+    e1 = np.cross(a, lead)
+    e1 /= np.linalg.norm(e1)
+    return e1, np.cross(a, e1)
+
+
+def _directions(count: int) -> Floats:
+    """Directions spread evenly over the half sphere z ≥ 0 (Fibonacci lattice), and z itself."""
+    i = np.arange(count)
+    z = (i + 0.5) / count
+    turn = np.pi * (1 + 5**0.5) * i
+    r = np.sqrt(1 - z * z)
+    return np.vstack([np.column_stack([r * np.cos(turn), r * np.sin(turn), z]), np.eye(3)])
+
+
+def _settle(
+    model: Callable[[Floats], tuple[Floats, Floats]], p: Floats, w: Floats, what: str
+) -> tuple[Floats, Floats, Floats]:
+    """Gauss-Newton: parameters, residuals and normal matrix where the step vanishes."""
+    for _ in range(_ROUNDS):
+        residual, J = model(p)
+        N = (J * w[:, None]).T @ J
+        step = np.linalg.solve(N, J.T @ (w * -residual))
+        p = p + step
+        if np.abs(step).max() < 1e-12 * max(1.0, float(np.abs(p).max())):
+            return p, residual, N
+    if np.abs(step).max() < 1e-7 * max(1.0, float(np.abs(p).max())):
+        return p, residual, N
+    raise DidNotConverge(f"{what}: the fit does not settle", hint="choose a rounder region")
