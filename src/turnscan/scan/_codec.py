@@ -86,22 +86,27 @@ class Background:
 
 def encode(
     lit: Image, dark: Image | None, own: bool, signal: Pixels, threshold: float, plan: ScanPlan
-) -> bytes:
-    """Payload of a frame: where ``signal`` is above ``threshold``, and ``dark`` too if ``own``."""
+) -> tuple[bytes, float]:
+    """Payload of a frame, and the share of its pixels that it holds.
+
+    Those are kept where ``signal`` is above ``threshold``; ``dark`` is kept too if ``own``.
+    """
     pictures = [lit, dark] if own and dark is not None else [lit]
+    share = 1.0
     if plan.keep == "full":
         body = [_squeeze(_planes(p)) for p in pictures]
     else:
         lines = signal if plan.orientation == "vertical" else signal.T
         counts, starts, lengths = find_runs(lines, threshold, plan.margin)
         index = _indices(counts, starts, lengths, lines.shape, plan)
+        share = len(index) / lines.size
         body = [
             np.array([len(starts), len(index)], _U32).tobytes(),
             _fill(lit, dark, own).tobytes(),
             *(a.astype(_U32).tobytes() for a in (counts, starts, lengths)),
             *(_squeeze(_planes(p)[:, index]) for p in pictures),
         ]
-    return zstandard.ZstdCompressor(level=_LEVEL).compress(b"".join(body))
+    return zstandard.ZstdCompressor(level=_LEVEL).compress(b"".join(body)), share
 
 
 def decode(

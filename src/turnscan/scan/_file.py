@@ -182,8 +182,8 @@ class Scan:
 
     # Writing
 
-    def add(self, frame: Frame) -> None:
-        """Store one frame; it is on the disk when this returns.
+    def add(self, frame: Frame) -> float:
+        """Store one frame; it is on the disk when this returns the share of pixels it keeps.
 
         A frame without ``dark`` refers to the laser's background, where there is one. ``noise`` and
         ``level`` are measured where they are NaN. Raises InputError where the frame does not fit
@@ -201,12 +201,13 @@ class Scan:
         signal = signal_of(frame.lit, off, self.plan.weights)
         seen = statistics(signal)
         bright = seen.level + self.plan.threshold
-        payload = encode(frame.lit, off, dark == "own", signal, bright, self.plan)
+        payload, share = encode(frame.lit, off, dark == "own", signal, bright, self.plan)
         row = self._new_row(
             "lit", frame, dark, payload, settings_to_json(frame.settings), seen.noise, seen.level
         )
         self._insert(row, payload)
         self._rows[row.laser, row.step, row.exposure] = row
+        return share
 
     def add_missing(
         self, step: int, laser: str, cause: str, commanded: float = math.nan, exposure: int = 0
@@ -230,7 +231,7 @@ class Scan:
             raise InputError(f"{self.path}: no (second) background for laser {laser!r}")
         self._check_picture(picture, f"background of laser {laser}")
         whole = _whole(self.plan)
-        payload = encode(picture, None, False, np.zeros((1, 1)), 0.0, whole)
+        payload, _ = encode(picture, None, False, np.zeros((1, 1)), 0.0, whole)
         frame = Frame(0, laser, picture)
         row = self._new_row("background", frame, "none", payload, "{}", math.nan, math.nan)
         self._insert(row, payload)
