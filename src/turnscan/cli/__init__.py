@@ -17,6 +17,7 @@ _VERBS = {
     "compare": "how far a measured mesh lies from a reference, and how much of it was measured",
     "demo": "scan a part that isn't there, and write it as DXF, STL and a report",
     "design": "resolution, working volume and limits of a rig before it is built",
+    "export": "a mesh file → DXF, STL, PLY, OBJ or XYZ",
     "import": "pictures made elsewhere → a scan file",
     "reconstruct": "a scan file → points, mesh, CAD",
 }

@@ -1,28 +1,127 @@
-"""Writing results: whole or not at all."""
+"""Writing what a verb made: the options of the file formats, and files never half written."""
 
 from __future__ import annotations
 
-import contextlib
 import os
+from collections.abc import Callable, Mapping
+from functools import wraps
 from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from turnscan.errors import ExportError
+from turnscan.export import ExportOptions, Profiles, audit, export
+from turnscan.findings import Finding
+from turnscan.points import PointCloud
+from turnscan.surface import Mesh
+
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write ``content`` beside ``path`` under another name, then put it in its place.
+def format_options(command: Command) -> Command:
+    """Give a verb the options of the file formats; it receives them as ``options``."""
 
-    What stood at ``path`` stays as it was until the new file is complete and on the disk, and for
-    good when anything fails. Raises OSError naming ``path``.
+    @click.option(
+        "--dxf-form",
+        "forms",
+        multiple=True,
+        default=("3dface",),
+        show_default=True,
+        type=click.Choice(["3dface", "polyface", "mesh", "profiles"]),
+        help="How a DXF holds the part; may be given several times, each has its own layer.",
+    )
+    @click.option(
+        "--dxf-version",
+        "version",
+        type=click.Choice(["R12", "R2010"]),
+        help="[default: R12, which all programs read; R2010 for form mesh]",
+    )
+    @click.option("--ascii", "text", is_flag=True, help="STL and PLY as text.")
+    @click.option("--float32", "single", is_flag=True, help="PLY coordinates as 32-bit numbers.")
+    @wraps(command)
+    def with_options(
+        *args: Any, forms: Any, version: Any, text: bool, single: bool, **others: Any
+    ) -> Any:
+        options = ExportOptions(
+            dxf_forms=tuple(dict.fromkeys(forms)),
+            dxf_version=version or ("R2010" if "mesh" in forms else "R12"),
+            ascii=text,
+            single=single,
+        )
+        return command(*args, options=options, **others)
+
+    return with_options  # type: ignore[return-value]
+
+
+def write_results(
+    results: Mapping[Path, Mesh | PointCloud | Profiles],
+    options: ExportOptions,
+    profiles: Profiles | None = None,
+) -> list[Finding]:
+    """Write results to files whose suffixes name the formats, each re-read and compared first.
+
+    Nothing is written unless all of them are sound. Returns what the audits remark, with the
+    file's name as the place.
+
+    Raises InputError where a format is unknown or cannot hold a result, ExportError where a
+    file does not read back the same or cannot be written.
     """
+    ready: dict[Path, bytes] = {}
+    remarks: list[Finding] = []
+    for path, what in results.items():
+        check_writable(path)
+        data = export(what, path.suffix, options=options, profiles=profiles)
+        for finding in audit(data, what, path.suffix, options=options, profiles=profiles):
+            if finding.severity == "error":
+                raise ExportError(f"{path}: {finding.message}", hint=finding.remedy)
+            where = ", ".join(filter(None, [path.name, finding.where]))
+            remarks.append(
+                Finding(finding.code, finding.severity, finding.message, where, finding.remedy)
+            )
+        ready[path] = data
+    for path, data in ready.items():
+        write_atomically(path, data)
+    return remarks
+
+
+def check_writable(path: Path) -> None:
+    """Raise ExportError where a file at ``path`` could not be written, before work is spent."""
+    folder = path.resolve().parent
+    if not folder.is_dir():
+        raise ExportError(f"{path}: there is no folder {folder}", hint="make the folder first")
     if path.is_dir():
-        raise IsADirectoryError(21, "is a directory", str(path))
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+        raise ExportError(f"{path}: this is a folder", hint="name a file")
+    if path.exists() and not path.is_file():
+        raise ExportError(f"{path}: this is a device or pipe", hint="name an ordinary file")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise ExportError(f"{path}: the file is read-only", hint="choose another name")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ExportError(f"{path}: the folder {folder} is read-only", hint="choose another folder")
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file so that its name holds all of the old content or all of the new, at any time.
+
+    Raises ExportError where it cannot be written; what was there before then stays.
+    """
+    check_writable(path)
+    target = path.resolve()
+    part = target.with_name(f".{target.name[:200]}.{os.getpid()}.part")
     try:
-        with beside.open("xb") as out:
-            out.write(content)
-            out.flush()
-            os.fsync(out.fileno())
-        beside.replace(path)
+        with part.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        if target.exists():
+            part.chmod(target.stat().st_mode & 0o7777)
+        part.replace(target)
     except OSError as e:
-        with contextlib.suppress(OSError):
-            beside.unlink()
-        raise OSError(e.errno, e.strerror, str(path)) from e
+        part.unlink(missing_ok=True)
+        raise ExportError(
+            f"{path}: {len(data)} bytes could not be written: {e.strerror or e}",
+            hint="check the free space and the permissions",
+        ) from e
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise

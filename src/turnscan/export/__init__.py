@@ -1,16 +1,33 @@
 """Bytes for CAD and print; every writer has a reader that audits it."""
 
+from turnscan.export._audit import audit
 from turnscan.export._dxf import write_dxf
+from turnscan.export._dxf_read import DxfContent, read_dxf, read_dxf_content
+from turnscan.export._formats import EXPORTERS, Exporter, export, exporter_for, read_mesh
 from turnscan.export._options import DxfForm, DxfVersion, ExportOptions, Profiles
-from turnscan.export._plain import write_obj, write_xyz
+from turnscan.export._plain import read_obj, read_xyz, write_obj, write_xyz
 from turnscan.export._ply import write_ply
-from turnscan.export._stl import write_stl
+from turnscan.export._ply_read import read_ply
+from turnscan.export._stl import read_stl, write_stl
 
 __all__ = [
+    "EXPORTERS",
+    "DxfContent",
     "DxfForm",
     "DxfVersion",
     "ExportOptions",
+    "Exporter",
     "Profiles",
+    "audit",
+    "export",
+    "exporter_for",
+    "read_dxf",
+    "read_dxf_content",
+    "read_mesh",
+    "read_obj",
+    "read_ply",
+    "read_stl",
+    "read_xyz",
     "write_dxf",
     "write_obj",
     "write_ply",

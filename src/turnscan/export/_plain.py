@@ -6,9 +6,19 @@ import numpy as np
 
 from turnscan.errors import InputError
 from turnscan.export._options import DEFAULTS, ExportOptions
+from turnscan.export._read import (
+    MAX_FACES,
+    checked,
+    complain,
+    indexed,
+    require,
+    text_of,
+    triangles,
+    within_limit,
+)
 from turnscan.export._text import about_lines, decimals_for, rows_text, scaled
 from turnscan.points import PointCloud
-from turnscan.surface import Mesh
+from turnscan.surface import Mesh, Provenance
 
 SIGMA_DECIMALS = 9
 
@@ -55,3 +65,44 @@ def write_xyz(what: Mesh | PointCloud, options: ExportOptions = DEFAULTS) -> byt
 def _comments(options: ExportOptions) -> bytes:
     lines = ["unit: millimetre", *about_lines(options.about)]
     return "".join(f"# {line}\n" for line in lines).encode("ascii")
+
+
+def read_obj(data: bytes) -> Mesh:
+    """Return the vertices and faces of a Wavefront OBJ; polygons are cut into fans.
+
+    Raises FormatError with the line, where it is not in form; LimitExceeded; InputError where
+    it has no face.
+    """
+    from turnscan.export import _read_kernels
+
+    code, at, points, v, lists, n = _read_kernels.read_obj(text_of(data), MAX_FACES)
+    complain("OBJ", data, code, at)
+    faces = triangles("OBJ", lists[:n])
+    if not len(faces):
+        raise InputError("OBJ: there are no faces", hint="export the surface as polygons")
+    return indexed("OBJ", points[:v], faces)
+
+
+def read_xyz(data: bytes) -> Mesh:
+    """Return the points of an XYZ file as a mesh without faces, with sigma where it has one.
+
+    Lines of three numbers or, with sigma, four; # starts a comment.
+
+    Raises FormatError with the line, where it is not in form; LimitExceeded.
+    """
+    from turnscan.export._read_kernels import read_table
+
+    lines = [line for line in data.split(b"\n") if line.strip() and line.lstrip()[:1] != b"#"]
+    require("XYZ", bool(lines), "there are no points")
+    within_limit("XYZ", "points", len(lines), 3 * MAX_FACES)
+    columns = len(lines[0].split())
+    require("XYZ", columns in (3, 4), f"the first line has {columns} numbers, not 3 or 4")
+    table = np.empty((len(lines), columns))
+    code, at = read_table(text_of(data), 0, table, True)
+    complain("XYZ", data, code, at)
+    points = checked("XYZ", table[:, :3])
+    unknown = np.full(len(points), -1, np.int32)
+    origin = None
+    if columns == 4:
+        origin = Provenance(table[:, 3], unknown, unknown, unknown, ())
+    return Mesh(points, np.empty((0, 3), np.int32), origin)

@@ -8,8 +8,9 @@ import numpy as np
 
 from turnscan import __version__
 from turnscan.arrays import Floats
-from turnscan.errors import InputError
+from turnscan.errors import FormatError, InputError
 from turnscan.export._options import DEFAULTS, ExportOptions
+from turnscan.export._read import MAX_FACES, complain, require, soup, text_of, within_limit, words
 from turnscan.export._text import about_lines, decimals_for, rows_text, scaled
 from turnscan.surface import Mesh
 
@@ -65,3 +66,32 @@ def _normals(triangles: Floats) -> Floats:
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals /= np.where(lengths > 0, lengths, 1.0)
     return normals
+
+
+def read_stl(data: bytes) -> Mesh:
+    """Return a binary or text STL as a mesh; equal corners become one vertex.
+
+    Raises FormatError where size and content disagree or a number is not finite;
+    LimitExceeded.
+    """
+    from turnscan.export._read_kernels import read_stl_text
+
+    count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
+    if len(data) >= 84 and len(data) == 84 + RECORD.itemsize * count:
+        within_limit("STL", "triangles", count)
+        require("STL", count > 0, "there are no triangles")
+        records = np.frombuffer(data, RECORD, count, offset=84)
+        return soup("STL", records["corners"].reshape(-1, 3).astype(np.float64))
+    if not data[:80].lstrip().lower().startswith(b"solid"):
+        need = 84 + RECORD.itemsize * count
+        raise FormatError(
+            f"STL: {count} triangles need {need} bytes, the file has {len(data)}",
+            hint="the file is cut short or is no STL; export it again at its source",
+        )
+    (word,) = words("VERTEX")
+    code, at, corners, n = read_stl_text(text_of(data), word, MAX_FACES)
+    complain("STL", data, code, at)
+    require("STL", n > 0, "there are no triangles")
+    require("STL", n % 3 == 0, f"{n} corners do not make whole triangles")
+    require("STL", b"endsolid" in data[-4096:].lower(), "the file ends without endsolid")
+    return soup("STL", corners[:n])

@@ -1,0 +1,43 @@
+"""``turnscan export``: a mesh file in another format."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from turnscan.cli._input import read_mesh_file
+from turnscan.cli._output import check_writable, format_options, write_results
+from turnscan.errors import InputError
+from turnscan.export import ExportOptions, exporter_for
+
+
+@click.command("export")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    required=True,
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="File to write; its suffix names the format. May be given several times.",
+)
+@format_options
+def verb(source: Path, outputs: tuple[Path, ...], options: ExportOptions) -> None:
+    """Write the mesh in SOURCE (.dxf .stl .ply .obj .xyz) in other formats, and audit them."""
+    if "profiles" in options.dxf_forms:
+        raise InputError(
+            "a mesh file holds no profiles", hint="use turnscan reconstruct --dxf-form profiles"
+        )
+    for path in outputs:
+        exporter_for(path.suffix)
+        check_writable(path)
+    mesh = read_mesh_file(source)
+    options = replace(options, about={"source": source.name})
+    for remark in write_results(dict.fromkeys(outputs, mesh), options):
+        click.echo(str(remark), err=remark.severity != "note")
+    size = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces"
+    for path in outputs:
+        click.echo(f"{path}: {size}, {path.stat().st_size / 1e6:.2f} MB, read back the same")

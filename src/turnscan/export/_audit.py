@@ -1,0 +1,218 @@
+"""Re-reads a file that was written and compares it with what it should hold."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.errors import InputError
+from turnscan.export._dxf_read import DxfContent, read_dxf_content
+from turnscan.export._formats import exporter_for
+from turnscan.export._options import DEFAULTS, DxfForm, ExportOptions, Profiles
+from turnscan.export._plain import SIGMA_DECIMALS
+from turnscan.export._text import decimals_for
+from turnscan.findings import Finding
+from turnscan.points import PointCloud
+from turnscan.surface import Mesh
+
+EZDXF_BYTES = 2_000_000
+"""ezdxf reads about half a megabyte of faces a second; larger files only our own reader reads."""
+VOLUME = 1e-6
+"""A part's volume should survive its file to this relative accuracy."""
+_REMEDY = "write the file again; if it stays, report it as a fault of turnscan"
+
+
+def audit(
+    data: bytes,
+    what: Mesh | PointCloud | Profiles,
+    suffix: str,
+    *,
+    options: ExportOptions = DEFAULTS,
+    profiles: Profiles | None = None,
+) -> list[Finding]:
+    """Re-read bytes that `export` gave for the same arguments, and return what does not agree.
+
+    Compares the count of faces and points, every corner, the bounds and the volume, each to the
+    rounding of the format, and in a PLY the values at each vertex. A DXF of up to 2 MB is also
+    audited by ezdxf; a note says when it is larger. Errors mean a damaged file; a warning, that
+    the format's rounding moves the volume by more than 1e-6.
+    """
+    try:
+        if suffix.lower() == ".dxf":
+            found = _dxf(read_dxf_content(data), what, options, profiles)
+            return found + ([] if _errors(found) else _by_ezdxf(data))
+        read = exporter_for(suffix).read(data)
+    except InputError as e:
+        return [_error("unreadable", e.message)]
+    assert not isinstance(what, Profiles)
+    points = what.vertices if isinstance(what, Mesh) else what.points
+    step = _step(points, suffix, options)
+    if suffix.lower() == ".xyz" or isinstance(what, PointCloud) or not len(what.faces):
+        found = _compare_points(read.vertices, points, step, "points")
+    else:
+        found = _compare_faces(read.triangles, what.triangles, step, "faces")
+        if suffix.lower() in (".ply", ".obj"):
+            found += _compare_points(read.vertices, points, step, "vertices")
+    return found if _errors(found) else found + _values(read, what, suffix, options)
+
+
+def _error(word: str, message: str, where: str = "") -> Finding:
+    return Finding(f"export.{word}", "error", message, where, _REMEDY)
+
+
+def _errors(found: list[Finding]) -> bool:
+    return any(f.severity == "error" for f in found)
+
+
+def _step(points: Floats, suffix: str, options: ExportOptions) -> float:
+    """Return by how much the format may move a coordinate, mm."""
+    largest = float(np.abs(points).max(initial=0.0))
+    binary = not options.ascii
+    if suffix.lower() == ".stl" and binary:
+        return largest * 2.0**-24 + 1e-45
+    single = largest * 2.0**-24 + 1e-45 if suffix.lower() == ".ply" and options.single else 0.0
+    if suffix.lower() == ".ply" and binary:
+        return single
+    return 0.501 * 10.0 ** -decimals_for(points) + largest * 2.0**-51 + single
+
+
+def _compare_points(got: Floats, wanted: Floats, step: float, name: str) -> list[Finding]:
+    """Compare (n, 3) points one by one, and their bounds."""
+    if len(got) != len(wanted):
+        return [_error("count", f"{len(got)} {name} read, {len(wanted)} written")]
+    if not len(got):
+        return []
+    off = np.abs(got - wanted).max(axis=1)
+    if off.max() > step:
+        i = int(np.argmax(off))
+        message = f"a point is off by {off[i]:.3g} mm, the format rounds to {step:.3g} mm"
+        return [_error("coordinates", message, f"{name}, number {i + 1}")]
+    return []
+
+
+def _compare_faces(got: Floats, wanted: Floats, step: float, name: str) -> list[Finding]:
+    """Compare (f, 3, 3) corners one by one, then the volume."""
+    if len(got) != len(wanted):
+        return [_error("count", f"{len(got)} {name} read, {len(wanted)} written")]
+    found = _compare_points(got.reshape(-1, 3), wanted.reshape(-1, 3), step, f"corners of {name}")
+    if found or not len(wanted):
+        return found
+    centre = wanted.reshape(-1, 3).mean(axis=0)
+    volume, again, area = _volume(wanted, centre), _volume(got, centre), _area(wanted)
+    change = abs(again - volume)
+    reach = float(np.abs(wanted - centre).max(initial=0.0))
+    if change > 2 * np.sqrt(3) * area * step + 1e-12 * area * reach:
+        return [_error("volume", f"{again:.9g} mm³ read, {volume:.9g} mm³ written", name)]
+    if change > VOLUME * abs(volume) and abs(volume) > 1e-3 * area * reach:
+        return [
+            Finding(
+                "export.rounding",
+                "warning",
+                f"rounding to {step:.3g} mm moves the volume by {change / abs(volume):.2g}",
+                name,
+                "move the part nearer to the origin, or choose a format with more digits",
+            )
+        ]
+    return []
+
+
+def _volume(triangles: Floats, centre: Floats) -> float:
+    t = triangles - centre
+    return float(np.einsum("ij,ij->", t[:, 0], np.cross(t[:, 1], t[:, 2])) / 6.0)
+
+
+def _area(triangles: Floats) -> float:
+    sides = triangles[:, 1:] - triangles[:, :1]
+    return float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum() / 2.0)
+
+
+def _dxf(
+    content: DxfContent,
+    what: Mesh | PointCloud | Profiles,
+    options: ExportOptions,
+    profiles: Profiles | None,
+) -> list[Finding]:
+    forms: tuple[DxfForm, ...] = options.dxf_forms
+    if isinstance(what, Profiles):
+        forms = ("profiles",)
+    lines = what if isinstance(what, Profiles) else profiles
+    drawn: list[Floats] = []
+    for form in forms:
+        if form == "profiles" and lines is not None:
+            drawn.append(lines.points)
+        elif isinstance(what, Mesh):
+            drawn.append(what.vertices)
+    step = _step(np.concatenate(drawn), ".dxf", options)
+    read: dict[DxfForm, Floats] = {
+        "3dface": content.faces,
+        "polyface": content.polyfaces,
+        "mesh": content.meshes,
+    }
+    found: list[Finding] = []
+    for kind, corners in read.items():
+        wanted = np.empty((0, 3, 3))
+        if kind in forms and isinstance(what, Mesh):
+            wanted = what.triangles
+        found += _compare_faces(corners.reshape(-1, 3, 3), wanted, step, f"faces as {kind}")
+    if "profiles" in forms and lines is not None:
+        found += _runs(content.runs, lines, step)
+    return found
+
+
+def _runs(got: tuple[Floats, ...], profiles: Profiles, step: float) -> list[Finding]:
+    every = [run for runs in profiles.lines.values() for run in runs]
+    wanted = [run for run in every if len(run) > 1] + [run for run in every if len(run) == 1]
+    if [len(run) for run in got] != [len(run) for run in wanted]:
+        sizes = f"{len(got)} runs with {sum(map(len, got))} points read"
+        return [_error("count", f"{sizes}, {len(wanted)} with {sum(map(len, wanted))} written")]
+    return _compare_points(np.concatenate(got), np.concatenate(wanted), step, "points of profiles")
+
+
+def _by_ezdxf(data: bytes) -> list[Finding]:
+    if len(data) > EZDXF_BYTES:
+        size = f"{len(data) / 1e6:.0f} MB"
+        text = f"the file has {size}; ezdxf was not asked, only turnscan's own reader"
+        return [Finding("export.ezdxf-skipped", "note", text)]
+    import ezdxf
+    from ezdxf.filemanagement import read
+
+    try:
+        document = read(io.StringIO(data.decode("ascii")))
+        auditor = document.audit()
+    except (ezdxf.DXFError, UnicodeDecodeError) as e:  # type: ignore[attr-defined]
+        return [_error("ezdxf", f"ezdxf cannot read it: {e}")]
+    return [_error("ezdxf", e.message) for e in (*auditor.errors, *auditor.fixes)]
+
+
+def _values(
+    read: Mesh, what: Mesh | PointCloud, suffix: str, options: ExportOptions
+) -> list[Finding]:
+    """Compare what stands at each vertex beside its position."""
+    if suffix.lower() not in (".ply", ".xyz"):
+        return []
+    origin = what.provenance if isinstance(what, Mesh) else what
+    found: list[Finding] = []
+    if origin is not None and not (suffix.lower() == ".xyz" and np.isnan(origin.sigma).all()):
+        if read.provenance is None:
+            return [_error("values", "sigma of the points is missing")]
+        same = np.isclose(
+            read.provenance.sigma,
+            origin.sigma,
+            rtol=2.0**-23,
+            atol=0.501 * 10.0**-SIGMA_DECIMALS,
+            equal_nan=True,
+        )
+        if not same.all():
+            where = f"vertex {int(np.argmin(same)) + 1}"
+            found.append(_error("values", "sigma differs from what was written", where))
+        if suffix.lower() == ".ply":
+            for name in ("laser", "step", "line"):
+                if not np.array_equal(getattr(read.provenance, name), getattr(origin, name)):
+                    found.append(_error("values", f"{name} differs from what was written"))
+    if suffix.lower() == ".ply" and isinstance(what, Mesh) and what.colour is not None:
+        same_colour = read.colour is not None and np.array_equal(read.colour, what.colour)
+        if not same_colour:
+            found.append(_error("values", "colour differs from what was written"))
+    return found
