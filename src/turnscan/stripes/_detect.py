@@ -142,9 +142,9 @@ def _masked(
 
 def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSettings) -> object:
     """The threshold, the noise and the rest of what the kernel needs to know."""
-    from turnscan.stripes import _kernels as kernels
+    from turnscan.stripes import _scan
 
-    level, noise = s.background or kernels.background(lit, off, roi)
+    level, noise = s.background or _scan.background(lit, off, roi)
     paired = off.shape[0] > 1
     step = s.quantisation
     noise = max(noise, step / math.sqrt(12.0))
@@ -161,7 +161,7 @@ def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSett
         area = 4.0 / math.pi * grain**2
         looks = area / math.hypot(1.0, 1.18 * grain)
         speckle = WINDOW_LOSS * s.speckle_contrast**2 * looks / (4.0 * math.sqrt(math.pi))
-    return kernels.Terms(
+    return _scan.Terms(
         base=float(base),
         level=float(threshold),
         low=float(max(HYSTERESIS * threshold, min(2.0 * noise, threshold))),

@@ -1,15 +1,10 @@
-"""The fused kernel of stripe detection: scan, segment and measure, touching each pixel once.
-
-Everything here works on vertical stripes: a line is an image row. ``dark`` is the laser-off
-picture, or one row of zeros when there is none; ``base`` is the level of the background in
-``lit - dark``, so that the light of a pixel is ``lit - dark - base``.
-"""
+"""Everything about all candidates of a picture: list, measure in rounds, write down."""
 # mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -19,369 +14,288 @@ from turnscan.stripes._measure import (
     NOISE_FACTOR,
     PHASE_ERROR,
     WINDOW,
+    accumulate,
     by_strategy,
-    half_width,
-    measure_window,
-    plateau,
+    centre_window,
+    width_of,
+)
+from turnscan.stripes._scan import (
+    FWHM,
+    HIGH,
+    LEFT,
+    LOW,
+    PEAKS,
+    RIGHT,
+    SEED,
+    TOP,
+    fill,
+    first_pass,
+    learned_saturation,
+    merge_peaks,
 )
 
-BLOCK = 128
-"""Pixels that are passed over together when none is above the threshold."""
-PEAKS = 12
-"""Peaks of a line that are looked at before the brightest K are kept."""
-FWHM = 2.3548
-"""Full width at half maximum of a Gaussian, in sigma."""
 SATURATED, HALO, EDGE = 8, 16, 32
 
-RIPPLE = 0.15
-"""A dip below this part of a peak starts a new peak in the first pass."""
-SPLIT_DEPTH = 0.5
-"""Two peaks are two stripes when the valley is below this part of the lower one …"""
-SPLIT_DISTANCE = 5.0
-"""… and they are this many rms widths apart …"""
-SPLIT_DEEP = 0.15
-"""… or when the valley is below this part of the lower one, at any distance."""
-
+ROUNDS = 3
+"""Times that the widths along the stripe and the centres are brought into agreement."""
+TURNS = 1
+"""Moves of the window in a round; the last round has one more."""
+SPARE = 4.0
+"""Pixels beside the seed that a measurement may look at, in rms widths, and …"""
+MARGIN = 6
+"""… px more, for the flanks."""
+MEMORY = 0.85
+"""What a line's width counts for the width of the window in the next line."""
+KIN_DISTANCE, KIN_WIDTH = 3.0, 2.5
+"""Candidates of adjacent lines belong together within this many widths and this ratio of widths."""
 PEDESTAL_LIMIT = 0.12
 """Light beside the stripe above this part of its amplitude is a halo …"""
-SKEW_LIMIT = 0.35
-"""… and so is a window this skewed."""
+LEAN_LIMIT = 0.3
+"""… and so is a centre this many widths away from the middle of the half-height."""
 CLIPPED_PHASE = 0.11
 """Error from the phase of the pixels on a clipped stripe, px·px² (÷ width²)."""
 HALO_BIAS = 0.24
 """Bias of the window, in widths, when half of the light is a one-sided halo (ALGORITHMS §2.2)."""
 
-
-class Terms(NamedTuple):
-    """What the kernel needs to know; all grey levels, all above the background."""
-
-    base: float
-    level: float
-    """The threshold."""
-    low: float
-    """A run that rose above ``level`` goes on down to here."""
-    noise: float
-    """rms of one pixel of ``lit - dark``, without light."""
-    variance: float
-    """Of one pixel without the shot noise that ``per_level`` adds, grey levels²."""
-    per_level: float
-    """Shot noise: variance per grey level, 0 when unknown."""
-    with_background: bool
-    """The background's shot noise is not yet in ``variance``."""
-    speckle: float
-    """Variance of the centre per px of rms width, px²/px."""
-    width: float
-    """px rms width, 0 measures it."""
-    saturation: float
-    """Raw grey level, 0 learns it from the picture."""
-    strategy: int
+# Columns of the list of candidates.
+ROW, START, PLACE, HEIGHT, HALF, MIDDLE, CENTRE, FLUX, SECOND, PEDESTAL, GAIN, REACH, WIDTH = range(
+    13
+)
+COLUMNS = 13
 
 
 @njit(cache=True, nogil=True)
-def block_above(lit: Any, dark: Any, limit: int) -> bool:
-    """True where a pixel of the block is above ``limit``; small types, so that it becomes SIMD."""
-    best = lit.dtype.type(0)
-    for x in range(lit.size):
-        a = lit[x]
-        b = dark[x]
-        d = lit.dtype.type((a if a > b else b) - b)
-        best = d if d > best else best
-    return best > limit
-
-
-@njit(cache=True, nogil=True)
-def background(lit: Any, dark: Any, roi: Any) -> Any:
-    """Median and robust noise of ``lit - dark`` from some ten thousand pixels.
-
-    The noise is the distance from the median down to the 16 % quantile: light only ever adds on
-    the other side.
-    """
-    u0, v0, u1, v1 = roi
-    reach = np.iinfo(lit.dtype).max
-    counts = np.zeros(2 * reach + 1, np.int32)
-    step_v = max(1, (v1 - v0) // 64)
-    step_u = max(1, (u1 - u0) // 160)
-    paired = dark.shape[0] > 1
-    low = np.int64(reach)
-    n = 0
-    for v in range(v0, v1, step_v):
-        a = lit[v]
-        b = dark[v if paired else 0]
-        for u in range(u0 + (7 * v) % step_u, u1, step_u):
-            d = np.int64(a[u]) - np.int64(b[u])
-            counts[d + reach] += 1
-            low = min(low, d)
-            n += 1
-    below = 0
-    quantile = low - 0.5
-    wanted = 0.1587 * n
-    for d in range(low, reach + 1):
-        here = counts[d + reach]
-        if here > 0 and below + here >= wanted:
-            level = d - 0.5 + (wanted - below) / here
-            if wanted == 0.5 * n:
-                return level, level - quantile
-            quantile = level
-            wanted = 0.5 * n
-            if below + here >= wanted:
-                level = d - 0.5 + (wanted - below) / here
-                return level, level - quantile
-        below += here
-    return float(low), 0.0
-
-
-@njit(cache=True, nogil=True)
-def light_at(lit: Any, dark: Any, base: float, x: int) -> float:
-    """The light of one pixel."""
-    return np.float64(lit[x]) - np.float64(dark[x]) - base
-
-
-@njit(cache=True, nogil=True)
-def fill(light: Any, lit: Any, dark: Any, base: float, first: int, stop: int) -> None:
-    """Put the light of the pixels first … stop-1 into the buffer."""
-    for x in range(first, stop):
-        light[x] = light_at(lit, dark, base, x)
-
-
-@njit(cache=True, nogil=True)
-def keep_peak(
-    peaks: Any, count: int, seed: int, left: int, right: int, top: float, valley: float
-) -> int:
-    """Append a peak (seed, left, right, top, light at right); a full list drops its lowest."""
-    if count == PEAKS:
+def keep_brightest(peaks: Any, count: int, wanted: int) -> int:
+    """Keep the ``wanted`` highest peaks, in order of position."""
+    while count > wanted:
         lowest = 0
-        for j in range(1, PEAKS):
-            if peaks[j, 3] < peaks[lowest, 3]:
+        for j in range(1, count):
+            if peaks[j, TOP] < peaks[lowest, TOP]:
                 lowest = j
-        if peaks[lowest, 3] >= top:
-            return count
-        for j in range(lowest, PEAKS - 1):
+        for j in range(lowest, count - 1):
             peaks[j] = peaks[j + 1]
         count -= 1
-    peaks[count, 0] = seed
-    peaks[count, 1] = left
-    peaks[count, 2] = right
-    peaks[count, 3] = top
-    peaks[count, 4] = valley
-    return count + 1
-
-
-@njit(cache=True, nogil=True)
-def segment(light: Any, first: int, last: int, noise: float, peaks: Any, count: int) -> int:
-    """Split the run first … last at its valleys, and append its peaks to the list."""
-    left = first
-    seed = first
-    valley = first
-    rising = True
-    for x in range(first + 1, last + 1):
-        q = light[x]
-        top = light[seed]
-        if rising:
-            if q > top:
-                seed = x
-            elif q < top - max(4.0 * noise, RIPPLE * top):
-                rising = False
-                valley = x
-        elif q < light[valley]:
-            valley = x
-        elif q > light[valley] + max(4.0 * noise, RIPPLE * q):
-            count = keep_peak(peaks, count, seed, left, valley, light[seed], light[valley])
-            left = valley
-            seed = x
-            rising = True
-    return keep_peak(peaks, count, seed, left, last, light[seed], light[last])
-
-
-@njit(cache=True, nogil=True)
-def scan_line(lit: Any, dark: Any, light: Any, u0: int, u1: int, terms: Any, peaks: Any) -> int:
-    """Find the peaks of one line: runs that rise above ``level`` and go on down to ``low``."""
-    base = terms.base
-    limit = max(0, int(math.floor(terms.level + base)))
-    count = 0
-    done = u0
-    for start in range(u0, u1, BLOCK):
-        stop = min(start + BLOCK, u1)
-        if stop <= done or not block_above(lit[start:stop], dark[start:stop], limit):
-            continue
-        for x in range(max(start, done), stop):
-            if x < done or light_at(lit, dark, base, x) <= terms.level:
-                continue
-            first = x
-            while first > done and light_at(lit, dark, base, first - 1) > terms.low:
-                first -= 1
-            last = x
-            while last + 1 < u1 and light_at(lit, dark, base, last + 1) > terms.low:
-                last += 1
-            fill(light, lit, dark, base, first, last + 1)
-            count = segment(light, first, last, terms.noise, peaks, count)
-            done = last + 1
     return count
 
 
 @njit(cache=True, nogil=True)
-def merge_peaks(peaks: Any, count: int, usual: float) -> int:
-    """Join the peaks that speckle or noise broke: too near and with too shallow a valley."""
-    kept = 0
-    for j in range(count):
-        together = kept > 0 and peaks[kept - 1, 2] == peaks[j, 1]
-        if together:
-            valley = peaks[kept - 1, 4]
-            lower = min(peaks[kept - 1, 3], peaks[j, 3])
-            near = peaks[j, 0] - peaks[kept - 1, 0] < SPLIT_DISTANCE * usual
-            together = valley > SPLIT_DEEP * lower and (near or valley > SPLIT_DEPTH * lower)
-        if together:
-            peaks[kept - 1, 2] = peaks[j, 2]
-            peaks[kept - 1, 4] = peaks[j, 4]
-            if peaks[j, 3] > peaks[kept - 1, 3]:
-                peaks[kept - 1, 0] = peaks[j, 0]
-                peaks[kept - 1, 3] = peaks[j, 3]
-        else:
-            peaks[kept] = peaks[j]
-            kept += 1
-    return kept
+def reach_of(peaks: Any, count: int, j: int, half: float, whole: bool, u0: int, u1: int) -> Any:
+    """First and last pixel that the measurement of peak j may look at.
+
+    ``whole`` takes in the run above the threshold; the valleys towards neighbours are the limit.
+    """
+    margin = int(SPARE * half) + MARGIN
+    left = int(peaks[j, SEED]) - margin
+    right = int(peaks[j, SEED]) + margin
+    if whole:
+        left = min(left, int(peaks[j, LEFT]))
+        right = max(right, int(peaks[j, RIGHT]))
+    if j > 0:
+        before = int(peaks[j - 1, RIGHT])
+        left = max(left, before + (before < peaks[j, LEFT]))
+    if j < count - 1:
+        after = int(peaks[j + 1, LEFT])
+        right = min(right, after - (after > peaks[j, RIGHT]))
+    return max(left, u0), min(right, u1 - 1)
 
 
 @njit(cache=True, nogil=True)
-def reach_of(peaks: Any, count: int, j: int, u0: int, u1: int) -> Any:
-    """First and last pixel that the measurement of peak j may look at."""
-    left = int(peaks[j, 1])
-    right = int(peaks[j, 2])
-    margin = 2 * (right - left) + 12
-    if j == 0:
-        left = max(u0, left - margin)
-    elif peaks[j - 1, 2] < left:
-        left = max(int(peaks[j - 1, 2]) + 1, left - margin)
-    if j == count - 1:
-        right = min(u1 - 1, right + margin)
-    elif peaks[j + 1, 1] > right:
-        right = min(int(peaks[j + 1, 1]) - 1, right + margin)
-    return left, right
+def list_candidates(
+    roi: Any,
+    terms: Any,
+    peaks: Any,
+    counts: Any,
+    usual: float,
+    wanted: int,
+    some: Any,
+    stops: Any,
+) -> Any:
+    """Fill the list ``some`` (n, COLUMNS) and, per candidate, where its pixels end in the pool."""
+    u0, v0, u1, _ = roi
+    n = 0
+    total = 0
+    for i in range(counts.size):
+        if counts[i] == 0:
+            continue
+        line = peaks[i]
+        count = keep_brightest(line, merge_peaks(line, counts[i], usual), wanted)
+        counts[i] = count
+        for j in range(count):
+            peak = line[j]
+            half = max(0.45, (peak[HIGH] - peak[LOW]) / FWHM)
+            left, right = reach_of(line, count, j, half, terms.strategy != WINDOW, u0, u1)
+            total += right - left + 2
+            stops[n] = total
+            some[n, ROW] = v0 + i
+            some[n, START] = left
+            some[n, PLACE] = peak[SEED]
+            some[n, HEIGHT] = peak[TOP]
+            some[n, HALF] = half
+            some[n, MIDDLE] = 0.5 * (peak[LOW] + peak[HIGH])
+            some[n, CENTRE] = some[n, MIDDLE] - left
+            some[n, FLUX] = peak[TOP] * half
+            some[n, SECOND] = half * half
+            n += 1
+    return n, total
 
 
 @njit(cache=True, nogil=True)
-def clipped(lit: Any, first: float, last: float, left: int, right: int, level: float) -> bool:
+def find_kin(some: Any, n: int, up: Any, down: Any) -> None:
+    """For every candidate, the one of the line before and after that it belongs to, or -1."""
+    up[:n] = -1
+    down[:n] = -1
+    start = 0
+    for i in range(n):
+        row = some[i, ROW]
+        while some[start, ROW] < row - 1:
+            start += 1
+        best = np.inf
+        j = start
+        while some[j, ROW] < row:
+            a, b = some[i, HALF], some[j, HALF]
+            distance = abs(some[i, PLACE] - some[j, PLACE])
+            if (
+                distance < min(best, KIN_DISTANCE * max(a, b) + 2.0)
+                and a < KIN_WIDTH * b
+                and b < KIN_WIDTH * a
+            ):
+                best = distance
+                up[i] = j
+            j += 1
+        if up[i] >= 0:
+            down[up[i]] = i
+
+
+@njit(cache=True, nogil=True)
+def smooth_widths(some: Any, n: int, up: Any, down: Any, ahead: Any) -> None:
+    """Width of the window: light-weighted rms of the candidates along the stripe.
+
+    A recursive filter forth and back along the kin; it follows a stripe whose width changes, and
+    does not follow the speckle of one line.
+    """
+    for i in range(n):
+        weight = some[i, FLUX]
+        second = weight * some[i, SECOND]
+        if up[i] >= 0:
+            weight += MEMORY * ahead[up[i], 0]
+            second += MEMORY * ahead[up[i], 1]
+        ahead[i, 0] = weight
+        ahead[i, 1] = second
+    for i in range(n - 1, -1, -1):
+        weight = some[i, FLUX]
+        second = weight * some[i, SECOND]
+        ahead[i, 2] = weight
+        ahead[i, 3] = second
+        if down[i] >= 0:
+            ahead[i, 2] += MEMORY * ahead[down[i], 2]
+            ahead[i, 3] += MEMORY * ahead[down[i], 3]
+        weight = ahead[i, 0] + ahead[i, 2] - weight
+        second = ahead[i, 1] + ahead[i, 3] - second
+        some[i, WIDTH] = math.sqrt(second / weight) if weight > 0.0 else some[i, HALF]
+
+
+@njit(cache=True, nogil=True)
+def measure_round(some: Any, n: int, pool: Any, stops: Any, noise: float, turns: int) -> None:
+    """Move every window to its centre, and measure the width within it."""
+    for i in range(n):
+        sums = pool[stops[i - 1] if i else 0 : stops[i]]
+        if sums.shape[0] < 3:
+            some[i, SECOND] = some[i, HALF] ** 2
+            some[i, GAIN] = 1.0
+            continue
+        c, h, flux, second, pedestal, gain = centre_window(
+            sums, some[i, CENTRE], some[i, WIDTH], noise, turns
+        )
+        some[i, CENTRE] = c
+        some[i, FLUX] = flux
+        some[i, SECOND] = width_of(second, h) ** 2 if flux > 0.0 else some[i, HALF] ** 2
+        some[i, PEDESTAL] = pedestal
+        some[i, GAIN] = gain
+        some[i, REACH] = h
+
+
+@njit(cache=True, nogil=True)
+def clipped(line: Any, first: float, last: float, u0: int, u1: int, level: float) -> bool:
     """True where a pixel between first and last is saturated."""
-    for x in range(max(left, int(math.ceil(first))), min(right, int(math.floor(last))) + 1):
-        if lit[x] >= level:
+    for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):
+        if line[x] >= level:
             return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def measure_peak(
+def uncertainty(one: Any, terms: Any, floor: float) -> float:
+    """Variance of the window's centre from the camera, px². ``floor``: raw levels without light."""
+    h = one[REACH]
+    flux = one[FLUX]
+    if flux <= 0.0:
+        return one[HALF] ** 2
+    squares = 2.0 / 3.0 * h * h * h
+    pedestal = max(one[PEDESTAL], 0.0)
+    spread = terms.variance * squares
+    spread += terms.per_level * (
+        flux * min(one[SECOND], h * h / 3.0) + (pedestal + floor) * squares
+    )
+    return spread * one[GAIN] ** 2 / (flux * flux)
+
+
+@njit(cache=True, nogil=True)
+def write_down(
     lit: Any,
     dark: Any,
-    light: Any,
-    variance: Any,
-    peak: Any,
-    left: int,
-    right: int,
-    saturation: float,
+    roi: Any,
     terms: Any,
-    out: Any,
-) -> int:
-    """Measure one candidate: position, sigma, amplitude, width into ``out``; returns the flags."""
-    fill(light, lit, dark, terms.base, left, right + 1)
-    for x in range(left, right + 1):
-        seen = np.float64(lit[x]) + np.float64(dark[x]) if terms.with_background else light[x]
-        variance[x] = terms.variance + terms.per_level * max(seen, 0.0)
-    seed, top = plateau(light, int(peak[1]), int(peak[2]))
-    low, high = half_width(light, seed, top, left, right)
-    width = terms.width if terms.width > 0.0 else max(0.45, (high - low) / FWHM)
-    centre, width, spread, pedestal, skew, cut = measure_window(
-        light, variance, left, right, 0.5 * (low + high), width, terms.width > 0.0, terms.noise
-    )
-    amplitude = top - pedestal
-    flags = 0
-    if cut:
-        flags |= EDGE
-    half = HALF_WINDOW * width
-    if clipped(lit, centre - half, centre + half, left, right, saturation):
-        flags |= SATURATED
-        spread += (CLIPPED_PHASE / (width * width)) ** 2
-    halo = pedestal / max(amplitude, 1.0)
-    if (pedestal > 4.0 * terms.noise and halo > PEDESTAL_LIMIT) or abs(skew) > SKEW_LIMIT:
-        flags |= HALO
-        spread += (HALO_BIAS * width * min(1.0, halo + abs(skew))) ** 2
-    spread += terms.speckle * width
+    saturation: float,
+    some: Any,
+    n: int,
+    light: Any,
+    stops: Any,
+    table: Any,
+    bits: Any,
+) -> None:
+    """From the list to ``table`` and ``bits``: sigma, flags, and the centre by the strategy."""
+    u0, _, u1, _ = roi
+    paired = dark.shape[0] > 1
     factor = NOISE_FACTOR[terms.strategy]
     phase = PHASE_ERROR[terms.strategy]
-    position = centre
-    if terms.strategy != WINDOW:
-        position = by_strategy(light, terms.strategy, seed, left, right, terms.level)
-    out[0] = position
-    out[1] = math.sqrt(spread * factor * factor + phase * phase)
-    out[2] = amplitude
-    out[3] = width
-    return flags
-
-
-@njit(cache=True, nogil=True)
-def place(table: Any, bits: Any, v: int, count: int, out: Any, flags: int) -> int:
-    """Put one measured candidate into line v, in order of position, keeping the brightest K."""
-    k = table.shape[2]
-    if count == k:
-        weakest = 0
-        for j in range(1, k):
-            if table[2, v, j] < table[2, v, weakest]:
-                weakest = j
-        if table[2, v, weakest] >= out[2]:
-            return count
-        for j in range(weakest, k - 1):
-            table[:, v, j] = table[:, v, j + 1]
-            bits[v, j] = bits[v, j + 1]
-        count -= 1
-    j = count
-    while j > 0 and table[0, v, j - 1] > out[0]:
-        table[:, v, j] = table[:, v, j - 1]
-        bits[v, j] = bits[v, j - 1]
-        j -= 1
-    for i in range(4):
-        table[i, v, j] = out[i]
-    bits[v, j] = flags
-    return count + 1
-
-
-@njit(cache=True, nogil=True)
-def first_pass(
-    lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: Any, light: Any
-) -> Any:
-    """Peaks of every line; returns the usual rms width and the brightest raw grey level."""
-    u0, v0, u1, v1 = roi
-    paired = dark.shape[0] > 1
-    widths = np.empty(v1 - v0)
-    found = 0
-    brightest = 0.0
-    for i in range(v1 - v0):
-        line = lit[v0 + i]
-        n = scan_line(line, dark[v0 + i if paired else 0], light, u0, u1, terms, peaks[i])
-        counts[i] = n
-        if n == 0:
-            continue
-        best = 0
-        for j in range(1, n):
-            if peaks[i, j, 3] > peaks[i, best, 3]:
-                best = j
-        left, right = int(peaks[i, best, 1]), int(peaks[i, best, 2])
-        brightest = max(brightest, np.float64(line[int(peaks[i, best, 0])]))
-        seed, top = plateau(light, left, right)
-        low, high = half_width(light, seed, top, left, right)
-        widths[found] = (high - low) / FWHM
-        found += 1
-    if found == 0:
-        return 0.0, brightest
-    return np.median(widths[:found]), brightest
-
-
-@njit(cache=True, nogil=True)
-def learned_saturation(lit: Any, brightest: float) -> float:
-    """8 bits: 250 (JPEG rings around 255). 16: 98 % of the 10, 12, 14 or 16 bits in use."""
-    if np.iinfo(lit.dtype).max == 255:
-        return 250.0
-    for bits in (10, 12, 14):
-        if brightest < 2.0**bits:
-            return 0.98 * (2.0**bits - 1.0)
-    return 0.98 * 65535.0
+    row = -1
+    j = 0
+    for i in range(n):
+        one = some[i]
+        v = int(one[ROW])
+        j = j + 1 if v == row else 0
+        row = v
+        left = int(one[START])
+        right = left + stops[i] - (stops[i - 1] if i else 0) - 2
+        position = one[CENTRE] + left
+        off = dark[v if paired else 0]
+        floor = 0.0
+        if terms.with_background:
+            floor = max(0.0, 2.0 * off[int(one[PLACE])] + terms.base)
+        spread = uncertainty(one, terms, floor) + terms.speckle * one[WIDTH]
+        h = one[REACH]
+        flags = 0
+        if h < HALF_WINDOW * one[WIDTH] - 0.5 and (
+            position - h < u0 + 0.5 or position + h > u1 - 1.5
+        ):
+            flags |= EDGE
+        if clipped(lit[v], position - h, position + h, u0, u1, saturation):
+            flags |= SATURATED
+            spread += (CLIPPED_PHASE / max(one[SECOND], 0.25)) ** 2
+        amplitude = one[HEIGHT] - one[PEDESTAL]
+        halo = one[PEDESTAL] / max(amplitude, 1.0)
+        lean = abs(one[CENTRE] + left - one[MIDDLE]) / one[WIDTH]
+        if (halo > PEDESTAL_LIMIT and one[PEDESTAL] > 4.0 * terms.noise) or lean > LEAN_LIMIT:
+            flags |= HALO
+            spread += (HALO_BIAS * one[WIDTH] * min(1.0, halo + lean)) ** 2
+        if terms.strategy != WINDOW:
+            fill(light, lit[v], off, terms.base, left, right + 1)
+            position = by_strategy(light, terms.strategy, one[PLACE], left, right, terms.level)
+        table[0, v, j] = position
+        table[1, v, j] = math.sqrt(spread * factor * factor + phase * phase)
+        table[2, v, j] = amplitude
+        table[3, v, j] = math.sqrt(one[SECOND])
+        bits[v, j] = flags
 
 
 @njit(cache=True, nogil=True)
@@ -390,35 +304,40 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
 
     Both come filled with NaN and zeros.
     """
-    u0, v0, u1, v1 = roi
+    _, v0, _, v1 = roi
     paired = dark.shape[0] > 1
-    light = np.zeros(lit.shape[1])
-    variance = np.zeros(lit.shape[1])
-    peaks = np.empty((v1 - v0, PEAKS, 5))
-    counts = np.zeros(v1 - v0, np.int32)
-    out = np.empty(4)
+    light = np.empty(lit.shape[1])
+    peaks = np.empty((v1 - v0, PEAKS, 7))
+    counts = np.zeros(v1 - v0, np.int64)
     usual, brightest = first_pass(lit, dark, roi, terms, peaks, counts, light)
-    if terms.width > 0.0:
-        usual = terms.width
+    fixed = terms.width > 0.0
+    room = counts.sum()
+    some = np.zeros((room + 1, COLUMNS))
+    stops = np.empty(room, np.int64)
+    wanted = table.shape[2]
+    expected = terms.width if fixed else usual
+    n, total = list_candidates(roi, terms, peaks, counts, expected, wanted, some, stops)
+    pool = np.empty((total, 3))
+    for i in range(n):
+        start = stops[i - 1] if i else 0
+        v = int(some[i, ROW])
+        left = int(some[i, START])
+        right = left + stops[i] - start - 2
+        off = dark[v if paired else 0]
+        accumulate(lit[v], off, terms.base, left, right, pool[start : stops[i]])
+    if fixed:
+        some[:, WIDTH] = terms.width
+        measure_round(some, n, pool, stops, terms.noise, 5)
+    else:
+        up = np.empty(n, np.int64)
+        down = np.empty(n, np.int64)
+        ahead = np.empty((n, 4))
+        find_kin(some, n, up, down)
+        for turn in range(ROUNDS):
+            smooth_widths(some, n, up, down, ahead)
+            last = turn == ROUNDS - 1
+            measure_round(some, n, pool, stops, terms.noise, TURNS + last)
     saturation = terms.saturation
     if saturation <= 0.0:
         saturation = learned_saturation(lit, brightest)
-    for i in range(v1 - v0):
-        v = v0 + i
-        n = merge_peaks(peaks[i], counts[i], usual)
-        placed = 0
-        for j in range(n):
-            left, right = reach_of(peaks[i], n, j, u0, u1)
-            flags = measure_peak(
-                lit[v],
-                dark[v if paired else 0],
-                light,
-                variance,
-                peaks[i, j],
-                left,
-                right,
-                saturation,
-                terms,
-                out,
-            )
-            placed = place(table, bits, v, placed, out, flags)
+    write_down(lit, dark, roi, terms, saturation, some, n, light, stops, table, bits)

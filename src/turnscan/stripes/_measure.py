@@ -1,7 +1,8 @@
 """One candidate → its centre, width, amplitude and uncertainty: the kernels of the strategies.
 
-``light`` and ``variance`` are buffers of one line, filled for lo ≤ x < hi; ``left`` and ``right``
-are the outermost pixels that belong to the candidate (the valleys towards its neighbours).
+``light`` is a buffer of one line; ``left`` and ``right`` are the outermost pixels that belong to
+the candidate (the valleys towards its neighbours). The window works on running sums, so that a
+turn costs the same however wide the stripe is.
 """
 # mypy: disable-error-code="untyped-decorator"
 
@@ -10,19 +11,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from numba import njit
 
 WINDOW, MAXIMUM, CENTROID, MEDIAN, PARABOLA, GAUSS3, SQUARED, BLAIS_RIOUX = range(8)
 
 HALF_WINDOW = 2.5
 """Half window in rms widths (ALGORITHMS: noise and truncation balance near 2.5)."""
-TRUNCATION = 0.9113
-"""Variance of a Gaussian cut at ±2.5 sigma, in units of sigma²: 1 - 5φ(2.5)/(2Φ(2.5) - 1)."""
-ITERATIONS = 6
 MIN_HALF_WINDOW = 0.9
 """px: less than this cannot see both sides of a stripe."""
-SETTLED = 1e-4
-"""px: the window stops moving here."""
 
 # How much noisier than the window each strategy is, and its error from the phase of the pixels
 # (px), so that the claimed sigma stays honest (docs/explain/stripes.md has the measured figures).
@@ -68,111 +65,129 @@ def half_width(light: Any, seed: float, top: float, left: int, right: int) -> An
 
 
 @njit(cache=True, nogil=True)
-def flank(light: Any, edge: int, step: int, count: int, last: int) -> float:
-    """Mean of up to ``count`` pixels from ``edge`` outwards, not beyond ``last``."""
-    total = 0.0
-    n = 0
-    x = edge
-    while n < count and (last - x) * step >= 0:
-        total += light[x]
-        n += 1
-        x += step
-    if n == 0:
-        return float(light[last])
-    return total / n
+def accumulate(lit: Any, dark: Any, base: float, left: int, right: int, sums: Any) -> None:
+    """Running sums of light·t^k, k = 0, 1, 2, over the pixels t = x - left - middle of left … right.
+
+    ``sums`` (right - left + 2, 3) starts with a row of zeros: the sums over any run of pixels are
+    then the difference of two rows.
+    """
+    q0 = q1 = q2 = 0.0
+    t = -np.float64((right - left) // 2)
+    sums[0, 0] = sums[0, 1] = sums[0, 2] = 0.0
+    for x in range(right - left + 1):
+        q = np.float64(np.int64(lit[x + left]) - np.int64(dark[x + left])) - base
+        q0 += q
+        q *= t
+        q1 += q
+        q2 += q * t
+        t += 1.0
+        sums[x + 1, 0] = q0
+        sums[x + 1, 1] = q1
+        sums[x + 1, 2] = q2
 
 
 @njit(cache=True, nogil=True)
-def window_sums(
-    light: Any,
-    first: int,
-    last: int,
-    c: float,
-    h: float,
-    pedestal: float,
-    slope: float,
-    pivot: float,
-) -> Any:
-    """Moments 0 to 3 about ``c`` of the light above the background in the window c ± h.
-
-    The end pixels count with the part of them that the window covers.
-    """
-    s0 = s1 = s2 = s3 = 0.0
-    for x in range(first, last + 1):
-        part = min(1.0, c + h + 0.5 - x, x + 0.5 - c + h)
-        e = x - c
-        q = part * (light[x] - pedestal - slope * (x - pivot))
-        s0 += q
-        s1 += q * e
-        s2 += q * e * e
-        s3 += q * e * e * e
-    return s0, s1, s2, s3
+def mean_light(sums: Any, first: int, stop: int) -> float:
+    """Mean light of the pixels first … stop-1, cut to what there is."""
+    last = sums.shape[0] - 1
+    first = min(max(first, 0), last - 1)
+    stop = max(min(stop, last), first + 1)
+    return (sums[stop, 0] - sums[first, 0]) / (stop - first)
 
 
 @njit(cache=True, nogil=True)
-def measure_window(
-    light: Any,
-    variance: Any,
-    left: int,
-    right: int,
-    centre: float,
-    width: float,
-    fixed: bool,
-    noise: float,
-) -> Any:
-    """Centre of gravity in the symmetric window that follows the centre.
+def moments(sums: Any, c: float, h: float, pedestal: float, slope: float) -> Any:
+    """Moments 0 to 2 about ``c`` of the light above the background in the window c ± h.
 
-    The background is the line through the means of the flanks; its slope counts only where the
-    flanks differ by more than the noise explains, so that a clean stripe pays nothing for it.
-    ``fixed`` keeps ``width``; otherwise it is measured along with the centre.
-
-    Returns centre, width, variance of the centre, pedestal, skewness, and whether the window was
-    cut by the ends of the candidate.
+    The pixels at both ends count with the part of them that the window covers. The background is
+    ``pedestal + slope·(x - c)``. The fourth value is the light of the two end pixels together.
     """
-    c = centre
-    s = width
-    s0 = s1 = s2 = s3 = 0.0
-    pedestal = slope = 0.0
-    pivot = c
-    h = 0.0
-    first = last = 0
-    cut = False
-    for turn in range(ITERATIONS):
-        room = min(c - left, right - c) + 0.5
-        h = HALF_WINDOW * s
-        cut = h > room
-        h = max(MIN_HALF_WINDOW, min(h, room))
-        first = max(left, int(math.floor(c - h + 0.5)))
-        last = min(right, int(math.ceil(c + h - 0.5)))
-        if turn < 3:
-            count = 3 + int(s)
-            below = flank(light, first - 2, -1, count, left)
-            above = flank(light, last + 2, 1, count, right)
-            pedestal = 0.5 * (below + above)
-            slope = 0.0
-            if abs(above - below) > 4.0 * noise * math.sqrt(2.0 / count):
-                slope = (above - below) / (last - first + 3 + count)
-            pivot = c
-        s0, s1, s2, s3 = window_sums(light, first, last, c, h, pedestal, slope, pivot)
+    middle = (sums.shape[0] - 2) // 2
+    a = int(math.floor(c - h + 0.5))
+    b = int(math.ceil(c + h - 0.5))
+    part_a = a + 0.5 - (c - h)
+    part_b = c + h - (b - 0.5)
+    at_a = sums[a + 1, 0] - sums[a, 0]
+    at_b = sums[b + 1, 0] - sums[b, 0]
+    t = c - middle
+    q0 = sums[b, 0] - sums[a + 1, 0]
+    q1 = sums[b, 1] - sums[a + 1, 1]
+    q2 = sums[b, 2] - sums[a + 1, 2]
+    # From powers about the middle to powers about c.
+    s1 = q1 - t * q0
+    s2 = q2 - t * (2.0 * q1 - t * q0)
+    ea = a - c
+    eb = b - c
+    wa = part_a * at_a
+    wb = part_b * at_b
+    s0 = q0 + wa + wb
+    s1 += wa * ea + wb * eb
+    s2 += wa * ea * ea + wb * eb * eb
+    # The same sums of the background: n pixels between the ends, centred on m.
+    n = np.float64(b - a - 1)
+    m = 0.5 * (ea + eb)
+    e1 = n * m + part_a * ea + part_b * eb
+    e2 = n * (m * m + (n * n - 1.0) / 12.0) + part_a * ea * ea + part_b * eb * eb
+    s0 -= pedestal * 2.0 * h + slope * e1
+    s1 -= pedestal * e1 + slope * e2
+    s2 -= pedestal * e2
+    return s0, s1, s2, at_a + at_b
+
+
+@njit(cache=True, nogil=True)
+def width_of(second: float, h: float) -> float:
+    """Width of the Gaussian whose part within ± h has this variance.
+
+    A rational fit to the truncated Gaussian, exact in the limits of wide and narrow windows and
+    at h = 2.5 sigma, within 1.5 % in between.
+    """
+    r = min(max(second / (h * h), 0.003), 0.3)
+    return h * math.sqrt(r * (1.0 - 3.27 * r + 4.41 * r * r) / (1.0 - 3.0 * r))
+
+
+@njit(cache=True, nogil=True)
+def background_line(sums: Any, c: float, h: float, noise: float) -> Any:
+    """Pedestal at ``c`` and slope of the light beside the window.
+
+    The slope counts only where both sides differ by more than the noise explains, so that a
+    clean stripe pays nothing for it.
+    """
+    count = 3 + int(0.4 * h)
+    a = int(math.floor(c - h + 0.5)) - 1
+    b = int(math.ceil(c + h - 0.5)) + 2
+    below = mean_light(sums, a - count, a)
+    above = mean_light(sums, b, b + count)
+    slope = 0.0
+    if abs(above - below) > 4.0 * noise * math.sqrt(2.0 / count):
+        slope = (above - below) / (b - a + count)
+    return 0.5 * (below + above), slope
+
+
+@njit(cache=True, nogil=True)
+def centre_window(sums: Any, c: float, width: float, noise: float, turns: int) -> Any:
+    """Centre of gravity in a symmetric window of ± 2.5 widths that follows the centre.
+
+    ``c`` counts pixels from the first one of ``sums``. Returns the centre, the half window, the
+    light in it, its variance about the centre, the pedestal, and how far the window amplifies the
+    noise by following its own centre.
+    """
+    last = sums.shape[0] - 2
+    s0 = s1 = s2 = ends = pedestal = slope = 0.0
+    h = MIN_HALF_WINDOW
+    for turn in range(turns):
+        room = min(c, last - c) + 0.4
+        h = max(MIN_HALF_WINDOW, min(HALF_WINDOW * width, room))
+        c = min(max(c, h - 0.4), last - h + 0.4)
+        if turn == 0:
+            pedestal, slope = background_line(sums, c, h, noise)
+        s0, s1, s2, ends = moments(sums, c, h, pedestal, slope)
         if s0 <= 0.0:
-            return c, s, 1.0e6, pedestal, 0.0, cut
-        shift = min(max(s1 / s0, -h), h)
-        if not fixed:
-            second = max(s2 / s0 - shift * shift, 0.09)
-            s = min(max(math.sqrt(second / TRUNCATION), 0.6 * s), 1.6 * s)
-        c = min(max(c + shift, left - 0.5), right + 0.5)
-        if turn > 2 and abs(shift) < SETTLED:
-            break
-    total = 0.0
-    for x in range(first, last + 1):
-        e = min(1.0, c + h + 0.5 - x, x + 0.5 - c + h) * (x - c)
-        total += e * e * variance[x]
-    # The window follows its own centre, which amplifies the noise: 1/(1 - light at its ends).
-    ends = h * (light[first] + light[last] - 2.0 * pedestal) / s0
-    gain = s0 * (1.0 - min(max(ends, 0.0), 0.5))
-    second = max(s2 / s0, 1e-3)
-    skew = s3 / (s0 * second * math.sqrt(second))
-    return c, s, total / (gain * gain), pedestal, skew, cut
+            return c, h, 0.0, 0.0, pedestal, 1.0
+        c += min(max(s1 / s0, -h), h)
+    c = min(max(c, -0.5), last + 0.5)
+    second = max(s2 / s0 - (s1 / s0) ** 2, 0.02)
+    gain = 1.0 / (1.0 - min(max(h * (ends - 2.0 * pedestal) / s0, 0.0), 0.5))
+    return c, h, s0, second, pedestal, gain
 
 
 @njit(cache=True, nogil=True)
