@@ -8,10 +8,10 @@ from turnscan.simulate._speckle import (
     gamma_speckle,
     grain,
     oversampling,
+    path_phase,
     pattern_weights,
     pixel_contrast,
     speckled,
-    surface_cells,
 )
 
 __all__ = [
@@ -25,9 +25,9 @@ __all__ = [
     "gamma_speckle",
     "grain",
     "oversampling",
+    "path_phase",
     "pattern_weights",
     "pixel_contrast",
     "speckled",
-    "surface_cells",
     "webcam",
 ]

@@ -207,66 +207,39 @@ def _index(pixels: npt.NDArray[np.int32], energy: Singles, lit: npt.NDArray[np.i
 @njit(cache=True, nogil=True)
 def _hash_cells(points: Floats, per_mm: float, keys: Keys) -> None:
     for i in range(len(points)):
-        word = np.uint64(0)
-        for axis in range(3):
-            whole = np.int64(math.floor(points[i, axis] * per_mm))
-            word = mix(word, np.uint64(whole))
+        word = _cell_word(points, i, per_mm)
         keys[i] = np.uint32(word >> np.uint64(32))
 
 
-@njit(cache=True, nogil=True)
-def divide(
-    points: Floats,
-    slopes: Floats,
-    distance: Floats,
-    width: Floats,
-    electrons: Floats,
-    per_mm: float,
-    energy: Singles,
-    keys: Keys,
-) -> None:
-    """Energy and scatterer of every cell of every pixel; see `surface_cells`."""
-    n, oy, ox = energy.shape
-    for i in range(n):
-        share = electrons[i] / (oy * ox)
-        for y in range(oy):
-            v = (y + 0.5) / oy - 0.5
-            for x in range(ox):
-                u = (x + 0.5) / ox - 0.5
-                d = (distance[i, 0] + v * distance[i, 1] + u * distance[i, 2]) / width[i]
-                energy[i, y, x] = share * math.exp(-2.0 * d * d)
-                word = np.uint64(0)
-                for axis in range(3):
-                    place = points[i, axis] + v * slopes[i, 0, axis] + u * slopes[i, 1, axis]
-                    word = mix(word, np.uint64(np.int64(math.floor(place * per_mm))))
-                keys[i, y, x] = np.uint32(word >> np.uint64(32))
+@njit(cache=True, nogil=True, inline="always")
+def _cell_word(points: Floats, i: int, per_mm: float) -> np.uint64:
+    word = np.uint64(0)
+    for axis in range(3):
+        whole = np.int64(math.floor(points[i, axis] * per_mm))
+        word = mix(word, np.uint64(whole))
+    return word
 
 
 @njit(cache=True, nogil=True)
-def path_phase(
-    points: Floats,
-    slopes: Floats,
-    per_mm: float,
-    laser: Floats,
-    lens: Floats,
-    per_wave: float,
-    phase: Singles,
+def path_cycles(
+    points: Floats, size: float, laser: Floats, lens: Floats, per_wave: float, phase: Singles
 ) -> None:
-    """Cycles of light from the laser by the middle of each cell's scatterer to the lens."""
-    n, oy, ox = phase.shape
-    for i in range(n):
-        for y in range(oy):
-            v = (y + 0.5) / oy - 0.5
-            for x in range(ox):
-                u = (x + 0.5) / ox - 0.5
-                there, back = 0.0, 0.0
-                for axis in range(3):
-                    place = points[i, axis] + v * slopes[i, 0, axis] + u * slopes[i, 1, axis]
-                    middle = (math.floor(place * per_mm) + 0.5) / per_mm
-                    there += (middle - laser[axis]) ** 2
-                    back += (middle - lens[axis]) ** 2
-                cycles = (math.sqrt(there) + math.sqrt(back)) * per_wave
-                phase[i, y, x] = cycles - math.floor(cycles)
+    """Fraction of a cycle of the path laser, scatterer, lens.
+
+    A scatterer lies anywhere in its cell, by the cell's hash: on a regular lattice all phases
+    would come round together, as a grating's do, when the table has turned far enough.
+    """
+    per_mm = 1.0 / size
+    for i in range(len(points)):
+        word = _cell_word(points, i, per_mm)
+        there, back = 0.0, 0.0
+        for axis in range(3):
+            within = float((word >> np.uint64(21 * axis)) & np.uint64(0x1FFFFF)) / 2097152.0
+            place = (math.floor(points[i, axis] * per_mm) + within) * size
+            there += (place - laser[axis]) ** 2
+            back += (place - lens[axis]) ** 2
+        cycles = (math.sqrt(there) + math.sqrt(back)) * per_wave
+        phase[i] = cycles - math.floor(cycles)
 
 
 @njit(cache=True, nogil=True)

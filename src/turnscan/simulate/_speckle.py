@@ -113,53 +113,26 @@ def cell_keys(points: npt.ArrayLike, size: float) -> Keys:
     return _grain.hashed_cells(X.reshape(-1, 3), size).reshape(X.shape[:-1])
 
 
-def surface_cells(
+def path_phase(
     points: npt.ArrayLike,
-    slopes: npt.ArrayLike,
-    distance: npt.ArrayLike,
-    width: npt.ArrayLike,
-    electrons: npt.ArrayLike,
-    cells: tuple[int, int],
     size: float,
-    *,
-    path: tuple[npt.ArrayLike, npt.ArrayLike, float] | None = None,
-) -> tuple[Singles, Keys, Singles | None]:
-    """Divide lit pixels into cells, taking the surface within each pixel for flat.
+    laser: npt.ArrayLike,
+    lens: npt.ArrayLike,
+    wavelength: float,
+) -> Singles:
+    """Cycles, without the whole ones, of light from the laser by each scatterer to the lens.
 
-    ``points`` (n, 3): surface points at the pixel centres in coordinates fixed to the object, mm.
-    ``slopes`` (n, 2, 3): how they move per row and per column, mm per pixel.
-    ``distance`` (n, 3): signed distance to the middle of the laser sheet, mm, and its change per
-    row and per column. ``width`` (n,): 1/e² half thickness of the sheet there, mm.
-    ``electrons`` (n,): what the pixel would collect if all of it were in the middle of the sheet.
-    ``cells``: (oy, ox) as of `oversampling`. ``size``: edge of a scatterer, mm, as of `cell_size`.
-    ``path``: laser and lens (3,) in the object's coordinates, and the wavelength, all mm.
-
-    Returns energy, keys and phase, each (n, oy, ox), for `speckled`; phase is None without path.
-    Raises ValueError where shapes do not fit.
+    ``points`` (..., 3) and ``size`` as for `cell_keys`; ``laser`` and ``lens`` (3,) are in the
+    same coordinates, fixed to the object; all mm. The path goes by one place in the scatterer's
+    cell, so that all points of a scatterer have one phase. Returns (...).
     """
     from turnscan.simulate import _grain
 
     X = np.ascontiguousarray(points, dtype=np.float64)
-    n = len(X)
-    arrays = [X]
-    for name, values, shape in (
-        ("slopes", slopes, (n, 2, 3)),
-        ("distance", distance, (n, 3)),
-        ("width", width, (n,)),
-        ("electrons", electrons, (n,)),
-    ):
-        arrays.append(np.ascontiguousarray(values, dtype=np.float64))
-        if arrays[-1].shape != shape:
-            raise ValueError(f"surface_cells: {name} {arrays[-1].shape}, expected {shape}")
-    energy = np.empty((n, *cells), np.float32)
-    keys = np.empty((n, *cells), np.uint32)
-    _grain.divide(*arrays, 1.0 / size, energy, keys)
-    if path is None:
-        return energy, keys, None
-    phase = np.empty((n, *cells), np.float32)
-    laser, lens = (np.asarray(end, dtype=np.float64) for end in path[:2])
-    _grain.path_phase(X, arrays[1], 1.0 / size, laser, lens, 1.0 / path[2], phase)
-    return energy, keys, phase
+    phase = np.empty(X.shape[:-1], np.float32)
+    ends = [np.asarray(end, dtype=np.float64) for end in (laser, lens)]
+    _grain.path_cycles(X.reshape(-1, 3), size, *ends, 1.0 / wavelength, phase.reshape(-1))
+    return phase
 
 
 def speckled(
@@ -179,8 +152,8 @@ def speckled(
     ``energy`` (n, oy, ox): expected electrons of each cell of each pixel, as rays would give them
     (oy, ox as of `oversampling`, or more); their sum is the energy of the picture in the mean.
     ``keys`` (n, oy, ox) uint32: the scatterer each cell shows, from `cell_keys`.
-    ``phase`` (n, oy, ox), cycles: optical path laser-scatterer-lens in wavelengths, the same for
-    all cells of a scatterer; added to the phasor's own, it changes the speckle as the table turns.
+    ``phase`` (n, oy, ox), cycles, from `path_phase`: added to the phasor's own, it changes the
+    speckle as the table turns. Without it, speckle only moves along with the surface.
     ``seed`` says which rough surface; ``contrast`` as of `contrast`.
 
     Raises ValueError, naming the argument, where shapes or values do not fit.
@@ -225,10 +198,10 @@ def pixel_contrast(grain: Grain, rows: int = 1) -> float:
 
     The square is the mean of |γ|² over pairs of points of the pixel, γ = 2 J1(πr/λN')/(πr/λN').
     """
-    return math.sqrt(_pair_mean(grain, 0, 0, rows))
+    return math.sqrt(pair_covariance(grain, 0, 0, rows))
 
 
-def _pair_mean(grain: Grain, down: float, across: float, rows: int = 1) -> float:
+def pair_covariance(grain: Grain, down: float, across: float, rows: int = 1) -> float:
     """Covariance of two pixels' intensity, this many rows and columns apart, mean intensity 1."""
     y, wy = _box_pairs(down, grain[0], rows)
     x, wx = _box_pairs(across, grain[1], 1)
@@ -246,8 +219,8 @@ def _box_pairs(distance: float, grain: float, pixels: int) -> tuple[Floats, Floa
 @lru_cache(maxsize=16)
 def _neighbours(grain: Grain) -> tuple[float, float]:
     """Correlation of a pixel's speckle with its neighbour below and beside it."""
-    own = _pair_mean(grain, 0, 0)
-    return _pair_mean(grain, 1, 0) / own, _pair_mean(grain, 0, 1) / own
+    own = pair_covariance(grain, 0, 0)
+    return pair_covariance(grain, 1, 0) / own, pair_covariance(grain, 0, 1) / own
 
 
 def jinc(r: Floats) -> Floats:

@@ -14,7 +14,14 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.simulate._sensor import Sensor, expose
-from turnscan.simulate._speckle import Grain, Singles, cell_keys, oversampling, speckled
+from turnscan.simulate._speckle import (
+    Grain,
+    Singles,
+    cell_keys,
+    oversampling,
+    pair_covariance,
+    speckled,
+)
 
 _TILT = np.array([[0.762, -0.424, 0.489], [0.605, 0.742, -0.290], [-0.240, 0.517, 0.822]])
 """How the object's axes lie to the picture: oblique, as on any real object."""
@@ -122,6 +129,12 @@ def motion_correlation(grain: float, grains: float, seed: int, size: int = 256) 
         for s in (0.0, grains)
     )
     return float(np.corrcoef(before, after)[0, 1])
+
+
+def motion_theory(grain: float, grains: float) -> float:
+    """The same from the lens: covariance of two pixels that far apart over a pixel's variance."""
+    g = (grain, grain)
+    return pair_covariance(g, 0.0, grains * grain) / pair_covariance(g, 0.0, 0.0)
 
 
 def photon_transfer(sensor: Sensor, seed: int, size: int = 400) -> tuple[float, float]:
