@@ -151,7 +151,7 @@ class Renderer:
             own = energy * np.isin(body, members).astype(np.float32)
             if not own.any():
                 continue
-            direct = self._imaged(pixels, own, points, shape, contrast, beam)
+            direct = self._imaged(pixels, own, points, shape, contrast, beam, T)
             out += direct if halo is None else self._spread(direct, halo, T)
         return out
 
@@ -173,6 +173,7 @@ class Renderer:
         shape: tuple[int, int],
         contrast: float,
         beam: Beam,
+        T: Pose,
     ) -> Singles:
         bench = self.bench
         if bench.waves == "rays":
@@ -182,10 +183,16 @@ class Renderer:
         pitch = (bench.sensor.pitch_y, bench.sensor.pitch_x)
         size = speckle.cell_size(bench.grain, pitch, bench.lens.magnification)
         keys = speckle.cell_keys(points, size)
-        seen = contrast if bench.waves == "speckle" else 0.0
-        index = bench.beams.index(beam)
-        seed = int(seed64(bench.seed, index))
-        return speckle.speckled(pixels, energy, keys, shape, bench.grain, seed, contrast=seen)
+        seed = int(seed64(bench.seed, bench.beams.index(beam)))
+        if bench.waves == "diffraction":
+            return speckle.speckled(pixels, energy, keys, shape, bench.grain, seed, contrast=0.0)
+        back = T.inverse()
+        phase = speckle.path_phase(
+            points, size, back.apply(beam.apex), back.translation, beam.wavelength
+        )
+        return speckle.speckled(
+            pixels, energy, keys, shape, bench.grain, seed, contrast=contrast, phase=phase
+        )
 
     def _cells(
         self, T: Pose, beam: Beam, seconds: float, start: float
