@@ -2,6 +2,7 @@
 
 from turnscan.scan._codec import signal_of, statistics
 from turnscan.scan._file import Scan, Stored, replacing_scan
+from turnscan.scan._fit import rig_for
 from turnscan.scan._pictures import (
     is_video,
     list_pictures,
@@ -24,6 +25,7 @@ __all__ = [
     "read_picture",
     "read_video",
     "replacing_scan",
+    "rig_for",
     "signal_of",
     "statistics",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import math
@@ -9,9 +10,10 @@ import os
 import secrets
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -309,20 +311,19 @@ class Scan:
         """Number of frames."""
         return sum(r.kind == "lit" for r in self._rows.values())
 
-    def verify(self) -> Iterator[str]:
-        """Read and check everything there is, yielding the name of each frame when it is good.
-
-        Raises ScanCorrupt naming the first damaged place.
-        """
+    def verify(self) -> Iterator[tuple[str, ScanError | None]]:
+        """Read and check everything there is: the name of each part, and what is wrong with it."""
         with self._thread:
-            database.quick_check(self._db, self.path)
-        for laser in self._backgrounds:
-            self.background(laser)
-        for stored in self.stored():
-            stored.decode()
-            yield str(stored.row)
+            yield "the file's pages", _trouble(lambda: database.quick_check(self._db, self.path))
+        for laser, row in self._backgrounds.items():
+            yield str(row), _trouble(partial(self.background, laser))
+        for row in self._in_order(None):
+            yield str(row), _trouble(partial(self._decode, row))
 
     # Inside
+
+    def _decode(self, row: Row) -> Frame:
+        return self._stored(row, None).decode()
 
     def _stored(self, row: Row, project: Project | None) -> Stored:
         if self.plan.channels == 1:
@@ -469,13 +470,15 @@ def replacing_scan(path: str | Path, plan: ScanPlan, rig: Rig | None = None) -> 
             f"{path}: another process is writing it, or an interrupted scan waits there",
             hint="choose another name, or finish that scan first",
         )
+    _sweep(path)
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
         with Scan.create(part, plan, rig) as scan:
             yield scan
         with Scan.open(part) as scan:
-            for _ in scan.verify():
-                pass
+            for _, trouble in scan.verify():
+                if trouble is not None:
+                    raise trouble
         os.replace(part, path)
         database.sync_folder(path)
     except BaseException:
@@ -493,6 +496,28 @@ def _transaction(db: sqlite3.Connection) -> Iterator[None]:
         if db.in_transaction:
             db.execute("ROLLBACK")
         raise
+
+
+def _trouble(check: Callable[[], object]) -> ScanError | None:
+    try:
+        check()
+    except ScanError as e:
+        return e
+    except InputError as e:  # right checksums around something that is no frame
+        return ScanCorrupt(e.message, hint=e.hint)
+    return None
+
+
+def _sweep(path: Path) -> None:
+    """Remove what killed imports to the same name left; a file that is being written stays."""
+    for part in path.parent.glob(f".{glob.escape(path.name)}.{'[0-9a-f]' * 8}.part"):
+        try:
+            database.open_writing(part).close()
+        except ScanBusy:
+            continue
+        except (ScanError, InputError):
+            pass  # killed before its first frame
+        _remove(part)
 
 
 def _remove(path: Path) -> None:

@@ -167,9 +167,12 @@ def settings_from_json(text: str, where: str) -> Mapping[str, Setting]:
 
 def settings_to_json(settings: Mapping[str, Setting]) -> str:
     """Write settings as JSON text. Raises InputError where they are not plain."""
+    odd = [k for k, v in settings.items() if not isinstance(v, str | int | float | bool)]
+    if odd:
+        raise InputError(f"frame settings: {odd[0]} is {settings[odd[0]]!r}, not a plain value")
     try:
         return json.dumps(dict(settings), allow_nan=False, sort_keys=True)
-    except (TypeError, ValueError) as e:
+    except ValueError as e:
         raise InputError(f"frame settings: {e}") from None
 
 
