@@ -7,17 +7,17 @@ row) with (0, 0) at the centre of the top-left pixel.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, frozen
+from turnscan.arrays import Bools, Floats, frozen
 
 _ROUNDS = 30
 _SETTLED = 1e-13
 _CLOSED = 1e-9
 _BLOCK = 8192
+_SAMPLES = 257
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ class Camera:
         with np.errstate(over="ignore", invalid="ignore"):
             xy = X[..., :2] / z[..., None]
             if self.distortion.any():
-                inside = (xy * xy).sum(axis=-1) < self._fold()
-                xy = self._distort(np.where(inside[..., None], xy, np.nan))
+                known = self._before_fold(xy[..., 0], xy[..., 1])
+                xy = self._distort(np.where(known[..., None], xy, np.nan))
             xy = self._tilted(xy)
         pixels: Floats = xy * (self.fx, self.fy) + (self.cx, self.cy)
         return pixels
@@ -158,25 +158,50 @@ class Camera:
     def _fold(self) -> float:
         """The r² at which the radial polynomial stops growing; infinite when it never does."""
         k1, k2, _, _, k3 = self.distortion
-        roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+        # In 1/r² the derivative's polynomial is monic, so that tiny coefficients do no harm.
+        roots = np.roots([1.0, 3 * k1, 5 * k2, 7 * k3])
         real = roots[np.abs(roots.imag) <= 1e-12 * np.abs(roots)].real
-        return float(np.min(real[real > 0], initial=np.inf))
+        nearest = float(np.max(real, initial=0.0))
+        return 1 / nearest if nearest > 1e-300 else np.inf
+
+    def _before_fold(self, x: Floats, y: Floats) -> Bools:
+        """Where the lens is one to one: before the radial fold, and not yet turned inside out."""
+        jxx, jxy, jyy = self._lens_slopes(x, y)
+        return (jxx * jyy > jxy * jxy) & (x * x + y * y < self._fold())
 
     def _undistorted(self, target: Floats) -> Floats:
         """Undo the lens for target (..., 2), in blocks that stay in the processor's cache."""
         x, y = target[..., 0].ravel(), target[..., 1].ravel()
+        far = float(np.nanmax(np.hypot(x, y), initial=0.0))
+        radii = self._radii(far) if np.isfinite(far) else (np.zeros(2), np.zeros(2))
         blocks = range(0, len(x), _BLOCK)
-        solved = [self._newton(x[i : i + _BLOCK], y[i : i + _BLOCK]) for i in blocks]
+        solved = [self._newton(x[i : i + _BLOCK], y[i : i + _BLOCK], *radii) for i in blocks]
         return np.concatenate([*solved, np.empty((0, 2))]).reshape(target.shape)
 
-    def _newton(self, x_lens: Floats, y_lens: Floats) -> Floats:
+    def _radii(self, far: float) -> tuple[Floats, Floats]:
+        """Undistorted radii up to the fold, or to where they reach ``far``, and the lens of them.
+
+        Both increase, so that a distorted radius can be looked up whatever the polynomial.
+        """
+        k1, k2, _, _, k3 = self.distortion
+        fold, top = np.sqrt(self._fold()), 1.0
+        while top < fold and top * (1.0 + top**2 * (k1 + top**2 * (k2 + top**2 * k3))) < far:
+            top *= 2.0
+        r = np.linspace(0.0, min(top, fold), _SAMPLES)
+        return r, r * (1.0 + r**2 * (k1 + r**2 * (k2 + r**2 * k3)))
+
+    def _newton(self, x_lens: Floats, y_lens: Floats, radii: Floats, lens: Floats) -> Floats:
         """Newton's method on lens(x, y) = (x_lens, y_lens), every point until it has settled.
 
-        It starts at the target, from where it runs towards a radial polynomial's first root
-        without passing it. NaN where that does not lead back to the target before the fold.
+        It starts where the radial polynomial alone would have its first root. NaN where that does
+        not lead back to the target before the fold.
         """
-        x, y = x_lens.copy(), y_lens.copy()
-        moving: Any = slice(None)
+        distorted = np.hypot(x_lens, y_lens)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            scale = np.where(distorted > 0, np.interp(distorted, lens, radii) / distorted, 1.0)
+        x, y = x_lens * scale, y_lens * scale
+        # Beyond the fold there is nothing to find; the margin is for the tangential terms.
+        moving = np.flatnonzero(distorted <= 1.05 * lens[-1])
         with np.errstate(all="ignore"):
             for _ in range(_ROUNDS):
                 at_x, at_y = x[moving], y[moving]
@@ -187,14 +212,12 @@ class Camera:
                 step_x, step_y = (jyy * ex - jxy * ey) / det, (jxx * ey - jxy * ex) / det
                 x[moving], y[moving] = at_x - step_x, at_y - step_y
                 far = np.abs(step_x) + np.abs(step_y) > _SETTLED
-                if not far.any():
+                moving = moving[far]
+                if not len(moving):
                     break
-                if not far.all():
-                    moving = np.flatnonzero(far) if isinstance(moving, slice) else moving[far]
-            jxx, jxy, jyy = self._lens_slopes(x, y)
             ex, ey = self._lens(x, y)
             good = np.abs(ex - x_lens) + np.abs(ey - y_lens) <= _CLOSED
-            good &= (jxx * jyy > jxy * jxy) & (x * x + y * y < self._fold())
+            good &= self._before_fold(x, y)
         return np.where(good[:, None], np.stack([x, y], axis=-1), np.nan)
 
     def _tilt_matrix(self) -> Floats:
