@@ -1,1 +1,102 @@
-"""The whole story on one screen: a scan file and a rig become points, a mesh, and CAD."""
+"""The whole story on one screen: frames → stripes → range grids → mesh."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from turnscan import points, surface
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.points import RangeGrid, Spacing, Volume
+from turnscan.rig import Rig
+from turnscan.scan import Scan, Stored, rig_for
+from turnscan.stripes import Stripe, StripeSettings, detect
+from turnscan.surface import Caps, Mesh, Tears
+
+Tick = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything a user may choose about a reconstruction."""
+
+    stripes: StripeSettings = field(default_factory=StripeSettings)
+    volume: Volume | None = None
+    """What to keep, in the table frame; None takes what the rig can measure above the platter."""
+    shortest: int = 3
+    """Runs of fewer points in a profile are specks."""
+    every: int = 1
+    """Use every n-th profile."""
+    spacing: float | None = None
+    """mm between points along a profile; None keeps one point per image line."""
+    spacing_by: Spacing = "height"
+    tears: Tears = field(default_factory=Tears)
+    island: int = 50
+    """Loose pieces of fewer faces are taken away."""
+    caps: Caps | None = None
+    """How to close the surface; None leaves its borders open."""
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """What became of a scan."""
+
+    grids: tuple[RangeGrid, ...]
+    mesh: Mesh
+    findings: tuple[Finding, ...]
+
+
+def reconstruct(
+    scan: Scan, rig: Rig | None = None, settings: Settings | None = None, tick: Tick = lambda: None
+) -> Reconstruction:
+    """All frames of a scan → range grids of its lasers and one mesh in the object's frame.
+
+    ``rig`` None takes the one in the scan file; ``tick`` is called after each frame. Raises
+    InputError where rig and scan do not fit or no angle is known, ScanCorrupt naming a frame.
+    """
+    s, rig = settings or Settings(), rig_for(scan, rig)
+    grids, findings = [], list[Finding]()
+    for laser in scan.plan.lasers:
+        volume = s.volume or points.working_volume(rig, laser)
+        mask = points.view_mask(rig, laser, volume)
+        look = replace(s.stripes, orientation=scan.plan.orientation, mask=mask)
+        whole, found = _grid(scan, laser, rig, look, tick)
+        turn, again = points.one_turn(points.every(whole, s.every))
+        kept = points.drop_specks(points.clip(turn, volume), s.shortest)
+        findings += found + points.angle_findings(turn, again)
+        findings += points.grid_findings(turn, kept, volume)
+        grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)
+    mesh, islands, faces = surface.drop_islands(surface.paste(grids, s.tears), s.island)
+    gaps = None
+    if s.caps is not None:
+        mesh, gaps = surface.close(mesh, s.caps)
+    findings += surface.mesh_findings(mesh, islands, faces, gaps)
+    return Reconstruction(tuple(grids), mesh, tuple(findings))
+
+
+def _grid(
+    scan: Scan, laser: str, rig: Rig, look: StripeSettings, tick: Tick
+) -> tuple[RangeGrid, list[Finding]]:
+    def find(stored: Stored) -> tuple[int, float, Stripe]:
+        frame = stored.decode()
+        known = None if np.isnan(frame.noise) else (frame.level, frame.noise)
+        stripe = detect(frame.lit, frame.dark, replace(look, background=known))
+        tick()
+        return frame.step, frame.angle, stripe
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        done = list(pool.map(find, scan.stored(laser)))
+    good = [d for d in done if not np.isnan(d[1])]
+    findings = points.lost_frames(laser, scan.missing(laser), len(done) - len(good))
+    if not good:
+        raise InputError(
+            f"{scan.path}: no frame of laser {laser!r} has a table angle",
+            hint="import the pictures again with --angles",
+        )
+    steps, angles, found = zip(*good, strict=True)
+    return points.build_grid(rig, laser, found, steps, angles), findings

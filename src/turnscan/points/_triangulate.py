@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
+from turnscan.points._grid import RangeGrid
 from turnscan.rig import LaserSheet, Rig, rotation_z
 
 _SMALL = 1e-3
@@ -98,3 +99,21 @@ def point_covariance(rig: Rig, laser: str, pixels: npt.ArrayLike, angles: npt.Ar
         slope = (ends[0] - ends[1]) / (2.0 * _SMALL)
         total += slope[:, :, None] * slope[:, None, :]
     return total
+
+
+def systematic_sigma(rig: Rig, grid: RangeGrid, most: int = 500) -> Floats:
+    """What the rig's own uncertainty does to points of a grid: (m,) mm, at most ``most`` of them.
+
+    The square root of the trace of `point_covariance`, at points spread evenly over the grid.
+    Empty where the rig has no covariance.
+    """
+    step, line = np.nonzero(grid.found)
+    if rig.covariance is None or not len(step):
+        return np.zeros(0)
+    some = np.unique(np.linspace(0, len(step) - 1, most).astype(np.intp))
+    angles = grid.angles[step[some]]
+    turned = np.einsum("mij,mj->mi", rotation_z(angles), grid.points[step[some], line[some]])
+    pixels = rig.camera.project(rig.T_camera_table.apply(turned))
+    C = point_covariance(rig, grid.laser, pixels, angles)
+    spread: Floats = np.sqrt(np.trace(C, axis1=1, axis2=2))
+    return spread

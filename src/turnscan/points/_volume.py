@@ -35,6 +35,12 @@ class Volume:
                 f"Volume: r_max {self.r_max}, z from {self.z_min} to {self.z_max} holds no point"
             )
 
+    def __str__(self) -> str:
+        """In words, for findings."""
+        low = "" if np.isneginf(self.z_min) else f", from {self.z_min:.2f} mm"
+        high = "" if np.isposinf(self.z_max) else f", up to {self.z_max:.2f} mm"
+        return f"radius {self.r_max:.1f} mm{low}{high}"
+
     def contains(self, points: npt.ArrayLike) -> Bools:
         """(...) True where a point (..., 3) of the object's or table frame lies inside."""
         X = np.asarray(points, dtype=np.float64)
@@ -69,6 +75,23 @@ def working_volume(rig: Rig, laser: str, *, platter_margin: float = 1.0) -> Volu
         corners = np.concatenate([m.corners for m in rig.markers])
         reach = min(reach, float(np.hypot(corners[:, 0], corners[:, 1]).max()))
     return Volume(r_max=reach, z_min=platter_margin)
+
+
+def view_mask(rig: Rig, laser: str, volume: Volume, *, margin: int = 8) -> Bools:
+    """(height, width) True at the pixels that see the sheet inside the volume, at any table angle.
+
+    Searching for the stripe only there keeps a bright wall or platter from winning over the part.
+    ``margin`` px are added all round, so that a stripe at the border keeps its flanks.
+    """
+    from scipy.ndimage import binary_dilation
+
+    v, u = np.mgrid[0 : rig.camera.height, 0 : rig.camera.width].astype(np.float64)
+    X = rig.sheet(laser).intersect(rig.camera.rays(np.stack([u, v], axis=-1)))
+    seen = volume.contains(rig.T_camera_table.inverse().apply(X))
+    if margin < 1:
+        return seen
+    wide = binary_dilation(seen, np.ones((1, 2 * margin + 1), bool))
+    return np.asarray(binary_dilation(wide, np.ones((2 * margin + 1, 1), bool)), dtype=np.bool_)
 
 
 def clip(grid: RangeGrid, volume: Volume) -> RangeGrid:

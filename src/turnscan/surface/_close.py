@@ -60,7 +60,7 @@ def is_closed(mesh: Mesh) -> bool:
     size = len(mesh.vertices) + 1
     there, back = np.sort(a * size + b), np.sort(b * size + a)
     once = bool((np.diff(there) > 0).all())
-    return len(mesh.faces) > 0 and once and bool((there == back).all())
+    return bool(len(mesh.faces) > 0 and once and (there == back).all())
 
 
 def split_touching(mesh: Mesh) -> Mesh:

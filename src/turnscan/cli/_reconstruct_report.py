@@ -1,0 +1,135 @@
+"""What ``turnscan reconstruct`` tells about its result: summary, report, embedded provenance."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnscan import __version__
+from turnscan.cli._output import check_writable, write_atomically
+from turnscan.errors import InputError
+from turnscan.pipeline import Reconstruction, Settings
+from turnscan.points import systematic_sigma
+from turnscan.rig import Rig, rig_hash
+from turnscan.surface import is_closed
+
+_VIEWS = ((0.6, 0.45), (0.6 + np.pi / 2, 0.45), (0.6 + np.pi, 0.45), (0.6 + 3 * np.pi / 2, 0.45))
+
+
+def check_report(path: Path | None) -> None:
+    """Raise InputError or ExportError where a report could not be written, before work is spent."""
+    if path is None:
+        return
+    if path.suffix.lower() not in (".html", ".json"):
+        raise InputError(f"{path}: a report ends .html or .json", hint="rename it")
+    check_writable(path)
+
+
+def about(source: Path, rig: Rig | None, settings: Settings) -> dict[str, object]:
+    """Provenance for the files: version, source, rig hash, parameters."""
+    return {
+        "software": f"turnscan {__version__}",
+        "source": source.name,
+        "rig_sha256": None if rig is None else rig_hash(rig),
+        "parameters": _plain(asdict(settings)),
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Settings as JSON holds them; what is unlimited or not set is left out."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items() if v is not None and not _endless(v)}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value
+
+
+def _endless(value: Any) -> bool:
+    return isinstance(value, float) and not np.isfinite(value)
+
+
+def figures(done: Reconstruction, rig: Rig | None) -> dict[str, Any]:
+    """The result in numbers."""
+    mesh = done.mesh
+    lasers = []
+    for g in done.grids:
+        rigs = np.zeros(0) if rig is None else systematic_sigma(rig, g)
+        known = g.sigma[~np.isnan(g.sigma)]
+        lasers.append(
+            {
+                "laser": g.laser,
+                "profiles": len(g.steps),
+                "points": int(g.found.sum()),
+                "closed_turn": g.closed,
+                "sigma_mm": float(np.median(known)) if len(known) else None,
+                "sigma_rig_mm": float(np.median(rigs)) if len(rigs) else None,
+            }
+        )
+    closed = is_closed(mesh)
+    return {
+        "lasers": lasers,
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "closed": closed,
+        "volume_mm3": mesh.volume if closed else None,
+        "bounds_mm": mesh.bounds.tolist() if len(mesh.vertices) else None,
+    }
+
+
+def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
+    """The same in words, one line each."""
+    f = figures(done, rig)
+    lines = []
+    for g in f["lasers"]:
+        noise = "" if g["sigma_mm"] is None else f", stripe noise {g['sigma_mm']:.3f} mm"
+        system = "" if g["sigma_rig_mm"] is None else f", rig {g['sigma_rig_mm']:.3f} mm"
+        lines.append(
+            f"{g['laser']}: {g['points']} points in {g['profiles']} profiles{noise}{system}"
+        )
+    if f["vertices"]:
+        low, high = f["bounds_mm"]
+        size = " × ".join(f"{b - a:.2f}" for a, b in zip(low, high, strict=True))
+        volume = f", volume {f['volume_mm3']:.2f} mm³" if f["closed"] else ", open"
+        lines.append(f"mesh: {f['vertices']} vertices, {f['faces']} faces, {size} mm{volume}")
+    return lines
+
+
+def write_report(
+    path: Path, source: Path, done: Reconstruction, rig: Rig | None, settings: Settings
+) -> None:
+    """Write the report, as JSON or as one HTML page with pictures of the surface."""
+    if path.suffix.lower() == ".json":
+        body = {
+            **about(source, rig, settings),
+            **figures(done, rig),
+            "findings": [asdict(f) for f in done.findings],
+        }
+        write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
+        return
+    from turnscan.cli import _html as html
+    from turnscan.cli._render import render
+
+    rows = [
+        [
+            g["laser"], g["profiles"], g["points"], _mm(g["sigma_mm"]), _mm(g["sigma_rig_mm"]),
+        ]
+        for g in figures(done, rig)["lasers"]
+    ]  # fmt: skip
+    head = ["laser", "profiles", "points", "stripe noise, median mm", "rig, median mm"]
+    parts = [html.table(head, rows)]
+    parts += [html.paragraph(line) for line in summary(done, rig)[-1:]]
+    parts += [html.heading("Findings"), html.findings(done.findings), html.heading("Surface")]
+    for azimuth, elevation in _VIEWS:
+        view = render(done.mesh, azimuth=azimuth, elevation=elevation)
+        parts.append(html.picture(view, f"from {np.rad2deg(azimuth):.0f}°"))
+    parameters = json.dumps(about(source, rig, settings), indent=1, ensure_ascii=False)
+    parts += [html.heading("Parameters"), html.paragraph(parameters)]
+    write_atomically(path, html.page(f"Reconstruction of {source.name}", parts).encode())
+
+
+def _mm(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.4f}"

@@ -1,0 +1,101 @@
+"""What a person should know about the points of a scan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from turnscan.findings import Finding
+from turnscan.points._grid import RangeGrid
+from turnscan.points._volume import Volume
+from turnscan.stripes import StripeFlag
+
+_SHARE = 0.05
+"""Share of the points from which a flag is worth a word."""
+_UNEVEN = 0.2
+"""Spread of the steps, as a part of the usual step, from which they are worth a word."""
+_WORDS = (
+    (StripeFlag.SATURATED, "saturated", "are clipped", "take shorter exposures"),
+    (StripeFlag.HALO, "halo", "lie in a halo", "the surface is glossy or lets light in: powder it"),
+    (StripeFlag.GRAZING, "grazing", "are seen at a grazing angle", "their sigma is larger"),
+    (StripeFlag.AMBIGUOUS, "ambiguous", "had a rival", "choose the stripe with --choose"),
+)
+
+
+def grid_findings(grid: RangeGrid, clipped: RangeGrid, volume: Volume) -> list[Finding]:
+    """Findings on one laser's points: ``grid`` as triangulated, ``clipped`` as kept."""
+    where = f"laser {grid.laser}"
+    before, after = int(grid.found.sum()), int(clipped.found.sum())
+    if not after:
+        cause = (
+            f"{before} points, all outside the working volume"
+            if before
+            else "no stripe was found in any picture"
+        )
+        return [
+            Finding(
+                "points.none",
+                "error",
+                f"{cause} ({volume})",
+                where,
+                "check the rig, --radius and --z-min, or the threshold",
+            )
+        ]
+    out = [
+        Finding(
+            "points.volume",
+            "note",
+            f"{after} points kept, {before - after} outside {volume} or in specks",
+            where,
+        )
+    ]
+    flags = clipped.flags[clipped.found]
+    for bit, word, what, remedy in _WORDS:
+        share = float(((flags & bit) != 0).mean())
+        if share >= _SHARE:
+            text = f"{share:.0%} of the points {what}"
+            out.append(Finding(f"points.{word}", "note", text, where, remedy))
+    return out
+
+
+def angle_findings(grid: RangeGrid, again: int) -> list[Finding]:
+    """Findings on the table's angles: a turn that is open, or goes on past its start."""
+    where = f"laser {grid.laser}"
+    out = []
+    if again:
+        text = f"{again} profiles beyond one full turn are left out"
+        out.append(Finding("points.second-turn", "note", text, where))
+    moves = np.abs(np.diff(np.unwrap(grid.angles)))
+    if not len(moves):
+        return out
+    usual = float(np.median(moves))
+    if usual > 0 and float(np.std(moves)) > _UNEVEN * usual:
+        text = (
+            f"steps of {np.rad2deg(moves.min()):.3f}° to {np.rad2deg(moves.max()):.3f}°, "
+            f"usually {np.rad2deg(usual):.3f}°"
+        )
+        out.append(Finding("points.uneven-steps", "note", text, where))
+    if not grid.closed:
+        turn = float(np.rad2deg(abs(np.unwrap(grid.angles)[-1] - grid.angles[0])))
+        text = f"the profiles cover {turn:.2f}° and do not close a turn"
+        remedy = "the surface stays open there; scan a full turn to close it"
+        out.append(Finding("points.open-turn", "warning", text, where, remedy))
+    return out
+
+
+def lost_frames(laser: str, missing: Mapping[int, str], no_angle: int) -> list[Finding]:
+    """Findings on steps without a frame (step → cause), and on frames without a table angle."""
+    where = f"laser {laser}"
+    out = []
+    if missing:
+        steps = ", ".join(str(k) for k in list(missing)[:8]) + (" …" if len(missing) > 8 else "")
+        causes = "; ".join(dict.fromkeys(missing.values()))
+        text = f"{len(missing)} steps have no frame ({steps}): {causes}"
+        out.append(
+            Finding("points.missing-frames", "warning", text, where, "the mesh bridges them")
+        )
+    if no_angle:
+        text = f"{no_angle} frames have no table angle and are left out"
+        out.append(Finding("points.no-angle", "warning", text, where))
+    return out
