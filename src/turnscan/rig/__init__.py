@@ -3,10 +3,11 @@
 from turnscan.rig import _limits as limits
 from turnscan.rig import _paper as paper
 from turnscan.rig._camera import Camera
-from turnscan.rig._design import PRESET_NAMES, Design, design_preset
+from turnscan.rig._design import Design
 from turnscan.rig._file import rig_from_json, rig_hash, rig_to_json
 from turnscan.rig._planar import PlanarPoint, planar_pixel, planar_point
 from turnscan.rig._pose import Pose, rotation_about, rotation_from_vector, rotation_z
+from turnscan.rig._presets import PRESET_NAMES, design_preset
 from turnscan.rig._rig import Marker, Rig
 from turnscan.rig._sheet import LaserSheet
 from turnscan.rig._table1 import (

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from turnscan.rig import _paper as paper
-from turnscan.rig._design import Design, design_preset
+from turnscan.rig._design import Design
+from turnscan.rig._presets import design_preset
 
 TABLE_1_ANGLES_DEG = (10.0, 15.0, 30.0, 45.0, 60.0)
 TABLE_1_DECIMALS = {

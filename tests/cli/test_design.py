@@ -1,0 +1,215 @@
+"""``turnscan design`` as a person meets it."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PRINTED = {
+    "delta_x_mm": ((2.5, 1.64, 0.76, 0.44, 0.25), 0.005),
+    "delta_r_mm": ((2.53, 1.7, 0.88, 0.62, 0.51), 0.005),
+    "r_max_mm": ((312, 265, 189, 155, 140), 0.5),
+    "h_max_mm": ((67, 84, 116, 135, 149), 0.5),
+}
+
+
+def _run(*args: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "turnscan", "design", *args],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=cwd,
+        check=False,
+    )
+
+
+def _json(*args: str) -> Any:
+    done = _run(*args, "--json")
+    assert done.returncode == 0, done.stderr
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} in JSON")
+
+    return json.loads(done.stdout, parse_constant=refuse)
+
+
+def test_table_1_as_the_paper_prints_it() -> None:
+    done = _run("--paper")
+    assert done.returncode == 0, done.stderr
+    rows = [line.split() for line in done.stdout.splitlines()]
+    for row in (
+        "θ 10° 15° 30° 45° 60°",
+        "Δx [mm] 2.5 1.64 0.76 0.44 0.25",
+        "ΔR [mm] 2.53 1.7 0.88 0.62 0.51",
+        "R_max [mm] 312 265 189 155 140",
+        "H_max [mm] 67 84 116 135 149",
+        "ΔR/R_max 0.008 0.0064 0.0047 0.004 0.0036",
+    ):
+        assert row.split() in rows
+    for figure in ("15.7°", "19.6°", "200×480", "9.8 mm", "0.14 mm", "4.4 mm", "0.31 mm"):
+        assert figure in done.stdout
+    for place in ("Δx row", "ΔR row", "H_max row", "ΔR/R_max row", "1/123", "1/275", "1/831"):
+        assert sum(place in line for line in done.stdout.splitlines()) == 1
+
+
+def test_table_1_as_json_is_unrounded() -> None:
+    body = _json("--paper")
+    rows = body["rows"]
+    assert [r["theta_deg"] for r in rows] == [10, 15, 30, 45, 60]
+    for key, (values, half) in PRINTED.items():
+        for row, printed in zip(rows, values, strict=True):
+            assert abs(row[key] - printed) <= half
+            assert row[key] != round(row[key], 4) or row[key] == 0.44
+    for row in rows:
+        ratio = row["delta_r_mm"] / row["r_max_mm"]
+        assert row["delta_r_over_r_max"] == pytest.approx(ratio, rel=1e-14)
+        tan, L, eps, f = math.tan(math.radians(row["theta_deg"])), 500.0, 0.011, 12.5
+        assert row["delta_x_mm"] == pytest.approx(eps * L / (f * tan), rel=1e-13)
+    assert len(body["disagreements"]) == 7
+    assert body["gamma_max_deg"] == pytest.approx(15.7272, abs=1e-4)
+    assert body["beta_max_deg"] == pytest.approx(19.6078, abs=1e-4)
+    assert (body["grid_profiles"], body["grid_points"]) == (200, 480)
+    assert body["densest_grid"]["10"]["circumferential_mm"] == pytest.approx(9.809, abs=1e-3)
+    assert body["densest_grid"]["60"]["vertical_mm"] == pytest.approx(0.3097, abs=1e-4)
+
+
+def test_options_change_what_they_name() -> None:
+    body = _json(
+        *("--preset", "paper", "--theta-deg", "10:60:25", "--theta-deg", "22.4,22.5"),
+        *("--distance", "490", "--focal", "16", "--pixel-um", "5.5,4.5", "--sensor", "1280x960"),
+        *("--pan-deg", "2", "--laser-offset", "0.5", "--f-number", "5.6", "--step-deg", "0.9"),
+        *("--wavelength-nm", "520", "--stripe-sigma-px", "1.8", "--electrons", "9000"),
+        *("--read-noise", "4", "--speckle-contrast", "0.7"),
+    )
+    assert [r["theta_deg"] for r in body["rows"]] == [10, 35, 60, 22.4, 22.5]
+    design = body["designs"][0]
+    expected = {
+        "distance": 490,
+        "focal": 16,
+        "pixel_width": 5.5e-3,
+        "pixel_height": 4.5e-3,
+        "columns": 1280,
+        "rows": 960,
+        "pan": math.radians(2),
+        "offset": 0.5,
+        "f_number": 5.6,
+        "step": math.radians(0.9),
+        "wavelength": 520e-6,
+        "stripe_sigma": 1.8,
+        "electrons": 9000,
+        "read_noise": 4,
+        "speckle_contrast": 0.7,
+    }
+    for name, value in expected.items():
+        assert design[name] == pytest.approx(value, rel=1e-12), name
+
+
+def test_what_has_no_number_is_null_or_a_dash() -> None:
+    args = ("--preset", "paper", "--theta-deg", "10")
+    assert _json(*args)["rows"][0]["r_min_mm"] is None
+    line = next(x for x in _run(*args).stdout.splitlines() if "other edge" in x)
+    assert line.endswith("—")
+
+
+def test_many_angles_come_in_blocks() -> None:
+    done = _run("--theta-deg", "10:60:5")
+    assert done.returncode == 0
+    heads = [line for line in done.stdout.splitlines() if line.startswith("θ")]
+    assert [len(h.split()) - 1 for h in heads] == [7, 4]
+    assert max(len(line) for line in done.stdout.splitlines()) < 130
+
+
+@pytest.mark.parametrize(
+    ("args", "says"),
+    [
+        (("--theta-deg", "0"), "theta is 0°"),
+        (("--theta-deg", "90"), "theta is 90°"),
+        (("--theta-deg", "nan"), "--theta-deg"),
+        (("--theta-deg", "thirty"), "'thirty'"),
+        (("--theta-deg", "10:60"), "'10:60'"),
+        (("--theta-deg", "60:10:5"), "60:10:5"),
+        (("--theta-deg", "10:60:0"), "10:60:0"),
+        (("--theta-deg", "1:80:0.001"), "1 to 100 angles"),
+        (("--theta-deg", ""), "--theta-deg"),
+        (("--focal", "-16"), "focal is -16"),
+        (("--focal", "nan"), "focal is nan"),
+        (("--distance", "inf"), "distance is inf"),
+        (("--distance", "1e300"), "distance is 1e+300"),
+        (("--sensor", "0x0"), "columns is 0"),
+        (("--sensor", "640"), "'640'"),
+        (("--sensor", "-5x7"), "'-5x7'"),
+        (("--pixel-um", "0"), "pixel_width is 0"),
+        (("--pixel-um", "1,2,3"), "'1,2,3'"),
+        (("--pan-deg", "-80"), "does not see"),
+        (("--step-deg", "0"), "step is 0°"),
+        (("--paper", "--focal", "16"), "--paper"),
+    ],
+)
+def test_bad_input_is_one_line(args: tuple[str, ...], says: str) -> None:
+    done = _run(*args)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert says in done.stderr
+
+
+def test_picture(tmp_path: Path) -> None:
+    from PIL import Image
+
+    out = tmp_path / "rig.png"
+    done = _run("--preset", "paper", "--theta-deg", "10,30", "--picture", str(out))
+    assert done.returncode == 0, done.stderr
+    assert "θ = 10°" in done.stdout
+    assert out.stat().st_size < 250_000
+    with Image.open(out) as picture:
+        assert picture.width > 800
+        colours = picture.convert("RGB").getcolors(2**24)
+    assert colours is not None
+    assert len(colours) > 100
+    assert [p.name for p in tmp_path.iterdir()] == ["rig.png"]
+
+
+@pytest.mark.parametrize("extra", [("--pan-deg", "7.9", "--focal", "25.5"), ("--pan-deg", "12")])
+def test_picture_of_a_panned_camera(extra: tuple[str, ...], tmp_path: Path) -> None:
+    out = tmp_path / "rig.png"
+    done = _run("--preset", "paper", *extra, "--picture", str(out))
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+
+
+def test_a_picture_that_cannot_be_written(tmp_path: Path) -> None:
+    nowhere = tmp_path / "missing" / "rig.png"
+    done = _run("--picture", str(nowhere))
+    assert done.returncode == 5
+    assert done.stderr.count("\n") == 1
+    assert str(nowhere) in done.stderr
+    folder = _run("--picture", str(tmp_path))
+    assert folder.returncode == 5
+    assert folder.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_table_is_quick_and_light() -> None:
+    probe = (
+        "import sys\nfrom turnscan.cli import turnscan\n"
+        "try: turnscan.main(['design', '--paper'])\nexcept SystemExit: pass\n"
+        "print([m for m in ('scipy', 'matplotlib', 'numba', 'cv2') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.rstrip().endswith("[]")
+    times = []
+    for _ in range(5):
+        start = time.perf_counter()
+        _run("--paper")
+        times.append(time.perf_counter() - start)
+    assert min(times) < 0.5
