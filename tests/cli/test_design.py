@@ -202,7 +202,7 @@ def test_picture_of_a_panned_camera(run: _Door, extra: tuple[str, ...], tmp_path
 
 def test_a_picture_that_cannot_be_written(run: _Door, tmp_path: Path) -> None:
     nowhere = tmp_path / "missing" / "rig.png"
-    code, out, err = run("--picture", str(nowhere))
+    code, _, err = run("--picture", str(nowhere))
     assert code == 5
     assert err.count("\n") == 1
     assert str(nowhere) in err
@@ -235,4 +235,4 @@ def test_the_table_is_quick() -> None:
             times.append(time.perf_counter() - start)
         return min(times)
 
-    assert seconds("-m", "turnscan", "design", "--paper") < 5 * seconds("-c", "import numpy")
+    assert seconds("-m", "turnscan", "design", "--paper") < 8 * seconds("-c", "import numpy")
