@@ -19,6 +19,7 @@ _VERBS = {
     "design": "resolution, working volume and limits of a rig before it is built",
     "export": "a mesh file → DXF, STL, PLY, OBJ or XYZ",
     "import": "pictures made elsewhere → a scan file",
+    "measure": "flat sides, angles, spheres and cylinders of a measured part",
     "reconstruct": "a scan file → points, mesh, CAD",
 }
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.surface._grid_mesh import half_edges
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import measured
 
@@ -30,7 +31,7 @@ def boundary_loops(mesh: Mesh) -> list[Ints]:
 
     Longest first. No vertex may lie on two borders: `split_touching` first.
     """
-    begin, end = _half_edges(mesh.faces)
+    begin, end = half_edges(mesh.faces)
     loops = []
     following = dict(zip(begin.tolist(), end.tolist(), strict=True))
     while following:
@@ -42,15 +43,6 @@ def boundary_loops(mesh: Mesh) -> list[Ints]:
             here = following.pop(here)
         loops.append(np.array(loop, dtype=np.int32))
     return sorted(loops, key=lambda k: (-len(k), int(k.min())))
-
-
-def _half_edges(faces: Ints) -> tuple[Ints, Ints]:
-    """Start and end of the sides that have one face only."""
-    a = faces[:, [0, 1, 2]].ravel().astype(np.int64)
-    b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
-    size = int(max(a.max(initial=0), b.max(initial=0))) + 1
-    lonely = ~np.isin(a * size + b, b * size + a)
-    return a[lonely].astype(np.int32), b[lonely].astype(np.int32)
 
 
 def is_closed(mesh: Mesh) -> bool:

@@ -108,6 +108,15 @@ def _inward(points: Floats, faces: Ints, eyes: Floats, n: int) -> float:
     return float(np.einsum("ij,ij->", normal, outward))
 
 
+def half_edges(faces: Ints) -> tuple[Ints, Ints]:
+    """Start and end of the sides that have one face only."""
+    a = faces[:, [0, 1, 2]].ravel().astype(np.int64)
+    b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
+    size = int(max(a.max(initial=0), b.max(initial=0))) + 1
+    lonely = ~np.isin(a * size + b, b * size + a)
+    return a[lonely].astype(np.int32), b[lonely].astype(np.int32)
+
+
 def vertex_normals(mesh: Mesh) -> Floats:
     """(v, 3) unit normals of the vertices, their faces weighted by area; NaN without a face."""
     t = mesh.triangles

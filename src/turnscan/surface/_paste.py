@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid, RangeScan
 from turnscan.rig import Pose
-from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh, vertex_normals
+from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
 from turnscan.surface._mesh import Mesh, Provenance
 
 _ALIKE = 0.5
@@ -28,7 +29,7 @@ def paste(
 
     What was measured twice is kept once: grids come in their order, what the sheet met beyond the
     rotation axis comes last, and a face is left out where all its corners lie on a surface already
-    there (nearer than that surface's own spacing plus three sigma, normals within 60°).
+    there (nearer than its own spacing plus three sigma, inside its border, normals within 60°).
     ``keep_double`` keeps all. The patches overlap by at most a face at their borders and are not
     sewn together; measurements of two lasers are not averaged.
     """
@@ -53,27 +54,41 @@ def _once(parts: Sequence[Mesh]) -> list[Mesh]:
     from scipy.spatial import cKDTree
 
     done = [parts[0]]
+    known = [_Cover(cKDTree(parts[0].vertices), vertex_normals(parts[0]), _reach(parts[0]))]
     for mesh in parts[1:]:
-        normals = vertex_normals(mesh)
+        normals, noise = vertex_normals(mesh), _noise(mesh)
         covered = np.zeros(len(mesh.vertices), dtype=np.bool_)
-        for other in done:
-            near, which = cKDTree(other.vertices).query(mesh.vertices)
-            alike = np.einsum("ij,ij->i", normals, vertex_normals(other)[which]) > _ALIKE
-            covered |= alike & (near <= (_reach(other) + _noise(other))[which] + _noise(mesh))
+        for cover in known:
+            near, which = cover.tree.query(mesh.vertices)
+            alike = np.einsum("ij,ij->i", normals, cover.normals[which]) > _ALIKE
+            covered |= alike & (near <= cover.reach[which] + noise)
         left = submesh(mesh, np.asarray(~covered[mesh.faces].all(axis=1)))
         if len(left.faces):
             done.append(left)
+            known.append(_Cover(cKDTree(left.vertices), vertex_normals(left), _reach(left)))
     return done
 
 
+@dataclass(frozen=True)
+class _Cover:
+    tree: Any
+    normals: Floats
+    reach: Floats
+
+
 def _reach(mesh: Mesh) -> Floats:
-    """(v,) mm: the longest side at each vertex."""
+    """(v,) mm: how far from each vertex the surface is known: its longest side and three sigma.
+
+    Minus infinity on a border, beyond which nothing is known.
+    """
     reach = np.zeros(len(mesh.vertices))
     for a, b in ((0, 1), (1, 2), (2, 0)):
         ends = mesh.faces[:, [a, b]]
         length = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
         np.maximum.at(reach, ends[:, 0], length)
         np.maximum.at(reach, ends[:, 1], length)
+    reach += _noise(mesh)
+    reach[np.concatenate(half_edges(mesh.faces))] = -np.inf
     return reach
 
 
