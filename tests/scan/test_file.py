@@ -267,6 +267,15 @@ def test_a_scan_knows_itself(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("a.turnscan-*")), "side files are gone"
 
 
+def test_angles_of_every_kind_come_back(tmp_path: Path) -> None:
+    angles = [-0.0, 0.0, -1e-320, 1e300, 7.0, math.nan]
+    with Scan.create(tmp_path / "a.turnscan", PLAN) as scan:
+        for k, angle in enumerate(angles):
+            scan.add(Frame(k, "left", *stripe_pair(k), commanded=angle))
+    with Scan.open(tmp_path / "a.turnscan") as scan:
+        np.testing.assert_array_equal(scan.angles(), angles)
+
+
 def test_what_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path) -> None:
     lit, dark = stripe_pair(0)
     with Scan.create(tmp_path / "a.turnscan", PLAN) as scan:

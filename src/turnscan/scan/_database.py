@@ -87,7 +87,8 @@ class Row:
             self.step,
             self.laser,
             self.exposure,
-            *(struct.pack("<d", f).hex() if not math.isnan(f) else None for f in floats),
+            # SQLite knows no negative zero: + 0.0 makes it a positive one.
+            *(None if math.isnan(f) else struct.pack("<d", f + 0.0).hex() for f in floats),
             self.settings,
             self.width,
             self.height,
