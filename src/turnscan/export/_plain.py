@@ -90,14 +90,13 @@ def read_xyz(data: bytes) -> Mesh:
 
     Raises FormatError with the line, where it is not in form; LimitExceeded.
     """
-    from turnscan.export._read_kernels import read_table
+    from turnscan.export._read_kernels import read_table, shape_of_table
 
-    lines = [line for line in data.split(b"\n") if line.strip() and line.lstrip()[:1] != b"#"]
-    require("XYZ", bool(lines), "there are no points")
-    within_limit("XYZ", "points", len(lines), 3 * MAX_FACES)
-    columns = len(lines[0].split())
+    rows, columns = shape_of_table(text_of(data))
+    require("XYZ", rows > 0, "there are no points")
+    within_limit("XYZ", "points", rows, 3 * MAX_FACES)
     require("XYZ", columns in (3, 4), f"the first line has {columns} numbers, not 3 or 4")
-    table = np.empty((len(lines), columns))
+    table = np.empty((rows, columns))
     code, at = read_table(text_of(data), 0, table, True)
     complain("XYZ", data, code, at)
     points = checked("XYZ", table[:, :3])

@@ -130,6 +130,21 @@ def same(text: Any, a: int, b: int, word: Any) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def shape_of_table(text: Any) -> tuple[int, int]:
+    """Return how many lines are neither blank nor comments, and how many words the first has."""
+    rows, columns, p = 0, 0, 0
+    while p < len(text):
+        a, b, p = next_line(text, p)
+        if a == b or text[a] == 35:
+            continue
+        rows += 1
+        while rows == 1 and a < b:
+            s, a = next_word(text, a, b)
+            columns += s < a
+    return rows, columns
+
+
+@njit(cache=True, nogil=True)
 def read_table(text: Any, p: int, table: Any, comments: bool) -> tuple[int, int]:
     """Fill ``table`` (r, k) from r lines of exactly k numbers; NaN is allowed.
 

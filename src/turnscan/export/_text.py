@@ -18,6 +18,7 @@ LARGEST = 1e9
 LEAST_DECIMALS = 6
 RELATIVE = 1e-8
 """The last decimal is no coarser than this part of the longest side."""
+_LARGEST_WHOLE = 9e18
 _CHUNK = 1 << 16
 _COMMENT = 200
 
@@ -50,7 +51,13 @@ def scaled(values: npt.ArrayLike, decimals: int) -> Longs:
     """Return values × 10**decimals rounded to integers; NaN becomes the missing mark."""
     array = np.asarray(values, np.float64)
     missing = np.isnan(array)
-    whole: Longs = np.rint(np.where(missing, 0.0, array) * 10.0**decimals).astype(np.int64)
+    shifted = np.where(missing, 0.0, array) * 10.0**decimals
+    if float(np.abs(shifted).max(initial=0.0)) >= _LARGEST_WHOLE:
+        raise ExportError(
+            f"a value of {np.nanmax(np.abs(array)):g} does not fit the digits of a text file",
+            hint="check the unit and the rig's calibration",
+        )
+    whole: Longs = np.rint(shifted).astype(np.int64)
     whole[missing] = np.iinfo(np.int64).min
     return whole
 

@@ -1,0 +1,100 @@
+"""``turnscan export`` and the files that verbs write."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from tests.export.parts import torus
+from turnscan.cli._export import verb
+from turnscan.cli._output import check_writable, write_atomically
+from turnscan.errors import ExportError, FormatError, InputError
+from turnscan.export import export, read_dxf_content, read_mesh
+
+PART = torus(12, 9)
+
+
+def call(*words: str | Path) -> Result:
+    return CliRunner().invoke(verb, [str(w) for w in words])
+
+
+@pytest.fixture
+def ply(tmp_path: Path) -> Path:
+    path = tmp_path / "part.ply"
+    path.write_bytes(export(PART, ".ply"))
+    return path
+
+
+def test_a_mesh_becomes_files_of_other_formats(ply: Path) -> None:
+    outs = [ply.with_name(f"out{s}") for s in (".dxf", ".STL", ".obj", ".xyz")]
+    words = [w for out in outs for w in ("-o", str(out))]
+    done = call(ply, *words, "--dxf-form", "mesh", "--dxf-form", "polyface")
+    assert done.exit_code == 0, done.output
+    content = read_dxf_content(outs[0].read_bytes())
+    assert len(content.meshes) == len(content.polyfaces) == 3 * len(PART.faces)
+    assert len(content.faces) == 0
+    assert read_mesh(outs[1].read_bytes(), ".stl").volume == pytest.approx(PART.volume, rel=1e-6)
+    assert b"part.ply" in outs[2].read_bytes()
+    assert sorted(p.name for p in ply.parent.iterdir()) == sorted(
+        ["part.ply", *(o.name for o in outs)]
+    )
+
+
+def test_bad_requests_write_nothing(ply: Path) -> None:
+    good = ply.with_name("good.dxf")
+    text = ply.with_name("text.stl")
+    text.write_text("this is no STL")
+    cases: list[tuple[list[str | Path], type[Exception], str]] = [
+        ([ply, "-o", good, "-o", ply.with_name("x.step")], InputError, "'.step'"),
+        ([ply, "-o", good, "-o", ply.parent / "no" / "x.dxf"], ExportError, "no folder"),
+        ([ply, "-o", good, "-o", ply.with_name("d.dxf")], ExportError, "is a folder"),
+        ([ply, "-o", good, "--dxf-form", "profiles"], InputError, "no profiles"),
+        ([ply, "-o", good, "--dxf-form", "mesh", "--dxf-version", "R12"], InputError, "R12"),
+        ([text, "-o", good], FormatError, "text.stl"),
+        ([ply.with_name("none.ply"), "-o", good], InputError, "no such file"),
+    ]
+    ply.with_name("d.dxf").mkdir()
+    for words, error, message in cases:
+        done = call(*words)
+        assert isinstance(done.exception, error), done.output
+        assert message in str(done.exception)
+        assert not good.exists()
+
+
+def test_a_full_disk_leaves_the_old_file(ply: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    old = ply.read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ExportError, match="No space left") as caught:
+        write_atomically(ply, b"new")
+    assert caught.value.exit_code == 5
+    assert ply.read_bytes() == old
+    assert [p.name for p in ply.parent.iterdir()] == ["part.ply"]
+
+
+def test_a_file_is_replaced_through_its_link_and_keeps_its_mode(ply: Path) -> None:
+    ply.chmod(0o640)
+    link = ply.with_name("link.ply")
+    link.symlink_to(ply)
+    write_atomically(link, b"new")
+    assert ply.read_bytes() == b"new"
+    assert link.is_symlink()
+    assert ply.stat().st_mode & 0o777 == 0o640
+
+
+def test_what_cannot_be_written_is_said_before(ply: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ExportError, match="device"):
+        check_writable(Path("/dev/null"))
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != ply)
+    with pytest.raises(ExportError, match="file is read-only"):
+        check_writable(ply)
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(ExportError, match=r"folder .* is read-only"):
+        check_writable(ply.with_name("new.dxf"))

@@ -1,0 +1,61 @@
+"""The same volume in programs that are not ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.export.parts import box_with_hole, torus
+from tests.export.readers import READERS, missing, volume
+from turnscan.export import DxfForm, DxfVersion, ExportOptions, export
+from turnscan.surface import Mesh
+
+PARTS = {"torus": torus(60, 40), "box with hole": box_with_hole()}
+
+
+@pytest.fixture(params=READERS)
+def reader(request: pytest.FixtureRequest) -> str:
+    name = str(request.param)
+    if why := missing(name):
+        pytest.skip(why)
+    return name
+
+
+@pytest.mark.parametrize("name", PARTS)
+@pytest.mark.parametrize("form", ["3dface", "polyface"])
+@pytest.mark.parametrize("version", ["R12", "R2010"])
+def test_volume_as_others_read_it(
+    reader: str, name: str, form: DxfForm, version: DxfVersion, tmp_path: Path
+) -> None:
+    part = PARTS[name]
+    path = tmp_path / "part.dxf"
+    path.write_bytes(
+        export(part, ".dxf", options=ExportOptions(dxf_forms=(form,), dxf_version=version))
+    )
+    seen = READERS[reader][1](path)
+    assert len(seen) == len(part.faces)
+    assert volume(seen) == pytest.approx(part.volume, rel=1e-6)
+    sides = np.ptp(seen.reshape(-1, 3), axis=0)  # assimp turns the part so that y is up
+    np.testing.assert_allclose(np.sort(sides), np.sort(np.ptp(part.bounds, axis=0)), rtol=1e-5)
+
+
+def test_several_polyfaces_as_others_read_them(reader: str, tmp_path: Path) -> None:
+    part = torus(180, 100)
+    path = tmp_path / "part.dxf"
+    path.write_bytes(export(part, ".dxf", options=ExportOptions(dxf_forms=("polyface",))))
+    seen = READERS[reader][1](path)
+    assert len(seen) == len(part.faces)
+    assert volume(seen) == pytest.approx(part.volume, rel=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj"])
+@pytest.mark.parametrize("text", [False, True])
+def test_other_formats_in_assimp(suffix: str, text: bool, tmp_path: Path) -> None:
+    if why := missing("assimp"):
+        pytest.skip(why)
+    part: Mesh = PARTS["torus"]
+    path = tmp_path / f"part{suffix}"
+    path.write_bytes(export(part, suffix, options=ExportOptions(ascii=text)))
+    assert volume(READERS["assimp"][1](path)) == pytest.approx(part.volume, rel=1e-6)
