@@ -1,10 +1,13 @@
 """Frame → candidates per scan line → one sub-pixel Stripe with sigma and quality."""
 
+from turnscan.stripes._background import temporal_background
+from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
 from turnscan.stripes._detect import choose, detect, find_candidates
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
 __all__ = [
+    "COLOURS",
     "Candidates",
     "Choice",
     "Orientation",
@@ -15,4 +18,7 @@ __all__ = [
     "choose",
     "detect",
     "find_candidates",
+    "learn_colour",
+    "project_colour",
+    "temporal_background",
 ]

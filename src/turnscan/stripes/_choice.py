@@ -27,7 +27,7 @@ EDGE_JUMP = 4.0
 """A stripe that jumps by more than this many widths to the next line ends there."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def usual(table: Any, row: int) -> float:
     """Median over the lines of one row of the table, at the brightest candidate of each line."""
     _, lines, k = table.shape
@@ -44,7 +44,7 @@ def usual(table: Any, row: int) -> float:
     return np.median(values[:n]) if n else 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def drop_glow(table: Any, bits: Any) -> None:
     """Forget the candidates that are light spread around the stripe; mark the grazing ones."""
     width = usual(table, 3)
@@ -72,7 +72,7 @@ def drop_glow(table: Any, bits: Any) -> None:
                 bits[v, j] |= MULTI
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def brighter(table: Any, bits: Any, v: int, j: int, best: int) -> bool:
     """Amplitude decides, and the width where both are clipped at the same level."""
     if bits[v, j] & bits[v, best] & SATURATED:
@@ -80,7 +80,7 @@ def brighter(table: Any, bits: Any, v: int, j: int, best: int) -> bool:
     return table[2, v, j] > table[2, v, best]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def simple_choice(table: Any, bits: Any, how: int, chosen: Any) -> None:
     """The brightest, the first or the last candidate of each line; -1 where there is none."""
     _, lines, k = table.shape
@@ -94,7 +94,7 @@ def simple_choice(table: Any, bits: Any, how: int, chosen: Any) -> None:
         chosen[v] = best
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def sweep(own: Any, table: Any, width: float, costs: Any, back: Any, reverse: bool) -> None:
     """Cheapest path from one end to each state; state K is 'no stripe here'."""
     lines, states = own.shape
@@ -120,7 +120,7 @@ def sweep(own: Any, table: Any, width: float, costs: Any, back: Any, reverse: bo
             back[v, j] = source
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def path_choice(table: Any, bits: Any, chosen: Any) -> None:
     """The cheapest path through all lines (Viterbi), and where it is nearly a tie.
 
@@ -158,7 +158,7 @@ def path_choice(table: Any, bits: Any, chosen: Any) -> None:
         state = back[v, state]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def gather(table: Any, bits: Any, chosen: Any, out: Any, flags: Any) -> None:
     """Copy the chosen candidates into ``out`` (4, lines), and flag where the stripe ends."""
     lines = chosen.size
@@ -183,7 +183,7 @@ def gather(table: Any, bits: Any, chosen: Any, out: Any, flags: Any) -> None:
                     flags[v] |= EDGE
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def roughness(out: Any) -> float:
     """Ratio of the scatter of the centres along the stripe to their claimed sigma, at least 1.
 

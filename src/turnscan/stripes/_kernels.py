@@ -64,22 +64,24 @@ ROW, START, PLACE, HEIGHT, HALF, MIDDLE, CENTRE, FLUX, SECOND, PEDESTAL, GAIN, R
 COLUMNS = 13
 
 
-@njit(cache=True, nogil=True)
-def keep_brightest(peaks: Any, count: int, wanted: int) -> int:
-    """Keep the ``wanted`` highest peaks, in order of position."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def keep_brightest(peaks: Any, line: int, count: int, wanted: int) -> int:
+    """Keep the ``wanted`` highest peaks of a line, in order of position."""
     while count > wanted:
-        lowest = 0
-        for j in range(1, count):
+        lowest = line
+        for j in range(line + 1, line + count):
             if peaks[j, TOP] < peaks[lowest, TOP]:
                 lowest = j
-        for j in range(lowest, count - 1):
+        for j in range(lowest, line + count - 1):
             peaks[j] = peaks[j + 1]
         count -= 1
     return count
 
 
-@njit(cache=True, nogil=True)
-def reach_of(peaks: Any, count: int, j: int, half: float, whole: bool, u0: int, u1: int) -> Any:
+@njit(cache=True, nogil=True, error_model="numpy")
+def reach_of(
+    peaks: Any, line: int, count: int, j: int, half: float, whole: bool, u0: int, u1: int
+) -> Any:
     """First and last pixel that the measurement of peak j may look at.
 
     ``whole`` takes in the run above the threshold; the valleys towards neighbours are the limit.
@@ -90,16 +92,16 @@ def reach_of(peaks: Any, count: int, j: int, half: float, whole: bool, u0: int, 
     if whole:
         left = min(left, int(peaks[j, LEFT]))
         right = max(right, int(peaks[j, RIGHT]))
-    if j > 0:
+    if j > line:
         before = int(peaks[j - 1, RIGHT])
         left = max(left, before + (before < peaks[j, LEFT]))
-    if j < count - 1:
+    if j < line + count - 1:
         after = int(peaks[j + 1, LEFT])
         right = min(right, after - (after > peaks[j, RIGHT]))
     return max(left, u0), min(right, u1 - 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def list_candidates(
     roi: Any,
     terms: Any,
@@ -114,32 +116,33 @@ def list_candidates(
     u0, v0, u1, _ = roi
     n = 0
     total = 0
+    line = 0
+    whole = terms.strategy != WINDOW
     for i in range(counts.size):
         if counts[i] == 0:
             continue
-        line = peaks[i]
-        count = keep_brightest(line, merge_peaks(line, counts[i], usual), wanted)
-        counts[i] = count
-        for j in range(count):
-            peak = line[j]
-            half = max(0.45, (peak[HIGH] - peak[LOW]) / FWHM)
-            left, right = reach_of(line, count, j, half, terms.strategy != WINDOW, u0, u1)
+        count = merge_peaks(peaks, line, counts[i], usual)
+        count = keep_brightest(peaks, line, count, wanted)
+        for j in range(line, line + count):
+            half = max(0.45, (peaks[j, HIGH] - peaks[j, LOW]) / FWHM)
+            left, right = reach_of(peaks, line, count, j, half, whole, u0, u1)
             total += right - left + 2
             stops[n] = total
             some[n, ROW] = v0 + i
             some[n, START] = left
-            some[n, PLACE] = peak[SEED]
-            some[n, HEIGHT] = peak[TOP]
+            some[n, PLACE] = peaks[j, SEED]
+            some[n, HEIGHT] = peaks[j, TOP]
             some[n, HALF] = half
-            some[n, MIDDLE] = 0.5 * (peak[LOW] + peak[HIGH])
+            some[n, MIDDLE] = 0.5 * (peaks[j, LOW] + peaks[j, HIGH])
             some[n, CENTRE] = some[n, MIDDLE] - left
-            some[n, FLUX] = peak[TOP] * half
+            some[n, FLUX] = peaks[j, TOP] * half
             some[n, SECOND] = half * half
             n += 1
+        line += counts[i]
     return n, total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def find_kin(some: Any, n: int, up: Any, down: Any) -> None:
     """For every candidate, the one of the line before and after that it belongs to, or -1."""
     up[:n] = -1
@@ -166,7 +169,7 @@ def find_kin(some: Any, n: int, up: Any, down: Any) -> None:
             down[up[i]] = i
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def smooth_widths(some: Any, n: int, up: Any, down: Any, ahead: Any) -> None:
     """Width of the window: light-weighted rms of the candidates along the stripe.
 
@@ -194,52 +197,54 @@ def smooth_widths(some: Any, n: int, up: Any, down: Any, ahead: Any) -> None:
         some[i, WIDTH] = math.sqrt(second / weight) if weight > 0.0 else some[i, HALF]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def measure_round(some: Any, n: int, pool: Any, stops: Any, noise: float, turns: int) -> None:
     """Move every window to its centre, and measure the width within it."""
+    start = 0
     for i in range(n):
-        sums = pool[stops[i - 1] if i else 0 : stops[i]]
-        if sums.shape[0] < 3:
+        last = stops[i] - start - 2
+        if last < 1:
             some[i, SECOND] = some[i, HALF] ** 2
             some[i, GAIN] = 1.0
-            continue
-        c, h, flux, second, pedestal, gain = centre_window(
-            sums, some[i, CENTRE], some[i, WIDTH], noise, turns
-        )
-        some[i, CENTRE] = c
-        some[i, FLUX] = flux
-        some[i, SECOND] = width_of(second, h) ** 2 if flux > 0.0 else some[i, HALF] ** 2
-        some[i, PEDESTAL] = pedestal
-        some[i, GAIN] = gain
-        some[i, REACH] = h
+        else:
+            c, h, flux, second, pedestal, gain = centre_window(
+                pool, start, last, some[i, CENTRE], some[i, WIDTH], noise, turns
+            )
+            some[i, CENTRE] = c
+            some[i, FLUX] = flux
+            some[i, SECOND] = width_of(second, h) ** 2 if flux > 0.0 else some[i, HALF] ** 2
+            some[i, PEDESTAL] = pedestal
+            some[i, GAIN] = gain
+            some[i, REACH] = h
+        start = stops[i]
 
 
-@njit(cache=True, nogil=True)
-def clipped(line: Any, first: float, last: float, u0: int, u1: int, level: float) -> bool:
+@njit(cache=True, nogil=True, error_model="numpy")
+def clipped(lit: Any, v: int, first: float, last: float, u0: int, u1: int, level: float) -> bool:
     """True where a pixel between first and last is saturated."""
     for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):
-        if line[x] >= level:
+        if lit[v, x] >= level:
             return True
     return False
 
 
-@njit(cache=True, nogil=True)
-def uncertainty(one: Any, terms: Any, floor: float) -> float:
+@njit(cache=True, nogil=True, error_model="numpy")
+def uncertainty(some: Any, i: int, terms: Any, floor: float) -> float:
     """Variance of the window's centre from the camera, px². ``floor``: raw levels without light."""
-    h = one[REACH]
-    flux = one[FLUX]
+    h = some[i, REACH]
+    flux = some[i, FLUX]
     if flux <= 0.0:
-        return one[HALF] ** 2
+        return some[i, HALF] ** 2
     squares = 2.0 / 3.0 * h * h * h
-    pedestal = max(one[PEDESTAL], 0.0)
+    pedestal = max(some[i, PEDESTAL], 0.0)
     spread = terms.variance * squares
     spread += terms.per_level * (
-        flux * min(one[SECOND], h * h / 3.0) + (pedestal + floor) * squares
+        flux * min(some[i, SECOND], h * h / 3.0) + (pedestal + floor) * squares
     )
-    return spread * one[GAIN] ** 2 / (flux * flux)
+    return spread * some[i, GAIN] ** 2 / (flux * flux)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def write_down(
     lit: Any,
     dark: Any,
@@ -261,44 +266,43 @@ def write_down(
     row = -1
     j = 0
     for i in range(n):
-        one = some[i]
-        v = int(one[ROW])
+        v = int(some[i, ROW])
         j = j + 1 if v == row else 0
         row = v
-        left = int(one[START])
+        left = int(some[i, START])
         right = left + stops[i] - (stops[i - 1] if i else 0) - 2
-        position = one[CENTRE] + left
-        off = dark[v if paired else 0]
+        position = some[i, CENTRE] + left
+        w = v if paired else 0
         floor = 0.0
         if terms.with_background:
-            floor = max(0.0, 2.0 * off[int(one[PLACE])] + terms.base)
-        spread = uncertainty(one, terms, floor) + terms.speckle * one[WIDTH]
-        h = one[REACH]
+            floor = max(0.0, 2.0 * dark[w, int(some[i, PLACE])] + terms.base)
+        spread = uncertainty(some, i, terms, floor) + terms.speckle * some[i, WIDTH]
+        h = some[i, REACH]
         flags = 0
-        if h < HALF_WINDOW * one[WIDTH] - 0.5 and (
+        if h < HALF_WINDOW * some[i, WIDTH] - 0.5 and (
             position - h < u0 + 0.5 or position + h > u1 - 1.5
         ):
             flags |= EDGE
-        if clipped(lit[v], position - h, position + h, u0, u1, saturation):
+        if clipped(lit, v, position - h, position + h, u0, u1, saturation):
             flags |= SATURATED
-            spread += (CLIPPED_PHASE / max(one[SECOND], 0.25)) ** 2
-        amplitude = one[HEIGHT] - one[PEDESTAL]
-        halo = one[PEDESTAL] / max(amplitude, 1.0)
-        lean = abs(one[CENTRE] + left - one[MIDDLE]) / one[WIDTH]
-        if (halo > PEDESTAL_LIMIT and one[PEDESTAL] > 4.0 * terms.noise) or lean > LEAN_LIMIT:
+            spread += (CLIPPED_PHASE / max(some[i, SECOND], 0.25)) ** 2
+        amplitude = some[i, HEIGHT] - some[i, PEDESTAL]
+        halo = some[i, PEDESTAL] / max(amplitude, 1.0)
+        lean = abs(some[i, CENTRE] + left - some[i, MIDDLE]) / some[i, WIDTH]
+        if (halo > PEDESTAL_LIMIT and some[i, PEDESTAL] > 4.0 * terms.noise) or lean > LEAN_LIMIT:
             flags |= HALO
-            spread += (HALO_BIAS * one[WIDTH] * min(1.0, halo + lean)) ** 2
+            spread += (HALO_BIAS * some[i, WIDTH] * min(1.0, halo + lean)) ** 2
         if terms.strategy != WINDOW:
-            fill(light, lit[v], off, terms.base, left, right + 1)
-            position = by_strategy(light, terms.strategy, one[PLACE], left, right, terms.level)
+            fill(light, lit, dark, v, w, terms.base, left, right + 1)
+            position = by_strategy(light, terms.strategy, some[i, PLACE], left, right, terms.level)
         table[0, v, j] = position
         table[1, v, j] = math.sqrt(spread * factor * factor + phase * phase)
         table[2, v, j] = amplitude
-        table[3, v, j] = math.sqrt(one[SECOND])
+        table[3, v, j] = math.sqrt(some[i, SECOND])
         bits[v, j] = flags
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: Any) -> None:
     """Fill ``table`` (4, H, K: position, sigma, amplitude, width) and ``bits`` (H, K).
 
@@ -307,7 +311,7 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
     _, v0, _, v1 = roi
     paired = dark.shape[0] > 1
     light = np.empty(lit.shape[1])
-    peaks = np.empty((v1 - v0, PEAKS, 7))
+    peaks = np.empty(((v1 - v0) * PEAKS, 7))
     counts = np.zeros(v1 - v0, np.int64)
     usual, brightest = first_pass(lit, dark, roi, terms, peaks, counts, light)
     fixed = terms.width > 0.0
@@ -323,8 +327,7 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
         v = int(some[i, ROW])
         left = int(some[i, START])
         right = left + stops[i] - start - 2
-        off = dark[v if paired else 0]
-        accumulate(lit[v], off, terms.base, left, right, pool[start : stops[i]])
+        accumulate(lit, dark, v, v if paired else 0, terms.base, left, right, pool, start)
     if fixed:
         some[:, WIDTH] = terms.width
         measure_round(some, n, pool, stops, terms.noise, 5)

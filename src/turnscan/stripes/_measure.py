@@ -21,13 +21,18 @@ HALF_WINDOW = 2.5
 MIN_HALF_WINDOW = 0.9
 """px: less than this cannot see both sides of a stripe."""
 
+FLANK = 4
+"""Pixels on each side, one px away from the window, that give the background."""
+FLANK_DIFFERENCE = 4.0 / math.sqrt(0.5 * FLANK)
+"""Difference of the two flanks that is more than noise: four of its own sigmas, in pixel noise."""
+
 # How much noisier than the window each strategy is, and its error from the phase of the pixels
 # (px), so that the claimed sigma stays honest (docs/explain/stripes.md has the measured figures).
 NOISE_FACTOR = (1.0, 4.0, 1.25, 1.45, 3.5, 3.5, 1.4, 1.4)
 PHASE_ERROR = (0.005, 0.29, 0.055, 0.04, 0.08, 0.06, 0.02, 0.012)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def plateau(light: Any, left: int, right: int) -> Any:
     """Middle and height of the highest pixels between left and right, the first such run."""
     top = light[left]
@@ -42,7 +47,7 @@ def plateau(light: Any, left: int, right: int) -> Any:
     return 0.5 * (first + last), top
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def half_width(light: Any, seed: float, top: float, left: int, right: int) -> Any:
     """Both places where the light falls to half, above the lower of the two ends."""
     floor = max(0.0, min(light[left], light[right]))
@@ -64,55 +69,61 @@ def half_width(light: Any, seed: float, top: float, left: int, right: int) -> An
     return low, high
 
 
-@njit(cache=True, nogil=True)
-def accumulate(lit: Any, dark: Any, base: float, left: int, right: int, sums: Any) -> None:
+@njit(cache=True, nogil=True, error_model="numpy")
+def accumulate(
+    lit: Any, dark: Any, v: int, w: int, base: float, left: int, right: int, sums: Any, start: int
+) -> None:
     """Running sums of light·t^k, k = 0, 1, 2, over the pixels t = x - left - middle of left … right.
 
-    ``sums`` (right - left + 2, 3) starts with a row of zeros: the sums over any run of pixels are
-    then the difference of two rows.
+    The right - left + 2 rows of ``sums`` from ``start`` begin with zeros: the sums over any run of
+    pixels are then the difference of two rows.
     """
     q0 = q1 = q2 = 0.0
     t = -np.float64((right - left) // 2)
-    sums[0, 0] = sums[0, 1] = sums[0, 2] = 0.0
-    for x in range(right - left + 1):
-        q = np.float64(np.int64(lit[x + left]) - np.int64(dark[x + left])) - base
+    sums[start, 0] = sums[start, 1] = sums[start, 2] = 0.0
+    i = start
+    for x in range(left, right + 1):
+        i += 1
+        q = np.float64(np.int64(lit[v, x]) - np.int64(dark[w, x])) - base
         q0 += q
         q *= t
         q1 += q
         q2 += q * t
         t += 1.0
-        sums[x + 1, 0] = q0
-        sums[x + 1, 1] = q1
-        sums[x + 1, 2] = q2
+        sums[i, 0] = q0
+        sums[i, 1] = q1
+        sums[i, 2] = q2
 
 
-@njit(cache=True, nogil=True)
-def mean_light(sums: Any, first: int, stop: int) -> float:
-    """Mean light of the pixels first … stop-1, cut to what there is."""
-    last = sums.shape[0] - 1
-    first = min(max(first, 0), last - 1)
-    stop = max(min(stop, last), first + 1)
-    return (sums[stop, 0] - sums[first, 0]) / (stop - first)
+@njit(cache=True, nogil=True, error_model="numpy")
+def mean_light(sums: Any, start: int, last: int, first: int, stop: int) -> float:
+    """Mean light of the pixels first … stop-1, cut to 0 … last."""
+    first = min(max(first, 0), last)
+    stop = max(min(stop, last + 1), first + 1)
+    return float((sums[start + stop, 0] - sums[start + first, 0]) / (stop - first))
 
 
-@njit(cache=True, nogil=True)
-def moments(sums: Any, c: float, h: float, pedestal: float, slope: float) -> Any:
+@njit(cache=True, nogil=True, error_model="numpy")
+def moments(
+    sums: Any, start: int, last: int, c: float, h: float, pedestal: float, slope: float
+) -> Any:
     """Moments 0 to 2 about ``c`` of the light above the background in the window c ± h.
 
     The pixels at both ends count with the part of them that the window covers. The background is
     ``pedestal + slope·(x - c)``. The fourth value is the light of the two end pixels together.
     """
-    middle = (sums.shape[0] - 2) // 2
+    t = c - last // 2
     a = int(math.floor(c - h + 0.5))
     b = int(math.ceil(c + h - 0.5))
+    i = start + a
+    j = start + b
     part_a = a + 0.5 - (c - h)
     part_b = c + h - (b - 0.5)
-    at_a = sums[a + 1, 0] - sums[a, 0]
-    at_b = sums[b + 1, 0] - sums[b, 0]
-    t = c - middle
-    q0 = sums[b, 0] - sums[a + 1, 0]
-    q1 = sums[b, 1] - sums[a + 1, 1]
-    q2 = sums[b, 2] - sums[a + 1, 2]
+    at_a = sums[i + 1, 0] - sums[i, 0]
+    at_b = sums[j + 1, 0] - sums[j, 0]
+    q0 = sums[j, 0] - sums[i + 1, 0]
+    q1 = sums[j, 1] - sums[i + 1, 1]
+    q2 = sums[j, 2] - sums[i + 1, 2]
     # From powers about the middle to powers about c.
     s1 = q1 - t * q0
     s2 = q2 - t * (2.0 * q1 - t * q0)
@@ -134,7 +145,7 @@ def moments(sums: Any, c: float, h: float, pedestal: float, slope: float) -> Any
     return s0, s1, s2, at_a + at_b
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def width_of(second: float, h: float) -> float:
     """Width of the Gaussian whose part within ± h has this variance.
 
@@ -145,33 +156,33 @@ def width_of(second: float, h: float) -> float:
     return h * math.sqrt(r * (1.0 - 3.27 * r + 4.41 * r * r) / (1.0 - 3.0 * r))
 
 
-@njit(cache=True, nogil=True)
-def background_line(sums: Any, c: float, h: float, noise: float) -> Any:
+@njit(cache=True, nogil=True, error_model="numpy")
+def background_line(sums: Any, start: int, last: int, c: float, h: float, noise: float) -> Any:
     """Pedestal at ``c`` and slope of the light beside the window.
 
     The slope counts only where both sides differ by more than the noise explains, so that a
     clean stripe pays nothing for it.
     """
-    count = 3 + int(0.4 * h)
     a = int(math.floor(c - h + 0.5)) - 1
     b = int(math.ceil(c + h - 0.5)) + 2
-    below = mean_light(sums, a - count, a)
-    above = mean_light(sums, b, b + count)
+    below = mean_light(sums, start, last, a - FLANK, a)
+    above = mean_light(sums, start, last, b, b + FLANK)
     slope = 0.0
-    if abs(above - below) > 4.0 * noise * math.sqrt(2.0 / count):
-        slope = (above - below) / (b - a + count)
+    if abs(above - below) > FLANK_DIFFERENCE * noise:
+        slope = (above - below) / (b - a + FLANK)
     return 0.5 * (below + above), slope
 
 
-@njit(cache=True, nogil=True)
-def centre_window(sums: Any, c: float, width: float, noise: float, turns: int) -> Any:
+@njit(cache=True, nogil=True, error_model="numpy")
+def centre_window(
+    sums: Any, start: int, last: int, c: float, width: float, noise: float, turns: int
+) -> Any:
     """Centre of gravity in a symmetric window of ± 2.5 widths that follows the centre.
 
-    ``c`` counts pixels from the first one of ``sums``. Returns the centre, the half window, the
+    ``c`` counts pixels from the first of the ``last`` + 1 whose sums begin at ``start``. Returns the centre, the half window, the
     light in it, its variance about the centre, the pedestal, and how far the window amplifies the
     noise by following its own centre.
     """
-    last = sums.shape[0] - 2
     s0 = s1 = s2 = ends = pedestal = slope = 0.0
     h = MIN_HALF_WINDOW
     for turn in range(turns):
@@ -179,8 +190,8 @@ def centre_window(sums: Any, c: float, width: float, noise: float, turns: int) -
         h = max(MIN_HALF_WINDOW, min(HALF_WINDOW * width, room))
         c = min(max(c, h - 0.4), last - h + 0.4)
         if turn == 0:
-            pedestal, slope = background_line(sums, c, h, noise)
-        s0, s1, s2, ends = moments(sums, c, h, pedestal, slope)
+            pedestal, slope = background_line(sums, start, last, c, h, noise)
+        s0, s1, s2, ends = moments(sums, start, last, c, h, pedestal, slope)
         if s0 <= 0.0:
             return c, h, 0.0, 0.0, pedestal, 1.0
         c += min(max(s1 / s0, -h), h)
@@ -190,7 +201,7 @@ def centre_window(sums: Any, c: float, width: float, noise: float, turns: int) -
     return c, h, s0, second, pedestal, gain
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_above(light: Any, seed: int, left: int, right: int, threshold: float) -> Any:
     """First and last pixel above the threshold around the seed, within the candidate."""
     first = seed
@@ -202,7 +213,7 @@ def run_above(light: Any, seed: int, left: int, right: int, threshold: float) ->
     return first, last
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def weighted(light: Any, first: int, last: int, power: int) -> float:
     """Centre of gravity of the light, or of its square, over a run."""
     total = 0.0
@@ -214,7 +225,7 @@ def weighted(light: Any, first: int, last: int, power: int) -> float:
     return moment / total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def energy_median(light: Any, first: int, last: int) -> float:
     """The point with half the light on each side, the light spread evenly over each pixel."""
     total = 0.0
@@ -228,7 +239,7 @@ def energy_median(light: Any, first: int, last: int) -> float:
     return float(last)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def three_point(light: Any, seed: float, left: int, right: int, logarithm: bool) -> float:
     """Vertex of the parabola through three pixels, or through their logarithms (a Gaussian)."""
     x = int(seed)
@@ -245,7 +256,7 @@ def three_point(light: Any, seed: float, left: int, right: int, logarithm: bool)
     return seed + 0.5 * (a - d) / bend
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def blais_rioux(light: Any, seed: float, left: int, right: int) -> float:
     """Zero crossing, nearest to the seed, of four pixels ahead minus four behind."""
     best = seed
@@ -264,7 +275,7 @@ def blais_rioux(light: Any, seed: float, left: int, right: int) -> float:
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def by_strategy(
     light: Any, strategy: int, seed: float, left: int, right: int, threshold: float
 ) -> float:

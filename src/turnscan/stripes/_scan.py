@@ -64,19 +64,22 @@ class Terms(NamedTuple):
     strategy: int
 
 
-@njit(cache=True, nogil=True)
-def block_above(lit: Any, dark: Any, limit: int) -> bool:
-    """True where a pixel of the block is above ``limit``; small types, so that it becomes SIMD."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def block_above(lit: Any, dark: Any, v: int, w: int, start: int, stop: int, limit: int) -> bool:
+    """True where a pixel of the block is above ``limit``.
+
+    Small types and unsigned counters, so that the compiler makes it SIMD.
+    """
     best = lit.dtype.type(0)
-    for x in range(lit.size):
-        a = lit[x]
-        b = dark[x]
+    for x in range(np.uint64(start), np.uint64(stop)):
+        a = lit[v, x]
+        b = dark[w, x]
         d = lit.dtype.type((a if a > b else b) - b)
         best = d if d > best else best
-    return best > limit
+    return bool(best > limit)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def background(lit: Any, dark: Any, roi: Any) -> Any:
     """Median and robust noise of ``lit - dark`` from some ten thousand pixels.
 
@@ -117,41 +120,45 @@ def background(lit: Any, dark: Any, roi: Any) -> Any:
     return float(low), 0.0
 
 
-@njit(cache=True, nogil=True)
-def fill(light: Any, lit: Any, dark: Any, base: float, first: int, stop: int) -> None:
-    """Put the light of the pixels first … stop-1 into the buffer."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill(
+    light: Any, lit: Any, dark: Any, v: int, w: int, base: float, first: int, stop: int
+) -> None:
+    """Put the light of the pixels first … stop-1 of a line into the buffer."""
     for x in range(first, stop):
-        light[x] = np.float64(np.int64(lit[x]) - np.int64(dark[x])) - base
+        light[x] = np.float64(np.int64(lit[v, x]) - np.int64(dark[w, x])) - base
 
 
-@njit(cache=True, nogil=True)
-def keep_peak(light: Any, peaks: Any, count: int, left: int, right: int) -> int:
-    """Append the peak between two valleys to the list; a full list drops its lowest."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def keep_peak(light: Any, peaks: Any, line: int, count: int, left: int, right: int) -> int:
+    """Append the peak between two valleys to the line's list; a full list drops its lowest."""
     seed, top = plateau(light, left, right)
     if count == PEAKS:
-        lowest = 0
-        for j in range(1, PEAKS):
+        lowest = line
+        for j in range(line + 1, line + PEAKS):
             if peaks[j, TOP] < peaks[lowest, TOP]:
                 lowest = j
         if peaks[lowest, TOP] >= top:
             return count
-        for j in range(lowest, PEAKS - 1):
+        for j in range(lowest, line + PEAKS - 1):
             peaks[j] = peaks[j + 1]
         count -= 1
     low, high = half_width(light, seed, top, left, right)
-    peak = peaks[count]
-    peak[SEED] = seed
-    peak[LEFT] = left
-    peak[RIGHT] = right
-    peak[TOP] = top
-    peak[VALLEY] = light[right]
-    peak[LOW] = low
-    peak[HIGH] = high
+    j = line + count
+    peaks[j, SEED] = seed
+    peaks[j, LEFT] = left
+    peaks[j, RIGHT] = right
+    peaks[j, TOP] = top
+    peaks[j, VALLEY] = light[right]
+    peaks[j, LOW] = low
+    peaks[j, HIGH] = high
     return count + 1
 
 
-@njit(cache=True, nogil=True)
-def segment(light: Any, first: int, last: int, noise: float, peaks: Any, count: int) -> int:
+@njit(cache=True, nogil=True, error_model="numpy")
+def segment(
+    light: Any, first: int, last: int, noise: float, peaks: Any, line: int, count: int
+) -> int:
     """Split the run first … last at its valleys, and append its peaks to the list."""
     left = first
     valley = first
@@ -171,15 +178,26 @@ def segment(light: Any, first: int, last: int, noise: float, peaks: Any, count: 
             valley = x
             bottom = q
         elif q > bottom + slack and (1.0 - RIPPLE) * q > bottom:
-            count = keep_peak(light, peaks, count, left, valley)
+            count = keep_peak(light, peaks, line, count, left, valley)
             left = valley
             top = q
             rising = True
-    return keep_peak(light, peaks, count, left, last)
+    return keep_peak(light, peaks, line, count, left, last)
 
 
-@njit(cache=True, nogil=True)
-def scan_line(lit: Any, dark: Any, light: Any, u0: int, u1: int, terms: Any, peaks: Any) -> int:
+@njit(cache=True, nogil=True, error_model="numpy")
+def scan_line(
+    lit: Any,
+    dark: Any,
+    v: int,
+    w: int,
+    light: Any,
+    u0: int,
+    u1: int,
+    terms: Any,
+    peaks: Any,
+    line: int,
+) -> int:
     """Find the peaks of one line: runs that rise above ``level`` and go on down to ``low``."""
     base = terms.base
     level = np.int64(math.floor(terms.level + base))
@@ -188,93 +206,97 @@ def scan_line(lit: Any, dark: Any, light: Any, u0: int, u1: int, terms: Any, pea
     count = 0
     done = u0
     for start in range(u0, u1, BLOCK):
-        if not block_above(lit[start : min(start + BLOCK, u1)], dark[start:], limit):
+        end = min(start + BLOCK, u1)
+        if not block_above(lit, dark, v, w, start, end, limit):
             continue
-        for part in range(start, min(start + BLOCK, u1), PART):
-            stop = min(part + PART, u1)
+        for part in range(start, end, PART):
+            stop = min(part + PART, end)
             x = max(part, done)
-            if x >= stop or not block_above(lit[x:stop], dark[x:], limit):
+            if x >= stop or not block_above(lit, dark, v, w, x, stop, limit):
                 continue
             while x < stop:
-                if np.int64(lit[x]) - np.int64(dark[x]) <= level:
+                if np.int64(lit[v, x]) - np.int64(dark[w, x]) <= level:
                     x += 1
                     continue
                 first = x
-                while first > done and np.int64(lit[first - 1]) - np.int64(dark[first - 1]) > low:
+                while (
+                    first > done
+                    and np.int64(lit[v, first - 1]) - np.int64(dark[w, first - 1]) > low
+                ):
                     first -= 1
                 x += 1
-                while x < u1 and np.int64(lit[x]) - np.int64(dark[x]) > low:
+                while x < u1 and np.int64(lit[v, x]) - np.int64(dark[w, x]) > low:
                     x += 1
                 done = x
-                fill(light, lit, dark, base, first, x)
-                count = segment(light, first, x - 1, terms.noise, peaks, count)
+                fill(light, lit, dark, v, w, base, first, x)
+                count = segment(light, first, x - 1, terms.noise, peaks, line, count)
     return count
 
 
-@njit(cache=True, nogil=True)
-def merge_peaks(peaks: Any, count: int, usual: float) -> int:
+@njit(cache=True, nogil=True, error_model="numpy")
+def merge_peaks(peaks: Any, line: int, count: int, usual: float) -> int:
     """Join the peaks that speckle or noise broke: too near and with too shallow a valley."""
     if count < 2:
         return count
-    kept = 0
-    for j in range(1, count):
-        one = peaks[kept]
-        two = peaks[j]
+    i = line
+    for j in range(line + 1, line + count):
         joined = False
-        if one[RIGHT] == two[LEFT]:
-            valley = one[VALLEY]
-            lower = min(one[TOP], two[TOP])
-            near = two[SEED] - one[SEED] < SPLIT_DISTANCE * usual
+        lower = min(peaks[i, TOP], peaks[j, TOP])
+        higher = max(peaks[i, TOP], peaks[j, TOP])
+        if peaks[i, RIGHT] == peaks[j, LEFT]:
+            valley = peaks[i, VALLEY]
+            near = peaks[j, SEED] - peaks[i, SEED] < SPLIT_DISTANCE * usual
             joined = valley > SPLIT_DEEP * lower and (near or valley > SPLIT_DEPTH * lower)
         if not joined:
-            kept += 1
-            if kept < j:
-                peaks[kept] = two
+            i += 1
+            if i < j:
+                peaks[i] = peaks[j]
             continue
-        higher = max(one[TOP], two[TOP])
         bridged = 2.0 * lower > higher
-        if bridged or two[TOP] > one[TOP]:
-            one[HIGH] = two[HIGH]
-        if not bridged and two[TOP] > one[TOP]:
-            one[LOW] = two[LOW]
-        if two[TOP] > one[TOP]:
-            one[SEED] = two[SEED]
-            one[TOP] = two[TOP]
-        one[RIGHT] = two[RIGHT]
-        one[VALLEY] = two[VALLEY]
-    return kept + 1
+        second = peaks[j, TOP] > peaks[i, TOP]
+        if bridged or second:
+            peaks[i, HIGH] = peaks[j, HIGH]
+        if second:
+            if not bridged:
+                peaks[i, LOW] = peaks[j, LOW]
+            peaks[i, SEED] = peaks[j, SEED]
+            peaks[i, TOP] = peaks[j, TOP]
+        peaks[i, RIGHT] = peaks[j, RIGHT]
+        peaks[i, VALLEY] = peaks[j, VALLEY]
+    return i - line + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def first_pass(
     lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: Any, light: Any
 ) -> Any:
-    """Peaks of every line; returns the usual rms width and the brightest raw grey level."""
+    """Peaks of every line, one after the other; returns the usual rms width and the brightest raw grey level."""
     u0, v0, u1, v1 = roi
     paired = dark.shape[0] > 1
     widths = np.empty(v1 - v0)
     found = 0
     brightest = 0.0
+    line = 0
     for i in range(v1 - v0):
-        line = lit[v0 + i]
-        n = scan_line(line, dark[v0 + i if paired else 0], light, u0, u1, terms, peaks[i])
+        v = v0 + i
+        n = scan_line(lit, dark, v, v if paired else 0, light, u0, u1, terms, peaks, line)
         counts[i] = n
         if n == 0:
             continue
-        best = 0
-        for j in range(1, n):
-            if peaks[i, j, TOP] > peaks[i, best, TOP]:
+        best = line
+        for j in range(line + 1, line + n):
+            if peaks[j, TOP] > peaks[best, TOP]:
                 best = j
-        peak = peaks[i, best]
-        brightest = max(brightest, np.float64(line[int(peak[SEED])]))
-        widths[found] = (peak[HIGH] - peak[LOW]) / FWHM
+        brightest = max(brightest, np.float64(lit[v, int(peaks[best, SEED])]))
+        widths[found] = (peaks[best, HIGH] - peaks[best, LOW]) / FWHM
         found += 1
+        line += n
     if found == 0:
         return 0.0, brightest
     return np.median(widths[:found]), brightest
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def learned_saturation(lit: Any, brightest: float) -> float:
     """8 bits: 250 (JPEG rings around 255). 16: 98 % of the 10, 12, 14 or 16 bits in use."""
     if np.iinfo(lit.dtype).max == 255:
