@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from turnscan.errors import InputError, LimitExceeded
+from turnscan.errors import FormatError, InputError, LimitExceeded
+from turnscan.rig import Rig, rig_from_json
 from turnscan.surface import Mesh
 
+_MAX_RIG_BYTES = 16 * 2**20
 _MAX_MESH_BYTES = 4 * 2**30
 
 
@@ -25,7 +27,20 @@ def read_bytes(path: Path, limit: int) -> bytes:
 
 
 def read_mesh_file(path: Path) -> Mesh:
-    """Read a mesh from a file whose suffix names its form."""
+    """Read a mesh from a file whose suffix names its form; complaints name the file."""
     from turnscan.export import read_mesh
 
-    return read_mesh(read_bytes(path, _MAX_MESH_BYTES), path.suffix)
+    data = read_bytes(path, _MAX_MESH_BYTES)
+    try:
+        return read_mesh(data, path.suffix)
+    except InputError as e:
+        raise type(e)(f"{path}: {e.message}", hint=e.hint) from None
+
+
+def read_rig_file(path: Path) -> Rig:
+    """Read a rig. Raises InputError where there is none, FormatError naming the key."""
+    try:
+        text = read_bytes(path, _MAX_RIG_BYTES).decode()
+    except UnicodeDecodeError:
+        raise FormatError(f"{path}: not a text file", hint="give a rig.json") from None
+    return rig_from_json(text, str(path))
