@@ -1,5 +1,13 @@
 """The physical simulator: scene, optics, sensor, motion."""
 
+from turnscan.simulate._address import Simulated, simulated, wish_of
+from turnscan.simulate._beam import Beam, Lens
+from turnscan.simulate._devices import Faults, SimCamera, SimLasers, SimTurntable, World
+from turnscan.simulate._motion import Motion
+from turnscan.simulate._parts import PARTS, Part, from_mesh, part
+from turnscan.simulate._presets import Wish, bench, check_view, seconds_of, steps_of
+from turnscan.simulate._render import Bench, Renderer
+from turnscan.simulate._scene import Body, Material, Scene, Texture
 from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, expose, webcam
 from turnscan.simulate._speckle import (
     cell_keys,
@@ -15,19 +23,45 @@ from turnscan.simulate._speckle import (
 )
 
 __all__ = [
+    "PARTS",
+    "Beam",
+    "Bench",
+    "Body",
+    "Faults",
+    "Lens",
+    "Material",
+    "Motion",
+    "Part",
+    "Renderer",
+    "Scene",
     "Sensor",
+    "SimCamera",
+    "SimLasers",
+    "SimTurntable",
+    "Simulated",
+    "Texture",
+    "Wish",
+    "World",
+    "bench",
     "ccd_1990s",
     "cell_keys",
     "cell_size",
+    "check_view",
     "cmos_imx264",
     "contrast",
     "expose",
+    "from_mesh",
     "gamma_speckle",
     "grain",
     "oversampling",
+    "part",
     "path_phase",
     "pattern_weights",
     "pixel_contrast",
+    "seconds_of",
+    "simulated",
     "speckled",
+    "steps_of",
     "webcam",
+    "wish_of",
 ]

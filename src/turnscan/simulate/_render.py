@@ -33,12 +33,17 @@ Waves = Literal["speckle", "diffraction", "rays"]
 
 _PLANCK_C = 6.62607015e-34 * 2.99792458e11
 """J mm: energy of a photon times its wavelength."""
-_REACH = 2.6
-"""Radii of the sheet within which its light is rendered (5.2 σ)."""
+_REACH = 2.2
+"""Radii of the sheet within which its light is rendered (4.4 σ: 6e-5 of the peak)."""
 _RAY_CELLS = (4, 8)
 _RAY_BLOCKS = (2, 4)
 _PROFILE_BINS = 2048
 _VISIBLE_LIGHT = 550e-6
+_PRINT_SAMPLES = 3
+"""Rays per pixel and direction where a print is seen."""
+_STRIP = 64
+_AIRY_SIGMA = 0.42
+"""rms width of the Gaussian nearest to the Airy disc, in λN'."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,7 @@ class Renderer:
         self._tri: Triangles = triangles(bench.scene.bodies)
         self._caster = Caster(self._tri.vertices, self._tri.faces)
         self._ambient: tuple[bytes, Singles] | None = None
+        self._view: tuple[bytes, Ints] | None = None
 
     def electrons(
         self, angle: float, lit: Iterable[str], seconds: float, start: float = 0.0
@@ -131,10 +137,10 @@ class Renderer:
         which = sum(1 << i for i, b in enumerate(self.bench.beams) if b.name in names)
         seed = seed64(self.bench.seed, round(angle * 1e9), which, shot)
         if not self.bench.noise:
-            top = sensor.levels - 1
-            grey = np.clip(light / sensor.saturation, 0.0, 1.0) * top
-            whole = grey + np.float32(0.5)
-            return np.asarray(whole, np.uint8 if sensor.bits == 8 else np.uint16)
+            whole = np.clip(light / sensor.saturation, 0.0, 1.0) * (sensor.levels - 1) + 0.5
+            if sensor.bits == 8:
+                return np.asarray(whole, dtype=np.uint8)
+            return np.asarray(whole, dtype=np.uint16)
         return expose(light, sensor, int(seed), seconds)
 
     # ---- the laser ---------------------------------------------------------------------------
@@ -148,10 +154,11 @@ class Renderer:
         if not len(pixels):
             return out
         for contrast, halo, members in self._groups():
-            own = energy * np.isin(body, members).astype(np.float32)
-            if not own.any():
+            own = energy * np.isin(body, members)
+            lit = np.flatnonzero(own.any(axis=(1, 2)))
+            if not len(lit):
                 continue
-            direct = self._imaged(pixels, own, points, shape, contrast, beam, T)
+            direct = self._imaged(pixels[lit], own[lit], points[lit], contrast, beam, T)
             out += direct if halo is None else self._spread(direct, halo, T)
         return out
 
@@ -166,16 +173,11 @@ class Renderer:
         return [(c, h, members) for (c, h), members in groups.items()]
 
     def _imaged(
-        self,
-        pixels: Ints,
-        energy: Singles,
-        points: Floats,
-        shape: tuple[int, int],
-        contrast: float,
-        beam: Beam,
-        T: Pose,
+        self, pixels: Ints, energy: Singles, points: Floats, contrast: float, beam: Beam, T: Pose
     ) -> Singles:
+        """The cells through the lens: photons (H, W)."""
         bench = self.bench
+        shape = (bench.rig.camera.height, bench.rig.camera.width)
         if bench.waves == "rays":
             out = np.zeros(shape, np.float32)
             out[pixels[:, 0], pixels[:, 1]] = energy.sum(axis=(1, 2))
@@ -183,15 +185,15 @@ class Renderer:
         pitch = (bench.sensor.pitch_y, bench.sensor.pitch_x)
         size = speckle.cell_size(bench.grain, pitch, bench.lens.magnification)
         keys = speckle.cell_keys(points, size)
+        phase = None
+        if bench.waves == "speckle":
+            back = T.inverse()
+            laser, lens = back.apply(beam.apex), back.translation
+            phase = speckle.path_phase(points, size, laser, lens, beam.wavelength)
+        seen = contrast if bench.waves == "speckle" else 0.0
         seed = int(seed64(bench.seed, bench.beams.index(beam)))
-        if bench.waves == "diffraction":
-            return speckle.speckled(pixels, energy, keys, shape, bench.grain, seed, contrast=0.0)
-        back = T.inverse()
-        phase = speckle.path_phase(
-            points, size, back.apply(beam.apex), back.translation, beam.wavelength
-        )
         return speckle.speckled(
-            pixels, energy, keys, shape, bench.grain, seed, contrast=contrast, phase=phase
+            pixels, energy, keys, shape, bench.grain, seed, contrast=seen, phase=phase
         )
 
     def _cells(
@@ -229,6 +231,10 @@ class Renderer:
         body = np.where(face >= 0, tri.body[face], -1).reshape(-1, *blocks)
         body = body[:, np.arange(cells[0]) * blocks[0] // cells[0]]
         body = body[:, :, np.arange(cells[1]) * blocks[1] // cells[1]]
+        for i, b in enumerate(bench.scene.bodies):
+            if b.texture is not None:
+                own = (body == i) & (energy > 0)
+                energy[own] *= b.texture.at(b.T_table_part.inverse().apply(spots[own]))
         return pixels, energy, spots, body
 
     def _band(self, T: Pose, beam: Beam, sheet: Floats, shape_of: Floats) -> Bools:
@@ -242,9 +248,7 @@ class Renderer:
         )  # fmt: skip
         mask = np.zeros((camera.height, camera.width), np.bool_)
         if len(corners):
-            pad = 2.0
-            if self.bench.waves != "rays":
-                pad += 2.0 * max(self.bench.grain)
+            pad = 1.0 if self.bench.waves == "rays" else 1.0 + max(self.bench.grain)
             _shade.fill(camera.project(corners), starts, pad + self._defocus(corners), mask)
         return mask
 
@@ -318,23 +322,30 @@ class Renderer:
         kernel = np.exp(-np.hypot(x[None], y[:, None]))
         kernel /= kernel.sum()
         around = cv2.filter2D(light, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
-        around = np.maximum(around, 0.0) * (self._silhouette(T) >= 0)
+        around = np.maximum(around, 0.0) * (self._seen(T) >= 0).reshape(light.shape)
         return np.asarray((1 - share) * light + share * around, dtype=np.float32)
 
     # ---- other light -------------------------------------------------------------------------
 
-    def _silhouette(self, T: Pose) -> Ints:
-        """(H, W) the face that each pixel's middle sees, −1 for none."""
-        camera = self.bench.rig.camera
-        directions = self._middles @ T.rotation
-        face = self._caster.first_hits(T.inverse().translation, directions)
-        return face.reshape(camera.height, camera.width)
+    def _seen(self, T: Pose) -> Ints:
+        """(H·W,) the face that each pixel's middle sees, −1 for none; held for the next frame."""
+        from turnscan.simulate import _shade
 
-    @cached_property
-    def _middles(self) -> Singles:
-        f = self._field
-        middle = 0.25 * (f[:-1, :-1] + f[1:, :-1] + f[:-1, 1:] + f[1:, 1:]).reshape(-1, 2)
-        return np.concatenate([middle, np.ones((len(middle), 1))], axis=1).astype(np.float32)
+        key = T.rotation.tobytes() + T.translation.tobytes()
+        if self._view is None or self._view[0] != key:
+            camera = self.bench.rig.camera
+            face = np.empty(camera.height * camera.width, np.int32)
+            strip = _STRIP * camera.width
+            for start in range(0, len(face), strip):
+                k = np.arange(start, min(start + strip, len(face)))
+                directions = _shade.rays(self._places(k), self._field, 1, 1, T.rotation)
+                face[k] = self._caster.first_hits(T.inverse().translation, directions)
+            self._view = (key, face)
+        return self._view[1]
+
+    def _places(self, k: npt.NDArray[np.intp]) -> Ints:
+        """(n, 2) row and column of pixels given by number."""
+        return np.stack(np.divmod(k, self.bench.rig.camera.width), axis=-1).astype(np.int32)
 
     def _lamp_light(self, T: Pose) -> Singles:
         """Electrons per second (H, W, 1 or 3) of the room's light, held for the next frame."""
@@ -349,37 +360,69 @@ class Renderer:
         return self._ambient[1]
 
     def _lamp_picture(self, T: Pose) -> Singles:
+        import cv2
+
+        camera, bench = self.bench.rig.camera, self.bench
+        shape = (camera.height, camera.width, 3 if bench.sensor.bayer else 1)
+        out = np.empty((shape[0] * shape[1], shape[2]), np.float32)
+        printed = [i for i, b in enumerate(bench.scene.bodies) if b.texture is not None]
+        strip = _STRIP * camera.width
+        for start in range(0, len(out), strip):
+            k = np.arange(start, min(start + strip, len(out)))
+            out[k], body = self._lamp_pixels(T, k, 1)
+            if printed:
+                # A print has detail finer than a pixel.
+                k = k[np.isin(body, printed)]
+                out[k], _ = self._lamp_pixels(T, k, _PRINT_SAMPLES)
+        picture = out.reshape(shape)
+        if bench.waves != "rays":
+            soft = [max(_AIRY_SIGMA * g, 0.05) for g in bench.grain]
+            picture = cv2.GaussianBlur(picture, (0, 0), soft[1], sigmaY=soft[0]).reshape(shape)
+        return picture
+
+    def _lamp_pixels(self, T: Pose, k: npt.NDArray[np.intp], fine: int) -> tuple[Singles, Ints]:
+        """Electrons per second of some pixels, ``fine`` × ``fine`` rays each, and their bodies."""
         from turnscan.simulate import _shade
 
-        scene, tri, camera = self.bench.scene, self._tri, self.bench.rig.camera
-        directions = self._middles @ T.rotation
+        bench, tri = self.bench, self._tri
+        colours = 3 if bench.sensor.bayer else 1
+        directions = _shade.rays(self._places(k), self._field, fine, fine, T.rotation)
         eye = T.inverse().translation
-        face = self._caster.first_hits(eye, directions)
+        face = self._seen(T)[k] if fine == 1 else self._caster.first_hits(eye, directions)
+        hit = np.flatnonzero(face >= 0)
         points, normals = _shade.surface(
-            face, directions, eye, tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals
-        )
-        hit = np.flatnonzero(~np.isnan(points[:, 0]))
+            face[hit], directions[hit], eye,
+            tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals,
+        )  # fmt: skip
+        seen = ~np.isnan(points[:, 0])
+        hit, points, normals = hit[seen], points[seen], normals[seen]
+        body = tri.body[face[hit]]
+        light = self._irradiance(points, normals, tri.flat_normals[face[hit]], T)
+        dim = bench.scene.background * bench.scene.sky / math.pi
+        radiance = np.full((len(face), colours), dim, np.float32)
+        albedo = np.stack([self._albedo(points, body, c) for c in range(3)], axis=1)
+        shown = albedo if colours == 3 else albedo.mean(axis=1, keepdims=True)
+        radiance[hit] = light[:, None] * shown / math.pi
+        # With z = 1 in the camera the cosine of the field angle is 1 over the ray's length.
+        field4 = np.einsum("ij,ij->i", directions, directions) ** -2
+        scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
+        radiance *= np.float32(scale) * field4[:, None]
+        owner = np.where(face >= 0, tri.body[face], -1)[:: fine * fine]
+        return radiance.reshape(len(k), fine * fine, colours).mean(axis=1), owner
+
+    def _irradiance(self, points: Floats, normals: Floats, flat: Floats, T: Pose) -> Floats:
+        """W/mm² of sky and lamp on points, object frame."""
+        scene = self.bench.scene
         table_to_object = T.inverse() @ self.bench.rig.T_camera_table
         lamp = table_to_object.turn(scene.lamp_from)
         up = table_to_object.turn((0.0, 0.0, 1.0))
-        n = normals[hit]
-        light = scene.sky * (0.6 + 0.4 * (n @ up))
-        if scene.lamp > 0:
-            facing = n @ lamp
-            k = np.flatnonzero(facing > 0)
-            far = points[hit[k]] + 2000.0 * lamp
-            sees = self._caster.visible(points[hit[k]], tri.flat_normals[face[hit[k]]], far)
+        light = scene.sky * (0.6 + 0.4 * (normals @ up))
+        facing = normals @ lamp
+        k = np.flatnonzero(facing > 0) if scene.lamp > 0 else np.empty(0, np.intp)
+        if len(k):
+            sees = self._caster.visible(points[k], flat[k], points[k] + 2000.0 * lamp)
             light[k] += scene.lamp * facing[k] * sees
-        albedo = np.stack([self._albedo(points[hit], tri.body[face[hit]], c) for c in range(3)], 1)
-        colours = 3 if self.bench.sensor.bayer else 1
-        radiance = np.full((len(face), colours), scene.background * scene.sky / math.pi)
-        seen = albedo if colours == 3 else albedo.mean(axis=1, keepdims=True)
-        radiance[hit] = light[:, None] * seen / math.pi
-        scale = self.bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0)
-        scale *= self.bench.sensor.efficiency
-        field4 = (1.0 + (self._middles[:, :2] ** 2).sum(axis=1)) ** -2
-        out = radiance * (scale * field4)[:, None]
-        return np.asarray(out, np.float32).reshape(camera.height, camera.width, colours)
+        return np.asarray(light)
 
     def _albedo(self, points: Floats, body: Ints, colour: int) -> Floats:
         from turnscan.simulate import _shade
@@ -390,7 +433,7 @@ class Renderer:
             own = body == i
             m = b.material
             paint = np.array([m.albedo[colour], kinds[m.pattern], m.pitch, m.pattern_ratio])
-            out[own] = _shade.paint_all(points[own], paint)
+            out[own] = _shade.paint_all(points[own], paint) if paint[1] else paint[0]
             if b.texture is not None:
                 out[own] *= b.texture.at(b.T_table_part.inverse().apply(points[own]))
         return out

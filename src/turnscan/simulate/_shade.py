@@ -65,10 +65,16 @@ def sheet_polygons(
     ``beam`` holds waist, waist distance, Rayleigh length, reach in radii, and the aim (3).
     Returns corner points (m, 3) in the camera frame and, per polygon, where it starts (p + 1,).
     """
-    moved = vertices @ R.T + t
+    moved = np.empty_like(vertices)
     away = np.empty(len(moved))
+    widest = 0.0
     for i in range(len(moved)):
+        for k in range(3):
+            moved[i, k] = (
+                R[k, 0] * vertices[i, 0] + R[k, 1] * vertices[i, 1] + R[k, 2] * vertices[i, 2]
+            ) + t[k]
         away[i] = _sheet_distance(moved[i, 0], moved[i, 1], moved[i, 2], sheet)
+        widest = max(widest, _reach(moved[i, 0], moved[i, 1], moved[i, 2], apex, beam))
     points = np.empty((1024, 3))
     starts = np.zeros(1024, np.int32)
     m = p = 0
@@ -76,7 +82,9 @@ def sheet_polygons(
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         low, high = min(away[a], away[b], away[c]), max(away[a], away[b], away[c])
-        reach = _reach(moved[a], apex, beam)
+        if low > widest or high < -widest:
+            continue
+        reach = _reach(moved[a, 0], moved[a, 1], moved[a, 2], apex, beam)
         if low > reach or high < -reach or not _faces_both(moved[a], flat[f], R, apex):
             continue
         for k in range(3):
@@ -99,8 +107,8 @@ def sheet_polygons(
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _reach(x: Floats, apex: Floats, beam: Floats) -> float:
-    z = (x[0] - apex[0]) * beam[4] + (x[1] - apex[1]) * beam[5] + (x[2] - apex[2]) * beam[6]
+def _reach(x: float, y: float, z: float, apex: Floats, beam: Floats) -> float:
+    z = (x - apex[0]) * beam[4] + (y - apex[1]) * beam[5] + (z - apex[2]) * beam[6]
     far = (z - beam[1]) / beam[2]
     return beam[3] * beam[0] * math.sqrt(1.0 + far * far)
 
@@ -231,15 +239,17 @@ def surface(
 def _smooth_normal(
     x: Floats, a: Floats, b: Floats, c: Floats, corners: Floats, out: Floats
 ) -> None:
-    e1, e2, w = b - a, c - a, x - a
-    d11: float = np.dot(e1, e1)
-    d12: float = np.dot(e1, e2)
-    d22: float = np.dot(e2, e2)
-    p: float = np.dot(w, e1)
-    q: float = np.dot(w, e2)
+    d11 = d12 = d22 = p = q = 0.0
+    for k in range(3):
+        e1, e2, w = b[k] - a[k], c[k] - a[k], x[k] - a[k]
+        d11 += e1 * e1
+        d12 += e1 * e2
+        d22 += e2 * e2
+        p += w * e1
+        q += w * e2
     det = d11 * d22 - d12 * d12
-    u: float = min(max((d22 * p - d12 * q) / det, 0.0), 1.0)
-    t: float = min(max((d11 * q - d12 * p) / det, 0.0), 1.0)
+    u = min(max((d22 * p - d12 * q) / det, 0.0), 1.0)
+    t = min(max((d11 * q - d12 * p) / det, 0.0), 1.0)
     length = 0.0
     for k in range(3):
         out[k] = (1 - u - t) * corners[0, k] + u * corners[1, k] + t * corners[2, k]
@@ -272,24 +282,22 @@ def near_sheet(
             n = R[k, 0] * normals[i, 0] + R[k, 1] * normals[i, 1] + R[k, 2] * normals[i, 2]
             facing += n * (apex[k] - x[k])
         d = _sheet_distance(x[0], x[1], x[2], sheet)
-        out[i] = facing > 0.0 and abs(d) < widened * _reach(x, apex, beam)
+        out[i] = facing > 0.0 and abs(d) < widened * _reach(x[0], x[1], x[2], apex, beam)
     return out
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def brdf(
-    albedo: float, specular: float, alpha: float, n: Floats, to_light: Floats, to_eye: Floats
-) -> float:
-    """Lambert + GGX with Smith shadowing and Schlick's Fresnel term (Walter et al. 2007), 1/sr."""
+def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv: float) -> float:
+    """Lambert + GGX with Smith shadowing and Schlick's Fresnel term (Walter et al. 2007), 1/sr.
+
+    ``nl``, ``nv``, ``lv``: cosines between normal, light and eye.
+    """
     diffuse = albedo / math.pi
-    nl: float = np.dot(n, to_light)
-    nv: float = np.dot(n, to_eye)
     if specular <= 0.0 or nl <= 0.0 or nv <= 0.0:
         return diffuse
-    h = to_light + to_eye
-    h /= math.sqrt(h @ h)
-    nh: float = np.dot(n, h)
-    vh: float = np.dot(to_eye, h)
+    # Half vector h = (l + v)/|l + v| with |l + v|² = 2 + 2 l·v.
+    length = math.sqrt(max(2.0 + 2.0 * lv, 1e-12))
+    nh, vh = (nl + nv) / length, (1.0 + lv) / length
     a2 = alpha * alpha
     D = a2 / (math.pi * (nh * nh * (a2 - 1.0) + 1.0) ** 2)
     gl = 2.0 * nl / (nl + math.sqrt(a2 + (1.0 - a2) * nl * nl))
@@ -347,41 +355,45 @@ def glow(
     by, bx = blocks
     energy = np.zeros((len(pixels), oy, ox), np.float32)
     points = np.zeros((len(pixels), oy, ox, 3))
+    n_flat, n = np.empty(3), np.empty(3)
     for i in range(len(pixels)):
         row, column = pixels[i, 0], pixels[i, 1]
         table = profile[row if len(profile) > 1 else 0]
-        for ky in range(by):
-            for kx in range(bx):
-                k = (i * by + ky) * bx + kx
-                if not lit[k]:
-                    continue
-                f = face[k]
-                n_flat = R @ flat[f]
-                n = R @ normals[k]
-                reach = n_flat @ (R @ v[faces[f, 0]] + t)
-                y0, x0 = (ky + 0.5) / by, (kx + 0.5) / bx
-                spread = _blurred(
-                    field, row, column, y0, x0, n_flat, reach, sheet, apex, beam, optics
-                )
-                paint = paints[body[f]]
-                for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
-                    for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
-                        p, q = _within(field, row, column, (y + 0.5) / oy, (x + 0.5) / ox)
-                        slope = n_flat[0] * p + n_flat[1] * q + n_flat[2]
-                        if slope >= 0.0:
-                            continue
-                        s = reach / slope
-                        X = np.array([p * s, q * s, s])
-                        w = X - t
-                        for j in range(3):
-                            points[i, y, x, j] = R[0, j] * w[0] + R[1, j] * w[1] + R[2, j] * w[2]
-                        o = points[i, y, x]
-                        albedo = painted(o[0], o[1], o[2], paint)
-                        energy[i, y, x] = (
-                            optics[0]
-                            / (oy * ox)
-                            * _radiance(X, n, albedo, paint, apex, sheet, beam, fan, table, spread)
+        for block in range(by * bx):
+            k = i * by * bx + block
+            if not lit[k]:
+                continue
+            ky, kx = block // bx, block % bx
+            f = face[k]
+            a = faces[f, 0]
+            reach = 0.0
+            for j in range(3):
+                n_flat[j] = R[j, 0] * flat[f, 0] + R[j, 1] * flat[f, 1] + R[j, 2] * flat[f, 2]
+                n[j] = R[j, 0] * normals[k, 0] + R[j, 1] * normals[k, 1] + R[j, 2] * normals[k, 2]
+                moved = R[j, 0] * v[a, 0] + R[j, 1] * v[a, 1] + R[j, 2] * v[a, 2] + t[j]
+                reach += n_flat[j] * moved
+            y0, x0 = (ky + 0.5) / by, (kx + 0.5) / bx
+            spread = _blurred(field, row, column, y0, x0, n_flat, reach, sheet, apex, beam, optics)
+            paint = paints[body[f]]
+            for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
+                for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
+                    p, q = _within(field, row, column, (y + 0.5) / oy, (x + 0.5) / ox)
+                    slope = n_flat[0] * p + n_flat[1] * q + n_flat[2]
+                    if slope >= 0.0:
+                        continue
+                    s = reach / slope
+                    wx, wy, wz = p * s - t[0], q * s - t[1], s - t[2]
+                    o = points[i, y, x]
+                    for j in range(3):
+                        o[j] = R[0, j] * wx + R[1, j] * wy + R[2, j] * wz
+                    albedo = painted(o[0], o[1], o[2], paint)
+                    energy[i, y, x] = (
+                        optics[0]
+                        / (oy * ox)
+                        * _radiance(
+                            p * s, q * s, s, n, albedo, paint, apex, sheet, beam, fan, table, spread
                         )
+                    )
     return energy, points
 
 
@@ -420,50 +432,42 @@ def _blurred(
             pj, qj = _within(field, row, column, y + 1.0, x)
         sj = reach / (n[0] * pj + n[1] * qj + n[2])
         at[j] = _sheet_distance(pj * sj, qj * sj, sj, sheet)
-    X = np.array([p * s, q * s, s])
-    sigma = 0.5 * _reach(X, apex, beam) / beam[3]
+    sigma = 0.5 * _reach(p * s, q * s, s, apex, beam) / beam[3]
     du, dv = (at[1] - at[0]) * blur * optics[1], (at[2] - at[0]) * blur * optics[2]
     return math.sqrt(1.0 + (du * du + dv * dv) / (sigma * sigma))
 
 
 @nb.njit(cache=True, nogil=True)
 def _radiance(
-    X: Floats,
-    n: Floats,
-    albedo: float,
-    paint: Floats,
-    apex: Floats,
-    sheet: Floats,
-    beam: Floats,
-    fan: Floats,
-    table: Floats,
-    spread: float,
-) -> float:
+    x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, apex: Floats,
+    sheet: Floats, beam: Floats, fan: Floats, table: Floats, spread: float,
+) -> float:  # fmt: skip
     """Radiance towards the camera, W/(mm² sr), times cos⁴ of the camera's field angle."""
-    way = X - apex
-    z = way[0] * beam[4] + way[1] * beam[5] + way[2] * beam[6]
+    wx, wy, wz = x - apex[0], y - apex[1], depth - apex[2]
+    z = wx * beam[4] + wy * beam[5] + wz * beam[6]
     if z <= 0.0:
         return 0.0
-    s = (way[0] * fan[2] + way[1] * fan[3] + way[2] * fan[4]) / (z * fan[1])
+    s = (wx * fan[2] + wy * fan[3] + wz * fan[4]) / (z * fan[1])
     if abs(s) >= 1.0:
         return 0.0
-    length = math.sqrt(way @ way)
-    to_light = -way / length
-    cosine = n @ to_light
-    if cosine <= 0.0:
+    length = math.sqrt(wx * wx + wy * wy + wz * wz)
+    nl = -(n[0] * wx + n[1] * wy + n[2] * wz) / length
+    if nl <= 0.0:
         return 0.0
     far = (z - beam[1]) / beam[2]
     w = beam[0] * math.sqrt(1.0 + far * far) * spread
-    d = _sheet_distance(X[0], X[1], X[2], sheet)
+    d = _sheet_distance(x, y, depth, sheet)
     place = (s + 1.0) * 0.5 * (len(table) - 1)
     k = min(int(place), len(table) - 2)
     share = table[k] + (place - k) * (table[k + 1] - table[k])
     across = math.sqrt(2.0 / math.pi) / w * math.exp(-2.0 * d * d / (w * w))
     # Power per area of a plane square to the aim; a plane square to the ray gets it over z/length.
-    irradiance = fan[0] * share / (z * fan[1]) * across * cosine * length / z
-    distance = math.sqrt(X @ X)
-    field4 = (X[2] / distance) ** 4
-    return irradiance * brdf(albedo, paint[4], paint[5], n, to_light, -X / distance) * field4
+    irradiance = fan[0] * share / (z * fan[1]) * across * nl * length / z
+    away = math.sqrt(x * x + y * y + depth * depth)
+    nv = -(n[0] * x + n[1] * y + n[2] * depth) / away
+    lv = (wx * x + wy * y + wz * depth) / (length * away)
+    reflected = brdf(albedo, paint[4], paint[5], nl, nv, lv)
+    return irradiance * reflected * (depth / away) ** 4
 
 
 @nb.njit(cache=True, nogil=True)

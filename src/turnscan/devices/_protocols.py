@@ -1,0 +1,57 @@
+"""What a camera, a turntable and a set of lasers must do, whoever made them."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from turnscan.arrays import Image
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """Takes pictures. Errors are `turnscan.errors.DeviceError` and its kinds."""
+
+    def configure(self, seconds: float, gain: float) -> tuple[float, float]:
+        """Set exposure time and gain factor; returns what the hardware accepted."""
+        ...
+
+    def grab(self, timeout: float) -> Image:
+        """One picture whose exposure starts after the call; never a buffered frame.
+
+        Raises DeviceTimeout when none arrives within ``timeout`` seconds.
+        """
+        ...
+
+
+@runtime_checkable
+class Turntable(Protocol):
+    """Turns the object."""
+
+    def move_to(self, angle: float, timeout: float) -> float:
+        """Turn to ``angle`` rad and return the angle reached; blocks until the table is at rest.
+
+        Raises DeviceTimeout when it is not at rest within ``timeout`` seconds.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Stop at once, from any thread."""
+        ...
+
+
+@runtime_checkable
+class Lasers(Protocol):
+    """Switches the lasers."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The lasers there are."""
+        ...
+
+    def light(self, lit: frozenset[str], lease: float) -> None:
+        """Light exactly these; they go dark by themselves after ``lease`` seconds."""
+        ...
+
+    def off(self) -> None:
+        """All dark. Always transmits, from any state, any thread."""
+        ...

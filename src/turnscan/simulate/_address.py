@@ -1,0 +1,143 @@
+"""``sim:SCENE?key=value&…``: a simulated bench by its address."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+from urllib.parse import parse_qsl, unquote
+
+from turnscan.errors import InputError
+from turnscan.simulate._devices import Faults, SimCamera, SimLasers, SimTurntable, World
+from turnscan.simulate._motion import Motion
+from turnscan.simulate._presets import Wish, bench, seconds_of, steps_of
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A bench as devices."""
+
+    wish: Wish
+    world: World
+    camera: SimCamera
+    turntable: SimTurntable
+    lasers: SimLasers
+
+    @property
+    def seconds(self) -> float:
+        """The exposure that suits this bench."""
+        return seconds_of(self.wish)
+
+    @property
+    def steps(self) -> int:
+        """Table positions in one turn."""
+        return steps_of(self.wish)
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError
+    return value
+
+
+def _angle(text: str) -> float:
+    return math.radians(_number(text))
+
+
+def _yes(text: str) -> bool:
+    return {"1": True, "yes": True, "0": False, "no": False}[text.lower()]
+
+
+_Change = Callable[[Any], dict[str, Any]]
+_WISH: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
+    "rig": (str, lambda x: {"rig": x}),
+    "seed": (int, lambda x: {"seed": x}),
+    "steps": (int, lambda x: {"steps": x}),
+    "theta_deg": (_angle, lambda x: {"theta": x}),
+    "lasers": (int, lambda x: {"lasers": x}),
+    "speckle": (_yes, lambda x: {"waves": "speckle" if x else "diffraction"}),
+    "perfect": (_yes, lambda x: {"perfect": x}),
+    "room": (_number, lambda x: {"room": x}),
+    "galvo": (_number, lambda x: {"galvo": x}),
+}
+_MOTION: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
+    "microsteps": (int, lambda x: {"microsteps": x}),
+    "backlash_deg": (_angle, lambda x: {"backlash": x}),
+    "jitter_deg": (_angle, lambda x: {"jitter": x}),
+    "wobble_deg": (_angle, lambda x: {"wobble": x}),
+    "runout": (_number, lambda x: {"runout": x}),
+    "clockwise": (_yes, lambda x: {"clockwise": x}),
+    "eccentric_deg": (_angle, lambda x: {"harmonics": ((1, x, 0.0),)}),
+    "missed": (int, lambda x: {"missed": {x: math.radians(1.8)}}),
+}
+_FAULTS: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
+    "stale": (_number, lambda x: {"stale": x}),
+    "drop": (_number, lambda x: {"drop": x}),
+    "stuck_on": (str, lambda x: {"stuck_on": frozenset(x.split(","))}),
+    "stuck_off": (str, lambda x: {"stuck_off": frozenset(x.split(","))}),
+}
+
+
+def wish_of(address: str) -> tuple[Wish, Faults]:
+    """Parse ``sim:SCENE?key=value&…``. Raises InputError naming the key and the value."""
+    if not address.startswith("sim:"):
+        raise InputError(f"{address}: not a simulated device", hint="write sim:cup?seed=7")
+    scene, _, query = address[4:].partition("?")
+    wish, motion, faults = Wish(scene=unquote(scene) or "cup"), Motion(), Faults()
+    given = parse_qsl(query, keep_blank_values=True)
+    if len({k for k, _ in given}) != len(given):
+        raise InputError(f"{address}: a key stands twice")
+    x = y = 0.0
+    lean = [0.0, 0.0]
+    for key, text in given:
+        if key in ("x", "y"):
+            value = _parsed(_number, key, text)
+            x, y = (value, y) if key == "x" else (x, value)
+        elif key in ("lean_x_deg", "lean_y_deg"):
+            lean[key == "lean_y_deg"] = _parsed(_angle, key, text)
+        elif key in _WISH:
+            wish = replace(wish, **_change(_WISH, key, text))
+        elif key in _MOTION:
+            motion = _motion(motion, _change(_MOTION, key, text))
+        elif key in _FAULTS:
+            faults = replace(faults, **_change(_FAULTS, key, text))
+        else:
+            keys = ", ".join([*_WISH, "x", "y", "lean_x_deg", "lean_y_deg", *_MOTION, *_FAULTS])
+            raise InputError(f"{address}: no key {key!r}", hint=f"there is {keys}")
+    return replace(wish, motion=motion, shift=(x, y), lean=(lean[0], lean[1])), faults
+
+
+def simulated(address: str | Wish, faults: Faults | None = None) -> Simulated:
+    """The devices of a bench, from its address or its wish.
+
+    Raises InputError as `wish_of` and `bench` do.
+    """
+    wish = address
+    if isinstance(wish, str):
+        wish, from_address = wish_of(wish)
+        faults = faults or from_address
+    world = World(bench(wish), faults)
+    return Simulated(wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
+
+
+def _motion(motion: Motion, change: dict[str, Any]) -> Motion:
+    try:
+        return replace(motion, **change)
+    except ValueError as e:
+        raise InputError(str(e)) from None
+
+
+def _change(
+    keys: Mapping[str, tuple[Callable[[str], Any], _Change]], key: str, text: str
+) -> dict[str, Any]:
+    parse, change = keys[key]
+    return change(_parsed(parse, key, text))
+
+
+def _parsed(parse: Callable[[str], Any], key: str, text: str) -> Any:
+    try:
+        return parse(text)
+    except (ValueError, KeyError):
+        raise InputError(f"{key}={text!r}: not a value for {key}") from None

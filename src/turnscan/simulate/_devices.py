@@ -1,0 +1,161 @@
+"""The simulated camera, turntable and lasers: one bench, driven like any other hardware."""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Image
+from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
+from turnscan.simulate._random import seed64
+from turnscan.simulate._render import Bench, Renderer
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What goes wrong, on request. Shares are of all pictures, 0 to 1."""
+
+    stale: float = 0.0
+    """Pictures that are the one before, from a buffer."""
+    drop: float = 0.0
+    """Pictures that never arrive."""
+    stuck_on: frozenset[str] = frozenset()
+    """Lasers that stay lit."""
+    stuck_off: frozenset[str] = frozenset()
+    """Lasers that stay dark."""
+
+    def __post_init__(self) -> None:
+        for name in ("stale", "drop"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise InputError(f"{name} = {getattr(self, name):g}, expected 0 to 1")
+
+
+class World:
+    """What camera, turntable and lasers share: where the table is and which lasers are lit."""
+
+    def __init__(self, bench: Bench, faults: Faults | None = None) -> None:
+        self.bench = bench
+        self.faults = faults or Faults()
+        self.renderer = Renderer(bench)
+        self.commanded = 0.0
+        self.moves = 0
+        self.forward = True
+        self.lit: frozenset[str] = frozenset()
+
+    @property
+    def angle(self) -> float:
+        """The table's true angle, rad."""
+        b = self.bench
+        return b.motion.angle(self.commanded, self.moves, self.forward, b.seed)
+
+    @property
+    def burning(self) -> frozenset[str]:
+        """The lasers that really are lit."""
+        return (self.lit | self.faults.stuck_on) - self.faults.stuck_off
+
+
+class SimCamera:
+    """`turnscan.devices.Camera` of a bench."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._seconds, self._gain = 0.02, 1.0
+        self._attempts: dict[tuple[float, frozenset[str]], int] = {}
+        self._last: Image | None = None
+
+    def configure(self, seconds: float, gain: float) -> tuple[float, float]:
+        """Exposure in steps of 10 µs and gain 0.1 to 100; raises DeviceRefused for others."""
+        if not 0.0 < seconds <= 60.0:
+            raise DeviceRefused(
+                f"simulated camera: exposure {seconds:g} s",
+                hint="give an exposure of 10 µs to 60 s",
+            )
+        if not 0.1 <= gain <= 100.0:
+            raise DeviceRefused(
+                f"simulated camera: gain {gain:g}", hint="give a gain of 0.1 to 100"
+            )
+        self._seconds, self._gain = max(round(seconds, 5), 1e-5), gain
+        return self._seconds, self._gain
+
+    def grab(self, timeout: float) -> Image:
+        """One picture; raises DeviceTimeout for one that a fault has dropped."""
+        world, faults = self._world, self._world.faults
+        place = (world.angle, world.burning)
+        attempt = self._attempts[place] = self._attempts.get(place, -1) + 1
+        chance = _chance(world, attempt)
+        if chance[0] < faults.drop:
+            raise DeviceTimeout(f"simulated camera: no picture within {timeout:g} s")
+        if chance[1] < faults.stale and self._last is not None:
+            return self._last
+        self._last = world.renderer.picture(
+            world.angle,
+            world.burning,
+            self._seconds,
+            gain=self._gain,
+            start=float(chance[2]),
+            shot=attempt,
+        )
+        return self._last
+
+
+def _chance(world: World, attempt: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Three numbers in (0, 1) that this picture decides."""
+    lit = sum(1 << i for i, b in enumerate(world.bench.beams) if b.name in world.burning)
+    seed = seed64(world.bench.seed, round(world.commanded * 1e9), lit, attempt, 11)
+    return np.random.default_rng(int(seed)).uniform(size=3)
+
+
+class SimTurntable:
+    """`turnscan.devices.Turntable` of a bench; it reports what it was told, as steppers do."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def move_to(self, angle: float, timeout: float) -> float:
+        """Go there at once. Raises DeviceRefused for an angle that is not a number."""
+        if not math.isfinite(angle):
+            raise DeviceRefused(f"simulated turntable: angle {angle}", hint="give a finite angle")
+        if angle != self._world.commanded:
+            self._world.forward = angle > self._world.commanded
+            self._world.moves += 1
+        self._world.commanded = angle
+        return angle
+
+    def stop(self) -> None:
+        """It is always at rest."""
+
+
+class SimLasers:
+    """`turnscan.devices.Lasers` of a bench."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._timer: threading.Timer | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The lasers there are."""
+        return tuple(b.name for b in self._world.bench.beams)
+
+    def light(self, lit: frozenset[str], lease: float) -> None:
+        """Light these. Raises DeviceRefused for a name there is not or a lease that is not > 0."""
+        unknown = sorted(lit - set(self.names))
+        if unknown:
+            raise DeviceRefused(f"simulated lasers: no {unknown[0]!r}; there is {self.names}")
+        if not lease > 0:
+            raise DeviceRefused(f"simulated lasers: lease {lease:g} s", hint="give more than 0")
+        self.off()
+        self._world.lit = frozenset(lit)
+        self._timer = threading.Timer(lease, self.off)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def off(self) -> None:
+        """All dark, from any state and thread."""
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.cancel()
+        self._world.lit = frozenset()
