@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from turnscan.cli._input import UNITS, read_mesh_file
 from turnscan.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ Row = tuple[float, float, float]
 @click.option("--samples", type=click.IntRange(100, 2_000_000), default=50_000, show_default=True)
 @click.option("--picture", type=click.Path(path_type=Path), help="deviation as a colour map, PNG")
 @click.option("--limit", type=click.FloatRange(min=0, min_open=True), help="mm at the map's ends")
+@click.option("--unit", type=click.Choice(list(UNITS)), default="mm", help="unit of MEASURED")
+@click.option("--reference-unit", type=click.Choice(list(UNITS)), default="mm")
 @click.option("--json", "as_json", is_flag=True, help="the figures as JSON, unrounded")
 def verb(
     measured: Path,
@@ -40,18 +43,19 @@ def verb(
     samples: int,
     picture: Path | None,
     limit: float | None,
+    unit: str,
+    reference_unit: str,
     as_json: bool,
 ) -> None:
     """How far MEASURED lies from REFERENCE, and how much of REFERENCE was measured.
 
-    Both are meshes (STL, PLY, OBJ, DXF) in mm and in the same frame. Precision is the share of the
+    Both are meshes (STL, PLY, OBJ, DXF) in the same frame. Precision is the share of the
     measured vertices within the tolerance of the reference; completeness the share of the
     reference's area within the tolerance of the measured mesh.
     """
-    from turnscan.cli._input import read_mesh_file
     from turnscan.shapes import deviation, sample_surface
 
-    got, truth = read_mesh_file(measured), read_mesh_file(reference)
+    got, truth = read_mesh_file(measured, unit), read_mesh_file(reference, reference_unit)
     if not len(got.faces):
         raise InputError(f"{measured}: no faces", hint="compare a mesh, not a cloud of points")
     out = deviation(got.vertices, truth)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.rig import Rig, rig_from_json
 from turnscan.surface import Mesh
+
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+"""mm in each unit that a file without a unit of its own may be in."""
 
 _MAX_RIG_BYTES = 16 * 2**20
 _MAX_MESH_BYTES = 4 * 2**30
@@ -26,15 +30,16 @@ def read_bytes(path: Path, limit: int) -> bytes:
     return path.read_bytes()
 
 
-def read_mesh_file(path: Path) -> Mesh:
-    """Read a mesh from a file whose suffix names its form; complaints name the file."""
+def read_mesh_file(path: Path, unit: str = "mm") -> Mesh:
+    """Read a mesh in ``unit`` from a file whose suffix names its form; complaints name the file."""
     from turnscan.export import read_mesh
 
     data = read_bytes(path, _MAX_MESH_BYTES)
     try:
-        return read_mesh(data, path.suffix)
+        mesh = read_mesh(data, path.suffix)
     except InputError as e:
         raise type(e)(f"{path}: {e.message}", hint=e.hint) from None
+    return replace(mesh, vertices=mesh.vertices * UNITS[unit]) if unit != "mm" else mesh
 
 
 def read_rig_file(path: Path) -> Rig:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from turnscan.cli._input import read_bytes
+from turnscan.cli._input import UNITS, read_bytes
 from turnscan.cli._progress import progress
 from turnscan.errors import FormatError, InputError, UnsafePath
 from turnscan.findings import Finding
@@ -16,7 +16,6 @@ from turnscan.surface import Caps, close, drop_islands, mesh_findings, paste
 
 _CONF_BYTES = 2**20
 _PLY_BYTES = 2 * 2**30
-_UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 
 
 def join_conf(source: Path, unit: str, settings: Settings) -> Reconstruction:
@@ -24,7 +23,7 @@ def join_conf(source: Path, unit: str, settings: Settings) -> Reconstruction:
 
     The scans lie beside the .conf file. Raises FormatError, InputError naming file and place.
     """
-    scale = _UNITS[unit]
+    scale = UNITS[unit]
     try:
         text = read_bytes(source, _CONF_BYTES).decode()
     except UnicodeDecodeError:
