@@ -83,6 +83,23 @@ def _volumes() -> None:
                     found = 0.0 if why else volume(ask(path))
                     said = why or f"{found:.6f} mm³, {abs(found / part.volume - 1):.1e} off"
                     print(f"  {reader:7} {form} {version}: {said}")
+    _far_away()
+
+
+def _far_away() -> None:
+    """What is left of a volume when the part lies many times its size from the origin."""
+    near = box_with_hole()
+    for times in (10, 100, 1000):
+        part = Mesh(near.vertices + times * 31.7, near.faces)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "part.dxf"
+            path.write_bytes(export(part, ".dxf"))
+            off = [
+                f"{reader} {abs(volume(ask(path)) / near.volume - 1):.1e}"
+                for reader, (_, ask) in READERS.items()
+                if not missing(reader)
+            ]
+        print(f"volume of a part {times} times its size from the origin: {', '.join(off)} off")
 
 
 if __name__ == "__main__":
