@@ -91,10 +91,10 @@ def test_ray_to_pixel_and_back(k: Any) -> None:
 
 
 def test_nothing_comes_from_beyond_the_fold() -> None:
-    """Radial barrel x(1 − 0.9 r²): it turns back at r² = 1/2.7, where r″ = (2/3) r."""
+    """Radial barrel r(1 − 0.9 r²): its slope is 1/20 at r² = 0.95/2.7, soon after it turns back."""
     camera = _camera([-0.9, 0, 0, 0, 0])
-    fold = 1 / np.sqrt(2.7)
-    edge = 2 / 3 * fold
+    fold = np.sqrt(0.95 / 2.7)
+    edge = fold * (1 - 0.9 * fold**2)
     r = np.linspace(0, 2 * edge, 4001)
     pixels = np.column_stack([camera.cx + camera.fx * r, np.full(len(r), camera.cy)])
     x = camera.normalised(pixels)[:, 0]

@@ -18,6 +18,7 @@ _SETTLED = 1e-13
 _CLOSED = 1e-9
 _BLOCK = 8192
 _SAMPLES = 257
+_FLAT = 0.05
 
 
 @dataclass(frozen=True)
@@ -156,10 +157,14 @@ class Camera:
         )
 
     def _fold(self) -> float:
-        """The r² at which the radial polynomial stops growing; infinite when it never does."""
+        """The r² at which the radial polynomial all but stops growing; infinite when it never does.
+
+        At a twentieth of its slope in the middle a pixel says nothing any more, and the tangential
+        terms may already have turned the lens back on itself.
+        """
         k1, k2, _, _, k3 = self.distortion
-        # In 1/r² the derivative's polynomial is monic, so that tiny coefficients do no harm.
-        roots = np.roots([1.0, 3 * k1, 5 * k2, 7 * k3])
+        # As a polynomial in 1/r² it starts with a constant, so that tiny coefficients do no harm.
+        roots = np.roots([1.0 - _FLAT, 3 * k1, 5 * k2, 7 * k3])
         real = roots[np.abs(roots.imag) <= 1e-12 * np.abs(roots)].real
         nearest = float(np.max(real, initial=0.0))
         return 1 / nearest if nearest > 1e-300 else np.inf

@@ -48,7 +48,7 @@ def line_speckle(contrast: float, blur: float, sigma: float, row_height: float) 
 def pixel_speckle_contrast(blur: float, pixel_width: float, pixel_height: float) -> float:
     """Contrast of fully developed speckle after a pixel's aperture has averaged it, 0 to 1.
 
-    C² = A ∫∫ H(λN′|ν|) sinc²(w ν_x) sinc²(h ν_y) d²ν, where H is the transfer function of a
+    C² = A ∫∫ H(λN′ν) sinc²(w ν_x) sinc²(h ν_y) d²ν, where H is the transfer function of a
     circular pupil (the spectrum of its speckle) and A = (4/π)(λN′)². Midpoint rule over one
     quadrant; pixels of more than 90 speckles across hold so many that C² = A/(w h).
     """
