@@ -207,8 +207,10 @@ def test_the_shared_background_is_stored_once(tmp_path: Path) -> None:
 def test_colour_can_be_projected_on_the_way_out(tmp_path: Path) -> None:
     plan = ScanPlan(64, 48, "uint8", 3, ("left",), 3, 20.0, weights=(1.0, -0.5, -0.5))
 
+    from turnscan.stripes import project_colour
+
     def project(pixels: np.ndarray) -> np.ndarray:
-        return np.clip(pixels[..., 0].astype(np.int16) - pixels[..., 1], 0, 255).astype(np.uint8)
+        return project_colour(pixels, plan.weights, np.uint16)
 
     frames = write(tmp_path / "a.turnscan", plan)
     background = frames[0].dark
@@ -221,6 +223,11 @@ def test_colour_can_be_projected_on_the_way_out(tmp_path: Path) -> None:
                 assert signal.lit.shape == (48, 64)
                 np.testing.assert_array_equal(signal.lit, project(plain.lit))
                 np.testing.assert_array_equal(signal.dark, project(plain.dark))
+                whole = frames[signal.step]
+                dark = background if name == "b" else whole.dark
+                truth = statistics(signal_of(project(whole.lit), project(dark), None))
+                assert signal.noise == pytest.approx(truth.noise, rel=0.05)
+                assert signal.level == pytest.approx(truth.level, abs=0.5 * truth.noise)
 
 
 def test_a_scan_knows_itself(tmp_path: Path) -> None:

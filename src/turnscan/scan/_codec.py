@@ -34,6 +34,7 @@ Project = Callable[[Image], Pixels]
 
 _LEVEL = 1
 _SAMPLES = 20_000
+_RAISED = 8
 _U32 = np.dtype("<u4")
 
 
@@ -75,13 +76,31 @@ def statistics(signal: Pixels) -> Statistics:
     return Statistics(float(middle), float(middle - low))
 
 
-@dataclass(frozen=True)
 class Background:
     """A picture without the laser that many frames share, as stored and as it is shown."""
 
-    stored: Image
-    shown: Pixels
-    """The same, or its projection."""
+    def __init__(self, stored: Image, project: Project | None) -> None:
+        """``project`` is None where pixels are shown as they are stored."""
+        self.stored = stored
+        self.project = project
+        self.shown: Pixels = stored if project is None else project(stored)
+        self._raised: dict[bytes, Pixels] = {}
+
+    def raised(self, fill: Pixels) -> Pixels:
+        """The background, brighter by ``fill`` (C,) modulo 2^bits: few values, so few pictures."""
+        if not fill.any():
+            return self.shown
+        found = self._raised.get(fill.tobytes())
+        if found is None:
+            signed = fill.astype(f"i{fill.dtype.itemsize}").astype(np.int64)
+            top = np.iinfo(fill.dtype).max
+            found = np.clip(self.stored + signed, 0, top).astype(fill.dtype)
+            if self.project is not None:
+                found = self.project(found)
+            if len(self._raised) >= _RAISED:
+                self._raised.clear()
+            self._raised[fill.tobytes()] = found
+        return found
 
 
 def encode(
@@ -300,12 +319,7 @@ def _ground(
 ) -> Pixels:
     """Picture, writeable, of what stands where nothing is kept."""
     if background is not None:
-        if not fill.any():
-            return background.shown.copy()
-        signed = fill.astype(f"i{fill.dtype.itemsize}").astype(np.int64)
-        top = np.iinfo(fill.dtype).max
-        raised = np.clip(background.stored + signed, 0, top).astype(fill.dtype)
-        return raised if project is None or plan.channels == 1 else project(raised)
+        return background.raised(fill).copy()
     if plan.channels == 1:
         return np.full((plan.height, plan.width), fill[0])
     pixel = fill.reshape(1, 1, 3)

@@ -12,8 +12,6 @@ JSON_BYTES = 16 << 20
 """Bytes of one JSON text."""
 JSON_DEPTH = 32
 """Nesting of one JSON text."""
-TABLE_BYTES = 16 << 20
-"""Bytes of one table of angles."""
 NAME_BYTES = 200
 """UTF-8 bytes of one name, for example of a laser."""
 STEPS = 1_000_000
