@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system demo test check format bench docs clean
+.PHONY: help setup system demo test check format bench accuracy docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
@@ -46,6 +46,9 @@ format: setup ## let ruff put the sources in order
 
 bench: setup ## benchmarks, as ratios within one run
 	$(BIN)/python -m bench
+
+accuracy: setup ## accuracy against truth, short version (by hand: python -m bench.accuracy --full)
+	$(BIN)/python -m bench.accuracy
 
 docs: setup ## build the documentation into docs/_build/html
 	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
