@@ -1,0 +1,233 @@
+"""Turns, volumes, specks, clouds, profiles and their spacing."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere, union
+from turnscan.errors import InputError, LimitExceeded
+from turnscan.points import (
+    RangeGrid,
+    Volume,
+    angle_findings,
+    build_grid,
+    clip,
+    cloud,
+    drop_specks,
+    every,
+    goes_round,
+    grid_findings,
+    lost_frames,
+    one_turn,
+    profiles,
+    resample,
+    view_mask,
+    working_volume,
+)
+from turnscan.rig import Marker, Rig
+from turnscan.stripes import StripeFlag
+
+
+def plain_grid(points, angles=None, sigma=0.1):
+    points = np.asarray(points, float)
+    s = len(points)
+    found = ~np.isnan(points[..., 0])
+    return RangeGrid(
+        "L0",
+        np.arange(s),
+        np.arange(s) * 0.1 if angles is None else angles,
+        points,
+        np.where(found, sigma, np.nan),
+        np.where(found, 50.0, np.nan),
+        np.where(found, 0, 1),
+        closed=False,
+    )
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("step_deg", [1.8, 2.25, 7.0, 11.0])
+def test_a_full_turn_closes_even_when_it_is_not_a_whole_number_of_steps(step_deg, sign):
+    count = int(np.ceil(360 / step_deg - 1e-9))
+    angles = sign * np.deg2rad(step_deg) * np.arange(count) + 0.4
+    assert goes_round(angles)
+    assert goes_round(np.arctan2(np.sin(angles), np.cos(angles))), "angles given modulo 360°"
+    assert not goes_round(angles[: count - 2])
+    assert goes_round(angles[::2]) == (360 - (count - 1) // 2 * 2 * step_deg <= 3 * step_deg)
+
+
+def test_a_turn_that_goes_on_is_cut_and_said():
+    angles = np.deg2rad(10.0) * np.arange(40)
+    points = np.zeros((40, 2, 3)) + np.arange(40)[:, None, None]
+    turn, again = one_turn(plain_grid(points, angles))
+    assert again == 4
+    assert len(turn.steps) == 36
+    assert turn.closed
+    assert [f.code for f in angle_findings(turn, again)] == ["points.second-turn"]
+    assert not goes_round([0.0, 0.1])
+    assert not goes_round([0.0, 2.0, 1.0, 3.0])
+
+
+def test_every_nth_profile():
+    grid = plain_grid(np.zeros((10, 4, 3)))
+    assert list(every(grid, 3).steps) == [0, 3, 6, 9]
+    with pytest.raises(InputError, match="every 0 steps"):
+        every(grid, 0)
+
+
+def test_findings_tell_open_turns_uneven_steps_and_lost_frames():
+    angles = np.array([0.0, 0.1, 0.2, 0.6, 0.7])
+    codes = [f.code for f in angle_findings(plain_grid(np.zeros((5, 2, 3)), angles), 0)]
+    assert codes == ["points.uneven-steps", "points.open-turn"]
+    lost = lost_frames("L0", {3: "camera timed out", 4: "camera timed out"}, 2)
+    assert [f.code for f in lost] == ["points.missing-frames", "points.no-angle"]
+    assert "2 steps have no frame (3, 4): camera timed out" in lost[0].message
+    nothing = plain_grid(np.full((2, 3, 3), np.nan))
+    assert grid_findings(nothing, nothing, Volume())[0].severity == "error"
+
+
+def test_the_platter_disappears_and_the_part_stays():
+    """A part on a wide platter: only the part is left, and all of it."""
+    rig = make_rig(elevation=0.3, lift=25.0)
+    scene = union(cylinder(25.0, 0.0, 40.0), cylinder(120.0, -5.0, 0.0))
+    angles = full_turn(4)
+    grid = build_grid(rig, "L0", scan_shape(rig, scene, angles), range(4), angles)
+    volume = Volume(r_max=60.0, z_min=1.0)
+    kept = clip(grid, volume)
+    gone = grid.found & ~kept.found
+    assert gone.sum() > 20
+    assert (kept.flags[gone] == StripeFlag.OUTSIDE).all()
+    assert np.isnan(kept.sigma[gone]).all()
+    z, r = kept.points[kept.found][:, 2], np.hypot(*kept.points[kept.found][:, :2].T)
+    assert z.min() >= 1.0
+    assert r.max() <= 25.0 + 1e-9
+    on_part = grid.found & (np.hypot(grid.points[..., 0], grid.points[..., 1]) < 25.0 + 1e-6)
+    assert (kept.found == (on_part & (grid.points[..., 2] >= 1.0))).all()
+
+
+def test_the_automatic_volume_knows_what_the_rig_sees():
+    rig = make_rig()
+    reach = working_volume(rig, "L0")
+    c = rig.camera
+    gamma = np.arctan((c.width - 1 - c.cx) / c.fx)
+    r_max = 490.0 * np.sin(gamma) / np.sin(np.deg2rad(25.0) + gamma)
+    assert reach.r_max == pytest.approx(r_max, rel=1e-3)  # paper, (8) and Table 1
+    assert reach.z_min == 1.0
+    corners = np.array([[50, -5, 0], [60, -5, 0], [60, 5, 0], [50, 5, 0.0]])
+    marked = Rig(c, rig.sheets, rig.T_camera_table, (Marker("DICT_4X4_50", 1, corners),))
+    assert working_volume(marked, "L0").r_max == pytest.approx(np.hypot(60, 5))
+    with pytest.raises(ValueError, match="holds no point"):
+        Volume(z_min=3.0, z_max=2.0)
+
+
+def test_the_mask_shows_the_volume_and_nothing_else():
+    rig = make_rig(elevation=0.3, lift=25.0)
+    volume = Volume(r_max=40.0, z_min=2.0, z_max=50.0)
+    mask = view_mask(rig, "L0", volume, margin=0)
+    u, v = np.meshgrid(np.arange(320.0), np.arange(240.0))
+    X = rig.sheet("L0").intersect(rig.camera.rays(np.stack([u, v], -1)))
+    assert (mask == volume.contains(rig.T_camera_table.inverse().apply(X))).all()
+    assert 500 < mask.sum() < mask.size / 2
+    wide = view_mask(rig, "L0", volume, margin=8)
+    assert wide[mask].all()
+    rows = np.flatnonzero(mask.any(axis=1))
+    assert np.flatnonzero(wide.any(axis=1))[0] == rows[0] - 8
+
+
+def test_specks_go_and_runs_stay():
+    points = np.full((2, 12, 3), np.nan)
+    points[0, [0, 1, 5, 6, 7, 11]] = 1.0
+    points[1, :] = 2.0
+    kept = drop_specks(plain_grid(points), 3)
+    assert list(np.flatnonzero(kept.found[0])) == [5, 6, 7]
+    assert kept.found[1].all()
+    assert kept.flags[0, 0] == StripeFlag.AMBIGUOUS
+
+
+def test_the_cloud_keeps_its_provenance():
+    points = np.full((2, 3, 3), np.nan)
+    points[1, 2] = 5.0
+    grid = plain_grid(points)
+    got = cloud([grid, grid])
+    assert got.lasers == ("L0", "L0")
+    assert list(got.laser) == [0, 1]
+    assert list(got.step) == [1, 1]
+    assert list(got.line) == [2, 2]
+    assert len(cloud([]).points) == 0
+
+
+def test_profiles_break_at_gaps_and_jumps():
+    points = np.zeros((1, 10, 3))
+    points[0, :, 2] = np.arange(10)
+    points[0, 3] = np.nan
+    points[0, 7:, 0] = 50.0
+    runs = profiles(plain_grid(points))[0]
+    assert [list(p.lines) for p in runs] == [[0, 1, 2], [4, 5, 6], [7, 8, 9]]
+    assert all(p.step == 0 and p.laser == "L0" for p in runs)
+
+
+def test_equal_heights_lie_on_the_surface_between_its_points():
+    rig = make_rig(elevation=0.2, lift=25.0, offset=0.5)
+    angles = full_turn(6)
+    stripes = scan_shape(rig, sphere(30.0, (2.0, 1.0, 25.0)), angles)
+    grid = build_grid(rig, "L0", stripes, range(6), angles)
+    new = resample(grid, 2.0, "height")
+    z = new.points[..., 2]
+    assert np.nanmax(np.abs(z / 2 - np.round(z / 2))) < 1e-9
+    spread = np.nanmax(z, axis=0) - np.nanmin(z, axis=0)
+    assert np.nanmax(spread) < 1e-9, "line k is one height in all profiles"
+    off = np.linalg.norm(new.points[new.found] - [2, 1, 25], axis=1) - 30
+    assert off.min() > -0.02
+    assert off.max() < 1e-9, "a chord lies inside the ball"
+    assert new.closed
+    usual = np.nanmedian(grid.sigma)
+    assert 0.6 * usual < np.nanmedian(new.sigma) < usual
+
+
+def test_equal_arc_length():
+    t = np.linspace(0, np.pi, 400)
+    arc = np.stack([np.sin(t), 0 * t, -np.cos(t)], axis=-1)[None] * 20
+    new = resample(plain_grid(arc), 1.5, "arc")
+    p = new.points[0][new.found[0]]
+    assert np.allclose(np.linalg.norm(np.diff(p, axis=0), axis=1), 1.5, rtol=1e-3)
+    assert len(p) == int(20 * np.pi / 1.5) + 1
+    assert np.array_equal(p[0], arc[0, 0])
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10_000), spacing=st.floats(0.3, 5), by=st.sampled_from(["height", "arc"])
+)
+def test_new_points_never_bridge_a_gap(seed, spacing, by):
+    rng = np.random.default_rng(seed)
+    points = np.zeros((3, 30, 3))
+    points[..., 2] = np.arange(30) + rng.normal(0, 0.2, (3, 30))
+    points[..., 0] = rng.normal(0, 0.2, (3, 30))
+    points[rng.random((3, 30)) < 0.3] = np.nan
+    grid = plain_grid(points)
+    new = resample(grid, spacing, by)
+    for k in range(3):
+        old = points[k]
+        for p in new.points[k][new.found[k]]:
+            pairs = itertools.pairwise(old)
+            ends = [(a, b) for a, b in pairs if not np.isnan(a + b).any()]
+            ends += [(a, a) for a in old if not np.isnan(a[0])]
+            near = min(
+                np.linalg.norm(p - a) + np.linalg.norm(p - b) - np.linalg.norm(a - b)
+                for a, b in ends
+            )
+            assert near < 1e-9
+
+
+def test_spacing_is_checked():
+    grid = plain_grid(np.random.default_rng(0).normal(size=(2, 9, 3)))
+    with pytest.raises(InputError, match="spacing 0"):
+        resample(grid, 0.0)
+    with pytest.raises(LimitExceeded, match="points a profile"):
+        resample(grid, 1e-9)
+    nothing = plain_grid(np.full((2, 3, 3), np.nan))
+    assert resample(nothing, 1.0) is nothing
