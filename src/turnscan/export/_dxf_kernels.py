@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from turnscan.export._read_kernels import (
+from turnscan.export._parse_kernels import (
     CUT_SHORT,
     NAN,
     NO_CODE,

@@ -18,7 +18,7 @@ Text = npt.NDArray[np.uint8]
 
 def complain(kind: str, data: bytes, code: int, at: int) -> None:
     """Raise the error that a reading loop's code stands for, if it stands for one."""
-    from turnscan.export import _read_kernels as k
+    from turnscan.export import _parse_kernels as k
 
     if code == k.OK:
         return
@@ -86,7 +86,8 @@ def indexed(kind: str, points: Floats, faces: npt.NDArray[np.integer]) -> Mesh:
 
 def triangles(kind: str, lists: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return (t, 3) triangles of polygons that stand end to end as n i j k …"""
-    from turnscan.export._read_kernels import CUT_SHORT, TOO_MANY, fans
+    from turnscan.export._parse_kernels import CUT_SHORT, TOO_MANY
+    from turnscan.export._read_kernels import fans
 
     code, faces = fans(lists, MAX_FACES)
     require(kind, code != CUT_SHORT, "a polygon's list is cut short")
