@@ -1,0 +1,229 @@
+"""The grid's mesh: whole where the surface is, torn where it is not, facing outward."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.analytic import (
+    box,
+    cylinder,
+    full_turn,
+    make_rig,
+    scan_shape,
+    sphere,
+    torus,
+    union,
+    with_noise,
+)
+from turnscan.points import RangeGrid, Volume, build_grid, clip, every
+from turnscan.surface import (
+    Mesh,
+    Tears,
+    boundary_loops,
+    components,
+    is_closed,
+    mesh_grid,
+    split_touching,
+    submesh,
+    vertex_normals,
+)
+
+
+def scan(rig, shape, steps, noise=0.0, **turn):
+    angles = full_turn(steps, **turn)
+    stripes = scan_shape(rig, shape, angles)
+    if noise:
+        stripes = with_noise(stripes, noise, 11)
+    return build_grid(rig, "L0", stripes, np.arange(steps), angles)
+
+
+def sides(mesh: Mesh):
+    """Undirected sides, and how many faces each has; and whether any runs twice one way."""
+    a, b = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+    size = len(mesh.vertices) + 1
+    one_way = np.unique(a.astype(np.int64) * size + b, return_counts=True)[1]
+    keys = np.minimum(a, b).astype(np.int64) * size + np.maximum(a, b)
+    return np.unique(keys, return_counts=True)[1], one_way
+
+
+def euler(mesh: Mesh) -> int:
+    count, _ = sides(mesh)
+    return len(mesh.vertices) - len(count) + len(mesh.faces)
+
+
+def check_sound(mesh: Mesh) -> None:
+    """A manifold with a border: one or two faces a side, wound alike, none degenerate."""
+    count, one_way = sides(mesh)
+    if len(mesh.faces):
+        assert count.max() <= 2
+        assert one_way.max() == 1, "neighbours are wound alike"
+        assert (np.unique(mesh.faces) == np.arange(len(mesh.vertices))).all(), "none unused"
+        t = mesh.triangles
+        area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
+        assert area.min() > 0
+    assert len(mesh.provenance.sigma) == len(mesh.vertices)
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+@pytest.mark.parametrize("theta", [0.4, -0.4])
+@pytest.mark.parametrize("steps", [24, 25])
+def test_the_seam_closes_and_faces_look_outward(steps, theta, clockwise):
+    rig = make_rig(theta=theta, lift=20.0, elevation=0.1)
+    grid = clip(scan(rig, cylinder(25.0, 0.0, 40.0), steps, clockwise=clockwise), Volume(50, 5, 35))
+    mesh = mesh_grid(grid)
+    check_sound(mesh)
+    assert euler(mesh) == 0, "a band"
+    assert len(boundary_loops(mesh)) == 2
+    t = mesh.triangles
+    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    assert (np.einsum("ij,ij->i", normal[:, :2], t[:, 0, :2]) > 0).all()
+    opened = mesh_grid(replace(grid, closed=False))
+    assert euler(opened) == 1, "a strip"
+
+
+def test_the_outside_of_a_torus_is_one_band():
+    rig = make_rig(lift=10.0, elevation=0.0)
+    mesh = mesh_grid(scan(rig, torus(30.0, 8.0, 10.0), 40))
+    check_sound(mesh)
+    assert components(mesh).max() == 0
+    assert euler(mesh) == 0
+    c = mesh.vertices * (1, 1, 0)
+    c *= 30.0 / np.linalg.norm(c, axis=1, keepdims=True)
+    outward = np.einsum("ij,ij->i", vertex_normals(mesh), mesh.vertices - c - [0, 0, 10.0])
+    assert outward.min() > 0
+
+
+def test_two_steps_of_a_turn_are_not_closed_on_themselves():
+    grid = scan(make_rig(lift=20.0), cylinder(25.0, 0.0, 40.0), 3)
+    two = every(grid, 2)
+    check_sound(mesh_grid(two))
+
+
+def test_a_step_between_coaxial_cylinders_is_torn_and_a_slope_is_not():
+    rig = make_rig(lift=20.0, elevation=0.0)
+    stepped = union(cylinder(30.0, 0.0, 20.0), cylinder(18.0, 0.0, 40.0))
+    grid = clip(scan(rig, stepped, 24), Volume(60, 2, 38))
+    mesh = mesh_grid(grid)
+    check_sound(mesh)
+    assert components(mesh).max() == 1, "a wide and a narrow band"
+    r = np.hypot(*mesh.vertices[:, :2].T)[mesh.faces]
+    assert (np.ptp(r, axis=1) < 2.0).all()
+
+    def cone(P):
+        r = np.hypot(P[..., 0], P[..., 1])
+        return np.maximum(r - 35.0 + 0.6 * P[..., 2], np.abs(P[..., 2] - 20.0) - 19.0)
+
+    whole = mesh_grid(clip(scan(rig, cone, 24), Volume(60, 2, 38)))
+    assert components(whole).max() == 0
+    assert euler(whole) == 0
+
+
+def test_steep_sides_of_a_box_stay_whole():
+    """Spacing grows with incidence; corners and the top's edge are no tears."""
+    rig = make_rig(elevation=0.35, lift=20.0)
+    grid = clip(scan(rig, box((25, 18, 20), (3, 2, 20), 0.3), 60, 0.05), Volume(60, 2))
+    mesh = mesh_grid(grid)
+    check_sound(mesh)
+    size = np.bincount(components(mesh))
+    assert np.sort(size)[-2:].sum() > 0.98 * size.sum(), "front and what lies beyond the axis"
+
+
+def test_a_jump_between_profiles_is_torn():
+    """A pole beside a wall, both seen at the same heights."""
+    rig = make_rig(lift=20.0)
+    poles = union(
+        lambda P: np.hypot(P[..., 0] - 30, P[..., 1]) - 5.0,
+        lambda P: np.hypot(P[..., 0] + 30, P[..., 1]) - 5.0,
+    )
+    mesh = mesh_grid(clip(scan(rig, poles, 90), Volume(60, 5, 35)))
+    check_sound(mesh)
+    assert (np.ptp(mesh.vertices[mesh.faces][..., 0], axis=1) < 11).all()
+
+
+def test_noise_alone_tears_little():
+    rig = make_rig(lift=20.0, elevation=0.1)
+    grid = clip(scan(rig, cylinder(25.0, 0.0, 40.0), 36, noise=0.3), Volume(50, 3, 37))
+    mesh = mesh_grid(grid)
+    check_sound(mesh)
+    full = 36 * 2 * np.mean([np.isfinite(p[:, 0]).sum() - 1 for p in grid.points])
+    assert len(mesh.faces) > 0.97 * full
+
+
+def random_grid(seed, steps, lines, missing, closed, behind):
+    rng = np.random.default_rng(seed)
+    a = np.arange(steps) * (2 * np.pi / steps)
+    z = np.linspace(0, 10, lines)
+    r = 20 + rng.normal(0, 0.5, (steps, lines))
+    points = np.stack(
+        [r * np.cos(a)[:, None], r * np.sin(a)[:, None], np.broadcast_to(z, r.shape)], axis=-1
+    )
+    points[rng.random(r.shape) < missing] = np.nan
+    if seed % 3 == 0:
+        points[:, lines // 2] = points[:, 0]  # coincident points
+    found = ~np.isnan(points[..., 0])
+    eyes = np.stack([300 * np.cos(a), 300 * np.sin(a), 0 * a], axis=-1)
+    return RangeGrid(
+        "L0", np.arange(steps), a, points, np.where(found, 0.05, np.nan),
+        np.where(found, 9.0, np.nan), np.where(found, 0, 1), closed, eyes,
+        rng.random(r.shape) < behind if behind else None,
+    )  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    steps=st.integers(1, 12),
+    lines=st.integers(1, 12),
+    missing=st.floats(0, 0.95),
+    closed=st.booleans(),
+    behind=st.sampled_from([0.0, 0.3]),
+)
+def test_whatever_is_missing_the_mesh_is_sound(seed, steps, lines, missing, closed, behind):
+    grid = random_grid(seed, steps, lines, missing, closed, behind)
+    for tears in (None, Tears(stretch=1.5, jump=0.0)):
+        mesh = mesh_grid(grid, tears)
+        check_manifold_only(mesh, mixed=behind > 0)
+        again = mesh_grid(grid, tears)
+        assert mesh.vertices.tobytes() == again.vertices.tobytes()
+        assert mesh.faces.tobytes() == again.faces.tobytes()
+        apart = split_touching(mesh)
+        check_manifold_only(apart, mixed=behind > 0)
+        assert len(apart.faces) == len(mesh.faces)
+        begins = [v for loop in boundary_loops(apart) for v in loop.tolist()]
+        assert len(set(begins)) == len(begins), "every border vertex lies on one border"
+
+
+def check_manifold_only(mesh, mixed):
+    if mixed and len(mesh.faces):
+        count, _ = sides(mesh)
+        assert count.max() <= 2
+        return
+    check_sound(mesh)
+
+
+def test_provenance_names_the_place_of_each_vertex():
+    grid = random_grid(5, 9, 7, 0.2, True, 0.0)
+    mesh = mesh_grid(grid)
+    p = mesh.provenance
+    assert p.lasers == ("L0",)
+    assert np.array_equal(grid.points[p.step, p.line], mesh.vertices)
+    assert np.array_equal(grid.sigma[p.step, p.line], p.sigma)
+
+
+def test_a_cube_is_closed_and_a_part_of_it_is_not():
+    rig = make_rig(lift=20.0)
+    mesh = mesh_grid(clip(scan(rig, sphere(20.0, (0, 0, 20)), 24), Volume(50, 2)))
+    assert not is_closed(mesh)
+    half = submesh(mesh, mesh.triangles[:, :, 0].min(axis=1) > 0)
+    assert 0 < len(half.faces) < len(mesh.faces)
+    assert len(half.provenance.sigma) == len(half.vertices)
+
+
+def test_tears_are_checked():
+    with pytest.raises(ValueError, match="stretch"):
+        Tears(stretch=0.5)

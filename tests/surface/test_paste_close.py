@@ -1,0 +1,186 @@
+"""Grids joined without double cover, islands taken away, gaps closed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape, sphere, with_noise
+from turnscan.errors import InputError
+from turnscan.points import (
+    RangeScan,
+    Volume,
+    build_grid,
+    clip,
+    placements_from_conf,
+    range_scan_from_ply,
+)
+from turnscan.rig import Pose, rotation_about
+from turnscan.surface import (
+    Caps,
+    Mesh,
+    close,
+    components,
+    drop_islands,
+    is_closed,
+    join,
+    join_range_scans,
+    mesh_findings,
+    paste,
+    submesh,
+)
+
+
+def grids(lasers, shape, steps, noise=0.02, **rig):
+    made = make_rig(lasers=lasers, **rig)
+    angles = full_turn(steps)
+    out = []
+    for k in range(len(lasers)):
+        stripes = with_noise(scan_shape(made, shape, angles, f"L{k}"), noise, k)
+        out.append(clip(build_grid(made, f"L{k}", stripes, range(steps), angles), Volume(60, 2)))
+    return out
+
+
+def area(mesh: Mesh) -> float:
+    t = mesh.triangles
+    return float(np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1).sum() / 2)
+
+
+def test_two_lasers_on_one_surface_are_kept_once():
+    one, two = grids((0.4, -0.4), cylinder(25.0, 0.0, 40.0), 48, lift=20.0, elevation=0.1)
+    single, both = paste([one]), paste([one, two])
+    double = paste([one, two], keep_double=True)
+    assert both.provenance.lasers[0] == "L0"
+    assert area(double) == pytest.approx(2 * area(single), rel=0.05)
+    # Beyond the first one's border nothing is known, so the second keeps a strip of it.
+    assert area(single) < area(both) < 1.1 * area(single)
+
+
+def test_a_second_laser_fills_what_the_first_did_not_see():
+    one, two = grids((0.4, -0.4), cylinder(25.0, 0.0, 40.0), 48, lift=20.0, elevation=0.1)
+    points = one.points.copy()
+    points[8:14] = np.nan
+    torn = replace(one, points=points)
+    whole, both = paste([one]), paste([torn, two])
+    assert area(paste([torn])) < 0.95 * area(whole)
+    assert area(both) > 0.98 * area(whole)
+    assert area(both) < 1.12 * area(whole)
+    p = both.provenance
+    assert set(p.laser[p.laser >= 0]) == {0, 1}
+    assert p.lasers == ("L0", "L1")
+
+
+def test_the_top_seen_before_and_beyond_the_axis_is_there_once():
+    (grid,) = grids((0.4,), box((20, 15, 15), (2, 1, 15), 0.3), 48, lift=15.0, elevation=0.5)
+    assert grid.behind[grid.found].any()
+    mesh = paste([grid])
+    top = np.abs(mesh.vertices[mesh.faces][..., 2] - 30.0).max(axis=1) < 0.2
+    # Faces that cross the top's edges are not counted.
+    assert 0.85 * 40 * 30 < area(submesh(mesh, top)) < 1.02 * 40 * 30
+    t = mesh.triangles[top]
+    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    assert (normal[:, 2] > 0).mean() > 0.99
+
+
+def test_islands_go_by_their_size():
+    (grid,) = grids((0.4,), cylinder(25.0, 0.0, 40.0), 24, lift=20.0)
+    mesh = paste([grid])
+    speck = Mesh(np.eye(3) * 100, [[0, 1, 2]])
+    both = join([Mesh(mesh.vertices, mesh.faces), speck])
+    assert components(both).max() == 1
+    left, pieces, faces = drop_islands(both, 10)
+    assert (pieces, faces) == (1, 1)
+    assert len(left.faces) == len(mesh.faces)
+    assert drop_islands(both, 0)[0] is both
+    found = mesh_findings(left, pieces, faces, None)
+    assert [f.code for f in found] == ["surface.islands", "surface.open"]
+    none = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    assert mesh_findings(none, 0, 0, None)[0].severity == "error"
+
+
+def test_a_box_closes_to_its_volume():
+    (grid,) = grids((0.4,), box((20, 15, 15), (2, 1, 15), 0.3), 120, 0.01, lift=15.0, elevation=0.4)
+    open_mesh = drop_islands(paste([grid]), 50)[0]
+    assert not is_closed(open_mesh)
+    mesh, gaps = close(open_mesh)
+    assert gaps >= 1
+    assert is_closed(mesh)
+    # Steps of 3° cut the corners: a little less than the truth, never more than noise allows.
+    assert 0.97 * 40 * 30 * 30 < mesh.volume < 1.002 * 40 * 30 * 30
+    assert mesh.bounds[0, 2] == 0.0
+    assert (mesh.provenance.step[len(open_mesh.vertices) :] == -1).sum() > 0
+    assert mesh.measured[: len(open_mesh.faces)].all()
+    assert not mesh.measured[len(open_mesh.faces) :].any()
+    assert np.array_equal(mesh.vertices[: len(open_mesh.vertices)], open_mesh.vertices)
+    codes = [f.code for f in mesh_findings(mesh, 0, 0, gaps)]
+    assert codes == ["surface.caps"]
+
+
+def test_flat_cap_without_a_floor():
+    (grid,) = grids((0.4,), cylinder(25.0, 0.0, 40.0), 48, 0.0, lift=20.0)
+    mesh, gaps = close(paste([grid]), Caps(floor=None))
+    assert gaps == 2
+    assert is_closed(mesh)
+    height = np.ptp(mesh.vertices[:, 2])
+    polygon = 24 * 25.0**2 * np.sin(2 * np.pi / 48)
+    assert mesh.volume == pytest.approx(polygon * height, rel=0.02)
+    opened, few = close(paste([grid]), Caps(floor=None, longest=10))
+    assert few == 0
+    assert not is_closed(opened)
+
+
+def test_hole_borders_of_any_shape_close():
+    """A ball with ragged holes, some touching themselves."""
+    (grid,) = grids((0.4,), sphere(20.0, (0, 0, 22)), 36, 0.0, lift=22.0)
+    rng = np.random.default_rng(4)
+    for share in (0.02, 0.2, 0.5):
+        points = grid.points.copy()
+        points[rng.random(points.shape[:2]) < share] = np.nan
+        torn = paste([replace(grid, points=points)])
+        mesh, _ = close(torn, Caps(floor=None))
+        assert len(mesh.faces) > len(torn.faces)
+        whole, pieces, _ = drop_islands(mesh, 200)
+        assert pieces >= 0
+        if share < 0.1:
+            assert is_closed(whole)
+            assert whole.volume == pytest.approx(4 / 3 * np.pi * 20**3, rel=0.06)
+
+
+def bump_scan(name: str, pose: Pose) -> RangeScan:
+    """A bump on a plane, seen along its own z, of which the world frame is T_world_scan = pose."""
+    x, y = np.meshgrid(np.arange(0, 40.0), np.arange(0, 30.0))
+    points = np.stack([x, y, 3 * np.exp(-((x - 20) ** 2 + (y - 15) ** 2) / 40)], -1).reshape(-1, 3)
+    return RangeScan(name, pose.inverse().apply(points), np.arange(1200).reshape(30, 40))
+
+
+def test_range_scans_come_together():
+    small = Pose(rotation_about([1, 2, 0], 0.05), [1.0, 2.0, 3.0])
+    scans = [bump_scan("a", Pose()), bump_scan("b", small)]
+    mesh = join_range_scans(scans, {"a": Pose(), "b": small})
+    assert area(mesh) < 1.25 * area(paste([scans[0].range_grid()])), "not twice"
+    t = mesh.triangles
+    assert (np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])[:, 2] > 0).all(), "towards the scanner"
+    with pytest.raises(InputError, match="no placement for b"):
+        join_range_scans(scans, {"a": Pose()})
+
+
+def test_real_range_scans(shared_data):
+    """Two of the ten scans: where they overlap they agree, which they do only if placed right."""
+    from scipy.spatial import cKDTree
+
+    folder = shared_data / "bunny-range"
+    placed = placements_from_conf((folder / "bun.conf").read_text(), scale=1000.0)
+    assert len(placed) == 10
+    names = ["bun000.ply", "bun045.ply"]
+    scans = [range_scan_from_ply((folder / n).read_bytes(), n, scale=1000.0) for n in names]
+    assert sum(len(s.points) for s in scans) == 80353
+    world = [placed[s.name].apply(s.points) for s in scans]
+    near = cKDTree(world[0]).query(world[1])[0]
+    assert np.median(near) < 0.35, "spacing is 0.5 mm"
+    mesh = join_range_scans(scans, placed)
+    alone = [area(join_range_scans([s], placed)) for s in scans]
+    assert max(alone) < area(mesh) < 0.85 * sum(alone)
+    size = np.bincount(components(mesh))
+    assert size.max() > 60_000
