@@ -1,5 +1,5 @@
 """Runs a plan on devices into a scan file."""
 
-from turnscan.acquire._run import Turn, even_turn, run
+from turnscan.acquire._run import Sink, Turn, even_turn, run
 
-__all__ = ["Turn", "even_turn", "run"]
+__all__ = ["Sink", "Turn", "even_turn", "run"]

@@ -6,13 +6,26 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from turnscan.arrays import Image
 from turnscan.devices import Camera, Lasers, Turntable
 from turnscan.errors import DeviceTimeout, InputError
-from turnscan.scan import Frame, Scan
+from turnscan.scan import Frame
 
 Progress = Callable[[int, int], None]
+
+
+class Sink(Protocol):
+    """Where frames go: a `turnscan.scan.Scan`, or anything else that keeps them."""
+
+    def add(self, frame: Frame) -> object:
+        """Keep a frame."""
+        ...
+
+    def add_missing(self, step: int, laser: str, cause: str, commanded: float) -> None:
+        """Keep the fact that there is none, and why."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -51,7 +64,7 @@ def run(
     camera: Camera,
     turntable: Turntable,
     lasers: Lasers,
-    scan: Scan,
+    sink: Sink,
     progress: Progress | None = None,
     *,
     first_step: int = 0,
@@ -63,7 +76,7 @@ def run(
     the turn goes on. The lasers are dark when this returns, however it returns.
 
     Raises InputError for a laser that is not there, and DeviceError, SafetyError or ScanError as
-    devices and scan file do.
+    devices and sink do.
     """
     for name in turn.lasers:
         if name not in lasers.names:
@@ -81,10 +94,10 @@ def run(
                 lit = _picture(turn, camera, lasers, frozenset({name}))
                 lasers.off()
                 if lit is None or dark is None:
-                    scan.add_missing(step, name, "the camera gave no picture", angle)
+                    sink.add_missing(step, name, "the camera gave no picture", angle)
                     continue
                 measured = reached if reached != angle else math.nan
-                scan.add(
+                sink.add(
                     Frame(step, name, lit, dark, commanded=angle, measured=measured,
                           time=clock(), settings=settings)
                 )  # fmt: skip

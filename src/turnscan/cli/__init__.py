@@ -21,6 +21,7 @@ _VERBS = {
     "import": "pictures made elsewhere → a scan file",
     "measure": "flat sides, angles, spheres and cylinders of a measured part",
     "reconstruct": "a scan file → points, mesh, CAD",
+    "simulate": "pictures or a scan file of a part that isn't there",
 }
 
 
