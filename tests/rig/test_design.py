@@ -184,6 +184,7 @@ def test_blind_columns_at_small_angles() -> None:
         ({"pan": 2.0}, "pan is"),
         ({"pan": -0.9}, "does not see"),
         ({"offset": 1e5}, "offset is"),
+        ({"offset": -200.1}, "offset is"),
         ({"step": 4.0}, "step is"),
         ({"read_noise": -1.0}, "read_noise is -1"),
         ({"wavelength": 0.0}, "wavelength is 0"),

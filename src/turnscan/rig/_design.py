@@ -81,6 +81,8 @@ class Design:
         for name in ("focal", "offset"):
             if abs(getattr(self, name)) >= self.distance:
                 raise _wrong(name, getattr(self, name), f"less than L = {self.distance:g} mm")
+        if self.offset <= -self.distance * math.sin(self.theta):
+            raise _wrong("offset", self.offset, "more than −L sin θ, or the laser misses the field")
         if not self.r_max > 0:
             raise InputError(
                 "the camera does not see the laser's line in front of the axis "
