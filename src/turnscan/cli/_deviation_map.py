@@ -28,7 +28,7 @@ def deviation_figure(mesh: Mesh, found: Deviation, limit: float | None = None) -
 
     top = limit or _round_up(found.quantile(0.95))
     colour = mpl.colormaps[_MAP](np.clip(found.distance / top, -1, 1) * 0.5 + 0.5)[:, :3] * 255
-    figure = Figure(figsize=(11, 4))
+    figure = Figure(figsize=(11, 4), layout="constrained")
     left, right, chart = figure.subplots(1, 3, width_ratios=[1, 1, 0.8])
     for axes, azimuth in ((left, 0.6), (right, 0.6 + np.pi)):
         axes.imshow(render(mesh, azimuth=azimuth, size=(480, 420), colour=colour))
