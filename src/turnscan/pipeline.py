@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ from turnscan.findings import Finding
 from turnscan.points import RangeGrid, Spacing, Volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, Stored, rig_for
-from turnscan.stripes import Stripe, StripeSettings, detect
+from turnscan.stripes import Signal, Stripe, StripeSettings
 from turnscan.surface import Caps, Mesh, Tears
 
 Tick = Callable[[], None]
@@ -27,7 +26,7 @@ class Settings:
 
     stripes: StripeSettings = field(default_factory=StripeSettings)
     volume: Volume | None = None
-    """What to keep, in the table frame; None takes what the rig can measure above the platter."""
+    """What to keep; None takes what the rig can measure above the platter."""
     shortest: int = 3
     """Runs of fewer points in a profile are specks."""
     every: int = 1
@@ -82,15 +81,16 @@ def reconstruct(
 def _grid(
     scan: Scan, laser: str, rig: Rig, look: StripeSettings, tick: Tick
 ) -> tuple[RangeGrid, list[Finding]]:
+    signal = Signal(scan.plan.weights, scan.plan.dtype)
+
     def find(stored: Stored) -> tuple[int, float, Stripe]:
         frame = stored.decode()
-        known = None if np.isnan(frame.noise) else (frame.level, frame.noise)
-        stripe = detect(frame.lit, frame.dark, replace(look, background=known))
+        stripe = signal.detect(frame.lit, frame.dark, look, frame.level, frame.noise)
         tick()
         return frame.step, frame.angle, stripe
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        done = list(pool.map(find, scan.stored(laser)))
+    with ThreadPoolExecutor() as pool:
+        done = list(pool.map(find, scan.stored(laser, signal.project)))
     good = [d for d in done if not np.isnan(d[1])]
     findings = points.lost_frames(laser, scan.missing(laser), len(done) - len(good))
     if not good:

@@ -4,6 +4,7 @@ from turnscan.stripes._background import temporal_background
 from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
 from turnscan.stripes._detect import choose, detect, find_candidates
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
+from turnscan.stripes._signal import Signal
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "Candidates",
     "Choice",
     "Orientation",
+    "Signal",
     "Strategy",
     "Stripe",
     "StripeFlag",

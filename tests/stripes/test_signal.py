@@ -1,0 +1,61 @@
+"""Colour pictures give the stripe, and the numbers about it, that grey ones give."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from turnscan.stripes import Signal, StripeSettings, detect
+
+
+def pictures(dtype, gain=1.0):
+    rng = np.random.default_rng(0)
+    u = np.arange(200)
+    lit = rng.normal(20, 1.5, (120, 200, 3))
+    dark = rng.normal(20, 1.5, (120, 200, 3))
+    lit[..., 1] += 150 * np.exp(-0.5 * ((u - 90.3) / 1.7) ** 2)
+    return [np.clip(p * gain, 0, np.iinfo(dtype).max).astype(dtype) for p in (lit, dark)]
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("with_dark", [False, True])
+@pytest.mark.parametrize("weights", [(0.0, 1.0, 0.0), (-0.3, 1.0, -0.3), (0.2, 0.6, 0.2)])
+@pytest.mark.parametrize(("dtype", "scale"), [("uint8", 1.0), ("uint16", 100.0)])
+def test_a_colour_stripe_is_as_good_as_a_grey_one(dtype, scale, weights, with_dark, known):
+    lit, dark = pictures(dtype, scale)
+    off = dark if with_dark else None
+    signal = Signal(weights, dtype)
+    w = np.array(weights)
+    level = 0.0 if with_dark else 20.0 * w.sum() * scale
+    noise = 1.5 * np.linalg.norm(w) * scale * (2**0.5 if with_dark else 1.0)
+    got = signal.detect(
+        signal.project(lit),
+        None if off is None else signal.project(off),
+        StripeSettings(),
+        *((level, noise) if known else ()),
+    )
+    assert got.found.all()
+    assert np.median(got.amplitude) == pytest.approx(150 * w[1] * scale, rel=0.05)
+    error = got.position - 90.3
+    rms = float(np.sqrt(np.mean(error**2)))
+    assert 0.005 < rms < 0.06
+    assert 0.5 * rms < np.median(got.sigma) < 2.0 * rms
+
+
+def test_a_threshold_is_in_grey_levels():
+    lit, dark = pictures("uint8")
+    signal = Signal((0.0, 1.0, 0.0))
+    seen = [
+        signal.detect(
+            signal.project(lit), signal.project(dark), StripeSettings(threshold=t)
+        ).found.all()
+        for t in (100.0, 170.0)
+    ]
+    assert seen == [True, False]
+
+
+def test_grey_pictures_pass_through():
+    lit, dark = (p[..., 1].copy() for p in pictures("uint8"))
+    a, b = Signal(None).detect(lit, dark, StripeSettings()), detect(lit, dark)
+    assert np.array_equal(a.position, b.position, equal_nan=True)
+    assert np.array_equal(a.sigma, b.sigma, equal_nan=True)
