@@ -14,7 +14,7 @@ import numpy as np
 from turnscan.arrays import Image
 from turnscan.cli._import_angles import Angle, Angles, find_angles
 from turnscan.cli._import_series import Series, find_series, same_pictures
-from turnscan.cli._import_signal import NOISE_FACTOR, Signal, check_kind, find_signal
+from turnscan.cli._import_signal import NOISE_FACTOR, Signal, Wishes, check_kind, find_signal
 from turnscan.cli._input import read_rig_file
 from turnscan.cli._progress import progress
 from turnscan.errors import InputError
@@ -93,6 +93,14 @@ class _Tally:
     show_default=True,
     help="Of the stripe in the picture.",
 )
+@click.option(
+    "--background",
+    type=click.Choice(["auto", "median", "darkest"]),
+    default="auto",
+    show_default=True,
+    help="Without laser-off pictures: the median or the darkest of each pixel over the scan, or "
+    "the one of them with which more of the stripe is seen.",
+)
 @click.option("--every", type=click.IntRange(min=1), default=1, help="Take every N-th step only.")
 @click.option("--first-step", type=int, help="Number (in the names) of step 0.  [default: lowest]")
 def verb(
@@ -107,6 +115,7 @@ def verb(
     keep: Literal["sparse", "full"],
     threshold: float | None,
     orientation: Literal["vertical", "horizontal"],
+    background: str,
     every: int,
     first_step: int | None,
 ) -> None:
@@ -127,9 +136,10 @@ def verb(
     found += more
     with progress("looking at samples", None) as tick:
         signals: list[Signal] = []
+        wishes = Wishes(colour, background, orientation)
         for one in series:
             known = signals[0].weights if signals else None
-            signals.append(find_signal(one, colour, known, first, tick))
+            signals.append(find_signal(one, wishes, known, first, tick))
     plan = ScanPlan(
         width=first.shape[1],
         height=first.shape[0],

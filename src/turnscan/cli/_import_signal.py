@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -20,9 +21,11 @@ LEAST_THRESHOLD = 3.0
 """Grey levels."""
 _SAMPLES = 41
 _LESSONS = 8
+_BEND = 2.0  # px between a centre and the line through its neighbours, at most
 _SAMPLE_BYTES = 512 << 20
 
 Weights = tuple[float, float, float]
+Orientation = Literal["vertical", "horizontal"]
 
 
 @dataclass(frozen=True)
@@ -41,18 +44,28 @@ class Signal:
     """Grey levels of the signal from which pixels are kept."""
 
 
+@dataclass(frozen=True)
+class Wishes:
+    """What the user said about the signal."""
+
+    colour: str
+    """learn, a name or three weights; for colour pictures."""
+    background: str
+    """auto, median or darkest; where there is no laser-off picture."""
+    orientation: Orientation
+
+
 def find_signal(
-    series: Series, colour: str, known: Weights | None, first: Image, tick: Callable[[], None]
+    series: Series, wishes: Wishes, known: Weights | None, first: Image, tick: Callable[[], None]
 ) -> Signal:
     """Look at up to 41 pictures of a series.
 
-    ``colour`` is the user's choice for colour pictures; ``known`` are weights already found with
-    another laser of the same scan. Raises InputError where the pictures differ in size or type.
+    ``known`` are weights already found with another laser of the same scan. Raises InputError
+    where the pictures differ in size or type.
     """
     lit: list[Image] = []
     own: list[Image] = []
-    shots = _samples(series, first)
-    for shot, picture in series.pictures(shots):
+    for shot, picture in series.pictures(_samples(series, first)):
         check_kind(picture, first, shot.name)
         lit.append(picture)
         path = series.dark_of(shot)
@@ -60,9 +73,15 @@ def find_signal(
             own.append(read_picture(path))
             check_kind(own[-1], first, str(path))
         tick()
-    background, origin = _background(series, lit, own, first)
-    darks: list[Image | None] = list(own) or [background] * len(lit)
-    weights = None if first.ndim == 2 else known or _weights(colour, lit, darks)
+    trials = []
+    for background, origin in _backgrounds(series, lit, own, first, wishes):
+        darks: list[Image | None] = list(own) or [background] * len(lit)
+        weights = None if first.ndim == 2 else known or _weights(wishes.colour, lit, darks)
+        trials.append((background, origin, darks, weights))
+    scores = [0]
+    if len(trials) > 1:
+        scores = [_smooth_lines(lit, t[2], t[3], wishes.orientation) for t in trials]
+    background, origin, darks, weights = trials[int(np.argmax(scores))]
     some = range(0, len(lit), max(1, len(lit) // 16))
     noise = float(np.median([statistics(signal_of(lit[i], darks[i], weights)).noise for i in some]))
     threshold = max(NOISE_FACTOR * noise, LEAST_THRESHOLD)
@@ -85,15 +104,18 @@ def _samples(series: Series, first: Image) -> list[Shot]:
     return [series.shots[i] for i in places]
 
 
-def _background(
-    series: Series, lit: list[Image], own: list[Image], first: Image
-) -> tuple[Image | None, str]:
+def _backgrounds(
+    series: Series, lit: list[Image], own: list[Image], first: Image, wishes: Wishes
+) -> Iterator[tuple[Image | None, str]]:
+    """Pictures without the laser that may serve, with their origin in words."""
     if own:
-        return None, "laser-off pictures"
+        yield None, "laser-off pictures"
+        return
     if series.dark:
         picture = read_picture(series.dark[0])
         check_kind(picture, first, str(series.dark[0]))
-        return picture, f"one laser-off picture, {series.dark[0].name}"
+        yield picture, f"one laser-off picture, {series.dark[0].name}"
+        return
     if len(lit) < 3:
         raise InputError(
             f"{len(series.shots)} pictures of laser {series.laser!r}, none with the laser off",
@@ -101,7 +123,32 @@ def _background(
         )
     from turnscan.stripes import temporal_background
 
-    return temporal_background(lit), f"median of {len(lit)} pictures"
+    if wishes.background in ("auto", "median"):
+        yield temporal_background(lit), f"median of {len(lit)} pictures"
+    if wishes.background in ("auto", "darkest"):
+        yield temporal_background(lit, 0.0), f"darkest of {len(lit)} pictures"
+
+
+def _smooth_lines(
+    lit: list[Image], darks: list[Image | None], weights: Weights | None, orientation: Orientation
+) -> int:
+    """Lines in which a background lets the stripe be seen in line with its neighbours.
+
+    The median keeps what never moves, so it takes away a stripe that stays in place, as on a round
+    part; the darkest picture spares that one, but not what the room's light does on a turning part.
+    """
+    from turnscan.stripes import StripeSettings, detect, project_colour
+
+    chosen = StripeSettings(orientation=orientation)
+    total = 0
+    for i in range(0, len(lit), max(1, len(lit) // _LESSONS)):
+        on, off = lit[i], darks[i]
+        if weights is not None:
+            on = project_colour(on, weights, np.uint16)
+            off = None if off is None else project_colour(off, weights, np.uint16)
+        bend = np.abs(np.diff(detect(on, off, chosen).position, 2))
+        total += int(np.count_nonzero(bend < _BEND))
+    return total
 
 
 def _weights(colour: str, lit: list[Image], darks: list[Image | None]) -> Weights:

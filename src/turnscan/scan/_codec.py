@@ -149,18 +149,11 @@ def decode(
 def find_runs(lines: Pixels, threshold: float, margin: int) -> tuple[Pixels, Pixels, Pixels]:
     """Runs of pixels to keep in each line of ``lines`` (n, m).
 
-    A pixel is kept within ``margin`` of one that is above the threshold, or of five in a row whose
-    mean is above threshold/√5: as unlikely by noise alone, and where a weak wide stripe shows
-    first. Returns runs per line (n,), first pixel and length of each run.
+    A pixel is kept within ``margin`` of one that is above the threshold. Returns runs per line
+    (n,), first pixel and length of each run.
     """
     n, m = lines.shape
-    bright = lines > threshold
-    if m >= 5:
-        five = lines[:, :-4] + lines[:, 1:-3]  # fits: an 8-bit signal has 16 bits, a 16-bit 32
-        for shift in (2, 3, 4):
-            five += lines[:, shift : m - 4 + shift]
-        bright[:, 2:-2] |= five > threshold * 5**0.5
-    place = np.flatnonzero(bright)
+    place = np.flatnonzero(lines > threshold)
     line, column = np.divmod(place, m)
     first, after = np.maximum(column - margin, 0), np.minimum(column + margin + 1, m)
     new = np.ones(len(place), bool)
