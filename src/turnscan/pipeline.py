@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from turnscan import points, surface
-from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid, Spacing, Volume
 from turnscan.rig import Rig
@@ -93,10 +92,5 @@ def _grid(
         done = list(pool.map(find, scan.stored(laser, signal.project)))
     good = [d for d in done if not np.isnan(d[1])]
     findings = points.lost_frames(laser, scan.missing(laser), len(done) - len(good))
-    if not good:
-        raise InputError(
-            f"{scan.path}: no frame of laser {laser!r} has a table angle",
-            hint="import the pictures again with --angles",
-        )
-    steps, angles, found = zip(*good, strict=True)
+    steps, angles, found = [d[0] for d in good], [d[1] for d in good], [d[2] for d in good]
     return points.build_grid(rig, laser, found, steps, angles), findings

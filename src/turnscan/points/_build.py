@@ -33,10 +33,15 @@ def build_grid(
     Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
     """
     turns = np.asarray(angles, dtype=np.float64)
-    if not stripes or not (len(stripes) == turns.size == np.size(steps)):
+    if not stripes:
+        raise InputError(
+            f"laser {laser}: no frame with a picture and a table angle",
+            hint="import the pictures again with --angles",
+        )
+    if not (len(stripes) == turns.size == np.size(steps)):
         raise InputError(
             f"laser {laser}: {len(stripes)} stripes, {np.size(steps)} steps, {turns.size} angles",
-            hint="give one step number and one angle for each stripe, and at least one stripe",
+            hint="give one step number and one angle for each stripe",
         )
     shapes = {(len(s.position), s.orientation) for s in stripes}
     if len(shapes) > 1:
