@@ -1,6 +1,53 @@
 """Views of a target or an artefact → Rig + covariance + findings."""
 
 from turnscan.calibrate._angle import TableAngle, measure_table_angle
+from turnscan.calibrate._board import (
+    Board,
+    BoardView,
+    Charuco,
+    Chessboard,
+    detect_board,
+    parse_board,
+)
+from turnscan.calibrate._figures import Figures, Measured, figures, measured_uncertainty
+from turnscan.calibrate._findings import findings_of
+from turnscan.calibrate._light import laser_weights, stripe_candidates
+from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
+from turnscan.calibrate._rig import (
+    Calibration,
+    CalibrationSettings,
+    LaserPicture,
+    Rejected,
+    TablePicture,
+    calibrate_rig,
+)
 from turnscan.calibrate._steps import AngleModel, angle_model
 
-__all__ = ["AngleModel", "TableAngle", "angle_model", "measure_table_angle"]
+__all__ = [
+    "AngleModel",
+    "Board",
+    "BoardView",
+    "Calibration",
+    "CalibrationSettings",
+    "Charuco",
+    "Chessboard",
+    "Figures",
+    "LaserPicture",
+    "MarkerView",
+    "Measured",
+    "Rejected",
+    "TableAngle",
+    "TablePicture",
+    "angle_model",
+    "aruco_dictionary",
+    "calibrate_rig",
+    "detect_board",
+    "detect_markers",
+    "figures",
+    "findings_of",
+    "laser_weights",
+    "measure_table_angle",
+    "measured_uncertainty",
+    "parse_board",
+    "stripe_candidates",
+]

@@ -24,7 +24,7 @@ from turnscan.errors import Degenerate, DidNotConverge
 _HUBER = 2.5
 _ROUNDS = 60
 _SCALE_ROUNDS = 4
-_SETTLED = 1e-9  # relative change of the cost
+_SETTLED = 1e-8  # relative change of the cost
 _SINGULAR = 1e-12
 _LEAST_SCALE = 1e-6  # px
 
@@ -81,6 +81,8 @@ class Fit(Generic[State]):
     """(p, p) of the shared parameters; zero rows and columns where they were held fixed."""
     own_covariance: tuple[Floats, ...]
     """(q, q) of every view's own parameters."""
+    own_noise: tuple[Floats, ...]
+    """(q, q) of the same from the noise of that view alone, as if the shared ones were known."""
     scales: dict[str, float]
     """Standard deviation of one observation of every kind, px."""
     degrees_of_freedom: dict[str, float]
@@ -116,23 +118,32 @@ class _System:
 
 
 def adjust(
-    network: Network[State], state: State, free: Bools, *, robust: bool = True
+    network: Network[State],
+    state: State,
+    free: Bools,
+    *,
+    robust: bool = True,
+    near: Fit[State] | None = None,
 ) -> Fit[State]:
     """Adjust ``state``; shared parameters where ``free`` (p,) is False keep their value.
+
+    ``near`` is a fit of nearly the same problem: its scales are taken to start with.
 
     Raises Degenerate, naming the parameters, when the views leave a direction undetermined, and
     DidNotConverge when the steps do not settle.
     """
-    scales: dict[str, float] = {}
     blocks = network.blocks(state)
     scales = dict.fromkeys((b.kind for b in blocks), 1.0)
-    state, blocks = _minimise(network, state, free, scales, huber=None)
+    if near is None:
+        state, blocks = _minimise(network, state, free, scales, huber=None)
+    else:
+        scales |= {k: v for k, v in near.scales.items() if k in scales}
     for _ in range(_SCALE_ROUNDS):
         before = dict(scales)
         system = _build(network, blocks, free, scales, _HUBER if robust else None, 0.0)
         scales, _ = _scales(network, blocks, system, free, scales, robust)
         state, blocks = _minimise(network, state, free, scales, _HUBER if robust else None)
-        if all(abs(scales[k] / before[k] - 1) < 0.01 for k in scales):
+        if all(abs(scales[k] / before[k] - 1) < 0.02 for k in scales):
             break
     return _finish(network, state, blocks, free, scales, robust)
 
@@ -151,7 +162,8 @@ def _cost(blocks: list[Block], scales: dict[str, float], huber: float | None) ->
     for b in blocks:
         off = np.abs(b.residual) / scales[b.kind]
         if huber is not None and not b.kind.startswith("prior"):
-            off = np.where(off > huber, np.sqrt(2 * huber * off - huber**2), off)
+            far = np.maximum(off, huber)
+            off = np.where(off > huber, np.sqrt(2 * huber * far - huber**2), off)
         total += float(off @ off)
     return total
 
@@ -331,11 +343,22 @@ def _finish(
     widen = variance * factor**2
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = C * widen
-    own = []
+    own, noise = [], []
     for inv, c in zip(system.inverses, system.cross, strict=True):
         lever = inv @ c
         own.append((inv + lever @ C @ lever.T) * widen)
-    return Fit(state, tuple(blocks), covariance, tuple(own), scales, dof, squares, float(factor))
+        noise.append(inv * variance)
+    return Fit(
+        state,
+        tuple(blocks),
+        covariance,
+        tuple(own),
+        tuple(noise),
+        scales,
+        dof,
+        squares,
+        float(factor),
+    )
 
 
 def _view_factor(

@@ -11,84 +11,90 @@ from turnscan.arrays import Floats, Ints, frozen
 from turnscan.calibrate._board import Board
 from turnscan.rig import Marker, Pose, rotation_from_vector
 
+PLATTER = ("slope_x", "slope_y", "bend_xx", "bend_xy", "bend_yy")
+
 # Clockwise from the marker's top left, seen from above: x right, y up.
 _SQUARE = np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]]) / 2
 
 
 @dataclass(frozen=True)
 class MarkerLayout:
-    """Square markers in the plane of the platter, each of its own size.
+    """Square markers on the platter, each of its own size.
 
-    The platter is the plane z = tilt·(x, y) of the turning table frame: a tilt is a platter that
-    does not stand square on its axis.
+    The platter is the surface z = s_x x + s_y y + b_xx x² + b_xy x y + b_yy y² of the turning table
+    frame: slopes where it does not stand square on its axis, bends where it is warped.
     """
 
     numbers: Ints
     """(m,) ids."""
     squares: Floats
     """(m, 4): centre x, y mm; angle rad of the marker's x edge; side mm."""
-    tilt: Floats = field(default_factory=lambda: np.zeros(2))
-    """(2,) slope of the platter along x and y."""
+    shape: Floats = field(default_factory=lambda: np.zeros(5))
+    """(5,) s_x, s_y, and 1/mm: b_xx, b_xy, b_yy."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "numbers", frozen(self.numbers, (None,), "numbers", np.int32))
         m = len(self.numbers)
         object.__setattr__(self, "squares", frozen(self.squares, (m, 4), "squares"))
-        object.__setattr__(self, "tilt", frozen(self.tilt, (2,), "tilt"))
+        object.__setattr__(self, "shape", frozen(self.shape, (5,), "shape"))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the 2 + 4 m parameters."""
+        """Names of the 5 + 4 m parameters."""
         each = [f"marker{n}.{p}" for n in self.numbers for p in ("x", "y", "angle", "side")]
-        return ("platter.slope_x", "platter.slope_y", *each)
+        return (*(f"platter.{p}" for p in PLATTER), *each)
 
     @property
     def held(self) -> tuple[int, ...]:
         """Parameters that only say where zero is: the first marker's y (it lies on the x axis)."""
-        return (3,)
+        return (6,)
 
     def points(self, numbers: Ints) -> tuple[Floats, Floats]:
         """Corners of the markers ``numbers`` (k,) → (4 k, 3) mm in the table frame at angle 0 and
-        their derivative (4 k, 3, 2 + 4 m)."""
+        their derivative (4 k, 3, 5 + 4 m)."""
         at = np.array([int(np.flatnonzero(self.numbers == n)[0]) for n in numbers], dtype=int)
         x, y, turn, side = self.squares[at].T[:, :, None]
         c, s = np.cos(turn), np.sin(turn)
         lx, ly = _SQUARE[:, 0], _SQUARE[:, 1]
         ux, uy = c * lx - s * ly, s * lx + c * ly
-        px, py = x + side * ux, y + side * uy
+        flat = np.stack([x + side * ux, y + side * uy], axis=2)
         k = len(at)
-        by = np.zeros((k, 4, 3, 2 + self.squares.size))
+        by = np.zeros((k, 4, 3, 5 + self.squares.size))
         rows = np.arange(k)[:, None]
         corner = np.arange(4)[None, :]
-        first = 2 + 4 * at[:, None]
+        first = 5 + 4 * at[:, None]
         by[rows, corner, 0, first] = 1.0
         by[rows, corner, 1, first + 1] = 1.0
         by[rows, corner, 0, first + 2] = -side * uy
         by[rows, corner, 1, first + 2] = side * ux
         by[rows, corner, 0, first + 3] = ux
         by[rows, corner, 1, first + 3] = uy
-        by[:, :, 2] = self.tilt[0] * by[:, :, 0] + self.tilt[1] * by[:, :, 1]
-        by[:, :, 2, 0] = px
-        by[:, :, 2, 1] = py
-        points = np.stack([px, py, self.tilt[0] * px + self.tilt[1] * py], axis=2)
+        powers = platter_powers(flat)
+        slope = self.slope(flat)
+        by[:, :, 2] = slope[..., :1] * by[:, :, 0] + slope[..., 1:] * by[:, :, 1]
+        by[:, :, 2, :5] = powers
+        points = np.concatenate([flat, (powers @ self.shape)[..., None]], axis=2)
         return points.reshape(-1, 3), by.reshape(4 * k, 3, -1)
 
-    def plane(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """The platter at angle 0: normal (3,), a point (3,), and their derivatives (3, 2 + 4 m)."""
-        normal = np.array([-self.tilt[0], -self.tilt[1], 1.0])
-        by = np.zeros((3, 2 + self.squares.size))
-        by[0, 0] = by[1, 1] = -1.0
-        return normal, np.zeros(3), by, np.zeros_like(by)
+    def slope(self, xy: Floats) -> Floats:
+        """Slope (..., 2) of the platter at places (..., 2) mm."""
+        s = self.shape
+        x, y = xy[..., 0], xy[..., 1]
+        return np.stack([s[0] + 2 * s[2] * x + s[3] * y, s[1] + s[3] * x + 2 * s[4] * y], axis=-1)
 
     def moved(self, delta: Floats) -> MarkerLayout:
-        """The layout with its parameters moved by ``delta`` (2 + 4 m,)."""
+        """The layout with its parameters moved by ``delta`` (5 + 4 m,)."""
         return replace(
-            self, tilt=self.tilt + delta[:2], squares=self.squares + delta[2:].reshape(-1, 4)
+            self, shape=self.shape + delta[:5], squares=self.squares + delta[5:].reshape(-1, 4)
         )
 
     def scaled(self, factor: float) -> MarkerLayout:
         """The layout with all lengths multiplied."""
-        return replace(self, squares=self.squares * np.array([factor, factor, 1.0, factor]))
+        return replace(
+            self,
+            squares=self.squares * np.array([factor, factor, 1.0, factor]),
+            shape=self.shape / np.array([1.0, 1.0, factor, factor, factor]),
+        )
 
     def markers(self, dictionary: str) -> tuple[Marker, ...]:
         """The markers as a rig holds them."""
@@ -144,6 +150,12 @@ class BoardLayout:
 
 
 Layout: TypeAlias = MarkerLayout | BoardLayout
+
+
+def platter_powers(xy: Floats) -> Floats:
+    """Places (..., 2) mm on the platter → (..., 5): x, y, x², x y, y²."""
+    x, y = xy[..., 0], xy[..., 1]
+    return np.stack([x, y, x * x, x * y, y * y], axis=-1)
 
 
 def cross_matrices(v: Floats) -> Floats:

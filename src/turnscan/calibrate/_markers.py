@@ -54,8 +54,8 @@ def detect_markers(image: Image, dictionary: str) -> MarkerView:
 
     settings = cv2.aruco.DetectorParameters()
     settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    settings.relativeCornerRefinmentWinSize = 0.3
-    settings.cornerRefinementWinSize = 4
+    settings.relativeCornerRefinmentWinSize = 0.6
+    settings.cornerRefinementWinSize = 6
     detector = cv2.aruco.ArucoDetector(aruco_dictionary(dictionary), settings)
     corners, numbers, _ = detector.detectMarkers(grey8(image))
     if numbers is None or len(corners) == 0:

@@ -3,18 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.calibrate._adjust import Block
-from turnscan.calibrate._board import BoardView
-from turnscan.calibrate._layout import Layout, MarkerLayout, cross_matrices, moved_pose
-from turnscan.calibrate._terms import CAMERA_SIZE, point_term, stripe_term
+from turnscan.calibrate._board import Board, BoardView
+from turnscan.calibrate._layout import (
+    Layout,
+    MarkerLayout,
+    cross_matrices,
+    moved_pose,
+    platter_powers,
+)
+from turnscan.calibrate._terms import (
+    CAMERA_SIZE,
+    StripeTerm,
+    Traced,
+    point_term,
+    stripe_term,
+    trace,
+)
 from turnscan.rig import Pose, Rig, rotation_z
 
+BEND = ("board.bend_xx", "board.bend_xy", "board.bend_yy")
 BOARD, RIDER, PRIOR = "board corners", "table corners", "prior marker side"
 Where = Literal["boards", "table"]
 
@@ -65,6 +79,9 @@ class State:
     """Board frame → camera frame, one per board view."""
     angles: Floats
     """(k,) rad, one per table view."""
+    bend: Floats = field(default_factory=lambda: np.zeros(3))
+    """(3,) 1/mm: b_xx, b_xy, b_yy. The board bulges by z = b_xx x² + b_xy x y + b_yy y² away from
+    its plane, x and y from the middle of the pattern."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +99,7 @@ class RigNetwork:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the shared parameters: those of the rig, then those of the layout."""
+        """Names of the shared parameters: of the rig, of the layout, of the board's bend."""
         sheet = ("turn_along", "turn_across", "offset", "bow_aa", "bow_ab", "bow_bb")
         lens_names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "tilt_x", "tilt_y")
         table = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
@@ -91,6 +108,7 @@ class RigNetwork:
             *(f"{laser}.{n}" for laser in self.lasers for n in sheet),
             *(f"table.{n}" for n in table),
             *self.layout_names,
+            *BEND,
         )
 
     @property
@@ -101,14 +119,22 @@ class RigNetwork:
     def blocks(self, state: State) -> list[Block]:
         """Residuals and derivatives of all observations at ``state``."""
         out: list[Block] = []
+        stripes = [s for group in self.board_stripes for s in group]
+        stripes += [s for v in self.table for s in v.stripes]
+        pixels = np.concatenate([np.zeros((0, 2)), *(s.pixels for s in stripes)])
+        traced, at = trace(state.rig.camera, pixels), 0
         for i, (view, pose) in enumerate(zip(self.boards, state.poses, strict=True)):
             out.append(self._board(state, i, view, pose))
             for stripe in self.board_stripes[i]:
-                out.append(self._board_stripe(state, i, stripe, pose))
+                seen = traced.part(at, len(stripe.pixels))
+                out.append(self._board_stripe(state, i, stripe, seen))
+                at += len(stripe.pixels)
         for k, rider in enumerate(self.table):
             out.append(self._rider(state, k, rider))
             for stripe in rider.stripes:
-                out.append(self._rider_stripe(state, k, stripe))
+                seen = traced.part(at, len(stripe.pixels))
+                out.append(self._rider_stripe(state, k, stripe, seen))
+                at += len(stripe.pixels)
         if self.trusted_side is not None and isinstance(state.layout, MarkerLayout):
             out.append(self._prior(state.layout, self.trusted_side))
         return out
@@ -122,8 +148,8 @@ class RigNetwork:
         n = len(self.boards)
         poses = tuple(moved_pose(T, d) for T, d in zip(state.poses, own[:n], strict=True))
         turns = np.array([d[0] if len(d) else 0.0 for d in own[n:]])
-        layout = None if state.layout is None else state.layout.moved(common[p:])
-        return State(rig, layout, poses, state.angles + turns)
+        layout = None if state.layout is None else state.layout.moved(common[p:-3])
+        return State(rig, layout, poses, state.angles + turns, state.bend + common[-3:])
 
     def free(
         self,
@@ -131,7 +157,9 @@ class RigNetwork:
         *,
         camera: bool | Sequence[str] = True,
         bow: bool = False,
-        platter_tilt: bool = True,
+        bend: bool = False,
+        sheet: bool = True,
+        platter: bool = True,
     ) -> Bools:
         """Which shared parameters the observations at hand should determine.
 
@@ -146,44 +174,45 @@ class RigNetwork:
                 on[names.index(f"camera.{name}")] = True
         seen = {s.laser for group in self.board_stripes for s in group}
         seen |= {s.laser for v in self.table for s in v.stripes}
-        for laser in seen:
+        for laser in seen if sheet else ():
             first = names.index(f"{laser}.turn_along")
-            on[first : first + (6 if bow else 3)] = True
+            # Light runs straight: a bent sheet is curved along the fan, not along its rays.
+            on[first : first + (4 if bow else 3)] = True
+        on[-3:] = bend and bool(self.boards)
         if self.table and state.layout is not None:
             table = names.index("table.turn_x")
-            on[table:] = True
+            on[table:-3] = True
             for k in state.layout.held:
                 on[table + 6 + k] = False
-            if isinstance(state.layout, MarkerLayout) and not platter_tilt:
-                on[table + 6 : table + 8] = False
+            if isinstance(state.layout, MarkerLayout) and not platter:
+                on[table + 6 : table + 11] = False
         return on
 
     def _zeros(self, rows: int) -> Floats:
         return np.zeros((rows, len(self.names)))
 
     def _board(self, state: State, i: int, view: BoardView, pose: Pose) -> Block:
-        turned = pose.turn(view.points)
+        powers = bulge(view.board, view.points)
+        bent = view.points + powers @ state.bend[:, None] * (0.0, 0.0, 1.0)
+        turned = pose.turn(bent)
         pixels, by_point, by_camera = point_term(state.rig.camera, turned + pose.translation)
         own = np.concatenate([-by_point @ cross_matrices(turned), by_point], axis=2)
         common = self._zeros(2 * len(pixels))
         common[:, :CAMERA_SIZE] = by_camera.reshape(-1, CAMERA_SIZE)
+        up = by_point @ pose.rotation[:, 2]
+        common[:, -3:] = (up[:, :, None] * powers[:, None, :]).reshape(-1, 3)
         residual = (view.corners - pixels).reshape(-1)
         return Block(i, BOARD, residual, common, own.reshape(-1, 6))
 
-    def _board_stripe(self, state: State, i: int, stripe: StripeView, pose: Pose) -> Block:
+    def _board_stripe(self, state: State, i: int, stripe: StripeView, seen: Traced) -> Block:
+        board, pose = self.boards[i].board, state.poses[i]
+        term, powers = board_stripe(state, stripe, seen, board, pose)
         normal = pose.rotation[:, 2]
-        term = stripe_term(
-            state.rig.camera,
-            state.rig.sheet(stripe.laser),
-            stripe.pixels,
-            stripe.direction,
-            normal,
-            pose.translation,
-        )
         own = np.concatenate(
             [-term.by_normal @ cross_matrices(normal[None])[0], term.by_point], axis=1
         )
         common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
+        common[:, -3:] = (term.by_point @ normal)[:, None] * powers
         return Block(i, stripe_kind("boards", stripe.laser), term.residual, common, own)
 
     def _sheet_columns(self, by_camera: Floats, by_sheet: Floats, laser: str) -> Floats:
@@ -210,7 +239,7 @@ class RigNetwork:
         c = self._table_column
         common[:, c : c + 3] = (-by_point @ cross_matrices(turned)).reshape(-1, 3)
         common[:, c + 3 : c + 6] = by_point.reshape(-1, 3)
-        common[:, c + 6 :] = (by_point @ (T.rotation @ spin) @ by_layout).reshape(
+        common[:, c + 6 : -3] = (by_point @ (T.rotation @ spin) @ by_layout).reshape(
             2 * len(pixels), -1
         )
         by_angle = np.stack([-on_table[:, 1], on_table[:, 0], np.zeros(len(points))], axis=1)
@@ -218,38 +247,84 @@ class RigNetwork:
         residual = (view.corners - pixels).reshape(-1)
         return Block(len(self.boards) + k, RIDER, residual, common, own if k else own[:, :0])
 
-    def _rider_stripe(self, state: State, k: int, stripe: StripeView) -> Block:
-        assert state.layout is not None
+    def _rider_stripe(self, state: State, k: int, stripe: StripeView, seen: Traced) -> Block:
+        """A stripe on what rides on the table: the board, or the platter with its markers."""
         T = state.rig.T_camera_table
-        turn = T.rotation @ rotation_z(state.angles[k])
-        n0, q0, by_n0, by_q0 = state.layout.plane()
-        normal, arm = turn @ n0, turn @ q0
-        term = stripe_term(
-            state.rig.camera,
-            state.rig.sheet(stripe.laser),
-            stripe.pixels,
-            stripe.direction,
-            normal,
-            arm + T.translation,
-        )
-        common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
         c = self._table_column
+        if isinstance(state.layout, MarkerLayout):
+            term, powers = platter_stripe(state, stripe, seen, state.angles[k])
+            normal = T.rotation[:, 2]
+            arm = np.zeros(3)
+            by_layout = np.zeros((len(powers), len(self.layout_names)))
+            by_layout[:, :5] = (term.by_point @ normal)[:, None] * powers
+        else:
+            assert state.layout is not None
+            turn = T.rotation @ rotation_z(state.angles[k])
+            n0, q0, by_n0, by_q0 = state.layout.plane()
+            normal, arm = turn @ n0, turn @ q0
+            sheet = state.rig.sheet(stripe.laser)
+            term = stripe_term(sheet, seen, stripe.direction, normal, arm + T.translation)
+            by_layout = term.by_normal @ (turn @ by_n0) + term.by_point @ (turn @ by_q0)
+        common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
         swing = cross_matrices(np.stack([normal, arm]))
         common[:, c : c + 3] = -term.by_normal @ swing[0] - term.by_point @ swing[1]
         common[:, c + 3 : c + 6] = term.by_point
-        common[:, c + 6 :] = term.by_normal @ (turn @ by_n0) + term.by_point @ (turn @ by_q0)
+        common[:, c + 6 : -3] = by_layout
         axis = T.rotation[:, 2]
-        own = (term.by_normal @ np.cross(axis, normal) + term.by_point @ np.cross(axis, arm))[
-            :, None
-        ]
+        own = term.by_normal @ np.cross(axis, normal) + term.by_point @ np.cross(axis, arm)
         view = len(self.boards) + k
         kind = stripe_kind("table", stripe.laser)
-        return Block(view, kind, term.residual, common, own if k else own[:, :0])
+        return Block(view, kind, term.residual, common, own[:, None] if k else own[:, None][:, :0])
 
     def _prior(self, layout: MarkerLayout, trusted: tuple[float, float]) -> Block:
         side, sigma = trusted
         common = self._zeros(1)
         m = len(layout.numbers)
-        common[0, self._table_column + 6 + 2 + 3 :: 4] = 1.0 / (m * sigma)
+        common[0, self._table_column + 6 + 5 + 3 : -3 : 4] = 1.0 / (m * sigma)
         residual = np.array([(side - float(layout.squares[:, 3].mean())) / sigma])
         return Block(-1, PRIOR, residual, common, np.zeros((1, 0)))
+
+
+def bulge(board: Board, xy: Floats) -> Floats:
+    """Board points (n, 2 or more) mm → (n, 3): x², x y, y² from the middle of the pattern."""
+    x0, y0, x1, y1 = board.extent
+    x, y = xy[:, 0] - (x0 + x1) / 2, xy[:, 1] - (y0 + y1) / 2
+    return np.stack([x * x, x * y, y * y], axis=1)
+
+
+def board_stripe(
+    state: State, stripe: StripeView, seen: Traced, board: Board, pose: Pose
+) -> tuple[StripeTerm, Floats]:
+    """A stripe on a board as bent as the state says, and the bulge (n, 3) where the stripe is."""
+    normal = pose.rotation[:, 2]
+    rays = seen.rays
+    height = np.zeros(len(rays))
+    for _ in range(2):
+        level = normal @ pose.translation + height
+        on_board = pose.inverse().apply(rays * (level / (rays @ normal))[:, None])
+        powers = bulge(board, on_board)
+        height = powers @ state.bend
+    point = pose.translation + height[:, None] * normal
+    term = stripe_term(state.rig.sheet(stripe.laser), seen, stripe.direction, normal, point)
+    return term, powers
+
+
+def platter_stripe(
+    state: State, stripe: StripeView, seen: Traced, angle: float
+) -> tuple[StripeTerm, Floats]:
+    """A stripe on the platter at a table angle, and the powers (n, 5) of the platter's shape."""
+    layout = state.layout
+    assert isinstance(layout, MarkerLayout)
+    T = state.rig.T_camera_table
+    normal = T.rotation[:, 2]
+    rays = seen.rays
+    back = rotation_z(angle)
+    height = np.zeros(len(rays))
+    for _ in range(2):
+        level = normal @ T.translation + height
+        place = T.inverse().apply(rays * (level / (rays @ normal))[:, None]) @ back
+        powers = platter_powers(place)
+        height = powers @ layout.shape
+    point = T.translation + height[:, None] * normal
+    sheet = state.rig.sheet(stripe.laser)
+    return stripe_term(sheet, seen, stripe.direction, normal, point), powers

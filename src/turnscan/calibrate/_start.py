@@ -12,6 +12,8 @@ from turnscan.errors import Degenerate, InputError, NotEnoughViews
 from turnscan.rig import Camera, LaserSheet, Pose
 
 FEWEST_VIEWS = 3
+_FEW = 15
+_NEAR_MM = 3.0  # a stripe this far from the sheet of the others was drawn by something else
 _LEAST_SPREAD = 0.02  # breadth of the stripe points across the stripe, as a share of their length
 
 
@@ -89,21 +91,41 @@ def pose_of(camera: Camera, points: Floats, corners: Floats) -> Pose:
     return Pose(u @ vt, np.ravel(shifts[best]))
 
 
-def start_sheet(name: str, points: Floats, views: int) -> LaserSheet:
-    """Plane through stripe points (n, 3) mm in the camera frame.
+def start_sheet(name: str, stripes: Sequence[Floats]) -> tuple[LaserSheet, list[bool]]:
+    """Plane through most of the stripes, each (n, 3) mm in the camera frame, and which lie in it.
 
-    Raises Degenerate where the points lie on one line, which any plane could contain.
+    Every pair of stripes is tried: lines that something else drew do not agree with the others.
+    Raises NotEnoughViews below two stripes, Degenerate where all lie on one line, which any plane
+    could contain.
     """
-    keep = np.ones(len(points), dtype=bool)
-    for _ in range(5):
-        centre = points[keep].mean(axis=0)
-        _, spread, axes = np.linalg.svd(points[keep] - centre, full_matrices=False)
-        off = np.abs((points - centre) @ axes[2])
-        keep = off <= max(4 * 1.4826 * float(np.median(off)), 1e-6)
-    if spread[1] < _LEAST_SPREAD * spread[0]:
+    if len(stripes) < 2:
+        raise NotEnoughViews(
+            f"laser {name!r}: its stripe was found on {len(stripes)} boards; at least 2 are needed",
+            hint="take pictures with the stripe on the board or its white margin, and check the "
+            "laser's colour (--colour) and the margin (--margin-mm)",
+        )
+    few = [s[np.linspace(0, len(s) - 1, min(len(s), _FEW)).astype(int)] for s in stripes]
+    best, best_off = 0.0, np.full(len(few), np.inf)
+    for i in range(len(few)):
+        for j in range(i):
+            both = np.concatenate([few[i], few[j]])
+            centre = both.mean(axis=0)
+            _, spread, axes = np.linalg.svd(both - centre, full_matrices=False)
+            if spread[1] < _LEAST_SPREAD * spread[0]:
+                continue
+            off = np.array([float(np.abs((s - centre) @ axes[2]).mean()) for s in few])
+            worth = float(np.sum(np.maximum(1 - (off / _NEAR_MM) ** 2, 0.0)))
+            if worth > best:
+                best, best_off = worth, off
+    agree = [bool(o < _NEAR_MM) for o in best_off]
+    points = [s for s, a in zip(stripes, agree, strict=True) if a]
+    if len(points) < 2:
         raise Degenerate(
-            f"laser {name!r}: the stripe was seen on {views} boards, but always at nearly the same "
-            "place, so the sheet could turn about it",
+            f"laser {name!r}: the stripe was seen on {len(stripes)} boards, but always at nearly "
+            "the same place, so the sheet could turn about it",
             hint="show the stripe on boards at clearly different distances",
         )
-    return LaserSheet(name, axes[2], centre)
+    cloud = np.concatenate(points)
+    centre = cloud.mean(axis=0)
+    axes = np.linalg.svd(cloud - centre, full_matrices=False)[2]
+    return LaserSheet(name, axes[2], centre), agree

@@ -14,6 +14,7 @@ from turnscan.findings import Finding
 _HARMONICS = 3
 _LEAST_ANGLES = 5
 _OUTLIER = 6.0  # robust sigmas
+_MISREAD = 3.0  # steps: a table may lose or double one, a wrong marker is farther off
 _ROUNDS = 10
 _FLOOR = np.radians(0.002)  # no hobby or lab table is read better than this by a picture
 _SENSIBLE = np.radians(0.25)  # deviation from even steps that is worth a warning whatever σ says
@@ -82,7 +83,8 @@ def angle_model(
     fit, step, start = _smooth(k, a, s, good, nominal_step)
     residual = a - fit
     scatter = 1.4826 * float(np.median(np.abs(residual[good] - np.median(residual[good]))))
-    good &= np.abs(np.where(good, residual, 0.0)) <= _OUTLIER * max(scatter, _FLOOR) + _SENSIBLE
+    limit = max(_OUTLIER * scatter, _MISREAD * abs(step), float(_SENSIBLE))
+    good &= np.abs(np.where(good, residual, 0.0)) <= limit
     fit, step, start = _smooth(k, a, s, good, nominal_step)
     residual = a - fit
     spread2 = max(float(np.mean(residual[good] ** 2) - np.median(s[good] ** 2)), float(_FLOOR) ** 2)
@@ -108,11 +110,12 @@ def _unwrapped(k: Floats, a: Floats, nominal: float | None) -> Floats:
     smallest = float(np.min(np.diff(np.unique(k))))
     limit = np.pi / smallest
     span = float(np.ptp(k))
-    tries: Floats = np.linspace(-limit, limit, int(8 * limit * span / np.pi) + 3)
-    if nominal is not None:
+    if nominal is None:
+        tries = list(np.linspace(-limit, limit, int(8 * limit * span / np.pi) + 3))
+    else:
         # A promised step tells turns apart that the pictures alone cannot.
         some = nominal * np.linspace(0.5, 1.5, 4001)
-        tries = np.concatenate([some, -some])
+        tries = [*some, *-some]
     fit = np.array([abs(np.sum(phase * np.exp(-1j * t * k))) for t in tries])
     step = float(tries[fit.argmax()])
     if fit.max() < 0.5 * len(a):
@@ -138,7 +141,7 @@ def _without_jumps(k: Floats, a: Floats, have: Bools) -> Bools:
     off = np.abs(rest - around)
     scale = 1.4826 * float(np.median(off))
     good = have.copy()
-    good[index[off > _OUTLIER * max(scale, float(_FLOOR)) + _SENSIBLE]] = False
+    good[index[off > max(_OUTLIER * scale, _MISREAD * abs(slope), float(_SENSIBLE))]] = False
     return good
 
 

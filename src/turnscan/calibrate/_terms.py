@@ -59,6 +59,36 @@ def point_term(camera: Camera, points: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 @dataclass(frozen=True)
+class Traced:
+    """Pixels followed back through the lens."""
+
+    xy: Floats
+    """(n, 2) image coordinates."""
+    by_pixel: Floats
+    """(n, 2, 2) derivative of xy by the pixel."""
+    lens_by_camera: Floats
+    """(n, 2, 11) derivative of the pixel by the camera, xy fixed."""
+
+    @property
+    def rays(self) -> Floats:
+        """(n, 3) directions in the camera frame with z = 1."""
+        return np.concatenate([self.xy, np.ones((len(self.xy), 1))], axis=1)
+
+    def part(self, first: int, count: int) -> Traced:
+        """Some of the pixels."""
+        some = slice(first, first + count)
+        return Traced(self.xy[some], self.by_pixel[some], self.lens_by_camera[some])
+
+
+def trace(camera: Camera, pixels: Floats) -> Traced:
+    """Follow pixels (n, 2) back through the lens; many at once are much faster than one by one."""
+    xy = camera.normalised(pixels)
+    _, by_xy, by_camera = lens(camera, xy)
+    back: Floats = np.linalg.inv(by_xy).astype(np.float64)
+    return Traced(xy, back, by_camera)
+
+
+@dataclass(frozen=True)
 class StripeTerm:
     """A stripe on a plane: how far it is from the sheet, in pixels and in mm."""
 
@@ -79,23 +109,21 @@ class StripeTerm:
 
 
 def stripe_term(
-    camera: Camera,
     sheet: LaserSheet,
-    pixels: Floats,
+    seen: Traced,
     direction: Floats,
     normal: Floats,
     point: Floats,
 ) -> StripeTerm:
-    """Where a stripe seen at ``pixels`` (n, 2) on the plane (``normal``, ``point``) should be.
+    """Where a stripe seen by the rays ``seen`` (n) on the plane (``normal``, ``point``) should be.
+
+    ``point`` is (3,), or (n, 3) where the surface is nearly but not quite a plane.
 
     ``direction`` (2,) is the picture direction in which the stripe was located: (1, 0) for one
     centre per row. The ray meets the plane in a point; its distance from the sheet, divided by how
     fast that distance changes along ``direction``, is the residual in pixels (ALGORITHMS §4.1 ii).
     """
-    xy = camera.normalised(pixels)
-    _, by_xy, lens_camera = lens(camera, xy)
-    back = np.linalg.inv(by_xy)
-    d = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
+    d = seen.rays
     across = d @ normal
     X = d * ((point @ normal) / across)[:, None]
     e1, e2 = sheet.axes
@@ -112,10 +140,10 @@ def stripe_term(
     depth = X[:, 2]
     along = (grad * d).sum(axis=1) / across
     by_ray = depth[:, None] * (grad - along[:, None] * normal)
-    by_pixel = np.einsum("ni,nij->nj", by_ray[:, :2], back)
+    by_pixel = np.einsum("ni,nij->nj", by_ray[:, :2], seen.by_pixel)
     speed = by_pixel @ direction
     scale = -1.0 / speed
-    by_camera = -np.einsum("nj,njk->nk", by_pixel, lens_camera)
+    by_camera = -np.einsum("nj,njk->nk", by_pixel, seen.lens_by_camera)
     by_sheet = np.stack([-b, a, -np.ones_like(a), -a * a, -a * b, -b * b], axis=1)
     return StripeTerm(
         residual=distance / speed,
@@ -124,5 +152,5 @@ def stripe_term(
         by_camera=by_camera * scale[:, None],
         by_sheet=by_sheet * scale[:, None],
         by_normal=(along * scale)[:, None] * (point - X),
-        by_point=(along * scale)[:, None] * normal,
+        by_point=np.multiply.outer(along * scale, normal),
     )

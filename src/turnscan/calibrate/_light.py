@@ -1,0 +1,92 @@
+"""Where laser light may be in a picture of a board or of the table, lit by the room or not."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, Image, frozen
+from turnscan.errors import InputError
+from turnscan.stripes import Orientation, StripeSettings, find_candidates
+
+_WINDOW = 17  # px: the stripe is narrower than half of this, squares and hands are wider
+
+
+def stripe_candidates(
+    lit: Image,
+    dark: Image | None = None,
+    weights: npt.ArrayLike | None = None,
+    orientation: Orientation = "vertical",
+) -> Floats:
+    """All places (n, 2) px in a picture where the stripe could be, up to five in a line.
+
+    ``lit`` and ``dark`` are (H, W) or (H, W, 3). Without a laser-off picture the background is the
+    median of the neighbourhood along the line, which a narrow stripe does not move: a stripe on a
+    board in a bright room stands out from that, and so do other thin bright things, which the
+    choice by the board's plane leaves out afterwards. ``weights`` (3,) mix the colours (default:
+    equal parts).
+
+    Raises InputError where the two pictures differ in shape.
+    """
+    from scipy.ndimage import median_filter
+
+    if dark is not None and dark.shape != lit.shape:
+        raise InputError(
+            f"the picture with the laser is {lit.shape}, the one without is {dark.shape}",
+            hint="give one laser-off picture of the same camera for every laser picture",
+        )
+    signal = _mixed(lit, weights)
+    if dark is None:
+        size = (1, _WINDOW) if orientation == "vertical" else (_WINDOW, 1)
+        background = median_filter(signal, size=size, mode="nearest")
+    else:
+        background = _mixed(dark, weights)
+    settings = StripeSettings(orientation=orientation, max_candidates=5)
+    found = find_candidates(signal, background, settings)
+    line, which = np.nonzero(np.isfinite(found.position))
+    across = found.position[line, which]
+    pair = (across, line) if orientation == "vertical" else (line, across)
+    return np.stack(pair, axis=1).astype(np.float64)
+
+
+def measuring_direction(orientation: Orientation) -> Floats:
+    """Unit vector (2,) along which a centre was located: along u for one centre per row."""
+    return np.array([1.0, 0.0] if orientation == "vertical" else [0.0, 1.0])
+
+
+def _mixed(image: Image, weights: npt.ArrayLike | None) -> npt.NDArray[np.uint16]:
+    """Grey picture (H, W), 16 bits with a few bits of headroom kept for the mix."""
+    gain = 1.0 if image.dtype == np.uint16 else 64.0
+    if image.ndim == 2:
+        mixed = image.astype(np.float32) * gain
+    else:
+        w = np.full(3, 1 / 3) if weights is None else frozen(weights, (3,), "weights")
+        scale = float(np.abs(w).sum())
+        if scale <= 0:
+            raise InputError("the laser's colour is 0, 0, 0", hint="give the share of each channel")
+        mixed = image.astype(np.float32) @ (w / scale * gain).astype(np.float32)
+    grey: npt.NDArray[np.uint16] = np.clip(mixed, 0, 65535).astype(np.uint16)
+    return grey
+
+
+def laser_weights(lit: Image, dark: Image | None, view_corners: Floats) -> Floats | None:
+    """Excess light (3,) of the stripe in red, green, blue, around a board; None in grey pictures.
+
+    In every row of the board's surroundings the brightest thin thing is taken. The stripe is there
+    in every row at nearly the same excess; noise adds the same to all three channels.
+    """
+    from scipy.ndimage import median_filter
+
+    if lit.ndim == 2 or not len(view_corners):
+        return None
+    low = np.maximum(view_corners.min(axis=0).astype(int) - 80, 0)
+    high = view_corners.max(axis=0).astype(int) + 80
+    part = lit[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    if dark is None:
+        ground = median_filter(part, size=(1, _WINDOW, 1), mode="nearest")
+    else:
+        ground = dark[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    excess = np.clip(part - ground, 0, None)
+    best = excess.sum(axis=2).argmax(axis=1)
+    rows = np.arange(len(best))
+    return np.asarray(np.median(excess[rows, best], axis=0), dtype=np.float64)
