@@ -1,7 +1,7 @@
 """The scan file and the pictures that go into it: the only code that writes one."""
 
 from turnscan.scan._codec import signal_of, statistics
-from turnscan.scan._file import Scan, Stored, replacing_scan
+from turnscan.scan._file import Scan
 from turnscan.scan._fit import rig_for
 from turnscan.scan._pictures import (
     is_video,
@@ -12,6 +12,8 @@ from turnscan.scan._pictures import (
     read_video,
 )
 from turnscan.scan._plan import Frame, ScanPlan
+from turnscan.scan._replace import replacing_scan
+from turnscan.scan._stored import Stored
 
 __all__ = [
     "Frame",

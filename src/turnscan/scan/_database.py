@@ -260,6 +260,12 @@ def sync_folder(path: Path) -> None:
             os.close(folder)
 
 
+def remove(path: Path) -> None:
+    """Delete a scan file and what SQLite keeps beside it."""
+    for tail in ("", "-wal", "-shm", "-journal"):
+        path.with_name(path.name + tail).unlink(missing_ok=True)
+
+
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
     db = sqlite3.connect(
         f"{path.absolute().as_uri()}?mode={mode}",

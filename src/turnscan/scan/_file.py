@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import json
 import math
-import os
-import secrets
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -22,7 +19,7 @@ import numpy as np
 
 from turnscan import __version__
 from turnscan.arrays import Floats, Image
-from turnscan.errors import InputError, ScanBusy, ScanCorrupt, ScanError
+from turnscan.errors import InputError, ScanCorrupt, ScanError
 from turnscan.rig import Rig, rig_from_json, rig_to_json
 from turnscan.scan import _database as database
 from turnscan.scan._codec import (
@@ -43,43 +40,7 @@ from turnscan.scan._plan import (
     settings_from_json,
     settings_to_json,
 )
-
-_DARKS: tuple[Dark, ...] = ("own", "background", "none")
-
-
-@dataclass(frozen=True)
-class Stored:
-    """A frame as it lies in the file; `decode` may run in any thread, many at a time."""
-
-    row: Row
-    payload: bytes
-    plan: ScanPlan
-    background: Background | None
-    project: Project | None
-    scale: float
-    """Grey levels of the projected signal for one of ``weights`` · (red, green, blue)."""
-    where: str
-
-    def decode(self) -> Frame:
-        """Unpack the pixels. Raises ScanCorrupt naming the file and the frame."""
-        row = self.row
-        lit, dark = decode(
-            self.payload, self.plan, _dark(row), self.background, self.project, self.where
-        )
-        return Frame(
-            step=row.step,
-            laser=row.laser,
-            lit=lit,
-            dark=dark,
-            exposure=row.exposure,
-            commanded=row.commanded,
-            measured=row.measured,
-            angle_sigma=row.sigma,
-            noise=row.noise * self.scale,
-            level=row.level * self.scale,
-            time=row.time,
-            settings=settings_from_json(row.settings, self.where),
-        )
+from turnscan.scan._stored import DARKS, Stored, dark_of
 
 
 class Scan:
@@ -124,7 +85,7 @@ class Scan:
                     database.write_meta(db, "rig", rig_to_json(rig))
         except BaseException:
             db.close()
-            _remove(path)
+            database.remove(path)
             raise
         return cls(path, db, plan, rig, writing=True)
 
@@ -332,7 +293,7 @@ class Scan:
         if self.plan.channels == 1:
             project = None
         background = None
-        if _dark(row) == "background":
+        if dark_of(row) == "background":
             background = self._ground(row, project)
         where = f"{self.path}: {row}"
         scale = 1.0 if project is None else self._scale(project)
@@ -455,7 +416,7 @@ class Scan:
             and 0 <= row.step < plan.steps
             and row.exposure >= 0
             and (row.width, row.height) == (plan.width, plan.height)
-            and row.codec in [f"{form}.{dark}" for dark in _DARKS]
+            and row.codec in [f"{form}.{dark}" for dark in DARKS]
             and not any(math.isinf(v) for v in (row.commanded, row.measured, row.sigma))
         )
         if not good:
@@ -464,38 +425,6 @@ class Scan:
     def _seal(self) -> str:
         rows = [*self._rows.values(), *self._backgrounds.values()]
         return json.dumps({"frames": len(rows), "sha256": database.digest_of_rows(rows)})
-
-
-@contextmanager
-def replacing_scan(path: str | Path, plan: ScanPlan, rig: Rig | None = None) -> Iterator[Scan]:
-    """Write a whole scan file; ``path`` appears, or is replaced, only when all of it is good.
-
-    It is written under a temporary name in the same folder, sealed, read again and compared with
-    its checksums, and only then renamed. On any error the old file is as it was.
-    Raises ScanBusy where the old file is being written or waits to be resumed, ScanError.
-    """
-    path = Path(path)
-    if path.is_dir():
-        raise ScanError(f"{path}: a folder, so no scan file can be written here")
-    if path.with_name(path.name + "-wal").exists():
-        raise ScanBusy(
-            f"{path}: another process is writing it, or an interrupted scan waits there",
-            hint="choose another name, or finish that scan first",
-        )
-    _sweep(path)
-    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-    try:
-        with Scan.create(part, plan, rig) as scan:
-            yield scan
-        with Scan.open(part) as scan:
-            for _, trouble in scan.verify():
-                if trouble is not None:
-                    raise trouble
-        os.replace(part, path)
-        database.sync_folder(path)
-    except BaseException:
-        _remove(part)
-        raise
 
 
 @contextmanager
@@ -518,27 +447,6 @@ def _trouble(check: Callable[[], object]) -> ScanError | None:
     except InputError as e:  # right checksums around something that is no frame
         return ScanCorrupt(e.message, hint=e.hint)
     return None
-
-
-def _sweep(path: Path) -> None:
-    """Remove what killed imports to the same name left; a file that is being written stays."""
-    for part in path.parent.glob(f".{glob.escape(path.name)}.{'[0-9a-f]' * 8}.part"):
-        try:
-            database.open_writing(part).close()
-        except ScanBusy:
-            continue
-        except (ScanError, InputError):
-            pass  # killed before its first frame
-        _remove(part)
-
-
-def _remove(path: Path) -> None:
-    for tail in ("", "-wal", "-shm", "-journal"):
-        path.with_name(path.name + tail).unlink(missing_ok=True)
-
-
-def _dark(row: Row) -> Dark:
-    return next(d for d in _DARKS if row.codec.endswith(d))
 
 
 def _whole(plan: ScanPlan) -> ScanPlan:
