@@ -334,14 +334,32 @@ class Renderer:
         key = T.rotation.tobytes() + T.translation.tobytes()
         if self._view is None or self._view[0] != key:
             camera = self.bench.rig.camera
-            face = np.empty(camera.height * camera.width, np.int32)
+            face = np.full(camera.height * camera.width, -1, np.int32)
+            places = self._within_view(T)
             strip = _STRIP * camera.width
-            for start in range(0, len(face), strip):
-                k = np.arange(start, min(start + strip, len(face)))
+            for start in range(0, len(places), strip):
+                k = places[start : start + strip]
                 directions = _shade.rays(self._places(k), self._field, 1, 1, T.rotation)
                 face[k] = self._caster.first_hits(T.inverse().translation, directions)
             self._view = (key, face)
         return self._view[1]
+
+    def _within_view(self, T: Pose) -> npt.NDArray[np.intp]:
+        """Numbers of the pixels in the rectangle round all bodies."""
+        camera = self.bench.rig.camera
+        v = self._tri.vertices
+        low, high = v.min(axis=0), v.max(axis=0)
+        t = np.linspace(0.0, 1.0, 5)
+        box = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3) * (high - low) + low
+        uv = camera.project(T.apply(box))
+        size = np.array([camera.width, camera.height])
+        if np.isnan(uv).any():
+            first, last = np.zeros(2, int), size
+        else:
+            first = np.clip(np.floor(uv.min(axis=0)) - 2, 0, size).astype(int)
+            last = np.clip(np.ceil(uv.max(axis=0)) + 3, 0, size).astype(int)
+        rows, columns = np.arange(first[1], last[1]), np.arange(first[0], last[0])
+        return (rows[:, None] * camera.width + columns).ravel()
 
     def _places(self, k: npt.NDArray[np.intp]) -> Ints:
         """(n, 2) row and column of pixels given by number."""
@@ -364,11 +382,14 @@ class Renderer:
 
         camera, bench = self.bench.rig.camera, self.bench
         shape = (camera.height, camera.width, 3 if bench.sensor.bayer else 1)
-        out = np.empty((shape[0] * shape[1], shape[2]), np.float32)
+        dim = bench.scene.background * bench.scene.sky / math.pi
+        scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
+        out = np.full((shape[0] * shape[1], shape[2]), dim * scale, np.float32)
         printed = [i for i, b in enumerate(bench.scene.bodies) if b.texture is not None]
+        places = np.flatnonzero(self._seen(T) >= 0)
         strip = _STRIP * camera.width
-        for start in range(0, len(out), strip):
-            k = np.arange(start, min(start + strip, len(out)))
+        for start in range(0, len(places), strip):
+            k = places[start : start + strip]
             out[k], body = self._lamp_pixels(T, k, 1)
             if printed:
                 # A print has detail finer than a pixel.

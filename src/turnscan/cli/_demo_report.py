@@ -1,0 +1,150 @@
+"""The demo's report: what the camera saw, what became of it, how far it is from the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from turnscan.arrays import Floats, Image
+from turnscan.cli import _html as html
+from turnscan.cli._deviation_map import deviation_figure
+from turnscan.cli._reconstruct_report import summary
+from turnscan.cli._render import render
+from turnscan.pipeline import Reconstruction
+from turnscan.points import RangeGrid
+from turnscan.shapes import Deviation
+from turnscan.simulate import Simulated
+from turnscan.stripes import Stripe
+from turnscan.surface import Mesh
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class DemoFrame:
+    """One camera picture and the stripe found in it."""
+
+    laser: str
+    step: int
+    picture: Image
+    stripe: Stripe
+
+
+def demo_report(
+    devices: Simulated,
+    done: Reconstruction,
+    mended: Mesh,
+    gaps: int,
+    found: Deviation,
+    frames: Sequence[DemoFrame],
+    times: Sequence[tuple[str, float]],
+) -> str:
+    """The whole page as HTML text."""
+    bench = devices.world.bench
+    part = bench.scene.bodies[0].part.name
+    parts = [
+        html.paragraph(
+            f"A simulated scan of the part “{part}” with the rig “{devices.wish.rig}”, seed "
+            f"{devices.wish.seed}. The pictures hold speckle, photon and read noise, shadows and "
+            "defocus; the reconstruction knows nothing of the simulator except its rig."
+        ),
+        html.table(["quantity", "value"], _rows(devices, found)),
+        html.heading("What the camera saw"),
+        *(html.picture(_frame_figure(f), _frame_caption(f)) for f in frames),
+        html.heading("Range grid"),
+        *(html.picture(_grid_figure(g), _grid_caption(g)) for g in done.grids),
+        html.heading("Surface"),
+        *(
+            html.picture(render(done.mesh, azimuth=a), f"As measured, from {math.degrees(a):.0f}°.")
+            for a in (0.6, 0.6 + math.pi)
+        ),
+        html.picture(
+            render(mended, azimuth=0.6, elevation=0.9),
+            f"Mended: {gaps} gaps closed. What was never lit is an invention here, for instance "
+            "the inside of a vessel.",
+        ),
+        html.heading("Deviation from the true shape"),
+        html.picture(
+            deviation_figure(done.mesh, found),
+            "Each measured vertex against the true surface; nothing was fitted or aligned.",
+        ),
+        html.heading("Findings"),
+        html.findings(done.findings),
+        html.heading("Time"),
+        html.table(["work", "s"], [(what, f"{s:.1f}") for what, s in times]),
+    ]
+    parts += [html.paragraph(line) for line in summary(done, bench.rig)]
+    return html.page(f"turnscan demo: {part}", parts)
+
+
+def _rows(devices: Simulated, found: Deviation) -> list[tuple[str, str]]:
+    bench = devices.world.bench
+    camera = bench.rig.camera
+    beam = bench.beams[0]
+    return [
+        ("camera", f"{camera.width} × {camera.height} pixels, f/{bench.lens.f_number:g}"),
+        ("lasers", ", ".join(f"{b.name} {b.wavelength * 1e6:.0f} nm" for b in bench.beams)),
+        ("thickness of the sheet (1/e²)", f"{2 * beam.waist:.2f} mm at its waist"),
+        ("speckle grain λN′", f"{bench.grain[1]:.2f} pixel widths"),
+        ("table positions", f"{devices.steps}"),
+        ("mean deviation", f"{found.mean:+.4f} mm"),
+        ("rms deviation", f"{found.rms:.4f} mm"),
+        ("95 % of the points within", f"{found.quantile(0.95):.4f} mm"),
+    ]
+
+
+def _frame_figure(frame: DemoFrame) -> Figure:
+    from matplotlib.figure import Figure
+
+    picture = frame.picture.astype(np.float64)
+    grey = picture if picture.ndim == 2 else picture.max(axis=2)
+    top = max(float(np.quantile(grey, 0.9995)), 1.0)
+    figure = Figure(figsize=(11, 5), layout="constrained")
+    whole, near = figure.subplots(1, 2, width_ratios=[1.3, 1])
+    place = frame.stripe.pixels[frame.stripe.found]
+    for axes in (whole, near):
+        axes.imshow((grey / top).clip(0, 1) ** 0.6, cmap="gray", interpolation="nearest")
+        axes.plot(place[:, 0], place[:, 1], ".", color="#ff5a36", markersize=1.5)
+    if len(place):
+        u, v = place[len(place) // 2]
+        near.set_xlim(u - 24, u + 24)
+        near.set_ylim(v + 24, v - 24)
+        near.lines[0].set_markersize(5)
+    whole.set_title(f"laser {frame.laser}, step {frame.step}", fontsize=10)
+    near.set_title("48 × 48 pixels of it", fontsize=10)
+    return figure
+
+
+def _frame_caption(frame: DemoFrame) -> str:
+    return (
+        f"Picture with laser {frame.laser} lit, brightened; dots: the stripe found in "
+        f"{int(frame.stripe.found.sum())} of {len(frame.stripe.position)} rows."
+    )
+
+
+def _grid_figure(grid: RangeGrid) -> Figure:
+    from matplotlib.figure import Figure
+
+    radius: Floats = np.hypot(grid.points[..., 0], grid.points[..., 1])
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    axes = figure.subplots()
+    shown = axes.imshow(radius.T, aspect="auto", cmap="viridis", interpolation="nearest")
+    axes.set_xlabel("step")
+    axes.set_ylabel("image row")
+    rows = np.flatnonzero(grid.found.any(axis=0))
+    if len(rows):
+        axes.set_ylim(rows[-1] + 5, rows[0] - 5)
+    figure.colorbar(shown, label="distance from the axis, mm")
+    return figure
+
+
+def _grid_caption(grid: RangeGrid) -> str:
+    return (
+        f"Laser {grid.laser}: one column per table position, one line per image row; white where "
+        "nothing was measured."
+    )
