@@ -172,12 +172,11 @@ def _cloud_figures(real: Scan, truth: Scan, made: Bench) -> dict[str, float]:
         precise = float(good.sum() / found.sum())
         row[f"C@{limit}"] = 100 * complete
         row[f"F@{limit}"] = 100 * 2 * complete * precise / max(complete + precise, 1e-9)
-    return row | _fitted(body.part.name, body.part.dimensions, at, real.grid, found, away)
+    return row | _fitted(body.part.name, at, real.grid, found, away)
 
 
 def _fitted(
     name: str,
-    sizes: object,
     at: Floats,
     grid: points.RangeGrid,
     found: Bools,
@@ -204,10 +203,12 @@ def _fitted(
     elif name == "plate":
         faces = []
         for way in (1.0, -1.0):
-            face = keep & (np.abs(at[:, 1] - way * 4.0) < 2) & (np.abs(at[:, 0]) < 28)
+            face = keep & (np.abs(at[:, 0] - way * 4.0) < 2) & (np.abs(at[:, 1]) < 28)
             face &= at[:, 2] < 78
             faces.append(shapes.fit_plane(at[face], sigma[face]))
-        off = abs(faces[0].distances(faces[1].point[None])[0]) - 8.0
+        # Thickness at the middle of the plate, where each plane's height is best known.
+        middle = np.array([0.0, 0.0, 40.0])
+        off = sum(abs(float(f.distances(middle))) for f in faces) - 8.0
         spread = math.hypot(*(f.rms / math.sqrt(f.count) for f in faces))
     else:
         return {}
