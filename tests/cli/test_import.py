@@ -16,7 +16,7 @@ from PIL import Image as Pillow
 
 from turnscan.cli import turnscan
 from turnscan.errors import FormatError, InputError, ScanError, TurnscanError
-from turnscan.rig import Camera, LaserSheet, Pose, Rig, rig_to_json
+from turnscan.rig import Camera, LaserSheet, Marker, Pose, Rig, rig_to_json, rotation_z
 from turnscan.scan import Scan, read_picture
 
 SIZE = (60, 80)
@@ -187,6 +187,58 @@ def test_angles_from_a_list(tmp_path: Path, text: str, degrees: list[float]) -> 
         np.testing.assert_allclose(np.degrees(scan.angles()), degrees)
         sigma = scan.frame(0, "laser").angle_sigma
         assert math.isnan(sigma) or math.degrees(sigma) == pytest.approx(0.1)
+
+
+def _marker_rig() -> Rig:
+    """A camera that looks down at the platter at 45°, and four markers on it."""
+    side = np.array([[-8.0, 8, 0], [8, 8, 0], [8, -8, 0], [-8, -8, 0]])
+    places = [np.array([28 * np.cos(a), 28 * np.sin(a), 0.0]) for a in np.arange(4) * np.pi / 2]
+    markers = tuple(Marker("DICT_4X4_50", k, side + p) for k, p in enumerate(places))
+    half = math.sqrt(0.5)
+    down = np.array([[1.0, 0, 0], [0, -half, -half], [0, half, -half]])
+    sheet = LaserSheet("laser", np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 200.0]))
+    camera = Camera(480, 360, 750.0, 750.0, 239.5, 179.5)
+    return Rig(camera, (sheet,), Pose(down, np.array([0.0, 0.0, 200.0])), markers)
+
+
+def _marker_picture(rig: Rig, angle: float) -> np.ndarray:
+    import cv2
+
+    out = np.full((360, 480), 200, np.uint8)
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    for marker in rig.markers:
+        corners = rig.camera.project(rig.T_camera_table.apply(marker.corners @ rotation_z(angle).T))
+        tag = cv2.aruco.generateImageMarker(dictionary, marker.number, 120)
+        flat = np.array([[-0.5, -0.5], [119.5, -0.5], [119.5, 119.5], [-0.5, 119.5]], np.float32)
+        warp = cv2.getPerspectiveTransform(flat, corners.astype(np.float32))
+        drawn = cv2.warpPerspective(tag, warp, (480, 360), flags=cv2.INTER_AREA, borderValue=200)
+        out = np.minimum(out, drawn)
+    return out
+
+
+def test_angles_from_markers(tmp_path: Path) -> None:
+    rig = _marker_rig()
+    (tmp_path / "rig.json").write_text(rig_to_json(rig))
+    (tmp_path / "on").mkdir()
+    truth = np.radians(np.arange(16) * 22.5 + 2.0 * np.sin(np.arange(16)))
+    for k, angle in enumerate(truth):
+        shown = _marker_picture(rig, angle) if k != 7 else np.full((360, 480), 200, np.uint8)
+        Pillow.fromarray(shown).save(tmp_path / "on" / f"s{k}.png")
+    said = run(
+        tmp_path / "on", "-o", tmp_path / "a.turnscan", "--angles", "markers",
+        "--rig", tmp_path / "rig.json",
+    )  # fmt: skip
+    assert "from markers" in said
+    assert "calibrate.angle-filled" in said
+    with Scan.open(tmp_path / "a.turnscan") as scan:
+        error = np.degrees(scan.angles() - truth)
+        error -= 360 * np.round(error[0] / 360)
+        seen = np.arange(16) != 7
+        assert np.abs(error[seen]).max() < 0.2
+        assert abs(error[7]) < 4
+        frame = scan.frame(3, "laser")
+        assert math.isnan(frame.commanded)
+        assert 0 < math.degrees(frame.angle_sigma) < 0.2
 
 
 def test_sixteen_bits_and_a_video(tmp_path: Path) -> None:
