@@ -32,7 +32,7 @@ def test_a_colour_stripe_is_as_good_as_a_grey_one(dtype, scale, weights, with_da
         signal.project(lit),
         None if off is None else signal.project(off),
         StripeSettings(),
-        *((level, noise) if known else ()),
+        *((level * signal.gain, noise * signal.gain) if known else ()),
     )
     assert got.found.all()
     assert np.median(got.amplitude) == pytest.approx(150 * w[1] * scale, rel=0.05)

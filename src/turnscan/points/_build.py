@@ -14,7 +14,7 @@ from turnscan.points._triangulate import beyond_axis, to_object, triangulate
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Stripe, StripeFlag
 
-_GAP = 1.5
+_GAP = 2.5
 """The turn is closed when the gap from last to first is at most this many usual steps."""
 
 
@@ -88,7 +88,7 @@ def goes_round(angles: npt.ArrayLike) -> bool:
     """Whether table angles (s,) in scan order close a whole turn.
 
     True when they run one way only and the gap that is left from last to first is no wider than
-    1.5 usual steps, so a turn also closes where 360° is not a whole number of steps.
+    2.5 usual steps, so a turn also closes where 360° is not a whole number of steps.
     """
     a = np.unwrap(np.asarray(angles, dtype=np.float64))
     if len(a) < 3:

@@ -17,10 +17,10 @@ from turnscan.stripes._stripe import Stripe
 
 @dataclass(frozen=True)
 class Signal:
-    """Finds stripes in the frames of a scan, grey or colour, all settings in grey levels.
+    """Finds stripes in the frames of a scan, grey or colour, with settings in grey levels.
 
     Colour pictures are projected to 16 bits, so that weighing the channels rounds nothing away;
-    thresholds, noise and amplitudes are carried over to those finer levels and back.
+    settings are carried over to those finer levels, and amplitudes back.
     """
 
     weights: Weights | None
@@ -57,12 +57,13 @@ class Signal:
     ) -> Stripe:
         """Find the stripe in projected pictures (H, W).
 
-        ``level`` and ``noise`` of the signal, in grey levels, are those of the whole picture where
-        they are known (a sparse frame no longer shows them). Raises InputError like `detect`.
+        ``level`` and ``noise`` of the signal over the whole picture, in levels of the projected
+        picture, are given where they are known (a sparse frame no longer shows them). Raises
+        InputError like `detect`.
         """
         gain = self.gain
         black = self._black if dark is None else 0.0
-        known = None if math.isnan(noise) else (level * gain + black, noise * gain)
+        known = None if math.isnan(noise) else (level + black, noise)
         scaled = replace(
             settings,
             background=known,
