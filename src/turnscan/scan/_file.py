@@ -65,6 +65,7 @@ class Scan:
         self._backgrounds: dict[str, Row] = {}
         self._pictures: dict[str, Image] = {}
         self._shared: tuple[str, Project | None, Background] | None = None
+        self._scales: tuple[Project, float] | None = None
         self._closed = False
         self._thread = threading.RLock()
 
@@ -208,7 +209,8 @@ class Scan:
         """Frames in step order, of one laser or of all, one laser after the other.
 
         ``project`` turns colour pixels (H, W, 3) into the signal (H, W); it is applied to the kept
-        pixels alone, which is far cheaper than to whole pictures. Grey frames ignore it.
+        pixels alone, which is far cheaper than to whole pictures, and must be linear up to a shift,
+        with the plan's weights; noise and level are then in its grey levels. Grey frames ignore it.
         Raises ScanCorrupt naming the frame.
         """
         return (stored.decode() for stored in self.stored(laser, project))
@@ -294,7 +296,8 @@ class Scan:
         if dark_of(row) == "background":
             background = self._ground(row, project)
         where = f"{self.path}: {row}"
-        return Stored(row, self._payload(row), self.plan, background, project, where)
+        scale = 1.0 if project is None else self._scale(project)
+        return Stored(row, self._payload(row), self.plan, background, project, scale, where)
 
     def _ground(self, row: Row, project: Project | None) -> Background:
         if self._shared is None or self._shared[:2] != (row.laser, project):
@@ -303,6 +306,16 @@ class Scan:
                 raise ScanCorrupt(f"{self.path}: damaged: the background of {row} is gone")
             self._shared = (row.laser, project, Background(picture, project))
         return self._shared[2]
+
+    def _scale(self, project: Project) -> float:
+        """What a projection makes of one grey level of the signal; it is linear up to a shift."""
+        if self._scales is None or self._scales[0] is not project:
+            weights = np.array(self.plan.weights)
+            top = np.iinfo(self.plan.dtype).max
+            ends = np.where(np.stack([weights > 0, weights < 0]), top, 0).astype(self.plan.dtype)
+            low, high = (float(v) for v in project(ends[::-1].reshape(1, 2, 3))[0])
+            self._scales = (project, (high - low) / float(np.abs(weights).sum() * top))
+        return self._scales[1]
 
     def _payload(self, row: Row) -> bytes:
         with self._thread:

@@ -100,9 +100,10 @@ class Frame:
     angle_sigma: float = NAN
     """rad, standard uncertainty of ``angle``; NaN where unknown."""
     noise: float = NAN
-    """Grey levels, robust standard deviation of the signal, weights · (lit − dark), over the whole
-    picture. `Scan.add` measures it where it is NaN; detectors that set their threshold by the
-    noise need this one, because a sparse frame no longer shows it."""
+    """Grey levels, robust standard deviation of the signal over the whole picture; of the
+    projected signal where the pictures are projected. `Scan.add`
+    measures it where it is NaN; detectors that set their threshold by the noise need this one,
+    because a sparse frame no longer shows it."""
     level: float = NAN
     """Grey levels, median of the signal over the whole picture; measured like ``noise``."""
     time: float = NAN

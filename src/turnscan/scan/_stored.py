@@ -21,6 +21,8 @@ class Stored:
     plan: ScanPlan
     background: Background | None
     project: Project | None
+    scale: float
+    """Grey levels of the projected signal for one of ``weights`` · (red, green, blue)."""
     where: str
 
     def decode(self) -> Frame:
@@ -38,8 +40,8 @@ class Stored:
             commanded=row.commanded,
             measured=row.measured,
             angle_sigma=row.sigma,
-            noise=row.noise,
-            level=row.level,
+            noise=row.noise * self.scale,
+            level=row.level * self.scale,
             time=row.time,
             settings=settings_from_json(row.settings, self.where),
         )
