@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import cv2
 import numpy as np
@@ -77,26 +78,31 @@ def seconds(job: Callable[[], object], tries: int) -> float:
     return float(best)
 
 
+def measure(height: int, width: int) -> None:
+    """Print the figures for one size of picture."""
+    settings = StripeSettings()
+    lit, dark, centre = scene(height, width)
+    words = [np.ascontiguousarray(p).view(np.uint64) for p in (lit, dark)]
+    tries = 60 if height < 1000 else 15
+    ours = seconds(lambda: detect(lit, dark, settings), 3 * tries)
+    read = seconds(lambda: [np.bitwise_or.reduce(w, axis=None) for w in words], 3 * tries)
+    error = float(np.nanstd(detect(lit, dark, settings).position - centre))
+    print(f"{width}×{height} lit + dark, one core: {1 / ours:8.0f} frames/s, rms {error:.3f} px")
+    print(f"    {ours / read:5.1f} × the time to read both pictures once")
+    for name, job in (
+        ("recipe, whole-picture NumPy", recipe),
+        ("recipe, loop over rows", recipe_by_rows),
+        ("recipe, windows gathered by hand", recipe_gathered),
+    ):
+        theirs = seconds(partial(job, lit, dark), tries // 4)
+        off = float(np.nanstd(job(lit, dark) - centre))
+        print(f"    {theirs / ours:5.1f} × {name} ({1 / theirs:.0f} frames/s, rms {off:.3f} px)")
+    many = seconds(lambda: find_candidates(lit, dark, settings), tries)
+    print(f"    all candidates: {1 / many:.0f} frames/s")
+
+
 def run() -> None:
     """Print the table."""
     cv2.setNumThreads(1)
-    settings = StripeSettings()
-    for height, width in ((480, 640), (2048, 2560)):
-        lit, dark, centre = scene(height, width)
-        words = [np.ascontiguousarray(p).view(np.uint64) for p in (lit, dark)]
-        tries = 60 if height < 1000 else 15
-        ours = seconds(lambda: detect(lit, dark, settings), 3 * tries)
-        read = seconds(lambda: [np.bitwise_or.reduce(w, axis=None) for w in words], 3 * tries)
-        error = float(np.nanstd(detect(lit, dark, settings).position - centre))
-        print(f"{width}×{height} lit + dark, one core: {1 / ours:8.0f} frames/s, rms {error:.3f} px")
-        print(f"    reading both pictures once takes 1/{ours / read:.1f} of that")
-        for name, job in (
-            ("recipe, whole-picture NumPy", recipe),
-            ("recipe, loop over rows", recipe_by_rows),
-            ("recipe, windows gathered by hand", recipe_gathered),
-        ):
-            theirs = seconds(lambda job=job: job(lit, dark), tries // 4)  # type: ignore[misc]
-            off = float(np.nanstd(job(lit, dark) - centre))
-            print(f"    {theirs / ours:5.1f} × {name} ({1 / theirs:.0f} frames/s, rms {off:.3f} px)")
-        many = seconds(lambda: find_candidates(lit, dark, settings), tries)
-        print(f"    all candidates: {1 / many:.0f} frames/s")
+    measure(480, 640)
+    measure(2048, 2560)

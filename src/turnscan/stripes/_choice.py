@@ -1,5 +1,5 @@
-"""Which candidate of a line is the stripe: the kernels of the choice and the remarks that follow."""
-# mypy: disable-error-code="untyped-decorator"
+"""Which candidate of a line is the stripe: kernels of the choice, and the flags that follow."""
+# mypy: disable-error-code="untyped-decorator,no-any-return"
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-DARK, AMBIGUOUS, SATURATED, HALO, EDGE, MULTI, GRAZING = 1, 4, 8, 16, 32, 64, 128
+DARK, OUTSIDE, AMBIGUOUS, SATURATED, EDGE, MULTI, GRAZING = 1, 2, 4, 8, 32, 64, 128
 BRIGHTEST, FIRST, LAST, NEAREST = range(4)
 
 GLOW_WIDTH, GLOW_AMPLITUDE = 3.0, 0.35
@@ -169,7 +169,8 @@ def gather(table: Any, bits: Any, chosen: Any, out: Any, flags: Any) -> None:
                 out[i, v] = table[i, v, j]
             flags[v] = bits[v, j]
         else:
-            flags[v] = DARK | (AMBIGUOUS if not np.isnan(table[0, v, 0]) else 0)
+            left_out = not np.isnan(table[0, v, 0])
+            flags[v] = (bits[v, 0] & OUTSIDE) or (DARK | (AMBIGUOUS if left_out else 0))
     for v in range(lines):
         if chosen[v] < 0:
             continue

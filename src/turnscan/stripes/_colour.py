@@ -99,7 +99,8 @@ def project_colour(
             )
     out: Any = dtype or rgb.dtype.type
     if out is rgb.dtype.type and np.count_nonzero(w) == 1 and w.max() == 1.0:
-        return np.ascontiguousarray(rgb[:, :, int(w.argmax())])
+        channel: Image = np.ascontiguousarray(rgb[:, :, int(w.argmax())])  # type: ignore[assignment]
+        return channel
     full_in, full_out = float(np.iinfo(rgb.dtype).max), float(np.iinfo(out).max)
     if rgb.dtype == np.uint8 and out is np.uint16:
         full_out = full_in * UINT16_SCALE
@@ -125,8 +126,11 @@ def _row_mean(on: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     width = on.shape[1]
     padded = np.pad(on, ((0, 0), (_NEAR + 1, _NEAR), (0, 0)), mode="edge")
     total = np.cumsum(padded, axis=1, dtype=np.float64)
-    mean = (total[:, 2 * _NEAR + 1 :] - total[:, : -2 * _NEAR - 1])[:, :width] / (2 * _NEAR + 1)
-    return mean.astype(np.float32)
+    reach = 2 * _NEAR + 1
+    mean: npt.NDArray[np.float32] = (
+        (total[:, reach:] - total[:, :-reach])[:, :width] / reach
+    ).astype(np.float32)
+    return mean
 
 
 def _best_axis(light: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
@@ -139,7 +143,8 @@ def _best_axis(light: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         # The line is one narrow thing: what else is nearly as bright counts against the axis.
         rivals = float(np.percentile(seen[::3], 97.0))
         scores.append(float(np.median(seen.max(axis=1))) / (noise + max(rivals, 0.0)))
-    return axes[int(np.argmax(scores))]
+    best: npt.NDArray[np.float32] = axes[int(np.argmax(scores))]
+    return best
 
 
 def _discriminant(covariance: Floats, mean: Floats, *, positive: bool) -> Floats:

@@ -115,7 +115,7 @@ def _prepare(
 
 def _readable(image: Image) -> Image:
     """A contiguous read-only view: one type for the compiler, whoever owns the picture."""
-    view = np.ascontiguousarray(image).view()
+    view: Image = np.ascontiguousarray(image).view()  # type: ignore[assignment]
     view.flags.writeable = False
     return view
 

@@ -1,5 +1,5 @@
 """Everything about all candidates of a picture: list, measure in rounds, write down."""
-# mypy: disable-error-code="untyped-decorator"
+# mypy: disable-error-code="untyped-decorator,no-any-return"
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 from numba import njit
 
 from turnscan.stripes._measure import (
+    CENTROID,
     HALF_WINDOW,
+    MEDIAN,
     NOISE_FACTOR,
     PHASE_ERROR,
     WINDOW,
@@ -44,11 +46,11 @@ SPARE = 4.0
 """Pixels beside the seed that a measurement may look at, in rms widths, and …"""
 MARGIN = 6
 """… px more, for the flanks."""
-MEMORY = 0.85
+MEMORY = 0.93
 """What a line's width counts for the width of the window in the next line."""
-KIN_DISTANCE, KIN_WIDTH = 3.0, 2.5
+KIN_DISTANCE, KIN_WIDTH = 4.0, 4.0
 """Candidates of adjacent lines belong together within this many widths and this ratio of widths."""
-PEDESTAL_LIMIT = 0.12
+PEDESTAL_LIMIT = 0.1
 """Light beside the stripe above this part of its amplitude is a halo …"""
 LEAN_LIMIT = 0.3
 """… and so is a centre this many widths away from the middle of the half-height."""
@@ -222,7 +224,7 @@ def measure_round(some: Any, n: int, pool: Any, stops: Any, noise: float, turns:
 @njit(cache=True, nogil=True, error_model="numpy")
 def clipped(lit: Any, v: int, first: float, last: float, u0: int, u1: int, level: float) -> bool:
     """True where a pixel between first and last is saturated."""
-    for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):
+    for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):  # noqa: SIM110
         if lit[v, x] >= level:
             return True
     return False
@@ -292,6 +294,11 @@ def write_down(
         if (halo > PEDESTAL_LIMIT and some[i, PEDESTAL] > 4.0 * terms.noise) or lean > LEAN_LIMIT:
             flags |= HALO
             spread += (HALO_BIAS * some[i, WIDTH] * min(1.0, halo + lean)) ** 2
+        if terms.strategy in (CENTROID, MEDIAN):
+            # Their phase error comes from what the threshold cuts off.
+            phase = PHASE_ERROR[WINDOW] + PHASE_ERROR[terms.strategy] * min(
+                1.0, terms.level / (0.2 * max(amplitude, 1.0))
+            )
         if terms.strategy != WINDOW:
             fill(light, lit, dark, v, w, terms.base, left, right + 1)
             position = by_strategy(light, terms.strategy, some[i, PLACE], left, right, terms.level)

@@ -4,7 +4,7 @@
 the candidate (the valleys towards its neighbours). The window works on running sums, so that a
 turn costs the same however wide the stripe is.
 """
-# mypy: disable-error-code="untyped-decorator"
+# mypy: disable-error-code="untyped-decorator,no-any-return"
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ def half_width(light: Any, seed: float, top: float, left: int, right: int) -> An
     """Both places where the light falls to half, above the lower of the two ends."""
     floor = max(0.0, min(light[left], light[right]))
     level = floor + 0.5 * (top - floor)
-    x = int(math.floor(seed))
+    x = math.floor(seed)
     while x > left and light[x - 1] >= level:
         x -= 1
     low = x - 0.5
     if x > left:
         step = light[x] - light[x - 1]
         low = x - (light[x] - level) / step if step > 0.0 else x - 0.5
-    x = int(math.ceil(seed))
+    x = math.ceil(seed)
     while x < right and light[x + 1] >= level:
         x += 1
     high = x + 0.5
@@ -73,7 +73,7 @@ def half_width(light: Any, seed: float, top: float, left: int, right: int) -> An
 def accumulate(
     lit: Any, dark: Any, v: int, w: int, base: float, left: int, right: int, sums: Any, start: int
 ) -> None:
-    """Running sums of light·t^k, k = 0, 1, 2, over the pixels t = x - left - middle of left … right.
+    """Running sums of light·t^k, k = 0, 1, 2, over the pixels left … right, t from their middle.
 
     The right - left + 2 rows of ``sums`` from ``start`` begin with zeros: the sums over any run of
     pixels are then the difference of two rows.
@@ -113,8 +113,8 @@ def moments(
     ``pedestal + slope·(x - c)``. The fourth value is the light of the two end pixels together.
     """
     t = c - last // 2
-    a = int(math.floor(c - h + 0.5))
-    b = int(math.ceil(c + h - 0.5))
+    a = math.floor(c - h + 0.5)
+    b = math.ceil(c + h - 0.5)
     i = start + a
     j = start + b
     part_a = a + 0.5 - (c - h)
@@ -160,16 +160,17 @@ def width_of(second: float, h: float) -> float:
 def background_line(sums: Any, start: int, last: int, c: float, h: float, noise: float) -> Any:
     """Pedestal at ``c`` and slope of the light beside the window.
 
-    The slope counts only where both sides differ by more than the noise explains, so that a
-    clean stripe pays nothing for it.
+    Only the difference beyond what the noise explains makes a slope, so that a clean stripe pays
+    nothing for it.
     """
-    a = int(math.floor(c - h + 0.5)) - 1
-    b = int(math.ceil(c + h - 0.5)) + 2
+    a = math.floor(c - h + 0.5) - 1
+    b = math.ceil(c + h - 0.5) + 2
     below = mean_light(sums, start, last, a - FLANK, a)
     above = mean_light(sums, start, last, b, b + FLANK)
+    excess = abs(above - below) - FLANK_DIFFERENCE * noise
     slope = 0.0
-    if abs(above - below) > FLANK_DIFFERENCE * noise:
-        slope = (above - below) / (b - a + FLANK)
+    if excess > 0.0:
+        slope = math.copysign(excess, above - below) / (b - a + FLANK)
     return 0.5 * (below + above), slope
 
 
@@ -179,9 +180,9 @@ def centre_window(
 ) -> Any:
     """Centre of gravity in a symmetric window of ± 2.5 widths that follows the centre.
 
-    ``c`` counts pixels from the first of the ``last`` + 1 whose sums begin at ``start``. Returns the centre, the half window, the
-    light in it, its variance about the centre, the pedestal, and how far the window amplifies the
-    noise by following its own centre.
+    ``c`` counts pixels from the first of the ``last`` + 1 whose sums begin at ``start``. Returns
+    the centre, the half window, the light in it, its variance about the centre, the pedestal, and
+    how far the window amplifies the noise by following its own centre.
     """
     s0 = s1 = s2 = ends = pedestal = slope = 0.0
     h = MIN_HALF_WINDOW

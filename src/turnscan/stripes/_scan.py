@@ -4,7 +4,7 @@ Everything here works on vertical stripes: a line is an image row. ``dark`` is t
 picture, or one row of zeros when there is none; ``base`` is the level of the background in
 ``lit - dark``, so that the light of a pixel is ``lit - dark - base``.
 """
-# mypy: disable-error-code="untyped-decorator"
+# mypy: disable-error-code="untyped-decorator,no-any-return"
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ RIPPLE = 0.15
 """A dip below this part of a peak starts a new peak in the first pass."""
 SPLIT_DEPTH = 0.5
 """Two peaks are two stripes when the valley is below this part of the lower one …"""
-SPLIT_DISTANCE = 5.0
+SPLIT_DISTANCE = 6.0
 """… and they are this many rms widths apart …"""
-SPLIT_DEEP = 0.15
+SPLIT_DEEP = 0.05
 """… or when the valley is below this part of the lower one, at any distance."""
 
 
@@ -92,7 +92,7 @@ def background(lit: Any, dark: Any, roi: Any) -> Any:
     step_v = max(1, (v1 - v0) // 64)
     step_u = max(1, (u1 - u0) // 160)
     paired = dark.shape[0] > 1
-    low = np.int64(reach)
+    low: Any = np.int64(reach)
     n = 0
     for v in range(v0, v1, step_v):
         a = lit[v]
@@ -105,7 +105,7 @@ def background(lit: Any, dark: Any, roi: Any) -> Any:
     below = 0
     quantile = low - 0.5
     wanted = 0.1587 * n
-    for d in range(low, reach + 1):
+    for d in range(low, reach + 1):  # type: ignore[assignment]
         here = counts[d + reach]
         if here > 0 and below + here >= wanted:
             level = d - 0.5 + (wanted - below) / here
@@ -270,7 +270,10 @@ def merge_peaks(peaks: Any, line: int, count: int, usual: float) -> int:
 def first_pass(
     lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: Any, light: Any
 ) -> Any:
-    """Peaks of every line, one after the other; returns the usual rms width and the brightest raw grey level."""
+    """Peaks of every line, one after the other in ``peaks``.
+
+    Returns the usual rms width and the brightest raw grey level.
+    """
     u0, v0, u1, v1 = roi
     paired = dark.shape[0] > 1
     widths = np.empty(v1 - v0)

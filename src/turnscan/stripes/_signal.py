@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from turnscan.arrays import Image
+from turnscan.arrays import Bools, Floats, Image
 from turnscan.stripes._colour import UINT16_SCALE, Weights, project_colour
-from turnscan.stripes._detect import detect
+from turnscan.stripes._detect import choose, find_candidates
 from turnscan.stripes._settings import StripeSettings
-from turnscan.stripes._stripe import Stripe
+from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,15 @@ class Signal:
         settings: StripeSettings,
         level: float = math.nan,
         noise: float = math.nan,
+        inside: Bools | None = None,
     ) -> Stripe:
         """Find the stripe in projected pictures (H, W).
 
         ``level`` and ``noise`` of the signal over the whole picture, in levels of the projected
-        picture, are given where they are known (a sparse frame no longer shows them). Raises
-        InputError like `detect`.
+        picture, are given where they are known (a sparse frame no longer shows them). ``inside``
+        (H, W) is True where a stripe counts; make ``settings.mask`` wider than that, so that the
+        cut flank of a bright line out there is not taken for a stripe in here.
+        Raises InputError like `find_candidates`.
         """
         gain = self.gain
         black = self._black if dark is None else 0.0
@@ -75,5 +78,32 @@ class Signal:
             if settings.electrons_per_dn is None
             else settings.electrons_per_dn / gain,
         )
-        stripe = detect(lit, dark, scaled)
+        found = find_candidates(lit, dark, scaled)
+        stripe = choose(found if inside is None else restrict(found, inside), scaled)
         return stripe if gain == 1.0 else replace(stripe, amplitude=stripe.amplitude / gain)
+
+
+def restrict(candidates: Candidates, inside: Bools) -> Candidates:
+    """The candidates at pixels where ``inside`` (H, W) is True; lines that lose all are OUTSIDE."""
+    c = candidates
+    picture = inside if c.orientation == "vertical" else inside.T
+    line = np.arange(len(c.position))[:, None]
+    there = ~np.isnan(c.position)
+    pixel = np.clip(np.rint(np.where(there, c.position, 0.0)), 0, picture.shape[1] - 1)
+    keep = there & picture[line, pixel.astype(np.intp)]
+    order = np.argsort(~keep, axis=1, kind="stable")
+
+    def kept(values: Floats) -> Floats:
+        return np.take_along_axis(np.where(keep, values, np.nan), order, axis=1)
+
+    flags = np.take_along_axis(np.where(keep, c.flags, 0), order, axis=1)
+    lost = ~keep.any(axis=1)
+    flags[lost, 0] = np.where(there[lost].any(axis=1), StripeFlag.OUTSIDE, c.flags[lost, 0])
+    return Candidates(
+        kept(c.position),
+        kept(c.sigma),
+        kept(c.amplitude),
+        kept(c.width),
+        flags.astype(np.uint16),
+        c.orientation,
+    )

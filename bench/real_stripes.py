@@ -1,0 +1,168 @@
+"""Stripes in pictures of real scanners made by others (../shared/data, not part of turnscan)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Image
+from turnscan.stripes import (
+    Stripe,
+    StripeFlag,
+    StripeSettings,
+    detect,
+    learn_colour,
+    project_colour,
+)
+
+DATA = Path(__file__).parents[2] / "shared" / "data"
+Array = npt.NDArray[np.float64]
+
+
+def read(path: Path) -> Image:
+    """A colour picture, red, green, blue."""
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise FileNotFoundError(path)
+    return np.ascontiguousarray(picture[:, :, ::-1])
+
+
+def pair(lit: Path, dark: Path, choose: str = "nearest") -> tuple[Stripe, Array]:
+    """Learn the colour from a laser on/off pair and find the stripe; also the weights."""
+    on, off = read(lit), read(dark)
+    weights = learn_colour(on, off)
+    settings = StripeSettings(choose=choose)  # type: ignore[arg-type]
+    return detect(project_colour(on, weights), project_colour(off, weights), settings), weights
+
+
+def roughness(position: Array) -> float:
+    """Noise of the centres along the stripe, px: robust, from second differences."""
+    bend = np.diff(position, 2)
+    return float(np.nanmedian(np.abs(bend)) / (0.6745 * np.sqrt(6.0)))
+
+
+def bust(data: Path) -> tuple[int, int, int]:
+    """Rows with a stripe: all, on the bust (rows 50-1124), on the table's rim (1220-1279)."""
+    folder = data / "ciclop-bust" / "laser_on_off_bust"
+    stripe, _ = pair(folder / "laser.png", folder / "laser_background.png", "brightest")
+    found = stripe.found
+    return int(found.sum()), int(found[50:1125].sum()), int(found[1220:].sum())
+
+
+def core_of(green: Image, row: int, near: float) -> tuple[float, float]:
+    """Middle and width of the white core: where green, which does not glow, exceeds half."""
+    line = green[row].astype(np.float64)
+    u0 = max(0, round(near) - 30)
+    part = line[u0 : u0 + 61]
+    floor = float(np.median(part))
+    above = np.flatnonzero(part > floor + 0.5 * (part.max() - floor))
+    return float(u0 + above.mean()), float(len(above))
+
+
+def ceramic(data: Path, lit: str, dark: str) -> dict[str, float]:
+    """The glossy figure, rows 310-839: is the centre in the white core, and is it smooth?"""
+    folder = data / "ceramic-pairs"
+    stripe, weights = pair(folder / lit, folder / dark)
+    on, off = read(folder / lit), read(folder / dark)
+    green = cv2.subtract(on[:, :, 1], off[:, :, 1])
+    rows = np.arange(310, 840)
+    cores = np.array([core_of(green, v, stripe.position[v]) for v in rows if stripe.found[v]])
+    away = np.abs(stripe.position[rows][stripe.found[rows]] - cores[:, 0])
+    red = (
+        cv2.subtract(on[:, :, 0], off[:, :, 0])[rows]
+        > 0.2 * cv2.subtract(on[:, :, 0], off[:, :, 0])[rows].max()
+    ).sum(axis=1)
+    return {
+        "weight of red": float(weights[0]),
+        "weight of green": float(weights[1]),
+        "rows found of 530": float(stripe.found[rows].sum()),
+        "px from the middle of the core, median": float(np.median(away)),
+        "px, 95 %": float(np.percentile(away, 95)),
+        "width of the stripe, rms px": float(np.nanmedian(stripe.width[rows])),
+        "width of the red glow, px": float(np.median(red)),
+        "steps above 3 px between rows": float((np.abs(np.diff(stripe.position[rows])) > 3).sum()),
+        "noise along the stripe, px": roughness(stripe.position[330:600]),
+    }
+
+
+def blocks(data: Path, name: str) -> dict[str, float]:
+    """A step block: shift of the stripe on top of it against the bed, over the distinct frames."""
+    frames: list[Image] = []
+    for path in sorted((data / "step-blocks" / name).glob("*.jpg")):
+        picture = project_colour(read(path), "grey")
+        # The video repeats each frame three times; a repetition is no new measurement.
+        if not frames or np.abs(picture.astype(int) - frames[-1]).mean() > 0.2:
+            frames.append(picture)
+    shifts, rough_bed, rough_top = [], [], []
+    for frame in frames:
+        stripe = detect(frame)
+        u = stripe.position
+        bed = np.r_[20:140, 390:460]
+        # The laser's line leans a little: compare with the straight line through the bed.
+        lean = np.polyfit(bed[np.isfinite(u[bed])], u[bed][np.isfinite(u[bed])], 1)
+        top = np.arange(210, 320)
+        shifts.append(float(np.nanmedian(np.polyval(lean, top) - u[top])))
+        rough_bed.append(roughness(u[20:140]))
+        rough_top.append(roughness(u[210:320]))
+    return {
+        "distinct frames": float(len(frames)),
+        "shift, px": float(np.mean(shifts)),
+        "rms of the shift over the frames, px": float(np.std(shifts, ddof=1)),
+        "noise along the stripe on the bed, px": float(np.median(rough_bed)),
+        "noise along the clipped stripe on the block, px": float(np.median(rough_top)),
+    }
+
+
+def green_board(data: Path, number: int) -> dict[str, float]:
+    """One picture without laser-off: the floor line, rows 430-479, and the board."""
+    on = read(data / "laser-boards-green" / f"{number}_right.jpg")
+    weights = learn_colour(on)
+    stripe = detect(project_colour(on, weights, np.uint16), None, StripeSettings(choose="nearest"))
+    rows = np.arange(150, 330)
+    fit = np.polyfit(rows[stripe.found[rows]], stripe.position[rows][stripe.found[rows]], 2)
+    residual = stripe.position[rows] - np.polyval(fit, rows)
+    return {
+        "rows on the board of 180": float(stripe.found[rows].sum()),
+        "rms from a parabola, px": float(np.sqrt(np.nanmean(residual**2))),
+        "noise along the stripe, px": roughness(stripe.position[rows]),
+    }
+
+
+def charuco(data: Path, lit: Path) -> dict[str, float]:
+    """A pair on two boards: rows with a stripe and its noise."""
+    stripe, _ = pair(lit, lit.with_name(lit.name.replace("_laser", "")))
+    ambiguous = (stripe.flags & StripeFlag.AMBIGUOUS) > 0
+    return {
+        "rows found": float(stripe.found.sum()),
+        "of": float(len(stripe.position)),
+        "ambiguous": float(ambiguous.sum()),
+        "noise along the stripe, px": roughness(stripe.position),
+    }
+
+
+def show(title: str, figures: dict[str, float]) -> None:
+    """One line of figures."""
+    print(f"{title}: " + " · ".join(f"{k} {v:.4g}" for k, v in figures.items()))
+
+
+def run() -> None:
+    """Print all figures."""
+    if not DATA.is_dir():
+        print("../shared/data is not here: nothing to measure")
+        return
+    total, on_bust, rim = bust(DATA)
+    print(f"ciclop-bust: {total} of 1280 rows ({on_bust} on the bust, {rim} on the table's rim)")
+    show("ceramic 5014", ceramic(DATA, "img_5014.jpg", "img_5013.jpg"))
+    show("ceramic 5397", ceramic(DATA, "img_5397.jpg", "img_5396.jpg"))
+    for name in ("grey_step_1.48mm", "grey_step_3.68mm", "grey_step_8.94mm", "grey_step_14mm"):
+        if (DATA / "step-blocks" / name).is_dir():
+            show(name, blocks(DATA, name))
+        else:
+            print(f"{name}: not in this copy of the data")
+    for number in range(6):
+        show(f"green board {number}", green_board(DATA, number))
+    for lit in sorted((DATA / "charuco-pairs").glob("*_laser.png")):
+        show(f"charuco {lit.name[:7]}", charuco(DATA, lit))

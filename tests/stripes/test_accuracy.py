@@ -1,0 +1,142 @@
+"""The error of the centres: not above what is promised, not below what physics allows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.stripes.pictures import bound, light, picture, speckled
+from turnscan.stripes import StripeFlag, StripeSettings, detect
+
+N = 4000
+WIDTH = 101
+KNOWN = StripeSettings(electrons_per_dn=1.0)
+
+
+def errors(
+    sigma: float,
+    peak: float,
+    read: float,
+    settings: StripeSettings = KNOWN,
+    background: float = 0.0,
+    full: float | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Errors (px), claimed sigmas (px) and flags of N rows with random phase."""
+    rng = np.random.default_rng(7)
+    centre = 50 + rng.uniform(-0.5, 0.5, N)
+    lit = picture(rng, light(centre, sigma, peak, WIDTH) + background, read, full)
+    stripe = detect(lit, None, settings)
+    assert stripe.found.all()
+    return stripe.position - centre, stripe.sigma, stripe.flags
+
+
+@pytest.mark.parametrize(
+    ("sigma", "peak", "read", "background", "ceiling"),
+    [
+        (1.5, 10_000.0, 5.0, 0.0, 0.012),
+        (0.6, 10_000.0, 5.0, 0.0, 0.012),
+        (3.0, 10_000.0, 5.0, 0.0, 0.0127),
+        (1.5, 300.0, 8.0, 50.0, 0.085),
+    ],
+)
+def test_the_default_is_near_the_bound_and_not_below(
+    sigma: float, peak: float, read: float, background: float, ceiling: float
+) -> None:
+    error, claimed, flags = errors(sigma, peak, read, background=background)
+    rms = float(np.sqrt(np.mean(error**2)))
+    # 4000 rows: the sampling error of an rms is 1.1 %.
+    assert 0.97 * bound(sigma, peak, read, background) <= rms <= ceiling
+    assert abs(error.mean()) < 4 * rms / np.sqrt(N)
+    assert 0.85 < (error / claimed).std() < 1.2
+    assert np.count_nonzero(flags) < 0.02 * N
+
+
+def test_a_clipped_stripe_is_flagged_and_its_sigma_honest() -> None:
+    settings = StripeSettings(electrons_per_dn=1.0, saturation=10_000.0)
+    error, claimed, flags = errors(1.5, 30_000.0, 8.0, settings, full=10_000.0)
+    assert (flags & StripeFlag.SATURATED).all()
+    assert error.std() < 0.044
+    assert 0.7 < (error / claimed).std() < 1.2
+
+
+@pytest.mark.parametrize(
+    ("strategy", "low", "high"),
+    [
+        ("maximum", 0.25, 0.33),
+        ("centroid", 0.005, 0.06),
+        ("median", 0.005, 0.04),
+        ("parabola", 0.02, 0.036),
+        ("gauss3", 0.015, 0.03),
+        ("squared", 0.008, 0.012),
+        ("blais-rioux", 0.008, 0.012),
+    ],
+)
+def test_the_other_strategies_are_as_good_as_theory_says(
+    strategy: str, low: float, high: float
+) -> None:
+    settings = StripeSettings(strategy=strategy, electrons_per_dn=1.0)  # type: ignore[arg-type]
+    error, claimed, _ = errors(1.5, 10_000.0, 5.0, settings)
+    assert low < error.std() < high
+    assert abs(error.mean()) < 0.02
+    assert 0.3 < (error / claimed).std() < 1.3
+
+
+@pytest.mark.parametrize(
+    ("grain", "sigma", "ceiling"), [(0.24, 1.5, 0.129), (0.5, 2.0, 0.301), (0.24, 3.0, 0.186)]
+)
+def test_speckle_is_averaged_as_well_as_a_window_can(
+    grain: float, sigma: float, ceiling: float
+) -> None:
+    rng = np.random.default_rng(3)
+    error, claimed = [], []
+    settings = StripeSettings(electrons_per_dn=1.0, speckle_contrast=1.0, speckle_grain=grain)
+    for _ in range(4):
+        intensity, centre = speckled(rng, grain, sigma, rows=192, fine=16 if grain < 0.3 else 8)
+        lit = picture(rng, intensity / intensity[:, 30].mean() * 5000)
+        stripe = detect(lit, None, settings)
+        error.append(stripe.position - centre)
+        claimed.append(stripe.sigma)
+    e, s = np.concatenate(error), np.concatenate(claimed)
+    assert np.isfinite(e).all()
+    rms = float(np.sqrt(np.mean(e**2)))
+    # ALGORITHMS §3.2: a full-width centroid without camera noise; no window can be better.
+    area = 4 / np.pi * grain**2
+    floor = np.sqrt(area / np.hypot(1, 1.18 * grain) * sigma / (4 * np.sqrt(np.pi)))
+    assert 0.85 * floor < rms < 1.1 * ceiling
+    assert 0.8 < (e / s).std() < 1.3
+
+
+def test_sigma_is_honest_where_the_noise_is_unknown() -> None:
+    rng = np.random.default_rng(11)
+    centre = 50 + 8 * np.sin(np.arange(N) / 300)
+    lit = picture(rng, light(centre, 1.5, 2000.0, WIDTH), 5.0)
+    stripe = detect(lit)
+    z = (stripe.position - centre) / stripe.sigma
+    assert 0.85 < z.std() < 1.2
+
+
+def test_a_constant_background_does_not_move_the_centre() -> None:
+    rng = np.random.default_rng(5)
+    centre = 50 + rng.uniform(-0.5, 0.5, 500)
+    lit = np.round(light(centre, 1.5, 20_000, WIDTH)).astype(np.uint16)
+    dark = np.full_like(lit, 3000)
+    plain = detect(lit)
+    raised = detect(lit + dark, dark)
+    np.testing.assert_allclose(raised.position, plain.position, atol=1e-3)
+    np.testing.assert_allclose(raised.amplitude, plain.amplitude, rtol=0.01)
+
+
+def test_a_halo_does_not_drag_the_window() -> None:
+    """Narrow line, broad one-sided glow holding four times its light: the window stays put."""
+    centre = np.linspace(90.0, 110.0, 300)
+    u = np.arange(300)
+    d = u - centre[:, None]
+    glow = 35.0 * np.exp(-np.abs(d) / np.where(d > 0, 60.0, 12.0))
+    lit = np.round(light(centre, 1.8, 170.0, 300) + glow + 10).astype(np.uint8)
+    stripe = detect(lit, np.full_like(lit, 10))
+    assert stripe.found.all()
+    assert np.abs(stripe.position - centre).max() < 0.15
+    assert (stripe.flags & StripeFlag.HALO).mean() > 0.9
+    everything = (glow + light(centre, 1.8, 170.0, 300)) * u
+    dragged = everything.sum(axis=1) / (glow + light(centre, 1.8, 170.0, 300)).sum(axis=1)
+    assert np.abs(dragged - centre).min() > 10  # what a plain centre of gravity would do
