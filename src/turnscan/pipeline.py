@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from turnscan import points, surface
+from turnscan.arrays import Bools
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid, Spacing, Volume
 from turnscan.rig import Rig
@@ -17,6 +18,8 @@ from turnscan.stripes import Signal, Stripe, StripeSettings
 from turnscan.surface import Caps, Mesh, Tears
 
 Tick = Callable[[], None]
+FLANKS = 24
+"""px beyond the working volume in which a stripe is still seen, but does not count."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,8 @@ class Settings:
     """mm between points along a profile; None keeps one point per image line."""
     spacing_by: Spacing = "height"
     tears: Tears = field(default_factory=Tears)
-    island: int = 50
-    """Loose pieces of fewer faces are taken away."""
+    island: int | None = None
+    """Loose pieces of fewer faces are taken away; None takes 1 % of the largest piece."""
     caps: Caps | None = None
     """How to close the surface; None leaves its borders open."""
 
@@ -61,9 +64,10 @@ def reconstruct(
     grids, findings = [], list[Finding]()
     for laser in scan.plan.lasers:
         volume = s.volume or points.working_volume(rig, laser)
-        mask = points.view_mask(rig, laser, volume)
+        inside = points.view_mask(rig, laser, volume)
+        mask = points.view_mask(rig, laser, volume, margin=FLANKS)
         look = replace(s.stripes, orientation=scan.plan.orientation, mask=mask)
-        whole, found = _grid(scan, laser, rig, look, tick)
+        whole, found = _grid(scan, laser, rig, look, inside, tick)
         turn, again = points.one_turn(points.every(whole, s.every))
         kept = points.drop_specks(points.clip(turn, volume), s.shortest)
         findings += found + points.angle_findings(turn, again)
@@ -78,13 +82,13 @@ def reconstruct(
 
 
 def _grid(
-    scan: Scan, laser: str, rig: Rig, look: StripeSettings, tick: Tick
+    scan: Scan, laser: str, rig: Rig, look: StripeSettings, inside: Bools, tick: Tick
 ) -> tuple[RangeGrid, list[Finding]]:
     signal = Signal(scan.plan.weights, scan.plan.dtype)
 
     def find(stored: Stored) -> tuple[int, float, Stripe]:
         frame = stored.decode()
-        stripe = signal.detect(frame.lit, frame.dark, look, frame.level, frame.noise)
+        stripe = signal.detect(frame.lit, frame.dark, look, frame.level, frame.noise, inside)
         tick()
         return frame.step, frame.angle, stripe
 

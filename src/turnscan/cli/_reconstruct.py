@@ -70,9 +70,7 @@ _length = click.FloatRange(min=0, min_open=True)
 @click.option(
     "--island",
     type=click.IntRange(min=0),
-    default=50,
-    show_default=True,
-    help="Loose pieces of fewer faces are taken away.",
+    help="Loose pieces of fewer faces are taken away.  [default: 1 % of the largest piece]",
 )
 @click.option("--close", is_flag=True, help="Close the surface; the faces added are marked.")
 @click.option(
@@ -97,7 +95,7 @@ def verb(
     radius: float | None,
     z_min: float | None,
     z_max: float | None,
-    island: int,
+    island: int | None,
     close: bool,
     unit: str,
     report: Path | None,

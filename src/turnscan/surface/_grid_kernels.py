@@ -38,10 +38,10 @@ def edges(points: Any, side: Any, closed: bool) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def usual(lengths: Any, along_steps: bool, wraps: bool, floor: float) -> Any:
+def usual(lengths: Any, along_steps: bool, wraps: bool, floor: float, ceiling: float) -> Any:
     """Local spacing (s, n): the median of each edge and its two neighbours on either side.
 
-    Not less than ``floor``; ``floor`` itself where fewer than three of the five exist.
+    Between ``floor`` and ``ceiling``; ``floor`` itself where fewer than three of the five exist.
     """
     s, n = lengths.shape
     out = np.full((s, n), floor)
@@ -66,7 +66,7 @@ def usual(lengths: Any, along_steps: bool, wraps: bool, floor: float) -> Any:
                         five[y], five[y - 1] = five[y - 1], five[y]
                         y -= 1
                 # An even number has two middles; the longer one tears less.
-                out[k, j] = max(floor, five[have // 2])
+                out[k, j] = min(max(floor, five[have // 2]), ceiling)
     return out
 
 

@@ -10,6 +10,9 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.points import RangeGrid
 from turnscan.surface._mesh import Mesh, Provenance
 
+_TRUSTED = 3.0
+"""A sigma above this many usual ones is a stray point's: it excuses no longer jump than this."""
+
 
 @dataclass(frozen=True)
 class Tears:
@@ -61,11 +64,11 @@ def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints, int]:
     eyes = np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes
     closed = grid.closed and s >= 3
     to_step, to_line = kernels.edges(grid.points, side, closed)
-    usual_step = kernels.usual(to_step, True, closed, _floor(to_step))
-    usual_line = kernels.usual(to_line, False, False, _floor(to_line))
+    usual_step = kernels.usual(to_step, True, closed, *_limits(to_step))
+    usual_line = kernels.usual(to_line, False, False, *_limits(to_line))
     faces, torn = kernels.triangulate(
         grid.points,
-        grid.sigma,
+        np.minimum(grid.sigma, _TRUSTED * _median(grid.sigma)),
         side,
         eyes,
         to_step,
@@ -87,10 +90,19 @@ def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints, int]:
     return points[flat], new[faces].astype(np.int32).reshape(-1, 3), flat, int(torn)
 
 
-def _floor(lengths: Floats) -> float:
-    """Half the usual spacing of the whole grid: what is denser than that is never torn for it."""
-    have = lengths[~np.isnan(lengths)]
-    return max(0.5 * float(np.median(have)), 1e-12) if len(have) else 1.0
+def _limits(lengths: Floats) -> tuple[float, float]:
+    """Least and largest local spacing that is believed.
+
+    Half the usual one: what is denser is never torn for it. And five times that: a surface seen
+    at 80° is that wide; where it is more, the stripe hops between two surfaces.
+    """
+    usual = max(_median(lengths), 1e-12)
+    return 0.5 * usual, 5.0 * usual
+
+
+def _median(values: Floats) -> float:
+    have = values[~np.isnan(values)]
+    return float(np.median(have)) if len(have) else 1.0
 
 
 def _inward(points: Floats, faces: Ints, eyes: Floats, n: int) -> float:

@@ -18,6 +18,8 @@ from turnscan.surface._mesh import Mesh, Provenance
 
 _ALIKE = 0.5
 """Two surfaces are the same one where their normals are within 60°."""
+_ISLAND = 0.01
+"""Part of the largest piece below which a piece is an island."""
 _NOISE = 3.0
 """Sigmas that two measurements of one surface may lie apart, on top of their spacing."""
 
@@ -147,12 +149,17 @@ def components(mesh: Mesh) -> Ints:
     return np.unique(label[mesh.faces[:, 0]], return_inverse=True)[1].astype(np.int32)
 
 
-def drop_islands(mesh: Mesh, smallest: int) -> tuple[Mesh, int, int]:
-    """The mesh without pieces of fewer than ``smallest`` faces; how many pieces and faces went."""
-    if smallest <= 1 or not len(mesh.faces):
+def drop_islands(mesh: Mesh, smallest: int | None = None) -> tuple[Mesh, int, int]:
+    """The mesh without pieces of fewer than ``smallest`` faces; how many pieces and faces went.
+
+    None takes 1 % of the faces of the largest piece: glints and remains of the platter are less.
+    """
+    if (smallest is not None and smallest <= 1) or not len(mesh.faces):
         return mesh, 0, 0
     label = components(mesh)
     size: npt.NDArray[np.intp] = np.bincount(label)
+    if smallest is None:
+        smallest = int(_ISLAND * size.max())
     keep = size[label] >= smallest
     if keep.all():
         return mesh, 0, 0
