@@ -30,11 +30,11 @@ from turnscan.scan._plan import ScanPlan
 Pixels = npt.NDArray[Any]
 Dark = Literal["own", "background", "none"]
 Project = Callable[[Image], Pixels]
-"""Colour pixels (H, W, 3) → signal (H, W); applied to the kept pixels only, as one long line."""
+"""Colour pixels (H, W, 3) → unsigned signal (H, W), linear up to a shift; applied to the kept
+pixels only, as one long line."""
 
 _LEVEL = 1
 _SAMPLES = 20_000
-_RAISED = 8
 _U32 = np.dtype("<u4")
 
 
@@ -81,26 +81,21 @@ class Background:
 
     def __init__(self, stored: Image, project: Project | None) -> None:
         """``project`` is None where pixels are shown as they are stored."""
-        self.stored = stored
         self.project = project
         self.shown: Pixels = stored if project is None else project(stored)
-        self._raised: dict[bytes, Pixels] = {}
 
     def raised(self, fill: Pixels) -> Pixels:
-        """The background, brighter by ``fill`` (C,) modulo 2^bits: few values, so few pictures."""
+        """A new picture of the background, brighter by ``fill`` (C,) modulo 2^bits."""
         if not fill.any():
-            return self.shown
-        found = self._raised.get(fill.tobytes())
-        if found is None:
-            signed = fill.astype(f"i{fill.dtype.itemsize}").astype(np.int64)
-            top = np.iinfo(fill.dtype).max
-            found = np.clip(self.stored + signed, 0, top).astype(fill.dtype)
-            if self.project is not None:
-                found = self.project(found)
-            if len(self._raised) >= _RAISED:
-                self._raised.clear()
-            self._raised[fill.tobytes()] = found
-        return found
+            return self.shown.copy()
+        added: Pixels = fill.astype(f"i{fill.dtype.itemsize}").astype(np.int32)
+        if self.project is not None:
+            two = np.stack([np.maximum(added, 0), np.maximum(-added, 0)]).astype(fill.dtype)
+            up, down = self.project(two.reshape(1, 2, 3))[0].astype(np.int32)
+            added = up - down
+        top = np.iinfo(self.shown.dtype).max
+        picture = np.clip(self.shown + added, 0, top)
+        return np.asarray(picture.astype(self.shown.dtype))
 
 
 def encode(
@@ -312,7 +307,7 @@ def _ground(
 ) -> Pixels:
     """Picture, writeable, of what stands where nothing is kept."""
     if background is not None:
-        return background.raised(fill).copy()
+        return background.raised(fill)
     if plan.channels == 1:
         return np.full((plan.height, plan.width), fill[0])
     pixel = fill.reshape(1, 1, 3)
