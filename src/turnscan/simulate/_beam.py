@@ -94,7 +94,11 @@ class Beam:
         # Mean dwell density over the spot: the bare 1/(π√(1−s²)) is infinite at the ends.
         h = self.spot
         high, low = np.clip(s + h, -1, 1), np.clip(s - h, -1, 1)
-        dwell = (np.arcsin(high) - np.arcsin(low)) / (2 * h * np.pi)
+        dwell = np.arcsin(high) - np.arcsin(low)
+        # Its integral over the fan, by ∫asin x = x asin x + √(1 − x²).
+        x = max(h - 1.0, -1.0)
+        whole = 2.0 * (np.pi / 2 * (1 + h) - x * np.arcsin(x) - np.sqrt(1 - x * x))
+        dwell = dwell / whole
         turn = np.arcsin(np.clip(s, -1, 1)) / (2 * np.pi)
         first, last = start * self.frequency, (start + seconds) * self.frequency
         passes = sum(np.floor(last - at) - np.floor(first - at) for at in (turn, 0.5 - turn))

@@ -67,14 +67,18 @@ def sheet_polygons(
     """
     moved = np.empty_like(vertices)
     away = np.empty(len(moved))
-    widest = 0.0
+    near, far = np.inf, -np.inf
     for i in range(len(moved)):
         for k in range(3):
             moved[i, k] = (
                 R[k, 0] * vertices[i, 0] + R[k, 1] * vertices[i, 1] + R[k, 2] * vertices[i, 2]
             ) + t[k]
         away[i] = _sheet_distance(moved[i, 0], moved[i, 1], moved[i, 2], sheet)
-        widest = max(widest, _reach(moved[i, 0], moved[i, 1], moved[i, 2], apex, beam))
+        z = _along(moved[i, 0], moved[i, 1], moved[i, 2], apex, beam)
+        near, far = min(near, z), max(far, z)
+    widest = max(
+        _reach_at(near, beam), _reach_at(far, beam)
+    )  # the sheet is nowhere thicker between
     points = np.empty((1024, 3))
     starts = np.zeros(1024, np.int32)
     m = p = 0
@@ -107,10 +111,20 @@ def sheet_polygons(
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
-def _reach(x: float, y: float, z: float, apex: Floats, beam: Floats) -> float:
-    z = (x - apex[0]) * beam[4] + (y - apex[1]) * beam[5] + (z - apex[2]) * beam[6]
+def _along(x: float, y: float, z: float, apex: Floats, beam: Floats) -> float:
+    """Distance from the apex along the aim."""
+    return (x - apex[0]) * beam[4] + (y - apex[1]) * beam[5] + (z - apex[2]) * beam[6]
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _reach_at(z: float, beam: Floats) -> float:
     far = (z - beam[1]) / beam[2]
     return beam[3] * beam[0] * math.sqrt(1.0 + far * far)
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _reach(x: float, y: float, z: float, apex: Floats, beam: Floats) -> float:
+    return _reach_at(_along(x, y, z, apex, beam), beam)
 
 
 @nb.njit(cache=True, nogil=True, inline="always")

@@ -1,0 +1,166 @@
+"""The simulated devices: pure functions of their address, with faults on request."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from turnscan.devices import Camera, Lasers, Turntable
+from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
+from turnscan.simulate import Simulated, Wish, simulated, wish_of
+
+CUP = "sim:cylinder?seed=3&steps=8"
+
+
+def shot(devices: Simulated, angle: float, *lit: str) -> np.ndarray:
+    devices.turntable.move_to(angle, 1.0)
+    devices.lasers.light(frozenset(lit), 30.0)
+    try:
+        return devices.camera.grab(1.0)
+    finally:
+        devices.lasers.off()
+
+
+def test_they_obey_the_protocols() -> None:
+    d = simulated(CUP)
+    assert isinstance(d.camera, Camera)
+    assert isinstance(d.turntable, Turntable)
+    assert isinstance(d.lasers, Lasers)
+
+
+def test_a_picture_depends_on_step_light_and_seed_but_not_on_history() -> None:
+    a, b = simulated(CUP), simulated(CUP)
+    for d in (a, b):
+        d.camera.configure(d.seconds, 1.0)
+    first = shot(a, 0.0, "right")
+    shot(a, 1.0)
+    second = shot(a, 2.0, "right")
+    assert (shot(b, 2.0, "right") == second).all()
+    assert (shot(b, 0.0, "right") == first).all()
+    assert (shot(a, 0.0, "right") != first).any()  # the next attempt has its own noise
+    other = simulated("sim:cylinder?seed=4&steps=8")
+    other.camera.configure(other.seconds, 1.0)
+    assert (shot(other, 0.0, "right") != first).mean() > 0.2
+
+
+def test_light_and_exposure_show_in_the_picture() -> None:
+    d = simulated(CUP)
+    d.camera.configure(d.seconds, 1.0)
+    dark, lit = shot(d, 0.0), shot(d, 0.0, "right")
+    assert int(lit.max()) > int(dark.max()) + 50
+    d.camera.configure(d.seconds / 2, 1.0)
+    half = shot(d, 0.0, "right").astype(float)
+    assert half.sum() == pytest.approx(lit.astype(float).sum() / 2, rel=0.15)
+
+
+def test_faults_on_request() -> None:
+    dropping = simulated(CUP + "&drop=1")
+    with pytest.raises(DeviceTimeout, match=r"no picture within 0\.5 s"):
+        dropping.camera.grab(0.5)
+    stale = simulated(CUP + "&stale=1")
+    stale.camera.configure(stale.seconds, 1.0)
+    first = shot(stale, 0.0, "right")
+    assert shot(stale, 1.0) is first
+    stuck = simulated(CUP + "&stuck_on=right")
+    stuck.camera.configure(stuck.seconds, 1.0)
+    assert shot(stuck, 0.0).max() > 60
+    dead = simulated(CUP + "&stuck_off=right")
+    dead.camera.configure(dead.seconds, 1.0)
+    assert shot(dead, 0.0, "right").max() < 40
+
+
+def test_a_lease_that_runs_out_darkens_the_laser() -> None:
+    d = simulated(CUP)
+    d.lasers.light(frozenset({"right"}), 0.05)
+    assert d.world.burning
+    deadline = time.monotonic() + 5.0
+    while d.world.burning and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not d.world.burning
+
+
+def test_the_table_errs_as_asked() -> None:
+    d = simulated("sim:cylinder?backlash_deg=0.5&eccentric_deg=0.2&missed=3")
+    angle = d.world.bench.motion.angle
+    back = angle(0.0, 0, False) - angle(0.0, 0, True)
+    assert back == pytest.approx(math.radians(0.5), rel=0.02)
+    assert angle(math.pi / 2) == pytest.approx(math.pi / 2 + math.radians(0.2), abs=1e-9)
+    lost = angle(1.0, 2) - angle(1.0, 3)
+    assert lost == pytest.approx(math.radians(1.8), rel=0.02)
+    fine = simulated("sim:cylinder?microsteps=16&clockwise=1").world.bench.motion
+    grid = math.radians(1.8) / 16
+    assert fine.angle(0.123) == pytest.approx(-round(0.123 / grid) * grid)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda d: d.camera.configure(-0.01, 1.0), "exposure -0.01 s"),
+        (lambda d: d.camera.configure(0.01, math.nan), "gain nan"),
+        (lambda d: d.turntable.move_to(math.nan, 1.0), "angle nan"),
+        (lambda d: d.lasers.light(frozenset({"blue"}), 1.0), "no 'blue'"),
+        (lambda d: d.lasers.light(frozenset(), 0.0), "lease 0 s"),
+    ],
+)
+def test_what_hardware_would_refuse(call: object, words: str) -> None:
+    with pytest.raises(DeviceRefused, match=words):
+        call(simulated(CUP))  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("sim:teapot", "no scene 'teapot'"),
+        ("sim:cup?rig=best", "no rig 'best'"),
+        ("sim:cup?theta_deg=0", "theta 0°"),
+        ("sim:cup?lasers=3", "3 lasers"),
+        ("sim:cup?steps=0", "0 steps"),
+        ("sim:cup?colour=red", "no key 'colour'"),
+        ("sim:cup?seed=x", "seed='x'"),
+        ("sim:cup?seed=1&seed=2", "stands twice"),
+        ("sim:cup?x=nan", "x='nan'"),
+        ("sim:missing.stl", "no such file"),
+        ("sim:ball-bar?x=150", "larger than the field of view"),
+        ("sim:cup?drop=2", "drop = 2"),
+        ("sim:cup?backlash_deg=-1", "backlash"),
+        ("uvc:0", "not a simulated device"),
+    ],
+)
+def test_bad_addresses_give_one_clear_line(address: str, words: str) -> None:
+    with pytest.raises(InputError, match=words) as e:
+        simulated(address)
+    assert "\n" not in str(e.value)
+
+
+def test_a_laser_that_never_hits_the_axis_is_named() -> None:
+    from dataclasses import replace
+
+    from turnscan.simulate import check_view
+
+    good = simulated(CUP).world.bench
+    beam = good.beams[0]
+    sheet = good.rig.sheets[0]
+    aside = replace(sheet, centre=sheet.centre + 40.0 * sheet.normal)
+    lost = replace(
+        good,
+        rig=replace(good.rig, sheets=(aside,)),
+        beams=(replace(beam, apex=beam.apex + 40.0 * sheet.normal),),
+    )
+    check_view(good)
+    with pytest.raises(InputError, match="'right' never hits the rotation axis"):
+        check_view(lost)
+
+
+def test_every_key_of_an_address_arrives() -> None:
+    wish, faults = wish_of(
+        "sim:head?rig=modern&theta_deg=25&lasers=1&seed=9&steps=12&speckle=0&room=0.1&x=2&y=-3"
+        "&lean_x_deg=5&galvo=105&stale=0.25"
+    )
+    assert wish == Wish(
+        "head", "modern", math.radians(25), 1, 9, 12, "diffraction", False, 0.1, (2.0, -3.0),
+        (math.radians(5), 0.0), galvo=105.0,
+    )  # fmt: skip
+    assert faults.stale == 0.25
