@@ -96,7 +96,7 @@ def goes_round(angles: npt.ArrayLike) -> bool:
     moves = np.diff(a)
     usual = float(np.median(np.abs(moves)))
     one_way = bool((moves > 0).all() or (moves < 0).all())
-    return one_way and usual > 0 and 2 * np.pi - abs(a[-1] - a[0]) <= _GAP * usual
+    return bool(one_way and usual > 0 and 2 * np.pi - abs(a[-1] - a[0]) <= _GAP * usual)
 
 
 def one_turn(grid: RangeGrid) -> tuple[RangeGrid, int]:

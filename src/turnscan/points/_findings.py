@@ -17,7 +17,12 @@ _UNEVEN = 0.2
 """Spread of the steps, as a part of the usual step, from which they are worth a word."""
 _WORDS = (
     (StripeFlag.SATURATED, "saturated", "are clipped", "take shorter exposures"),
-    (StripeFlag.HALO, "halo", "lie in a halo", "the surface is glossy or lets light in: powder it"),
+    (
+        StripeFlag.HALO,
+        "halo",
+        "lie in a halo",
+        "compare --strategy parabola, which keeps to the peak",
+    ),
     (StripeFlag.GRAZING, "grazing", "are seen at a grazing angle", "their sigma is larger"),
     (StripeFlag.AMBIGUOUS, "ambiguous", "had a rival", "choose the stripe with --choose"),
 )

@@ -1,0 +1,128 @@
+"""turnscan reconstruct and turnscan measure, as a person uses them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tests.analytic import cylinder, full_turn, make_rig, scan_shape
+from tests.points.test_range_scan import cyberware
+from turnscan.cli import turnscan
+from turnscan.errors import ExportError, InputError
+from turnscan.export import read_mesh
+from turnscan.rig import rig_to_json
+from turnscan.scan import Frame, Scan, ScanPlan
+
+STEPS = 24
+
+
+def run(*words, fails=None):
+    result = CliRunner().invoke(turnscan, [str(w) for w in words])
+    if fails is None:
+        assert result.exit_code == 0, result.output + repr(result.exception)
+    return result
+
+
+@pytest.fixture(scope="module")
+def scan_path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scan") / "can.turnscan"
+    rig = make_rig(elevation=0.1, lift=20.0)
+    u = np.arange(320)
+    with Scan.create(path, ScanPlan(320, 240, "uint8", 1, ("L0",), STEPS, 12.0), rig) as scan:
+        for k, s in enumerate(scan_shape(rig, cylinder(25, 0, 40), full_turn(STEPS))):
+            at = np.nan_to_num(s.position, nan=-1e3)[:, None]
+            lit = np.rint(10 + 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2)).astype(np.uint8)
+            dark = np.full((240, 320), 10, np.uint8)
+            scan.add(Frame(k, "L0", lit, dark, commanded=float(full_turn(STEPS)[k])))
+    return path
+
+
+def test_a_scan_becomes_files_that_agree(scan_path, tmp_path):
+    out = [tmp_path / f"can.{s}" for s in ("ply", "stl", "dxf")]
+    report = tmp_path / "report.json"
+    words = [w for p in out for w in ("-o", p)]
+    result = run(
+        "reconstruct", scan_path, *words, "--close", "--report", report,
+        "--dxf-form", "3dface", "--dxf-form", "profiles",
+    )  # fmt: skip
+    volumes = [read_mesh(p.read_bytes(), p.suffix).volume for p in out]
+    polygon = STEPS / 2 * 25**2 * np.sin(2 * np.pi / STEPS) * 40
+    assert volumes[0] == pytest.approx(polygon, rel=0.02)
+    assert volumes[1] == pytest.approx(volumes[0], rel=1e-5)
+    assert volumes[2] == pytest.approx(volumes[0], rel=1e-6)
+    assert b"POLYLINE" in out[2].read_bytes()
+    body = json.loads(report.read_text())
+    assert body["closed"] is True
+    assert body["volume_mm3"] == pytest.approx(volumes[0], rel=1e-9)
+    assert body["lasers"][0]["profiles"] == STEPS
+    assert "volume" in result.stdout
+    assert "surface.caps" in result.stderr
+    measured = json.loads(run("measure", out[0], "--cylinder", "--json").stdout)
+    assert measured["closed"] is True
+
+
+def test_a_cylinder_is_measured(scan_path, tmp_path):
+    part = tmp_path / "can.ply"
+    run("reconstruct", scan_path, "-o", part, "--z-min", 5, "--z-max", 35, "--radius", 40)
+    got = json.loads(run("measure", part, "--cylinder", "--json").stdout)
+    assert got["cylinder"]["radius_mm"] == pytest.approx(25.0, abs=0.02)
+    assert abs(got["cylinder"]["axis"][2]) > 0.99999
+    assert got["volume_mm3"] is None
+    assert got["bounds_mm"][0][2] >= 5
+    text = run("measure", part, "--cylinder", "--planes", "--sphere").stdout
+    assert "cylinder: radius 25.0" in text
+    assert "not closed" in text
+
+
+def test_html_report(scan_path, tmp_path):
+    run("reconstruct", scan_path, "-o", tmp_path / "a.stl", "--report", tmp_path / "r.html")
+    html = (tmp_path / "r.html").read_text()
+    assert html.count("data:image/png;base64,") == 4
+    assert "http://" not in html
+    assert "https://" not in html
+
+
+def test_an_empty_result_writes_nothing_and_exits_1(scan_path, tmp_path):
+    out = tmp_path / "part.dxf"
+    out.write_text("mine")
+    result = run("reconstruct", scan_path, "-o", out, "--threshold", 240, fails=1)
+    assert result.exit_code == 1
+    assert out.read_text() == "mine"
+    assert "points.none" in result.stderr
+
+
+def test_bad_wishes_are_one_named_error(scan_path, tmp_path):
+    def refused(kind, says, *words):
+        result = run("reconstruct", *words, fails=2)
+        assert isinstance(result.exception, kind), result.exception
+        assert says in str(result.exception)
+        assert list(tmp_path.iterdir()) == kept
+
+    rig = tmp_path / "rig.json"
+    rig.write_text(rig_to_json(make_rig(lasers=(0.3, -0.3), size=(64, 48))))
+    kept = [rig]
+    a = tmp_path / "a.ply"
+    refused(InputError, "no such scan file", tmp_path / "none.turnscan", "-o", a)
+    refused(InputError, "'.step' are not known", scan_path, "-o", tmp_path / "a.step")
+    refused(ExportError, "no folder", scan_path, "-o", tmp_path / "no" / "a.ply")
+    refused(InputError, "pictures of 320 × 240", scan_path, "-o", a, "--rig", rig)
+    refused(InputError, "no height", scan_path, "-o", a, "--z-min", 9, "--z-max", 3)
+    refused(InputError, "ends .html or .json", scan_path, "-o", a, "--report", tmp_path / "r.txt")
+    assert run("measure", tmp_path / "none.ply", fails=2).exception.exit_code == 2
+
+
+def test_range_scans_of_another_scanner(tmp_path):
+    (tmp_path / "a.ply").write_bytes(cyberware())
+    conf = tmp_path / "all.conf"
+    conf.write_text("bmesh a.ply 0 0 0 0 0 0 1\n")
+    out = tmp_path / "a.stl"
+    result = run("reconstruct", conf, "-o", out, "--island", 0, "--unit", "mm", fails=1)
+    assert "points.range-scans" in result.stderr
+    conf.write_text("bmesh ../a.ply 0 0 0 0 0 0 1\n")
+    result = run("reconstruct", conf, "-o", out, fails=2)
+    assert "not a plain file name" in str(result.exception)
+    conf.write_text("bmesh none.ply 0 0 0 0 0 0 1\n")
+    assert "no such file" in str(run("reconstruct", conf, "-o", out, fails=2).exception)
