@@ -48,7 +48,7 @@ MARGIN = 6
 """… px more, for the flanks."""
 MEMORY = 0.93
 """What a line's width counts for the width of the window in the next line."""
-KIN_DISTANCE, KIN_WIDTH = 4.0, 4.0
+KIN_DISTANCE, KIN_WIDTH = 4.0, 8.0
 """Candidates of adjacent lines belong together within this many widths and this ratio of widths."""
 PEDESTAL_LIMIT = 0.1
 """Light beside the stripe above this part of its amplitude is a halo …"""

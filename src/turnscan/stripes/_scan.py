@@ -130,9 +130,10 @@ def fill(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def keep_peak(light: Any, peaks: Any, line: int, count: int, left: int, right: int) -> int:
+def keep_peak(
+    light: Any, peaks: Any, line: int, count: int, left: int, right: int, seed: float, top: float
+) -> int:
     """Append the peak between two valleys to the line's list; a full list drops its lowest."""
-    seed, top = plateau(light, left, right)
     if count == PEAKS:
         lowest = line
         for j in range(line + 1, line + PEAKS):
@@ -160,11 +161,25 @@ def segment(
     light: Any, first: int, last: int, noise: float, peaks: Any, line: int, count: int
 ) -> int:
     """Split the run first … last at its valleys, and append its peaks to the list."""
+    slack = 4.0 * noise
+    # Nearly every run rises and falls once: find that out first, without branches.
+    seed = end = first
+    top = bottom = light[first]
+    rise = 0.0
+    for x in range(first + 1, last + 1):
+        q = light[x]
+        higher = q > top
+        end = x if higher or (q == top and end == x - 1) else end
+        seed = x if higher else seed
+        top = q if higher else top
+        bottom = q if higher or q < bottom else bottom
+        rise = max(rise, q - bottom)
+    if rise <= slack:
+        return keep_peak(light, peaks, line, count, first, last, 0.5 * (seed + end), top)
     left = first
     valley = first
     top = bottom = light[first]
     rising = True
-    slack = 4.0 * noise
     for x in range(first + 1, last + 1):
         q = light[x]
         if rising:
@@ -178,11 +193,13 @@ def segment(
             valley = x
             bottom = q
         elif q > bottom + slack and (1.0 - RIPPLE) * q > bottom:
-            count = keep_peak(light, peaks, line, count, left, valley)
+            middle, top = plateau(light, left, valley)
+            count = keep_peak(light, peaks, line, count, left, valley, middle, top)
             left = valley
             top = q
             rising = True
-    return keep_peak(light, peaks, line, count, left, last)
+    middle, top = plateau(light, left, last)
+    return keep_peak(light, peaks, line, count, left, last, middle, top)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
