@@ -13,6 +13,7 @@ from turnscan.calibrate._figures import Figures, Measured, figures, measured_unc
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
+from turnscan.calibrate._pairs import SheetFit, fit_sheet
 from turnscan.calibrate._rig import (
     Calibration,
     CalibrationSettings,
@@ -36,6 +37,7 @@ __all__ = [
     "MarkerView",
     "Measured",
     "Rejected",
+    "SheetFit",
     "TableAngle",
     "TablePicture",
     "angle_model",
@@ -45,6 +47,7 @@ __all__ = [
     "detect_markers",
     "figures",
     "findings_of",
+    "fit_sheet",
     "laser_weights",
     "measure_table_angle",
     "measured_uncertainty",

@@ -31,7 +31,7 @@ from turnscan.calibrate._start import (
 )
 from turnscan.calibrate._start_table import FEWEST_STEPS, start_board, start_markers
 from turnscan.calibrate._steps import AngleModel, angle_model
-from turnscan.errors import NotEnoughViews
+from turnscan.errors import Degenerate, NotEnoughViews
 from turnscan.rig import Camera, Marker, Pose, Rig
 from turnscan.stripes import Orientation
 
@@ -39,6 +39,8 @@ _REJECT = 3.0  # times the usual residual of a view
 _STRIPE_POINTS = 40  # neighbours along a stripe share their errors; more would only be slower
 _SIGNIFICANT = 3.0  # standard deviations for a parameter to be kept
 _SCALE_TRUST = 0.02  # of the nominal marker side, where nothing measures it
+_LEAST_TILT = np.radians(8.0)
+_UNSURE_FOCUS = 0.05
 _UP = np.array([0.0, -1.0, 0.0])
 
 Say = Callable[[str], None]
@@ -155,7 +157,7 @@ def calibrate_rig(
     if table:
         model = _angles(fit, network, used, settings)
     rig = _finished_rig(fit, network, settings)
-    names = tuple(v.name for v in (*network.boards, *network.table))
+    names = (*(v.name for v in network.boards), *(v.name for v in network.table))
     return Calibration(
         rig, settings, fit, network, tuple(rejected), names, model, tuple(p.name for p in used)
     )
@@ -202,6 +204,7 @@ def _camera_stage(
     """Camera, poses and the board's bend from all boards; views that do not fit are dropped."""
     same_size([*kept, *(p.view for _, p in with_stripe)])
     camera, poses = start_camera(kept)
+    _refuse_no_tilt(poses)
     poses = (*poses, *(board_pose(camera, p.view) for _, p in with_stripe))
     state = State(Rig(camera, (), Pose()), None, poses, np.zeros(0))
     while True:
@@ -212,6 +215,7 @@ def _camera_stage(
         rms = np.array([fit.rms(BOARD, i) for i in range(len(boards))])
         bad = rms > _REJECT * float(np.median(rms))
         if not bad.any() or np.count_nonzero(~bad) < FEWEST_VIEWS:
+            _refuse_unsure_focus(fit)
             return state, kept, with_stripe
         for i in np.flatnonzero(bad):
             role = "camera" if i < len(kept) else f"laser {with_stripe[i - len(kept)][0]}"
@@ -225,6 +229,28 @@ def _camera_stage(
         with_stripe = [p for p, b in zip(with_stripe, bad[n:], strict=True) if not b]
         poses = tuple(T for T, b in zip(state.poses, bad, strict=True) if not b)
         state = replace(state, poses=poses)
+
+
+def _refuse_no_tilt(poses: Sequence[Pose]) -> None:
+    """A board that always faces the camera the same way cannot tell distance from focal length."""
+    normals = np.array([T.rotation[:, 2] for T in poses])
+    apart = float(np.arccos(np.clip(normals @ normals.T, -1, 1)).max())
+    if apart < _LEAST_TILT:
+        raise Degenerate(
+            f"camera: the board stands within {np.degrees(apart):.1f}° of the same direction in "
+            f"all {len(poses)} pictures, so distance and focal length cannot be told apart",
+            hint="tilt the board up to 45°, to all sides",
+        )
+
+
+def _refuse_unsure_focus(fit: Fit[State]) -> None:
+    focus = fit.state.rig.camera.fx
+    sigma = float(np.sqrt(fit.covariance[0, 0]))
+    if sigma > _UNSURE_FOCUS * focus:
+        raise Degenerate(
+            f"camera: the focal length comes out as {focus:.0f} ± {sigma:.0f} px",
+            hint="add pictures of the board, tilted up to 45° to all sides",
+        )
 
 
 def _sheet_stage(

@@ -169,10 +169,10 @@ def _smooth(
 
 def _huber(design: Floats, values: Floats) -> Floats:
     weight = np.ones(len(values))
-    solved = np.zeros(design.shape[1])
+    solved: Floats = np.zeros(design.shape[1])
     for _ in range(_ROUNDS):
         root = np.sqrt(weight)[:, None]
-        solved = np.linalg.lstsq(design * root, values * root[:, 0], rcond=None)[0]
+        solved = np.asarray(np.linalg.lstsq(design * root, values * root[:, 0], rcond=None)[0])
         rest = values - design @ solved
         scale = max(1.4826 * float(np.median(np.abs(rest))), 1e-12)
         weight = 1.0 / np.maximum(np.abs(rest) / (2 * scale), 1.0)

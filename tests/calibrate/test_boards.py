@@ -1,0 +1,185 @@
+"""Boards and markers: the grammar, drawn pictures, and why a board was not found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.calibrate.world import World, true_layout, true_rig
+from turnscan.calibrate import (
+    Charuco,
+    Chessboard,
+    detect_board,
+    detect_markers,
+    measure_table_angle,
+    parse_board,
+    stripe_candidates,
+)
+from turnscan.calibrate._angle import table_angle
+from turnscan.calibrate._select import on_board
+from turnscan.errors import FormatError, InputError
+from turnscan.rig import Pose, rotation_from_vector, rotation_z
+
+CHARUCO = Charuco(7, 5, 25.0, 19.0, "DICT_4X4_50")
+
+
+def drawn_charuco(legacy: bool = False) -> np.ndarray:
+    d = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    board = cv2.aruco.CharucoBoard((7, 5), 25.0, 19.0, d)
+    board.setLegacyPattern(legacy)
+    return np.asarray(board.generateImage((700, 500), marginSize=40))
+
+
+def drawn_chessboard() -> np.ndarray:
+    y, x = np.mgrid[0:480, 0:640]
+    black = ((x - 60) // 50 + (y - 50) // 50) % 2 == 0
+    inside = (x >= 60) & (x < 60 + 450) & (y >= 50) & (y < 50 + 350)
+    return np.where(black & inside, 30, 220).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("text", "board"),
+    [
+        ("chessboard:8x6:40", Chessboard(8, 6, 40.0)),
+        ("charuco:7x5:25:19:DICT_4X4_50", CHARUCO),
+    ],
+)
+def test_grammar(text: str, board: object) -> None:
+    assert parse_board(text) == board
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "chessboard", "chessboard:8x6", "chessboard:8:40", "chessboard:2x6:40", "dots:8x6:4",
+     "chessboard:8x6:-1", "chessboard:8x6:nan", "charuco:7x5:19:25:DICT_4X4_50"],
+)  # fmt: skip
+def test_bad_grammar_is_one_clear_line(text: str) -> None:
+    with pytest.raises(FormatError, match="board"):
+        parse_board(text)
+
+
+def test_unknown_dictionary_lists_the_known_ones() -> None:
+    with pytest.raises(InputError, match="DICT_4X4_50"):
+        parse_board("charuco:7x5:25:19:DICT_9X9_1")
+
+
+def test_chessboard_corners_to_a_twentieth_of_a_pixel() -> None:
+    view = detect_board(drawn_chessboard(), Chessboard(8, 6, 50.0))
+    assert not view.failure
+    want = view.points[:, :2] + (109.5, 99.5)
+    flipped = want[::-1]
+    error = min(np.abs(view.corners - want).max(), np.abs(view.corners - flipped).max())
+    assert error < 0.05
+
+
+def test_reasons() -> None:
+    assert (
+        "contrast" in detect_board(np.full((480, 640), 90, np.uint8), Chessboard(8, 6, 40)).failure
+    )
+    assert "no chessboard" in detect_board(drawn_chessboard(), Chessboard(7, 4, 40.0)).failure
+    assert "readable" in detect_board(drawn_chessboard(), CHARUCO).failure
+    mirrored = np.ascontiguousarray(drawn_charuco()[:, ::-1])
+    assert "mirrored" in detect_board(mirrored, CHARUCO).failure
+
+
+@pytest.mark.parametrize("legacy", [False, True])
+def test_charuco_whole_and_in_part(legacy: bool) -> None:
+    picture = drawn_charuco(legacy)
+    assert len(detect_board(picture, CHARUCO).ids) == 24
+    part = detect_board(np.ascontiguousarray(picture[:, :400]), CHARUCO)
+    assert 6 <= len(part.ids) < 24
+
+
+def marker_picture(angle: float) -> np.ndarray:
+    """The platter of the world, drawn through its camera."""
+    rig, layout = true_rig(), replace(true_layout(), shape=np.zeros(5))
+    d = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    big = np.full((4 * 480, 4 * 640), 210, np.uint8)
+    camera = replace(rig.camera, distortion=np.zeros(5))
+    points, _ = layout.points(layout.numbers)
+    px = camera.project(rig.T_camera_table.apply(points @ rotation_z(angle).T)).reshape(-1, 4, 2)
+    for n, quad in zip(layout.numbers, px, strict=True):
+        tile = cv2.aruco.generateImageMarker(d, int(n), 240)
+        corners = np.array([[-0.5, -0.5], [239.5, -0.5], [239.5, 239.5], [-0.5, 239.5]])
+        to = ((quad + 0.5) * 4 - 0.5).astype(np.float32)
+        H = cv2.getPerspectiveTransform(corners.astype(np.float32), to)
+        cv2.warpPerspective(
+            tile, H, (4 * 640, 4 * 480), big, cv2.INTER_LINEAR, cv2.BORDER_TRANSPARENT
+        )
+    return np.asarray(cv2.resize(big, (640, 480), interpolation=cv2.INTER_AREA))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, -2.4])
+def test_table_angle_of_a_picture(angle: float) -> None:
+    layout = replace(true_layout(), shape=np.zeros(5))
+    rig = true_rig()
+    rig = replace(
+        rig,
+        camera=replace(rig.camera, distortion=np.zeros(5)),
+        markers=layout.markers("DICT_4X4_50"),
+    )
+    found = measure_table_angle(marker_picture(angle), rig)
+    assert found is not None
+    assert abs(np.angle(np.exp(1j * (found.angle - angle)))) < np.radians(0.1)
+    assert set(found.markers) <= {5, 18, 27, 42}
+    assert measure_table_angle(np.full((480, 640), 128, np.uint8), rig) is None
+    with pytest.raises(ValueError, match="camera"):
+        measure_table_angle(np.zeros((100, 100), np.uint8), rig)
+
+
+def test_table_angle_sigma_is_the_spread() -> None:
+    world = World(true_rig(), np.random.default_rng(8), 0.2)
+    layout = true_layout()
+    rig = replace(world.rig, markers=layout.markers("DICT_4X4_50"))
+    pulls = []
+    for k in range(60):
+        view = world.rider_view(layout, 0.1 * k, stripe=False)
+        corners = view.corners.reshape(-1, 4, 2)
+        seen = [
+            (int(n), m.corners, c)
+            for n, m, c in zip(view.numbers, rig.markers, corners, strict=True)
+        ]
+        found = table_angle(rig, seen)
+        assert found is not None
+        pulls.append(np.angle(np.exp(1j * (found.angle - 0.1 * k))) / found.sigma)
+    assert 0.7 < float(np.std(pulls)) < 1.4
+
+
+def test_a_marker_that_moved_is_left_out() -> None:
+    world = World(true_rig(), np.random.default_rng(9), 0.1)
+    layout = true_layout()
+    rig = replace(world.rig, markers=layout.markers("DICT_4X4_50"))
+    corners = world.rider_view(layout, 0.4, stripe=False).corners.reshape(-1, 4, 2).copy()
+    corners[2] += 40
+    seen = [(m.number, m.corners, c) for m, c in zip(rig.markers, corners, strict=True)]
+    found = table_angle(rig, seen)
+    assert found is not None
+    assert found.markers == (5, 18, 42)
+    assert abs(found.angle - 0.4) < 0.003
+
+
+def test_small_markers_are_not_trusted() -> None:
+    tiny = cv2.resize(marker_picture(0.0), (120, 90), interpolation=cv2.INTER_AREA)
+    assert len(detect_markers(tiny, "DICT_4X4_50").numbers) == 0
+
+
+def test_the_stripe_on_a_board_and_not_the_clutter() -> None:
+    world = World(true_rig(), np.random.default_rng(3), 0.1)
+    T = Pose(rotation_from_vector([0.2, -0.3, 0.1]), [-140.0, -100.0, 700.0])
+    line = world.board_stripe(T).pixels
+    picture = np.full((480, 640), 90.0)
+    v, u = np.mgrid[0:480, 0:640]
+    at = np.interp(np.arange(480), line[:, 1], line[:, 0], left=np.nan, right=np.nan)
+    light = 90 * np.exp(-((u - at[:, None]) ** 2) / (2 * 1.3**2))
+    picture += np.nan_to_num(light)
+    picture += 80 * np.exp(-((u - 0.7 * v - 60) ** 2) / 4) * (v < 90)  # something else, thin
+    picture += 2 * world.dice.standard_normal(picture.shape)
+    seen = stripe_candidates(np.clip(picture, 0, 255).astype(np.uint8))
+    board = parse_board("chessboard:8x6:40")
+    kept = on_board(world.rig.camera, seen, board, T, 0.0)
+    truth = np.interp(kept[:, 1], line[:, 1], line[:, 0])
+    assert len(kept) > 100
+    assert 0.01 < float(np.sqrt(np.mean((kept[:, 0] - truth) ** 2))) < 0.35

@@ -1,0 +1,79 @@
+"""The angles of a turn: wraps, gaps, outliers, uneven motors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from turnscan.calibrate import angle_model
+from turnscan.errors import Degenerate, NotEnoughViews
+
+SIGMA = np.radians(0.03)
+
+
+def wrapped(a: np.ndarray) -> np.ndarray:
+    return np.angle(np.exp(1j * a))
+
+
+def turn(n: int = 120, step: float = 3.0, seed: int = 0) -> np.ndarray:
+    return np.radians(step) * np.arange(n) + SIGMA * np.random.default_rng(seed).standard_normal(n)
+
+
+def codes(model: object) -> set[str]:
+    return {f.code for f in model.findings}  # type: ignore[attr-defined]
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    step=st.floats(0.3, 40).flatmap(lambda s: st.sampled_from([s, -s])),
+    start=st.floats(-3, 3),
+    count=st.integers(12, 80),
+)
+def test_any_even_motion_is_unwrapped(step: float, start: float, count: int) -> None:
+    truth = start + np.radians(step) * np.arange(count)
+    model = angle_model(wrapped(truth), np.full(count, SIGMA))
+    assert np.allclose(model.angles - model.angles[0], truth - truth[0], atol=1e-6)
+    assert model.step == pytest.approx(np.radians(step), rel=1e-6)
+
+
+def test_gaps_are_filled_and_said() -> None:
+    a = turn()
+    holes = [10, 11, 50]
+    seen = a.copy()
+    seen[holes] = np.nan
+    model = angle_model(wrapped(seen), np.full(len(a), SIGMA))
+    assert np.abs(model.angles - a)[holes].max() < np.radians(0.2)
+    assert not model.measured[holes].any()
+    assert "calibrate.angle-filled" in codes(model)
+
+
+def test_a_misread_marker_is_dropped_but_a_lost_step_is_kept() -> None:
+    a = turn()
+    a[60:] += np.radians(3.0)
+    misread = a.copy()
+    misread[30] += np.pi / 2
+    model = angle_model(wrapped(misread), np.full(len(a), SIGMA))
+    assert not model.measured[30]
+    assert model.measured[55:65].all()
+    assert np.abs(model.angles - a).max() < np.radians(0.3)
+    assert "calibrate.step-uneven" in codes(model)
+
+
+def test_an_even_turn_has_nothing_to_complain_about() -> None:
+    model = angle_model(wrapped(turn()), np.full(120, SIGMA), nominal_step=np.radians(3.0))
+    assert codes(model) == {"calibrate.turn"}
+    assert "counter-clockwise" in model.findings[0].message
+
+
+def test_a_wrong_nominal_step_is_named() -> None:
+    model = angle_model(wrapped(turn(step=2.8)), np.full(120, SIGMA), nominal_step=np.radians(3.0))
+    assert "calibrate.step-size" in codes(model)
+
+
+def test_too_little_to_go_by() -> None:
+    with pytest.raises(NotEnoughViews):
+        angle_model([0.0, 0.1, np.nan, np.nan], np.full(4, SIGMA))
+    with pytest.raises(Degenerate):
+        angle_model(np.random.default_rng(1).uniform(-3, 3, 60), np.full(60, SIGMA))
