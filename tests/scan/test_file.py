@@ -351,7 +351,7 @@ def test_create_leaves_what_is_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="exists already"):
         Scan.create(tmp_path / "a.turnscan", PLAN)
     assert (tmp_path / "a.turnscan").read_text() == "precious"
-    with pytest.raises(ScanError, match="cannot be created"):
+    with pytest.raises(ScanError, match="cannot be written"):
         Scan.create(tmp_path / "no" / "a.turnscan", PLAN)
 
 
@@ -404,17 +404,18 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
         scan.add(Frame(0, "left", *stripe_pair(0)))
         probe = (
             "import sys\nfrom turnscan.scan import Scan\nfrom turnscan.errors import ScanBusy\n"
-            "for way in (Scan.resume, Scan.open):\n"
-            "    try: way(sys.argv[1])\n"
-            "    except ScanBusy: print('busy')\n"
+            "try: Scan.resume(sys.argv[1])\n"
+            "except ScanBusy: print('busy')\n"
+            "with Scan.open(sys.argv[1]) as scan: print(len(scan), scan.being_written)\n"
         )
         done = subprocess.run(
             [sys.executable, "-c", probe, str(path)], capture_output=True, text=True, check=True
         )
-        assert done.stdout == "busy\nbusy\n"
+        assert done.stdout == "busy\n1 True\n"
         scan.add(Frame(1, "left", *stripe_pair(1)))
     with Scan.open(path) as one, Scan.open(path) as two:
         assert len(one) == len(two) == 2
+        assert not one.being_written
 
 
 def test_resume_adds_what_is_missing(tmp_path: Path) -> None:

@@ -31,13 +31,17 @@ def verb(scan: Path, as_json: bool) -> None:
     with Scan.open(scan) as opened:
         found = _damage(opened)
         lasers = {name: _laser(opened, name, found) for name in opened.plan.lasers}
-        if not opened.sealed:
+        if opened.being_written:
+            found.append(
+                Finding("scan.in-progress", "note", "it is being taken: this is what is there now")
+            )
+        elif not opened.sealed:
             found.append(
                 Finding(
                     "scan.not-closed",
                     "warning",
                     "the file was not closed properly; everything acknowledged is there",
-                    remedy="take the missing steps again, if there are any",
+                    remedy="finish it with turnscan resume",
                 )
             )
         report = _report(opened, lasers, found)
@@ -64,10 +68,10 @@ def _laser(scan: Scan, name: str, found: list[Finding]) -> dict[str, Any]:
         found.append(
             Finding(
                 "scan.missing-step",
-                "warning",
+                "note" if scan.being_written else "warning",
                 f"{len(missing)} of {scan.plan.steps} steps have no frame",
                 where=f"laser {name}, steps {shown}{' …' if len(missing) > 8 else ''}",
-                remedy="take them again, or live with the gap",
+                remedy="take them with turnscan resume, or live with the gap",
             )
         )
     angles = np.degrees(scan.angles(name))

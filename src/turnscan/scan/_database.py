@@ -6,6 +6,7 @@ SQLite error becomes a named one.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
@@ -13,7 +14,7 @@ import os
 import sqlite3
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,11 +29,14 @@ from turnscan.errors import (
     StorageFull,
     TurnscanError,
 )
+from turnscan.scan._lock import WriterLock
 
 APPLICATION_ID = 0x54524E53  # "TRNS"
 VERSION = 1
 _MAGIC = b"SQLite format 3\0"
 _LARGEST_VALUE = 1 << 30
+_PATIENCE_MS = 500
+"""For readers, when a file is closed."""
 
 SCHEMA = (
     "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL, sha256 BLOB NOT NULL)"
@@ -63,7 +67,7 @@ class Row:
 
     id: int
     kind: str
-    """lit, background or missing."""
+    """lit, background, texture or missing."""
     step: int
     laser: str
     exposure: int
@@ -100,6 +104,8 @@ class Row:
     def __str__(self) -> str:
         if self.kind == "background":
             return f"background of laser {self.laser}"
+        if self.kind == "texture":
+            return f"texture of step {self.step}"
         extra = f", exposure {self.exposure}" if self.exposure else ""
         return f"step {self.step} of laser {self.laser}{extra}"
 
@@ -115,36 +121,92 @@ def storage(path: Path) -> Iterator[None]:
         raise _damaged(path, str(e)) from None
 
 
-def create(path: Path) -> sqlite3.Connection:
-    """Make an empty scan file and open it for writing. Raises InputError where one exists."""
+def create(path: Path, meta: dict[str, str]) -> tuple[sqlite3.Connection, WriterLock]:
+    """Make a scan file with these values in ``meta`` and no frames, and open it for writing.
+
+    Its name appears when the file is whole. Raises InputError where one exists, ScanError.
+    """
+    if path.exists():
+        raise _exists(path)
+    lock = WriterLock(path)
+    new = path.with_name(f".{path.name}.new")
     try:
-        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666))
+        try:
+            new.unlink(missing_ok=True)  # of one who was killed just here
+            os.close(os.open(new, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666))
+            with storage(path), closing(_connect(new, "rw")) as db:
+                db.execute("PRAGMA synchronous = FULL")
+                db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+                db.execute(f"PRAGMA user_version = {VERSION}")
+                db.execute("BEGIN EXCLUSIVE")
+                for table in SCHEMA:
+                    db.execute(table)
+                for key, value in meta.items():
+                    write_meta(db, key, value)
+                db.execute("COMMIT")
+            _put_in_place(new, path)
+        except OSError as e:
+            raise _refused(path, e) from None
+        finally:
+            with suppress(OSError):
+                remove(new)
+        return _open_for_writing(path), lock
+    except BaseException:
+        lock.release()
+        raise
+
+
+def _put_in_place(new: Path, path: Path) -> None:
+    """Give a new file its name, which nobody may have by now."""
+    try:
+        os.link(new, path)
     except FileExistsError:
-        raise InputError(f"{path}: exists already", hint="choose another name") from None
-    except OSError as e:
-        raise ScanError(
-            f"{path}: cannot be created ({e.strerror})", hint="check the folder and its permissions"
-        ) from None
-    with storage(path):
-        db = _connect(path, "rw")
-        db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        db.execute(f"PRAGMA user_version = {VERSION}")
-        db.execute("BEGIN EXCLUSIVE")
-        for table in SCHEMA:
-            db.execute(table)
-        db.execute("COMMIT")
-        _lock(db)
-        sync_folder(path)
-    return db
+        raise _exists(path) from None
+    except OSError:  # a file system without links
+        if path.exists():
+            raise _exists(path) from None
+        os.replace(new, path)
+    sync_folder(path)
 
 
-def open_writing(path: Path) -> sqlite3.Connection:
+def _exists(path: Path) -> InputError:
+    return InputError(f"{path}: exists already", hint="choose another name")
+
+
+def _refused(path: Path, e: OSError) -> TurnscanError:
+    if isinstance(e, TurnscanError):
+        return e
+    if e.errno in (errno.ENOSPC, errno.EDQUOT):
+        return _full(path)
+    return ScanError(
+        f"{path}: cannot be created ({e.strerror})", hint="check the folder and its permissions"
+    )
+
+
+def open_writing(path: Path) -> tuple[sqlite3.Connection, WriterLock]:
     """Open a scan file to add frames. Raises ScanBusy where another process is writing it."""
     _judge_header(path)
+    lock = WriterLock(path)
+    try:
+        return _open_for_writing(path), lock
+    except BaseException:
+        lock.release()
+        raise
+
+
+def _open_for_writing(path: Path) -> sqlite3.Connection:
     with storage(path):
         db = _connect(path, "rw")
-        _judge_schema(db, path)
-        _lock(db)
+        try:
+            _judge_schema(db, path)
+            # Readers may look on, and every commit is on the disk when it returns.
+            db.execute("PRAGMA journal_mode = WAL")
+            db.execute("PRAGMA synchronous = FULL")
+            db.execute("BEGIN EXCLUSIVE")
+            db.execute("COMMIT")
+        except BaseException:
+            db.close()
+            raise
     return db
 
 
@@ -159,9 +221,23 @@ def open_reading(path: Path) -> sqlite3.Connection:
 
 
 def seal(db: sqlite3.Connection) -> None:
-    """Bring a written file back to one single file, whole and synced."""
-    db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    db.execute("PRAGMA journal_mode = DELETE")
+    """Bring a written file back to one single file, whole and synced.
+
+    While somebody reads it, it stays in write-ahead mode with its side files, no less whole; the
+    next writer tidies up.
+    """
+    db.execute(f"PRAGMA busy_timeout = {_PATIENCE_MS}")
+    try:
+        db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        db.execute("PRAGMA journal_mode = DELETE")
+    except sqlite3.OperationalError as e:
+        if not (e.sqlite_errorname or "").startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+            raise
+
+
+def delete(db: sqlite3.Connection, row: Row) -> None:
+    """Take one row of frames away, within the caller's transaction."""
+    db.execute("DELETE FROM frames WHERE id = ?", (row.id,))
 
 
 def write_meta(db: sqlite3.Connection, key: str, value: str) -> None:
@@ -182,8 +258,8 @@ def read_meta(db: sqlite3.Connection, path: Path) -> dict[str, str]:
     return out
 
 
-def insert(db: sqlite3.Connection, row: Row, payload: bytes) -> None:
-    """Write one row of frames, within the caller's transaction."""
+def insert(db: sqlite3.Connection, row: Row, payload: bytes) -> int:
+    """Write one row of frames, within the caller's transaction; returns its number."""
     floats = (row.commanded, row.measured, row.sigma, row.noise, row.level, row.time)
     db.execute(
         "INSERT INTO frames VALUES (NULL, ?,?,?,?, ?,?,?,?,?,?, ?,?,?,?, ?,?,?)",
@@ -202,6 +278,7 @@ def insert(db: sqlite3.Connection, row: Row, payload: bytes) -> None:
             payload,
         ),
     )
+    return int(db.execute("SELECT last_insert_rowid()").fetchone()[0])
 
 
 def read_rows(db: sqlite3.Connection, path: Path, largest: int) -> list[Row]:
@@ -262,7 +339,7 @@ def sync_folder(path: Path) -> None:
 
 def remove(path: Path) -> None:
     """Delete a scan file and what SQLite keeps beside it."""
-    for tail in ("", "-wal", "-shm", "-journal"):
+    for tail in ("", "-wal", "-shm", "-journal", "-lock"):
         path.with_name(path.name + tail).unlink(missing_ok=True)
 
 
@@ -278,15 +355,6 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
     for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
         db.execute(f"PRAGMA {pragma}")
     return db
-
-
-def _lock(db: sqlite3.Connection) -> None:
-    """One writer, until it closes or dies; every commit is on the disk when it returns."""
-    db.execute("PRAGMA locking_mode = EXCLUSIVE")
-    db.execute("PRAGMA journal_mode = WAL")
-    db.execute("PRAGMA synchronous = FULL")
-    db.execute("BEGIN EXCLUSIVE")
-    db.execute("COMMIT")
 
 
 def _judge_header(path: Path) -> None:
@@ -347,6 +415,10 @@ def _damaged(path: Path, what: str) -> ScanCorrupt:
     )
 
 
+def _full(path: Path) -> StorageFull:
+    return StorageFull(f"{path}: no room left on the disk", hint="free some space, then resume")
+
+
 def _named(e: sqlite3.Error, path: Path) -> TurnscanError:
     name = getattr(e, "sqlite_errorname", "") or ""
     if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
@@ -354,7 +426,7 @@ def _named(e: sqlite3.Error, path: Path) -> TurnscanError:
             f"{path}: another process is writing it", hint="wait until that one has finished"
         )
     if name == "SQLITE_FULL":
-        return StorageFull(f"{path}: no room left on the disk", hint="free some space, then resume")
+        return _full(path)
     if name == "SQLITE_IOERR_SHORT_READ":
         return _damaged(path, "it ends too early")
     if name.startswith(("SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):

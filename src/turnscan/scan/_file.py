@@ -7,13 +7,13 @@ import json
 import math
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from types import MappingProxyType, TracebackType
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -32,15 +32,21 @@ from turnscan.scan._codec import (
     statistics,
 )
 from turnscan.scan._database import Row, storage
+from turnscan.scan._lock import WriterLock, being_written
 from turnscan.scan._plan import (
     Frame,
     ScanPlan,
+    Setting,
     plan_from_json,
     plan_to_json,
     settings_from_json,
     settings_to_json,
 )
 from turnscan.scan._stored import DARKS, Stored, dark_of
+
+T = TypeVar("T")
+_WHOLE = ("background", "texture")
+"""Kinds of rows that are whole pictures."""
 
 
 class Scan:
@@ -51,17 +57,27 @@ class Scan:
     """
 
     def __init__(
-        self, path: Path, db: sqlite3.Connection, plan: ScanPlan, rig: Rig | None, writing: bool
+        self,
+        path: Path,
+        db: sqlite3.Connection,
+        lock: WriterLock | None,
+        meta: Mapping[str, str],
     ) -> None:
         """For `create`, `open` and `resume`, which judge what they open."""
+        if "plan" not in meta:
+            raise ScanCorrupt(f"{path}: damaged: it has no plan", hint="import or scan again")
         self.path = path
-        self.plan = plan
-        self.rig = rig
-        self.writing = writing
+        self.plan = plan_from_json(meta["plan"], f"{path}: plan")
+        self.rig = rig_from_json(meta["rig"], f"{path}: rig") if "rig" in meta else None
+        self.acquisition = meta.get("acquisition", "")
+        """How the frames are taken, as JSON of whoever takes them; empty for an import."""
+        self.writing = lock is not None
+        self._lock = lock
         self.sealed = False
         """Whether the file was closed properly, with all the frames it had then."""
         self._db = db
         self._rows: dict[tuple[str, int, int], Row] = {}
+        self._textures: dict[int, Row] = {}
         self._backgrounds: dict[str, Row] = {}
         self._pictures: dict[str, Image] = {}
         self._shared: tuple[str, Project | None, Background] | None = None
@@ -70,52 +86,58 @@ class Scan:
         self._thread = threading.RLock()
 
     @classmethod
-    def create(cls, path: str | Path, plan: ScanPlan, rig: Rig | None = None) -> Self:
-        """Make a new scan file and lock it for writing.
+    def create(
+        cls, path: str | Path, plan: ScanPlan, rig: Rig | None = None, acquisition: str = ""
+    ) -> Self:
+        """Make a new scan file and lock it for writing; ``acquisition`` is kept for `resume`.
 
         Raises InputError where the file exists, ScanError where it cannot be created.
         """
         path = Path(path)
-        db = database.create(path)
-        try:
-            with storage(path), _transaction(db):
-                database.write_meta(db, "software", f"turnscan {__version__}")
-                database.write_meta(db, "plan", plan_to_json(plan))
-                if rig is not None:
-                    database.write_meta(db, "rig", rig_to_json(rig))
-        except BaseException:
-            db.close()
-            database.remove(path)
-            raise
-        return cls(path, db, plan, rig, writing=True)
+        meta = {"software": f"turnscan {__version__}", "plan": plan_to_json(plan)}
+        if rig is not None:
+            meta["rig"] = rig_to_json(rig)
+        if acquisition:
+            meta["acquisition"] = acquisition
+        return cls(path, *database.create(path, meta), meta)
 
     @classmethod
     def open(cls, path: str | Path) -> Self:
-        """Open a scan file read-only.
+        """Open a scan file read-only, also while it is being written: then it shows the frames
+        that are there now (`being_written`).
 
         Raises InputError where there is none, FormatError where it is something else, ScanNewer,
-        ScanBusy while another process writes it, and ScanCorrupt naming the damaged place.
+        and ScanCorrupt naming the damaged place.
         """
         return cls._load(Path(path), writing=False)
 
     @classmethod
     def resume(cls, path: str | Path) -> Self:
-        """Open a scan file to add the frames that are missing. Raises like `open`."""
+        """Open a scan file to add the frames that are missing.
+
+        Raises like `open`, and ScanBusy where another process is writing it.
+        """
         return cls._load(Path(path), writing=True)
 
     @classmethod
     def _load(cls, path: Path, writing: bool) -> Self:
-        db = database.open_writing(path) if writing else database.open_reading(path)
+        lock = None
+        if writing:
+            db, lock = database.open_writing(path)
+        else:
+            db = database.open_reading(path)
         try:
+            if not writing:
+                db.execute("BEGIN")  # one view of values and rows, though somebody may be writing
             meta = database.read_meta(db, path)
-            if "plan" not in meta:
-                raise ScanCorrupt(f"{path}: damaged: it has no plan", hint="import or scan again")
-            plan = plan_from_json(meta["plan"], f"{path}: plan")
-            rig = rig_from_json(meta["rig"], f"{path}: rig") if "rig" in meta else None
-            scan = cls(path, db, plan, rig, writing)
+            scan = cls(path, db, lock, meta)
             scan._read_rows(meta.get("seal"))
+            if not writing:
+                db.execute("COMMIT")
         except BaseException:
             db.close()
+            if lock is not None:
+                lock.release()
             raise
         return scan
 
@@ -144,6 +166,8 @@ class Scan:
                         database.seal(self._db)
             finally:
                 self._db.close()
+                if self._lock is not None:
+                    self._lock.release()
 
     # Writing
 
@@ -186,6 +210,40 @@ class Scan:
         row = self._new_row("missing", nothing, "none", b"", text, math.nan, math.nan)
         self._insert(row, b"")
         self._rows[laser, step, exposure] = row
+
+    def add_texture(
+        self,
+        step: int,
+        picture: Image,
+        commanded: float = math.nan,
+        time: float = math.nan,
+        settings: Mapping[str, Setting] = MappingProxyType({}),
+    ) -> None:
+        """Store a whole picture without laser light, for the colour of the surface.
+
+        Raises InputError where it does not fit the plan, or where there is one already.
+        """
+        if not 0 <= step < self.plan.steps or step in self._textures:
+            raise InputError(f"{self.path}: no (second) texture for step {step}")
+        self._check_picture(picture, f"texture of step {step}")
+        whole = _whole(self.plan)
+        payload, _ = encode(picture, None, False, np.zeros((1, 1)), 0.0, whole)
+        frame = Frame(step, "", picture, commanded=commanded, time=time)
+        text = settings_to_json(settings)
+        row = self._new_row("texture", frame, "none", payload, text, math.nan, math.nan)
+        self._insert(row, payload)
+        self._textures[step] = row
+
+    def forget(self, laser: str, step: int, exposure: int = 0) -> None:
+        """Take a frame, or the record that there is none, away, to be taken again.
+
+        Raises InputError where there is nothing of the kind.
+        """
+        row = self._rows.get((laser, step, exposure))
+        if row is None:
+            raise InputError(f"{self.path}: there is no step {step} of laser {laser!r} to forget")
+        self._write(lambda: database.delete(self._db, row))
+        del self._rows[laser, step, exposure]
 
     def add_background(self, laser: str, picture: Image) -> None:
         """Store the picture without the laser that later frames of this laser refer to.
@@ -254,6 +312,41 @@ class Scan:
                 out[step] = str(settings_from_json(row.settings, str(row)).get("cause", ""))
         return out
 
+    def has(self, laser: str, step: int, exposure: int = 0) -> bool:
+        """Whether there is a frame, or a record of why there is none."""
+        return (laser, step, exposure) in self._rows
+
+    def has_texture(self, step: int) -> bool:
+        """Whether there is a picture without laser light of this step."""
+        return step in self._textures
+
+    def texture(self, step: int) -> Frame:
+        """The picture without laser light of a step. Raises InputError where there is none."""
+        row = self._textures.get(step)
+        if row is None:
+            raise InputError(f"{self.path}: no texture at step {step}")
+        where = f"{self.path}: {row}"
+        picture, _ = decode(self._payload(row), _whole(self.plan), "none", None, None, where)
+        settings = settings_from_json(row.settings, where)
+        return Frame(step, "", picture, commanded=row.commanded, time=row.time, settings=settings)
+
+    def damaged(self) -> list[tuple[str, int, int]]:
+        """Laser, step and exposure of every frame whose pixels are not what was stored."""
+        rows = self._in_order(None)
+        return [(r.laser, r.step, r.exposure) for r in rows if _trouble(partial(self._decode, r))]
+
+    @property
+    def being_written(self) -> bool:
+        """Whether a living process is writing the file; it may be this one."""
+        return self.writing or being_written(self.path)
+
+    @property
+    def last_angle(self) -> float:
+        """rad, where the table was sent for the last frame stored; NaN where that is unknown."""
+        rows = [*self._rows.values(), *self._textures.values()]
+        last = max(rows, key=lambda r: r.id, default=None)
+        return math.nan if last is None else last.commanded
+
     def background(self, laser: str) -> Image | None:
         """(H, W) or (H, W, 3): what the frames of a laser refer to as dark, or None."""
         self._known(laser)
@@ -283,6 +376,8 @@ class Scan:
             yield str(row), _trouble(partial(self.background, laser))
         for row in self._in_order(None):
             yield str(row), _trouble(partial(self._decode, row))
+        for step, row in sorted(self._textures.items()):
+            yield str(row), _trouble(partial(self.texture, step))
 
     # Inside
 
@@ -358,7 +453,7 @@ class Scan:
         noise: float,
         level: float,
     ) -> Row:
-        form = "full" if kind == "background" or self.plan.keep == "full" else "runs"
+        form = "full" if kind in _WHOLE or self.plan.keep == "full" else "runs"
         return Row(
             id=0,
             kind=kind,
@@ -379,15 +474,19 @@ class Scan:
         )
 
     def _insert(self, row: Row, payload: bytes) -> None:
+        number = self._write(lambda: database.insert(self._db, row, payload))
+        object.__setattr__(row, "id", number)
+
+    def _write(self, change: Callable[[], T]) -> T:
+        """One transaction; the file is no longer what it was closed with."""
         if not self.writing:
             raise InputError(f"{self.path}: open for reading only")
         with self._thread, storage(self.path), _transaction(self._db):
             if self.sealed:
                 self._db.execute("DELETE FROM meta WHERE key = 'seal'")
-            database.insert(self._db, row, payload)
-            number = self._db.execute("SELECT last_insert_rowid()").fetchone()[0]
-        object.__setattr__(row, "id", number)
+            done = change()
         self.sealed = False
+        return done
 
     def _read_rows(self, seal: str | None) -> None:
         itemsize = np.dtype(self.plan.dtype).itemsize
@@ -396,6 +495,8 @@ class Scan:
             self._believe(row)
             if row.kind == "background":
                 self._backgrounds[row.laser] = row
+            elif row.kind == "texture":
+                self._textures[row.step] = row
             else:
                 self._rows[row.laser, row.step, row.exposure] = row
         if seal is not None:
@@ -409,10 +510,10 @@ class Scan:
     def _believe(self, row: Row) -> None:
         """A row with a right checksum can still be a stranger's: does it fit the plan?"""
         plan = self.plan
-        form = "full" if row.kind == "background" or plan.keep == "full" else "runs"
+        form = "full" if row.kind in _WHOLE or plan.keep == "full" else "runs"
         good = (
-            row.kind in ("lit", "background", "missing")
-            and row.laser in plan.lasers
+            row.kind in ("lit", "missing", *_WHOLE)
+            and (row.laser in plan.lasers if row.kind != "texture" else row.laser == "")
             and 0 <= row.step < plan.steps
             and row.exposure >= 0
             and (row.width, row.height) == (plan.width, plan.height)
@@ -423,7 +524,7 @@ class Scan:
             raise ScanCorrupt(f"{self.path}: damaged: {row} does not fit the plan of the scan")
 
     def _seal(self) -> str:
-        rows = [*self._rows.values(), *self._backgrounds.values()]
+        rows = [*self._rows.values(), *self._backgrounds.values(), *self._textures.values()]
         return json.dumps({"frames": len(rows), "sha256": database.digest_of_rows(rows)})
 
 

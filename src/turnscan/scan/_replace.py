@@ -52,7 +52,9 @@ def _sweep(path: Path) -> None:
     """Remove what killed imports to the same name left; a file that is being written stays."""
     for part in path.parent.glob(f".{glob.escape(path.name)}.{'[0-9a-f]' * 8}.part"):
         try:
-            database.open_writing(part).close()
+            db, lock = database.open_writing(part)
+            db.close()
+            lock.release()
         except ScanBusy:
             continue
         except (ScanError, InputError):
