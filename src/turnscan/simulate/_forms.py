@@ -13,7 +13,7 @@ from turnscan.surface import Mesh
 
 def cup_profile(wall: float) -> Floats:
     """Half section (n, 2) of a cup 84 mm tall with a wall of ``wall`` mm and a rounded rim."""
-    z = np.linspace(8.0, 84.0 - wall / 2, 160)
+    z = np.linspace(8.0, 84.0 - wall / 2, 110)
     s = (z - 8.0) / 76.0
     outer = 27.0 + 12.0 * s**0.75 - 1.5 * np.sin(np.pi * s)
     # The inside lies `wall` from the outside, measured square to it.

@@ -25,7 +25,7 @@ from turnscan.simulate._beam import Beam, Lens
 from turnscan.simulate._cast import Caster
 from turnscan.simulate._motion import Motion
 from turnscan.simulate._random import seed64
-from turnscan.simulate._scene import Scene, Triangles, triangles
+from turnscan.simulate._scene import PATTERNS, Scene, Triangles, triangles
 from turnscan.simulate._sensor import Sensor, expose
 
 Singles = npt.NDArray[np.float32]
@@ -36,7 +36,7 @@ _PLANCK_C = 6.62607015e-34 * 2.99792458e11
 _REACH = 2.2
 """Radii of the sheet within which its light is rendered (4.4 σ: 6e-5 of the peak)."""
 _RAY_CELLS = (4, 8)
-_RAY_BLOCKS = (2, 4)
+_RAY_BLOCKS = (2, 2)
 _PROFILE_BINS = 2048
 _VISIBLE_LIGHT = 550e-6
 _PRINT_SAMPLES = 3
@@ -154,7 +154,9 @@ class Renderer:
         if not len(pixels):
             return out
         for contrast, halo, members in self._groups():
-            own = energy * np.isin(body, members)
+            ours = np.zeros(len(self.bench.scene.bodies) + 1, np.float32)  # the last: no body, −1
+            ours[members] = 1.0
+            own = energy * ours[body]
             lit = np.flatnonzero(own.any(axis=(1, 2)))
             if not len(lit):
                 continue
@@ -274,10 +276,9 @@ class Renderer:
         return np.stack(rows)
 
     def _paints(self, beam: Beam) -> Floats:
-        kinds = {"none": 0, "bars": 1, "rings": 2, "checks": 3}
         return np.array(
             [
-                [m.at(beam.wavelength), kinds[m.pattern], m.pitch, m.pattern_ratio]
+                [m.at(beam.wavelength), PATTERNS.index(m.pattern), m.pitch, m.pattern_ratio]
                 + [m.specular, m.roughness]
                 for m in (b.material for b in self.bench.scene.bodies)
             ],
@@ -421,8 +422,7 @@ class Renderer:
         light = self._irradiance(points, normals, tri.flat_normals[face[hit]], T)
         dim = bench.scene.background * bench.scene.sky / math.pi
         radiance = np.full((len(face), colours), dim, np.float32)
-        albedo = np.stack([self._albedo(points, body, c) for c in range(3)], axis=1)
-        shown = albedo if colours == 3 else albedo.mean(axis=1, keepdims=True)
+        shown = self._albedo(points, body, colours)
         radiance[hit] = light[:, None] * shown / math.pi
         # With z = 1 in the camera the cosine of the field angle is 1 over the ray's length.
         field4 = np.einsum("ij,ij->i", directions, directions) ** -2
@@ -445,18 +445,22 @@ class Renderer:
             light[k] += scene.lamp * facing[k] * sees
         return np.asarray(light)
 
-    def _albedo(self, points: Floats, body: Ints, colour: int) -> Floats:
+    def _albedo(self, points: Floats, body: Ints, colours: int) -> Floats:
+        """(n, 1 or 3) reflectance of points (n, 3), object frame."""
         from turnscan.simulate import _shade
 
-        out = np.zeros(len(points))
-        kinds = {"none": 0, "bars": 1, "rings": 2, "checks": 3}
+        out = np.zeros((len(points), colours))
         for i, b in enumerate(self.bench.scene.bodies):
-            own = body == i
+            own = np.flatnonzero(body == i)
             m = b.material
-            paint = np.array([m.albedo[colour], kinds[m.pattern], m.pitch, m.pattern_ratio])
-            out[own] = _shade.paint_all(points[own], paint) if paint[1] else paint[0]
+            tone = np.ones(len(own))
+            if m.pattern != "none":
+                paint = np.array([1.0, PATTERNS.index(m.pattern), m.pitch, m.pattern_ratio])
+                tone = _shade.paint_all(points[own], paint)
             if b.texture is not None:
-                out[own] *= b.texture.at(b.T_table_part.inverse().apply(points[own]))
+                tone = tone * b.texture.at(b.T_table_part.inverse().apply(points[own]))
+            full = np.array(m.albedo) if colours == 3 else np.array([np.mean(m.albedo)])
+            out[own] = tone[:, None] * full
         return out
 
 

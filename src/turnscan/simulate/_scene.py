@@ -17,7 +17,7 @@ from turnscan.simulate._solids import bisected
 from turnscan.surface import Mesh
 
 PatternKind = Literal["none", "bars", "rings", "checks"]
-_KINDS: tuple[PatternKind, ...] = ("none", "bars", "rings", "checks")
+PATTERNS: tuple[PatternKind, ...] = ("none", "bars", "rings", "checks")
 _CREASE = np.cos(np.deg2rad(25.0))
 _LONGEST_EDGE = 8.0
 
@@ -58,8 +58,8 @@ class Material:
         for name in ("roughness", "pitch", "halo_length"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"Material.{name}: {getattr(self, name)}, expected above 0")
-        if self.pattern not in _KINDS:
-            raise ValueError(f"Material.pattern: {self.pattern!r}, expected one of {_KINDS}")
+        if self.pattern not in PATTERNS:
+            raise ValueError(f"Material.pattern: {self.pattern!r}, expected one of {PATTERNS}")
 
     def at(self, wavelength: float) -> float:
         """Albedo at a wavelength (mm), between those of red, green and blue."""

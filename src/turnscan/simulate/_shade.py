@@ -17,6 +17,9 @@ from turnscan.arrays import Bools, Floats, Ints
 
 Singles = npt.NDArray[np.float32]
 
+_FADED = 2.8
+"""Radii of the sheet beyond which there is no light (1.5e-7 of its middle)."""
+
 
 @nb.njit(cache=True, nogil=True)
 def corner_normals(
@@ -333,7 +336,7 @@ def painted(x: float, y: float, z: float, paint: Floats) -> float:
     return paint[0] * (paint[3] if dark else 1.0)
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, fastmath=True)
 def glow(
     pixels: Ints,
     field: Floats,
@@ -451,7 +454,7 @@ def _blurred(
     return math.sqrt(1.0 + (du * du + dv * dv) / (sigma * sigma))
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, fastmath=True)
 def _radiance(
     x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, apex: Floats,
     sheet: Floats, beam: Floats, fan: Floats, table: Floats, spread: float,
@@ -464,13 +467,15 @@ def _radiance(
     s = (wx * fan[2] + wy * fan[3] + wz * fan[4]) / (z * fan[1])
     if abs(s) >= 1.0:
         return 0.0
+    far = (z - beam[1]) / beam[2]
+    w = beam[0] * math.sqrt(1.0 + far * far) * spread
+    d = _sheet_distance(x, y, depth, sheet)
+    if abs(d) > _FADED * w:
+        return 0.0
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
     nl = -(n[0] * wx + n[1] * wy + n[2] * wz) / length
     if nl <= 0.0:
         return 0.0
-    far = (z - beam[1]) / beam[2]
-    w = beam[0] * math.sqrt(1.0 + far * far) * spread
-    d = _sheet_distance(x, y, depth, sheet)
     place = (s + 1.0) * 0.5 * (len(table) - 1)
     k = min(int(place), len(table) - 2)
     share = table[k] + (place - k) * (table[k + 1] - table[k])

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from turnscan.arrays import Floats
 from turnscan.surface import Mesh
 
-CHORD = 5e-4
+CHORD = 1e-3
 """mm: how far the flat triangles of a part may lie from its true surface."""
 
 
