@@ -116,7 +116,7 @@ def test_the_automatic_volume_knows_what_the_rig_sees():
     gamma = np.arctan((c.width - 1 - c.cx) / c.fx)
     r_max = 490.0 * np.sin(gamma) / np.sin(np.deg2rad(25.0) + gamma)
     assert reach.r_max == pytest.approx(r_max, rel=1e-3)  # paper, (8) and Table 1
-    assert reach.z_min == 1.0
+    assert reach.z_min == 2.0
     corners = np.array([[50, -5, 0], [60, -5, 0], [60, 5, 0], [50, 5, 0.0]])
     marked = Rig(c, rig.sheets, rig.T_camera_table, (Marker("DICT_4X4_50", 1, corners),))
     assert working_volume(marked, "L0").r_max == pytest.approx(np.hypot(60, 5))

@@ -3,8 +3,9 @@
 from turnscan.points._build import build_grid, every, goes_round, one_turn
 from turnscan.points._findings import angle_findings, grid_findings, lost_frames
 from turnscan.points._grid import PointCloud, RangeGrid
+from turnscan.points._placements import placements_from_conf
 from turnscan.points._profile import Profile, Spacing, profiles, resample
-from turnscan.points._range_scan import RangeScan, placements_from_conf, range_scan_from_ply
+from turnscan.points._range_scan import RangeScan, range_scan_from_ply
 from turnscan.points._triangulate import point_covariance, systematic_sigma, to_object, triangulate
 from turnscan.points._volume import (
     Volume,

@@ -1,4 +1,4 @@
-"""Range scans of other scanners: Cyberware-style PLY and generic PLY, and where each was placed."""
+"""Range scans of other scanners: Cyberware-style PLY and generic PLY."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from turnscan.rig import Pose
 _MAX_POINTS = 50_000_000
 _MAX_CELLS = 200_000_000
 _MAX_HEADER = 64 * 1024
-_MAX_PLACEMENTS = 10_000
 _FAR = 1e5
 """mm: where the eye of a scanner with parallel rays is put, along its viewing direction."""
 _TYPES = {
@@ -314,50 +313,3 @@ def _binary_lists(
 
 def _short(name: str, element: _Element) -> str:
     return f"{name}: the file ends inside its {element.count} entries of {element.name}"
-
-
-def placements_from_conf(text: str, source: str = "conf", *, scale: float = 1.0) -> dict[str, Pose]:
-    """Where each scan belongs, from lines ``bmesh NAME tx ty tz qx qy qz qw``: name → T_world_scan.
-
-    The file stores the inverse rotation: p_world = R(q)⁻¹ p_scan + t. ``scale`` turns the unit of t
-    into mm. Raises FormatError naming the line.
-    """
-    placed: dict[str, Pose] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split()
-        if not words or words[0] != "bmesh":
-            continue
-        where = f"{source}, line {number}"
-        if len(placed) >= _MAX_PLACEMENTS:
-            raise LimitExceeded(f"{where}: more than {_MAX_PLACEMENTS} scans")
-        try:
-            t = np.array([float(w) for w in words[2:5]])
-            q = np.array([float(w) for w in words[5:]])
-        except ValueError as e:
-            raise FormatError(f"{where}: {e}") from None
-        length = float(np.linalg.norm(q)) if q.shape == (4,) else 0.0
-        if not (np.isfinite(t).all() and 0.5 < length < 2.0):
-            raise FormatError(
-                f"{where}: expected 'bmesh NAME tx ty tz qx qy qz qw' with a unit quaternion",
-                hint="mend or remove that line",
-            )
-        if words[1] in placed:
-            raise FormatError(f"{where}: {words[1]} stands twice", hint="keep one of the lines")
-        placed[words[1]] = Pose(_from_quaternion(q / length).T, t * scale)
-    if not placed:
-        raise FormatError(
-            f"{source}: no line 'bmesh NAME tx ty tz qx qy qz qw'",
-            hint="give the .conf file that came with the range scans",
-        )
-    return placed
-
-
-def _from_quaternion(q: Floats) -> Floats:
-    x, y, z, w = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )

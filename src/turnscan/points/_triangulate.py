@@ -21,7 +21,7 @@ def triangulate(
     The undistorted ray d meets the sheet n·X = D at X = d·D/(n·d), or its bent form where the
     sheet has a bow. ``across`` is the pixel coordinate that the stripe's centre was measured in:
     0 (u) for a vertical stripe, 1 (v) for a horizontal one. The second result (...) is
-    |∂X/∂u|·``sigma_px`` mm, the length by which the point moves along the sheet.
+    ``sigma_px`` times the length of ∂X/∂u, mm, the length by which the point moves along the sheet.
 
     NaN where the pixel is NaN, the lens cannot be inverted or the ray does not meet the sheet.
     Raises KeyError for a laser that the rig does not have.

@@ -50,7 +50,7 @@ class Volume:
             return np.asarray(near & (z >= self.z_min) & (z <= self.z_max))
 
 
-def working_volume(rig: Rig, laser: str, *, platter_margin: float = 1.0) -> Volume:
+def working_volume(rig: Rig, laser: str, *, platter_margin: float = 2.0) -> Volume:
     """The volume that a rig can measure all the way round, without the platter itself.
 
     The radius is the largest at which the camera sees the sheet on the near side of the axis

@@ -122,10 +122,13 @@ def _inward(points: Floats, faces: Ints, eyes: Floats, n: int) -> float:
 
 def half_edges(faces: Ints) -> tuple[Ints, Ints]:
     """Start and end of the sides that have one face only."""
+    if not len(faces):
+        return np.zeros(0, np.int32), np.zeros(0, np.int32)
     a = faces[:, [0, 1, 2]].ravel().astype(np.int64)
     b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
     size = int(max(a.max(initial=0), b.max(initial=0))) + 1
-    lonely = ~np.isin(a * size + b, b * size + a)
+    back = np.sort(b * size + a)
+    lonely = back[np.minimum(np.searchsorted(back, a * size + b), len(back) - 1)] != a * size + b
     return a[lonely].astype(np.int32), b[lonely].astype(np.int32)
 
 

@@ -56,6 +56,8 @@ def _once(parts: Sequence[Mesh]) -> list[Mesh]:
     from scipy.spatial import cKDTree
 
     done = [parts[0]]
+    if len(parts) == 1:
+        return done
     known = [_Cover(cKDTree(parts[0].vertices), vertex_normals(parts[0]), _reach(parts[0]))]
     for mesh in parts[1:]:
         normals, noise = vertex_normals(mesh), _noise(mesh)
