@@ -12,6 +12,7 @@ from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.calibrate._adjust import Block
 from turnscan.calibrate._board import Board, BoardView
 from turnscan.calibrate._layout import (
+    BoardLayout,
     Layout,
     MarkerLayout,
     cross_matrices,
@@ -126,13 +127,17 @@ class RigNetwork:
         for i, (view, pose) in enumerate(zip(self.boards, state.poses, strict=True)):
             out.append(self._board(state, i, view, pose))
             for stripe in self.board_stripes[i]:
-                seen = traced.part(at, len(stripe.pixels))
+                seen = traced.part(slice(at, at + len(stripe.pixels)))
                 out.append(self._board_stripe(state, i, stripe, seen))
                 at += len(stripe.pixels)
+        if self.table:
+            out += self._riders(state)
+            if isinstance(state.layout, MarkerLayout):
+                out += self._platter_stripes(state, traced, at)
+                at = len(pixels)
         for k, rider in enumerate(self.table):
-            out.append(self._rider(state, k, rider))
-            for stripe in rider.stripes:
-                seen = traced.part(at, len(stripe.pixels))
+            for stripe in rider.stripes if at < len(pixels) else ():
+                seen = traced.part(slice(at, at + len(stripe.pixels)))
                 out.append(self._rider_stripe(state, k, stripe, seen))
                 at += len(stripe.pixels)
         if self.trusted_side is not None and isinstance(state.layout, MarkerLayout):
@@ -226,12 +231,14 @@ class RigNetwork:
     def _table_column(self) -> int:
         return CAMERA_SIZE + 6 * len(self.lasers)
 
-    def _rider(self, state: State, k: int, view: RiderView) -> Block:
+    def _riders(self, state: State) -> list[Block]:
+        """The corners on the table, all pictures at once, then cut into views."""
         assert state.layout is not None
         T = state.rig.T_camera_table
-        spin = rotation_z(state.angles[k])
-        points, by_layout = state.layout.points(view.numbers)
-        on_table = points @ spin.T
+        counts = [len(v.corners) for v in self.table]
+        points, by_layout = state.layout.points(np.concatenate([v.numbers for v in self.table]))
+        spin = rotation_z(np.repeat(state.angles, counts))
+        on_table = np.einsum("nij,nj->ni", spin, points)
         turned = T.turn(on_table)
         pixels, by_point, by_camera = point_term(state.rig.camera, turned + T.translation)
         common = self._zeros(2 * len(pixels))
@@ -239,37 +246,60 @@ class RigNetwork:
         c = self._table_column
         common[:, c : c + 3] = (-by_point @ cross_matrices(turned)).reshape(-1, 3)
         common[:, c + 3 : c + 6] = by_point.reshape(-1, 3)
-        common[:, c + 6 : -3] = (by_point @ (T.rotation @ spin) @ by_layout).reshape(
-            2 * len(pixels), -1
-        )
+        by_layout = by_point @ (T.rotation @ spin) @ by_layout
+        common[:, c + 6 : -3] = by_layout.reshape(2 * len(pixels), -1)
         by_angle = np.stack([-on_table[:, 1], on_table[:, 0], np.zeros(len(points))], axis=1)
         own = np.einsum("nij,nj->ni", by_point, T.turn(by_angle)).reshape(-1, 1)
-        residual = (view.corners - pixels).reshape(-1)
-        return Block(len(self.boards) + k, RIDER, residual, common, own if k else own[:, :0])
+        residual = (np.concatenate([v.corners for v in self.table]) - pixels).reshape(-1)
+        out = []
+        for k, end in enumerate(2 * np.cumsum(counts)):
+            part = slice(end - 2 * counts[k], end)
+            mine = own[part] if k else own[part, :0]
+            out.append(Block(len(self.boards) + k, RIDER, residual[part], common[part], mine))
+        return out
 
-    def _rider_stripe(self, state: State, k: int, stripe: StripeView, seen: Traced) -> Block:
-        """A stripe on what rides on the table: the board, or the platter with its markers."""
+    def _platter_stripes(self, state: State, traced: Traced, at: int) -> list[Block]:
+        """The stripes on the platter, all pictures of one laser at once, then cut into views."""
         T = state.rig.T_camera_table
         c = self._table_column
-        if isinstance(state.layout, MarkerLayout):
-            term, powers = platter_stripe(state, stripe, seen, state.angles[k])
+        all_of = [(k, s) for k, v in enumerate(self.table) for s in v.stripes]
+        starts = at + np.cumsum([0, *(len(s.pixels) for _, s in all_of)])
+        out: list[Block] = []
+        for laser in dict.fromkeys(s.laser for _, s in all_of):
+            mine = [i for i, (_, s) in enumerate(all_of) if s.laser == laser]
+            counts = [len(all_of[i][1].pixels) for i in mine]
+            where = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in mine])
+            angle = np.repeat([state.angles[all_of[i][0]] for i in mine], counts)
+            seen = traced.part(where)
+            term, powers = platter_stripe(state, all_of[mine[0]][1], seen, angle)
+            common = self._sheet_columns(term.by_camera, term.by_sheet, laser)
             normal = T.rotation[:, 2]
-            arm = np.zeros(3)
-            by_layout = np.zeros((len(powers), len(self.layout_names)))
-            by_layout[:, :5] = (term.by_point @ normal)[:, None] * powers
-        else:
-            assert state.layout is not None
-            turn = T.rotation @ rotation_z(state.angles[k])
-            n0, q0, by_n0, by_q0 = state.layout.plane()
-            normal, arm = turn @ n0, turn @ q0
-            sheet = state.rig.sheet(stripe.laser)
-            term = stripe_term(sheet, seen, stripe.direction, normal, arm + T.translation)
-            by_layout = term.by_normal @ (turn @ by_n0) + term.by_point @ (turn @ by_q0)
+            common[:, c : c + 3] = -term.by_normal @ cross_matrices(normal[None])[0]
+            common[:, c + 3 : c + 6] = term.by_point
+            common[:, c + 6 : c + 11] = (term.by_point @ normal)[:, None] * powers
+            for i, end, count in zip(mine, np.cumsum(counts), counts, strict=True):
+                k, part = all_of[i][0], slice(end - count, end)
+                own = np.zeros((count, 1 if k else 0))
+                kind = stripe_kind("table", laser)
+                view = len(self.boards) + k
+                out.append(Block(view, kind, term.residual[part], common[part], own))
+        return out
+
+    def _rider_stripe(self, state: State, k: int, stripe: StripeView, seen: Traced) -> Block:
+        """A stripe on the board that rides on the table."""
+        assert isinstance(state.layout, BoardLayout)
+        T = state.rig.T_camera_table
+        c = self._table_column
+        turn = T.rotation @ rotation_z(state.angles[k])
+        n0, q0, by_n0, by_q0 = state.layout.plane()
+        normal, arm = turn @ n0, turn @ q0
+        sheet = state.rig.sheet(stripe.laser)
+        term = stripe_term(sheet, seen, stripe.direction, normal, arm + T.translation)
         common = self._sheet_columns(term.by_camera, term.by_sheet, stripe.laser)
         swing = cross_matrices(np.stack([normal, arm]))
         common[:, c : c + 3] = -term.by_normal @ swing[0] - term.by_point @ swing[1]
         common[:, c + 3 : c + 6] = term.by_point
-        common[:, c + 6 : -3] = by_layout
+        common[:, c + 6 : -3] = term.by_normal @ (turn @ by_n0) + term.by_point @ (turn @ by_q0)
         axis = T.rotation[:, 2]
         own = term.by_normal @ np.cross(axis, normal) + term.by_point @ np.cross(axis, arm)
         view = len(self.boards) + k
@@ -310,19 +340,21 @@ def board_stripe(
 
 
 def platter_stripe(
-    state: State, stripe: StripeView, seen: Traced, angle: float
+    state: State, stripe: StripeView, seen: Traced, angle: float | Floats
 ) -> tuple[StripeTerm, Floats]:
-    """A stripe on the platter at a table angle, and the powers (n, 5) of the platter's shape."""
+    """A stripe on the platter at a table angle (or one for each point), and the powers (n, 5) of
+    the platter's shape."""
     layout = state.layout
     assert isinstance(layout, MarkerLayout)
     T = state.rig.T_camera_table
     normal = T.rotation[:, 2]
     rays = seen.rays
-    back = rotation_z(angle)
+    back = np.broadcast_to(rotation_z(angle), (len(rays), 3, 3))
     height = np.zeros(len(rays))
     for _ in range(2):
         level = normal @ T.translation + height
-        place = T.inverse().apply(rays * (level / (rays @ normal))[:, None]) @ back
+        flat = T.inverse().apply(rays * (level / (rays @ normal))[:, None])
+        place = np.einsum("ni,nij->nj", flat, back)
         powers = platter_powers(place)
         height = powers @ layout.shape
     point = T.translation + height[:, None] * normal

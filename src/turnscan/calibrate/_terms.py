@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.rig import Camera, LaserSheet
@@ -74,9 +75,8 @@ class Traced:
         """(n, 3) directions in the camera frame with z = 1."""
         return np.concatenate([self.xy, np.ones((len(self.xy), 1))], axis=1)
 
-    def part(self, first: int, count: int) -> Traced:
+    def part(self, some: slice | npt.NDArray[np.intp]) -> Traced:
         """Some of the pixels."""
-        some = slice(first, first + count)
         return Traced(self.xy[some], self.by_pixel[some], self.lens_by_camera[some])
 
 

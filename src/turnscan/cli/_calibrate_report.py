@@ -148,14 +148,14 @@ def _per_view(c: Calibration) -> Figure:
 def _stripes(c: Calibration) -> Figure:
     fig = _figure(8, 4)
     ax = fig.add_subplot()
-    seen = {"boards": [], "table": []}  # type: dict[str, list[np.ndarray]]
+    seen: dict[str, list[np.ndarray]] = {"boards": [], "table": []}
     groups = [*c.network.board_stripes, *(v.stripes for v in c.network.table)]
-    blocks = iter([b for b in c.fit.blocks if b.kind.startswith("stripe")])
     for i, group in enumerate(groups):
+        kind = "boards" if i < len(c.network.boards) else "table"
         for stripe in group:
             place = stripe.pixels @ stripe.direction[::-1]
-            kind = "boards" if i < len(c.network.boards) else "table"
-            seen[kind].append(np.stack([place, next(blocks).residual], axis=1))
+            residual = _residual(c, f"stripe on {kind} [{stripe.laser}]", i)
+            seen[kind].append(np.stack([place, residual], axis=1))
     for kind, parts in seen.items():
         if parts:
             ax.plot(*np.concatenate(parts).T, ".", markersize=2, label=kind, alpha=0.5)
