@@ -1,0 +1,131 @@
+"""A board on a pseudo-terminal that can be unplugged."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+
+from turnscan.simulate.controllers._firmware import Firmware
+
+
+class Socket:
+    """Runs a board's firmware in a thread behind a pseudo-terminal.
+
+    ``scale`` board seconds pass in one second. With ``reset_on_open`` opening the port restarts the
+    board, as DTR does with an Arduino. `path` stays the same through unplugging.
+    """
+
+    def __init__(self, firmware: Firmware, *, scale: float = 1.0, reset_on_open: bool = False):
+        self.firmware = firmware
+        self._scale, self._reset_on_open = scale, reset_on_open
+        self._folder = tempfile.TemporaryDirectory(prefix="turnscan-board-")
+        self.path = str(Path(self._folder.name) / "port")
+        self._closing = threading.Event()
+        self._paused = threading.Event()
+        self._begin = time.monotonic()
+        self._master = -1
+        self.opened: list[float] = []
+        """`time.monotonic` of every opening."""
+        self._thread = threading.Thread(target=self._run, daemon=True, name="board")
+
+    def __enter__(self) -> Socket:
+        """Plug it in."""
+        self._plug()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        """Unplug it for good."""
+        self._closing.set()
+        self._thread.join(timeout=5.0)
+        self._unplug()
+        self._folder.cleanup()
+
+    @contextlib.contextmanager
+    def frozen(self) -> Iterator[None]:
+        """The board's processor stands still: nothing is read, buffers fill."""
+        self._paused.set()
+        try:
+            yield
+        finally:
+            self._paused.clear()
+
+    def _plug(self) -> None:
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        link = Path(self.path)
+        link.unlink(missing_ok=True)
+        link.symlink_to(os.ttyname(slave))
+        os.close(slave)
+        os.set_blocking(master, False)
+        self._master, self._open = master, False
+
+    def _unplug(self) -> None:
+        if self._master >= 0:
+            Path(self.path).unlink(missing_ok=True)
+            os.close(self._master)
+            self._master = -1
+
+    def _now(self) -> float:
+        return (time.monotonic() - self._begin) * self._scale
+
+    def _run(self) -> None:
+        board = self.firmware
+        while not self._closing.is_set():
+            if self._paused.is_set():
+                self._closing.wait(0.002)
+                continue
+            board.run(self._now())
+            if board.unplugged:
+                self._pull(board)
+                continue
+            data = board.take()
+            with contextlib.suppress(OSError):  # nobody there, or nobody reads
+                if data and self._open:
+                    os.write(self._master, data)
+            self._hear(board, self._patience(board))
+
+    def _patience(self, board: Firmware) -> float:
+        wake = board.wake()
+        return 0.05 if wake is None else max(0.0, min(0.05, (wake - self._now()) / self._scale))
+
+    def _hear(self, board: Firmware, patience: float) -> None:
+        poll = select.poll()
+        poll.register(self._master, select.POLLIN)
+        happened = poll.poll(patience * 1000)
+        events = happened[0][1] if happened else 0
+        hung = bool(events & select.POLLHUP)
+        if not hung and not self._open:
+            self.opened.append(time.monotonic())
+            if self._reset_on_open:
+                board.run(self._now())
+                board.power_on()
+        self._open = not hung
+        if events & select.POLLIN:
+            with contextlib.suppress(OSError):
+                data = os.read(self._master, 4096)
+                board.run(self._now())
+                board.feed(data)
+        elif hung:
+            self._closing.wait(0.001)
+
+    def _pull(self, board: Firmware) -> None:
+        self._unplug()
+        self._closing.wait(board.unplugged)
+        board.unplugged = 0.0
+        board.run(self._now())
+        board.power_on()
+        self._plug()
