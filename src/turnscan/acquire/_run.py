@@ -84,7 +84,8 @@ def run(
     try:
         lasers.off()
         seconds, gain = camera.configure(turn.seconds, turn.gain)
-        settings = {"seconds": seconds, "gain": gain}
+        told = {"seconds": seconds, "gain": gain}
+        settings = {name: value for name, value in told.items() if math.isfinite(value)}
         for step, angle in enumerate(turn.angles):
             if step < first_step:
                 continue

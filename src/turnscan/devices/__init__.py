@@ -1,5 +1,28 @@
-"""Camera, Turntable and Lasers: the protocols every device obeys."""
+"""Camera, Turntable and Lasers: the protocols every device obeys, and drivers by address."""
 
-from turnscan.devices._protocols import Camera, Lasers, Turntable
+from turnscan.devices._aravis import aravis_library
+from turnscan.devices._cameras import camera_schemes, find_cameras, open_camera
+from turnscan.devices._options import split_address
+from turnscan.devices._pixels import image_of
+from turnscan.devices._protocols import Camera, CameraTraits, Lasers, Turntable
+from turnscan.devices._registry import Devices, open_devices, open_lasers, open_turntable
+from turnscan.devices._steady import Steady, frame_deadline
 
-__all__ = ["Camera", "Lasers", "Turntable"]
+__all__ = [
+    "Camera",
+    "CameraTraits",
+    "Devices",
+    "Lasers",
+    "Steady",
+    "Turntable",
+    "aravis_library",
+    "camera_schemes",
+    "find_cameras",
+    "frame_deadline",
+    "image_of",
+    "open_camera",
+    "open_devices",
+    "open_lasers",
+    "open_turntable",
+    "split_address",
+]

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from turnscan.arrays import Image
+
+
+@dataclass(frozen=True)
+class CameraTraits:
+    """What a camera may say of its pictures, as an attribute ``traits``; without it, this."""
+
+    instant: bool = False
+    """A picture comes sooner than its exposure lasts: a file or a simulation."""
+    noiseless: bool = False
+    """Two pictures of the same thing may have the same bytes."""
 
 
 @runtime_checkable
@@ -12,7 +23,11 @@ class Camera(Protocol):
     """Takes pictures. Errors are `turnscan.errors.DeviceError` and its kinds."""
 
     def configure(self, seconds: float, gain: float) -> tuple[float, float]:
-        """Set exposure time and gain factor; returns what the hardware accepted."""
+        """Set exposure time and gain factor; returns what the hardware accepted.
+
+        NaN stands for a setting that this camera does not have or does not tell. Raises
+        DeviceRefused for values that it cannot have; nothing is clipped in silence.
+        """
         ...
 
     def grab(self, timeout: float) -> Image:

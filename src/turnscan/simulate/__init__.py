@@ -1,12 +1,14 @@
 """The physical simulator: scene, optics, sensor, motion."""
 
-from turnscan.simulate._address import Simulated, simulated, wish_of
+from turnscan.simulate._address import Simulated, sim_camera, simulated, wish_of
 from turnscan.simulate._beam import Beam, Lens
+from turnscan.simulate._bench import Bench
 from turnscan.simulate._devices import Faults, SimCamera, SimLasers, SimTurntable, World
+from turnscan.simulate._gige import GigeServer
 from turnscan.simulate._motion import Motion
 from turnscan.simulate._parts import PARTS, Part, from_mesh, part
 from turnscan.simulate._presets import Wish, bench, check_view, seconds_of, steps_of
-from turnscan.simulate._render import Bench, Renderer
+from turnscan.simulate._render import Renderer
 from turnscan.simulate._scene import Body, Material, Scene, Texture
 from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, expose, webcam
 from turnscan.simulate._speckle import (
@@ -28,6 +30,7 @@ __all__ = [
     "Bench",
     "Body",
     "Faults",
+    "GigeServer",
     "Lens",
     "Material",
     "Motion",
@@ -59,6 +62,7 @@ __all__ = [
     "pattern_weights",
     "pixel_contrast",
     "seconds_of",
+    "sim_camera",
     "simulated",
     "speckled",
     "steps_of",

@@ -122,6 +122,11 @@ def simulated(address: str | Wish, faults: Faults | None = None) -> Simulated:
     return Simulated(wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
 
 
+def sim_camera(address: str) -> SimCamera:
+    """The camera of a bench of its own; of one with lasers and turntable, see `simulated`."""
+    return simulated(address).camera
+
+
 def _motion(motion: Motion, change: dict[str, Any]) -> Motion:
     try:
         return replace(motion, **change)

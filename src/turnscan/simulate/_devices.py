@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Image
+from turnscan.devices import CameraTraits
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
+from turnscan.simulate._bench import Bench
 from turnscan.simulate._random import seed64
-from turnscan.simulate._render import Bench, Renderer
+from turnscan.simulate._render import Renderer
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class SimCamera:
 
     def __init__(self, world: World) -> None:
         self._world = world
+        self.traits = CameraTraits(instant=True, noiseless=not world.bench.noise)
         self._seconds, self._gain = 0.02, 1.0
         self._attempts: dict[tuple[float, frozenset[str]], int] = {}
         self._last: Image | None = None
@@ -98,6 +101,7 @@ class SimCamera:
             start=float(chance[2]),
             shot=attempt,
         )
+        self._last.flags.writeable = False
         return self._last
 
 

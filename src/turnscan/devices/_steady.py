@@ -1,0 +1,189 @@
+"""Steady: a camera whose every picture has been looked at before anybody relies on it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+
+import numpy as np
+
+from turnscan.arrays import Image
+from turnscan.devices._picture_faults import blank_rows, fault_of
+from turnscan.devices._protocols import Camera, CameraTraits
+from turnscan.errors import (
+    DeviceDisconnected,
+    DeviceError,
+    DeviceGarbled,
+    DeviceRefused,
+    DeviceTimeout,
+)
+
+RETRIES = 3
+FLUSHED = 64
+"""Pictures from a buffer that are thrown away for one good one, at most."""
+_EARLY = 0.9
+"""A picture that comes before this share of its exposure is over began before it was asked for."""
+_GRACE = 1.0
+"""s that a driver may go beyond the time-out it was given before it counts as hanging."""
+
+_HINTS = {
+    "dropped": "look at cable, power and USB or network load",
+    "incomplete": "look at cable, network and packet size",
+    "stale": "the driver hands out buffered pictures; it must not",
+    "frozen": "the camera repeats itself; unplug it and plug it in again",
+    "torn": "parts of pictures get lost; look at cable and bandwidth, take fewer pixels",
+    "wrong size": "the camera was changed; open it again, and calibrate if its pixels are others",
+    "black": "look at lens cap, laser and exposure",
+    "saturated": "shorten the exposure or darken the room",
+}
+
+
+def frame_deadline(seconds: float, first: bool = False) -> float:
+    """s to wait for a picture of this exposure; the first after opening may take longer."""
+    return max(20.0 if first else 5.0, 5.0 * seconds if seconds > 0 else 0.0)
+
+
+class Steady:
+    """A `Camera` around another one: bad pictures are recognised and taken again.
+
+    Dropped, incomplete, stale, frozen (the bytes of the picture before), torn (rows of the picture
+    before, or none), of another size or type than the first, black where light is expected, and
+    saturated ones are taken again up to three times. A camera that hangs beyond its time-out is
+    left alone. ``counts`` says how often each was met.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        *,
+        retries: int = RETRIES,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.counts: Counter[str] = Counter()
+        self._camera, self._retries, self._clock = camera, retries, clock
+        self._traits: CameraTraits = getattr(camera, "traits", CameraTraits())
+        self._seconds = 0.0
+        self._size: tuple[tuple[int, ...], np.dtype[np.generic]] | None = None
+        self._before: deque[Image] = deque(maxlen=2)
+        self._blank: tuple[int, int] | None = None
+        self._noise_seen = False
+        self._hanging: threading.Thread | None = None
+
+    @property
+    def traits(self) -> CameraTraits:
+        """Those of the camera inside."""
+        return self._traits
+
+    def configure(self, seconds: float, gain: float) -> tuple[float, float]:
+        """As the camera inside does."""
+        accepted = self._camera.configure(seconds, gain)
+        self._seconds = accepted[0] if accepted[0] > 0 else 0.0
+        return accepted
+
+    def grab(self, timeout: float, *, lit: bool = False) -> Image:
+        """One picture that shows nothing wrong; each attempt may take ``timeout`` seconds.
+
+        ``lit`` says that there is light to be seen. Raises DeviceTimeout where none came in any
+        attempt, DeviceRefused where all had another size than the first picture ever,
+        DeviceGarbled where all were damaged and DeviceError where the reasons were several.
+        DeviceDisconnected and DeviceRefused of the driver come out at once.
+        """
+        faults: list[str] = []
+        flushed, doubtful = 0, False
+        while len(faults) <= self._retries:
+            fault, image = self._attempt(timeout, lit)
+            if fault is None and image is not None:
+                if not doubtful:
+                    return image
+                doubtful = False
+                continue
+            self.counts[str(fault)] += 1
+            if fault == "stale" and flushed < FLUSHED:
+                # The first picture behind the buffered ones may have begun before they were out;
+                # the second has not.
+                flushed, doubtful = flushed + 1, True
+                continue
+            faults.append(str(fault))
+        raise self._given_up(faults, timeout)
+
+    def _attempt(self, timeout: float, lit: bool) -> tuple[str | None, Image | None]:
+        asked = self._clock()
+        try:
+            image = self._patiently(timeout)
+        except DeviceTimeout:
+            return "dropped", None
+        except DeviceGarbled:
+            return "incomplete", None
+        if not self._traits.instant and self._clock() - asked < _EARLY * self._seconds:
+            return "stale", None
+        return self._look(image, lit), image
+
+    def _look(self, image: object, lit: bool) -> str | None:
+        if not isinstance(image, np.ndarray):
+            return "wrong size"
+        size = (image.shape, image.dtype)
+        if self._size is None and image.ndim in (2, 3) and image.dtype in (np.uint8, np.uint16):
+            self._size = size
+        if size != self._size:
+            return "wrong size"
+        fault = fault_of(image, () if self._traits.noiseless else tuple(self._before), lit)
+        self._before.append(image)
+        if fault is not None:
+            return fault
+        if image.min() == image.max():
+            # In a dark room a clipped sensor gives nothing but zeros; one that has shown noise
+            # before does not.
+            return "black" if self._noise_seen else None
+        blank = blank_rows(image)
+        if blank is not None and blank != self._blank:
+            self._blank = blank  # a scene that looks like this will do so again
+            return "torn"
+        self._noise_seen = self._noise_seen or not lit
+        return None
+
+    def _patiently(self, timeout: float) -> Image:
+        """The driver's picture, or DeviceTimeout even where the driver never returns."""
+        if self._hanging is not None and self._hanging.is_alive():
+            raise DeviceDisconnected(
+                "camera: its driver still hangs in an earlier picture",
+                hint="unplug the camera, plug it in again and resume",
+            )
+        images: list[Image] = []
+        errors: list[BaseException] = []
+
+        def work() -> None:
+            try:
+                images.append(self._camera.grab(timeout))
+            except BaseException as e:  # noqa: BLE001 raised again below, in the caller's thread
+                errors.append(e)
+
+        self._hanging = threading.Thread(target=work, name="camera", daemon=True)
+        self._hanging.start()
+        self._hanging.join(timeout + _GRACE)
+        if errors:
+            raise errors[0]
+        if not images:
+            raise DeviceTimeout(
+                f"camera: its driver did not come back within {timeout:g} s + {_GRACE:g} s"
+            )
+        return images[0]
+
+    def _given_up(self, faults: list[str], timeout: float) -> DeviceError:
+        last = faults[-1]
+        kinds = set(faults)
+        said = ", ".join(f"{n} × {name}" for name, n in Counter(faults).items())
+        message = f"camera: no good picture in {len(faults)} attempts ({said})"
+        if kinds == {"dropped"}:
+            error: type[DeviceError] = DeviceTimeout
+            message += f", {timeout:g} s each"
+        elif kinds == {"wrong size"} and self._size is not None:
+            error = DeviceRefused
+            shape, dtype = self._size
+            message += f"; the first had {shape[1]}×{shape[0]} pixels of {dtype}"
+        elif kinds <= {"torn", "incomplete", "frozen"}:
+            error = DeviceGarbled
+        else:
+            error = DeviceError
+        return error(message, hint=_HINTS[last])
