@@ -95,7 +95,7 @@ class World:
     def board_stripe(self, T: Pose, laser: str = "laser") -> StripeView:
         middle = T.apply(BOARD.points.mean(axis=0))
         return self.stripe(
-            T.rotation[:, 2], T.translation, np.arange(0.0, 480, 3), middle, 150, laser
+            T.rotation[:, 2], T.translation, np.arange(0.0, 480, 2), middle, 150, laser
         )
 
     def rider_view(self, layout: MarkerLayout, angle: float, stripe: bool = True) -> RiderView:
