@@ -327,11 +327,12 @@ def _check_number(name: str, value: float) -> None:
     if not math.isfinite(value):
         raise _wrong(name, value, "a finite number")
     if name in _MAY_BE_ZERO and not 0 <= value <= _HUGE:
-        raise _wrong(name, value, "zero or more, within reason")
+        raise _wrong(name, value, f"0 to {_HUGE:g}")
     if name not in (*_SIGNED, *_MAY_BE_ZERO) and not 1 / _HUGE <= value <= _HUGE:
-        raise _wrong(name, value, "a positive number, within reason")
+        raise _wrong(name, value, f"a number above 0 and up to {_HUGE:g}")
 
 
 def _wrong(name: str, value: float, expected: str) -> InputError:
     shown = f"{math.degrees(value):g}°" if name in _ANGLES else f"{value:g}"
-    return InputError(f"{name} is {shown}, expected {expected}")
+    hint = "10° to 60° are usual" if name == "theta" else "`turnscan design --help` has the units"
+    return InputError(f"{name} is {shown}, expected {expected}", hint=hint)
