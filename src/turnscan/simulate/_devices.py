@@ -66,7 +66,7 @@ class SimCamera:
         self._world = world
         self.traits = CameraTraits(instant=True, noiseless=not world.bench.noise)
         self._seconds, self._gain = 0.02, 1.0
-        self._attempts: dict[tuple[float, frozenset[str]], int] = {}
+        self._attempts: dict[tuple[object, ...], int] = {}
         self._last: Image | None = None
 
     def configure(self, seconds: float, gain: float) -> tuple[float, float]:
@@ -86,7 +86,7 @@ class SimCamera:
     def grab(self, timeout: float) -> Image:
         """One picture; raises DeviceTimeout for one that a fault has dropped."""
         world, faults = self._world, self._world.faults
-        place = (world.angle, world.burning)
+        place = (world.angle, world.burning, self._seconds, self._gain)
         attempt = self._attempts[place] = self._attempts.get(place, -1) + 1
         chance = _chance(world, attempt)
         if chance[0] < faults.drop:

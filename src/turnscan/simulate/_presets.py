@@ -22,9 +22,9 @@ from turnscan.rig import (
 )
 from turnscan.simulate import _parts as parts
 from turnscan.simulate._beam import Beam, Lens, Profile
+from turnscan.simulate._bench import Bench, Waves
 from turnscan.simulate._boards import BOARDS, board
 from turnscan.simulate._motion import Motion
-from turnscan.simulate._render import Bench, Waves
 from turnscan.simulate._scene import Body, Material, Scene
 from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, webcam
 
@@ -174,6 +174,7 @@ def bench(wish: Wish) -> Bench:
         motion=wish.motion,
         waves="rays" if wish.perfect else wish.waves,
         noise=not wish.perfect,
+        bounces=not wish.perfect,
         seed=wish.seed,
     )
     made = _lit(made, design, kit, wish)

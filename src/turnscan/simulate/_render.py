@@ -10,81 +10,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Image, Ints
 from turnscan.errors import InputError
-from turnscan.rig import LaserSheet, Pose, Rig
+from turnscan.rig import LaserSheet, Pose
 from turnscan.simulate import _speckle as speckle
-from turnscan.simulate._beam import Beam, Lens
+from turnscan.simulate._beam import Beam
+from turnscan.simulate._bench import PLANCK_C, Bench
+from turnscan.simulate._bounce import Bounces
 from turnscan.simulate._cast import Caster
-from turnscan.simulate._motion import Motion
 from turnscan.simulate._random import seed64
-from turnscan.simulate._scene import PATTERNS, Scene, Triangles, triangles
-from turnscan.simulate._sensor import Sensor, expose
+from turnscan.simulate._scene import PATTERNS, Triangles, triangles
+from turnscan.simulate._sensor import expose
+from turnscan.simulate._view import View
 
 Singles = npt.NDArray[np.float32]
-Waves = Literal["speckle", "diffraction", "rays"]
 
-_PLANCK_C = 6.62607015e-34 * 2.99792458e11
-"""J mm: energy of a photon times its wavelength."""
 _REACH = 2.2
 """Radii of the sheet within which its light is rendered (4.4 σ: 6e-5 of the peak)."""
 _RAY_CELLS = (4, 8)
 _RAY_BLOCKS = (2, 2)
 _PROFILE_BINS = 2048
-_VISIBLE_LIGHT = 550e-6
-_PRINT_SAMPLES = 3
-"""Rays per pixel and direction where a print is seen."""
-_STRIP = 64
-_AIRY_SIGMA = 0.42
-"""rms width of the Gaussian nearest to the Airy disc, in λN'."""
-
-
-@dataclass(frozen=True)
-class Bench:
-    """A rig that isn't there: its true geometry, its light, its camera, and what stands on it."""
-
-    rig: Rig
-    """The truth; a calibration may find something else."""
-    beams: tuple[Beam, ...]
-    """One per laser sheet of the rig, of the same name."""
-    lens: Lens
-    sensor: Sensor
-    scene: Scene
-    motion: Motion = field(default_factory=Motion)
-    waves: Waves = "speckle"
-    """speckle: wave-true; diffraction: the lens's blur without speckle; rays: neither."""
-    modes: float = 1.0
-    """Mutually incoherent wavelengths of the laser: they average the speckle."""
-    noise: bool = True
-    """False: the sensor counts without noise, dark current or fixed pattern, and only rounds."""
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for b in self.beams:
-            sheet = self.rig.sheet(b.name)
-            if abs(float(sheet.normal @ b.aim)) > 1e-6:
-                raise ValueError(f"Bench.beams: {b.name} does not aim along its sheet")
-
-    @property
-    def grain(self) -> tuple[float, float]:
-        """Speckle grain λN' in pixel heights and widths, of the first laser."""
-        pitch = (self.sensor.pitch_y, self.sensor.pitch_x)
-        w = self.beams[0].wavelength
-        return speckle.grain(w, self.lens.f_number, self.lens.magnification, pitch)
-
-    def electrons_per_radiance(self, wavelength: float, seconds: float) -> float:
-        """Photons that a pixel on the axis collects per radiance, W/(mm² sr)."""
-        n, m = self.lens.f_number, self.lens.magnification
-        area = self.sensor.pitch_x * self.sensor.pitch_y
-        power = math.pi / (4.0 * n * n * (1.0 + m) ** 2) * area * self.lens.transmission
-        return power * seconds * wavelength / _PLANCK_C
 
 
 class Renderer:
@@ -94,8 +43,7 @@ class Renderer:
         self.bench = bench
         self._tri: Triangles = triangles(bench.scene.bodies)
         self._caster = Caster(self._tri.vertices, self._tri.faces)
-        self._ambient: tuple[bytes, Singles] | None = None
-        self._view: tuple[bytes, Ints] | None = None
+        self.view = View(bench, self._tri, self._caster)
 
     def electrons(
         self, angle: float, lit: Iterable[str], seconds: float, start: float = 0.0
@@ -111,7 +59,7 @@ class Renderer:
             )
         T = self.bench.rig.T_camera_table @ self.bench.motion.pose(angle)
         colours = 3 if self.bench.sensor.bayer else 1
-        total = self._lamp_light(T) * np.float32(seconds)
+        total = self.view.room_light(T) * np.float32(seconds)
         for name in sorted(lit):
             beam = next(b for b in self.bench.beams if b.name == name)
             light = self.laser_light(T, beam, seconds, start)
@@ -162,7 +110,18 @@ class Renderer:
                 continue
             direct = self._imaged(pixels[lit], own[lit], points[lit], contrast, beam, T)
             out += direct if halo is None else self._spread(direct, halo, T)
-        return out
+        return out + self._bounced(T, beam, seconds, start) if self.bench.bounces else out
+
+    def _bounced(self, T: Pose, beam: Beam, seconds: float, start: float) -> Singles:
+        """Light that met a second surface on its way, photons (H, W)."""
+        bench, camera = self.bench, self.bench.rig.camera
+        two = Bounces(self._tri, self._caster, bench.scene.bodies, T, beam)
+        across = np.cross(bench.rig.sheet(beam.name).normal, beam.aim)
+        share = self._profile(beam, seconds, start)[0]
+        scale = bench.electrons_per_radiance(beam.wavelength, seconds)
+        per_watt = bench.lens.transmission * seconds * beam.wavelength / PLANCK_C
+        glow = two.diffuse(camera, self.view.seen(T), share, across, scale)
+        return glow + two.mirrored(camera, bench.lens, across, per_watt)
 
     def _groups(self) -> list[tuple[float, tuple[float, float] | None, list[int]]]:
         """Bodies that share (speckle contrast, (halo share, halo length))."""
@@ -213,11 +172,17 @@ class Renderer:
         pixels = np.argwhere(self._band(T, beam, sheet, shape_of)).astype(np.int32)
         cells = _RAY_CELLS if bench.waves == "rays" else speckle.oversampling(bench.grain)
         blocks = (min(_RAY_BLOCKS[0], cells[0]), min(_RAY_BLOCKS[1], cells[1]))
-        directions = _shade.rays(pixels, self._field, *blocks, R)
+        directions = _shade.rays(pixels, self.view.field, *blocks, R)
         eye = T.inverse().translation
         face = self._caster.first_hits(eye, directions)
         points, normals = _shade.surface(
-            face, directions, eye, tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals
+            face,
+            directions,
+            eye[None],
+            tri.vertices,
+            tri.faces,
+            tri.flat_normals,
+            tri.corner_normals,
         )
         near = _shade.near_sheet(points, normals, R, t, beam.apex, sheet, shape_of, 1.5)
         k = np.flatnonzero(near)
@@ -225,7 +190,7 @@ class Renderer:
         apex = T.inverse().apply(beam.apex)
         lit[k] = self._caster.visible(points[k], tri.flat_normals[face[k]], apex)
         energy, spots = _shade.glow(
-            pixels, self._field, blocks, cells, face, normals, lit, R, t,
+            pixels, self.view.field, blocks, cells, face, normals, lit, R, t,
             tri.vertices, tri.faces, tri.flat_normals, tri.body, self._paints(beam),
             beam.apex, sheet, shape_of, self._fan(beam, sheet),
             self._profile(beam, seconds, start), self._optics(beam, seconds),
@@ -263,17 +228,6 @@ class Renderer:
         if self.bench.rig.camera.tilt.any():
             return 3.0
         return float(blur.max()) / (2.0 * pitch)
-
-    @cached_property
-    def _field(self) -> Floats:
-        """(H + 1, W + 1, 2): undistorted image coordinates of the pixels' outer corners."""
-        camera = self.bench.rig.camera
-        u = np.arange(camera.width + 1) - 0.5
-        rows = [
-            camera.normalised(np.stack([u, np.full_like(u, v - 0.5)], axis=-1))
-            for v in range(camera.height + 1)
-        ]
-        return np.stack(rows)
 
     def _paints(self, beam: Beam) -> Floats:
         return np.array(
@@ -323,145 +277,8 @@ class Renderer:
         kernel = np.exp(-np.hypot(x[None], y[:, None]))
         kernel /= kernel.sum()
         around = cv2.filter2D(light, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT)
-        around = np.maximum(around, 0.0) * (self._seen(T) >= 0).reshape(light.shape)
+        around = np.maximum(around, 0.0) * (self.view.seen(T) >= 0).reshape(light.shape)
         return np.asarray((1 - share) * light + share * around, dtype=np.float32)
-
-    # ---- other light -------------------------------------------------------------------------
-
-    def _seen(self, T: Pose) -> Ints:
-        """(H·W,) the face that each pixel's middle sees, −1 for none; held for the next frame."""
-        from turnscan.simulate import _shade
-
-        key = T.rotation.tobytes() + T.translation.tobytes()
-        if self._view is None or self._view[0] != key:
-            camera = self.bench.rig.camera
-            face = np.full(camera.height * camera.width, -1, np.int32)
-            places = self._within_view(T)
-            strip = _STRIP * camera.width
-            for start in range(0, len(places), strip):
-                k = places[start : start + strip]
-                directions = _shade.rays(self._places(k), self._field, 1, 1, T.rotation)
-                face[k] = self._caster.first_hits(T.inverse().translation, directions)
-            self._view = (key, face)
-        return self._view[1]
-
-    def _within_view(self, T: Pose) -> npt.NDArray[np.intp]:
-        """Numbers of the pixels in the rectangle round all bodies."""
-        camera = self.bench.rig.camera
-        v = self._tri.vertices
-        low, high = v.min(axis=0), v.max(axis=0)
-        t = np.linspace(0.0, 1.0, 5)
-        box = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3) * (high - low) + low
-        uv = camera.project(T.apply(box))
-        size = np.array([camera.width, camera.height])
-        if np.isnan(uv).any():
-            first, last = np.zeros(2, int), size
-        else:
-            first = np.clip(np.floor(uv.min(axis=0)) - 2, 0, size).astype(int)
-            last = np.clip(np.ceil(uv.max(axis=0)) + 3, 0, size).astype(int)
-        rows, columns = np.arange(first[1], last[1]), np.arange(first[0], last[0])
-        return (rows[:, None] * camera.width + columns).ravel()
-
-    def _places(self, k: npt.NDArray[np.intp]) -> Ints:
-        """(n, 2) row and column of pixels given by number."""
-        return np.stack(np.divmod(k, self.bench.rig.camera.width), axis=-1).astype(np.int32)
-
-    def _lamp_light(self, T: Pose) -> Singles:
-        """Electrons per second (H, W, 1 or 3) of the room's light, held for the next frame."""
-        scene = self.bench.scene
-        camera = self.bench.rig.camera
-        colours = 3 if self.bench.sensor.bayer else 1
-        if scene.sky <= 0 and scene.lamp <= 0:
-            return np.zeros((camera.height, camera.width, colours), np.float32)
-        key = T.rotation.tobytes() + T.translation.tobytes()
-        if self._ambient is None or self._ambient[0] != key:
-            self._ambient = (key, self._lamp_picture(T))
-        return self._ambient[1]
-
-    def _lamp_picture(self, T: Pose) -> Singles:
-        import cv2
-
-        camera, bench = self.bench.rig.camera, self.bench
-        shape = (camera.height, camera.width, 3 if bench.sensor.bayer else 1)
-        dim = bench.scene.background * bench.scene.sky / math.pi
-        scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
-        out = np.full((shape[0] * shape[1], shape[2]), dim * scale, np.float32)
-        printed = [i for i, b in enumerate(bench.scene.bodies) if b.texture is not None]
-        places = np.flatnonzero(self._seen(T) >= 0)
-        strip = _STRIP * camera.width
-        for start in range(0, len(places), strip):
-            k = places[start : start + strip]
-            out[k], body = self._lamp_pixels(T, k, 1)
-            if printed:
-                # A print has detail finer than a pixel.
-                k = k[np.isin(body, printed)]
-                out[k], _ = self._lamp_pixels(T, k, _PRINT_SAMPLES)
-        picture = out.reshape(shape)
-        if bench.waves != "rays":
-            soft = [max(_AIRY_SIGMA * g, 0.05) for g in bench.grain]
-            picture = cv2.GaussianBlur(picture, (0, 0), soft[1], sigmaY=soft[0]).reshape(shape)
-        return picture
-
-    def _lamp_pixels(self, T: Pose, k: npt.NDArray[np.intp], fine: int) -> tuple[Singles, Ints]:
-        """Electrons per second of some pixels, ``fine`` × ``fine`` rays each, and their bodies."""
-        from turnscan.simulate import _shade
-
-        bench, tri = self.bench, self._tri
-        colours = 3 if bench.sensor.bayer else 1
-        directions = _shade.rays(self._places(k), self._field, fine, fine, T.rotation)
-        eye = T.inverse().translation
-        face = self._seen(T)[k] if fine == 1 else self._caster.first_hits(eye, directions)
-        hit = np.flatnonzero(face >= 0)
-        points, normals = _shade.surface(
-            face[hit], directions[hit], eye,
-            tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals,
-        )  # fmt: skip
-        seen = ~np.isnan(points[:, 0])
-        hit, points, normals = hit[seen], points[seen], normals[seen]
-        body = tri.body[face[hit]]
-        light = self._irradiance(points, normals, tri.flat_normals[face[hit]], T)
-        dim = bench.scene.background * bench.scene.sky / math.pi
-        radiance = np.full((len(face), colours), dim, np.float32)
-        shown = self._albedo(points, body, colours)
-        radiance[hit] = light[:, None] * shown / math.pi
-        # With z = 1 in the camera the cosine of the field angle is 1 over the ray's length.
-        field4 = np.einsum("ij,ij->i", directions, directions) ** -2
-        scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
-        radiance *= np.float32(scale) * field4[:, None]
-        owner = np.where(face >= 0, tri.body[face], -1)[:: fine * fine]
-        return radiance.reshape(len(k), fine * fine, colours).mean(axis=1), owner
-
-    def _irradiance(self, points: Floats, normals: Floats, flat: Floats, T: Pose) -> Floats:
-        """W/mm² of sky and lamp on points, object frame."""
-        scene = self.bench.scene
-        table_to_object = T.inverse() @ self.bench.rig.T_camera_table
-        lamp = table_to_object.turn(scene.lamp_from)
-        up = table_to_object.turn((0.0, 0.0, 1.0))
-        light = scene.sky * (0.6 + 0.4 * (normals @ up))
-        facing = normals @ lamp
-        k = np.flatnonzero(facing > 0) if scene.lamp > 0 else np.empty(0, np.intp)
-        if len(k):
-            sees = self._caster.visible(points[k], flat[k], points[k] + 2000.0 * lamp)
-            light[k] += scene.lamp * facing[k] * sees
-        return np.asarray(light)
-
-    def _albedo(self, points: Floats, body: Ints, colours: int) -> Floats:
-        """(n, 1 or 3) reflectance of points (n, 3), object frame."""
-        from turnscan.simulate import _shade
-
-        out = np.zeros((len(points), colours))
-        for i, b in enumerate(self.bench.scene.bodies):
-            own = np.flatnonzero(body == i)
-            m = b.material
-            tone = np.ones(len(own))
-            if m.pattern != "none":
-                paint = np.array([1.0, PATTERNS.index(m.pattern), m.pitch, m.pattern_ratio])
-                tone = _shade.paint_all(points[own], paint)
-            if b.texture is not None:
-                tone = tone * b.texture.at(b.T_table_part.inverse().apply(points[own]))
-            full = np.array(m.albedo) if colours == 3 else np.array([np.mean(m.albedo)])
-            out[own] = tone[:, None] * full
-        return out
 
 
 def sheet_rows(sheet: LaserSheet) -> Floats:

@@ -221,16 +221,16 @@ def _within(field: Floats, row: int, column: int, y: float, x: float) -> tuple[f
 @nb.njit(cache=True, nogil=True)
 def surface(
     face: Ints,
-    directions: Singles,
-    origin: Floats,
+    directions: Singles | Floats,
+    origins: Floats,
     v: Floats,
     faces: Ints,
     flat: Floats,
     corners: Floats,
 ) -> tuple[Floats, Floats]:
-    """Where rays from ``origin`` meet their faces, and the smooth normals there: (n, 3) each.
+    """Where rays meet their faces, and the smooth normals there: (n, 3) each.
 
-    Object frame; NaN where the ray meets nothing.
+    ``origins`` (n, 3), or (1, 3) for all. Object frame; NaN where the ray meets nothing.
     """
     points, normals = np.full((len(face), 3), np.nan), np.full((len(face), 3), np.nan)
     for i in range(len(face)):
@@ -238,6 +238,7 @@ def surface(
         if f < 0:
             continue
         n, a = flat[f], v[faces[f, 0]]
+        origin = origins[i if len(origins) > 1 else 0]
         slope = reach = 0.0
         for k in range(3):
             slope += n[k] * directions[i, k]
@@ -495,4 +496,28 @@ def paint_all(points: Floats, paint: Floats) -> Floats:
     out = np.empty(len(points))
     for i in range(len(points)):
         out[i] = painted(points[i, 0], points[i, 1], points[i, 2], paint)
+    return out
+
+
+@nb.njit(cache=True, nogil=True)
+def exchange(
+    points: Floats, normals: Floats, lamps: Floats, lamp_normals: Floats, flux: Floats, least: float
+) -> Floats:
+    """(n, m) irradiance at points from Lambertian lamps of some flux, as if nothing stood between.
+
+    Distances below ``least`` count as that.
+    """
+    out = np.zeros((len(points), len(lamps)))
+    for i in range(len(points)):
+        for j in range(len(lamps)):
+            x, y, z = (
+                lamps[j, 0] - points[i, 0],
+                lamps[j, 1] - points[i, 1],
+                lamps[j, 2] - points[i, 2],
+            )
+            here = x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2]
+            there = -(x * lamp_normals[j, 0] + y * lamp_normals[j, 1] + z * lamp_normals[j, 2])
+            if here > 0.0 and there > 0.0:
+                r2 = x * x + y * y + z * z
+                out[i, j] = flux[j] / math.pi * here * there / (r2 * max(r2, least * least))
     return out

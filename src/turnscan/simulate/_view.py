@@ -1,0 +1,179 @@
+"""What the camera sees besides the laser: which surface each pixel shows, and the room's light."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, Ints
+from turnscan.rig import Pose
+from turnscan.simulate._bench import Bench
+from turnscan.simulate._cast import Caster
+from turnscan.simulate._scene import PATTERNS, Triangles
+
+Singles = npt.NDArray[np.float32]
+
+_VISIBLE_LIGHT = 550e-6
+_PRINT_SAMPLES = 3
+"""Rays per pixel and direction where a print is seen."""
+_STRIP = 64
+_AIRY_SIGMA = 0.42
+"""rms width of the Gaussian nearest to the Airy disc, in λN'."""
+
+
+class View:
+    """The pixels of one camera and the surfaces behind them; the last pose is held."""
+
+    def __init__(self, bench: Bench, tri: Triangles, caster: Caster) -> None:
+        self.bench, self._tri, self._caster = bench, tri, caster
+        self._ambient: tuple[bytes, Singles] | None = None
+        self._last: tuple[bytes, Ints] | None = None
+
+    @cached_property
+    def field(self) -> Floats:
+        """(H + 1, W + 1, 2): undistorted image coordinates of the pixels' outer corners."""
+        camera = self.bench.rig.camera
+        u = np.arange(camera.width + 1) - 0.5
+        rows = [
+            camera.normalised(np.stack([u, np.full_like(u, v - 0.5)], axis=-1))
+            for v in range(camera.height + 1)
+        ]
+        return np.stack(rows)
+
+    def seen(self, T: Pose) -> Ints:
+        """(H·W,) the face that each pixel's middle sees, −1 for none; held for the next frame."""
+        from turnscan.simulate import _shade
+
+        key = T.rotation.tobytes() + T.translation.tobytes()
+        if self._last is None or self._last[0] != key:
+            camera = self.bench.rig.camera
+            face = np.full(camera.height * camera.width, -1, np.int32)
+            places = self._within_view(T)
+            strip = _STRIP * camera.width
+            for start in range(0, len(places), strip):
+                k = places[start : start + strip]
+                directions = _shade.rays(self._places(k), self.field, 1, 1, T.rotation)
+                face[k] = self._caster.first_hits(T.inverse().translation, directions)
+            self._last = (key, face)
+        return self._last[1]
+
+    def _within_view(self, T: Pose) -> npt.NDArray[np.intp]:
+        """Numbers of the pixels in the rectangle round all bodies."""
+        camera = self.bench.rig.camera
+        v = self._tri.vertices
+        low, high = v.min(axis=0), v.max(axis=0)
+        t = np.linspace(0.0, 1.0, 5)
+        box = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3) * (high - low) + low
+        uv = camera.project(T.apply(box))
+        size = np.array([camera.width, camera.height])
+        if np.isnan(uv).any():
+            first, last = np.zeros(2, int), size
+        else:
+            first = np.clip(np.floor(uv.min(axis=0)) - 2, 0, size).astype(int)
+            last = np.clip(np.ceil(uv.max(axis=0)) + 3, 0, size).astype(int)
+        rows, columns = np.arange(first[1], last[1]), np.arange(first[0], last[0])
+        return (rows[:, None] * camera.width + columns).ravel()
+
+    def _places(self, k: npt.NDArray[np.intp]) -> Ints:
+        """(n, 2) row and column of pixels given by number."""
+        return np.stack(np.divmod(k, self.bench.rig.camera.width), axis=-1).astype(np.int32)
+
+    def room_light(self, T: Pose) -> Singles:
+        """Electrons per second (H, W, 1 or 3) of the room's light, held for the next frame."""
+        scene = self.bench.scene
+        camera = self.bench.rig.camera
+        colours = 3 if self.bench.sensor.bayer else 1
+        if scene.sky <= 0 and scene.lamp <= 0:
+            return np.zeros((camera.height, camera.width, colours), np.float32)
+        key = T.rotation.tobytes() + T.translation.tobytes()
+        if self._ambient is None or self._ambient[0] != key:
+            self._ambient = (key, self._lamp_picture(T))
+        return self._ambient[1]
+
+    def _lamp_picture(self, T: Pose) -> Singles:
+        import cv2
+
+        camera, bench = self.bench.rig.camera, self.bench
+        shape = (camera.height, camera.width, 3 if bench.sensor.bayer else 1)
+        dim = bench.scene.background * bench.scene.sky / math.pi
+        scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
+        out = np.full((shape[0] * shape[1], shape[2]), dim * scale, np.float32)
+        printed = [i for i, b in enumerate(bench.scene.bodies) if b.texture is not None]
+        places = np.flatnonzero(self.seen(T) >= 0)
+        strip = _STRIP * camera.width
+        for start in range(0, len(places), strip):
+            k = places[start : start + strip]
+            out[k], body = self._lamp_pixels(T, k, 1)
+            if printed:
+                # A print has detail finer than a pixel.
+                k = k[np.isin(body, printed)]
+                out[k], _ = self._lamp_pixels(T, k, _PRINT_SAMPLES)
+        picture = out.reshape(shape)
+        if bench.waves != "rays":
+            soft = [max(_AIRY_SIGMA * g, 0.05) for g in bench.grain]
+            picture = cv2.GaussianBlur(picture, (0, 0), soft[1], sigmaY=soft[0]).reshape(shape)
+        return picture
+
+    def _lamp_pixels(self, T: Pose, k: npt.NDArray[np.intp], fine: int) -> tuple[Singles, Ints]:
+        """Electrons per second of some pixels, ``fine`` × ``fine`` rays each, and their bodies."""
+        from turnscan.simulate import _shade
+
+        bench, tri = self.bench, self._tri
+        colours = 3 if bench.sensor.bayer else 1
+        directions = _shade.rays(self._places(k), self.field, fine, fine, T.rotation)
+        eye = T.inverse().translation
+        face = self.seen(T)[k] if fine == 1 else self._caster.first_hits(eye, directions)
+        hit = np.flatnonzero(face >= 0)
+        points, normals = _shade.surface(
+            face[hit], directions[hit], eye[None],
+            tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals,
+        )  # fmt: skip
+        seen = ~np.isnan(points[:, 0])
+        hit, points, normals = hit[seen], points[seen], normals[seen]
+        body = tri.body[face[hit]]
+        light = self._irradiance(points, normals, tri.flat_normals[face[hit]], T)
+        dim = bench.scene.background * bench.scene.sky / math.pi
+        radiance = np.full((len(face), colours), dim, np.float32)
+        shown = self._albedo(points, body, colours)
+        radiance[hit] = light[:, None] * shown / math.pi
+        # With z = 1 in the camera the cosine of the field angle is 1 over the ray's length.
+        field4 = np.einsum("ij,ij->i", directions, directions) ** -2
+        scale = bench.electrons_per_radiance(_VISIBLE_LIGHT, 1.0) * bench.sensor.efficiency
+        radiance *= np.float32(scale) * field4[:, None]
+        owner = np.where(face >= 0, tri.body[face], -1)[:: fine * fine]
+        return radiance.reshape(len(k), fine * fine, colours).mean(axis=1), owner
+
+    def _irradiance(self, points: Floats, normals: Floats, flat: Floats, T: Pose) -> Floats:
+        """W/mm² of sky and lamp on points, object frame."""
+        scene = self.bench.scene
+        table_to_object = T.inverse() @ self.bench.rig.T_camera_table
+        lamp = table_to_object.turn(scene.lamp_from)
+        up = table_to_object.turn((0.0, 0.0, 1.0))
+        light = scene.sky * (0.6 + 0.4 * (normals @ up))
+        facing = normals @ lamp
+        k = np.flatnonzero(facing > 0) if scene.lamp > 0 else np.empty(0, np.intp)
+        if len(k):
+            sees = self._caster.visible(points[k], flat[k], points[k] + 2000.0 * lamp)
+            light[k] += scene.lamp * facing[k] * sees
+        return np.asarray(light)
+
+    def _albedo(self, points: Floats, body: Ints, colours: int) -> Floats:
+        """(n, 1 or 3) reflectance of points (n, 3), object frame."""
+        from turnscan.simulate import _shade
+
+        out = np.zeros((len(points), colours))
+        for i, b in enumerate(self.bench.scene.bodies):
+            own = np.flatnonzero(body == i)
+            m = b.material
+            tone = np.ones(len(own))
+            if m.pattern != "none":
+                paint = np.array([1.0, PATTERNS.index(m.pattern), m.pitch, m.pattern_ratio])
+                tone = _shade.paint_all(points[own], paint)
+            if b.texture is not None:
+                tone = tone * b.texture.at(b.T_table_part.inverse().apply(points[own]))
+            full = np.array(m.albedo) if colours == 3 else np.array([np.mean(m.albedo)])
+            out[own] = tone[:, None] * full
+        return out
