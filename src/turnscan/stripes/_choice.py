@@ -25,6 +25,12 @@ MARGIN = 2.0
 """Path: a second candidate whose path costs less than this more is ambiguous."""
 EDGE_JUMP = 4.0
 """A stripe that jumps by more than this many widths to the next line ends there."""
+LAGS = (1, 2, 4)
+"""Lines between the centres whose difference shows their scatter."""
+THIRD = (1.0, -3.0, 3.0, -1.0)
+MEDIAN_SQUARE = 0.4549
+"""Median of the square of a standard normal variable."""
+ENOUGH_LINES = 20
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -185,21 +191,50 @@ def gather(table: Any, bits: Any, chosen: Any, out: Any, flags: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def roughness(out: Any) -> float:
-    """Ratio of the scatter of the centres along the stripe to their claimed sigma, at least 1.
+def scatter(out: Any, flags: Any) -> float:
+    """Variance of the centres, per px of width, that their sigmas leave unexplained; px²/px.
 
-    From second differences, whose median absolute value is 0.6745·√6 sigma for pure noise;
-    smooth shape cancels in them.
+    Speckle's variance is proportional to the width. The scatter comes from third differences
+    along the stripe, in which smooth shape cancels. They are taken at several spacings and the
+    largest counts, because adjacent lines may share an error: a grain taller than a pixel,
+    interpolated colours, JPEG. Lines with other flags than MULTI only count where the rest is
+    too few.
+    """
+    best = 0.0
+    for clean in (True, False):
+        enough = False
+        for lag in LAGS:
+            value, count = unexplained(out, flags, lag, clean)
+            if count >= ENOUGH_LINES:
+                best = max(best, value)
+                enough = True
+        if enough:
+            return best
+    return 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def unexplained(out: Any, flags: Any, lag: int, clean: bool) -> Any:
+    """The same at one spacing, and the number of differences it comes from.
+
+    The value s is where half of the squared differences lie below the median of a Gaussian's with
+    the variance sigma² + s·width: the median of the values that solve it line by line.
     """
     lines = out.shape[1]
-    ratios = np.empty(lines)
+    values = np.empty(lines)
     n = 0
-    for v in range(1, lines - 1):
-        bend = out[0, v - 1] - 2.0 * out[0, v] + out[0, v + 1]
-        claimed = out[1, v - 1] ** 2 + 4.0 * out[1, v] ** 2 + out[1, v + 1] ** 2
-        if not np.isnan(bend):
-            ratios[n] = abs(bend) / np.sqrt(claimed)
+    for v in range(lines - 3 * lag):
+        difference = explained = width = 0.0
+        for k in range(4):
+            w = v + k * lag
+            if clean and flags[w] & ~np.uint16(MULTI):
+                difference = np.nan
+                break
+            factor = THIRD[k]
+            difference += factor * out[0, w]
+            explained += factor * factor * out[1, w] ** 2
+            width += factor * factor * out[3, w]
+        if not np.isnan(difference):
+            values[n] = (difference**2 / MEDIAN_SQUARE - explained) / width
             n += 1
-    if n < 20:
-        return 1.0
-    return max(1.0, np.median(ratios[:n]) / 0.6745)
+    return (np.median(values[:n]) if n else 0.0), n

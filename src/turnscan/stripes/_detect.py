@@ -43,7 +43,7 @@ def choose(candidates: Candidates, settings: StripeSettings | None = None) -> St
 
     A line where none was found or chosen is NaN with the flag DARK, and AMBIGUOUS too where the
     path left out what was there. Where the electrons per grey level are unknown, the sigmas are
-    scaled up to the scatter of the centres along the stripe.
+    raised to the scatter of the centres along the stripe, which holds the speckle.
     """
     settings = settings or StripeSettings()
     c = candidates
@@ -190,5 +190,5 @@ def _stripe(table: Table, bits: Bits, orientation: str, settings: StripeSettings
     flags = np.empty(lines, np.uint16)
     choice.gather(table, bits, chosen, out, flags)
     if settings.electrons_per_dn is None:
-        out[1] *= choice.roughness(out)
+        out[1] = np.sqrt(out[1] ** 2 + choice.scatter(out, flags) * out[3])
     return Stripe(out[0], out[1], out[2], out[3], flags, orientation)  # type: ignore[arg-type]
