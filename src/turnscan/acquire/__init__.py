@@ -1,5 +1,64 @@
 """Runs a plan on devices into a scan file."""
 
-from turnscan.acquire._run import Sink, Turn, even_turn, run
+from turnscan.acquire._angle import Counting, Shifted, check_angle, reindexed
+from turnscan.acquire._control import Control
+from turnscan.acquire._events import (
+    Ended,
+    Event,
+    Listener,
+    Missing,
+    Moving,
+    Paused,
+    Started,
+    StepDone,
+    Stored,
+    Taken,
+    WentOn,
+)
+from turnscan.acquire._look import FirstLook, Weigh, check_room, estimate, look
+from turnscan.acquire._plan import (
+    Acquisition,
+    Exposure,
+    Plan,
+    Texture,
+    acquisition_from_json,
+    acquisition_to_json,
+    turn_of,
+)
+from turnscan.acquire._run import Outcome, Sink, run
+from turnscan.acquire._shoot import Hardware
 
-__all__ = ["Sink", "Turn", "even_turn", "run"]
+__all__ = [
+    "Acquisition",
+    "Control",
+    "Counting",
+    "Ended",
+    "Event",
+    "Exposure",
+    "FirstLook",
+    "Hardware",
+    "Listener",
+    "Missing",
+    "Moving",
+    "Outcome",
+    "Paused",
+    "Plan",
+    "Shifted",
+    "Sink",
+    "Started",
+    "StepDone",
+    "Stored",
+    "Taken",
+    "Texture",
+    "Weigh",
+    "WentOn",
+    "acquisition_from_json",
+    "acquisition_to_json",
+    "check_angle",
+    "check_room",
+    "estimate",
+    "look",
+    "reindexed",
+    "run",
+    "turn_of",
+]

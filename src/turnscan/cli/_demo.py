@@ -13,7 +13,7 @@ from turnscan.cli._demo_report import DemoFrame, demo_report
 from turnscan.cli._output import write_atomically, write_results
 from turnscan.cli._progress import progress
 from turnscan.cli._reconstruct_report import about, summary
-from turnscan.cli._simulated import scan_into_file, turn_of, write_png
+from turnscan.cli._simulated import plan_of, scan_into_file, write_png
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
 from turnscan.pipeline import Reconstruction, Settings, reconstruct
@@ -62,16 +62,16 @@ def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> No
     devices = simulated(Wish(scene=scene, rig=rig, steps=steps, seed=seed))
     name = devices.world.bench.scene.bodies[0].part.name
     _make(output)
-    turn = turn_of(devices)
+    plan = plan_of(devices)
     clock.lap("preparing")
     path = output / f"{name}.turnscan"
-    with progress("scanning", len(turn.angles)) as tick:
-        scan_into_file(devices, turn, path, "sparse", tick)
-    clock.lap(f"scanning {len(turn.angles)} steps × {', '.join(turn.lasers)}")
+    with progress("scanning", plan.steps) as tick:
+        scan_into_file(devices, plan, path, "sparse", tick)
+    clock.lap(f"scanning {plan.steps} steps × {', '.join(plan.lasers)}")
     settings = Settings()
     with Scan.open(path) as scan, progress("reconstructing", len(scan)) as tick:
         done = reconstruct(scan, None, settings, tick)
-        frames = [_frame(scan, devices, laser) for laser in turn.lasers]
+        frames = [_frame(scan, devices, laser) for laser in plan.lasers]
     if not len(done.mesh.faces):
         raise InputError(f"{path}: nothing was measured", hint="take another scene or rig")
     mended, gaps = close(done.mesh, Caps())

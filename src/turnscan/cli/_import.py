@@ -14,13 +14,13 @@ import numpy as np
 from turnscan.arrays import Image
 from turnscan.cli._import_angles import Angle, Angles, find_angles
 from turnscan.cli._import_series import Series, find_series, same_pictures
-from turnscan.cli._import_signal import NOISE_FACTOR, Signal, Wishes, check_kind, find_signal
+from turnscan.cli._import_signal import Signal, Wishes, check_kind, find_signal
 from turnscan.cli._input import read_rig_file
 from turnscan.cli._progress import progress
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.rig import Rig
-from turnscan.scan import Frame, Scan, ScanPlan, read_picture, replacing_scan
+from turnscan.scan import NOISE_FACTOR, Frame, Scan, ScanPlan, read_picture, replacing_scan
 
 
 @dataclass

@@ -12,13 +12,8 @@ import numpy as np
 from turnscan.arrays import Image
 from turnscan.cli._import_series import Series, Shot
 from turnscan.errors import InputError
-from turnscan.scan import read_picture, signal_of, statistics
+from turnscan.scan import LEAST_THRESHOLD, NOISE_FACTOR, read_picture, signal_of, statistics
 
-NOISE_FACTOR = 4.0
-"""Automatic threshold of what is kept = this × the noise: well below what detectors go by, and
-one pixel in 30 000 is above it by chance."""
-LEAST_THRESHOLD = 3.0
-"""Grey levels."""
 _SAMPLES = 41
 _LESSONS = 8
 _BEND = 2.0  # px between a centre and the line through its neighbours, at most

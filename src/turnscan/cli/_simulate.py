@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from turnscan.cli._progress import progress
-from turnscan.cli._simulated import scan_into_file, scan_into_folder, turn_of
+from turnscan.cli._simulated import plan_of, scan_into_file, scan_into_folder
+from turnscan.scan import Keep
 from turnscan.simulate import simulated, wish_of
 
 
@@ -41,7 +42,7 @@ def verb(
     steps: int | None,
     seed: int | None,
     exposure: float | None,
-    keep: str,
+    keep: Keep,
     no_speckle: bool,
     perfect: bool,
 ) -> None:
@@ -61,11 +62,13 @@ def verb(
         given["perfect"] = True
     wish = replace(wish, **{k: v for k, v in given.items() if v is not None})
     devices = simulated(wish, faults)
-    turn = turn_of(devices, exposure)
-    with progress("scanning", len(turn.angles)) as tick:
+    plan = plan_of(devices, exposure)
+    with progress("scanning", plan.steps) as tick:
         if output.suffix == ".turnscan":
-            scan_into_file(devices, turn, output, keep, tick)  # type: ignore[arg-type]
+            scan_into_file(devices, plan, output, keep, tick)
         else:
-            scan_into_folder(devices, turn, output, tick)
-    what = f"{len(turn.angles)} steps × {', '.join(turn.lasers)}"
-    click.echo(f"{output}: {wish.scene} on rig {wish.rig}, {what}, {turn.seconds:g} s exposure")
+            scan_into_folder(devices, plan, output, tick)
+    what = (
+        f"{plan.steps} steps × {', '.join(plan.lasers)}, {plan.exposures[0].seconds:g} s exposure"
+    )
+    click.echo(f"{output}: {wish.scene} on rig {wish.rig}, {what}")

@@ -4,91 +4,80 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from turnscan.acquire import Turn, even_turn, run
+from turnscan.acquire import Event, FirstLook, Hardware, Plan, StepDone, look, run, turn_of
 from turnscan.arrays import Image
-from turnscan.cli._import_signal import LEAST_THRESHOLD, NOISE_FACTOR
 from turnscan.cli._output import write_atomically
 from turnscan.errors import InputError
 from turnscan.rig import rig_to_json
-from turnscan.scan import Frame, ScanPlan, replacing_scan, signal_of, statistics
+from turnscan.scan import Frame, Keep, ScanPlan, Setting, replacing_scan
 from turnscan.simulate import Simulated
 
 Tick = Callable[[], None]
-Keep = Literal["sparse", "full"]
 
 
-def turn_of(devices: Simulated, seconds: float | None = None) -> Turn:
+def plan_of(devices: Simulated, seconds: float | None = None) -> Plan:
     """One whole turn with every laser. Raises InputError for an exposure that is not above 0."""
     exposure = devices.seconds if seconds is None else seconds
-    return Turn(even_turn(devices.steps), devices.lasers.names, exposure)
+    turn = turn_of(devices.steps, devices.lasers.names, exposure)
+    return replace(turn, blind_steps=0)  # what is simulated on purpose is no danger
 
 
-def scan_into_file(devices: Simulated, turn: Turn, path: Path, keep: Keep, tick: Tick) -> None:
+def scan_into_file(devices: Simulated, plan: Plan, path: Path, keep: Keep, tick: Tick) -> None:
     """Write a scan file with the true rig in it; it appears only when it is whole."""
-    plan = _plan(devices, turn, keep)
-    with replacing_scan(path, plan, devices.world.bench.rig) as scan:
-        run(
-            turn, devices.camera, devices.turntable, devices.lasers, scan, lambda *_: tick(),
-            clock=lambda: math.nan,
-        )  # fmt: skip
+    hardware, first = _first_look(devices, plan, keep)
+    with replacing_scan(path, first.scan_plan, devices.world.bench.rig) as scan:
+        run(plan, hardware, scan, first=first, listener=_ticking(tick), clock=lambda: math.nan)
 
 
-def scan_into_folder(devices: Simulated, turn: Turn, folder: Path, tick: Tick) -> None:
+def scan_into_folder(devices: Simulated, plan: Plan, folder: Path, tick: Tick) -> None:
     """Write pictures: a folder per laser and one for dark, angles.csv, rig.json.
 
     Raises InputError where the folder holds anything already.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: exists and is not an empty folder", hint="name a new folder")
-    for name in ("dark", *turn.lasers):
+    for name in ("dark", *plan.lasers):
         (folder / name).mkdir(parents=True, exist_ok=True)
-    sink = _Folder(folder)
-    run(turn, devices.camera, devices.turntable, devices.lasers, sink, lambda *_: tick())
-    rows = [f"{step},{math.degrees(angle):.9f}" for step, angle in enumerate(turn.angles)]
+    hardware, first = _first_look(devices, plan, "full")
+    sink = _Folder(folder, first.scan_plan)
+    run(plan, hardware, sink, first=first, listener=_ticking(tick))
+    rows = [f"{step},{math.degrees(plan.angle(step)):.9f}" for step in range(plan.steps)]
     text = "\n".join(["number,angle_deg", *rows, ""])
     write_atomically(folder / "angles.csv", text.encode())
     write_atomically(folder / "rig.json", rig_to_json(devices.world.bench.rig).encode())
 
 
-def _plan(devices: Simulated, turn: Turn, keep: Keep) -> ScanPlan:
-    """A plan that fits the camera's pictures, its threshold from their noise."""
-    camera, lasers = devices.camera, devices.lasers
-    camera.configure(turn.seconds, turn.gain)
-    lasers.off()
-    devices.turntable.move_to(turn.angles[0], turn.move_timeout)
-    dark, again = camera.grab(turn.grab_timeout), camera.grab(turn.grab_timeout)
-    weights = None if dark.ndim == 2 else _weights(devices, turn, dark)
-    noise = statistics(signal_of(dark, again, weights)).noise
-    return ScanPlan(
-        width=dark.shape[1],
-        height=dark.shape[0],
-        dtype="uint8" if dark.dtype == np.uint8 else "uint16",
-        channels=1 if dark.ndim == 2 else 3,
-        lasers=turn.lasers,
-        steps=len(turn.angles),
-        threshold=max(NOISE_FACTOR * noise, LEAST_THRESHOLD),
-        keep=keep,
-        weights=weights,
-        source=f"simulated {devices.wish.scene}, rig {devices.wish.rig}",
-    )
-
-
-def _weights(devices: Simulated, turn: Turn, dark: Image) -> tuple[float, float, float]:
+def laser_colour(lit: Image, dark: Image) -> tuple[float, float, float]:
+    """How much of red, green and blue is laser, learnt from a lit and a dark picture."""
     from turnscan.stripes import learn_colour
 
-    try:
-        devices.lasers.light(frozenset(turn.lasers[:1]), turn.lease)
-        red, green, blue = learn_colour(devices.camera.grab(turn.grab_timeout), dark)
-        return float(red), float(green), float(blue)
-    finally:
-        devices.lasers.off()
+    red, green, blue = learn_colour(lit, dark)
+    return float(red), float(green), float(blue)
+
+
+def hardware_of(devices: Simulated) -> Hardware:
+    """A simulated bench as the hardware of a scan."""
+    return Hardware(devices.camera, devices.turntable, devices.lasers)
+
+
+def _first_look(devices: Simulated, plan: Plan, keep: Keep) -> tuple[Hardware, FirstLook]:
+    hardware = hardware_of(devices)
+    source = f"simulated {devices.wish.scene}, rig {devices.wish.rig}"
+    return hardware, look(plan, hardware, keep=keep, source=source, weigh=laser_colour)
+
+
+def _ticking(tick: Tick) -> Callable[[Event], None]:
+    def listen(event: Event) -> None:
+        if isinstance(event, StepDone):
+            tick()
+
+    return listen
 
 
 @dataclass
@@ -96,7 +85,16 @@ class _Folder:
     """A `turnscan.acquire.Sink` that writes PNG files."""
 
     folder: Path
+    plan: ScanPlan
     _dark: set[int] = field(default_factory=set)
+
+    def has(self, laser: str, step: int, exposure: int = 0) -> bool:
+        """A new folder has nothing."""
+        return False
+
+    def has_texture(self, step: int) -> bool:
+        """A new folder has nothing."""
+        return False
 
     def add(self, frame: Frame) -> None:
         """Write the lit picture, and the dark one of a new step."""
@@ -105,8 +103,22 @@ class _Folder:
             self._dark.add(frame.step)
             write_png(self.folder / "dark" / f"step_{frame.step:04d}.png", frame.dark)
 
-    def add_missing(self, step: int, laser: str, cause: str, commanded: float) -> None:
+    def add_missing(
+        self, step: int, laser: str, cause: str, commanded: float, exposure: int = 0
+    ) -> None:
         """Write nothing: a picture that is not there is missing."""
+
+    def add_texture(
+        self,
+        step: int,
+        picture: Image,
+        commanded: float,
+        time: float,
+        settings: Mapping[str, Setting],
+    ) -> None:
+        """Write the picture."""
+        (self.folder / "texture").mkdir(exist_ok=True)
+        write_png(self.folder / "texture" / f"step_{step:04d}.png", picture)
 
 
 def write_png(path: Path, picture: Image) -> None:

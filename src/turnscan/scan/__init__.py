@@ -1,8 +1,15 @@
 """The scan file and the pictures that go into it: the only code that writes one."""
 
-from turnscan.scan._codec import signal_of, statistics
+from turnscan.scan._codec import (
+    LEAST_THRESHOLD,
+    NOISE_FACTOR,
+    packed_size,
+    signal_of,
+    statistics,
+)
 from turnscan.scan._file import Scan
 from turnscan.scan._fit import rig_for
+from turnscan.scan._limits import STEPS
 from turnscan.scan._pictures import (
     is_video,
     list_pictures,
@@ -11,18 +18,24 @@ from turnscan.scan._pictures import (
     read_picture,
     read_video,
 )
-from turnscan.scan._plan import Frame, ScanPlan
+from turnscan.scan._plan import Frame, Keep, ScanPlan, Setting, strict_json
 from turnscan.scan._replace import replacing_scan
 from turnscan.scan._stored import Stored
 
 __all__ = [
+    "LEAST_THRESHOLD",
+    "NOISE_FACTOR",
+    "STEPS",
     "Frame",
+    "Keep",
     "Scan",
     "ScanPlan",
+    "Setting",
     "Stored",
     "is_video",
     "list_pictures",
     "natural_key",
+    "packed_size",
     "picture_numbers",
     "read_picture",
     "read_video",
@@ -30,4 +43,5 @@ __all__ = [
     "rig_for",
     "signal_of",
     "statistics",
+    "strict_json",
 ]

@@ -25,13 +25,19 @@ import zstandard
 
 from turnscan.arrays import Image
 from turnscan.errors import LimitExceeded, ScanCorrupt
-from turnscan.scan._plan import ScanPlan
+from turnscan.scan._plan import Frame, ScanPlan
 
 Pixels = npt.NDArray[Any]
 Dark = Literal["own", "background", "none"]
 Project = Callable[[Image], Pixels]
 """Colour pixels (H, W, 3) → unsigned signal (H, W), linear up to a shift; applied to the kept
 pixels only, as one long line."""
+
+NOISE_FACTOR = 4.0
+"""Automatic threshold of what is kept = this × the noise: well below what detectors go by, and
+one pixel in 30 000 is above it by chance."""
+LEAST_THRESHOLD = 3.0
+"""Grey levels; the automatic threshold is not below."""
 
 _LEVEL = 1
 _SAMPLES = 20_000
@@ -121,6 +127,14 @@ def encode(
             *(_squeeze(_planes(p)[:, index]) for p in pictures),
         ]
     return zstandard.ZstdCompressor(level=_LEVEL).compress(b"".join(body)), share
+
+
+def packed_size(frame: Frame, plan: ScanPlan) -> int:
+    """Bytes that the pixels of a frame, with its own dark picture or none, would take in a scan."""
+    signal = signal_of(frame.lit, frame.dark, plan.weights)
+    bright = statistics(signal).level + plan.threshold
+    own = frame.dark is not None
+    return len(encode(frame.lit, frame.dark, own, signal, bright, plan)[0])
 
 
 def decode(

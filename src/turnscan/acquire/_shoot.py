@@ -1,0 +1,117 @@
+"""One picture: light, expose, dark. The only place of the room that lights a laser."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from turnscan.acquire._plan import Exposure, Plan
+from turnscan.arrays import Image
+from turnscan.devices import Camera, Lasers, Turntable
+from turnscan.errors import DeviceError, DeviceTimeout, InputError, TurnscanError
+
+_TRIES = 2
+_LEASE = 30.0
+"""s, and five exposures, after which a laser goes dark by itself if this program forgets it; the
+guard of a board is stricter with a program that dies or hangs."""
+_LONGEST_LEASE = 120.0
+_MOVE_TIMEOUT = 3600.0
+"""s for one move; drivers have shorter ones of their own, and a person may be the driver."""
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """All that a scan is taken with."""
+
+    camera: Camera
+    turntable: Turntable
+    lasers: Lasers
+
+
+class Shooter:
+    """Takes pictures; lasers are lit for the exposure alone."""
+
+    def __init__(self, plan: Plan, hardware: Hardware) -> None:
+        self._plan = plan
+        self._hw = hardware
+        self._exposure: Exposure | None = None
+        self._accepted = (0.0, 0.0)
+        self._first = True
+        self.move_timeout = _MOVE_TIMEOUT
+
+    def check_names(self) -> None:
+        """Raise InputError for a laser or lamp that the board does not have."""
+        lamps = self._plan.texture.lamps if self._plan.texture else ()
+        for name in (*self._plan.lasers, *lamps):
+            if name not in self._hw.lasers.names:
+                there = ", ".join(self._hw.lasers.names)
+                raise InputError(f"no laser {name!r}", hint=f"there is {there}")
+
+    def settle(self) -> None:
+        """Wait for the table's last tremor."""
+        if self._plan.settle:
+            time.sleep(self._plan.settle)
+
+    def configure(self, exposure: Exposure) -> tuple[float, float]:
+        """Set an exposure where it is not set already; s and gain that the camera accepted."""
+        if exposure != self._exposure:
+            self._accepted = self._hw.camera.configure(exposure.seconds, exposure.gain)
+            self._exposure = exposure
+        return self._accepted
+
+    def picture(self, lit: frozenset[str]) -> tuple[Image | None, str]:
+        """One picture with these lasers, asked for twice at most; or None and the cause.
+
+        All is dark when this returns, except by an error. Raises DeviceError and SafetyError.
+        """
+        seconds = self._exposure.seconds if self._exposure else 0.0
+        timeout = max(20.0 if self._first else 5.0, 5.0 * seconds)
+        lease = min(_LEASE + 5.0 * seconds, _LONGEST_LEASE)
+        cause = ""
+        for _ in range(_TRIES):
+            lighted = time.monotonic()
+            if lit:
+                self._hw.lasers.light(lit, lease)
+            try:
+                picture = self._hw.camera.grab(timeout)
+            except DeviceTimeout as e:
+                cause = e.message
+                continue
+            finally:
+                if lit:
+                    self._hw.lasers.light(frozenset(), lease)
+            if lit and time.monotonic() - lighted > lease:
+                cause = f"it took longer than the {lease:g} s for which the laser stays lit"
+                continue
+            self._first = False
+            return picture, ""
+        return None, cause
+
+    @contextlib.contextmanager
+    def dark_at_the_end(self) -> Iterator[None]:
+        """Lasers off before and after the block; after an error the table is stopped too.
+
+        `Lasers.off` transmits whatever is believed about the lasers; where it cannot be confirmed,
+        its error is the one that leaves.
+        """
+        self._hw.lasers.off()
+        try:
+            yield
+        except BaseException:
+            try:
+                self._hw.lasers.off()
+            finally:
+                with contextlib.suppress(DeviceError):
+                    self._hw.turntable.stop()
+            raise
+        else:
+            self._hw.lasers.off()
+
+    def all_stop(self) -> None:
+        """Dark and at rest, from any thread. Raises nothing: the thread of the scan will."""
+        with contextlib.suppress(TurnscanError):
+            self._hw.lasers.off()
+        with contextlib.suppress(TurnscanError):
+            self._hw.turntable.stop()

@@ -1,0 +1,93 @@
+"""Does the camera see what the lasers are said to do?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.acquire._plan import Plan
+from turnscan.arrays import Image
+from turnscan.errors import LaserStateUnknown
+from turnscan.scan import ScanPlan, signal_of, statistics
+
+Pixels = npt.NDArray[Any]
+
+_LINES = 120
+"""Image lines that are looked at, of all there are."""
+_LEAST_PIXELS = 12
+_STILL_LIT = 0.5
+"""Share of a stripe's light that is left in a dark picture from which the laser counts as lit."""
+_BLIND_DEG = 30
+"""A part may show no stripe over such an angle, once it has shown one."""
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A stripe: its pixels, and its mean light there."""
+
+    place: npt.NDArray[np.bool_]
+    light: float
+    dark: Pixels
+
+
+class LaserWatch:
+    """Compares lit and dark pictures, coarsely: is there a stripe, and is it gone afterwards?
+
+    It knows no measuring; a stripe is light above the threshold of the scan.
+    """
+
+    def __init__(self, plan: Plan, scan_plan: ScanPlan) -> None:
+        self._scan = scan_plan
+        lines = scan_plan.height if scan_plan.orientation == "vertical" else scan_plan.width
+        self._stride = max(1, lines // _LINES)
+        self._least = max(_LEAST_PIXELS, min(lines, _LINES) // 10)
+        self._limit = plan.blind_steps
+        step = abs(float(plan.step_deg)) or 360.0
+        self._later = max(self._limit, round(_BLIND_DEG / step))
+        self._blind: dict[str, int] = {}
+        self._shown: set[str] = set()
+        self._last: dict[str, _Seen] = {}
+
+    def lit(self, laser: str, lit: Image, dark: Image) -> bool:
+        """Note a lit picture and say whether it shows a stripe.
+
+        Raises LaserStateUnknown where this laser has shown none for too many steps.
+        """
+        if not self._limit:
+            return True
+        off = self._thin(dark)
+        signal = signal_of(self._thin(lit), off, self._scan.weights)
+        place = signal > statistics(signal).level + 2 * self._scan.threshold
+        if int(np.count_nonzero(place)) >= self._least:
+            self._shown.add(laser)
+            self._blind[laser] = 0
+            self._last[laser] = _Seen(place, float(signal[place].mean()), off)
+            return True
+        self._last.pop(laser, None)
+        self._blind[laser] = blind = self._blind.get(laser, 0) + 1
+        limit = self._later if laser in self._shown else self._limit
+        if blind >= limit:
+            raise LaserStateUnknown(
+                f"laser {laser!r}: {blind} steps on end show no stripe, though it was lit: it is "
+                "dead, or was lit all the time, or the camera does not see it",
+                hint="cut the power if it is lit; check laser and exposure (or --blind-steps 0)",
+            )
+        return False
+
+    def still_lit(self, dark: Image) -> str | None:
+        """The laser of which a picture taken after its switching off shows the stripe."""
+        off = self._thin(dark)
+        for laser, seen in self._last.items():
+            added = signal_of(off, seen.dark, self._scan.weights)
+            shift = statistics(added).level
+            if float(np.median(added[seen.place])) - shift > _STILL_LIT * seen.light:
+                return laser
+        return None
+
+    def _thin(self, picture: Image) -> Image:
+        if self._scan.orientation == "vertical":
+            return picture[:: self._stride]
+        return picture[:, :: self._stride]
