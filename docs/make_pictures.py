@@ -1,0 +1,159 @@
+"""Draws the pictures of docs/explain/simulator.md: `python docs/make_pictures.py` (two minutes)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from turnscan.arrays import Floats, Image
+from turnscan.rig import design_preset
+from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of
+
+HERE = Path(__file__).parent / "pictures"
+SECONDS = seconds_of(Wish())
+
+
+def picture(made: Bench, angle: float, *lit: str, seconds: float = SECONDS, shot: int = 0) -> Image:
+    """One picture; without names all lasers are lit."""
+    names = lit or tuple(b.name for b in made.beams)
+    renderer = Renderer(made)
+    return renderer.picture(angle, names, seconds, start=0.0031 * shot, shot=shot)
+
+
+def save(figure: Figure, name: str) -> None:
+    """Write docs/pictures/NAME.png."""
+    figure.savefig(HERE / f"{name}.png", dpi=90, metadata={"Software": None})
+
+
+def show(axes: object, image: Image, title: str, gain: float = 2.0) -> None:
+    """A camera picture, brightened as an eye would see it."""
+    grey = image if image.ndim == 2 else image.max(axis=2)
+    top = np.iinfo(image.dtype).max
+    axes.imshow((grey / top * gain).clip(0, 1) ** 0.6, cmap="gray")  # type: ignore[attr-defined]
+    axes.set_title(title, fontsize=10)  # type: ignore[attr-defined]
+    axes.set_axis_off()  # type: ignore[attr-defined]
+
+
+def galvanometer() -> None:
+    """A swept spot: bright ends, and a beat where the exposure is no whole number of sweeps."""
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    axes = figure.subplots(1, 2)
+    made = bench(Wish("cylinder", waves="diffraction", room=0.0))
+    for frequency, style in ((300.0, "-"), (105.0, "-"), (137.0, ":")):
+        beam = replace(made.beams[0], frequency=frequency)
+        s = np.linspace(-0.999, 0.999, 1500)
+        axes[0].plot(s, beam.share(s, 0.0, SECONDS), style, label=f"{frequency:.0f} Hz")
+    axes[0].set_xlabel("place in the fan, −1 to 1")
+    axes[0].set_ylabel("share of the power")
+    axes[0].set_ylim(0, 1.2)
+    axes[0].legend(title=f"exposure {SECONDS * 1000:.0f} ms")
+    slow = replace(made, beams=(replace(made.beams[0], frequency=105.0),))
+    for shot in range(3):
+        light = picture(slow, 0.0, shot=shot).astype(float).sum(axis=1)
+        axes[1].plot(light, label=f"picture {shot + 1}", linewidth=0.8)
+    axes[1].set_xlabel("image row")
+    axes[1].set_ylabel("brightness of the line, grey levels")
+    axes[1].set_title("105 Hz: the boundary between 8 and 9 passes wanders", fontsize=10)
+    axes[1].legend()
+    save(figure, "galvanometer")
+
+
+def two_lines() -> None:
+    """The head lit from both sides: what one laser loses behind the nose the other one lights."""
+    made = bench(Wish("head", lasers=2))
+    figure = Figure(figsize=(11, 3.2), layout="constrained")
+    for axes, lit in zip(figure.subplots(1, 3), (("right",), ("left",), ()), strict=True):
+        title = f"laser {lit[0]}" if lit else "both"
+        show(axes, picture(made, 0.42, *lit), title)
+    save(figure, "two-lines")
+
+
+def lit_share(made: Bench, steps: int = 40) -> float:
+    """Share of the picture's rows across the part in which a stripe is seen, over one turn."""
+    quiet = replace(made, waves="rays", noise=False, bounces=False)
+    quiet = replace(quiet, scene=replace(quiet.scene, bodies=quiet.scene.bodies[:1]))
+    renderer = Renderer(quiet)
+    seen = []
+    for k in range(steps):
+        T = quiet.rig.T_camera_table @ quiet.motion.pose(2 * math.pi * k / steps)
+        light = renderer.laser_light(T, quiet.beams[0], SECONDS)
+        across = (renderer.view.seen(T).reshape(light.shape) >= 0).any(axis=1)
+        seen.append((light.sum(axis=1) > 0.1 * np.median(light.sum(axis=1)[across])) & across)
+        seen[-1] = seen[-1].sum() / across.sum()
+    return float(np.mean(seen))
+
+
+def shadows() -> None:
+    """Fig. 5: a larger angle resolves more and sees less."""
+    angles = (10, 15, 22.4, 30, 45, 60)
+    shares = [lit_share(bench(Wish("head", theta=math.radians(a), lasers=1))) for a in angles]
+    step = [design_resolution(a) for a in angles]
+    figure = Figure(figsize=(10, 3.6), layout="constrained")
+    first, chart = figure.subplots(1, 2, width_ratios=[1, 1.2])
+    show(first, picture(bench(Wish("head", theta=math.radians(45), lasers=1)), 0.42), "θ = 45°")
+    chart.plot(angles, np.array(shares) * 100, "o-", label="rows with a stripe, %")
+    chart.plot(angles, np.array(step) * 100, "s--", label="ΔR per pixel at the axis, 0.01 mm")
+    chart.set_xlabel("θ, degrees")
+    chart.legend()
+    save(figure, "shadows")
+
+
+def design_resolution(angle: float) -> float:
+    """ΔR at the axis, mm, of the paper's rig."""
+    return float(replace(design_preset("paper"), theta=math.radians(angle)).delta_r())
+
+
+def panned() -> None:
+    """Fig. 7: a camera whose axis misses the rotation axis spends all its columns on one side."""
+    figure = Figure(figsize=(10, 3.4), layout="constrained")
+    straight = bench(Wish("sphere"))
+    panned = replace(design_preset("paper"), focal=25.5, pan=math.radians(7.86))
+    rig = panned.rig(height=20.0)
+    back, there = straight.rig.T_camera_table.inverse(), rig.T_camera_table
+    turn = there @ back
+    beams = tuple(replace(b, apex=turn.apply(b.apex), aim=turn.turn(b.aim)) for b in straight.beams)
+    lens = replace(straight.lens, focal=25.5 * 500 / 525.5)
+    aside = replace(straight, rig=rig, beams=beams, lens=lens)
+    for axes, made, title in zip(
+        figure.subplots(1, 2),
+        (straight, aside),
+        ("axis in the middle, f = 12.5 mm", "panned by 7.86°, f = 25.5 mm"),
+        strict=True,
+    ):
+        image = picture(made, 0.0)
+        foot = made.rig.camera.project(made.rig.T_camera_table.apply(axis()))
+        show(axes, image, title)
+        axes.plot(foot[:, 0], foot[:, 1], "c--", linewidth=0.8)
+        axes.set_xlim(0, 639)
+        axes.set_ylim(479, 0)
+    save(figure, "panned-camera")
+
+
+def axis() -> Floats:
+    """Points of the rotation axis, mm."""
+    return np.column_stack([np.zeros((20, 2)), np.linspace(0, 45, 20)])
+
+
+def off_centre() -> None:
+    """Fig. 8: the same part off the axis; some profiles fall where the laser does not reach."""
+    figure = Figure(figsize=(10, 3.4), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=[1, 1.2])
+    show(left, picture(bench(Wish("hexagon", shift=(35.0, 0.0))), 2.0), "35 mm off the axis")
+    shifts = (0, 10, 20, 30, 40, 50)
+    shares = [100 * lit_share(bench(Wish("hexagon", shift=(float(x), 0.0)))) for x in shifts]
+    right.plot(shifts, shares, "o-")
+    right.set_xlabel("distance of the part from the axis, mm")
+    right.set_ylabel("rows with a stripe over a turn, %")
+    right.set_ylim(0, 105)
+    save(figure, "off-centre")
+
+
+if __name__ == "__main__":
+    HERE.mkdir(exist_ok=True)
+    for draw in (galvanometer, two_lines, shadows, panned, off_centre):
+        draw()
+        print(draw.__name__)
