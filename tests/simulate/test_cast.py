@@ -24,7 +24,7 @@ def test_the_tree_and_embree_agree(name: str) -> None:
     way = np.column_stack([-np.ones(20_000), rng.normal(0, 0.08, (20_000, 2))]).astype(np.float32)
     eye = np.tile(np.float32([500, 0, 40]), (len(way), 1))
     ours, theirs = tree.run(eye, way), np.asarray(scene.run(eye, way))
-    assert (theirs >= 0).mean() > 0.1
+    assert (theirs >= 0).mean() > 0.05
     assert (ours >= 0).tolist() == (theirs >= 0).tolist()
     assert (ours == theirs).mean() > 0.999  # a shared edge belongs to either
     near = np.full(len(way), 0.3, np.float32)
