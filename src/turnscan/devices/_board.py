@@ -158,6 +158,13 @@ class Board:
         self._stop.set()
         self._link.close()
 
+    def _found_locked(self) -> None:
+        """Connected to a board that waits for a person; it is believed, not unlocked."""
+        self._lose(DeviceAlarm(
+            f"{self.setup.port}: the board was found in an alarm",
+            hint="look at the machine, set the table to its mark, then acknowledge",
+        ))  # fmt: skip
+
     # What a dialect adds.
 
     def _default_units(self) -> int:

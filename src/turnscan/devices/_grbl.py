@@ -50,6 +50,9 @@ class GrblBoard(Board):
             self._rate = min(self._rate, math.degrees(self.setup.speed) * 60)
         self._acceleration = float(number["$120"])
         self._offset = 0.0
+        if self._status().fields["state"] == "Alarm":
+            self._found_locked()
+            return
         per_turn = float(self._steps.per_turn)
         self._unit = round(self._position() / 360 * per_turn)
         self._settle()

@@ -169,7 +169,7 @@ DIALECTS: dict[str, Dialect] = {
         ),
         Dialect(
             "sardauscan", 115200, 4, _sardauscan_dark, _sardauscan_light,
-            re.compile(rb"^L", re.I | re.M), re.compile(rb"SET_LASER|Sardauscan"),
+            re.compile(rb"(?:^|[\r\n])L", re.I), re.compile(rb"SET_LASER|Sardauscan"),
         ),
     )
 }  # fmt: skip
@@ -197,7 +197,8 @@ def darken(
     """
     sure, said = True, bytearray()
     for step in steps:
-        heard, end = bytearray(), time.monotonic() + patience
+        # After a first silence the rest is sent without hope: what counts is that it goes out.
+        heard, end = bytearray(), time.monotonic() + (patience if sure else patience / 8)
         send(step.send)
         while not step.confirm.search(heard) and (left := end - time.monotonic()) > 0:
             heard += hear(left)
@@ -238,6 +239,8 @@ class Guard:
         self._lit, self._sure = False, False
         self._lease_end = self._pulse_end = 0.0
         self._leave = False
+        self._hurry = threading.Event()
+        """Set while the scanner waits for dark: nothing else is sent any more."""
 
     def run(self) -> int:
         """Serve until told or forced to end; 0 dark for certain, 4 not, 3 no port."""
@@ -317,7 +320,7 @@ class Guard:
         self._line = self._line[max(self._line.rfind(b"\n"), self._line.rfind(b"\r")) + 1 :][-256:]
         if self._dialect.lights.search(line):
             self._leave = True  # only an L frame lights; who tries otherwise is not to be trusted
-        else:
+        elif not self._hurry.is_set():
             self._send(data)
 
     def _light(self, seq: int, lease: float, mask: int) -> None:
@@ -334,7 +337,7 @@ class Guard:
             self._send(step.send)
             while not step.confirm.search(heard):
                 left = end - time.monotonic()
-                if left <= 0 or self._urgent() or step.refuse.search(heard):
+                if left <= 0 or self._hurry.is_set() or step.refuse.search(heard):
                     self._dark(seq, FAILED, said + bytes(heard))
                     return
                 heard += self._hear(min(left, 0.02))
@@ -343,10 +346,8 @@ class Guard:
         self._lit, self._sure = bool(mask), not mask
         self._answer(seq, DONE, said)
 
-    def _urgent(self) -> bool:
-        return self._leave or any(frame[:1] in (b"D", b"Q") for frame in self._later)
-
     def _dark(self, seq: int, result: int, before: bytes = b"") -> None:
+        self._hurry.clear()
         for _ in range(3):
             self._sure, heard = self._darken()
             before = (before + heard)[-2048:]
@@ -385,8 +386,6 @@ class Guard:
                 self._pulse_end = time.monotonic() + self._set.pulse
             else:
                 self._later.append(data)
-                if data[:1] in (b"D", b"Q"):
-                    break
         return b""
 
     def _listen_parent(self) -> None:
@@ -394,7 +393,10 @@ class Guard:
         with contextlib.suppress(OSError, ValueError):
             while data := os.read(0, 4096):
                 for kind, payload in frames.feed(data):
+                    if kind in b"DQ":
+                        self._hurry.set()
                     self._events.put(("frame", kind + payload))
+        self._hurry.set()
         self._events.put(("end", b""))
 
     def _listen_port(self, port: Any) -> None:

@@ -28,7 +28,7 @@ class HorusBoard(Board):
     def _connect(self) -> None:
         self._speed, self._acceleration, self._base = 180.0, 180.0, 0
         try:
-            self._unit = self._unit_of(self._place())
+            status = self._ask("?\r\n", until=Kind.STATUS)
             self._whole = False
         except DeviceTimeout:
             self._whole = True
@@ -42,9 +42,14 @@ class HorusBoard(Board):
             self._remembers = False
         if self.setup.speed is not None:
             self._speed = min(self._speed, math.degrees(self.setup.speed))
-        self._settle()
         if self._whole:
             self._zero()
+        elif status.fields["state"] == "Alarm":
+            self._found_locked()
+            return
+        else:
+            self._unit = self._unit_of(self._place())
+        self._settle()
 
     def _unlock(self) -> None:
         if not self._whole:

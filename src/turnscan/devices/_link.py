@@ -109,7 +109,8 @@ class GuardedLink:
             [sys.executable, "-I", str(script), json.dumps(self.settings.__dict__)],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True,
         )  # fmt: skip
-        threading.Thread(target=self._listen, daemon=True, name="guard listener").start()
+        self._listener = threading.Thread(target=self._listen, daemon=True, name="guard listener")
+        self._listener.start()
         threading.Thread(target=self._beat, daemon=True, name="guard pulse").start()
         try:
             self._greet()
@@ -221,6 +222,7 @@ class GuardedLink:
             code = self._guard.wait(timeout=10.0)
             self._dark_alone()
             code = 0
+        self._listener.join(timeout=5.0)
         if code == 4 and self._maybe_lit.is_set():
             raise self._unknown(b"")
 
@@ -288,6 +290,7 @@ class GuardedLink:
             while data := os.read(out.fileno(), 65536):
                 for kind, payload in frames.feed(data):
                     self._take(kind, payload)
+        out.close()
         if not self._closing.is_set() and self._failure is None:
             self._rescue()
         with contextlib.suppress(queue.Full):

@@ -93,7 +93,7 @@ def _open(group: str, address: str) -> object:
         device = found.load()(address)
     except TurnscanError:
         raise
-    except Exception as e:  # noqa: BLE001 (a driver of others breaks only itself)
+    except Exception as e:  # a driver of others breaks only itself
         raise DeviceError(
             f"{address}: its driver ({found.value}) failed: {type(e).__name__}: {e}",
             hint="update or remove the package it comes from",

@@ -1,0 +1,131 @@
+"""A forking scanner, a plugged-in board of each dialect, and guards with a defect."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from turnscan.devices._guard import __file__ as guard_file
+from turnscan.simulate.controllers import (
+    FabScanFirmware,
+    Firmware,
+    GrblFirmware,
+    HorusFirmware,
+    SardauscanFirmware,
+    Socket,
+)
+
+SCALE = 50.0
+
+
+def firmware(dialect: str) -> Firmware:
+    if dialect == "grbl":
+        return GrblFirmware({"100": 8.889, "110": 6000, "120": 800})
+    return {"horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware}[
+        dialect
+    ]()
+
+
+DIALECTS = ("grbl", "horus", "fabscan", "sardauscan")
+
+
+@dataclass
+class Ending:
+    """How a scan ended, seen from the board."""
+
+    lit: bool
+    """Whether a laser burned when the end began."""
+    seconds: float
+    """From the end's beginning to dark; 0 where it was dark, inf where it stayed lit."""
+
+
+class Scanner:
+    """The forking scanner, driven from outside."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, str(Path(__file__).with_name("scanner.py"))],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.close()
+        self._process.wait(timeout=10.0)
+        self._process.stdout.close()
+
+    def _answer(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        return json.loads(self._process.stdout.readline())  # type: ignore[no-any-return]
+
+    def end(self, socket: Socket, dialect: str, patience: float = 1.5, **order: Any) -> Ending:
+        """Let a child scan and end; watch the board's own log, then see that it stays dark."""
+        assert self._process.stdin is not None
+        address = f"{dialect}:{socket.path}?lasers=a,b"
+        self._process.stdin.write(json.dumps({"address": address, **order}) + "\n")
+        self._process.stdin.flush()
+        pid, now, done, answer = 0, None, False, {}
+        error = ""
+        while now is None and not done:
+            answer = self._answer()
+            pid, now = answer.get("pid", pid), answer.get("now", now)
+            done = answer.get("done", done)
+            error = answer.get("error", error)
+        assert now is not None, f"the moment did not come {error}"
+        log = socket.firmware.log
+        try:
+            while time.monotonic() < now + patience and log[-1].outputs:
+                time.sleep(0.002)
+            while not done and not pid:
+                answer = self._answer()
+                pid, done = answer.get("pid", pid), answer.get("done", done)
+            if order["how"] in ("SIGSTOP", "deadlock", "GIL"):
+                time.sleep(0.02)
+                os.kill(pid, signal.SIGKILL)
+            while not done:
+                done = self._answer().get("done", False)
+        finally:
+            entries = [entry for entry in log if entry.time <= now]
+        burning = bool(entries[-1].outputs)
+        if log[-1].outputs:
+            return Ending(burning, float("inf"))
+        return Ending(burning, max(0.0, log[-1].time - now))
+
+
+@pytest.fixture(scope="session")
+def scanner() -> Iterator[Scanner]:
+    it = Scanner()
+    yield it
+    it.close()
+
+
+@pytest.fixture
+def sockets() -> Iterator[dict[str, Socket]]:
+    with ExitStack() as stack:
+        yield {d: stack.enter_context(Socket(firmware(d), scale=SCALE)) for d in DIALECTS}
+
+
+@pytest.fixture
+def mutant(tmp_path: Path) -> Callable[..., Path]:
+    """A guard with a defect: its source with one passage replaced."""
+
+    def make(old: str, new: str) -> Path:
+        source = Path(guard_file).read_text()
+        assert source.count(old) == 1, f"{source.count(old)} places for {old!r}"
+        path = tmp_path / "mutant_guard.py"
+        path.write_text(source.replace(old, new))
+        return path
+
+    return make

@@ -1,0 +1,437 @@
+"""S3, S4, S5, S9: the guard's own death, off from any state, dark first, no laser by mistake."""
+
+from __future__ import annotations
+
+import ast
+import math
+import os
+import re
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import turnscan.devices
+from tests.safety.conftest import DIALECTS, SCALE, firmware
+from turnscan.devices import open_devices, open_lasers, open_turntable
+from turnscan.devices._guard import DIALECTS as TABLE
+from turnscan.devices._guard import Frames, pack
+from turnscan.devices._link import Deadlines, GuardedLink
+from turnscan.devices._registry import board
+from turnscan.errors import (
+    DeviceDisconnected,
+    DeviceRefused,
+    DeviceTimeout,
+    InputError,
+    LaserStateUnknown,
+    SafetyError,
+    TurnscanError,
+)
+from turnscan.simulate.controllers import FabScanFirmware, Fault, GrblFirmware, Socket
+
+QUICK = Deadlines(acknowledge=0.2, move_extra=0.3, connect=2.0, pulse=1.0)
+OFF = {
+    "grbl": [b"\x18", b"M5\n", b"M9\n"],
+    "horus": [b"\x18\r\n", b"M70T1\r\n", b"M70T2\r\n"],
+    "fabscan": [b"\nM22\n", b"M20\n", b"M22\n", b"M20\n"],
+    "sardauscan": [b"\rL 0 0\r", *[b"L %d 0\r" % i for i in (1, 2, 3, 0, 1, 2, 3)]],
+}
+
+
+@contextmanager
+def plugged(dialect: str, **link: Any) -> Iterator[tuple[Any, Socket]]:
+    with Socket(firmware(dialect), scale=SCALE) as socket:
+        device = board(f"{dialect}:{socket.path}?lasers=a,b", deadlines=QUICK, **link)
+        try:
+            yield device, socket
+        finally:
+            with suppress(TurnscanError):
+                device.close()
+
+
+def wait_dark(socket: Socket, begin: float, patience: float = 1.0) -> float:
+    """s from ``begin`` to dark, inf where it stays lit."""
+    while time.monotonic() < begin + patience and socket.firmware.lit:
+        time.sleep(0.002)
+    log = socket.firmware.log
+    return math.inf if log[-1].outputs else max(0.0, log[-1].time - begin)
+
+
+# S3
+
+
+def test_fifty_killed_guards(capsys: pytest.CaptureFixture[str]) -> None:
+    dark, noticed = [], []
+    for k in range(50):
+        with plugged(DIALECTS[k % 4]) as (device, socket):
+            device.light(frozenset({"a"}), 5.0)
+            assert socket.firmware.lit
+            begin = time.monotonic()
+            os.kill(device._link.guard_pid, signal.SIGKILL)
+            while device._link._failure is None and time.monotonic() < begin + 2.0:
+                time.sleep(0.001)
+            noticed.append(time.monotonic() - begin)
+            dark.append(wait_dark(socket, begin))
+            with pytest.raises(SafetyError, match="guard died"):
+                device.move_to(0.1, 1.0)
+            with pytest.raises(SafetyError, match="guard died"):
+                device.light(frozenset({"a"}), 1.0)
+            assert not socket.firmware.lit
+    with capsys.disabled():
+        print(f"\n50 killed guards: dark after {max(dark) * 1e3:.0f} ms at worst")
+    assert sorted(noticed)[-3] < 0.2, sorted(noticed)[-5:]
+    assert sorted(dark)[-3] < 0.2, sorted(dark)[-5:]
+    assert max(dark) < 1.0
+
+
+def test_a_scanner_that_does_not_step_in_leaves_it_lit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(GuardedLink, "_rescue", lambda self: None)
+    with plugged("grbl") as (device, socket):
+        device.light(frozenset({"a"}), 5.0)
+        begin = time.monotonic()
+        os.kill(device._link.guard_pid, signal.SIGKILL)
+        assert wait_dark(socket, begin, 0.5) == math.inf
+
+
+def test_a_terminated_guard_leaves_dark() -> None:
+    with plugged("horus") as (device, socket):
+        device.light(frozenset({"a"}), 5.0)
+        begin = time.monotonic()
+        os.kill(device._link.guard_pid, signal.SIGTERM)
+        assert wait_dark(socket, begin) < 0.5
+
+
+def test_garbage_on_the_guards_input_is_dark() -> None:
+    with plugged("grbl") as (device, socket):
+        device.light(frozenset({"a"}), 5.0)
+        begin = time.monotonic()
+        device._link._guard.stdin.write(b"not a frame at all")
+        assert wait_dark(socket, begin) < 0.5
+
+
+def test_a_guard_that_swallows_garbage_stays_lit(mutant: Callable[..., Path]) -> None:
+    script = mutant('raise ValueError("not a frame")', "self._bytes.clear(); return")
+    with plugged("grbl", script=script) as (device, socket):
+        device.light(frozenset({"a"}), 5.0)
+        begin = time.monotonic()
+        device._link._guard.stdin.write(b"not a frame at all")
+        assert wait_dark(socket, begin, 0.4) == math.inf
+
+
+@given(st.binary(max_size=200))
+def test_frames_are_whole_or_an_error(data: bytes) -> None:
+    frames = Frames(b"WLDKQ")
+    try:
+        for kind, payload in frames.feed(data):
+            assert pack(kind, payload) in data
+    except ValueError:
+        pass
+
+
+# S4
+
+
+def count_offs(socket: Socket, dialect: str) -> int:
+    """How often the whole of the dark bytes came in."""
+    said = b"".join(data for _, data in socket.firmware.received)
+    whole, count, at = OFF[dialect], 0, 0
+    while True:
+        for part in whole:
+            at = said.find(part, at)
+            if at < 0:
+                return count
+            at += len(part)
+        count += 1
+
+
+STATES = ("fresh", "lit", "moved", "refused", "timed out", "alarm", "guard dead", "closed")
+
+
+def bring(device: Any, socket: Socket, state: str) -> None:
+    if state == "lit":
+        device.light(frozenset({"a", "b"}), 5.0)
+    elif state == "moved":
+        device.move_to(0.3, 5.0)
+    elif state == "refused":
+        with pytest.raises(DeviceRefused):
+            device.light(frozenset({"c"}), 5.0)
+    elif state == "timed out":
+        socket.firmware.faults.append(Fault(socket.firmware._moves + 1, "silence"))
+        with pytest.raises(TurnscanError):
+            device.move_to(device.angle + 0.3, 0.3)
+    elif state == "alarm":
+        device._lose(DeviceRefused("on purpose"))
+    elif state == "guard dead":
+        os.kill(device._link.guard_pid, signal.SIGKILL)
+        device._link._guard.wait(timeout=5.0)
+    elif state == "closed":
+        device.close()
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("state", STATES)
+def test_off_always_transmits(dialect: str, state: str) -> None:
+    with plugged(dialect) as (device, socket):
+        bring(device, socket, state)
+        before = count_offs(socket, dialect)
+        device.off()
+        assert count_offs(socket, dialect) > before
+        device.off()
+        assert count_offs(socket, dialect) > before + 1
+        assert not socket.firmware.lit
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    st.lists(st.sampled_from(["light", "dark", "move", "off", "thread"]), min_size=3, max_size=8)
+)
+def test_off_after_any_history(history: list[str]) -> None:
+    with plugged("grbl") as (device, socket):
+        for what in history:
+            before = count_offs(socket, "grbl")
+            if what == "light":
+                device.light(frozenset({"a"}), 5.0)
+            elif what == "dark":
+                device.light(frozenset(), 5.0)
+            elif what == "move":
+                device.move_to(device.angle + 0.05, 5.0)
+            elif what == "off":
+                device.off()
+            else:
+                thread = threading.Thread(target=device.off)
+                thread.start()
+                thread.join(timeout=5.0)
+            if what in ("off", "thread"):
+                assert count_offs(socket, "grbl") > before
+                assert not socket.firmware.lit
+
+
+def test_off_that_remembers_its_last_state_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The usual mistake, dark is believed because it was dark before, fails the test above."""
+    inner = GuardedLink.dark
+    monkeypatch.setattr(
+        GuardedLink, "dark", lambda self: inner(self) if self._maybe_lit.is_set() else b""
+    )
+    with plugged("grbl") as (device, socket):
+        before = count_offs(socket, "grbl")
+        device.off()
+        assert count_offs(socket, "grbl") == before
+
+
+def test_off_in_the_middle_of_a_move() -> None:
+    with Socket(GrblFirmware({"100": 8.889, "110": 300, "120": 800})) as socket:
+        device = board(f"grbl:{socket.path}?lasers=a", deadlines=QUICK)
+        errors: list[BaseException] = []
+
+        def turn() -> None:
+            try:
+                device.move_to(3.0, 30.0)
+            except TurnscanError as e:
+                errors.append(e)
+
+        thread = threading.Thread(target=turn)
+        thread.start()
+        time.sleep(0.2)
+        begin = time.monotonic()
+        device.off()
+        thread.join(timeout=5.0)
+        assert time.monotonic() - begin < 2.0
+        assert "lasers were switched off" in str(errors[0])
+        with pytest.raises(TurnscanError, match="acknowledge"):  # the place is lost: ask a person
+            device.move_to(0.0, 5.0)
+        device.acknowledge()
+        assert device.move_to(0.05, 5.0) == pytest.approx(0.05, abs=1e-3)
+        device.close()
+
+
+ON_THE_WIRE = 8192
+"""Bytes that a pseudo-terminal holds on the far side, where nobody can take them back."""
+
+
+def _with_full_buffers(**link: Any) -> tuple[int, int]:
+    """How many bytes came in before the off byte, and how many had been sent before it."""
+    with plugged("grbl", **link) as (device, socket):
+        seen, sent = len(socket.firmware.received), 0
+        with socket.frozen():
+            time.sleep(0.02)
+            for _ in range(40):
+                device._link.write(b"(" + b"x" * 998 + b")")
+                sent += 1000
+            time.sleep(0.1)
+            thread = threading.Thread(target=device.off)
+            thread.start()
+            time.sleep(0.2)
+        thread.join(timeout=5.0)
+        data = b"".join(d for _, d in socket.firmware.received[seen:])
+        assert b"\x18" in data
+        return data.index(b"\x18"), sent
+
+
+def test_off_overtakes_a_full_send_buffer() -> None:
+    before, sent = _with_full_buffers()
+    assert sent == 40_000
+    assert before <= ON_THE_WIRE
+
+
+def test_without_overtaking_it_stands_in_line(mutant: Callable[..., Path]) -> None:
+    before, _ = _with_full_buffers(script=mutant("self._port.reset_output_buffer()", "pass"))
+    assert before > 1.5 * ON_THE_WIRE
+
+
+# S5
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_the_first_bytes_are_off(dialect: str) -> None:
+    with plugged(dialect) as (_, socket):
+        said = b"".join(data for _, data in socket.firmware.received)
+        assert said.startswith(OFF[dialect][0])
+        assert not any(entry.outputs for entry in socket.firmware.log)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_an_off_that_nobody_confirms(dialect: str) -> None:
+    with plugged(dialect) as (device, socket):
+        device.light(frozenset({"a"}), 5.0)
+        socket.firmware._deaf_until = math.inf
+        with pytest.raises(LaserStateUnknown, match="cut the power") as caught:
+            device.off()
+        assert caught.value.exit_code == 4
+
+
+def test_a_board_that_shows_its_banner_but_confirms_nothing() -> None:
+    class Deaf(GrblFirmware):
+        def _gcode(self, text: str) -> bool:
+            return True
+
+    with Socket(Deaf(), scale=SCALE) as socket, pytest.raises(LaserStateUnknown):
+        board(f"grbl:{socket.path}", deadlines=Deadlines(0.1, 0.1, 0.3))
+
+
+def test_a_guard_that_believes_an_off_is_found(mutant: Callable[..., Path]) -> None:
+    script = mutant("self._answer(seq, result if self._sure else UNKNOWN, before)",
+                    "self._answer(seq, result, before)")  # fmt: skip
+    with plugged("grbl", script=script) as (device, socket):
+        device.light(frozenset({"a"}), 5.0)
+        socket.firmware._deaf_until = math.inf
+        device.off()  # no error though nobody confirmed it: what the test above forbids
+        assert socket.firmware.lit
+        socket.firmware._deaf_until = 0.0
+
+
+def test_a_lease_that_ran_out_is_told() -> None:
+    with plugged("fabscan") as (device, socket):
+        device.light(frozenset({"a"}), 0.1)
+        assert wait_dark(socket, time.monotonic()) < 0.3
+        time.sleep(0.05)
+        with pytest.raises(DeviceTimeout, match="lease"):
+            device.light(frozenset(), 1.0)
+
+
+# S9
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.floats(allow_nan=True), st.text(max_size=6))
+def test_no_lease_and_no_name_out_of_range(
+    quiet: tuple[Any, Socket], lease: float, name: str
+) -> None:
+    device, socket = quiet
+    if not 0.0 < lease <= 120.0:
+        with pytest.raises(DeviceRefused):
+            device.light(frozenset({"a"}), lease)
+    if name not in ("a", "b"):
+        with pytest.raises(DeviceRefused, match="no laser"):
+            device.light(frozenset({"a", name}), 1.0)
+    assert not any(entry.outputs for entry in socket.firmware.log)
+
+
+@pytest.fixture
+def quiet() -> Iterator[tuple[Any, Socket]]:
+    with plugged("grbl") as pair:
+        yield pair
+
+
+@given(st.integers())
+@settings(max_examples=60)
+def test_power_out_of_range_raises_and_is_never_clipped(power: int) -> None:
+    if 0 < power <= 10_000:
+        return
+    with pytest.raises(InputError):
+        open_lasers(f"grbl:/dev/null?outputs=m3:{power}")
+
+
+# S12
+
+LIGHTS = {
+    "grbl": [b"M3 S1000\n", b"m 4 s1\n", b"M08\n", b"G1 X1 M7\n", b"M(dark)3 S5\n", b"M/3\n",
+             b"$N0=M3\n"],
+    "horus": [b"M71T1\r\n", b"m 71 T2\r\n", b"G1F1M71T1\r\n"],
+    "fabscan": [b"M21\n", b"M19;\n", b"X M021\n"],
+    "sardauscan": [b"L 0 1\r", b"\rL 2 7\r"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_the_guard_passes_no_lighting_line_on(dialect: str) -> None:
+    for line in LIGHTS[dialect]:
+        for cut in (0, 1, len(line) - 1):
+            with plugged(dialect) as (device, socket):
+                try:
+                    device._link.write(line[:cut])
+                    device._link.write(line[cut:])
+                except (SafetyError, DeviceDisconnected):
+                    pass
+                device._link._guard.wait(timeout=5.0)  # it leaves, and the scanner is told
+                time.sleep(0.02)
+                assert not any(entry.outputs for entry in socket.firmware.log), line
+
+
+def test_no_other_module_of_the_devices_knows_how_to_light() -> None:
+    """Neither its bytes nor a port of its own: what lights lies in _guard.py alone."""
+    folder = Path(turnscan.devices.__file__).parent
+    words = re.compile(r"^(?:\s|[GXFT\d.])*M0*(?:3|4|7|8|71|19|21)(?!\d)|^\s*L \S")
+    found = []
+    for path in sorted(folder.rglob("*.py")):
+        if path.name == "_guard.py":
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str | bytes):
+                text = node.value if isinstance(node.value, str) else node.value.decode("latin-1")
+                if words.search(text):
+                    found.append((path.name, text[:40]))
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                module = getattr(node, "module", None) or node.names[0].name
+                if module.split(".")[0] == "serial":
+                    found.append((path.name, "imports serial"))
+    assert not found
+    assert set(TABLE) == set(DIALECTS)
+
+
+def test_the_contract_sees_a_line_that_lights(tmp_path: Path) -> None:
+    words = re.compile(r"^(?:\s|[GXFT\d.])*M0*(?:3|4|7|8|71|19|21)(?!\d)|^\s*L \S")
+    for text in ("M3 S1000\n", "G1 F100 M3 S5", "M71T1", "M21\n", "L 0 1\r"):
+        assert words.search(text)
+    for text in ("M5", "M9", "M70T1", "M17", "M22", "Lasers are dark"):
+        assert not words.search(text)
+
+
+# One board, two roles
+
+
+def test_table_and_lasers_of_one_board_share_its_port() -> None:
+    with Socket(FabScanFirmware(), scale=SCALE) as socket:
+        with open_devices(f"fabscan:{socket.path}") as devices:
+            devices.lasers.light(frozenset({"laser1"}), 1.0)
+            assert socket.firmware.lit == {"right"}
+            devices.turntable.move_to(0.1, 5.0)  # never lit while it turns
+            assert not socket.firmware.lit
+        with pytest.raises(DeviceRefused, match="in use"), open_devices(f"fabscan:{socket.path}"):
+            open_turntable(f"fabscan:{socket.path}")
