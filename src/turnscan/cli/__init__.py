@@ -21,6 +21,8 @@ _VERBS = {
     "import": "pictures made elsewhere → a scan file",
     "measure": "flat sides, angles, spheres and cylinders of a measured part",
     "reconstruct": "a scan file → points, mesh, CAD",
+    "resume": "take what an interrupted scan is missing",
+    "scan": "a turn of the table with the devices that are connected → a scan file",
     "simulate": "pictures or a scan file of a part that isn't there",
 }
 

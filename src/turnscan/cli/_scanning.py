@@ -1,0 +1,75 @@
+"""Running a plan into a scan file from the command line: what ``scan`` and ``resume`` share."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import click
+
+from turnscan.acquire import Event, FirstLook, Hardware, Missing, Plan, StepDone, run
+from turnscan.cli._progress import progress
+from turnscan.errors import TurnscanError
+from turnscan.scan import Scan
+
+
+@dataclass
+class _Line:
+    """Steps done and time left, a line each tenth of the scan where there is no terminal."""
+
+    said: int = 0
+
+    def tell(self, event: StepDone) -> None:
+        """Say where the scan is."""
+        tenth = 10 * event.done // event.total
+        if tenth > self.said:
+            self.said = tenth
+            left = f"{event.seconds_left:.0f} s left"
+            click.echo(f"{event.done} of {event.total} steps, {left}", err=True)
+
+
+def take(plan: Plan, hardware: Hardware, scan: Scan, first: FirstLook | None) -> None:
+    """Run the plan, with progress; say how to go on when it ends early."""
+    line = _Line()
+    total = sum(_wanted(plan, scan, step) for step in range(plan.steps))
+    with _said_how_to_go_on(plan, scan), progress("scanning", total) as tick:
+
+        def listen(event: Event) -> None:
+            if isinstance(event, StepDone):
+                tick()
+                if not sys.stderr.isatty():
+                    line.tell(event)
+            elif isinstance(event, Missing):
+                what = f"step {event.step} of laser {event.laser}: missing: {event.cause}"
+                click.echo(what, err=True)
+
+        outcome = run(plan, hardware, scan, first=first, listener=listen)
+    lost = f", {outcome.missing} missing" if outcome.missing else ""
+    click.echo(f"{scan.path}: {outcome.frames} frames taken{lost}; whole")
+
+
+def _wanted(plan: Plan, scan: Scan, step: int) -> bool:
+    frames = (scan.has(name, step, k) for name in plan.sets for k in range(len(plan.exposures)))
+    return not all(frames) or (plan.has_texture(step) and not scan.has_texture(step))
+
+
+def steps_left(plan: Plan, scan: Scan) -> int:
+    """Steps that something is still to be taken at."""
+    return sum(_wanted(plan, scan, step) for step in range(plan.steps))
+
+
+@contextmanager
+def _said_how_to_go_on(plan: Plan, scan: Scan) -> Iterator[None]:
+    try:
+        yield
+    except (KeyboardInterrupt, TurnscanError) as e:
+        scan.close()
+        done = plan.steps - steps_left(plan, scan)
+        where = f"{done} of {plan.steps} steps are stored → turnscan resume {scan.path}"
+        if isinstance(e, TurnscanError):
+            click.echo(f"turnscan: {where}", err=True)
+            raise
+        click.echo(f"turnscan: interrupted: {where}", err=True)
+        sys.exit(130)
