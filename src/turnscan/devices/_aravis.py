@@ -48,8 +48,13 @@ class AravisCamera:
         self._restart = False
         with self._named("opening it"):
             self._camera = self._aravis.Camera.new(identity)
+            device = self._camera.get_device()
+            if hasattr(device, "is_controller") and not device.is_controller():
+                raise DeviceRefused(
+                    f"{self._name}: another program has the camera", hint="close that program"
+                )
             self._prepare(options)
-            self._camera.get_device().connect("control-lost", lambda *_: gone.set())
+            device.connect("control-lost", lambda *_: gone.set())
             self._stream = self._camera.create_stream(None, None)
             if self._stream is None:
                 raise DeviceError(f"{self._name}: no stream", hint="look at the firewall")

@@ -112,8 +112,14 @@ class _Opened:
 
     def configure(self, seconds: float, gain: float) -> tuple[float, float]:
         """See `Camera.configure`."""
-        seconds, gain = _contained(self._address, self._there.configure, seconds, gain)
-        return float(seconds), float(gain)
+        camera = self._there
+
+        def settings() -> tuple[float, float]:
+            accepted, amplified = camera.configure(seconds, gain)
+            return float(accepted), float(amplified)
+
+        told: tuple[float, float] = _contained(self._address, settings)
+        return told
 
     def grab(self, timeout: float) -> Image:
         """See `Camera.grab`."""

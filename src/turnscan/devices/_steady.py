@@ -25,6 +25,8 @@ FLUSHED = 64
 """Pictures from a buffer that are thrown away for one good one, at most."""
 _EARLY = 0.9
 """A picture that comes before this share of its exposure is over began before it was asked for."""
+_SCENE = 3
+"""A part without light that is there so often, in the same rows, is the scene and no tear."""
 _GRACE = 1.0
 """s that a driver may go beyond the time-out it was given before it counts as hanging."""
 
@@ -68,6 +70,7 @@ class Steady:
         self._size: tuple[tuple[int, ...], np.dtype[np.generic]] | None = None
         self._before: deque[Image] = deque(maxlen=2)
         self._blank: tuple[int, int] | None = None
+        self._blank_seen = 0
         self._noise_seen = False
         self._hanging: threading.Thread | None = None
 
@@ -137,9 +140,11 @@ class Steady:
             # before does not.
             return "black" if self._noise_seen else None
         blank = blank_rows(image)
-        if blank is not None and blank != self._blank:
-            self._blank = blank  # a scene that looks like this will do so again
-            return "torn"
+        if blank is not None:
+            self._blank_seen = self._blank_seen + 1 if blank == self._blank else 1
+            self._blank = blank
+            if self._blank_seen < _SCENE:
+                return "torn"
         self._noise_seen = self._noise_seen or not lit
         return None
 

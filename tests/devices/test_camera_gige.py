@@ -1,0 +1,211 @@
+"""GigE Vision through Aravis, over real packets on loopback."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.devices.conftest import Need
+from turnscan.arrays import Image
+from turnscan.devices import Steady, aravis_library, find_cameras, open_camera
+from turnscan.errors import (
+    DeviceDisconnected,
+    DeviceError,
+    DeviceGarbled,
+    DeviceNotFound,
+    DeviceRefused,
+    DeviceTimeout,
+)
+from turnscan.simulate import GigeServer, simulated
+from turnscan.testing import check_camera
+
+SIZE = "width=64&height=48"
+
+
+@pytest.fixture
+def aravis(need: Need) -> Iterator[None]:
+    """Skip where Aravis is missing (`make system` installs it); one test at a time has the network.
+
+    The tests run in several processes, and all served cameras have the one loopback address.
+    """
+    import fcntl
+
+    need(aravis_library)
+    with (Path(tempfile.gettempdir()) / "turnscan-test-gige.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+class Counting:
+    """Pictures with noise, their number in the first pixel."""
+
+    def __init__(self) -> None:
+        self.rng = np.random.default_rng(1)
+        self.asked: list[tuple[float, float]] = []
+
+    def __call__(self, seconds: float, gain: float) -> Image:
+        self.asked.append((seconds, gain))
+        image = self.rng.integers(20, 60, (48, 64)).astype(np.uint8)
+        image[0, 0] = len(self.asked) % 256
+        return image
+
+
+@pytest.fixture
+def pictures(aravis: None) -> Iterator[Counting]:
+    """A camera that is served while the test runs."""
+    counting = Counting()
+    with GigeServer(counting) as server:
+        yield counting
+        assert server.error is None
+
+
+def test_it_passes_the_conformance_kit(pictures: Counting) -> None:
+    check_camera(f"aravis:Aravis-Fake-TS01?{SIZE}")
+    assert pictures.asked[0] == (0.005, 1.0)
+
+
+def test_every_picture_was_taken_after_it_was_asked_for(pictures: Counting) -> None:
+    with open_camera(f"aravis:TS01?{SIZE}") as camera:
+        camera.configure(0.001, 1.0)
+        for _ in range(20):
+            before = len(pictures.asked)
+            assert camera.grab(5.0)[0, 0] == before + 1
+
+
+def test_settings_are_read_back_and_refused(pictures: Counting) -> None:
+    with open_camera(f"aravis:?{SIZE}") as camera:
+        assert camera.configure(0.0123, 1.0) == (pytest.approx(0.0123), 1.0)
+        with pytest.raises(DeviceRefused, match="it can do 1e-05 s to 10 s"):
+            camera.configure(11.0, 1.0)
+        with pytest.raises(DeviceRefused, match="has no unit"):
+            camera.configure(0.01, 2.0)
+
+
+@pytest.mark.parametrize("form", ["Mono16", "RGB8", "BayerRG8"])
+def test_other_pixel_formats(aravis: None, form: str) -> None:
+    colour = np.zeros((48, 64, 3), np.uint8) + np.array([200, 100, 50], np.uint8)
+    sent: Image = np.full((48, 64), 51_400, np.uint16) if form == "Mono16" else colour
+    with GigeServer(lambda *_: sent), open_camera(f"aravis:?{SIZE}&format={form}") as camera:
+        assert np.array_equal(camera.grab(5.0), sent)
+
+
+def test_simulated_stripes_come_through_the_wire_to_the_bit(aravis: None) -> None:
+    bench = simulated("sim:sphere?rig=ciclop&perfect=1&speckle=no&lasers=1")
+
+    def seen(seconds: float, gain: float) -> Image:
+        bench.camera.configure(seconds, gain)
+        return bench.camera.grab(1.0)
+
+    with GigeServer(seen) as server:
+        width, height = bench.world.bench.rig.camera.width, bench.world.bench.rig.camera.height
+        with open_camera(f"aravis:?format=Mono16&width={width}&height={height}") as camera:
+            camera.configure(bench.seconds, 1.0)
+            for angle, lit in ((0.0, True), (0.4, False)):
+                bench.turntable.move_to(angle, 1.0)
+                bench.lasers.light(frozenset(bench.lasers.names if lit else ()), 60.0)
+                picture = camera.grab(20.0)
+                direct = bench.camera.grab(1.0)
+                grey = direct if direct.ndim == 2 else direct.mean(axis=2).astype(np.uint16)
+                assert server.error is None
+                assert np.array_equal(picture, grey)
+                assert (int(picture.max()) > 10_000) == lit
+    bench.lasers.off()
+
+
+def test_lost_packets_are_noticed_and_never_handed_on(aravis: None) -> None:
+    counting = Counting()
+    with (
+        GigeServer(counting, loss=0.02),
+        open_camera("aravis:?width=640&height=480") as camera,
+    ):
+        camera.configure(0.001, 1.0)
+        bad = 0
+        for _ in range(12):
+            try:
+                camera.grab(2.0)
+            except (DeviceGarbled, DeviceTimeout):
+                bad += 1
+        assert bad >= 6, "220 packets a picture, 2 % lost: nearly none is whole"
+    with GigeServer(counting, loss=0.02), open_camera(f"aravis:?{SIZE}") as camera:
+        # 3 packets a picture: 1 in 12 is bad, and is taken again.
+        steady = Steady(camera)
+        steady.configure(0.001, 1.0)
+        for _ in range(60):
+            assert steady.grab(2.0)[0, 0] == len(counting.asked) % 256
+        assert steady.counts["incomplete"] + steady.counts["dropped"] >= 1
+
+
+def test_a_camera_that_dies_is_named_and_not_waited_for_again(aravis: None) -> None:
+    tool = shutil.which("arv-fake-gv-camera-0.8")
+    if tool is None:
+        pytest.skip("arv-fake-gv-camera-0.8 is not installed (Debian: aravis-tools)")
+    process = subprocess.Popen([tool, "-i", "127.0.0.1", "-s", "DIES"])
+    try:
+        deadline = time.monotonic() + 10.0
+        while not any("DIES" in a for a in find_cameras()[0]) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        with open_camera(f"aravis:DIES?{SIZE}") as camera:
+            camera.grab(5.0)
+            process.kill()
+            process.wait(10.0)
+            begun = time.monotonic()
+            with pytest.raises((DeviceDisconnected, DeviceTimeout)):
+                camera.grab(1.0)
+            with pytest.raises(DeviceError):
+                camera.grab(10.0)
+            with pytest.raises(DeviceDisconnected):
+                camera.grab(10.0)
+            assert time.monotonic() - begun < 15.0
+            begun = time.monotonic()
+            with pytest.raises(DeviceDisconnected, match="gone"):
+                camera.grab(10.0)
+            assert time.monotonic() - begun < 0.5
+    finally:
+        process.kill()
+        process.wait(10.0)
+
+
+def test_what_is_not_there_is_named(aravis: None) -> None:
+    with pytest.raises(DeviceNotFound, match="no such camera"), open_camera("aravis:nobody"):
+        pass
+    with (
+        GigeServer(Counting()),
+        pytest.raises(DeviceRefused, match="no format 'Mono7'"),
+        open_camera(f"aravis:?{SIZE}&format=Mono7"),
+    ):
+        pass
+    with pytest.raises(DeviceRefused, match="no camera can be served"):
+        GigeServer(Counting(), address="203.0.113.5")
+
+
+def test_a_camera_in_use_is_refused(aravis: None) -> None:
+    script = (
+        "import sys\nfrom turnscan.devices import open_camera\n"
+        f"with open_camera('aravis:?{SIZE}') as c:\n"
+        "    c.grab(10.0); print('has it', flush=True); sys.stdin.read(1)\n"
+    )
+    with GigeServer(Counting()):
+        other = subprocess.Popen(
+            [sys.executable, "-c", script],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert other.stdout is not None
+            assert other.stdout.readline() == "has it\n"
+            with (
+                pytest.raises(DeviceRefused, match="another program has the camera"),
+                open_camera(f"aravis:?{SIZE}"),
+            ):
+                pass
+        finally:
+            other.communicate("x", timeout=10.0)
