@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system demo test check format bench accuracy docs clean
+.PHONY: help setup system drivers demo test check format bench accuracy docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
@@ -14,22 +15,33 @@ setup: $(STAMP) ## make .venv with turnscan and everything needed to work on it
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(INSTALL) -e '.[dev]'
 	touch $@
 
-# Independent readers of our files; the tests use those that are there, and CI insists on all.
-SYSTEM_PACKAGES := assimp-utils dime gdal-bin
-system: ## install the independent CAD readers that the tests compare with (Debian, as root)
-	@if command -v assimp >/dev/null && command -v dxf2vrml >/dev/null && command -v ogr2ogr >/dev/null; \
+# Independent readers of our files, and the GigE Vision library with its fake camera; the tests use
+# those that are there, and CI insists on all.
+SYSTEM_PACKAGES := assimp-utils dime gdal-bin \
+	aravis-tools aravis-tools-cli gir1.2-aravis-0.8 \
+	gcc pkg-config python3-dev libgirepository1.0-dev libcairo2-dev
+GIGE_HEADERS := pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null
+system: ## install the CAD readers and camera libraries that the tests use (Debian, as root)
+	@if command -v assimp >/dev/null && command -v dxf2vrml >/dev/null && command -v ogr2ogr >/dev/null \
+	     && command -v arv-fake-gv-camera-0.8 >/dev/null && $(GIGE_HEADERS); \
 	then :; elif command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; \
 	then apt-get update -qq && DEBIAN_FRONTEND=noninteractive \
 	     apt-get install -y -qq --no-install-recommends $(SYSTEM_PACKAGES) >/dev/null; \
 	else echo "not root or not Debian: the tests against $(SYSTEM_PACKAGES) will be skipped"; fi
 
+drivers: setup system ## install the camera drivers that this machine can have
+	@$(BIN)/python -c 'import genicam, harvesters' 2>/dev/null || $(INSTALL) -e '.[genicam]' \
+	     || [ -z "$$CI" ]
+	@if ! $(GIGE_HEADERS); then echo "no GObject headers: the tests of GigE cameras will be skipped"; \
+	else $(BIN)/python -c 'import gi' 2>/dev/null || $(INSTALL) -e '.[gige]' || [ -z "$$CI" ]; fi
+
 demo: setup ## the main job from end to end: pictures → mesh → DXF, report and pictures
 	$(BIN)/turnscan demo -o demo-output
 
-test: setup system ## run all tests
+test: drivers ## run all tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 check: setup ## format, lint, types, import contract, module sizes, docs
