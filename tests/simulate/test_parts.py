@@ -23,7 +23,7 @@ def test_every_part_is_closed_outward_and_stands_on_the_table(name: str) -> None
     _, count = np.unique(edges, axis=0, return_counts=True)
     assert (count == 2).all()
     assert mesh.volume > 0
-    assert mesh.bounds[0, 2] == pytest.approx(0.0, abs=1e-6)
+    assert mesh.bounds[0, 2] == pytest.approx(0.0, abs=CHORD)
 
 
 @pytest.mark.parametrize("name", [n for n in sorted(PARTS) if n not in ("mug", "head", "bust")])
@@ -52,7 +52,7 @@ def test_triangles_lie_on_the_true_surface(name: str) -> None:
     ],
 )
 def test_volumes_are_those_of_the_formulae(name: str, volume: float) -> None:
-    assert part(name).mesh.volume == pytest.approx(volume, rel=1e-4)
+    assert part(name).mesh.volume == pytest.approx(volume, rel=3e-4)
 
 
 def test_the_cups_wall_is_as_thick_as_stated() -> None:

@@ -1,0 +1,54 @@
+"""Frames per second of the simulator: whole camera pictures, speckle and noise included."""
+
+from __future__ import annotations
+
+import multiprocessing
+import resource
+import time
+
+from turnscan.simulate import Renderer, Wish, bench, seconds_of
+
+_SCENES = (("cup", "paper", 24), ("head", "paper", 16), ("sphere", "modern", 6))
+_SIZE = {"paper": "640 x 480", "modern": "2448 x 2048"}
+
+
+def run() -> None:
+    """Print frames per second of one process and of two, each frame at a new table angle."""
+    print(f"{'scene, rig':<34}{'one process':>12}{'two':>9}{'memory':>10}")
+    context = multiprocessing.get_context("spawn")
+    for scene, rig, frames in _SCENES:
+        rates = []
+        for processes in (1, 2):
+            barrier = context.Barrier(processes)
+            queue = context.Queue()
+            workers = [
+                context.Process(target=_work, args=(scene, rig, k, frames, barrier, queue))
+                for k in range(processes)
+            ]
+            for w in workers:
+                w.start()
+            done = [queue.get() for _ in workers]
+            for w in workers:
+                w.join()
+            rates.append(processes * frames / max(seconds for seconds, _ in done))
+        size = max(memory for _, memory in done)
+        label = f"{scene}, {rig}, {_SIZE[rig]}"
+        print(f"{label:<34}{rates[0]:>8.1f} /s{rates[1]:>7.1f}/s{size:>7.0f} MB")
+
+
+def _work(scene: str, rig: str, first: int, frames: int, barrier: object, queue: object) -> None:
+    wish = Wish(scene, rig, lasers=1)
+    renderer = Renderer(bench(wish))
+    seconds = seconds_of(wish)
+    renderer.picture(5.0, ["right"], seconds)
+    barrier.wait()  # type: ignore[attr-defined]
+    start = time.perf_counter()
+    for k in range(frames):
+        renderer.picture(0.01 * (2 * k + first), ["right"], seconds)
+    spent = time.perf_counter() - start
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    queue.put((spent, memory))  # type: ignore[attr-defined]
+
+
+if __name__ == "__main__":
+    run()
