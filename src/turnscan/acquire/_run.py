@@ -150,7 +150,7 @@ class _Job:
         try:
             with self._shooter.dark_at_the_end():
                 complete = self._steps(todo)
-            self._writer.finish()
+                self._writer.finish()
         finally:
             self._control.on_abort(lambda: None)
             self._writer.close()

@@ -129,7 +129,7 @@ def create(path: Path, meta: dict[str, str]) -> tuple[sqlite3.Connection, Writer
     if path.exists():
         raise _exists(path)
     lock = WriterLock(path)
-    new = path.with_name(f".{path.name}.new")
+    new = _being_made(path)
     try:
         try:
             new.unlink(missing_ok=True)  # of one who was killed just here
@@ -154,6 +154,10 @@ def create(path: Path, meta: dict[str, str]) -> tuple[sqlite3.Connection, Writer
     except BaseException:
         lock.release()
         raise
+
+
+def _being_made(path: Path) -> Path:
+    return path.with_name(f".{path.name}.new")
 
 
 def _put_in_place(new: Path, path: Path) -> None:
@@ -195,6 +199,8 @@ def open_writing(path: Path) -> tuple[sqlite3.Connection, WriterLock]:
 
 
 def _open_for_writing(path: Path) -> sqlite3.Connection:
+    with suppress(OSError):
+        _being_made(path).unlink(missing_ok=True)  # of one who was killed when it had its name
     with storage(path):
         db = _connect(path, "rw")
         try:
