@@ -3,6 +3,7 @@
 from turnscan.stripes._background import temporal_background
 from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
 from turnscan.stripes._detect import choose, detect, find_candidates
+from turnscan.stripes._fuse import Fused, fuse_exposures
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
 from turnscan.stripes._signal import Signal
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
@@ -11,6 +12,7 @@ __all__ = [
     "COLOURS",
     "Candidates",
     "Choice",
+    "Fused",
     "Orientation",
     "Signal",
     "Strategy",
@@ -20,6 +22,7 @@ __all__ = [
     "choose",
     "detect",
     "find_candidates",
+    "fuse_exposures",
     "learn_colour",
     "project_colour",
     "temporal_background",
