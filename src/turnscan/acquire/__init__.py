@@ -15,6 +15,13 @@ from turnscan.acquire._events import (
     Taken,
     WentOn,
 )
+from turnscan.acquire._exposure import (
+    FoundExposure,
+    auto_exposure,
+    bracket,
+    exposure_findings,
+    stripe_peak,
+)
 from turnscan.acquire._look import FirstLook, Weigh, check_room, estimate, look
 from turnscan.acquire._plan import (
     Acquisition,
@@ -26,7 +33,7 @@ from turnscan.acquire._plan import (
     turn_of,
 )
 from turnscan.acquire._run import Outcome, Sink, run
-from turnscan.acquire._shoot import Hardware
+from turnscan.acquire._shoot import Hardware, Shooter
 
 __all__ = [
     "Acquisition",
@@ -36,6 +43,7 @@ __all__ = [
     "Event",
     "Exposure",
     "FirstLook",
+    "FoundExposure",
     "Hardware",
     "Listener",
     "Missing",
@@ -44,6 +52,7 @@ __all__ = [
     "Paused",
     "Plan",
     "Shifted",
+    "Shooter",
     "Sink",
     "Started",
     "StepDone",
@@ -54,11 +63,15 @@ __all__ = [
     "WentOn",
     "acquisition_from_json",
     "acquisition_to_json",
+    "auto_exposure",
+    "bracket",
     "check_angle",
     "check_room",
     "estimate",
+    "exposure_findings",
     "look",
     "reindexed",
     "run",
+    "stripe_peak",
     "turn_of",
 ]
