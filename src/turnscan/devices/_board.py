@@ -86,7 +86,7 @@ class Board:
         After a restart a board counts from zero: an angle that differs from what a scan file says
         means that the angle is lost.
         """
-        return self._remembers
+        return self._remembers and self._lost is None
 
     @property
     def alarm(self) -> str:

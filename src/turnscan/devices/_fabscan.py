@@ -49,8 +49,8 @@ class FabScanBoard(Board):
         said: list[bytes] = []
         while (line := self._lines.next(end, repr(text))) != b">":
             said.append(line)
-            if len(said) > 20:
-                raise DeviceGarbled(f"{self.setup.port}: no end to its answer to {text!r}")
+            if len(said) > 20 or not line.isascii():
+                raise DeviceGarbled(f"{self.setup.port}: answered {text!r} with {line[:40]!r}")
         if not said or said[0] != text.encode():
             heard = said[0][:40] if said else b""
             raise DeviceGarbled(f"{self.setup.port}: echoed {heard!r} for {text!r}")

@@ -6,7 +6,7 @@ scanner talks to the port only through it, in checked frames on its standard inp
     scanner → guard   W bytes to the port            L seq, lease, mask of the lasers to light
                       D seq: dark, from any state    K still alive      Q dark and goodbye
     guard → scanner   R bytes from the port          H the port is open, and whether dark
-                      A seq, result, what was heard  U the port is gone
+                      A seq, result, what it heard  U the port is gone
 
 The lasers go dark on the end of its input (the scanner died, however), when a lease runs out, when
 the scanner misses its pulse, and on any frame that does not check. These are the only bytes in
@@ -331,30 +331,31 @@ class Guard:
             self._lit, self._sure = True, False
             self._lease_end = time.monotonic() + lease
             self._pulse_end = time.monotonic() + self._set.pulse
-        said = b""
         for step in self._dialect.light(self._set.outputs, mask):
             heard, end = bytearray(), time.monotonic() + self._set.confirm
             self._send(step.send)
-            while not step.confirm.search(heard):
+            while (found := step.confirm.search(heard)) is None:
                 left = end - time.monotonic()
                 if left <= 0 or self._hurry.is_set() or step.refuse.search(heard):
-                    self._dark(seq, FAILED, said + bytes(heard))
-                    return
+                    break
                 heard += self._hear(min(left, 0.02))
                 del heard[:-LONGEST_FRAME]
-            said = (said + heard)[-1024:]
+            if found is None or heard[found.end() :].strip():  # or more than was asked for
+                self._dark(seq, FAILED, bytes(heard))
+                return
         self._lit, self._sure = bool(mask), not mask
-        self._answer(seq, DONE, said)
+        self._answer(seq, DONE, b"", b"")
 
-    def _dark(self, seq: int, result: int, before: bytes = b"") -> None:
+    def _dark(self, seq: int, result: int, objection: bytes = b"") -> None:
+        said = b""
         self._hurry.clear()
         for _ in range(3):
             self._sure, heard = self._darken()
-            before = (before + heard)[-2048:]
+            said = (said + heard)[-1024:]
             if self._sure or self._port is None:
                 break
         self._lit = False  # or unknown, which the answer says; repeating it is up to the scanner
-        self._answer(seq, result if self._sure else UNKNOWN, before)
+        self._answer(seq, result if self._sure else UNKNOWN, objection, said)
 
     def _darken(self) -> tuple[bool, bytes]:
         """Once through the dark bytes; what still waited to be sent is thrown away first."""
@@ -411,8 +412,11 @@ class Guard:
             self._tell(b"U", b"gone " + str(e).encode()[:200])
             self._events.put(("end", b""))
 
-    def _answer(self, seq: int, result: int, heard: bytes) -> None:
-        self._tell(b"A", struct.pack("<IB", seq, result) + heard)
+    def _answer(self, seq: int, result: int, objection: bytes, said: bytes) -> None:
+        """What was heard before it went dark, and what since."""
+        objection = objection[-1024:]
+        head = struct.pack("<IBH", seq, result, len(objection))
+        self._tell(b"A", head + objection + said)
 
     def _tell(self, kind: bytes, payload: bytes) -> None:
         with contextlib.suppress(queue.Full):  # a stopped scanner must never hold up its guard

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import queue
@@ -23,6 +24,7 @@ from turnscan.errors import (
     DeviceGarbled,
     DeviceNotFound,
     DeviceRefused,
+    DeviceRestarted,
     DeviceTimeout,
     LaserStateUnknown,
     SafetyError,
@@ -96,10 +98,10 @@ class GuardedLink:
             d.connect, min(d.acknowledge, 0.6), d.pulse,
         )  # fmt: skip
         self._bytes: queue.Queue[bytes] = queue.Queue(maxsize=4096)
-        self._answers: dict[int, queue.SimpleQueue[tuple[int, bytes]]] = {}
+        self._answers: dict[int, queue.SimpleQueue[tuple[int, bytes, bytes]]] = {}
         self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=4)
         self._pipe = threading.Lock()
-        self._seq = 0
+        self._numbers = itertools.count(1)
         self._darks = 0
         self._failure: TurnscanError | None = None
         self._lapsed = False
@@ -178,7 +180,7 @@ class GuardedLink:
             )
         if mask:
             self._maybe_lit.set()
-        result, heard = self._ask(b"L", struct.pack("<dB", lease, mask))
+        result, heard, _ = self._ask(b"L", struct.pack("<dB", lease, mask))
         if result == _guard.DONE:
             if not mask:
                 self._maybe_lit.clear()
@@ -193,7 +195,7 @@ class GuardedLink:
         self._darks += 1
         try:
             self._check()
-            result, heard = self._ask(b"D", b"")
+            result, _, heard = self._ask(b"D", b"")
         except TurnscanError as e:
             self._failure = self._failure or e
             self._guard.kill()  # it holds the port; what it cannot do is done without it
@@ -259,10 +261,8 @@ class GuardedLink:
         finally:
             self._pipe.release()
 
-    def _ask(self, kind: bytes, payload: bytes) -> tuple[int, bytes]:
-        with self._pipe:
-            self._seq += 1
-            seq = self._seq
+    def _ask(self, kind: bytes, payload: bytes) -> tuple[int, bytes, bytes]:
+        seq = next(self._numbers)
         answer = self._answers[seq] = queue.SimpleQueue()
         try:
             self._frame(kind, struct.pack("<I", seq) + payload)
@@ -310,13 +310,14 @@ class GuardedLink:
             self._failure = _port_error(port, word, text)
             self._hello.put_nowait((kind, payload))
         else:
-            seq, result = struct.unpack_from("<IB", payload)
+            seq, result, cut = struct.unpack_from("<IBH", payload)
+            heard = payload[7:]
             if seq == 0 and result in (_guard.LAPSED, _guard.UNKNOWN):
                 self._lapsed = True
                 if result == _guard.UNKNOWN and not self._closing.is_set():
-                    self._failure = self._unknown(payload[5:])
+                    self._failure = self._unknown(heard)
             elif seq in self._answers:
-                self._answers[seq].put((result, payload[5:]))
+                self._answers[seq].put((result, heard[:cut], heard[cut:]))
 
     def _rescue(self) -> None:
         """The guard has died: dark without it, at once, then nothing more over this link."""
@@ -376,6 +377,11 @@ def objection(port: str, heard: bytes) -> DeviceError:
         return DeviceTimeout(f"{port}: no answer to a laser command")
     if b"ALARM" in heard:
         return DeviceAlarm(f"{port}: {shown(heard)}", hint="look at the machine, then acknowledge")
+    if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:
+        return DeviceRestarted(
+            f"{port}: the board restarted ({shown(heard)})",
+            hint="its position is lost: set the table to its mark again",
+        )
     if b"error" in heard:
         return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")
     return DeviceGarbled(f"{port}: answered a laser command with {shown(heard)}")

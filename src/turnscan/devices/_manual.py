@@ -33,11 +33,14 @@ class ManualTurntable:
     def __init__(self, ask: Ask = ask_at_terminal) -> None:
         self._ask = ask
         self._stop = threading.Event()
+        self._closed = False
 
     def move_to(self, angle: float, timeout: float) -> float:
         """See `Turntable`. Raises DeviceRefused when the person or `stop` gives up."""
         if not math.isfinite(angle):
             raise DeviceRefused(f"manual turntable: angle {angle}", hint="give a finite angle")
+        if self._closed:
+            raise DeviceDisconnected("manual turntable: closed")
         self._stop.clear()
         degrees = math.degrees(angle)
         question = f"Turn the table to {degrees:.3f}°, then press Enter (or type the angle, or q): "
@@ -83,5 +86,6 @@ class ManualTurntable:
         self._stop.set()
 
     def close(self) -> None:
-        """Withdraw the question."""
+        """Withdraw the question and ask no more."""
+        self._closed = True
         self._stop.set()

@@ -149,8 +149,8 @@ class SimLasers:
         unknown = sorted(lit - set(self.names))
         if unknown:
             raise DeviceRefused(f"simulated lasers: no {unknown[0]!r}; there is {self.names}")
-        if not lease > 0:
-            raise DeviceRefused(f"simulated lasers: lease {lease:g} s", hint="give more than 0")
+        if not 0.0 < lease < 1e6:
+            raise DeviceRefused(f"simulated lasers: lease {lease:g} s", hint="give 0 to 1e6 s")
         self.off()
         self._world.lit = frozenset(lit)
         self._timer = threading.Timer(lease, self.off)

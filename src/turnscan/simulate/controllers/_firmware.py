@@ -221,7 +221,7 @@ class Firmware:
     def _abort_move(self) -> bool:
         """Stop dead where it is; True where it was moving."""
         moving = self._move is not None
-        self._place, self._move = self.place, None
+        self._place, self._move = float(round(self.place)), None
         if moving:
             self._changed()
         return moving

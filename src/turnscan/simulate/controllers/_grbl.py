@@ -121,7 +121,7 @@ class GrblFirmware(Firmware):
     def _hold_now(self) -> None:
         if self._move is not None and not self._hold:
             self._queue.appendleft((round(self._move.target), self._feed or 100.0))
-            self._place, self._move = self.place, None
+            self._place, self._move = float(round(self.place)), None
             self._changed()
         if not self._locked:
             self._hold = True

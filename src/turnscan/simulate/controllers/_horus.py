@@ -120,7 +120,7 @@ class HorusFirmware(Firmware):
     def _hold_now(self) -> None:
         if self._move is not None and not self._hold:
             self._hold = True
-            self._move.start = self._move.target = self.place
+            self._move.start = self._move.target = float(round(self.place))
 
     def _status(self) -> bytes:
         state = "Alarm" if self._locked else "Hold" if self._hold else ""
