@@ -1,9 +1,8 @@
 """Accuracy against truth: rigs × parts × seeds, from camera pictures to fitted dimensions.
 
 ``python -m bench.accuracy`` runs a short version; ``--full`` all rigs, parts and seeds at their own
-step angles. The rig is known exactly, so what is measured is optics, speckle, noise and software,
-not calibration. The truth of a stripe is the picture of the same scene under a thin sheet,
-without speckle or noise; the truth of a point is the part's own equation.
+step angles. The truth of a stripe is where the sheet cuts the part's triangles (`bench._exact`),
+the truth of a point the part's own equation.
 """
 
 from __future__ import annotations
@@ -18,141 +17,216 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bench._exact import Crossings, Exact, camera_error, speckle_error
+from bench._rigs import KNOWLEDGE, Knowledge, known_rig
 from turnscan import points, shapes
 from turnscan.arrays import Bools, Floats, Image
+from turnscan.rig import Rig
 from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of, steps_of
-from turnscan.stripes import Stripe, StripeSettings, detect
+from turnscan.stripes import Stripe, StripeFlag, StripeSettings, detect
 
 TOLERANCES = (0.05, 0.1, 0.2)
 GROSS = 3.0
-"""px: a centre this far from the truth is a blunder, not noise."""
+"""px: a centre this far from every crossing is a blunder, not noise."""
 NEAR_EDGE = 2.0
 """mm."""
+MARGIN = 24
+"""px beyond the working volume in which a stripe is still looked at, as in the pipeline."""
+
+SPHERE, CYLINDER, PLATE = 20.0, 25.0, 8.0
+"""mm: radius, radius and thickness of those parts."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A row of the table, but for its seed."""
+
+    rig: str
+    part: str
+    steps: int = 0
+    """0: the rig's own."""
+    theta_deg: float = 0.0
+    """0: the rig's own."""
+    knowledge: Knowledge = "exact"
+
+    @property
+    def name(self) -> str:
+        """The rig in words."""
+        angle = f" {self.theta_deg:g}°" if self.theta_deg else ""
+        return f"{self.rig}{angle}" + ("" if self.knowledge == "exact" else f", {self.knowledge}")
+
+    def wish(self, seed: int) -> Wish:
+        """The bench to build."""
+        theta = math.radians(self.theta_deg) or None
+        return Wish(self.part, self.rig, theta=theta, lasers=1, seed=seed)
+
 
 SHORT = (
-    ("paper", "sphere", 50),
-    ("paper", "cylinder", 50),
-    ("paper", "plate", 50),
-    ("paper", "hexagon", 50),
-    ("ciclop", "sphere", 20),
-    ("modern", "sphere", 12),
+    Case("paper", "sphere", 40),
+    Case("paper", "sphere", 40, knowledge="calibrated"),
+    Case("paper", "sphere", 40, knowledge="uncalibrated"),
+    Case("paper", "cylinder", 40),
+    Case("paper", "plate", 40),
+    Case("paper", "hexagon", 40),
+    Case("ciclop", "sphere", 12),
+    Case("modern", "sphere", 8),
 )
-FULL_RIGS = ("paper", "ciclop", "modern")
-FULL_PARTS = (
-    "sphere", "ball_bar", "plate", "cylinder", "cone", "torus", "shaft", "hexagon", "gear",
-    "bracket", "grooves", "v_groove", "cup",
+PARTS = (
+    "sphere", "ball-bar", "plate", "cylinder", "cone", "torus", "shaft", "hexagon", "gear",
+    "bracket", "grooves", "v-groove", "cup",
 )  # fmt: skip
+FULL = (
+    *(Case(r, p) for r in ("paper", "ciclop", "modern") for p in PARTS),
+    *(Case("paper", p, theta_deg=t) for t in (10.0, 60.0) for p in ("sphere", "hexagon")),
+    *(Case(r, "sphere", knowledge=k) for r in ("paper", "modern") for k in KNOWLEDGE[1:]),
+)
 
 
 @dataclass(frozen=True)
 class Scan:
-    """What one bench gave: a stripe per step, and their range grid."""
+    """What one bench gave: a stripe and the true crossings per step, and the range grids."""
 
     stripes: list[Stripe]
+    truth: list[Crossings]
     grid: points.RangeGrid
+    visible: Bools
+    """(s, n) True where the first body is lit, seen and inside the working volume."""
     seconds: float
+    """Of detection and triangulation."""
 
 
-def scan(made: Bench, exposure: float, steps: int) -> Scan:
-    """Pictures of the first laser at ``steps`` even angles, detected and triangulated."""
+def scan(made: Bench, exposure: float, steps: int, rig: Rig | None = None) -> Scan:
+    """Pictures of the first laser at ``steps`` even angles, detected and triangulated.
+
+    ``rig`` is what the software believes; None: the truth.
+    """
     laser = made.beams[0].name
+    believed = rig or made.rig
     angles = np.arange(steps) * (2 * math.pi / steps)
-    volume = points.working_volume(made.rig, laser)
-    look = StripeSettings(mask=points.view_mask(made.rig, laser, volume))
+    volume = points.working_volume(believed, laser)
+    look = StripeSettings(mask=points.view_mask(believed, laser, volume, margin=MARGIN))
     channel = int(np.argmax(made.sensor.response(made.beams[0].wavelength)))
+    exact = Exact(made)
     spent = 0.0
 
-    def half(some: Iterable[float]) -> list[Stripe]:
+    def half(some: Iterable[float]) -> list[tuple[Stripe, Crossings]]:
         nonlocal spent
         renderer = Renderer(made)
         found = []
         for angle in some:
-            lit = renderer.picture(angle, {laser}, exposure)
-            dark = renderer.picture(angle, (), exposure)
+            lit = _grey(renderer.picture(angle, {laser}, exposure), channel)
+            dark = _grey(renderer.picture(angle, (), exposure), channel)
             start = time.perf_counter()
-            found.append(detect(_grey(lit, channel), _grey(dark, channel), look))
+            stripe = detect(lit, dark, look)
             spent += time.perf_counter() - start
+            found.append((stripe, exact.crossings(angle, laser)))
         return found
 
     with ThreadPoolExecutor(2) as pool:
         first, second = pool.map(half, (angles[: steps // 2], angles[steps // 2 :]))
-    stripes = first + second
+    stripes, truth = (list(each) for each in zip(*first, *second, strict=True))
+    number = np.arange(steps)
     start = time.perf_counter()
-    grid = points.build_grid(made.rig, laser, stripes, np.arange(steps), angles)
-    grid = points.clip(grid, volume)
-    return Scan(stripes, grid, spent + time.perf_counter() - start)
+    grid = points.clip(points.build_grid(believed, laser, stripes, number, angles), volume)
+    spent += time.perf_counter() - start
+    perfect = [_as_stripe(t, made.rig.camera.height) for t in truth]
+    seen = points.build_grid(made.rig, laser, perfect, number, angles)
+    inside = points.clip(seen, points.working_volume(made.rig, laser))
+    return Scan(stripes, truth, grid, inside.found, spent)
 
 
 def _grey(image: Image, channel: int) -> Image:
-    return image if image.ndim == 2 else np.ascontiguousarray(image[..., channel])
+    grey: Image = image if image.ndim == 2 else image[..., channel]
+    return grey
 
 
-def measure(rig: str, part: str, steps: int, seed: int) -> dict[str, float]:
-    """One rig, part and seed → the figures of a row of the table."""
-    wish = Wish(part, rig, seed=seed)
+def _as_stripe(truth: Crossings, height: int) -> Stripe:
+    """One crossing of the first body per row, as a stripe."""
+    at = np.full(height, np.nan)
+    at[truth.row[truth.own]] = truth.column[truth.own]
+    known = np.where(np.isnan(at), np.nan, 1e-3)
+    flags = np.where(np.isnan(at), np.uint16(StripeFlag.DARK), np.uint16(0))
+    return Stripe(at, known, known, known, flags.astype(np.uint16))
+
+
+def measure(case: Case, seed: int) -> dict[str, float]:
+    """One case and seed → the figures of a row of the table."""
+    wish = case.wish(seed)
     made = bench(wish)
-    steps = steps or steps_of(wish)
+    steps = case.steps or steps_of(wish)
     start = time.perf_counter()
-    real = scan(made, seconds_of(wish), steps)
-    truth = scan(undisturbed(wish), seconds_of(wish), steps)
-    row = _stripe_figures(real, truth, made)
-    row |= _cloud_figures(real, truth, made)
+    rig = known_rig(made, wish, case.knowledge)
+    real = scan(made, seconds_of(wish), steps, rig)
+    row = stripe_figures(real, made)
+    row |= _cloud_figures(real, made, case.knowledge == "exact")
+    if case.knowledge != "exact":
+        row.pop("E_n", None)  # it knows the stripe's noise only, not the rig's error
+    elif "size µm" in row:
+        still = scan(undisturbed(made), seconds_of(wish), min(steps, 40))
+        row["optics µm"] = _cloud_figures(still, made, True)["size µm"]
+        row["E_n rest"] = row["E_n"] * abs(1 - row["optics µm"] / row["size µm"])
     row["detect s"] = real.seconds
     row["all s"] = time.perf_counter() - start
     row["GB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     return row
 
 
-def undisturbed(wish: Wish) -> Bench:
-    """The same scene without speckle, diffraction, defocus or noise, under a thin sheet.
+def undisturbed(made: Bench) -> Bench:
+    """The same light through the same lens on the same scene, without speckle or noise, 16 bits."""
+    s = made.sensor
+    fine = replace(
+        s, bits=16, adc_bits=0, gain=s.saturation / 65535, black=0.0, gamma=1.0, bayer="",
+        jpeg_quality=0, jitter=0.0, prnu=0.0,
+    )  # fmt: skip
+    dim = replace(made.scene, sky=0.0, lamp=0.0, background=0.0)
+    return replace(made, sensor=fine, scene=dim, waves="diffraction", noise=False)
 
-    The sheet is 0.7 px thick (rms): in a thinner one the centre of gravity would jump from pixel
-    to pixel.
-    """
-    made = bench(replace(wish, perfect=True))
-    on_object = made.sensor.pitch_x / made.lens.magnification
-    thin = tuple(replace(b, waist=max(b.waist, 1.4 * on_object)) for b in made.beams)
-    return replace(made, beams=thin)
 
-
-def _stripe_figures(real: Scan, truth: Scan, made: Bench) -> dict[str, float]:
-    at, sigma, width, wanted = (
-        np.concatenate(values)
-        for values in (
-            [s.position for s in real.stripes],
-            [s.sigma for s in real.stripes],
-            [s.width for s in real.stripes],
-            [s.position for s in truth.stripes],
-        )
-    )
-    error = at - wanted
-    both = np.isfinite(error)
-    fine = both & (np.abs(error) <= GROSS)
-    limit = speckle_limit(made, float(np.median(width[fine])))
+def stripe_figures(real: Scan, made: Bench) -> dict[str, float]:
+    """Stripe centres against the exact crossings; theory where it applies (`Crossings.fine`)."""
+    errors, sigmas, predicted, fine, wanted, missed, alien, found = [], [], [], [], 0, 0, 0, 0
+    for stripe, truth in zip(real.stripes, real.truth, strict=True):
+        off = stripe.position[truth.row] - truth.column
+        nearest = np.full(len(stripe.position), np.inf)
+        np.minimum.at(nearest, truth.row, np.where(np.isnan(off), np.inf, np.abs(off)))
+        wanted += len(np.unique(truth.row[truth.own]))
+        missed += len(np.unique(truth.row[truth.own & np.isnan(off)]))
+        crossed = np.isin(np.arange(len(nearest)), truth.row) & stripe.found
+        found += int(crossed.sum())
+        alien += int((nearest[crossed] > GROSS).sum())
+        k = truth.own & (np.abs(off) <= GROSS) & (np.abs(off) == nearest[truth.row])
+        errors.append(off[k])
+        sigmas.append(stripe.sigma[truth.row[k]])
+        fine.append(truth.fine[k])
+        noise = speckle_error(made, truth.width[k])
+        if made.sensor.gamma == 1.0:
+            amplitude = stripe.amplitude[truth.row[k]]
+            noise = np.hypot(noise, camera_error(made, truth.width[k], amplitude))
+        predicted.append(noise)
+    e, sigma, theory, f = (np.concatenate(x) for x in (errors, sigmas, predicted, fine))
+    z = e / sigma
+    inner = e[f] - e[f].mean()
     return {
-        "bias px": float(error[fine].mean()),
-        "rms px": float(np.sqrt(np.mean(error[fine] ** 2))),
-        "limit px": limit,
-        "z": float(1.4826 * np.median(np.abs(error[fine] / sigma[fine]))),
-        "gross %": 100 * float(1 - fine.sum() / max(both.sum(), 1)),
-        "missed %": 100 * float(np.mean(np.isnan(at[np.isfinite(wanted)]))),
+        "bias px": float(e.mean()),
+        "rms px": float(np.sqrt(np.mean(e**2))),
+        "fine rms": float(np.sqrt(np.mean(inner**2))),
+        "theory": float(np.sqrt(np.mean(theory[f] ** 2))),
+        "ratio": float(np.sqrt(np.mean(inner**2) / np.mean(theory[f] ** 2))),
+        "z": float(1.4826 * np.median(np.abs(z - np.median(z)))),
+        "gross %": 100 * alien / max(found, 1),
+        "missed %": 100 * missed / max(wanted, 1),
     }
 
 
-def speckle_limit(made: Bench, width: float) -> float:
-    """rms error of a line's centre of gravity in one row, px: C √(K σ / (4√π))."""
-    from turnscan.simulate import contrast
-
-    down, across = made.grain
-    C = contrast(made.scene.bodies[0].material.polarisation, made.modes)
-    K = 4 / math.pi * down * across / math.hypot(1.0, 1.18 * down)
-    return C * math.sqrt(K * width / (4 * math.sqrt(math.pi)))
-
-
-def _cloud_figures(real: Scan, truth: Scan, made: Bench) -> dict[str, float]:
+def _cloud_figures(real: Scan, made: Bench, aligned: bool) -> dict[str, float]:
+    """Points against the part; not ``aligned``: a sphere against the one of its size fitted."""
     body = made.scene.bodies[0]
-    found, visible = real.grid.found, truth.grid.found
+    found, visible = real.grid.found, real.visible
     at = body.T_table_part.inverse().apply(real.grid.points[found])
+    if not aligned:
+        on = np.abs(np.linalg.norm(at - (0.0, 0.0, SPHERE), axis=1) - SPHERE) < 3.0
+        ball = shapes.fit_sphere(at[on], real.grid.sigma[found][on])
+        at = at - ball.centre + (0.0, 0.0, SPHERE)
     if body.part.distance is None:
         away = shapes.deviation(at, body.part.mesh).distance
     else:
@@ -164,51 +238,43 @@ def _cloud_figures(real: Scan, truth: Scan, made: Bench) -> dict[str, float]:
         "p95 µm": 1e3 * float(np.quantile(size, 0.95)),
         "max µm": 1e3 * float(size.max()),
     }
-    near = np.zeros(found.shape)
+    near = np.full(found.shape, np.inf)
     near[found] = size
     for limit in TOLERANCES:
-        good = found & (near <= limit)
-        complete = float((good & visible).sum() / visible.sum())
-        precise = float(good.sum() / found.sum())
+        complete = float((visible & (near <= limit)).sum() / visible.sum())
+        precise = float((size <= limit).mean())
         row[f"C@{limit}"] = 100 * complete
         row[f"F@{limit}"] = 100 * 2 * complete * precise / max(complete + precise, 1e-9)
-    return row | _fitted(body.part.name, at, real.grid, found, away)
+    return row | _fitted(body.part.name, at, real.grid.sigma[found], away)
 
 
-def _fitted(
-    name: str,
-    at: Floats,
-    grid: points.RangeGrid,
-    found: Bools,
-    away: Floats,
-) -> dict[str, float]:
+def _fitted(name: str, at: Floats, sigma: Floats, away: Floats) -> dict[str, float]:
     """A dimension of the part fitted to all its points, and how it compares with its uncertainty.
 
     Neighbouring points of a profile share speckle within a grain only, so the points count as
     independent.
     """
-    sigma = grid.sigma[found]
     keep = np.abs(away) < 5 * max(float(np.median(np.abs(away))), 1e-3)
     if name == "hexagon":
-        corner = _to_corners(at, 40.0 / math.sqrt(3.0)) & (at[:, 2] > 2) & (at[:, 2] < 38)
-        edge = 1e3 * float(np.sqrt(np.mean(away[corner] ** 2)))
-        return {"edge µm": edge}
+        corner = _to_corners(at, SPHERE / math.cos(math.pi / 6)) & (at[:, 2] > 2) & (at[:, 2] < 38)
+        rms = float(np.sqrt(np.mean(away[corner] ** 2))) if corner.any() else math.nan
+        return {"edge µm": 1e3 * rms}
     if name == "sphere":
         ball = shapes.fit_sphere(at[keep], sigma[keep])
-        off, spread = 2 * (ball.radius - 20.0), 2 * math.sqrt(ball.covariance[3, 3])
+        off, spread = 2 * (ball.radius - SPHERE), 2 * math.sqrt(ball.covariance[3, 3])
     elif name == "cylinder":
         side = keep & (at[:, 2] < 78) & (np.hypot(at[:, 0], at[:, 1]) > 20)
         tube = shapes.fit_cylinder(at[side], sigma[side])
-        off, spread = 2 * (tube.radius - 25.0), 2 * math.sqrt(tube.covariance[4, 4])
+        off, spread = 2 * (tube.radius - CYLINDER), 2 * math.sqrt(tube.covariance[4, 4])
     elif name == "plate":
         faces = []
         for way in (1.0, -1.0):
-            face = keep & (np.abs(at[:, 0] - way * 4.0) < 2) & (np.abs(at[:, 1]) < 28)
+            face = keep & (np.abs(at[:, 0] - way * PLATE / 2) < 2) & (np.abs(at[:, 1]) < 28)
             face &= at[:, 2] < 78
             faces.append(shapes.fit_plane(at[face], sigma[face]))
         # Thickness at the middle of the plate, where each plane's height is best known.
         middle = np.array([0.0, 0.0, 40.0])
-        off = sum(abs(float(f.distances(middle))) for f in faces) - 8.0
+        off = sum(abs(float(f.distances(middle))) for f in faces) - PLATE
         spread = math.hypot(*(f.rms / math.sqrt(f.count) for f in faces))
     else:
         return {}
@@ -224,9 +290,9 @@ def _to_corners(at: Floats, radius: float) -> Bools:
 
 
 COLUMNS = (
-    "bias px", "rms px", "limit px", "z", "gross %", "missed %", "mean µm", "rms µm", "p95 µm",
-    "max µm", "C@0.05", "F@0.05", "C@0.1", "F@0.1", "C@0.2", "F@0.2", "size µm", "E_n", "edge µm",
-    "detect s", "all s", "GB",
+    "bias px", "rms px", "fine rms", "theory", "ratio", "z", "gross %", "missed %", "mean µm",
+    "rms µm", "p95 µm", "max µm", "C@0.05", "F@0.05", "C@0.1", "F@0.1", "C@0.2", "F@0.2",
+    "size µm", "E_n", "optics µm", "E_n rest", "edge µm", "detect s", "all s", "GB",
 )  # fmt: skip
 
 
@@ -237,17 +303,16 @@ def main() -> None:
     parser.add_argument("--rig", help="only this rig")
     parser.add_argument("--part", help="only this part")
     args = parser.parse_args()
-    cases = [(r, p, 0) for r in FULL_RIGS for p in FULL_PARTS] if args.full else SHORT
     seeds = (1, 2, 3) if args.full else (1,)
     print("| rig | part | seed | " + " | ".join(COLUMNS) + " |")
     print("|---" * (3 + len(COLUMNS)) + "|")
-    for rig, part, steps in cases:
-        if args.rig not in (None, rig) or args.part not in (None, part):
+    for case in FULL if args.full else SHORT:
+        if args.rig not in (None, case.rig) or args.part not in (None, case.part):
             continue
         for seed in seeds:
-            row = measure(rig, part, steps, seed)
+            row = measure(case, seed)
             cells = [f"{row[c]:.3g}" if c in row else "" for c in COLUMNS]
-            print(f"| {rig} | {part} | {seed} | " + " | ".join(cells) + " |", flush=True)
+            print(f"| {case.name} | {case.part} | {seed} | " + " | ".join(cells) + " |", flush=True)
 
 
 if __name__ == "__main__":

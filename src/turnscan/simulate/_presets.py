@@ -31,6 +31,8 @@ from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, webcam
 _PAPER_WHITE = 0.6
 _PEAK = 0.45
 """Share of the grey scale that the middle of the stripe reaches on plain matt grey."""
+_THINNEST = 0.7
+"""px rms of the stripe."""
 
 
 @dataclass(frozen=True)
@@ -236,8 +238,11 @@ def _beam(made: Bench, sheet: LaserSheet, design: Design, kit: _Kit, wish: Wish)
     apex = T.apply(centre + distance * along / np.linalg.norm(along))
     aim = sheet.centre - apex
     aim = aim - (aim @ sheet.normal) * sheet.normal
-    sigma = design.stripe_sigma * design.pixel_width / made.lens.magnification
-    waist = 0.1 if wish.perfect else 2.0 * sigma * math.cos(design.theta)
+    # Perfect: as thin as still makes the centre of gravity free of the pixels' grid. A thicker
+    # sheet would measure a round part too small, by 3/2 of its variance over the radius.
+    sigma = _THINNEST if wish.perfect else design.stripe_sigma
+    sigma *= design.pixel_width / made.lens.magnification
+    waist = 2.0 * sigma * math.cos(design.theta)
     half = math.atan(0.62 * float(design.visible_height(0.0)) / distance)
     beam = Beam(
         sheet.name, apex, aim, half, 1e-3, design.wavelength, waist, distance,

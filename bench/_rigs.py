@@ -1,0 +1,107 @@
+"""What the software believes about a rig: the truth, a calibration from pictures, or the plan."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from turnscan.arrays import Image
+from turnscan.calibrate import (
+    CalibrationSettings,
+    Charuco,
+    LaserPicture,
+    TablePicture,
+    calibrate_rig,
+    detect_board,
+    stripe_candidates,
+)
+from turnscan.rig import Pose, Rig, rotation_from_vector
+from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of
+
+Knowledge = Literal["exact", "calibrated", "uncalibrated"]
+KNOWLEDGE: tuple[Knowledge, ...] = get_args(Knowledge)
+BOARD = Charuco(9, 6, 12.0, 9.0, "DICT_5X5_100")
+"""The simulator's board."""
+FREE_VIEWS, LASER_VIEWS, TABLE_VIEWS = 8, 8, 12
+TURN = 0.9
+"""rad to both sides, in which the table carries the board."""
+MARGIN = 10.0
+"""mm of white paper round the print."""
+ROOM = 0.5
+"""Room light while the board is photographed, as a share of the grey scale."""
+
+
+def known_rig(made: Bench, wish: Wish, knowledge: Knowledge) -> Rig | None:
+    """The rig to measure with; None for the truth itself."""
+    if knowledge == "exact":
+        return None
+    return as_planned(made.rig) if knowledge == "uncalibrated" else from_pictures(wish)
+
+
+def as_planned(rig: Rig) -> Rig:
+    """The plan of a rig that was put together by hand and eye.
+
+    Against the truth the lens is 1 % off, the laser turned by 0.5° and beside the axis by 0.5 mm,
+    the camera's line of sight passes the axis at 1 mm and is rolled by 0.3°.
+    """
+    off = {
+        "camera.fx": 0.01 * rig.camera.fx,
+        "camera.fy": 0.01 * rig.camera.fy,
+        f"{rig.sheets[0].name}.turn_along": math.radians(0.5),
+        f"{rig.sheets[0].name}.offset": 0.5,
+        "table.shift_x": 1.0,
+        "table.turn_z": math.radians(0.3),
+    }
+    names = rig.parameter_names
+    missing = set(off) - set(names)
+    assert not missing, f"{missing} not in {names}"
+    return rig.perturbed([off.get(name, 0.0) for name in names])
+
+
+def from_pictures(wish: Wish) -> Rig:
+    """Calibrate with simulated pictures of the board: held freely, under the laser, on the table.
+
+    No picture of the table has the laser on: the boards under it say where its sheet is.
+    """
+    made = bench(replace(wish, scene="charuco", room=ROOM))
+    seconds = seconds_of(wish)
+    laser = made.beams[0].name
+    draw = np.random.default_rng(wish.seed)
+
+    def photograph(body_at: Pose, lit: tuple[str, ...], angle: float = 0.0) -> Image:
+        body = replace(made.scene.bodies[0], T_table_part=body_at)
+        scene = replace(made.scene, bodies=(body, *made.scene.bodies[1:]))
+        return Renderer(replace(made, scene=scene)).picture(angle, lit, seconds)
+
+    stand = made.scene.bodies[0].T_table_part
+    middle = stand.apply(np.array([0.0, 0.0, 46.0]))
+    held = [_held(draw, stand, middle) for _ in range(FREE_VIEWS + LASER_VIEWS)]
+    # The board shows its print to the camera between these angles only.
+    start, step = -TURN, 2 * TURN / (TABLE_VIEWS - 1)
+    with ThreadPoolExecutor(2) as pool:
+        dark = list(pool.map(lambda at: photograph(at, ()), held))
+        lit = pool.map(lambda at: photograph(at, (laser,)), held[FREE_VIEWS:])
+        turned = pool.map(lambda k: photograph(stand, (), start + k * step), range(TABLE_VIEWS))
+        views = [detect_board(picture, BOARD, f"free {i}") for i, picture in enumerate(dark)]
+        under = [
+            LaserPicture(view, stripe_candidates(on, off))
+            for view, on, off in zip(views[FREE_VIEWS:], lit, dark[FREE_VIEWS:], strict=True)
+        ]
+        table = [
+            TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)
+            for k, picture in enumerate(turned)
+        ]
+    settings = CalibrationSettings(step=step, table_board=BOARD, margin=MARGIN)
+    return calibrate_rig(views[:FREE_VIEWS], {laser: under}, table, settings).rig
+
+
+def _held(draw: np.random.Generator, stand: Pose, middle: np.ndarray) -> Pose:
+    """The board, tilted by up to 35° about each axis and moved by up to 50 mm."""
+    turn = rotation_from_vector(draw.uniform(-0.6, 0.6, 3))
+    shift = draw.uniform(-1.0, 1.0, 3) * (50.0, 30.0, 25.0)
+    R = turn @ stand.rotation
+    return Pose(R, turn @ (stand.translation - middle) + middle + shift)
