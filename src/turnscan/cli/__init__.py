@@ -17,6 +17,8 @@ _VERBS = {
     "compare": "how far a measured mesh lies from a reference, and how much of it was measured",
     "demo": "scan a part that isn't there, and write it as DXF, STL and a report",
     "design": "resolution, working volume and limits of a rig before it is built",
+    "devices": "serial ports and cameras that are connected",
+    "doctor": "are camera, lasers and table ready for a scan?",
     "export": "a mesh file → DXF, STL, PLY, OBJ or XYZ",
     "import": "pictures made elsewhere → a scan file",
     "measure": "flat sides, angles, spheres and cylinders of a measured part",

@@ -2,6 +2,7 @@
 
 from turnscan.devices._aravis import aravis_library
 from turnscan.devices._cameras import camera_schemes, find_cameras, open_camera
+from turnscan.devices._discover import Answer, Port, list_ports, probe_port
 from turnscan.devices._options import split_address
 from turnscan.devices._pixels import image_of
 from turnscan.devices._protocols import Camera, CameraTraits, Lasers, Turntable
@@ -9,10 +10,12 @@ from turnscan.devices._registry import Devices, open_devices, open_lasers, open_
 from turnscan.devices._steady import Steady, frame_deadline
 
 __all__ = [
+    "Answer",
     "Camera",
     "CameraTraits",
     "Devices",
     "Lasers",
+    "Port",
     "Steady",
     "Turntable",
     "aravis_library",
@@ -20,9 +23,11 @@ __all__ = [
     "find_cameras",
     "frame_deadline",
     "image_of",
+    "list_ports",
     "open_camera",
     "open_devices",
     "open_lasers",
     "open_turntable",
+    "probe_port",
     "split_address",
 ]
