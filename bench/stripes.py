@@ -50,7 +50,7 @@ def recipe(lit: U8, dark: U8) -> npt.NDArray[np.float64]:
 
 
 def recipe_by_rows(lit: U8, dark: U8) -> npt.NDArray[np.float64]:
-    """The same with a Python loop that masks the window of each row."""
+    """The same as open scanner programs write it: a loop over the rows makes the mask."""
     image = _blurred(lit, dark)
     mask = np.zeros_like(image)
     for v, peak in enumerate(image.argmax(axis=1)):
@@ -89,10 +89,11 @@ def measure(height: int, width: int) -> None:
     error = float(np.nanstd(detect(lit, dark, settings).position - centre))
     print(f"{width}×{height} lit + dark, one core: {1 / ours:8.0f} frames/s, rms {error:.3f} px")
     print(f"    {ours / read:5.1f} × the time to read both pictures once")
+    print(f"    times the speed of the usual recipe (wanted: {20 if height < 1000 else 40} ×):")
     for name, job in (
-        ("recipe, whole-picture NumPy", recipe),
-        ("recipe, loop over rows", recipe_by_rows),
-        ("recipe, windows gathered by hand", recipe_gathered),
+        ("recipe in whole-picture NumPy, the yardstick", recipe),
+        ("recipe with a loop that masks row by row, as in scanner programs", recipe_by_rows),
+        ("recipe with the windows gathered by hand", recipe_gathered),
     ):
         theirs = seconds(partial(job, lit, dark), tries // 4)
         off = float(np.nanstd(job(lit, dark) - centre))

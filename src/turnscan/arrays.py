@@ -50,14 +50,15 @@ def frozen(
     Raises ValueError, naming the field and the value, where shape or content do not fit.
     """
     array: npt.NDArray[Any] = np.ascontiguousarray(values, dtype=dtype)
-    if array.ndim != len(shape) or any(
-        want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
+    if array.shape != shape and (
+        array.ndim != len(shape)
+        or any(want not in (None, have) for have, want in zip(array.shape, shape, strict=True))
     ):
         wanted = tuple("any" if s is None else s for s in shape)
         raise ValueError(f"{name}: shape {array.shape}, expected {wanted}")
-    if np.issubdtype(array.dtype, np.floating):
+    if array.dtype.kind == "f":
         bad = np.isinf(array) if nan else ~np.isfinite(array)
-        if bad.any():
+        if np.count_nonzero(bad):
             place = tuple(int(i) for i in np.argwhere(bad)[0])
             raise ValueError(f"{name}{list(place)}: {array[place]} is not a finite number")
     if array is values or array.base is not None:

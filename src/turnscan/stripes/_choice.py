@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from turnscan.stripes._scan import typical
+
 DARK, OUTSIDE, AMBIGUOUS, SATURATED, EDGE, MULTI, GRAZING = 1, 2, 4, 8, 32, 64, 128
 BRIGHTEST, FIRST, LAST, NEAREST = range(4)
 
@@ -34,27 +36,29 @@ ENOUGH_LINES = 20
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def usual(table: Any, row: int) -> float:
-    """Median over the lines of one row of the table, at the brightest candidate of each line."""
+def usual(table: Any) -> Any:
+    """Median amplitude and width of the brightest candidates of the lines."""
     _, lines, k = table.shape
-    values = np.empty(lines)
+    amplitudes = np.empty(lines)
+    widths = np.empty(lines)
     n = 0
     for v in range(lines):
-        best = -1
-        for j in range(k):
-            if not np.isnan(table[0, v, j]) and (best < 0 or table[2, v, j] > table[2, v, best]):
+        if np.isnan(table[0, v, 0]):
+            continue
+        best = 0
+        for j in range(1, k):
+            if table[2, v, j] > table[2, v, best]:
                 best = j
-        if best >= 0:
-            values[n] = table[row, v, best]
-            n += 1
-    return np.median(values[:n]) if n else 0.0
+        amplitudes[n] = table[2, v, best]
+        widths[n] = table[3, v, best]
+        n += 1
+    return typical(amplitudes, n), typical(widths, n)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def drop_glow(table: Any, bits: Any) -> None:
     """Forget the candidates that are light spread around the stripe; mark the grazing ones."""
-    width = usual(table, 3)
-    amplitude = usual(table, 2)
+    amplitude, width = usual(table)
     _, lines, k = table.shape
     for v in range(lines):
         kept = 0
@@ -64,14 +68,16 @@ def drop_glow(table: Any, bits: Any) -> None:
             wide = table[3, v, j] > GLOW_WIDTH * width
             if wide and table[2, v, j] < GLOW_AMPLITUDE * amplitude:
                 continue
-            for i in range(4):
-                table[i, v, kept] = table[i, v, j]
-            bits[v, kept] = bits[v, j]
+            if kept < j:
+                for i in range(4):
+                    table[i, v, kept] = table[i, v, j]
+                bits[v, kept] = bits[v, j]
             if table[3, v, j] > GRAZING_WIDTH * width:
                 bits[v, kept] |= GRAZING
             kept += 1
         for j in range(kept, k):
-            table[:, v, j] = np.nan
+            for i in range(4):
+                table[i, v, j] = np.nan
             bits[v, j] = 0
         if kept > 1:
             for j in range(kept):
@@ -134,8 +140,8 @@ def path_choice(table: Any, bits: Any, chosen: Any) -> None:
     being brighter than usual earns nothing, so that a bright reflection cannot pull it away.
     """
     _, lines, k = table.shape
-    width = max(usual(table, 3), 0.5)
-    amplitude = usual(table, 2)
+    amplitude, width = usual(table)
+    width = max(width, 0.5)
     own = np.full((lines, k + 1), np.inf)
     for v in range(lines):
         own[v, k] = NONE_COST
@@ -204,7 +210,7 @@ def scatter(out: Any, flags: Any) -> float:
     for clean in (True, False):
         enough = False
         for lag in LAGS:
-            value, count = unexplained(out, flags, lag, clean)
+            value, count = unexplained(out, flags, lag, clean, best)
             if count >= ENOUGH_LINES:
                 best = max(best, value)
                 enough = True
@@ -214,15 +220,17 @@ def scatter(out: Any, flags: Any) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def unexplained(out: Any, flags: Any, lag: int, clean: bool) -> Any:
+def unexplained(out: Any, flags: Any, lag: int, clean: bool, least: float) -> Any:
     """The same at one spacing, and the number of differences it comes from.
 
     The value s is where half of the squared differences lie below the median of a Gaussian's with
-    the variance sigma² + s·width: the median of the values that solve it line by line.
+    the variance sigma² + s·width: the median of the values that solve it line by line. Where that
+    is not above ``least``, it is not sought: ``least`` is returned.
     """
     lines = out.shape[1]
     values = np.empty(lines)
     n = 0
+    above = 0
     for v in range(lines - 3 * lag):
         difference = explained = width = 0.0
         for k in range(4):
@@ -236,5 +244,6 @@ def unexplained(out: Any, flags: Any, lag: int, clean: bool) -> Any:
             width += factor * factor * out[3, w]
         if not np.isnan(difference):
             values[n] = (difference**2 / MEDIAN_SQUARE - explained) / width
+            above += values[n] > least
             n += 1
-    return (np.median(values[:n]) if n else 0.0), n
+    return (np.median(values[:n]) if 2 * above > n else least), n

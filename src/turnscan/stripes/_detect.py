@@ -18,6 +18,8 @@ Bits = npt.NDArray[np.uint16]
 
 MIN_THRESHOLD = 4.0
 """Quantisation steps: below this the automatic threshold would follow rounding."""
+MIN_PICTURE = 128
+"""px: narrower pictures get black columns, so that the kernel need not know such."""
 HYSTERESIS = 0.5
 """A run above the threshold goes on down to this part of it."""
 WINDOW_LOSS = 1.3
@@ -110,6 +112,9 @@ def _prepare(
         dark = None if dark is None else dark.T
         u0, v0, u1, v1 = v0, u0, v1, u1
     off = np.zeros((1, lit.shape[1]), lit.dtype) if dark is None else dark
+    lack = MIN_PICTURE - lit.shape[1]
+    if lack > 0:
+        lit, off = (np.pad(image, ((0, 0), (0, lack))) for image in (lit, off))
     return _readable(lit), _readable(off), (u0, v0, u1, v1)
 
 

@@ -19,7 +19,8 @@ from turnscan.stripes._measure import (
     accumulate,
     by_strategy,
     centre_window,
-    width_of,
+    fill,
+    variance_of,
 )
 from turnscan.stripes._scan import (
     FWHM,
@@ -30,15 +31,16 @@ from turnscan.stripes._scan import (
     RIGHT,
     SEED,
     TOP,
-    fill,
     first_pass,
     learned_saturation,
     merge_peaks,
+    move_peak,
+    usual_peak,
 )
 
 SATURATED, HALO, EDGE = 8, 16, 32
 
-ROUNDS = 3
+ROUNDS = 2
 """Times that the widths along the stripe and the centres are brought into agreement."""
 TURNS = 1
 """Moves of the window in a round; the last round has one more."""
@@ -75,12 +77,12 @@ def keep_brightest(peaks: Any, line: int, count: int, wanted: int) -> int:
             if peaks[j, TOP] < peaks[lowest, TOP]:
                 lowest = j
         for j in range(lowest, line + count - 1):
-            peaks[j] = peaks[j + 1]
+            move_peak(peaks, j + 1, j)
         count -= 1
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def reach_of(
     peaks: Any, line: int, count: int, j: int, half: float, whole: bool, u0: int, u1: int
 ) -> Any:
@@ -126,7 +128,7 @@ def list_candidates(
         count = merge_peaks(peaks, line, counts[i], usual)
         count = keep_brightest(peaks, line, count, wanted)
         for j in range(line, line + count):
-            half = max(0.45, (peaks[j, HIGH] - peaks[j, LOW]) / FWHM)
+            half = max(0.45, (peaks[j, HIGH] - peaks[j, LOW]) * (1.0 / FWHM))
             left, right = reach_of(peaks, line, count, j, half, whole, u0, u1)
             total += right - left + 2
             stops[n] = total
@@ -199,8 +201,8 @@ def smooth_widths(some: Any, n: int, up: Any, down: Any, ahead: Any) -> None:
         some[i, WIDTH] = math.sqrt(second / weight) if weight > 0.0 else some[i, HALF]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def measure_round(some: Any, n: int, pool: Any, stops: Any, noise: float, turns: int) -> None:
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def measure_round(some: Any, n: int, pool: Any, stops: Any, terms: Any, turns: int) -> None:
     """Move every window to its centre, and measure the width within it."""
     start = 0
     for i in range(n):
@@ -210,18 +212,18 @@ def measure_round(some: Any, n: int, pool: Any, stops: Any, noise: float, turns:
             some[i, GAIN] = 1.0
         else:
             c, h, flux, second, pedestal, gain = centre_window(
-                pool, start, last, some[i, CENTRE], some[i, WIDTH], noise, turns
+                pool, start, last, some[i, CENTRE], some[i, WIDTH], terms.noise, turns
             )
             some[i, CENTRE] = c
             some[i, FLUX] = flux
-            some[i, SECOND] = width_of(second, h) ** 2 if flux > 0.0 else some[i, HALF] ** 2
-            some[i, PEDESTAL] = pedestal
+            some[i, SECOND] = variance_of(second, h) if flux > 0.0 else some[i, HALF] ** 2
+            some[i, PEDESTAL] = pedestal - terms.base
             some[i, GAIN] = gain
             some[i, REACH] = h
         start = stops[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def clipped(lit: Any, v: int, first: float, last: float, u0: int, u1: int, level: float) -> bool:
     """True where a pixel between first and last is saturated."""
     for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):  # noqa: SIM110
@@ -230,7 +232,7 @@ def clipped(lit: Any, v: int, first: float, last: float, u0: int, u1: int, level
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def uncertainty(some: Any, i: int, terms: Any, floor: float) -> float:
     """Variance of the window's centre from the camera, px². ``floor``: raw levels without light."""
     h = some[i, REACH]
@@ -320,7 +322,8 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
     light = np.empty(lit.shape[1])
     peaks = np.empty(((v1 - v0) * PEAKS, 7))
     counts = np.zeros(v1 - v0, np.int64)
-    usual, brightest = first_pass(lit, dark, roi, terms, peaks, counts, light)
+    first_pass(lit, dark, roi, terms, peaks, counts)
+    usual, brightest = usual_peak(lit, v0, peaks, counts)
     fixed = terms.width > 0.0
     room = counts.sum()
     some = np.zeros((room + 1, COLUMNS))
@@ -328,16 +331,16 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
     wanted = table.shape[2]
     expected = terms.width if fixed else usual
     n, total = list_candidates(roi, terms, peaks, counts, expected, wanted, some, stops)
-    pool = np.empty((total, 3))
+    pool = np.empty((total, 3), np.int64)
     for i in range(n):
         start = stops[i - 1] if i else 0
         v = int(some[i, ROW])
         left = int(some[i, START])
         right = left + stops[i] - start - 2
-        accumulate(lit, dark, v, v if paired else 0, terms.base, left, right, pool, start)
+        accumulate(lit, dark, v, v if paired else 0, left, right, pool, start)
     if fixed:
         some[:, WIDTH] = terms.width
-        measure_round(some, n, pool, stops, terms.noise, 5)
+        measure_round(some, n, pool, stops, terms, 5)
     else:
         up = np.empty(n, np.int64)
         down = np.empty(n, np.int64)
@@ -346,7 +349,7 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
         for turn in range(ROUNDS):
             smooth_widths(some, n, up, down, ahead)
             last = turn == ROUNDS - 1
-            measure_round(some, n, pool, stops, terms.noise, TURNS + last)
+            measure_round(some, n, pool, stops, terms, TURNS + last)
     saturation = terms.saturation
     if saturation <= 0.0:
         saturation = learned_saturation(lit, brightest)

@@ -17,16 +17,17 @@ from numba import njit
 from turnscan.stripes._measure import half_width, plateau
 
 BLOCK = 128
-"""Pixels that are passed over together when none is above the threshold."""
-PART = 32
-"""And, where one is, these together."""
+"""Pixels that are looked through together; their number must fit in a byte."""
 PEAKS = 8
 """Peaks of a line that are looked at before the brightest K are kept."""
 SEED, LEFT, RIGHT, TOP, VALLEY, LOW, HIGH = range(7)
 """What is known of a peak: middle of its plateau, the valleys (or ends of the run) on both sides,
 its height, the light in the right valley, and where it falls to half."""
+PEAK_COLUMNS = 7
 FWHM = 2.3548
 """Full width at half maximum of a Gaussian, in sigma."""
+TYPICAL = 200
+"""Values that are enough for a median."""
 
 
 RIPPLE = 0.15
@@ -64,24 +65,30 @@ class Terms(NamedTuple):
     strategy: int
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def block_above(lit: Any, dark: Any, v: int, w: int, start: int, stop: int, limit: int) -> bool:
-    """True where a pixel of the block is above ``limit``.
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def first_above(lit: Any, dark: Any, v: int, w: int, start: int, after: int, limit: int) -> Any:
+    """First pixel of a block above ``limit`` and not before ``after``, or the end of the block.
 
-    Small types and unsigned counters, so that the compiler makes it SIMD.
+    Small types, unsigned counters and products in place of branches: the compiler makes it SIMD.
     """
-    best = lit.dtype.type(0)
-    for x in range(np.uint64(start), np.uint64(stop)):
-        a = lit[v, x]
-        b = dark[w, x]
-        d = lit.dtype.type((a if a > b else b) - b)
-        best = d if d > best else best
-    return bool(best > limit)
+    small = lit.dtype.type
+    least = small(limit)
+    room = small(start + BLOCK - after)
+    best = small(0)
+    x = np.uint64(start)
+    for i in range(np.uint64(BLOCK)):
+        a = lit[v, x + i]
+        b = dark[w, x + i]
+        d = small((a if a > b else b) - b)
+        left = small(np.uint64(BLOCK) - i)
+        left = small(left * small((d > least) & (left <= room)))
+        best = left if left > best else best
+    return start + BLOCK - np.int64(best)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def background(lit: Any, dark: Any, roi: Any) -> Any:
-    """Median and robust noise of ``lit - dark`` from some ten thousand pixels.
+    """Median and robust noise of ``lit - dark`` from some five thousand pixels.
 
     The noise is the distance from the median down to the 16 % quantile: light only ever adds on
     the other side.
@@ -90,7 +97,7 @@ def background(lit: Any, dark: Any, roi: Any) -> Any:
     reach = np.iinfo(lit.dtype).max
     counts = np.zeros(2 * reach + 1, np.int32)
     step_v = max(1, (v1 - v0) // 64)
-    step_u = max(1, (u1 - u0) // 160)
+    step_u = max(1, (u1 - u0) // 80)
     paired = dark.shape[0] > 1
     low: Any = np.int64(reach)
     n = 0
@@ -120,18 +127,31 @@ def background(lit: Any, dark: Any, roi: Any) -> Any:
     return float(low), 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def fill(
-    light: Any, lit: Any, dark: Any, v: int, w: int, base: float, first: int, stop: int
-) -> None:
-    """Put the light of the pixels first … stop-1 of a line into the buffer."""
-    for x in range(first, stop):
-        light[x] = np.float64(np.int64(lit[v, x]) - np.int64(dark[w, x])) - base
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def difference(lit: Any, dark: Any, v: int, w: int, x: int) -> Any:
+    """``lit - dark`` of one pixel."""
+    u = np.uint64(x)
+    return np.int64(lit[v, u]) - np.int64(dark[w, u])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def move_peak(peaks: Any, source: int, target: int) -> None:
+    """Copy one row of the list of peaks over another."""
+    for k in range(PEAK_COLUMNS):
+        peaks[target, k] = peaks[source, k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def keep_peak(
-    light: Any, peaks: Any, line: int, count: int, left: int, right: int, seed: float, top: float
+    run: Any,
+    peaks: Any,
+    line: int,
+    count: int,
+    left: int,
+    right: int,
+    seed: float,
+    top: int,
+    base: float,
 ) -> int:
     """Append the peak between two valleys to the line's list; a full list drops its lowest."""
     if count == PEAKS:
@@ -139,115 +159,79 @@ def keep_peak(
         for j in range(line + 1, line + PEAKS):
             if peaks[j, TOP] < peaks[lowest, TOP]:
                 lowest = j
-        if peaks[lowest, TOP] >= top:
+        if peaks[lowest, TOP] >= top - base:
             return count
         for j in range(lowest, line + PEAKS - 1):
-            peaks[j] = peaks[j + 1]
+            move_peak(peaks, j + 1, j)
         count -= 1
-    low, high = half_width(light, seed, top, left, right)
+    low, high = half_width(run, seed, top, left, right, base)
     j = line + count
     peaks[j, SEED] = seed
     peaks[j, LEFT] = left
     peaks[j, RIGHT] = right
-    peaks[j, TOP] = top
-    peaks[j, VALLEY] = light[right]
+    peaks[j, TOP] = top - base
+    peaks[j, VALLEY] = run[right] - base
     peaks[j, LOW] = low
     peaks[j, HIGH] = high
     return count + 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def segment(
-    light: Any, first: int, last: int, noise: float, peaks: Any, line: int, count: int
+def split(
+    run: Any, first: int, last: int, slack: float, peaks: Any, line: int, count: int, base: float
 ) -> int:
     """Split the run first … last at its valleys, and append its peaks to the list."""
-    slack = 4.0 * noise
-    # Nearly every run rises and falls once: find that out first, without branches.
-    seed = end = first
-    top = bottom = light[first]
-    rise = 0.0
-    for x in range(first + 1, last + 1):
-        q = light[x]
-        higher = q > top
-        end = x if higher or (q == top and end == x - 1) else end
-        seed = x if higher else seed
-        top = q if higher else top
-        bottom = q if higher or q < bottom else bottom
-        rise = max(rise, q - bottom)
-    if rise <= slack:
-        return keep_peak(light, peaks, line, count, first, last, 0.5 * (seed + end), top)
     left = first
     valley = first
-    top = bottom = light[first]
+    top = bottom = run[first]
     rising = True
     for x in range(first + 1, last + 1):
-        q = light[x]
+        q = run[x]
         if rising:
             if q > top:
                 top = q
-            elif q < top - slack and q < (1.0 - RIPPLE) * top:
+            elif q < top - slack and q - base < (1.0 - RIPPLE) * (top - base):
                 rising = False
                 valley = x
                 bottom = q
         elif q < bottom:
             valley = x
             bottom = q
-        elif q > bottom + slack and (1.0 - RIPPLE) * q > bottom:
-            middle, top = plateau(light, left, valley)
-            count = keep_peak(light, peaks, line, count, left, valley, middle, top)
+        elif q > bottom + slack and (1.0 - RIPPLE) * (q - base) > bottom - base:
+            middle, top = plateau(run, left, valley)
+            count = keep_peak(run, peaks, line, count, left, valley, middle, top, base)
             left = valley
             top = q
             rising = True
-    middle, top = plateau(light, left, last)
-    return keep_peak(light, peaks, line, count, left, last, middle, top)
+    middle, top = plateau(run, left, last)
+    return keep_peak(run, peaks, line, count, left, last, middle, top, base)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def scan_line(
-    lit: Any,
-    dark: Any,
-    v: int,
-    w: int,
-    light: Any,
-    u0: int,
-    u1: int,
-    terms: Any,
-    peaks: Any,
-    line: int,
-) -> int:
-    """Find the peaks of one line: runs that rise above ``level`` and go on down to ``low``."""
-    base = terms.base
-    level = np.int64(math.floor(terms.level + base))
-    low = np.int64(math.floor(terms.low + base))
-    limit = max(0, level)
-    count = 0
-    done = u0
-    for start in range(u0, u1, BLOCK):
-        end = min(start + BLOCK, u1)
-        if not block_above(lit, dark, v, w, start, end, limit):
-            continue
-        for part in range(start, end, PART):
-            stop = min(part + PART, end)
-            x = max(part, done)
-            if x >= stop or not block_above(lit, dark, v, w, x, stop, limit):
-                continue
-            while x < stop:
-                if np.int64(lit[v, x]) - np.int64(dark[w, x]) <= level:
-                    x += 1
-                    continue
-                first = x
-                while (
-                    first > done
-                    and np.int64(lit[v, first - 1]) - np.int64(dark[w, first - 1]) > low
-                ):
-                    first -= 1
-                x += 1
-                while x < u1 and np.int64(lit[v, x]) - np.int64(dark[w, x]) > low:
-                    x += 1
-                done = x
-                fill(light, lit, dark, v, w, base, first, x)
-                count = segment(light, first, x - 1, terms.noise, peaks, line, count)
-    return count
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def follow_run(
+    lit: Any, dark: Any, v: int, w: int, first: int, stop: int, low: int, run: Any
+) -> Any:
+    """Copy the pixels from ``first`` on that are above ``low`` to ``run``.
+
+    Returns the end, both ends and the height of the first highest plateau, and the largest rise
+    after a fall, which tells whether there is one peak only; without branches but the last one.
+    """
+    seed = end = x = first
+    top = bottom = q = difference(lit, dark, v, w, first)
+    rise = 0
+    while q > low:
+        run[np.uint64(x)] = q
+        higher = q > top
+        end = x if higher or (q == top and end == x - 1) else end
+        seed = x if higher else seed
+        bottom = q if higher or q < bottom else bottom
+        top = q if higher else top
+        rise = max(rise, q - bottom)
+        x += 1
+        if x == stop:
+            break
+        q = difference(lit, dark, v, w, x)
+    return x, seed, end, top, rise
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -267,7 +251,7 @@ def merge_peaks(peaks: Any, line: int, count: int, usual: float) -> int:
         if not joined:
             i += 1
             if i < j:
-                peaks[i] = peaks[j]
+                move_peak(peaks, j, i)
             continue
         bridged = 2.0 * lower > higher
         second = peaks[j, TOP] > peaks[i, TOP]
@@ -284,36 +268,74 @@ def merge_peaks(peaks: Any, line: int, count: int, usual: float) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def first_pass(
-    lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: Any, light: Any
-) -> Any:
-    """Peaks of every line, one after the other in ``peaks``.
+def typical(values: Any, n: int) -> float:
+    """Median of some hundred of the first n values, evenly spread; 0 of none."""
+    if n == 0:
+        return 0.0
+    step = 1 + n // TYPICAL
+    some = np.empty(1 + (n - 1) // step)
+    for i in range(some.size):
+        some[i] = values[i * step]
+    return np.median(some)
 
-    Returns the usual rms width and the brightest raw grey level.
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: Any) -> None:
+    """Peaks of every line, one after the other in ``peaks``; their number per line in ``counts``.
+
+    A peak is in a run of pixels that rises above ``level`` and goes on down to ``low``. Pictures
+    are at least `BLOCK` wide.
     """
     u0, v0, u1, v1 = roi
     paired = dark.shape[0] > 1
-    widths = np.empty(v1 - v0)
-    found = 0
-    brightest = 0.0
+    base = terms.base
+    limit = min(max(0, math.floor(terms.level + base)), np.iinfo(lit.dtype).max)
+    low = min(np.int64(math.floor(terms.low + base)), limit)
+    slack = 4.0 * terms.noise
+    run = np.empty(u1, np.int32)
     line = 0
-    for i in range(v1 - v0):
-        v = v0 + i
-        n = scan_line(lit, dark, v, v if paired else 0, light, u0, u1, terms, peaks, line)
-        counts[i] = n
-        if n == 0:
+    for v in range(v0, v1):
+        w = v if paired else 0
+        count = 0
+        done = u0
+        for place in range(u0, u1, BLOCK):
+            start = min(place, lit.shape[1] - BLOCK)
+            stop = min(start + BLOCK, u1)
+            while done < stop:
+                first = first_above(lit, dark, v, w, start, max(start, done), limit)
+                if first >= stop:
+                    break
+                while first > done and difference(lit, dark, v, w, first - 1) > low:
+                    first -= 1
+                done, seed, end, top, rise = follow_run(lit, dark, v, w, first, u1, low, run)
+                if rise <= slack:
+                    middle = 0.5 * (seed + end)
+                    count = keep_peak(run, peaks, line, count, first, done - 1, middle, top, base)
+                else:
+                    count = split(run, first, done - 1, slack, peaks, line, count, base)
+        counts[v - v0] = count
+        line += count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def usual_peak(lit: Any, v0: int, peaks: Any, counts: Any) -> Any:
+    """Usual rms width of the highest peaks of the lines, and the brightest raw grey level."""
+    widths = np.empty(counts.size)
+    found = 0
+    brightest: Any = 0
+    line = 0
+    for i in range(counts.size):
+        if counts[i] == 0:
             continue
         best = line
-        for j in range(line + 1, line + n):
+        for j in range(line + 1, line + counts[i]):
             if peaks[j, TOP] > peaks[best, TOP]:
                 best = j
-        brightest = max(brightest, np.float64(lit[v, int(peaks[best, SEED])]))
-        widths[found] = (peaks[best, HIGH] - peaks[best, LOW]) / FWHM
+        brightest = max(brightest, np.int64(lit[v0 + i, int(peaks[best, SEED])]))
+        widths[found] = (peaks[best, HIGH] - peaks[best, LOW]) * (1.0 / FWHM)
         found += 1
-        line += n
-    if found == 0:
-        return 0.0, brightest
-    return np.median(widths[:found]), brightest
+        line += counts[i]
+    return typical(widths, found), brightest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
