@@ -10,7 +10,13 @@ from dataclasses import dataclass
 from turnscan.acquire._plan import Exposure, Plan
 from turnscan.arrays import Image
 from turnscan.devices import Camera, Lasers, Turntable
-from turnscan.errors import DeviceError, DeviceTimeout, InputError, TurnscanError
+from turnscan.errors import (
+    DeviceDisconnected,
+    DeviceError,
+    DeviceRefused,
+    InputError,
+    TurnscanError,
+)
 
 _TRIES = 2
 _LEASE = 30.0
@@ -76,7 +82,9 @@ class Shooter:
                 self._hw.lasers.light(lit, lease)
             try:
                 picture = self._hw.camera.grab(timeout)
-            except DeviceTimeout as e:
+            except (DeviceDisconnected, DeviceRefused):
+                raise
+            except DeviceError as e:  # late, damaged, frozen, clipped: another one may be better
                 cause = e.message
                 continue
             finally:

@@ -69,6 +69,7 @@ class Steady:
         self._seconds = 0.0
         self._size: tuple[tuple[int, ...], np.dtype[np.generic]] | None = None
         self._before: deque[Image] = deque(maxlen=2)
+        self._accepted: Image | None = None
         self._blank: tuple[int, int] | None = None
         self._blank_seen = 0
         self._noise_seen = False
@@ -99,6 +100,7 @@ class Steady:
             fault, image = self._attempt(timeout, lit)
             if fault is None and image is not None:
                 if not doubtful:
+                    self._accepted = image
                     return image
                 doubtful = False
                 continue
@@ -131,7 +133,9 @@ class Steady:
             self._size = size
         if size != self._size:
             return "wrong size"
-        fault = fault_of(image, () if self._traits.noiseless else tuple(self._before), lit)
+        # Behind a burst of bad pictures, the one that comes again is the last good one.
+        before = [*self._before] if self._accepted is None else [*self._before, self._accepted]
+        fault = fault_of(image, () if self._traits.noiseless else before, lit)
         self._before.append(image)
         if fault is not None:
             return fault
