@@ -10,7 +10,7 @@ from typing import Any
 
 from turnscan.devices._board import Board, Setup
 from turnscan.devices._guard import DIALECTS as TABLE
-from turnscan.devices._link import Deadlines, Lines
+from turnscan.devices._link import Deadlines
 from turnscan.devices._registry import board
 from turnscan.errors import TurnscanError
 from turnscan.simulate.controllers import (
@@ -116,4 +116,4 @@ def near(dialect: str, board: Firmware | None = None) -> tuple[Board, NearLink]:
     return kind(setup, link, Deadlines()), link
 
 
-__all__ = ["DIALECTS", "OUTPUTS", "QUICK", "SCALE", "UNITS", "Lines", "firmware", "near", "plugged"]
+__all__ = ["DIALECTS", "OUTPUTS", "QUICK", "SCALE", "UNITS", "firmware", "near", "plugged"]

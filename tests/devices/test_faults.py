@@ -45,7 +45,7 @@ FABSCAN: dict[str, tuple[type[TurnscanError], ...]] = {
     ),
     "deaf": (DeviceTimeout, DeviceGarbled, LaserStateUnknown),
 }
-HOW_LONG = {"unplug": 0.02, "deaf": 0.2 * SCALE, "babble": 0.05 * SCALE}
+HOW_LONG = {"unplug": 0.02, "deaf": 0.15 * SCALE, "babble": 0.05 * SCALE}
 CASES = [("grbl", kind, 40) for kind in EXPECTED]
 CASES += [
     (dialect, kind, 6)

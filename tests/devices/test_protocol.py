@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 import turnscan.devices
 from tests.devices.boards import DIALECTS, QUICK, SCALE, UNITS, firmware, near, plugged
 from turnscan.devices import _guard, _registry, open_devices, open_lasers, open_turntable
-from turnscan.devices._link import Deadlines, Lines
+from turnscan.devices._lines import Lines
+from turnscan.devices._link import Deadlines
 from turnscan.devices._manual import ManualTurntable
 from turnscan.devices._registry import board
 from turnscan.devices._sentences import Kind, sentence
@@ -48,7 +49,7 @@ from turnscan.simulate.controllers import (
 # D2
 
 OURS = (
-    "_board", "_fabscan", "_grbl", "_guard", "_horus", "_link", "_manual", "_registry",
+    "_board", "_fabscan", "_grbl", "_guard", "_horus", "_lines", "_link", "_manual", "_registry",
     "_sardauscan", "_sentences", "_steps",
 )  # fmt: skip
 ENDLESS = {

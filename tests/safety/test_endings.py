@@ -10,7 +10,7 @@ import pytest
 from tests.safety.conftest import DIALECTS, Scanner
 from turnscan.simulate.controllers import Socket
 
-MOMENTS = 22
+MOMENTS = 20
 SUDDEN = (
     "exception", "MemoryError", "sys.exit", "_exit", "SIGINT", "SIGINT x2", "SIGINT x3",
     "SIGTERM", "SIGHUP", "SIGKILL", "SIGSEGV", "SIGABRT",

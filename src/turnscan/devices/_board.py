@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from turnscan.devices._guard import LONGEST_LEASE
-from turnscan.devices._link import Deadlines, Lines, Link
+from turnscan.devices._lines import Lines
+from turnscan.devices._link import Deadlines, Link
 from turnscan.devices._sentences import Kind, Sentence, sentence
 from turnscan.devices._steps import Steps
 from turnscan.errors import (

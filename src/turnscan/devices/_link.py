@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from turnscan.devices import _guard
+from turnscan.devices._lines import shown
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
@@ -385,77 +386,3 @@ def objection(port: str, heard: bytes) -> DeviceError:
     if b"error" in heard:
         return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")
     return DeviceGarbled(f"{port}: answered a laser command with {shown(heard)}")
-
-
-def shown(data: bytes) -> str:
-    """The end of what was heard, printable, at most 60 characters."""
-    text = " ".join(data.decode("latin-1").split())
-    return repr(text[-60:])
-
-
-class Lines:
-    """Bytes of a link into lines; never more than ``longest`` bytes of one."""
-
-    def __init__(self, link: Link, port: str, longest: int = 256) -> None:
-        self._link, self._port, self._longest = link, port, longest
-        self._bytes = bytearray()
-
-    def clear(self) -> None:
-        """Forget what came."""
-        self._bytes.clear()
-        while self._link.read(0.0):
-            pass
-
-    def expect_nothing(self) -> None:
-        """Before a command: raises DeviceGarbled where something came that nobody asked for."""
-        while data := self._link.read(0.0):
-            self._bytes += data[: self._longest]
-        left = bytes(self._bytes).strip()
-        self._bytes.clear()
-        if left:
-            raise unasked(self._port, left)
-
-    def next(self, end: float, what: str) -> bytes:
-        """The next line that is not empty, without its end.
-
-        Raises DeviceTimeout at the time ``end``, DeviceGarbled for a line beyond all measure.
-        """
-        while True:
-            cut = self._bytes.find(b"\n")
-            if cut >= 0:
-                line = bytes(self._bytes[:cut]).strip(b"\r\n")
-                del self._bytes[: cut + 1]
-                if line:
-                    return line
-                continue
-            if len(self._bytes) > self._longest:
-                self._bytes.clear()
-                raise DeviceGarbled(f"{self._port}: a line without end in answer to {what}")
-            left = end - time.monotonic()
-            data = self._link.read(max(left, 0.0))
-            if not data and left <= 0:
-                rest = f"; it said {shown(bytes(self._bytes))}" if self._bytes else ""
-                raise DeviceTimeout(f"{self._port}: no answer to {what} in time{rest}")
-            self._bytes += data
-
-    def poll(self, wait: float, end: float, what: str) -> bytes | None:
-        """As `next`, but None where nothing came within ``wait`` s and it is not yet ``end``."""
-        try:
-            return self.next(min(time.monotonic() + wait, end), what)
-        except DeviceTimeout:
-            if time.monotonic() >= end:
-                raise
-            return None
-
-
-def unasked(port: str, data: bytes) -> DeviceError:
-    """What something that nobody asked for means."""
-    from turnscan.devices._sentences import Kind, sentence
-
-    for line in data.splitlines():
-        try:
-            if line.strip() and (said := sentence(line)).kind in (Kind.ALARM, Kind.BANNER):
-                return said.as_error(port)
-        except DeviceGarbled:
-            continue
-    return DeviceGarbled(f"{port}: said {shown(data)} without being asked")
