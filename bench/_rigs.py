@@ -67,17 +67,18 @@ def from_pictures(wish: Wish) -> Rig:
 
     No picture of the table has the laser on: the boards under it say where its sheet is.
     """
-    made = bench(replace(wish, scene="charuco", room=ROOM))
+    scene = bench(replace(wish, scene="charuco", room=ROOM)).scene
+    made = replace(bench(wish), scene=scene)
     seconds = seconds_of(wish)
     laser = made.beams[0].name
     draw = np.random.default_rng(wish.seed)
 
     def photograph(body_at: Pose, lit: tuple[str, ...], angle: float = 0.0) -> Image:
-        body = replace(made.scene.bodies[0], T_table_part=body_at)
-        scene = replace(made.scene, bodies=(body, *made.scene.bodies[1:]))
-        return Renderer(replace(made, scene=scene)).picture(angle, lit, seconds)
+        body = replace(scene.bodies[0], T_table_part=body_at)
+        held_there = replace(scene, bodies=(body, *scene.bodies[1:]))
+        return Renderer(replace(made, scene=held_there)).picture(angle, lit, seconds)
 
-    stand = made.scene.bodies[0].T_table_part
+    stand = scene.bodies[0].T_table_part
     middle = stand.apply(np.array([0.0, 0.0, 46.0]))
     held = [_held(draw, stand, middle) for _ in range(FREE_VIEWS + LASER_VIEWS)]
     # The board shows its print to the camera between these angles only.
@@ -95,7 +96,8 @@ def from_pictures(wish: Wish) -> Rig:
             TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)
             for k, picture in enumerate(turned)
         ]
-    settings = CalibrationSettings(step=step, table_board=BOARD, margin=MARGIN)
+    lowest = float(stand.apply(np.array([0.0, 0.0, MARGIN + BOARD.square]))[2])
+    settings = CalibrationSettings(step=step, table_board=BOARD, lowest=lowest, margin=MARGIN)
     return calibrate_rig(views[:FREE_VIEWS], {laser: under}, table, settings).rig
 
 
