@@ -1,15 +1,23 @@
-"""Draws the pictures of docs/explain/simulator.md: `python docs/make_pictures.py` (two minutes)."""
+"""Draws the pictures of simulated benches for the docs: `python docs/make_pictures.py [NAME …]`.
+
+Names: galvanometer, two_lines, shadows, panned, off_centre, demo; without one, all (three minutes).
+"""
 
 from __future__ import annotations
 
 import math
+import sys
+import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image as Pillow
 
 from turnscan.arrays import Floats, Image
+from turnscan.cli import turnscan
 from turnscan.rig import design_preset
 from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of
 
@@ -152,8 +160,55 @@ def off_centre() -> None:
     save(figure, "off-centre")
 
 
+def demo() -> None:
+    """What `turnscan demo` draws: its stripe, its deviation, and a strip of four for the README."""
+    with tempfile.TemporaryDirectory() as folder:
+        turnscan(["demo", "-o", folder], standalone_mode=False)
+        made = {
+            name: Pillow.open(Path(folder) / f"{name}.png").convert("RGB")
+            for name in ("stripe", "grid", "mesh", "deviation")
+        }
+    for name in ("stripe", "deviation"):
+        target = HERE / f"demo-{'frame' if name == 'stripe' else name}.png"
+        small(made[name], 1000).save(target, optimize=True)
+    rows = [(made["stripe"], made["mesh"]), (made["grid"], made["deviation"])]
+    strip(rows, width=1100).save(HERE / "demo.png", optimize=True)
+
+
+def small(image: Pillow.Image, width: int) -> Pillow.Image:
+    """Scaled down to this width, in few colours: a picture for a page."""
+    scaled = image.resize((width, round(image.height * width / image.width)), Pillow.LANCZOS)
+    return scaled.quantize(160, dither=Pillow.Dither.NONE)
+
+
+def strip(rows: list[tuple[Pillow.Image, ...]], width: int, gap: int = 8) -> Pillow.Image:
+    """Rows of pictures side by side, each row of one height and this wide."""
+    lines = []
+    for row in rows:
+        height = (width - gap * (len(row) - 1)) / sum(i.width / i.height for i in row)
+        line = Pillow.new("RGB", (width, round(height)), "white")
+        x = 0.0
+        for image in row:
+            wide = image.width / image.height * height
+            line.paste(image.resize((round(wide), round(height)), Pillow.LANCZOS), (round(x), 0))
+            x += wide + gap
+        lines.append(line)
+    page = Pillow.new(
+        "RGB", (width, sum(i.height for i in lines) + gap * (len(lines) - 1)), "white"
+    )
+    y = 0
+    for line in lines:
+        page.paste(line, (0, y))
+        y += line.height + gap
+    return page.quantize(200, dither=Pillow.Dither.NONE)
+
+
+DRAWN: dict[str, Callable[[], None]] = {
+    f.__name__: f for f in (galvanometer, two_lines, shadows, panned, off_centre, demo)
+}
+
 if __name__ == "__main__":
     HERE.mkdir(exist_ok=True)
-    for draw in (galvanometer, two_lines, shadows, panned, off_centre):
-        draw()
-        print(draw.__name__)
+    for wanted in sys.argv[1:] or DRAWN:
+        DRAWN[wanted]()
+        print(wanted)

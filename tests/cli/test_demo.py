@@ -15,7 +15,8 @@ def test_demo_from_end_to_end(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     names = {p.name for p in out.iterdir()}
     files = {f"cup.{s}" for s in ("turnscan", "dxf", "stl", "ply")}
-    assert names == files | {"frame.png", "rig.json", "report.html"}
+    pictures = {f"{s}.png" for s in ("frame", "stripe", "grid", "mesh", "deviation")}
+    assert names == files | pictures | {"rig.json", "report.html"}
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 6
     assert 'src="http' not in page

@@ -5,14 +5,19 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
-from turnscan.cli._demo_report import DemoFrame, demo_report
+from turnscan.arrays import Image
+from turnscan.cli import _html as html
+from turnscan.cli._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
+from turnscan.cli._deviation_map import deviation_figure
 from turnscan.cli._output import write_atomically, write_results
 from turnscan.cli._progress import progress
 from turnscan.cli._reconstruct_report import about, summary
+from turnscan.cli._render import render
 from turnscan.cli._simulated import plan_of, scan_into_file, write_png
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
@@ -22,6 +27,9 @@ from turnscan.scan import Scan
 from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, Wish, simulated
 from turnscan.surface import Caps, Mesh, close
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass
@@ -85,6 +93,14 @@ def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> No
     found = deviation(done.mesh.vertices, truth(devices))
     text = demo_report(devices, done, mended, gaps, found, frames, clock.lines)
     write_atomically(output / "report.html", text.encode())
+    pictures: dict[str, Image | Figure] = {
+        "stripe": frame_figure(frames[0]),
+        "grid": grid_figure(done.grids[0]),
+        "mesh": render(done.mesh, azimuth=0.6),
+        "deviation": deviation_figure(done.mesh, found),
+    }
+    for picture, image in pictures.items():
+        write_atomically(output / f"{picture}.png", html.png(image))
     clock.lap("comparing with the true shape, report")
     _tell(output, done, found, devices)
 

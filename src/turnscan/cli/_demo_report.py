@@ -55,9 +55,9 @@ def demo_report(
         ),
         html.table(["quantity", "value"], _rows(devices, found)),
         html.heading("What the camera saw"),
-        *(html.picture(_frame_figure(f), _frame_caption(f)) for f in frames),
+        *(html.picture(frame_figure(f), _frame_caption(f)) for f in frames),
         html.heading("Range grid"),
-        *(html.picture(_grid_figure(g), _grid_caption(g)) for g in done.grids),
+        *(html.picture(grid_figure(g), _grid_caption(g)) for g in done.grids),
         html.heading("Surface"),
         *(
             html.picture(render(done.mesh, azimuth=a), f"As measured, from {math.degrees(a):.0f}°.")
@@ -98,7 +98,8 @@ def _rows(devices: Simulated, found: Deviation) -> list[tuple[str, str]]:
     ]
 
 
-def _frame_figure(frame: DemoFrame) -> Figure:
+def frame_figure(frame: DemoFrame) -> Figure:
+    """A camera picture with the stripe found in it, whole and a piece of it enlarged."""
     from matplotlib.figure import Figure
 
     picture = frame.picture.astype(np.float64)
@@ -127,7 +128,8 @@ def _frame_caption(frame: DemoFrame) -> str:
     )
 
 
-def _grid_figure(grid: RangeGrid) -> Figure:
+def grid_figure(grid: RangeGrid) -> Figure:
+    """The distance from the axis, one column per table position."""
     from matplotlib.figure import Figure
 
     radius: Floats = np.hypot(grid.points[..., 0], grid.points[..., 1])
