@@ -26,10 +26,12 @@ from turnscan.devices._guard import Frames, pack
 from turnscan.devices._link import Deadlines, GuardedLink
 from turnscan.devices._registry import board
 from turnscan.errors import (
+    DeviceAlarm,
     DeviceDisconnected,
     DeviceRefused,
     DeviceTimeout,
     InputError,
+    InterlockOpen,
     LaserStateUnknown,
     SafetyError,
     TurnscanError,
@@ -333,6 +335,63 @@ def test_a_lease_that_ran_out_is_told() -> None:
         time.sleep(0.05)
         with pytest.raises(DeviceTimeout, match="lease"):
             device.light(frozenset(), 1.0)
+
+
+# S7
+
+
+@pytest.mark.parametrize("stubborn", [False, True])
+def test_a_door_that_opens_while_lit(stubborn: bool) -> None:
+    """Dark within 100 ms, even where the board's own door does not put the laser out."""
+    with plugged("grbl") as (device, socket):
+        board_ = socket.firmware
+        device.light(frozenset({"a"}), 5.0)
+        begin = time.monotonic()
+        if stubborn:
+            board_.say(b"[MSG:Check Door]\r\n")
+        else:
+            board_.open_door()
+        assert wait_dark(socket, begin) < 0.1
+        with pytest.raises(InterlockOpen):
+            device.light(frozenset({"a"}), 5.0)
+        for _ in range(3):  # it never goes on by itself
+            with pytest.raises(DeviceAlarm, match="acknowledge"):
+                device.light(frozenset({"a"}), 5.0)
+            with pytest.raises(DeviceAlarm, match="acknowledge"):
+                device.move_to(0.1, 1.0)
+        assert not board_.lit
+        device.acknowledge()
+        assert device.move_to(0.1, 5.0)
+
+
+def test_a_guard_deaf_to_the_door_is_found(mutant: Callable[..., Path]) -> None:
+    with plugged("grbl", script=mutant(' or b"Door" in data', "")) as (device, socket):
+        device.light(frozenset({"a"}), 5.0)
+        socket.firmware.say(b"[MSG:Check Door]\r\n")
+        assert wait_dark(socket, time.monotonic(), 0.3) == math.inf
+
+
+def test_a_door_that_opens_while_turning() -> None:
+    with Socket(GrblFirmware({"100": 8.889, "110": 300, "120": 800})) as socket:
+        device = board(f"grbl:{socket.path}?lasers=a", deadlines=QUICK)
+        errors: list[BaseException] = []
+
+        def turn() -> None:
+            try:
+                device.move_to(3.0, 30.0)
+            except TurnscanError as e:
+                errors.append(e)
+
+        thread = threading.Thread(target=turn)
+        thread.start()
+        time.sleep(0.2)
+        board_: Any = socket.firmware
+        begin = time.monotonic()
+        board_.open_door()
+        thread.join(timeout=5.0)
+        assert time.monotonic() - begin < 0.5
+        assert isinstance(errors[0], InterlockOpen)
+        device.close()
 
 
 # S9

@@ -21,9 +21,15 @@ from turnscan.errors import (
     DeviceRefused,
     DeviceRestarted,
     DeviceTimeout,
+    InterlockOpen,
     LaserStateUnknown,
     SafetyError,
+    TurnscanError,
 )
+
+_NEEDS_A_PERSON = (
+    DeviceAlarm, DeviceRestarted, DeviceTimeout, DeviceGarbled, InterlockOpen,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class Board:
         self._stop = threading.Event()
         self._unsettled = False
         self._lit: frozenset[str] = frozenset()
-        self._lost: DeviceError | None = None
+        self._lost: TurnscanError | None = None
         self._unit = 0
         self._remembers = True
         self._steps = setup.steps or Steps(Fraction(self._default_units()))
@@ -225,7 +231,7 @@ class Board:
             except BaseException as e:
                 if not isinstance(e, LaserStateUnknown):
                     self._panic(e)
-                if isinstance(e, DeviceAlarm | DeviceRestarted | DeviceTimeout | DeviceGarbled):
+                if isinstance(e, _NEEDS_A_PERSON):
                     self._lose(e)
                 raise
 
@@ -239,7 +245,7 @@ class Board:
         except DeviceError as e:
             error.add_note(f"and then: {e}")
 
-    def _lose(self, error: DeviceError) -> None:
+    def _lose(self, error: TurnscanError) -> None:
         if self._lost is None:
             self._lost = error
 
@@ -294,7 +300,7 @@ class Board:
             said = sentence(self._lines.next(end, what))
             if said.kind is until:
                 return said
-            if said.kind not in (Kind.SETTING, Kind.MESSAGE, Kind.NUMBER):
+            if said.is_door or said.kind not in (Kind.SETTING, Kind.MESSAGE, Kind.NUMBER):
                 raise said.as_error(self.setup.port)
             if each is not None:
                 each(said)

@@ -86,6 +86,8 @@ class GrblBoard(Board):
 
     def _position(self) -> float:
         status = self._status()
+        if status.is_door:
+            raise status.as_error(self.setup.port)
         if status.fields["state"] != "Idle":
             raise DeviceGarbled(f"{self.setup.port}: {status.text} where it should be at rest")
         place = status.fields.get("MPos", status.fields.get("WPos"))

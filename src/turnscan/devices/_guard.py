@@ -73,7 +73,7 @@ class Exchange:
 
     send: bytes
     confirm: re.Pattern[bytes]
-    refuse: re.Pattern[bytes] = re.compile(rb"error[: ][^\r\n]*\r\n|ALARM:[^\r\n]*\r\n|Hun\?\r\n")
+    refuse: re.Pattern[bytes] = re.compile(rb"error[: ][^\r\n]*\r\n|ALARM:|Check Door|Hun\?\r\n")
 
 
 def _x(send: str, confirm: str) -> Exchange:
@@ -302,6 +302,8 @@ class Guard:
         kind, payload = data[:1], data[1:]
         if source == "port":
             self._tell(b"R", data)
+            if self._lit and (b"ALARM" in data or b"Door" in data):
+                self._dark(0, DONE)
         elif source == "end" or kind == b"Q":
             self._leave = True
         elif kind == b"W":

@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from turnscan.devices._sentences import Kind, sentence
-from turnscan.errors import DeviceError, DeviceGarbled, DeviceTimeout
+from turnscan.errors import DeviceGarbled, DeviceTimeout, TurnscanError
 
 if TYPE_CHECKING:
     from turnscan.devices._link import Link
@@ -67,11 +67,14 @@ class Lines:
             return None
 
 
-def unasked(port: str, data: bytes) -> DeviceError:
+def unasked(port: str, data: bytes) -> TurnscanError:
     """What something that nobody asked for means."""
     for line in data.splitlines():
         try:
-            if line.strip() and (said := sentence(line)).kind in (Kind.ALARM, Kind.BANNER):
+            if not line.strip():
+                continue
+            said = sentence(line)
+            if said.is_door or said.kind in (Kind.ALARM, Kind.BANNER):
                 return said.as_error(port)
         except DeviceGarbled:
             continue

@@ -18,6 +18,7 @@ from typing import Any, Protocol
 
 from turnscan.devices import _guard
 from turnscan.devices._lines import shown
+from turnscan.devices._sentences import door_open
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
@@ -372,10 +373,12 @@ def _port_error(port: str, word: str, text: str) -> DeviceError:
     return DeviceDisconnected(f"{port}: gone: {text}", hint="plug it in again, then resume")
 
 
-def objection(port: str, heard: bytes) -> DeviceError:
+def objection(port: str, heard: bytes) -> TurnscanError:
     """The error that a board's words amount to."""
     if not heard.strip():
         return DeviceTimeout(f"{port}: no answer to a laser command")
+    if b"Check Door" in heard:
+        return door_open(port)
     if b"ALARM" in heard:
         return DeviceAlarm(f"{port}: {shown(heard)}", hint="look at the machine, then acknowledge")
     if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:

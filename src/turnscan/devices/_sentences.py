@@ -6,7 +6,14 @@ import re
 from dataclasses import dataclass, field
 from enum import Enum
 
-from turnscan.errors import DeviceAlarm, DeviceError, DeviceGarbled, DeviceRefused, DeviceRestarted
+from turnscan.errors import (
+    DeviceAlarm,
+    DeviceGarbled,
+    DeviceRefused,
+    DeviceRestarted,
+    InterlockOpen,
+    TurnscanError,
+)
 
 LONGEST_LINE = 256
 
@@ -33,8 +40,15 @@ class Sentence:
     fields: dict[str, str] = field(default_factory=dict)
     """Of a status: ``state``, ``MPos``, …; of a setting: its number and value."""
 
-    def as_error(self, port: str) -> DeviceError:
+    @property
+    def is_door(self) -> bool:
+        """Whether it says that the door or the interlock is open."""
+        return "Check Door" in self.text or self.fields.get("state") == "Door"
+
+    def as_error(self, port: str) -> TurnscanError:
         """The error that this sentence is, where another was expected."""
+        if self.is_door:
+            return door_open(port)
         if self.kind is Kind.ALARM:
             return DeviceAlarm(
                 f"{port}: {self.text}", hint="look at the machine, then acknowledge the alarm"
@@ -47,6 +61,14 @@ class Sentence:
         if self.kind is Kind.ERROR:
             return DeviceRefused(f"{port}: the board answered {self.text!r}")
         return DeviceGarbled(f"{port}: said {self.text!r}, which answers nothing that was asked")
+
+
+def door_open(port: str) -> InterlockOpen:
+    """What a door that opens means: it never goes on by itself."""
+    return InterlockOpen(
+        f"{port}: the door or the interlock is open",
+        hint="close it, set the table to its mark, then acknowledge",
+    )
 
 
 _BANNER = re.compile(r"(?:Grbl|Horus) \d+\.\d+\w* \['\$' for help\]")

@@ -69,7 +69,7 @@ class GrblFirmware(Firmware):
         self._modal, self._relative, self._feed = "0", False, 0.0
         self._spindle, self._coolant = "5", frozenset[str]()
         self._power = 0.0
-        self._hold = self._abort = False
+        self._hold = self._door = False
         self._until_wco = self._until_ov = 0
 
     # Bytes.
@@ -77,7 +77,7 @@ class GrblFirmware(Firmware):
     def _work(self) -> None:
         while self._inbox:
             self._byte(self._inbox.popleft())
-        while self._lines and self._execute(self._lines[0]):
+        while self._lines and not self._door and self._execute(self._lines[0]):
             if self._lines:
                 self._lines.popleft()
         if self._move is None and self._queue and not self._hold:
@@ -127,6 +127,14 @@ class GrblFirmware(Firmware):
             self._hold = True
             self._show()
 
+    def open_door(self) -> None:
+        """The door switch opens: hold, lasers out, and nothing goes on before a reset."""
+        self._hold_now()
+        self._door = True
+        self._spindle, self._coolant = "5", frozenset()
+        self._show()
+        self.say(b"[MSG:Check Door]\r\n")
+
     def _resume(self) -> None:
         self._hold = False
         self._show()
@@ -143,6 +151,8 @@ class GrblFirmware(Firmware):
             return "Sleep"
         if self._locked:
             return "Alarm"
+        if self._door:
+            return "Door:0"
         if self._hold:
             return "Hold:0"
         return "Run" if self._busy else "Idle"
