@@ -10,7 +10,7 @@ from turnscan.devices import Turntable
 from turnscan.errors import AngleLost, InputError
 from turnscan.scan import Scan
 
-_AGREES = math.radians(0.2)
+_AGREES = math.radians(0.01)
 
 
 @runtime_checkable
@@ -52,23 +52,27 @@ class Shifted:
 
 
 def check_angle(plan: Plan, scan: Scan, turntable: Turntable) -> None:
-    """Raise AngleLost where a counting table is not between the last frame and the next step."""
+    """Raise AngleLost where a counting table is not between the last frame and the next step.
+
+    One that counts zero may have restarted just as well, wherever it stands; it is not believed.
+    """
     last = scan.last_angle
     if not isinstance(turntable, Counting) or math.isnan(last):
         return
-    there = turntable.angle
-    onwards = math.copysign(
-        abs(plan.angle(1) - plan.angle(0)) if plan.steps > 1 else 0, plan.step_deg
+    there, step = turntable.angle, math.radians(abs(plan.step_deg))
+    onwards = (there - last) * math.copysign(1.0, plan.step_deg)
+    if not turntable.remembers or abs(there) < _AGREES:
+        said = "it has restarted, or counts zero as after a restart"
+    elif -_AGREES <= onwards <= 1.25 * step + _AGREES:
+        return
+    else:
+        said = f"{math.degrees(there):.3f}°"
+    raise AngleLost(
+        f"{scan.path}: the last frame was taken at {math.degrees(last):.3f}°; the controller of "
+        f"the table says: {said}",
+        hint="turn the table to a mark whose angle in this scan you know, and resume with "
+        "--at-deg ANGLE",
     )
-    low, high = sorted((last, last + onwards))
-    if not turntable.remembers or not low - _AGREES <= there <= high + _AGREES:
-        said = "it has restarted" if not turntable.remembers else f"{math.degrees(there):.3f}°"
-        raise AngleLost(
-            f"{scan.path}: the last frame was taken at {math.degrees(last):.3f}°; the controller "
-            f"of the table says: {said}",
-            hint="turn the table to a mark whose angle in this scan you know, and resume with "
-            "--at-deg ANGLE",
-        )
 
 
 def reindexed(turntable: Turntable, at: float) -> Turntable:

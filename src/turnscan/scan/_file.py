@@ -342,10 +342,12 @@ class Scan:
 
     @property
     def last_angle(self) -> float:
-        """rad, where the table was sent for the last frame stored; NaN where that is unknown."""
+        """rad, where the table was at the last frame stored; NaN where that is unknown."""
         rows = [*self._rows.values(), *self._textures.values()]
         last = max(rows, key=lambda r: r.id, default=None)
-        return math.nan if last is None else last.commanded
+        if last is None:
+            return math.nan
+        return last.commanded if math.isnan(last.measured) else last.measured
 
     def background(self, laser: str) -> Image | None:
         """(H, W) or (H, W, 3): what the frames of a laser refer to as dark, or None."""

@@ -1,0 +1,17 @@
+"""What a scan costs: room and time, and that storing holds nothing up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from bench.acquire import scan
+
+
+def test_a_scan_is_small_and_storing_quick(tmp_path: Path) -> None:
+    """A tenth of 400 steps with two lasers, 640×480; `python -m bench acquire` prints all of it."""
+    found = scan(tmp_path, steps=40)
+    assert len(found.stored) == 80
+    assert 0.2e6 < found.size < 4e6, "under 40 MB for 400 steps"
+    assert np.median(found.worked) < 0.010, "s of the processor"
+    assert found.overlapped > 30, "the table moves while a frame is stored"
