@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -48,7 +49,7 @@ class Setup:
     options: dict[str, str]
 
 
-class Board:
+class Board(ABC):
     """`turnscan.devices.Turntable` and `turnscan.devices.Lasers` of one board.
 
     One command is in flight at a time. After an alarm or a restart nothing is sent but dark, until
@@ -174,27 +175,28 @@ class Board:
 
     # What a dialect adds.
 
+    @abstractmethod
     def _default_units(self) -> int:
-        raise NotImplementedError
+        """Steps of one turn where an address says nothing."""
 
+    @abstractmethod
     def _connect(self) -> None:
         """Make sure of the board; the lasers are dark already."""
-        raise NotImplementedError
 
-    def _settle(self) -> None:
+    def _settle(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Set the modes again after a dark. Raises DeviceRestarted where the place is lost."""
 
-    def _zero(self) -> None:
+    def _zero(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Where the table stands is the board's zero from now on."""
 
-    def _unlock(self) -> None:
+    def _unlock(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Take a board out of its alarm."""
 
+    @abstractmethod
     def _go(self, unit: int, end: float) -> None:
         """Turn there and be at rest; the counted unit is the caller's business."""
-        raise NotImplementedError
 
-    def _halt(self) -> None:
+    def _halt(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Ask a turning board to stop; called from any thread."""
 
     def _piece(self) -> int | None:

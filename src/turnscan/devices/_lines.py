@@ -37,7 +37,7 @@ class Lines:
     def next(self, end: float, what: str) -> bytes:
         """The next line that is not empty, without its end.
 
-        Raises DeviceTimeout at the time ``end``, DeviceGarbled for a line beyond all measure.
+        Raises DeviceTimeout at the time ``end``, DeviceGarbled for noise or a line beyond measure.
         """
         while True:
             cut = self._bytes.find(b"\n")
@@ -53,6 +53,8 @@ class Lines:
             left = end - time.monotonic()
             data = self._link.read(max(left, 0.0))
             if not data and left <= 0:
+                if any(byte > 126 for byte in self._bytes):
+                    raise DeviceGarbled(f"{self._port}: noise in answer to {what}")
                 rest = f"; it said {shown(bytes(self._bytes))}" if self._bytes else ""
                 raise DeviceTimeout(f"{self._port}: no answer to {what} in time{rest}")
             self._bytes += data

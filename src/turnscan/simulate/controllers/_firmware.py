@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -74,7 +75,7 @@ class Move:
         return self.start + math.copysign(gone, self.target - self.start)
 
 
-class Firmware:
+class Firmware(ABC):
     """A board without its port: bytes in by `feed`, time by `run`, bytes out by `take`.
 
     All times but those of the laser log are board seconds; nothing here looks at a clock but the
@@ -169,9 +170,9 @@ class Firmware:
             self._changed()
 
     @property
+    @abstractmethod
     def turns(self) -> float:
         """Where the table stands, in turns."""
-        raise NotImplementedError
 
     @property
     def place(self) -> float:
@@ -184,12 +185,12 @@ class Firmware:
 
     # The firmware's side.
 
-    def _start(self) -> None:
+    def _start(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Forget modes."""
 
+    @abstractmethod
     def _work(self) -> None:
         """Do with the inbox what can be done now."""
-        raise NotImplementedError
 
     def _held(self) -> bool:
         return False
@@ -215,7 +216,7 @@ class Firmware:
             self._changed()
             self._moved()
 
-    def _moved(self) -> None:
+    def _moved(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """The motion has ended."""
 
     def _abort_move(self) -> bool:
@@ -263,10 +264,10 @@ class Firmware:
             return False
         return True
 
-    def _alarm(self, number: int) -> None:
+    def _alarm(self, number: int) -> None:  # noqa: B027 (a hook that may stay empty)
         """Enter the alarm, where the firmware knows any; others fall silent."""
 
-    def _error(self, number: int) -> None:
+    def _error(self, number: int) -> None:  # noqa: B027 (a hook that may stay empty)
         """Refuse a command, where the firmware knows how; others fall silent."""
 
 
