@@ -95,6 +95,8 @@ class Renderer:
 
     def laser_light(self, T: Pose, beam: Beam, seconds: float, start: float = 0.0) -> Singles:
         """Photons (H, W) of one laser at each pixel; ``T`` is T_camera_object."""
+        from turnscan.simulate import _shade
+
         pixels, energy, points, body = self._cells(T, beam, seconds, start)
         camera = self.bench.rig.camera
         shape = (camera.height, camera.width)
@@ -102,13 +104,12 @@ class Renderer:
         if not len(pixels):
             return out
         for contrast, halo, members in self._groups():
-            ours = np.zeros(len(self.bench.scene.bodies) + 1, np.float32)  # the last: no body, −1
-            ours[members] = 1.0
-            own = energy * ours[body]
-            lit = np.flatnonzero(own.any(axis=(1, 2)))
+            ours = np.zeros(len(self.bench.scene.bodies) + 1, np.bool_)  # the last: no body, −1
+            ours[members] = True
+            lit, own = _shade.lit_cells(energy, body, ours)
             if not len(lit):
                 continue
-            direct = self._imaged(pixels[lit], own[lit], points[lit], contrast, beam, T)
+            direct = self._imaged(pixels[lit], own, points[lit], contrast, beam, T)
             out += direct if halo is None else self._spread(direct, halo, T)
         return out + self._bounced(T, beam, seconds, start) if self.bench.bounces else out
 
@@ -160,7 +161,9 @@ class Renderer:
     def _cells(
         self, T: Pose, beam: Beam, seconds: float, start: float
     ) -> tuple[Ints, Singles, Floats, Ints]:
-        """Lit pixels (n, 2), photons of their cells (n, oy, ox), the cells' points and bodies."""
+        """Pixels (n, 2) near the stripe, photons of their cells (n, oy, ox), the cells' points,
+        and the bodies that the blocks (n, by, bx) of cells see.
+        """
         from turnscan.simulate import _shade
 
         bench, tri = self.bench, self._tri
@@ -196,11 +199,11 @@ class Renderer:
             self._profile(beam, seconds, start), self._optics(beam, seconds),
         )  # fmt: skip
         body = np.where(face >= 0, tri.body[face], -1).reshape(-1, *blocks)
-        body = body[:, np.arange(cells[0]) * blocks[0] // cells[0]]
-        body = body[:, :, np.arange(cells[1]) * blocks[1] // cells[1]]
         for i, b in enumerate(bench.scene.bodies):
             if b.texture is not None:
-                own = (body == i) & (energy > 0)
+                whose = body[:, np.arange(cells[0]) * blocks[0] // cells[0]]
+                whose = whose[:, :, np.arange(cells[1]) * blocks[1] // cells[1]]
+                own = (whose == i) & (energy > 0)
                 energy[own] *= b.texture.at(b.T_table_part.inverse().apply(spots[own]))
         return pixels, energy, spots, body
 
@@ -210,7 +213,7 @@ class Renderer:
 
         camera = self.bench.rig.camera
         corners, starts = _shade.sheet_polygons(
-            self._tri.vertices, self._tri.faces, self._tri.flat_normals,
+            self._tri.vertices, self._tri.faces, self._tri.flat_normals, *self._tri.clusters,
             T.rotation, T.translation, beam.apex, sheet, shape_of,
         )  # fmt: skip
         mask = np.zeros((camera.height, camera.width), np.bool_)

@@ -42,7 +42,7 @@ def corner_normals(
     return out
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _sheet_distance(x: float, y: float, z: float, sheet: Floats) -> float:
     """Signed distance from the sheet (n, c, e1, e2, bow as five rows of three)."""
     dx, dy, dz = x - sheet[1, 0], y - sheet[1, 1], z - sheet[1, 2]
@@ -53,10 +53,34 @@ def _sheet_distance(x: float, y: float, z: float, sheet: Floats) -> float:
 
 
 @nb.njit(cache=True, nogil=True)
+def clusters(vertices: Floats, faces: Ints, order: Ints, size: int) -> Floats:
+    """(n, 4) centre and radius of a ball round each ``size`` triangles, taken in some order."""
+    out = np.zeros(((len(order) + size - 1) // size, 4))
+    for i in range(len(out)):
+        a, b = i * size, min((i + 1) * size, len(order))
+        for j in range(3):
+            low, high = np.inf, -np.inf
+            for f in order[a:b]:
+                for k in range(3):
+                    x = vertices[faces[f, k], j]
+                    low, high = min(low, x), max(high, x)
+            out[i, j] = 0.5 * (low + high)
+        for f in order[a:b]:
+            for k in range(3):
+                d = 0.0
+                for j in range(3):
+                    d += (vertices[faces[f, k], j] - out[i, j]) ** 2
+                out[i, 3] = max(out[i, 3], math.sqrt(d))
+    return out
+
+
+@nb.njit(cache=True, nogil=True)
 def sheet_polygons(
     vertices: Floats,
     faces: Ints,
     flat: Floats,
+    order: Ints,
+    balls: Floats,
     R: Floats,
     t: Floats,
     apex: Floats,
@@ -65,39 +89,27 @@ def sheet_polygons(
 ) -> tuple[Floats, Ints]:
     """Parts of the triangles within reach of the sheet that face both laser and camera.
 
-    ``beam`` holds waist, waist distance, Rayleigh length, reach in radii, and the aim (3).
+    ``order`` and ``balls``: see `clusters`; triangles of a ball away from the sheet are not
+    looked at. ``beam`` holds waist, waist distance, Rayleigh length, reach in radii, the aim (3).
     Returns corner points (m, 3) in the camera frame and, per polygon, where it starts (p + 1,).
     """
-    moved = np.empty_like(vertices)
-    away = np.empty(len(moved))
-    near, far = np.inf, -np.inf
-    for i in range(len(moved)):
-        for k in range(3):
-            moved[i, k] = (
-                R[k, 0] * vertices[i, 0] + R[k, 1] * vertices[i, 1] + R[k, 2] * vertices[i, 2]
-            ) + t[k]
-        away[i] = _sheet_distance(moved[i, 0], moved[i, 1], moved[i, 2], sheet)
-        z = _along(moved[i, 0], moved[i, 1], moved[i, 2], apex, beam)
-        near, far = min(near, z), max(far, z)
-    widest = max(
-        _reach_at(near, beam), _reach_at(far, beam)
-    )  # the sheet is nowhere thicker between
+    size = (len(order) + len(balls) - 1) // len(balls)
+    bow = 2.0 * (abs(sheet[4, 0]) + abs(sheet[4, 1]) + abs(sheet[4, 2]))
     points = np.empty((1024, 3))
     starts = np.zeros(1024, np.int32)
     m = p = 0
     poly, cut = np.empty((8, 4)), np.empty((8, 4))
-    for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        low, high = min(away[a], away[b], away[c]), max(away[a], away[b], away[c])
-        if low > widest or high < -widest:
+    for i in range(len(order)):
+        if i % size == 0:
+            near = _ball_near(balls, i // size, R, t, apex, sheet, beam, bow)
+        if not near:
             continue
-        reach = _reach(moved[a, 0], moved[a, 1], moved[a, 2], apex, beam)
-        if low > reach or high < -reach or not _faces_both(moved[a], flat[f], R, apex):
+        f = order[i]
+        _move(vertices, faces, f, R, t, sheet, poly)
+        low, high = min(poly[0, 3], poly[1, 3], poly[2, 3]), max(poly[0, 3], poly[1, 3], poly[2, 3])
+        reach = _reach(poly[0, 0], poly[0, 1], poly[0, 2], apex, beam)
+        if low > reach or high < -reach or not _faces_both(poly, flat, f, R, apex):
             continue
-        for k in range(3):
-            v = faces[f, k]
-            poly[k, 0], poly[k, 1], poly[k, 2] = moved[v, 0], moved[v, 1], moved[v, 2]
-            poly[k, 3] = away[v]
         n = _clip(poly, 3, reach, 1.0, cut)
         n = _clip(cut, n, reach, -1.0, poly)
         if n < 3:
@@ -106,37 +118,76 @@ def sheet_polygons(
             points = np.concatenate((points, np.empty_like(points)))
         if p + 2 > len(starts):
             starts = np.concatenate((starts, np.empty_like(starts)))
-        points[m : m + n] = poly[:n, :3]
+        _copy(poly, n, points, m)
         m += n
         p += 1
         starts[p] = m
     return points[:m], starts[: p + 1]
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(cache=True, nogil=True)
+def _move(
+    vertices: Floats, faces: Ints, f: int, R: Floats, t: Floats, sheet: Floats, poly: Floats
+) -> None:
+    """A triangle's corners in the camera frame, and their distance from the sheet, as rows."""
+    for k in range(3):
+        v = faces[f, k]
+        for j in range(3):
+            poly[k, j] = (
+                R[j, 0] * vertices[v, 0] + R[j, 1] * vertices[v, 1] + R[j, 2] * vertices[v, 2]
+            ) + t[j]
+        poly[k, 3] = _sheet_distance(poly[k, 0], poly[k, 1], poly[k, 2], sheet)
+
+
+@nb.njit(cache=True, nogil=True)
+def _copy(poly: Floats, n: int, points: Floats, start: int) -> None:
+    for k in range(n):
+        for j in range(3):
+            points[start + k, j] = poly[k, j]
+
+
+@nb.njit(cache=True, nogil=True)
+def _ball_near(
+    balls: Floats, i: int, R: Floats, t: Floats, apex: Floats, sheet: Floats, beam: Floats,
+    bow: float,
+) -> bool:  # fmt: skip
+    """False where nothing in ball i (centre, radius) can lie within reach of the sheet."""
+    x, y, z, radius = balls[i, 0], balls[i, 1], balls[i, 2], balls[i, 3]
+    cx = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0]
+    cy = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1]
+    cz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2]
+    along = _along(cx, cy, cz, apex, beam)
+    # The sheet is nowhere thicker between, and the distance from a bowed sheet changes at most
+    # by this much per mm.
+    widest = max(_reach_at(along - radius, beam), _reach_at(along + radius, beam))
+    off = abs(cx - sheet[1, 0]) + abs(cy - sheet[1, 1]) + abs(cz - sheet[1, 2]) + radius
+    return abs(_sheet_distance(cx, cy, cz, sheet)) <= widest + (1.0 + bow * off) * radius
+
+
+@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _along(x: float, y: float, z: float, apex: Floats, beam: Floats) -> float:
     """Distance from the apex along the aim."""
     return (x - apex[0]) * beam[4] + (y - apex[1]) * beam[5] + (z - apex[2]) * beam[6]
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _reach_at(z: float, beam: Floats) -> float:
     far = (z - beam[1]) / beam[2]
     return beam[3] * beam[0] * math.sqrt(1.0 + far * far)
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _reach(x: float, y: float, z: float, apex: Floats, beam: Floats) -> float:
     return _reach_at(_along(x, y, z, apex, beam), beam)
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
-def _faces_both(x: Floats, n: Floats, R: Floats, apex: Floats) -> bool:
+@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _faces_both(poly: Floats, flat: Floats, f: int, R: Floats, apex: Floats) -> bool:
     to_eye = to_laser = 0.0
     for i in range(3):
-        across = R[i, 0] * n[0] + R[i, 1] * n[1] + R[i, 2] * n[2]
-        to_eye -= across * x[i]
-        to_laser += across * (apex[i] - x[i])
+        across = R[i, 0] * flat[f, 0] + R[i, 1] * flat[f, 1] + R[i, 2] * flat[f, 2]
+        to_eye -= across * poly[0, i]
+        to_laser += across * (apex[i] - poly[0, i])
     return to_eye > 0.0 and to_laser > 0.0
 
 
@@ -148,10 +199,12 @@ def _clip(poly: Floats, n: int, reach: float, side: float, out: Floats) -> int:
         j = (i + 1) % n
         di, dj = side * poly[i, 3] - reach, side * poly[j, 3] - reach
         if di <= 0.0:
-            out[m] = poly[i]
+            for k in range(4):
+                out[m, k] = poly[i, k]
             m += 1
         if (di < 0.0 < dj) or (dj < 0.0 < di):
-            out[m] = poly[i] + (poly[j] - poly[i]) * (di / (di - dj))
+            for k in range(4):
+                out[m, k] = poly[i, k] + (poly[j, k] - poly[i, k]) * (di / (di - dj))
             m += 1
     return m
 
@@ -209,12 +262,16 @@ def rays(pixels: Ints, field: Floats, down: int, across: int, R: Floats) -> Sing
     return out
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _within(field: Floats, row: int, column: int, y: float, x: float) -> tuple[float, float]:
-    a, b = field[row, column], field[row, column + 1]
-    c, d = field[row + 1, column], field[row + 1, column + 1]
-    p = (1 - y) * ((1 - x) * a[0] + x * b[0]) + y * ((1 - x) * c[0] + x * d[0])
-    q = (1 - y) * ((1 - x) * a[1] + x * b[1]) + y * ((1 - x) * c[1] + x * d[1])
+    # Element by element: a view in a loop over cells costs more than all of this arithmetic.
+    r, c = row + 1, column + 1
+    a, b = (1 - y) * (1 - x), (1 - y) * x
+    d, e = y * (1 - x), y * x
+    p = a * field[row, column, 0] + b * field[row, c, 0]
+    p += d * field[r, column, 0] + e * field[r, c, 0]
+    q = a * field[row, column, 1] + b * field[row, c, 1]
+    q += d * field[r, column, 1] + e * field[r, c, 1]
     return p, q
 
 
@@ -237,29 +294,27 @@ def surface(
         f = face[i]
         if f < 0:
             continue
-        n, a = flat[f], v[faces[f, 0]]
-        origin = origins[i if len(origins) > 1 else 0]
+        a, b = faces[f, 0], i if len(origins) > 1 else 0
         slope = reach = 0.0
         for k in range(3):
-            slope += n[k] * directions[i, k]
-            reach += n[k] * (a[k] - origin[k])
+            slope += flat[f, k] * directions[i, k]
+            reach += flat[f, k] * (v[a, k] - origins[b, k])
         if slope >= 0.0:
             continue
         for k in range(3):
-            points[i, k] = origin[k] + directions[i, k] * (reach / slope)
-        _smooth_normal(
-            points[i], v[faces[f, 0]], v[faces[f, 1]], v[faces[f, 2]], corners[f], normals[i]
-        )
+            points[i, k] = origins[b, k] + directions[i, k] * (reach / slope)
+        _smooth_normal(points, i, v, faces, f, corners, normals)
     return points, normals
 
 
 @nb.njit(cache=True, nogil=True)
 def _smooth_normal(
-    x: Floats, a: Floats, b: Floats, c: Floats, corners: Floats, out: Floats
+    points: Floats, i: int, v: Floats, faces: Ints, f: int, corners: Floats, out: Floats
 ) -> None:
     d11 = d12 = d22 = p = q = 0.0
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     for k in range(3):
-        e1, e2, w = b[k] - a[k], c[k] - a[k], x[k] - a[k]
+        e1, e2, w = v[b, k] - v[a, k], v[c, k] - v[a, k], points[i, k] - v[a, k]
         d11 += e1 * e1
         d12 += e1 * e2
         d22 += e2 * e2
@@ -270,10 +325,11 @@ def _smooth_normal(
     t = min(max((d11 * q - d12 * p) / det, 0.0), 1.0)
     length = 0.0
     for k in range(3):
-        out[k] = (1 - u - t) * corners[0, k] + u * corners[1, k] + t * corners[2, k]
-        length += out[k] * out[k]
+        mean = (1 - u - t) * corners[f, 0, k] + u * corners[f, 1, k] + t * corners[f, 2, k]
+        out[i, k] = mean
+        length += mean * mean
     for k in range(3):
-        out[k] /= math.sqrt(length)
+        out[i, k] /= math.sqrt(length)
 
 
 @nb.njit(cache=True, nogil=True)
@@ -304,7 +360,7 @@ def near_sheet(
     return out
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv: float) -> float:
     """Lambert + GGX with Smith shadowing and Schlick's Fresnel term (Walter et al. 2007), 1/sr.
 
@@ -324,7 +380,7 @@ def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv:
     return diffuse + D * gl * gv * F / (4.0 * nl * nv)
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def painted(x: float, y: float, z: float, paint: Floats) -> float:
     """Albedo of a point in the object frame; ``paint`` is albedo, kind, pitch, ratio."""
     if paint[1] == 0.0:
@@ -337,7 +393,7 @@ def painted(x: float, y: float, z: float, paint: Floats) -> float:
     return paint[0] * (paint[3] if dark else 1.0)
 
 
-@nb.njit(cache=True, nogil=True, fastmath=True)
+@nb.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def glow(
     pixels: Ints,
     field: Floats,
@@ -401,10 +457,13 @@ def glow(
                         continue
                     s = reach / slope
                     wx, wy, wz = p * s - t[0], q * s - t[1], s - t[2]
-                    o = points[i, y, x]
                     for j in range(3):
-                        o[j] = R[0, j] * wx + R[1, j] * wy + R[2, j] * wz
-                    albedo = painted(o[0], o[1], o[2], paint)
+                        points[i, y, x, j] = R[0, j] * wx + R[1, j] * wy + R[2, j] * wz
+                    albedo = paint[0]
+                    if paint[1] != 0.0:
+                        albedo = painted(
+                            points[i, y, x, 0], points[i, y, x, 1], points[i, y, x, 2], paint
+                        )
                     energy[i, y, x] = (
                         optics[0]
                         / (oy * ox)
@@ -416,6 +475,32 @@ def glow(
 
 
 @nb.njit(cache=True, nogil=True)
+def lit_cells(energy: Singles, body: Ints, ours: Bools) -> tuple[Ints, Singles]:
+    """Pixels with light on some bodies, and the energy (m, oy, ox) of their cells from these only.
+
+    ``energy`` (n, oy, ox); ``body`` (n, by, bx) of the blocks of cells, −1 for none; ``ours``
+    (bodies + 1,), the last for none.
+    """
+    n, oy, ox = energy.shape
+    by, bx = body.shape[1], body.shape[2]
+    which = np.empty(n, np.int32)
+    own = np.zeros((n, oy, ox), np.float32)
+    m = 0
+    for i in range(n):
+        any_light = False
+        for y in range(oy):
+            for x in range(ox):
+                e = energy[i, y, x]
+                if e > 0.0 and ours[body[i, y * by // oy, x * bx // ox]]:
+                    own[m, y, x] = e
+                    any_light = True
+        if any_light:
+            which[m] = i
+            m += 1
+    return which[:m], own[:m]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _blurred(
     field: Floats,
     row: int,
@@ -455,7 +540,7 @@ def _blurred(
     return math.sqrt(1.0 + (du * du + dv * dv) / (sigma * sigma))
 
 
-@nb.njit(cache=True, nogil=True, fastmath=True)
+@nb.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _radiance(
     x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, apex: Floats,
     sheet: Floats, beam: Floats, fan: Floats, table: Floats, spread: float,
