@@ -31,7 +31,9 @@ class GigeServer:
     """Serves pictures as the GigE Vision camera ``Aravis-Fake-SERIAL`` until it is closed.
 
     ``picture`` is called for every picture that a client triggers, in a thread of its own, after
-    the exposure has passed; the client's width and height are cut out of it from the top left.
+    the exposure has passed; the client's width and height are cut out of it from the top left. It
+    should be back within a second: the library answers its clients from the same thread, and they
+    take a camera that is silent for longer to be gone.
     ``loss`` is the share of packets that never leave. A context manager.
 
     Raises DeviceNotFound where Aravis is missing, DeviceRefused where the network address is none
