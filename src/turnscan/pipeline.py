@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -15,7 +15,7 @@ from turnscan.points import RangeGrid, Spacing, Volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, Stored, rig_for
 from turnscan.stripes import Signal, Stripe, StripeSettings
-from turnscan.surface import Caps, Mesh, Tears
+from turnscan.surface import Caps, Clean, How, Mesh, Tears
 
 Tick = Callable[[], None]
 FLANKS = 24
@@ -36,7 +36,13 @@ class Settings:
     spacing: float | None = None
     """mm between points along a profile; None keeps one point per image line."""
     spacing_by: Spacing = "height"
+    clean: Clean | None = field(default_factory=Clean)
+    """What is taken away before points become a surface; None keeps all."""
     tears: Tears = field(default_factory=Tears)
+    merge: How = "auto"
+    """How several lasers become one surface."""
+    voxel: float | None = None
+    """mm: voxels of the volumetric merge; None takes the usual spacing of the points."""
     island: int | None = None
     """Loose pieces of fewer faces are taken away; None takes 1 % of the largest piece."""
     caps: Caps | None = None
@@ -72,13 +78,22 @@ def reconstruct(
         kept = points.drop_specks(points.clip(turn, volume), s.shortest)
         findings += found + points.angle_findings(turn, again)
         findings += points.grid_findings(turn, kept, volume)
+        if s.clean is not None:
+            kept, taken = surface.clean(kept, s.clean)
+            findings += taken
         grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)
-    mesh, islands, faces = surface.drop_islands(surface.paste(grids, s.tears), s.island)
+    mesh, remarks = to_mesh(grids, s)
+    return Reconstruction(tuple(grids), mesh, tuple(findings + remarks))
+
+
+def to_mesh(grids: Sequence[RangeGrid], s: Settings) -> tuple[Mesh, list[Finding]]:
+    """Grids → one mesh: merged, without islands, its gaps closed where that is asked for."""
+    merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel)
+    mesh, islands, faces = surface.drop_islands(surface.split_touching(merged), s.island)
     gaps = None
     if s.caps is not None:
         mesh, gaps = surface.close(mesh, s.caps)
-    findings += surface.mesh_findings(mesh, islands, faces, gaps)
-    return Reconstruction(tuple(grids), mesh, tuple(findings))
+    return mesh, findings + surface.mesh_findings(mesh, islands, faces, gaps)
 
 
 def _grid(

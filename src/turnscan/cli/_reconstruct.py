@@ -9,7 +9,8 @@ from pathlib import Path
 import click
 
 from turnscan.cli._input import read_rig_file
-from turnscan.cli._output import check_writable, format_options, write_results
+from turnscan.cli._numbers import Finite
+from turnscan.cli._output import check_output, format_options, write_results
 from turnscan.cli._progress import progress
 from turnscan.cli._reconstruct_report import about, check_report, summary, write_report
 from turnscan.errors import InputError
@@ -19,13 +20,13 @@ from turnscan.points import Volume, profiles, working_volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.stripes import StripeSettings
-from turnscan.surface import Caps
+from turnscan.surface import Caps, Clean
 
 STRATEGIES = (
     "window", "maximum", "centroid", "median", "parabola", "gauss3", "squared", "blais-rioux",
 )  # fmt: skip
 _path = click.Path(path_type=Path)
-_length = click.FloatRange(min=0, min_open=True)
+_length = Finite(min=0, min_open=True)
 
 
 @click.command("reconstruct")
@@ -65,13 +66,29 @@ _length = click.FloatRange(min=0, min_open=True)
 )
 @click.option("--every", type=click.IntRange(min=1), default=1, help="Use every N-th profile.")
 @click.option("--radius", type=_length, help="mm from the axis; what is further out is dropped.")
-@click.option("--z-min", type=float, help="mm above the platter; what is lower is dropped.")
-@click.option("--z-max", type=float, help="mm above the platter; what is higher is dropped.")
+@click.option("--z-min", type=Finite(), help="mm above the platter; what is lower is dropped.")
+@click.option("--z-max", type=Finite(), help="mm above the platter; what is higher is dropped.")
 @click.option(
     "--island",
     type=click.IntRange(min=0),
     help="Loose pieces of fewer faces are taken away.  [default: 1 % of the largest piece]",
 )
+@click.option(
+    "--edge",
+    type=click.IntRange(min=0, max=20),
+    default=1,
+    show_default=True,
+    help="Points dropped where a run ends at a jump in depth or in one-sided light.",
+)
+@click.option("--keep-strays", is_flag=True, help="Keep points without a surface round them.")
+@click.option(
+    "--merge",
+    type=click.Choice(["auto", "grid", "tsdf", "paste"]),
+    default="auto",
+    show_default=True,
+    help="Several lasers or scans: average in angle and height, in voxels, or keep every point.",
+)
+@click.option("--voxel", type=_length, help="mm: voxels of tsdf.  [default: the points' spacing]")
 @click.option("--close", is_flag=True, help="Close the surface; the faces added are marked.")
 @click.option(
     "--unit",
@@ -96,6 +113,10 @@ def verb(
     z_min: float | None,
     z_max: float | None,
     island: int | None,
+    edge: int,
+    keep_strays: bool,
+    merge: str,
+    voxel: float | None,
     close: bool,
     unit: str,
     report: Path | None,
@@ -107,10 +128,11 @@ def verb(
     another scanner beside it. Findings go to stderr; the exit code is 1 where one is an error, and
     then nothing is written.
     """
+    inputs = [source] if rig_path is None else [source, rig_path]
     for path in outputs:
         exporter_for(path.suffix)
-        check_writable(path)
-    check_report(report)
+        check_output(path, inputs=inputs)
+    check_report(report, inputs)
     settings = Settings(
         stripes=StripeSettings(
             strategy=strategy,  # type: ignore[arg-type]
@@ -121,6 +143,9 @@ def verb(
         spacing=spacing,
         spacing_by=spacing_by,  # type: ignore[arg-type]
         island=island,
+        clean=Clean(edge=edge, support=0, piece=0.0) if keep_strays else Clean(edge=edge),
+        merge=merge,  # type: ignore[arg-type]
+        voxel=voxel,
         caps=Caps() if close else None,
     )
     rig: Rig | None = None

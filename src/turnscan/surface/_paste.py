@@ -105,12 +105,11 @@ def _noise(mesh: Mesh) -> Floats:
 def join(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one, side by side; the provenance of each vertex stays with it."""
     starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
-    lasers = tuple(dict.fromkeys(n for m in meshes if m.provenance for n in m.provenance.lasers))
     some = any(m.measured is not None for m in meshes)
     return Mesh(
         np.concatenate([m.vertices for m in meshes]),
         np.concatenate([m.faces + k for m, k in zip(meshes, starts, strict=False)]),
-        _joined(meshes, lasers) if all(m.provenance is not None for m in meshes) else None,
+        joined_provenance(meshes),
         np.concatenate([m.colour for m in meshes if m.colour is not None])
         if all(m.colour is not None for m in meshes)
         else None,
@@ -123,8 +122,12 @@ def measured(mesh: Mesh) -> Bools:
     return np.ones(len(mesh.faces), bool) if mesh.measured is None else mesh.measured
 
 
-def _joined(meshes: Sequence[Mesh], lasers: tuple[str, ...]) -> Provenance:
+def joined_provenance(meshes: Sequence[Mesh]) -> Provenance | None:
+    """Provenance of the vertices of several meshes in a row; None where one has none."""
     known = [m.provenance for m in meshes if m.provenance is not None]
+    if len(known) < len(meshes):
+        return None
+    lasers = tuple(dict.fromkeys(n for p in known for n in p.lasers))
     index = []
     for p in known:
         table = np.array([*(lasers.index(n) for n in p.lasers), -1], dtype=np.int32)

@@ -1,0 +1,212 @@
+"""Compiled kernels of the clean-up; imported only when they are used."""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def _gap(points: Any, side: Any, a: Any, b: Any, closed: bool, out: Any) -> bool:
+    """Write b − a to ``out``; False where one of the two is not there."""
+    s, n, _ = points.shape
+    for k, j in (a, b):
+        if j < 0 or j >= n or ((k < 0 or k >= s) and not closed):
+            return False
+    ka, kb = a[0] % s, b[0] % s
+    if side[ka, a[1]] != side[kb, b[1]]:
+        return False
+    for i in range(3):
+        out[i] = points[kb, b[1], i] - points[ka, a[1], i]
+    return out[0] == out[0]  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def _alike(u: Any, v: Any, cos_bend: float, ratio: float) -> bool:
+    uu, vv = (u * u).sum(), (v * v).sum()
+    if not (uu <= ratio * ratio * vv and vv <= ratio * ratio * uu):
+        return False
+    return (u * v).sum() >= cos_bend * np.sqrt(uu * vv)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def _goes_on(
+    points: Any,
+    side: Any,
+    here: Any,
+    other: Any,
+    k: int,
+    j: int,
+    along_steps: bool,
+    wraps: bool,
+    cos_bend: float,
+) -> bool:
+    """Whether the side before or the side after is alike."""
+    dk, dj = (1, 0) if along_steps else (0, 1)
+    if _gap(points, side, (k - dk, j - dj), (k, j), wraps, other) and _alike(
+        here, other, cos_bend, 2.0
+    ):
+        return True
+    return _gap(  # type: ignore[no-any-return]
+        points, side, (k + dk, j + dj), (k + 2 * dk, j + 2 * dj), wraps, other
+    ) and _alike(here, other, cos_bend, 2.0)
+
+
+@njit(cache=True, nogil=True)
+def _beside_alike(
+    points: Any, side: Any, here: Any, other: Any, k: int, j: int, wraps: bool, cos_bend: float
+) -> bool:
+    """Whether the lines above and below go to the next profile alike."""
+    for o in (-1, 1):
+        if not _gap(points, side, (k, j + o), (k + 1, j + o), wraps, other):
+            return False
+        if not _alike(here, other, cos_bend, 2.0):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def links(
+    points: Any,
+    side: Any,
+    eyes: Any,
+    sigma: Any,
+    usual: Any,
+    along_steps: bool,
+    closed: bool,
+    stretch: float,
+    jump: float,
+    cos_ray: float,
+    cos_bend: float,
+) -> Any:
+    """(s, n) True where a point and the next one (step or line) are neighbours on one surface.
+
+    They are where they lie no further apart than ``stretch`` usual spacings (s, n) or ``jump``
+    sigma; further apart only where the side before or after goes on alike, or between profiles
+    (up to three times as far) where the lines above and below do the same, and the two are not
+    one behind the other along the camera's ray.
+    """
+    s, n, _ = points.shape
+    out = np.zeros((s, n), dtype=np.bool_)
+    dk, dj = (1, 0) if along_steps else (0, 1)
+    here, other = np.empty(3), np.empty(3)
+    wraps = closed and along_steps
+    for k in range(s):
+        for j in range(n):
+            if not _gap(points, side, (k, j), (k + dk, j + dj), wraps, here):
+                continue
+            length = np.sqrt((here * here).sum())
+            k1 = (k + dk) % s
+            noise = jump * np.hypot(sigma[k, j], sigma[k1, j + dj])
+            if length <= noise:
+                out[k, j] = True
+                continue
+            eye = eyes[k]
+            if eye[0] == eye[0]:
+                ray = points[k, j] - eye
+                depth = abs((ray * here).sum()) / np.sqrt((ray * ray).sum())
+                if depth > cos_ray * length and depth > noise:
+                    continue
+            if length <= stretch * usual[k, j]:
+                out[k, j] = True
+                continue
+            out[k, j] = _goes_on(points, side, here, other, k, j, along_steps, wraps, cos_bend) or (
+                along_steps
+                and length <= 3.0 * stretch * usual[k, j]
+                and _beside_alike(points, side, here, other, k, j, wraps, cos_bend)
+            )
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _neighbours(
+    keep: Any, to_step: Any, to_line: Any, closed: bool, k: int, j: int, ks: Any, js: Any
+) -> int:
+    """Write the kept neighbours (8 at most) of a point that links lead to; returns how many.
+
+    A diagonal neighbour counts where links lead round the corner to it.
+    """
+    s, n = keep.shape
+    have = 0
+    up = k + 1 if k + 1 < s else (0 if closed else -1)
+    down = k - 1 if k > 0 else (s - 1 if closed else -1)
+    for o in range(8):
+        dk = -1 if o in (0, 3, 5) else (1 if o in (2, 4, 7) else 0)
+        dj = -1 if o < 3 else (1 if o > 4 else 0)
+        a, b = (k if dk == 0 else (up if dk > 0 else down)), j + dj
+        if a < 0 or b < 0 or b >= n or not keep[a, b]:
+            continue
+        low_k, low_j = (k if dk > 0 else a), min(j, b)
+        if dk == 0:
+            linked = to_line[k, low_j]
+        elif dj == 0:
+            linked = to_step[low_k, j]
+        else:
+            linked = (keep[a, j] and to_step[low_k, j] and to_line[a, low_j]) or (
+                keep[k, b] and to_line[k, low_j] and to_step[low_k, b]
+            )
+        if linked:
+            ks[have], js[have] = a, b
+            have += 1
+    return have
+
+
+@njit(cache=True, nogil=True)
+def core(keep: Any, to_step: Any, to_line: Any, closed: bool, least: int) -> Any:
+    """The points (s, n) that stay when those with fewer than ``least`` neighbours are taken away,
+    again and again until none is left to take. The order does not matter.
+    """
+    s, n = keep.shape
+    left = keep.copy()
+    ks, js = np.empty(8, dtype=np.int64), np.empty(8, dtype=np.int64)
+    stack = np.empty((9 * s * n + 1, 2), dtype=np.int32)
+    top = 0
+    for k in range(s):
+        for j in range(n):
+            if left[k, j]:
+                stack[top, 0], stack[top, 1] = k, j
+                top += 1
+    while top > 0:
+        top -= 1
+        k, j = stack[top]
+        if not left[k, j]:
+            continue
+        have = _neighbours(left, to_step, to_line, closed, k, j, ks, js)
+        if have >= least:
+            continue
+        left[k, j] = False
+        for i in range(have):
+            stack[top, 0], stack[top, 1] = ks[i], js[i]
+            top += 1
+    return left
+
+
+@njit(cache=True, nogil=True)
+def piece_sizes(keep: Any, to_step: Any, to_line: Any, closed: bool) -> Any:
+    """(s, n): for every kept point, how many kept points links lead to from it, itself included."""
+    s, n = keep.shape
+    size = np.zeros((s, n), dtype=np.int64)
+    ks, js = np.empty(8, dtype=np.int64), np.empty(8, dtype=np.int64)
+    queue = np.empty((s * n, 2), dtype=np.int32)
+    for k in range(s):
+        for j in range(n):
+            if not keep[k, j] or size[k, j] != 0:
+                continue
+            queue[0, 0], queue[0, 1] = k, j
+            size[k, j] = -1
+            begin, end = 0, 1
+            while begin < end:
+                a, b = queue[begin]
+                begin += 1
+                have = _neighbours(keep, to_step, to_line, closed, a, b, ks, js)
+                for i in range(have):
+                    if size[ks[i], js[i]] == 0:
+                        size[ks[i], js[i]] = -1
+                        queue[end, 0], queue[end, 1] = ks[i], js[i]
+                        end += 1
+            for i in range(end):
+                size[queue[i, 0], queue[i, 1]] = end
+    return size

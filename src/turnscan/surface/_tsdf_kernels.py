@@ -1,0 +1,271 @@
+"""Compiled kernels of the volumetric merge; imported only when they are used."""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+SIDE = 8
+"""Voxels along one side of a block."""
+CELLS = SIDE**3
+_SLACK = 0.02
+"""Part of a face by which its shadow is widened, so that rays that fan out leave no cracks."""
+
+
+@njit(cache=True, nogil=True)
+def _reach(
+    points: Any,
+    face: Any,
+    eyes: Any,
+    cosines: Any,
+    origin: Any,
+    voxel: float,
+    ramp: float,
+    e1: Any,
+    e2: Any,
+    r: Any,
+    low: Any,
+    high: Any,
+) -> float:
+    """Write sides, ray (towards the camera) and box of voxels of a face; gives cos(incidence)."""
+    a, b, c = face
+    length = 0.0
+    for i in range(3):
+        e1[i], e2[i] = points[b, i] - points[a, i], points[c, i] - points[a, i]
+        middle = (points[a, i] + points[b, i] + points[c, i]) / 3.0
+        r[i] = (eyes[a, i] + eyes[b, i] + eyes[c, i]) / 3.0 - middle
+        length += r[i] * r[i]
+    length = np.sqrt(length)
+    cosine = (cosines[a] + cosines[b] + cosines[c]) / 3.0
+    if not (cosine > 0.0 and length > 0.0):
+        return 0.0
+    for i in range(3):
+        r[i] /= length
+        x, y, z = points[a, i], points[b, i], points[c, i]
+        d = abs(r[i]) * ramp / cosine
+        low[i] = int(np.ceil((min(x, y, z) - d - origin[i]) / voxel))
+        high[i] = int(np.floor((max(x, y, z) + d - origin[i]) / voxel))
+    return cosine  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def mark(
+    points: Any,
+    faces: Any,
+    eyes: Any,
+    cosines: Any,
+    origin: Any,
+    voxel: float,
+    ramp: float,
+    least_cos: float,
+    used: Any,
+) -> None:
+    """Set the blocks (bx, by, bz) of ``used`` that `add` may write to."""
+    e1, e2, r = np.empty(3), np.empty(3), np.empty(3)
+    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    for f in range(faces.shape[0]):
+        cosine = _reach(points, faces[f], eyes, cosines, origin, voxel, ramp, e1, e2, r, low, high)
+        if not cosine > least_cos:
+            continue
+        for x in range(low[0] // SIDE, high[0] // SIDE + 1):
+            for y in range(low[1] // SIDE, high[1] // SIDE + 1):
+                for z in range(low[2] // SIDE, high[2] // SIDE + 1):
+                    used[x, y, z] = True
+
+
+@njit(cache=True, nogil=True)
+def _solve(e1: Any, e2: Any, r: Any, inverse: Any) -> bool:
+    """Inverse of the matrix with columns e1, e2, r; False where it is (nearly) singular."""
+    c0 = e2[1] * r[2] - e2[2] * r[1]
+    c1 = e2[2] * r[0] - e2[0] * r[2]
+    c2 = e2[0] * r[1] - e2[1] * r[0]
+    det = e1[0] * c0 + e1[1] * c1 + e1[2] * c2
+    if abs(det) < 1e-12:
+        return False
+    inverse[0, 0], inverse[0, 1], inverse[0, 2] = c0 / det, c1 / det, c2 / det
+    inverse[1, 0] = (r[1] * e1[2] - r[2] * e1[1]) / det
+    inverse[1, 1] = (r[2] * e1[0] - r[0] * e1[2]) / det
+    inverse[1, 2] = (r[0] * e1[1] - r[1] * e1[0]) / det
+    inverse[2, 0] = (e1[1] * e2[2] - e1[2] * e2[1]) / det
+    inverse[2, 1] = (e1[2] * e2[0] - e1[0] * e2[2]) / det
+    inverse[2, 2] = (e1[0] * e2[1] - e1[1] * e2[0]) / det
+    return True
+
+
+@njit(cache=True, nogil=True)
+def add(
+    points: Any,
+    faces: Any,
+    eyes: Any,
+    cosines: Any,
+    weight: Any,
+    first: int,
+    origin: Any,
+    voxel: float,
+    ramp: float,
+    least_cos: float,
+    index: Any,
+    distance: Any,
+    total: Any,
+    near: Any,
+    source: Any,
+) -> None:
+    """Add one range surface to the volume.
+
+    Every voxel that a face shadows, seen along the camera's ray through the face, within ``ramp``
+    mm of the surface, gets its signed distance (along the ray, times the cosine of incidence;
+    positive on the camera's side) with the weight of the corners times that cosine. ``near`` and
+    ``source`` keep the least
+    distance seen and the number (from ``first``) of the vertex that it belongs to.
+    """
+    inverse = np.empty((3, 3))
+    e1, e2, r = np.empty(3), np.empty(3), np.empty(3)
+    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f]
+        p = points[a]
+        cosine = _reach(points, faces[f], eyes, cosines, origin, voxel, ramp, e1, e2, r, low, high)
+        if not cosine > least_cos or not _solve(e1, e2, r, inverse):
+            continue
+        far = ramp / cosine
+        for x in range(low[0], high[0] + 1):
+            vx = origin[0] + x * voxel - p[0]
+            for y in range(low[1], high[1] + 1):
+                vy = origin[1] + y * voxel - p[1]
+                # b1, b2 and t change evenly with z: only the stretch inside all limits is walked.
+                z0, z1 = low[2], high[2]
+                zo = origin[2] - p[2]
+                b1 = inverse[0, 0] * vx + inverse[0, 1] * vy + inverse[0, 2] * zo
+                b2 = inverse[1, 0] * vx + inverse[1, 1] * vy + inverse[1, 2] * zo
+                t = inverse[2, 0] * vx + inverse[2, 1] * vy + inverse[2, 2] * zo
+                s1, s2, st = (
+                    inverse[0, 2] * voxel,
+                    inverse[1, 2] * voxel,
+                    inverse[2, 2] * voxel,
+                )
+                z0, z1 = _within(b1, s1, -_SLACK, 2.0, z0, z1)
+                z0, z1 = _within(b2, s2, -_SLACK, 2.0, z0, z1)
+                z0, z1 = _within(b1 + b2, s1 + s2, -2.0, 1.0 + _SLACK, z0, z1)
+                z0, z1 = _within(t, st, -far, far, z0, z1)
+                for z in range(z0, z1 + 1):
+                    u, v = b1 + s1 * z, b2 + s2 * z
+                    d = (t + st * z) * cosine
+                    w = (1.0 - u - v) * weight[a] + u * weight[b] + v * weight[c]
+                    w *= cosine
+                    block = index[x // SIDE, y // SIDE, z // SIDE]
+                    cell = ((x % SIDE) * SIDE + y % SIDE) * SIDE + z % SIDE
+                    if w > 0.0:
+                        distance[block, cell] += w * d
+                        total[block, cell] += w
+                    if abs(d) < near[block, cell]:
+                        near[block, cell] = abs(d)
+                        nearest = a
+                        if u >= v and u >= 1.0 - u - v:
+                            nearest = b
+                        elif v >= u and v >= 1.0 - u - v:
+                            nearest = c
+                        source[block, cell] = first + nearest
+
+
+@njit(cache=True, nogil=True)
+def _within(
+    start: float, slope: float, low: float, high: float, z0: int, z1: int
+) -> tuple[int, int]:
+    """The part of z0..z1 where low ≤ start + slope·z ≤ high."""
+    if abs(slope) < 1e-12:
+        return (z0, z1) if low <= start <= high else (1, 0)
+    a, b = (low - start) / slope, (high - start) / slope
+    if a > b:
+        a, b = b, a
+    return max(z0, int(np.ceil(max(a, z0 - 1.0)))), min(z1, int(np.floor(min(b, z1 + 1.0))))
+
+
+@njit(cache=True, nogil=True)
+def _value(index: Any, x: int, y: int, z: int) -> tuple[int, int]:
+    bx, by, bz = x // SIDE, y // SIDE, z // SIDE
+    if bx >= index.shape[0] or by >= index.shape[1] or bz >= index.shape[2]:
+        return -1, 0
+    return index[bx, by, bz], ((x % SIDE) * SIDE + y % SIDE) * SIDE + z % SIDE
+
+
+@njit(cache=True, nogil=True)
+def _corners_of(
+    index: Any, value: Any, x: int, y: int, z: int, corners: Any, d: Any, at: Any
+) -> int:
+    """Write values and places of a cube's corners; the pattern of those inside, 0 if one lacks."""
+    case = 0
+    for c in range(8):
+        b, k = _value(index, x + corners[c, 0], y + corners[c, 1], z + corners[c, 2])
+        if b < 0 or np.isnan(value[b, k]):
+            return 0
+        d[c] = value[b, k]
+        at[c, 0], at[c, 1] = b, k
+        if d[c] < 0.0:
+            case |= 1 << c
+    return case
+
+
+@njit(cache=True, nogil=True)
+def march(
+    index: Any,
+    blocks: Any,
+    value: Any,
+    near: Any,
+    source: Any,
+    corners: Any,
+    ends: Any,
+    table: Any,
+    sizes: Any,
+) -> tuple[Any, Any, Any]:
+    """Marching cubes over the blocks: vertices (v, 3) in voxels, faces (f, 3), sources (v,).
+
+    ``value`` (blocks, cells) is the signed distance, NaN where nothing is known: no cube with such
+    a corner makes a face. A vertex takes the source of the nearer end of its edge.
+    """
+    number = np.full((len(blocks), CELLS, 3), -1, dtype=np.int32)
+    room = 1 << 16
+    vertices = np.empty((room, 3))
+    origin = np.empty(room, dtype=np.int64)
+    faces = np.empty((room, 3), dtype=np.int32)
+    made, count = 0, 0
+    d = np.empty(8)
+    at = np.empty((8, 2), dtype=np.int64)
+    ids = np.empty(12, dtype=np.int64)
+    for block in range(len(blocks)):
+        bx, by, bz = blocks[block] * SIDE
+        for cell in range(CELLS):
+            if np.isnan(value[block, cell]):
+                continue
+            x, y, z = bx + cell // (SIDE * SIDE), by + cell // SIDE % SIDE, bz + cell % SIDE
+            case = _corners_of(index, value, x, y, z, corners, d, at)
+            if sizes[case] == 0:
+                continue
+            if made + 12 > len(vertices):
+                vertices = np.concatenate((vertices, np.empty_like(vertices)))
+                origin = np.concatenate((origin, np.empty_like(origin)))
+            if count + 12 > len(faces):
+                faces = np.concatenate((faces, np.empty_like(faces)))
+            for e in range(12):
+                a, b = ends[e, 0], ends[e, 1]
+                if (d[a] < 0.0) == (d[b] < 0.0):
+                    continue
+                axis = ends[e, 2]
+                low, high = at[a], at[b]
+                if number[low[0], low[1], axis] < 0:
+                    number[low[0], low[1], axis] = made
+                    vertices[made, 0] = x + corners[a, 0]
+                    vertices[made, 1] = y + corners[a, 1]
+                    vertices[made, 2] = z + corners[a, 2]
+                    vertices[made, axis] += d[a] / (d[a] - d[b])
+                    nearer = low if near[low[0], low[1]] <= near[high[0], high[1]] else high
+                    origin[made] = source[nearer[0], nearer[1]]
+                    made += 1
+                ids[e] = number[low[0], low[1], axis]
+            for t in range(sizes[case]):
+                for i in range(3):
+                    faces[count, i] = ids[table[case, t, i]]
+                count += 1
+    return vertices[:made].copy(), faces[:count].copy(), origin[:made].copy()

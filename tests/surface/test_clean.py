@@ -1,0 +1,136 @@
+"""Clean-up of range grids: strays, spikes and the ends of the light go, surfaces stay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from turnscan.points import RangeGrid
+from turnscan.stripes import StripeFlag
+from turnscan.surface import Clean, clean
+
+
+def wall(steps: int = 40, lines: int = 50, noise: float = 0.01, seed: int = 0) -> RangeGrid:
+    """A tube of radius 30 mm scanned all round, seen from 400 mm away, with radial noise."""
+    rng = np.random.default_rng(seed)
+    phi = np.arange(steps) * 2 * np.pi / steps
+    r = 30.0 + rng.normal(0.0, noise, (steps, lines))
+    z = np.broadcast_to(5.0 + 0.5 * np.arange(lines), (steps, lines))
+    out = np.stack([np.cos(phi), np.sin(phi), 0 * phi], axis=-1)
+    points = r[..., None] * out[:, None] + z[..., None] * [0.0, 0.0, 1.0]
+    return RangeGrid(
+        laser="L0",
+        steps=np.arange(steps),
+        angles=phi,
+        points=points,
+        sigma=np.full((steps, lines), noise),
+        amplitude=np.ones((steps, lines)),
+        flags=np.zeros((steps, lines), dtype=np.uint16),
+        closed=True,
+        eyes=400.0 * out + [0.0, 0.0, 40.0],
+    )
+
+
+def moved(grid: RangeGrid, where: object, depth: float) -> RangeGrid:
+    points = grid.points.copy()
+    ray = grid.eyes[:, None] - points
+    ray /= np.linalg.norm(ray, axis=2, keepdims=True)
+    points[where] += depth * ray[where]
+    return replace(grid, points=points)
+
+
+def test_a_clean_surface_loses_nothing():
+    grid = wall()
+    out, findings = clean(grid)
+    assert np.array_equal(out.found, grid.found)
+    assert findings == []
+
+
+@pytest.mark.parametrize("depth", [-12.0, 12.0])
+def test_single_strays_go_and_their_neighbours_stay(depth):
+    grid = wall(120)
+    stray = np.zeros(grid.flags.shape, dtype=bool)
+    stray[5::9, 7::11] = True
+    out, findings = clean(moved(grid, stray, depth), Clean(edge=0))
+    assert not out.found[stray].any()
+    assert out.found[~stray].all()
+    assert (out.flags[stray] == StripeFlag.AMBIGUOUS).all()
+    assert [f.code for f in findings] == ["surface.strays"]
+    assert findings[0].message.startswith(str(int(stray.sum())))
+
+
+def test_a_spike_one_line_wide_goes():
+    grid = wall(120)
+    spike = np.zeros(grid.flags.shape, dtype=bool)
+    spike[10:16, 20] = True
+    out, _ = clean(moved(grid, spike, 15.0), Clean(edge=0))
+    assert not out.found[spike].any()
+    assert out.found[~spike].all()
+
+
+def test_mixed_pixels_go_where_the_light_ends_one_sidedly():
+    grid = wall()
+    points, flags = grid.points.copy(), grid.flags.copy()
+    points[:, 30:33] = np.nan
+    flags[:, 29] = StripeFlag.EDGE
+    out, findings = clean(replace(grid, points=points, flags=flags))
+    assert not out.found[:, 29].any()
+    assert out.found[:, 28].all()
+    assert out.found[:, 33].all()  # its light was whole
+    assert findings[0].code == "surface.edges"
+    kept, none = clean(replace(grid, points=points, flags=flags), Clean(edge=0))
+    assert kept.found[:, 29].all()
+    assert none == []
+
+
+def test_a_step_in_depth_loses_one_point_on_either_side():
+    grid = wall()
+    upper = np.zeros(grid.flags.shape, dtype=bool)
+    upper[:, 25:] = True
+    out, _ = clean(moved(grid, upper, 8.0))
+    assert not out.found[:, 24:26].any()
+    assert out.found[:, :24].all()
+    assert out.found[:, 26:].all()
+
+
+def test_a_patch_that_floats_goes_and_a_large_one_stays():
+    grid = wall(lines=60)
+    points = grid.points.copy()
+    points[:, 40:] = np.nan
+    points[4:6, 45:47] = grid.points[4:6, 45:47]
+    small, _ = clean(replace(grid, points=points))
+    assert not small.found[:, 40:].any()
+    points[4:14, 45:55] = grid.points[4:14, 45:55]
+    large, _ = clean(replace(grid, points=points))
+    assert large.found[4:14, 45:55].all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
+def test_nothing_is_moved_or_invented_and_the_rest_is_stable(seed, share):
+    grid = wall(12, 14, 0.02, 1)
+    gone = np.random.default_rng(seed).random(grid.flags.shape) < share
+    holed = replace(grid, points=np.where(gone[..., None], np.nan, grid.points))
+    settings = Clean(edge=0)
+    once, _ = clean(holed, settings)
+    assert not (once.found & gone).any()
+    assert np.array_equal(once.points[once.found], grid.points[once.found])
+    again, _ = clean(once, settings)
+    assert np.array_equal(again.found, once.found)
+
+
+def test_a_single_profile_stays_as_it_is():
+    grid = wall(1, 20)
+    out, findings = clean(replace(grid, closed=False))
+    assert out.found.all()
+    assert findings == []
+
+
+@pytest.mark.parametrize("wrong", [{"edge": -1}, {"support": 9}, {"stretch": 1.0}])
+def test_settings_without_sense_are_refused(wrong):
+    with pytest.raises(ValueError, match="Clean"):
+        Clean(**wrong)

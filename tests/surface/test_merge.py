@@ -1,0 +1,199 @@
+"""Several range surfaces become one: where they agree, where they do not, and its topology."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere, with_noise
+from turnscan.errors import InputError, LimitExceeded
+from turnscan.points import Volume, build_grid, clip
+from turnscan.surface import _cubes as cubes
+from turnscan.surface import (
+    boundary_loops,
+    clean,
+    fuse,
+    merge,
+    overlaps,
+    range_surfaces,
+    split_touching,
+)
+
+NOISE = 0.05
+CENTRE = np.array([3.0, 2.0, 28.0])
+
+
+def scanned(shape, steps, top=60.0):
+    rig = make_rig(lasers=(0.4, -0.4), lift=28.0, elevation=0.3)
+    angles = full_turn(steps)
+    out = []
+    for k in range(2):
+        stripes = with_noise(scan_shape(rig, shape, angles, f"L{k}"), NOISE, k)
+        grid = clip(build_grid(rig, f"L{k}", stripes, range(steps), angles), Volume(60, 2, top))
+        out.append(clean(grid)[0])
+    return out
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return scanned(sphere(25.0, tuple(CENTRE)), 72)
+
+
+@pytest.fixture(scope="module")
+def tube():
+    return scanned(cylinder(25.0, 0.0, 60.0), 61, top=52.0)
+
+
+def sides_of(mesh):
+    a = mesh.faces[:, [0, 1, 2]].ravel()
+    b = mesh.faces[:, [1, 2, 0]].ravel()
+    return Counter(zip(a.tolist(), b.tolist(), strict=True))
+
+
+def area(mesh):
+    t = mesh.triangles
+    return float(np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1).sum() / 2)
+
+
+def off_ball(mesh):
+    return np.linalg.norm(mesh.vertices - CENTRE, axis=1) - 25.0
+
+
+def test_every_pattern_of_a_cube_is_cut_into_a_sound_surface():
+    table, sizes = cubes.table()
+    for case in range(256):
+        faces = table[case, : sizes[case]]
+        pairs = Counter((int(f[i]), int(f[(i + 1) % 3])) for f in faces for i in range(3))
+        assert all(n == 1 for n in pairs.values())
+        inside = [bool(case >> c & 1) for c in range(8)]
+        crossed = {e for e, (a, b, _) in enumerate(cubes.EDGES) if inside[a] != inside[b]}
+        assert {int(e) for e in faces.ravel()} == crossed
+        # What is not a side between two faces of this cube lies in a side of the cube.
+        for a, b in pairs:
+            if (b, a) not in pairs:
+                ends = cubes.CORNERS[[*cubes.EDGES[a][:2], *cubes.EDGES[b][:2]]]
+                assert (ends == ends[0]).all(axis=0).any()
+
+
+def test_a_face_looks_away_from_the_inside():
+    table, _ = cubes.table()
+    middle = cubes.CORNERS[cubes.EDGES[table[1, 0], :2]].mean(axis=1)
+    assert np.cross(middle[1] - middle[0], middle[2] - middle[0]) @ [1, 1, 1] > 0
+
+
+def test_two_lasers_become_one_surface_in_voxels(ball):
+    mesh, findings = merge(ball, how="tsdf")
+    assert findings[-1].code == "surface.merge"
+    assert max(sides_of(mesh).values()) == 1
+    off = off_ball(mesh)
+    single = off_ball(range_surfaces(ball[0])[0].mesh)
+    # Averaged, so better than one laser; but noise stays.
+    assert 0.1 * single.std() < off.std() < 0.9 * single.std()
+    assert abs(np.median(off)) < 0.05
+    # One layer: what both saw is there once.
+    once = sum(area(s.mesh) for s in range_surfaces(ball[0]))
+    assert area(mesh) < 1.1 * once
+    p = mesh.provenance
+    assert set(p.laser) == {0, 1}
+    at = [ball[k].points[s, j] for k, s, j in zip(p.laser, p.step, p.line, strict=True)]
+    gap = np.linalg.norm(mesh.vertices - at, axis=1)
+    assert np.quantile(gap, 0.99) < 2.0  # about the spacing of the points
+
+
+def test_the_order_of_lasers_does_not_matter(ball):
+    one, _ = merge(ball, how="tsdf")
+    two, _ = merge(ball[::-1], how="tsdf")
+    assert len(one.faces) == len(two.faces)
+    assert np.abs(one.vertices - two.vertices).max() < 1e-3
+
+
+def test_the_same_input_gives_the_same_bytes(ball):
+    one, two = merge(ball, how="tsdf")[0], merge(ball, how="tsdf")[0]
+    assert one.vertices.tobytes() == two.vertices.tobytes()
+    assert one.faces.tobytes() == two.faces.tobytes()
+
+
+def test_a_tube_is_merged_in_angle_and_height_and_its_seam_closes(tube):
+    mesh, findings = merge(tube)
+    assert "angle and height" in findings[-1].message
+    assert max(sides_of(mesh).values()) == 1
+    middle = np.abs(mesh.vertices[:, 2] - 30.0) < 15.0
+    off = np.hypot(mesh.vertices[middle, 0], mesh.vertices[middle, 1]) - 25.0
+    single = tube[0].points[tube[0].found]
+    alone = np.hypot(single[:, 0], single[:, 1])[np.abs(single[:, 2] - 30.0) < 15.0] - 25.0
+    assert 0.3 * alone.std() < off.std() < 0.95 * alone.std()
+    # Two rims and nothing else: closed round the turn.
+    loops = boundary_loops(split_touching(mesh))
+    reach = [np.ptp(np.arctan2(*mesh.vertices[k, 1::-1].T)) for k in loops]
+    assert sum(r > 6.0 for r in reach) == 2
+    assert not any(len(k) > 12 for k, r in zip(loops, reach, strict=True) if r <= 6.0)
+
+
+def test_a_ball_is_too_level_for_angle_and_height(ball):
+    assert "voxels" in merge(ball)[1][-1].message
+
+
+def test_surfaces_of_two_lasers_agree_as_their_sigma_says(ball):
+    found = overlaps([range_surfaces(g)[0] for g in ball])
+    ratios = np.concatenate([o.ratios for o in found])
+    assert len(ratios) > 1000
+    # The median of |normal| is 0.67; interpolation is not in it, the weights of a plane are.
+    assert 0.2 < np.median(ratios) < 1.0
+    assert (ratios < 2.0).mean() > 0.95
+
+
+def test_a_disagreement_is_a_finding_with_place_and_size(tube):
+    one, two = tube
+    points = two.points.copy()
+    phi = np.arctan2(points[..., 1], points[..., 0])
+    dent = (np.abs(phi) < 0.5) & (np.abs(points[..., 2] - 30.0) < 12.0)
+    points[dent, :2] *= 25.8 / 25.0
+    mesh, findings = merge([one, replace(two, points=points)], how="grid")
+    (found,) = [f for f in findings if f.code == "surface.disagree"]
+    assert found.where == "L0 and L1"
+    assert found.severity == "warning"
+    assert float(found.message.split("by ")[1].split(" mm")[0]) == pytest.approx(0.8, abs=0.15)
+    # Not averaged: the cells hold one or the other.
+    there = (np.abs(np.arctan2(*mesh.vertices[:, 1::-1].T)) < 0.4) & (
+        np.abs(mesh.vertices[:, 2] - 30.0) < 10.0
+    )
+    r = np.hypot(*mesh.vertices[there, :2].T)
+    assert (np.minimum(np.abs(r - 25.0), np.abs(r - 25.8)) < 0.3).mean() > 0.95
+
+
+def test_what_one_laser_did_not_see_comes_from_the_other(tube):
+    one, two = tube
+    points = one.points.copy()
+    points[20:30] = np.nan
+    holed = replace(one, points=points)
+    for how in ("grid", "tsdf"):
+        mesh, _ = merge([holed, two], how=how)
+        assert area(mesh) > 0.97 * area(merge([one, two], how=how)[0])
+
+
+def test_one_laser_keeps_its_measured_points(tube):
+    mesh, findings = merge(tube[:1])
+    assert findings == []
+    p = mesh.provenance
+    assert np.array_equal(mesh.vertices, tube[0].points[p.step, p.line])
+
+
+def test_wishes_that_cannot_be_are_refused(tube):
+    with pytest.raises(InputError, match="camera stood"):
+        merge([replace(g, eyes=None) for g in tube], how="tsdf")
+    with pytest.raises(InputError, match="no angle"):
+        merge([replace(g, angles=np.zeros(len(g.steps))) for g in tube], how="grid")
+    surfaces = [s for g in tube for s in range_surfaces(g)]
+    with pytest.raises(InputError, match="two voxels"):
+        fuse(surfaces, 1.0, 1.0)
+    with pytest.raises(LimitExceeded, match="voxels"):
+        merge(tube, how="tsdf", voxel=0.0005)
+
+
+def test_nothing_seen_gives_an_empty_mesh(tube):
+    empty = [replace(g, points=np.full_like(g.points, np.nan)) for g in tube]
+    for how in ("auto", "grid", "tsdf"):
+        assert len(merge(empty, how=how)[0].faces) == 0
