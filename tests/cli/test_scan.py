@@ -43,9 +43,10 @@ def start(*words: str | Path) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
-def when_frames_are_in(path: Path, count: int) -> None:
-    end = time.monotonic() + 60
+def when_frames_are_in(path: Path, count: int, child: subprocess.Popen[str]) -> None:
+    end = time.monotonic() + 90
     while time.monotonic() < end:
+        assert child.poll() is None, child.communicate()
         try:
             with Scan.open(path) as scan:
                 if len(scan) >= count:
@@ -80,7 +81,7 @@ def test_interrupted_and_resumed_to_the_byte(whole: Path, tmp_path: Path, number
     path = tmp_path / "a.turnscan"
     child = start("scan", path, "--device", BENCH, "--steps", "14")
     try:
-        when_frames_are_in(path, 2)
+        when_frames_are_in(path, 2, child)
         # Somebody looks on meanwhile.
         looked = cli("check", "--json", path)
         with pytest.raises(ScanBusy):
@@ -95,7 +96,7 @@ def test_interrupted_and_resumed_to_the_byte(whole: Path, tmp_path: Path, number
     if number == "SIGKILL":
         assert child.returncode == -signal.SIGKILL
     else:
-        assert child.returncode == 130
+        assert child.returncode == 130, said
         assert f"of 14 steps are stored → turnscan resume {path}" in said
     with Scan.open(path) as scan:
         assert 2 <= len(scan) < 14
