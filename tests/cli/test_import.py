@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from PIL import Image as Pillow
 
 from turnscan.cli import turnscan
-from turnscan.errors import FormatError, InputError, ScanError, TurnscanError
+from turnscan.errors import ExportError, FormatError, InputError, ScanError, TurnscanError
 from turnscan.rig import Camera, LaserSheet, Marker, Pose, Rig, rig_to_json, rotation_z
 from turnscan.scan import Scan, read_picture
 
@@ -383,7 +383,7 @@ def test_bad_input_is_one_line_and_changes_nothing(
 )
 def test_bad_options(tmp_path: Path, args: list[str], words: str) -> None:
     lit = folder(tmp_path / "on", list(range(3)))
-    with pytest.raises((InputError, ScanError)) as caught:
+    with pytest.raises((InputError, ScanError, ExportError)) as caught:
         run(lit, "-o", tmp_path / "a.turnscan", *args)
     assert words in str(caught.value)
     assert not (tmp_path / "a.turnscan").exists()
@@ -391,8 +391,9 @@ def test_bad_options(tmp_path: Path, args: list[str], words: str) -> None:
 
 def test_a_target_that_is_a_folder(tmp_path: Path) -> None:
     lit = folder(tmp_path / "on", list(range(3)))
-    with pytest.raises(ScanError, match="a folder"):
-        run(lit, "-o", tmp_path / "on", "--angles", "step:1")
+    (tmp_path / "a.turnscan").mkdir()
+    with pytest.raises(ExportError, match="a folder"):
+        run(lit, "-o", tmp_path / "a.turnscan", "--angles", "step:1")
 
 
 def test_at_the_real_door_it_is_one_line_and_exit_2(tmp_path: Path) -> None:

@@ -140,7 +140,7 @@ def test_damaged_frames_are_taken_again_on_request(whole: Path, tmp_path: Path) 
         (["a.turnscan", "--camera", "uvc:0"], "--turntable is not given"),
         (["a.turnscan", "--camera", "uvc:0", "--turntable", "grbl:/dev/no-such-port"], "no-such"),
         (["a.turnscan", "--camera", "sim:cup", "--turntable", "sim:mug"], "in one"),
-        (["a.txt"], "not the name of a scan file"),
+        (["a.txt"], "ends .turnscan"),
         (["no/a.turnscan"], "no folder"),
         (["there.turnscan"], "exists already"),
     ],

@@ -29,7 +29,8 @@ from turnscan.calibrate import (
     parse_board,
     stripe_candidates,
 )
-from turnscan.cli._output import check_writable, write_atomically
+from turnscan.cli._numbers import Finite
+from turnscan.cli._output import check_output, write_atomically
 from turnscan.cli._progress import progress
 from turnscan.errors import InputError
 from turnscan.findings import Finding
@@ -71,7 +72,7 @@ Orientation = Literal["vertical", "horizontal"]
     help="The same with the laser off: as many pictures as with it on.",
 )
 @click.option("--laser-board", metavar="SPEC", help="Board in those pictures, if another one.")
-@click.option("--margin-mm", type=click.FloatRange(min=0), help="Flat part around the pattern.")
+@click.option("--margin-mm", type=Finite(min=0), help="Flat part around the pattern.")
 @click.option("--table", required=True, metavar="PICTURES", help="The table, step by step.")
 @click.option("--table-dark", metavar="PICTURES", help="The same with the laser off.")
 @click.option(
@@ -81,8 +82,15 @@ Orientation = Literal["vertical", "horizontal"]
 )
 @click.option("--markers", metavar="DICT:SIDE_MM", help="Markers on the platter, nominal side.")
 @click.option("--table-board", metavar="SPEC", help="Or: a board that rides on the table.")
-@click.option("--table-board-mm", default=0.0, help="Height of its lowest corner above the table.")
-@click.option("--table-step-deg", type=float, help="Nominal step between pictures; compared only.")
+@click.option(
+    "--table-board-mm",
+    type=Finite(),
+    default=0.0,
+    help="Height of its lowest corner above the table.",
+)
+@click.option(
+    "--table-step-deg", type=Finite(), help="Nominal step between pictures; compared only."
+)
 @click.option(
     "--colour",
     default="learn",
@@ -125,8 +133,9 @@ def verb(
     PICTURES is a folder, a pattern in quotes or a file. Nominal sizes of markers and steps are
     compared with what the pictures say and never trusted; the board's square gives the scale.
     """
-    for path in filter(None, (output, report)):
-        check_writable(path)
+    check_output(output, (".json",))
+    if report is not None:
+        check_output(report, (".html",))
     if (markers is None) == (table_board is None):
         raise InputError("table: give either --markers or --table-board")
     plain = parse_board(board)

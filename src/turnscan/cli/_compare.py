@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from turnscan.cli._input import UNITS, read_mesh_file
+from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ Row = tuple[float, float, float]
 @click.option(
     "--tolerance",
     "tolerances",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Finite(min=0, min_open=True),
     multiple=True,
     default=(0.05, 0.1, 0.2),
     show_default=True,
@@ -32,7 +33,7 @@ Row = tuple[float, float, float]
 )
 @click.option("--samples", type=click.IntRange(100, 2_000_000), default=50_000, show_default=True)
 @click.option("--picture", type=click.Path(path_type=Path), help="deviation as a colour map, PNG")
-@click.option("--limit", type=click.FloatRange(min=0, min_open=True), help="mm at the map's ends")
+@click.option("--limit", type=Finite(min=0, min_open=True), help="mm at the map's ends")
 @click.option("--unit", type=click.Choice(list(UNITS)), default="mm", help="unit of MEASURED")
 @click.option("--reference-unit", type=click.Choice(list(UNITS)), default="mm")
 @click.option("--json", "as_json", is_flag=True, help="the figures as JSON, unrounded")
@@ -53,8 +54,11 @@ def verb(
     measured vertices within the tolerance of the reference; completeness the share of the
     reference's area within the tolerance of the measured mesh.
     """
+    from turnscan.cli._output import check_output, write_atomically
     from turnscan.shapes import deviation, sample_surface
 
+    if picture is not None:
+        check_output(picture, (".png",), [measured, reference])
     got, truth = read_mesh_file(measured, unit), read_mesh_file(reference, reference_unit)
     if not len(got.faces):
         raise InputError(f"{measured}: no faces", hint="compare a mesh, not a cloud of points")
@@ -64,7 +68,6 @@ def verb(
     if picture is not None:
         from turnscan.cli._deviation_map import deviation_figure
         from turnscan.cli._html import png
-        from turnscan.cli._output import write_atomically
 
         write_atomically(picture, png(deviation_figure(got, out, limit)))
     click.echo(_json(out, rows) if as_json else _text(out, rows))

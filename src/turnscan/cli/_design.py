@@ -13,7 +13,8 @@ from typing import Any
 import click
 
 from turnscan.cli._design_figures import GROUPS, figures, theta_deg
-from turnscan.cli._output import write_atomically
+from turnscan.cli._numbers import Finite
+from turnscan.cli._output import check_output, write_atomically
 from turnscan.errors import InputError
 from turnscan.rig import (
     PRESET_NAMES,
@@ -56,19 +57,19 @@ _TABLE_1 = {
     metavar="ANGLES",
     help="Angle of triangulation: 22.5, a list 10,20,30 or a range FROM:TO:STEP; repeatable.",
 )
-@click.option("--distance", type=float, metavar="MM", help="Camera to rotation axis, L.")
-@click.option("--focal", type=float, metavar="MM", help="Principal distance of the lens, f.")
+@click.option("--distance", type=Finite(), metavar="MM", help="Camera to rotation axis, L.")
+@click.option("--focal", type=Finite(), metavar="MM", help="Principal distance of the lens, f.")
 @click.option("--pixel-um", metavar="W[,H]", help="Pixel pitch, micrometres.")
 @click.option("--sensor", metavar="COLSxROWS", help="Pixels across and along the laser line.")
-@click.option("--pan-deg", type=float, help="Camera turned off the axis, towards the laser.")
-@click.option("--laser-offset", type=float, metavar="MM", help="Laser line misses the axis by.")
-@click.option("--f-number", type=float, help="Aperture of the lens, N.")
-@click.option("--step-deg", type=float, help="Table angle between two profiles.")
-@click.option("--wavelength-nm", type=float, help="Wavelength of the laser.")
-@click.option("--stripe-sigma-px", type=float, help="RMS width of the stripe in the picture.")
-@click.option("--electrons", type=float, help="Peak signal of the stripe, electrons.")
-@click.option("--read-noise", type=float, help="Noise of a dark pixel, electrons.")
-@click.option("--speckle-contrast", type=float, help="1 polarised; 0.71 depolarised; 0 none.")
+@click.option("--pan-deg", type=Finite(), help="Camera turned off the axis, towards the laser.")
+@click.option("--laser-offset", type=Finite(), metavar="MM", help="Laser line misses the axis by.")
+@click.option("--f-number", type=Finite(), help="Aperture of the lens, N.")
+@click.option("--step-deg", type=Finite(), help="Table angle between two profiles.")
+@click.option("--wavelength-nm", type=Finite(), help="Wavelength of the laser.")
+@click.option("--stripe-sigma-px", type=Finite(), help="RMS width of the stripe in the picture.")
+@click.option("--electrons", type=Finite(), help="Peak signal of the stripe, electrons.")
+@click.option("--read-noise", type=Finite(), help="Noise of a dark pixel, electrons.")
+@click.option("--speckle-contrast", type=Finite(), help="1 polarised; 0.71 depolarised; 0 none.")
 @click.option("--json", "as_json", is_flag=True, help="Everything, unrounded, as JSON.")
 @click.option(
     "--picture",
@@ -88,6 +89,8 @@ def verb(as_paper: bool, as_json: bool, picture: Path | None, **given: Any) -> N
             f"--paper prints the paper's own rig, {option} cannot change it",
             hint="use --preset paper to start from that rig",
         )
+    if picture is not None:
+        check_output(picture, (".png",))
     designs = table_1_designs() if as_paper else _designs(**changes)
     if picture is not None:
         from turnscan.cli._design_picture import draw

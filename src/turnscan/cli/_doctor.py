@@ -12,6 +12,7 @@ import click
 
 from turnscan.cli._doctor_measure import CameraFacts, Examination, LaserFacts
 from turnscan.cli._hardware import addresses_of, device_options, ended_by_signals, opened
+from turnscan.cli._numbers import Finite
 from turnscan.cli._progress import progress
 from turnscan.findings import Finding, findings_json
 
@@ -23,8 +24,10 @@ _DIM, _WIDE, _CLIPPED, _FEW = 0.1, 6.0, 0.05, 0.05
 
 @click.command("doctor")
 @device_options
-@click.option("--exposure", type=float, metavar="SECONDS", help="[default: the bench's, or 0.02]")
-@click.option("--gain", type=float, default=1.0, show_default=True)
+@click.option(
+    "--exposure", type=Finite(), metavar="SECONDS", help="[default: the bench's, or 0.02]"
+)
+@click.option("--gain", type=Finite(), default=1.0, show_default=True)
 @click.option("--still", is_flag=True, help="Do not turn the table.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 def verb(

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from turnscan.cli._input import read_mesh_file
-from turnscan.cli._output import check_writable, format_options, write_results
+from turnscan.cli._output import check_output, format_options, write_results
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions, exporter_for
 
@@ -33,7 +33,7 @@ def verb(source: Path, outputs: tuple[Path, ...], options: ExportOptions) -> Non
         )
     for path in outputs:
         exporter_for(path.suffix)
-        check_writable(path)
+        check_output(path, inputs=[source])
     mesh = read_mesh_file(source)
     options = replace(options, about={"source": source.name})
     for remark in write_results(dict.fromkeys(outputs, mesh), options):

@@ -16,6 +16,8 @@ from turnscan.cli._import_angles import Angle, Angles, find_angles
 from turnscan.cli._import_series import Series, find_series, same_pictures
 from turnscan.cli._import_signal import Signal, Wishes, check_kind, find_signal
 from turnscan.cli._input import read_rig_file
+from turnscan.cli._numbers import Finite
+from turnscan.cli._output import check_output
 from turnscan.cli._progress import progress
 from turnscan.errors import InputError
 from turnscan.findings import Finding
@@ -83,7 +85,7 @@ class _Tally:
 )
 @click.option(
     "--threshold",
-    type=click.FloatRange(min=0.0),
+    type=Finite(min=0.0),
     help="Grey levels above the background from which pixels are kept.  [default: from the noise]",
 )
 @click.option(
@@ -127,7 +129,7 @@ def verb(
     lit_specs, dark_specs = _by_laser(pictures, lit, dark, laser)
     rig = None if rig_path is None else read_rig_file(rig_path)
     series, steps, found = find_series(lit_specs, dark_specs, first_step, every)
-    _writable(output)
+    check_output(output, (".turnscan",))
     total = sum(len(s.shots) for s in series)
     first = _first_picture(series[0])
     _fits_rig(first, rig, series[0])
@@ -251,11 +253,6 @@ def _record_missing(scan: Scan, laser: str, angles: Angles) -> list[Finding]:
             remedy="they stay empty in the surface; take them again if the part matters there",
         )
     ]
-
-
-def _writable(path: Path) -> None:
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}", hint="make it first")
 
 
 def _say_summary(

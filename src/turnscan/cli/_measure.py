@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from turnscan.cli._input import read_mesh_file
+from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
 from turnscan.shapes import PlaneAngle, PlaneRegion, find_planes, plane_angles
 from turnscan.surface import Mesh, is_closed
@@ -23,12 +24,12 @@ _SQUARE = np.deg2rad(20.0)
 @click.option("--planes", is_flag=True, help="Flat sides, and the angles between them.")
 @click.option(
     "--tolerance",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Finite(min=0, min_open=True),
     help="mm that a point may lie off its side.  [default: three times the noise of the surface]",
 )
 @click.option(
     "--smallest",
-    type=click.FloatRange(min=0, max=1),
+    type=Finite(min=0, max=1),
     default=0.02,
     show_default=True,
     help="Least area of a side, as a part of the whole surface.",

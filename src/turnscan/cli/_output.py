@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from turnscan.errors import ExportError
+from turnscan.errors import ExportError, InputError
 from turnscan.export import ExportOptions, Profiles, audit, export
 from turnscan.findings import Finding
 from turnscan.points import PointCloud
@@ -83,6 +83,34 @@ def write_results(
     for path, data in ready.items():
         write_atomically(path, data)
     return remarks
+
+
+def check_output(path: Path, suffixes: Sequence[str] = (), inputs: Iterable[Path] = ()) -> None:
+    """Check the name of a file to be written, before work is spent.
+
+    ``suffixes`` are what its name may end in (any where there are none); ``inputs`` are the files
+    the verb reads, which are never replaced by what is made of them.
+
+    Raises InputError for another suffix and for an input, ExportError where no file can be written.
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise InputError(
+            f"{path}: the name of what is written here ends {' or '.join(suffixes)}",
+            hint="choose such a name; nothing was written",
+        )
+    for source in inputs:
+        if _same_file(path, source):
+            raise InputError(
+                f"{path}: this file is read, so it is not replaced", hint="choose another name"
+            )
+    check_writable(path)
+
+
+def _same_file(a: Path, b: Path) -> bool:
+    try:
+        return a.samefile(b)
+    except OSError:  # one of them is not there
+        return a.resolve() == b.resolve()
 
 
 def check_writable(path: Path) -> None:

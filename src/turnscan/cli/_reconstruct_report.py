@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from turnscan import __version__
-from turnscan.cli._output import check_writable, write_atomically
-from turnscan.errors import InputError
+from turnscan.cli._output import check_output, write_atomically
 from turnscan.pipeline import Reconstruction, Settings
 from turnscan.points import systematic_sigma
 from turnscan.rig import Rig, rig_hash
@@ -20,13 +20,10 @@ from turnscan.surface import is_closed
 _VIEWS = ((0.6, 0.45), (0.6 + np.pi / 2, 0.45), (0.6 + np.pi, 0.45), (0.6 + 3 * np.pi / 2, 0.45))
 
 
-def check_report(path: Path | None) -> None:
+def check_report(path: Path | None, inputs: Sequence[Path]) -> None:
     """Raise InputError or ExportError where a report could not be written, before work is spent."""
-    if path is None:
-        return
-    if path.suffix.lower() not in (".html", ".json"):
-        raise InputError(f"{path}: a report ends .html or .json", hint="rename it")
-    check_writable(path)
+    if path is not None:
+        check_output(path, (".html", ".json"), inputs)
 
 
 def about(source: Path, rig: Rig | None, settings: Settings) -> dict[str, object]:

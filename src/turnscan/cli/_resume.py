@@ -17,6 +17,7 @@ from turnscan.cli._hardware import (
     ended_by_signals,
     opened,
 )
+from turnscan.cli._numbers import Finite
 from turnscan.cli._scanning import steps_left, take
 from turnscan.errors import InputError
 from turnscan.scan import Scan
@@ -25,7 +26,7 @@ from turnscan.scan import Scan
 @click.command("resume")
 @click.argument("name", metavar="NAME.turnscan", type=click.Path(path_type=Path))
 @device_options
-@click.option("--at-deg", type=float, metavar="ANGLE",
+@click.option("--at-deg", type=Finite(), metavar="ANGLE",
               help="The table stands at this angle of the scan now, says a person.")  # fmt: skip
 @click.option("--retake", is_flag=True, help="Also frames that are damaged or recorded as missing.")
 def verb(name: Path, devices: dict[str, str | None], at_deg: float | None, retake: bool) -> None:
@@ -35,8 +36,6 @@ def verb(name: Path, devices: dict[str, str | None], at_deg: float | None, retak
     table has restarted its angle is lost, and nothing is taken until --at-deg says it. Exit code
     130 when interrupted, resumable as before.
     """
-    if at_deg is not None and not math.isfinite(at_deg):
-        raise InputError(f"--at-deg {at_deg}", hint="give a finite angle")
     with ended_by_signals():
         try:
             with Scan.resume(name) as scan:

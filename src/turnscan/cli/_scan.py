@@ -21,7 +21,8 @@ from turnscan.acquire import (
 )
 from turnscan.cli._hardware import Opened, addresses_of, device_options, ended_by_signals, opened
 from turnscan.cli._input import read_rig_file
-from turnscan.cli._output import check_writable
+from turnscan.cli._numbers import Finite
+from turnscan.cli._output import check_output
 from turnscan.cli._scanning import take
 from turnscan.cli._simulated import laser_colour
 from turnscan.errors import InputError
@@ -75,20 +76,22 @@ class _Range(click.ParamType[tuple[Fraction, Fraction]]):
 @click.option("--passes", type=int, default=1, show_default=True, help="The same stops again.")
 @click.option("--laser-names", metavar="A,B", help="Which to use.  [default: all there are]")
 @click.option("--together", is_flag=True, help="All lasers in one picture.")
-@click.option("--exposure", "exposures", type=float, multiple=True, metavar="SECONDS",
+@click.option("--exposure", "exposures", type=Finite(), multiple=True, metavar="SECONDS",
               help="May be given several times.  [default: the bench's, or 0.02]")  # fmt: skip
-@click.option("--gain", type=float, default=1.0, show_default=True)
+@click.option("--gain", type=Finite(), default=1.0, show_default=True)
 @click.option("--dark-every", type=int, default=1, show_default=True, metavar="STEPS",
               help="A picture without laser each so many steps; 0: none.")  # fmt: skip
-@click.option("--texture", type=float, metavar="SECONDS", help="Also a whole picture, so exposed.")
+@click.option(
+    "--texture", type=Finite(), metavar="SECONDS", help="Also a whole picture, so exposed."
+)
 @click.option("--texture-every", type=int, default=1, show_default=True, metavar="STEPS")
 @click.option("--lamp", "lamps", multiple=True, help="Output that is a lamp, lit for --texture.")
-@click.option("--settle", type=float, metavar="SECONDS",
+@click.option("--settle", type=Finite(), metavar="SECONDS",
               help="From rest to picture.  [default: 0.1; simulated: 0]")  # fmt: skip
 @click.option("--blind-steps", type=int, default=8, show_default=True,
               help="So many steps on end without a stripe end the scan; 0: never.")  # fmt: skip
 @click.option("--keep", type=click.Choice(["sparse", "full"]), default="sparse", show_default=True)
-@click.option("--threshold", type=float, help="Grey levels.  [default: chosen, and said]")
+@click.option("--threshold", type=Finite(), help="Grey levels.  [default: chosen, and said]")
 @click.option("--orientation", type=click.Choice(["vertical", "horizontal"]), default="vertical",
               show_default=True, help="Of the stripe in the picture.")  # fmt: skip
 @click.option("--rig", "rig_file", type=click.Path(path_type=Path), help="rig.json to put into it.")
@@ -107,13 +110,11 @@ def verb(
     it runs, `turnscan check` and `turnscan reconstruct` show what is there. Exit code 130 when
     interrupted.
     """
-    if name.suffix != ".turnscan":
-        raise InputError(f"{name}: not the name of a scan file", hint=f"name it {name}.turnscan")
+    check_output(name, (".turnscan",))
     if name.exists():
         raise InputError(
             f"{name}: exists already", hint="choose another name, or turnscan resume it"
         )
-    check_writable(name)
     at = addresses_of(devices)
     rig = read_rig_file(rig_file) if rig_file else None
     with ended_by_signals():

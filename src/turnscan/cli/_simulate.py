@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from turnscan.cli._numbers import Finite
 from turnscan.cli._progress import progress
 from turnscan.cli._simulated import plan_of, scan_into_file, scan_into_folder
 from turnscan.scan import Keep
@@ -25,11 +26,11 @@ from turnscan.simulate import simulated, wish_of
     help="Scan file (.turnscan), or a new folder for pictures, angles.csv and rig.json.",
 )
 @click.option("--rig", help="paper, modern or ciclop.  [default: paper]")
-@click.option("--theta-deg", type=float, help="Angle of triangulation.  [default: the rig's]")
+@click.option("--theta-deg", type=Finite(), help="Angle of triangulation.  [default: the rig's]")
 @click.option("--lasers", type=int, help="1 or 2.  [default: what the scene needs]")
 @click.option("--steps", type=int, help="Table positions in one turn.  [default: the rig's]")
 @click.option("--seed", type=int, help="Of speckle and noise.  [default: 0]")
-@click.option("--exposure", type=float, metavar="SECONDS", help="[default: the rig's]")
+@click.option("--exposure", type=Finite(), metavar="SECONDS", help="[default: the rig's]")
 @click.option("--keep", type=click.Choice(["sparse", "full"]), default="sparse", show_default=True)
 @click.option("--no-speckle", is_flag=True, help="A laser without speckle.")
 @click.option("--perfect", is_flag=True, help="Thin sheet, no speckle, blur or noise, 16 bits.")

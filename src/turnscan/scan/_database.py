@@ -363,6 +363,18 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
     return db
 
 
+def is_scan(path: Path) -> bool:
+    """Whether the file begins as a scan file does, whatever became of the rest of it."""
+    if not path.is_file():
+        return False
+    with storage(path), path.open("rb") as file:
+        return _is_ours(file.read(100))
+
+
+def _is_ours(head: bytes) -> bool:
+    return head.startswith(_MAGIC) and int.from_bytes(head[68:72], "big") == APPLICATION_ID
+
+
 def _judge_header(path: Path) -> None:
     if path.is_dir():
         raise InputError(f"{path}: a folder, not a scan file", hint="name a .turnscan file")
@@ -377,7 +389,7 @@ def _judge_header(path: Path) -> None:
     if not head.startswith(_MAGIC) or len(head) < 100:
         what = "an empty file" if not head else "not a scan file"
         raise FormatError(f"{path}: {what}", hint="name a file made by turnscan import or scan")
-    if int.from_bytes(head[68:72], "big") != APPLICATION_ID:
+    if not _is_ours(head):
         raise FormatError(
             f"{path}: an SQLite file, but not a scan", hint="name a file made by turnscan"
         )

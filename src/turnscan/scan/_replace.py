@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from turnscan.errors import InputError, ScanBusy, ScanError
+from turnscan.errors import FormatError, InputError, ScanBusy, ScanError
 from turnscan.rig import Rig
 from turnscan.scan import _database as database
 from turnscan.scan._file import Scan
@@ -22,11 +22,18 @@ def replacing_scan(path: str | Path, plan: ScanPlan, rig: Rig | None = None) -> 
 
     It is written under a temporary name in the same folder, sealed, read again and compared with
     its checksums, and only then renamed. On any error the old file is as it was.
-    Raises ScanBusy where the old file is being written or waits to be resumed, ScanError.
+    A file that is no scan stays: what a mistyped name points to is not ours to replace.
+    Raises FormatError for such a file, ScanBusy where the old file is being written
+    or waits to be resumed, ScanError.
     """
     path = Path(path)
     if path.is_dir():
         raise ScanError(f"{path}: a folder, so no scan file can be written here")
+    if path.exists() and not database.is_scan(path):
+        raise FormatError(
+            f"{path}: exists and is not a scan file, so it is not replaced",
+            hint="choose another name",
+        )
     if path.with_name(path.name + "-wal").exists():
         raise ScanBusy(
             f"{path}: another process is writing it, or an interrupted scan waits there",
