@@ -8,7 +8,12 @@ import time
 
 from turnscan.simulate import Renderer, Wish, bench, seconds_of
 
-_SCENES = (("cup", "paper", 24), ("head", "paper", 16), ("sphere", "modern", 6))
+_SCENES = (
+    ("cup", "paper", True, 24),
+    ("cup", "paper", False, 48),
+    ("head", "paper", True, 16),
+    ("sphere", "modern", True, 6),
+)
 _SIZE = {"paper": "640 x 480", "modern": "2448 x 2048"}
 
 
@@ -16,13 +21,13 @@ def run() -> None:
     """Print frames per second of one process and of two, each frame at a new table angle."""
     print(f"{'scene, rig':<34}{'one process':>12}{'two':>9}{'memory':>10}")
     context = multiprocessing.get_context("spawn")
-    for scene, rig, frames in _SCENES:
+    for scene, rig, lit, frames in _SCENES:
         rates = []
         for processes in (1, 2):
             barrier = context.Barrier(processes)
             queue = context.Queue()
             workers = [
-                context.Process(target=_work, args=(scene, rig, k, frames, barrier, queue))
+                context.Process(target=_work, args=(scene, rig, lit, k, frames, barrier, queue))
                 for k in range(processes)
             ]
             for w in workers:
@@ -32,19 +37,22 @@ def run() -> None:
                 w.join()
             rates.append(processes * frames / max(seconds for seconds, _ in done))
         size = max(memory for _, memory in done)
-        label = f"{scene}, {rig}, {_SIZE[rig]}"
+        label = f"{scene}{'' if lit else ' (dark)'}, {rig}, {_SIZE[rig]}"
         print(f"{label:<34}{rates[0]:>8.1f} /s{rates[1]:>7.1f}/s{size:>7.0f} MB")
 
 
-def _work(scene: str, rig: str, first: int, frames: int, barrier: object, queue: object) -> None:
+def _work(
+    scene: str, rig: str, lit: bool, first: int, frames: int, barrier: object, queue: object
+) -> None:
     wish = Wish(scene, rig, lasers=1)
     renderer = Renderer(bench(wish))
     seconds = seconds_of(wish)
-    renderer.picture(5.0, ["right"], seconds)
+    burning = ["right"] if lit else []
+    renderer.picture(5.0, burning, seconds)
     barrier.wait()  # type: ignore[attr-defined]
     start = time.perf_counter()
     for k in range(frames):
-        renderer.picture(0.01 * (2 * k + first), ["right"], seconds)
+        renderer.picture(0.01 * (2 * k + first), burning, seconds)
     spent = time.perf_counter() - start
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     queue.put((spent, memory))  # type: ignore[attr-defined]
