@@ -49,15 +49,9 @@ def steady_normals(mesh: Mesh) -> Floats:
 
     Where points lie closer than their noise the faces between them tumble; their mean does not.
     """
-    normals = np.nan_to_num(vertex_normals(mesh))
-    for _ in range(_ROUNDS):
-        of_face = normals[mesh.faces].sum(axis=1)
-        total = np.empty_like(normals)
-        for axis in range(3):
-            total[:, axis] = sum(
-                np.bincount(mesh.faces[:, c], of_face[:, axis], len(normals)) for c in range(3)
-            )
-        normals = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
+    from turnscan.surface import _tsdf_kernels as kernels
+
+    normals: Floats = kernels.averaged(np.nan_to_num(vertex_normals(mesh)), mesh.faces, _ROUNDS)
     return normals
 
 
