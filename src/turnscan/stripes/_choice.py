@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -181,6 +182,8 @@ def gather(table: Any, bits: Any, chosen: Any, out: Any, flags: Any) -> None:
                 out[i, v] = table[i, v, j]
             flags[v] = bits[v, j]
         else:
+            for i in range(4):
+                out[i, v] = np.nan
             left_out = not np.isnan(table[0, v, 0])
             flags[v] = (bits[v, 0] & OUTSIDE) or (DARK | (AMBIGUOUS if left_out else 0))
     for v in range(lines):
@@ -247,3 +250,21 @@ def unexplained(out: Any, flags: Any, lag: int, clean: bool, least: float) -> An
             above += values[n] > least
             n += 1
     return (np.median(values[:n]) if 2 * above > n else least), n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def choose_lines(table: Any, bits: Any, how: int, with_scatter: bool, out: Any, flags: Any) -> None:
+    """From all candidates to ``out`` (4, lines) and ``flags`` (lines): choose, gather, flag.
+
+    ``with_scatter`` raises the sigmas to the scatter of the centres along the stripe.
+    """
+    chosen = np.empty(flags.size, np.int32)
+    if how == NEAREST:
+        path_choice(table, bits, chosen)
+    else:
+        simple_choice(table, bits, how, chosen)
+    gather(table, bits, chosen, out, flags)
+    if with_scatter:
+        per_width = scatter(out, flags)
+        for v in range(flags.size):
+            out[1, v] = math.sqrt(out[1, v] ** 2 + per_width * out[3, v])

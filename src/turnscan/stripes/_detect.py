@@ -11,7 +11,7 @@ import numpy.typing as npt
 from turnscan.arrays import Image
 from turnscan.errors import InputError
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
-from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
+from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
 Table = npt.NDArray[np.float64]
 Bits = npt.NDArray[np.uint16]
@@ -66,7 +66,6 @@ def detect(lit: Image, dark: Image | None = None, settings: StripeSettings | Non
 
 def _tables(lit: Image, dark: Image | None, settings: StripeSettings) -> tuple[Table, Bits]:
     """Run the kernel: (4, lines, K) position, sigma, amplitude, width, and (lines, K) flags."""
-    from turnscan.stripes._choice import drop_glow
     from turnscan.stripes._kernels import detect_lines
 
     lit, off, roi = _prepare(lit, dark, settings)
@@ -75,7 +74,6 @@ def _tables(lit: Image, dark: Image | None, settings: StripeSettings) -> tuple[T
     bits = np.zeros((lines, settings.max_candidates), np.uint16)
     if roi[0] < roi[2] and roi[1] < roi[3]:
         detect_lines(lit, off, roi, _terms(lit, off, roi, settings), table, bits)
-        drop_glow(table, bits)
     bits[: roi[1], 0] |= np.uint16(StripeFlag.OUTSIDE)
     bits[roi[3] :, 0] |= np.uint16(StripeFlag.OUTSIDE)
     return table, bits
@@ -181,19 +179,13 @@ def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSett
     )
 
 
-def _stripe(table: Table, bits: Bits, orientation: str, settings: StripeSettings) -> Stripe:
+def _stripe(table: Table, bits: Bits, orientation: Orientation, settings: StripeSettings) -> Stripe:
     """Choose, gather, and let the scatter along the stripe have its say about sigma."""
-    from turnscan.stripes import _choice as choice
+    from turnscan.stripes._choice import choose_lines
 
     lines = table.shape[1]
-    chosen = np.empty(lines, np.int32)
-    if settings.choose == "nearest":
-        choice.path_choice(table, bits, chosen)
-    else:
-        choice.simple_choice(table, bits, get_args(Choice).index(settings.choose), chosen)
-    out = np.full((4, lines), np.nan)
+    out = np.empty((4, lines))
     flags = np.empty(lines, np.uint16)
-    choice.gather(table, bits, chosen, out, flags)
-    if settings.electrons_per_dn is None:
-        out[1] = np.sqrt(out[1] ** 2 + choice.scatter(out, flags) * out[3])
-    return Stripe(out[0], out[1], out[2], out[3], flags, orientation)  # type: ignore[arg-type]
+    how = get_args(Choice).index(settings.choose)
+    choose_lines(table, bits, how, settings.electrons_per_dn is None, out, flags)
+    return Stripe.made_of(out, flags, orientation)

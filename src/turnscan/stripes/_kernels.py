@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from turnscan.stripes._choice import drop_glow
 from turnscan.stripes._measure import (
     CENTROID,
     HALF_WINDOW,
@@ -42,8 +43,8 @@ SATURATED, HALO, EDGE = 8, 16, 32
 
 ROUNDS = 2
 """Times that the widths along the stripe and the centres are brought into agreement."""
-TURNS = 1
-"""Moves of the window in a round; the last round has one more."""
+FIXED_TURNS = 5
+"""Moves of a window of fixed width; where the width is measured too, one in each round."""
 SPARE = 4.0
 """Pixels beside the seed that a measurement may look at, in rms widths, and …"""
 MARGIN = 6
@@ -340,17 +341,17 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
         accumulate(lit, dark, v, v if paired else 0, left, right, pool, start)
     if fixed:
         some[:, WIDTH] = terms.width
-        measure_round(some, n, pool, stops, terms, 5)
+        measure_round(some, n, pool, stops, terms, FIXED_TURNS)
     else:
         up = np.empty(n, np.int64)
         down = np.empty(n, np.int64)
         ahead = np.empty((n, 4))
         find_kin(some, n, up, down)
-        for turn in range(ROUNDS):
+        for _ in range(ROUNDS):
             smooth_widths(some, n, up, down, ahead)
-            last = turn == ROUNDS - 1
-            measure_round(some, n, pool, stops, terms, TURNS + last)
+            measure_round(some, n, pool, stops, terms, 1)
     saturation = terms.saturation
     if saturation <= 0.0:
         saturation = learned_saturation(lit, brightest)
     write_down(lit, dark, roi, terms, saturation, some, n, light, stops, table, bits)
+    drop_glow(table, bits)

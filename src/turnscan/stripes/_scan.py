@@ -94,26 +94,28 @@ def background(lit: Any, dark: Any, roi: Any) -> Any:
     the other side.
     """
     u0, v0, u1, v1 = roi
-    reach = np.iinfo(lit.dtype).max
-    counts = np.zeros(2 * reach + 1, np.int32)
     step_v = max(1, (v1 - v0) // 64)
     step_u = max(1, (u1 - u0) // 80)
     paired = dark.shape[0] > 1
-    low: Any = np.int64(reach)
+    seen = np.empty((1 + (v1 - v0) // step_v) * (1 + (u1 - u0) // step_u), np.int32)
     n = 0
     for v in range(v0, v1, step_v):
         a = lit[v]
         b = dark[v if paired else 0]
         for u in range(u0 + (7 * v) % step_u, u1, step_u):
-            d = np.int64(a[u]) - np.int64(b[u])
-            counts[d + reach] += 1
-            low = min(low, d)
+            seen[n] = np.int32(a[u]) - np.int32(b[u])
             n += 1
+    seen = seen[:n]
+    low = seen.min()
+    counts = np.zeros(seen.max() - low + 1, np.int32)
+    for d in seen:
+        counts[d - low] += 1
     below = 0
     quantile = low - 0.5
     wanted = 0.1587 * n
-    for d in range(low, reach + 1):  # type: ignore[assignment]
-        here = counts[d + reach]
+    for i in range(counts.size):
+        d = low + i
+        here = counts[i]
         if here > 0 and below + here >= wanted:
             level = d - 0.5 + (wanted - below) / here
             if wanted == 0.5 * n:
