@@ -21,7 +21,6 @@ PatternKind = Literal["none", "bars", "rings", "checks"]
 PATTERNS: tuple[PatternKind, ...] = ("none", "bars", "rings", "checks")
 _CREASE = np.cos(np.deg2rad(25.0))
 _LONGEST_EDGE = 8.0
-_CLUSTER = 64
 
 
 @dataclass(frozen=True)
@@ -155,7 +154,7 @@ class Triangles:
 
     @cached_property
     def clusters(self) -> tuple[Ints, Floats]:
-        """Triangles in an order that keeps neighbours together, and balls round each 64 of them.
+        """Triangles in an order that keeps neighbours together, and balls round each few of them.
 
         (f,) numbers of faces and (n, 4) centres and radii.
         """
@@ -170,7 +169,7 @@ class Triangles:
                 one = (steps[:, axis] >> np.uint64(bit)) & np.uint64(1)
                 code |= one << np.uint64(3 * bit + axis)
         order = np.argsort(code, kind="stable").astype(np.int32)
-        return order, _shade.clusters(self.vertices, self.faces, order, _CLUSTER)
+        return order, _shade.clusters(self.vertices, self.faces, order)
 
 
 def triangles(bodies: Sequence[Body]) -> Triangles:

@@ -20,6 +20,9 @@ Singles = npt.NDArray[np.float32]
 _FADED = 2.8
 """Radii of the sheet beyond which there is no light (1.5e-7 of its middle)."""
 
+CLUSTER = 64
+"""Triangles that are culled together."""
+
 
 @nb.njit(cache=True, nogil=True)
 def corner_normals(
@@ -53,11 +56,11 @@ def _sheet_distance(x: float, y: float, z: float, sheet: Floats) -> float:
 
 
 @nb.njit(cache=True, nogil=True)
-def clusters(vertices: Floats, faces: Ints, order: Ints, size: int) -> Floats:
-    """(n, 4) centre and radius of a ball round each ``size`` triangles, taken in some order."""
-    out = np.zeros(((len(order) + size - 1) // size, 4))
+def clusters(vertices: Floats, faces: Ints, order: Ints) -> Floats:
+    """(n, 4) centre and radius of a ball round each `CLUSTER` triangles, taken in some order."""
+    out = np.zeros(((len(order) + CLUSTER - 1) // CLUSTER, 4))
     for i in range(len(out)):
-        a, b = i * size, min((i + 1) * size, len(order))
+        a, b = i * CLUSTER, min((i + 1) * CLUSTER, len(order))
         for j in range(3):
             low, high = np.inf, -np.inf
             for f in order[a:b]:
@@ -93,15 +96,14 @@ def sheet_polygons(
     looked at. ``beam`` holds waist, waist distance, Rayleigh length, reach in radii, the aim (3).
     Returns corner points (m, 3) in the camera frame and, per polygon, where it starts (p + 1,).
     """
-    size = (len(order) + len(balls) - 1) // len(balls)
     bow = 2.0 * (abs(sheet[4, 0]) + abs(sheet[4, 1]) + abs(sheet[4, 2]))
     points = np.empty((1024, 3))
     starts = np.zeros(1024, np.int32)
     m = p = 0
     poly, cut = np.empty((8, 4)), np.empty((8, 4))
     for i in range(len(order)):
-        if i % size == 0:
-            near = _ball_near(balls, i // size, R, t, apex, sheet, beam, bow)
+        if i % CLUSTER == 0:
+            near = _ball_near(balls, i // CLUSTER, R, t, apex, sheet, beam, bow)
         if not near:
             continue
         f = order[i]
