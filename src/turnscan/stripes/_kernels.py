@@ -11,6 +11,7 @@ from numba import njit
 
 from turnscan.stripes._choice import drop_glow
 from turnscan.stripes._measure import (
+    BLAIS_RIOUX,
     CENTROID,
     HALF_WINDOW,
     MEDIAN,
@@ -294,7 +295,8 @@ def write_down(
         amplitude = some[i, HEIGHT] - some[i, PEDESTAL]
         halo = some[i, PEDESTAL] / max(amplitude, 1.0)
         lean = abs(some[i, CENTRE] + left - some[i, MIDDLE]) / some[i, WIDTH]
-        if (halo > PEDESTAL_LIMIT and some[i, PEDESTAL] > 4.0 * terms.noise) or lean > LEAN_LIMIT:
+        glow = halo > PEDESTAL_LIMIT and some[i, PEDESTAL] > 4.0 * terms.noise
+        if glow or lean > LEAN_LIMIT:
             flags |= HALO
             spread += (HALO_BIAS * some[i, WIDTH] * min(1.0, halo + lean)) ** 2
         if terms.strategy in (CENTROID, MEDIAN):
@@ -302,9 +304,15 @@ def write_down(
             phase = PHASE_ERROR[WINDOW] + PHASE_ERROR[terms.strategy] * min(
                 1.0, terms.level / (0.2 * max(amplitude, 1.0))
             )
-        if terms.strategy != WINDOW:
+        strategy = terms.strategy
+        if strategy == WINDOW and glow:
+            # Light that spread beside the stripe drags the window along; its core stays in place.
+            strategy = BLAIS_RIOUX
+        if strategy != WINDOW:
             fill(light, lit, dark, v, w, terms.base, left, right + 1)
-            position = by_strategy(light, terms.strategy, some[i, PLACE], left, right, terms.level)
+            position = by_strategy(
+                light, strategy, some[i, PLACE], some[i, HALF], left, right, terms.level
+            )
         table[0, v, j] = position
         table[1, v, j] = math.sqrt(spread * factor * factor + phase * phase)
         table[2, v, j] = amplitude

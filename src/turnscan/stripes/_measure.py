@@ -267,14 +267,19 @@ def three_point(light: Any, seed: float, left: int, right: int, logarithm: bool)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def blais_rioux(light: Any, seed: float, left: int, right: int) -> float:
-    """Zero crossing, nearest to the seed, of four pixels ahead minus four behind."""
+def blais_rioux(light: Any, seed: float, half: float, left: int, right: int) -> float:
+    """Zero crossing, nearest to the seed, of the pixels ahead minus as many behind.
+
+    Four on each side, as in Blais & Rioux 1986, or more on a stripe so wide (``half``, rms px) that
+    four would see nothing but its flat top.
+    """
+    arm = max(4, int(1.2 * half) + 1)
     best = seed
-    distance = 4.0
+    distance = arm + 0.0
     before = 0.0
-    for x in range(max(left + 4, int(seed) - 5), min(right - 4, int(seed) + 6) + 1):
+    for x in range(max(left + arm, int(seed) - arm - 1), min(right - arm, int(seed) + arm + 2) + 1):
         f = 0.0
-        for k in range(1, 5):
+        for k in range(1, arm + 1):
             f += light[x + k] - light[x - k]
         if before > 0.0 >= f:
             crossing = x - 1 + before / (before - f)
@@ -287,9 +292,12 @@ def blais_rioux(light: Any, seed: float, left: int, right: int) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def by_strategy(
-    light: Any, strategy: int, seed: float, left: int, right: int, threshold: float
+    light: Any, strategy: int, seed: float, half: float, left: int, right: int, threshold: float
 ) -> float:
-    """Centre by any strategy but the window; ``seed`` is the middle of the highest plateau."""
+    """Centre by any strategy but the window; ``seed`` is the middle of the highest plateau.
+
+    ``half`` is the rms width that belongs to the width at half height, px.
+    """
     if strategy == MAXIMUM:
         return seed
     if strategy == PARABOLA:
@@ -297,7 +305,7 @@ def by_strategy(
     if strategy == GAUSS3:
         return three_point(light, seed, left, right, True)
     if strategy == BLAIS_RIOUX:
-        return blais_rioux(light, seed, left, right)
+        return blais_rioux(light, seed, half, left, right)
     first, last = run_above(light, int(seed), left, right, threshold)
     if strategy == MEDIAN:
         return energy_median(light, first, last)
