@@ -184,3 +184,24 @@ def test_what_is_no_drawing_is_named() -> None:
             read_dxf(data)
     with pytest.raises(InputError, match="none of its 1 entities"):
         read_dxf(wrap("0", "LINE", *corner(0, 1, 2, 3)))
+
+
+def test_lasers_of_like_names_keep_layers_of_their_own() -> None:
+    run = [np.array([[0.0, 0, 0], [1, 0, 0]])]
+    names = [
+        "größe",
+        "grüße",
+        "left-camera-upper",
+        "left-camera-lower",
+        "ß" * 9,
+        "ẞ" * 9,
+        "GR__E_2",
+    ]
+    names += [f"left-camera-{i}" for i in range(12)]
+    lines = Profiles(dict.fromkeys(names, run))
+    data = write_dxf(None, ExportOptions(dxf_forms=("profiles",)), lines)
+    document = read(io.StringIO(data.decode("ascii")))
+    layers = {e.dxf.layer for e in document.modelspace().query("POLYLINE")}
+    assert len(layers) == len(names)
+    assert all(len(layer) <= 31 for layer in layers)
+    assert {"TURNSCAN_PROFILES_LEFT-CAMER_MM", "TURNSCAN_PROFILES_LEFT-CAM_2_MM"} <= layers

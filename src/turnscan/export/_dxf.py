@@ -43,8 +43,9 @@ def write_dxf(
     for form in options.dxf_forms:
         if form == "profiles":
             assert profiles is not None
-            for laser in profiles.lines:
-                parts += body.polylines(profiles.lines[laser], _layer(form, laser))
+            names = _profile_layers(profiles)
+            for laser, lines in profiles.lines.items():
+                parts += body.polylines(lines, names[laser])
             continue
         assert mesh is not None
         draw = {"3dface": body.faces, "polyface": body.polyfaces, "mesh": body.mesh}[form]
@@ -73,17 +74,29 @@ def _points_of(mesh: Mesh | None, options: ExportOptions, profiles: Profiles | N
     return np.concatenate(found)
 
 
-def _layer(form: DxfForm, laser: str = "") -> str:
+def _layer(form: DxfForm, laser: str = "", tail: str = "") -> str:
     """Return a layer name that R12 accepts: at most 31 of A-Z 0-9 _ - $."""
-    word = f"_{re.sub('[^A-Z0-9_-]', '_', laser.upper())[:10]}" if laser else ""
+    plain = re.sub("[^A-Z0-9_-]", "_", laser.upper())[: 10 - len(tail)]
+    word = f"_{plain}{tail}" if laser else ""
     return f"TURNSCAN_{form.upper()}{word}_MM"
+
+
+def _profile_layers(profiles: Profiles) -> dict[str, str]:
+    """Return a layer of its own for each laser; what R12 makes alike gets a number."""
+    names: dict[str, str] = {}
+    for laser in profiles.lines:
+        tails = ("", *(f"_{number}" for number in range(2, len(profiles.lines) + 1)))
+        tries = (_layer("profiles", laser, tail) for tail in tails)
+        name = next(name for name in tries if name not in names.values())
+        names[laser] = name
+    return names
 
 
 def _layers(options: ExportOptions, profiles: Profiles | None) -> dict[str, int]:
     names: list[str] = []
     for form in options.dxf_forms:
         if form == "profiles" and profiles is not None:
-            names += [_layer(form, laser) for laser in profiles.lines]
+            names += _profile_layers(profiles).values()
         else:
             names.append(_layer(form))
     return {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
