@@ -21,7 +21,7 @@ _WORDS = (
         StripeFlag.HALO,
         "halo",
         "lie in a halo",
-        "compare --strategy parabola, which keeps to the peak",
+        "compare --strategy blais-rioux, which keeps to the core",
     ),
     (StripeFlag.GRAZING, "grazing", "are seen at a grazing angle", "their sigma is larger"),
     (StripeFlag.AMBIGUOUS, "ambiguous", "had a rival", "choose the stripe with --choose"),

@@ -1,0 +1,64 @@
+"""The main job on the pictures of a real scanner: calibrate, import, reconstruct, measure."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from turnscan.cli import turnscan
+
+
+def _run(*args: object) -> str:
+    done = CliRunner().invoke(turnscan, [str(a) for a in args], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
+    """The folder with rig.json, part.dxf and part.ply, and the calibration's figures."""
+    data = Path(__file__).parents[3] / "shared" / "data" / "turntable-mouse"
+    if not data.is_dir():
+        pytest.skip("../shared/data is not here (real data made by others, not part of turnscan)")
+    out = tmp_path_factory.mktemp("mouse")
+    told = _run(
+        "calibrate", "--camera", data / "camera-boards", "--board", "chessboard:8x6:40",
+        "--laser", data / "laser-boards", "--table", data / "empty-table",
+        "--markers", "DICT_4X4_50:30", "--table-step-deg", "2.25", "--json",
+        "-o", out / "rig.json",
+    )  # fmt: skip
+    _run(
+        "import", data / "object", "--rig", out / "rig.json", "--angles", "markers",
+        "-o", out / "part.turnscan",
+    )  # fmt: skip
+    _run(
+        "reconstruct", out / "part.turnscan", "--strategy", "blais-rioux",
+        "-o", out / "part.dxf", "-o", out / "part.ply",
+    )  # fmt: skip
+    return out, json.loads(told)
+
+
+def test_camera_and_sheet_fit_the_pictures(job: tuple[Path, dict[str, object]]) -> None:
+    text = json.dumps(job[1])
+    for code in ("marker-size", "marker-centre", "step-uneven"):
+        assert f"calibrate.{code}" in text, "what is odd about this table is named"
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".dxf"])
+def test_the_box_is_a_box(job: tuple[Path, dict[str, object]], suffix: str) -> None:
+    measured = json.loads(_run("measure", job[0] / f"part{suffix}", "--planes", "--json"))
+    sides = [s for s in measured["planes"] if abs(s["normal"][2]) < 0.2][:4]
+    assert len(sides) == 4
+    # A stripe is known to some 0.1 mm here: flatter than a tenth of that would be a mistake.
+    assert all(0.01 < s["rms_mm"] <= 0.5 for s in sides)
+    normals = np.array([s["normal"] for s in sides])
+    angle = np.rad2deg(np.arccos(np.clip(normals @ normals.T, -1, 1)))[np.triu_indices(4, 1)]
+    opposite = angle[angle > 135]
+    adjacent = angle[angle < 135]
+    assert len(opposite) == 2
+    assert np.abs(opposite - 180).max() <= 1.0
+    assert np.abs(adjacent - 90).max() <= 1.5
