@@ -36,6 +36,7 @@ class Settings:
     spacing: float | None = None
     """mm between points along a profile; None keeps one point per image line."""
     spacing_by: Spacing = "height"
+    """arc is for the profiles alone: the mesh then keeps the points as measured."""
     clean: Clean | None = field(default_factory=Clean)
     """What is taken away before points become a surface; None keeps all."""
     tears: Tears = field(default_factory=Tears)
@@ -67,7 +68,7 @@ def reconstruct(
     InputError where rig and scan do not fit or no angle is known, ScanCorrupt naming a frame.
     """
     s, rig = settings or Settings(), rig_for(scan, rig)
-    grids, findings = [], list[Finding]()
+    grids, meshed, findings = [], list[RangeGrid](), list[Finding]()
     for laser in scan.plan.lasers:
         volume = s.volume or points.working_volume(rig, laser)
         inside = points.view_mask(rig, laser, volume)
@@ -82,7 +83,9 @@ def reconstruct(
             kept, taken = surface.clean(kept, s.clean)
             findings += taken
         grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)
-    mesh, remarks = to_mesh(grids, s)
+        # Points at equal arc length have no neighbours at the same place of the next profile.
+        meshed.append(kept if s.spacing_by == "arc" else grids[-1])
+    mesh, remarks = to_mesh(meshed, s)
     return Reconstruction(tuple(grids), mesh, tuple(findings + remarks))
 
 

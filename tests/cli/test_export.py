@@ -34,6 +34,7 @@ def test_a_mesh_becomes_files_of_other_formats(ply: Path) -> None:
     words = [w for out in outs for w in ("-o", str(out))]
     done = call(ply, *words, "--dxf-form", "mesh", "--dxf-form", "polyface")
     assert done.exit_code == 0, done.output
+    assert f"out.xyz: {len(PART.vertices)} points, " in done.stdout
     content = read_dxf_content(outs[0].read_bytes())
     assert len(content.meshes) == len(content.polyfaces) == 3 * len(PART.faces)
     assert len(content.faces) == 0

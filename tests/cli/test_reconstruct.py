@@ -12,7 +12,7 @@ from tests.analytic import cylinder, full_turn, make_rig, scan_shape
 from tests.points.test_range_scan import cyberware
 from turnscan.cli import turnscan
 from turnscan.errors import ExportError, InputError
-from turnscan.export import read_mesh
+from turnscan.export import read_dxf_content, read_mesh
 from turnscan.rig import rig_to_json
 from turnscan.scan import Frame, Scan, ScanPlan
 
@@ -126,3 +126,60 @@ def test_range_scans_of_another_scanner(tmp_path):
     assert "not a plain file name" in str(result.exception)
     conf.write_text("bmesh none.ply 0 0 0 0 0 0 1\n")
     assert "no such file" in str(run("reconstruct", conf, "-o", out, fails=2).exception)
+
+
+def test_options_without_a_meaning_are_refused_and_not_recorded(scan_path, tmp_path):
+    (tmp_path / "a.ply").write_bytes(cyberware())
+    conf = tmp_path / "all.conf"
+    conf.write_text("bmesh a.ply 0 0 0 0 0 0 1\n")
+    out = tmp_path / "out.stl"
+    words = ("--radius", 5, "--strategy", "window", "--rig", tmp_path / "rig.json")
+    said = str(run("reconstruct", conf, "-o", out, *words, fails=2).exception)
+    assert "--rig, --strategy, --radius" in said
+    assert not out.exists()
+    said = str(run("reconstruct", scan_path, "-o", out, "--unit", "m", fails=2).exception)
+    assert "--unit" in said
+    report = tmp_path / "r.json"
+    run("reconstruct", conf, "-o", out, "--island", 0, "--report", report, fails=1)
+    used = json.loads(report.read_text())["parameters"]
+    assert used["island"] == 0
+    assert not {"stripes", "spacing_by", "every", "shortest"} & set(used)
+
+
+def test_a_range_scan_is_not_written_over(tmp_path):
+    ply = tmp_path / "a.ply"
+    ply.write_bytes(cyberware())
+    conf = tmp_path / "all.conf"
+    conf.write_text("bmesh a.ply 0 0 0 0 0 0 1\n")
+    assert "is read" in str(run("reconstruct", conf, "-o", ply, fails=2).exception)
+    assert ply.read_bytes() == cyberware()
+
+
+def test_equal_arc_length_leaves_the_mesh_whole(tmp_path):
+    """A gap that lies elsewhere in each profile must not shear the surface beyond it."""
+    path = tmp_path / "gap.turnscan"
+    rig = make_rig(elevation=0.1, lift=20.0)
+    u = np.arange(320)
+    dark = np.full((240, 320), 10, np.uint8)
+    with Scan.create(path, ScanPlan(320, 240, "uint8", 1, ("L0",), STEPS, 12.0), rig) as scan:
+        for k, s in enumerate(scan_shape(rig, cylinder(25, 0, 40), full_turn(STEPS))):
+            at = np.nan_to_num(s.position, nan=-1e3)[:, None]
+            lit = np.rint(10 + 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2)).astype(np.uint8)
+            high = 100 + 5 * abs(k % 8 - 4)
+            lit[high : high + 10] = 10
+            scan.add(Frame(k, "L0", lit, dark, commanded=float(full_turn(STEPS)[k])))
+    area = {}
+    for by in ("measured", "height", "arc"):
+        words = () if by == "measured" else ("--spacing", 0.2, "--spacing-by", by)
+        out, dxf = tmp_path / f"{by}.ply", tmp_path / f"{by}.dxf"
+        run("reconstruct", path, "-o", out, "-o", dxf, "--dxf-form", "profiles", *words)
+        mesh = read_mesh(out.read_bytes(), ".ply")
+        a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+        area[by] = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    assert area["arc"] == pytest.approx(area["measured"], rel=1e-6)
+    # Common heights lose up to a spacing at every border, and more where the gap climbs.
+    assert area["arc"] == pytest.approx(area["height"], rel=0.06)
+    assert area["arc"] < 2 * np.pi * 25 * 40
+    runs = read_dxf_content((tmp_path / "arc.dxf").read_bytes()).runs
+    steps = np.concatenate([np.linalg.norm(np.diff(r, axis=0), axis=1) for r in runs])
+    assert np.median(steps) == pytest.approx(0.2, abs=0.01)

@@ -38,6 +38,8 @@ def verb(source: Path, outputs: tuple[Path, ...], options: ExportOptions) -> Non
     options = replace(options, about={"source": source.name})
     for remark in write_results(dict.fromkeys(outputs, mesh), options):
         click.echo(str(remark), err=remark.severity != "note")
-    size = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces"
     for path in outputs:
+        size = f"{len(mesh.vertices)} points"
+        if path.suffix.lower() != ".xyz":
+            size = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces"
         click.echo(f"{path}: {size}, {path.stat().st_size / 1e6:.2f} MB, read back the same")

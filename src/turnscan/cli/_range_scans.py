@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,33 +14,44 @@ from turnscan.errors import FormatError, InputError, UnsafePath
 from turnscan.findings import Finding
 from turnscan.pipeline import Reconstruction, Settings, to_mesh
 from turnscan.points import RangeGrid, placements_from_conf, range_scan_from_ply
+from turnscan.rig import Pose
 from turnscan.surface import clean
 
 _CONF_BYTES = 2**20
 _PLY_BYTES = 2 * 2**30
 
 
-def join_conf(source: Path, unit: str, settings: Settings) -> Reconstruction:
-    """The range scans that a .conf file places, merged into one mesh in mm.
+def placed_scans(source: Path, unit: str) -> dict[Path, Pose]:
+    """The range scans that a .conf file names, beside it, and where it places them (mm).
 
-    The scans lie beside the .conf file. Raises FormatError, InputError naming file and place.
+    Raises FormatError, InputError, and UnsafePath for a name that leads to another folder.
     """
-    scale = UNITS[unit]
     try:
         text = read_bytes(source, _CONF_BYTES).decode()
     except UnicodeDecodeError:
         raise FormatError(f"{source}: not a text file", hint="give the scans' .conf") from None
-    placed = placements_from_conf(text, str(source), scale=scale)
+    placed = placements_from_conf(text, str(source), scale=UNITS[unit])
+    for name in placed:
+        if Path(name).name != name:
+            raise UnsafePath(f"{source}: {name!r} is not a plain file name", hint="mend it")
+    return {source.with_name(name): pose for name, pose in placed.items()}
+
+
+def join_scans(
+    source: Path, placed: Mapping[Path, Pose], unit: str, settings: Settings
+) -> Reconstruction:
+    """The range scans that ``source`` places, merged into one mesh in mm.
+
+    Raises FormatError, InputError naming file and place.
+    """
     grids: list[RangeGrid] = []
     findings: list[Finding] = []
     with progress("reading range scans", len(placed)) as tick:
-        for name, pose in placed.items():
-            if Path(name).name != name:
-                raise UnsafePath(f"{source}: {name!r} is not a plain file name", hint="mend it")
-            data = read_bytes(source.with_name(name), _PLY_BYTES)
-            scan = range_scan_from_ply(data, name, scale=scale)
+        for path, pose in placed.items():
+            data = read_bytes(path, _PLY_BYTES)
+            scan = range_scan_from_ply(data, path.name, scale=UNITS[unit])
             if scan.grid is None:
-                raise InputError(f"{name}: a mesh or loose points, not a grid of ranges")
+                raise InputError(f"{path.name}: a mesh or loose points, not a grid of ranges")
             grid = scan.range_grid(pose)
             if settings.clean is not None:
                 grid, remarks = clean(grid, settings.clean)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from turnscan.cli._input import read_rig_file
 from turnscan.cli._numbers import Finite
@@ -25,6 +26,12 @@ from turnscan.surface import Caps, Clean
 STRATEGIES = (
     "window", "maximum", "centroid", "median", "parabola", "gauss3", "squared", "blais-rioux",
 )  # fmt: skip
+_OF_PICTURES = (
+    "rig_path", "strategy", "choose", "threshold", "spacing", "spacing_by", "every", "radius",
+    "z_min", "z_max",
+)  # fmt: skip
+"""Options about stripes, the table or the rig: range scans have none of these."""
+_OF_RANGES = ("unit",)
 _path = click.Path(path_type=Path)
 _length = Finite(min=0, min_open=True)
 
@@ -62,7 +69,8 @@ _length = Finite(min=0, min_open=True)
     type=click.Choice(["height", "arc"]),
     default="height",
     show_default=True,
-    help="Points at common heights, or at equal length along each profile.",
+    help="Points at common heights, or at equal length along each profile; the latter are for "
+    "--dxf-form profiles, and the mesh keeps the points as measured.",
 )
 @click.option("--every", type=click.IntRange(min=1), default=1, help="Use every N-th profile.")
 @click.option("--radius", type=_length, help="mm from the axis; what is further out is dropped.")
@@ -126,9 +134,16 @@ def verb(
 
     SOURCE is a scan file (.turnscan), or the .conf file that places the range scans (PLY) of
     another scanner beside it. Findings go to stderr; the exit code is 1 where one is an error, and
-    then nothing is written.
+    then nothing but the report is written.
     """
+    ranges = source.suffix.lower() == ".conf"
+    _refuse(_OF_PICTURES if ranges else _OF_RANGES, source)
     inputs = [source] if rig_path is None else [source, rig_path]
+    if ranges:
+        from turnscan.cli._range_scans import join_scans, placed_scans
+
+        placed = placed_scans(source, unit)
+        inputs += placed
     for path in outputs:
         exporter_for(path.suffix)
         check_output(path, inputs=inputs)
@@ -149,10 +164,8 @@ def verb(
         caps=Caps() if close else None,
     )
     rig: Rig | None = None
-    if source.suffix.lower() == ".conf":
-        from turnscan.cli._range_scans import join_conf
-
-        done = join_conf(source, unit, settings)
+    if ranges:
+        done = join_scans(source, placed, unit, settings)
     else:
         given = None if rig_path is None else read_rig_file(rig_path)
         with Scan.open(source) as scan:
@@ -161,6 +174,16 @@ def verb(
             with progress("reconstructing", len(scan)) as tick:
                 done = reconstruct(scan, rig, settings, tick)
     _finish(source, outputs, done, rig, settings, report, options)
+
+
+def _refuse(names: tuple[str, ...], source: Path) -> None:
+    """Raise InputError for options that mean nothing to this kind of source."""
+    context = click.get_current_context()
+    idle = [n for n in names if context.get_parameter_source(n) is ParameterSource.COMMANDLINE]
+    if idle:
+        words = ", ".join("--" + n.removesuffix("_path").replace("_", "-") for n in idle)
+        kind = "range scans" if names is _OF_PICTURES else "a scan file"
+        raise InputError(f"{words}: nothing to {kind} like {source}", hint="leave it out")
 
 
 def _volume(

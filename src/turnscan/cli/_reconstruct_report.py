@@ -19,6 +19,9 @@ from turnscan.surface import is_closed
 
 _VIEWS = ((0.6, 0.45), (0.6 + np.pi / 2, 0.45), (0.6 + np.pi, 0.45), (0.6 + 3 * np.pi / 2, 0.45))
 
+_OF_PICTURES = ("stripes", "volume", "shortest", "every", "spacing", "spacing_by")
+"""Settings without a meaning for range scans."""
+
 
 def check_report(path: Path | None, inputs: Sequence[Path]) -> None:
     """Raise InputError or ExportError where a report could not be written, before work is spent."""
@@ -28,11 +31,14 @@ def check_report(path: Path | None, inputs: Sequence[Path]) -> None:
 
 def about(source: Path, rig: Rig | None, settings: Settings) -> dict[str, object]:
     """Provenance for the files: version, source, rig hash, parameters."""
+    used = asdict(settings)
+    if rig is None:  # range scans of another scanner: no pictures, no table
+        used = {k: v for k, v in used.items() if k not in _OF_PICTURES}
     return {
         "software": f"turnscan {__version__}",
         "source": source.name,
         "rig_sha256": None if rig is None else rig_hash(rig),
-        "parameters": _plain(asdict(settings)),
+        "parameters": _plain(used),
     }
 
 
