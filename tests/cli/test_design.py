@@ -10,9 +10,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from turnscan import cli
+from turnscan.points import triangulate
+from turnscan.rig import rig_from_json
 
 PRINTED = {
     "delta_x_mm": ((2.5, 1.64, 0.76, 0.44, 0.25), 0.005),
@@ -236,3 +239,31 @@ def test_the_table_is_quick() -> None:
         return min(times)
 
     assert seconds("-m", "turnscan", "design", "--paper") < 8 * seconds("-c", "import numpy")
+
+
+def test_an_entered_rig_measures_as_the_closed_form(
+    run: _Door, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    geometry = ("--theta-deg", "22.5", "--distance", "500", "--focal", "12.5")
+    code, _, err = run(*geometry, "--pixel-um", "11,9", "--sensor", "640x480", "--rig", "rig.json")
+    assert code == 0, err
+    rig = rig_from_json(Path("rig.json").read_text())
+    pixels = np.array([[u, v] for u in (330.0, 400.0, 500.0, 630.0) for v in (3.0, 200.0, 470.0)])
+    seen, _ = triangulate(rig, "right", pixels, np.ones(len(pixels)))
+    got = rig.T_camera_table.inverse().apply(seen)
+    x = (pixels[:, 0] - 319.5) * 0.011
+    y = (239.5 - pixels[:, 1]) * 0.009
+    theta = math.radians(22.5)
+    # Plane through the axis, pinhole at L: R = L x / (f sin θ + x cos θ).
+    radius = 500 * x / (12.5 * math.sin(theta) + x * math.cos(theta))
+    assert np.hypot(got[:, 0], got[:, 1]) == pytest.approx(radius, rel=1e-9)
+    height = y / 12.5 * (500 - radius * math.cos(theta))
+    assert got[:, 2] - got[:, 2].mean() == pytest.approx(height - height.mean(), abs=1e-9)
+
+
+def test_a_rig_has_one_angle(run: _Door, tmp_path: Path) -> None:
+    code, _, err = run("--theta-deg", "10,20", "--rig", str(tmp_path / "rig.json"))
+    assert code == 2
+    assert "one angle" in err
+    assert not list(tmp_path.iterdir())

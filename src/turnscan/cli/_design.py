@@ -22,6 +22,7 @@ from turnscan.rig import (
     design_preset,
     disagreements,
     paper,
+    rig_to_json,
     table_1,
     table_1_designs,
     table_1_text,
@@ -77,7 +78,16 @@ _TABLE_1 = {
     metavar="OUT.png",
     help="Working volume, resolution and error as a picture (of the first angle).",
 )
-def verb(as_paper: bool, as_json: bool, picture: Path | None, **given: Any) -> None:
+@click.option(
+    "--rig",
+    "rig_path",
+    type=click.Path(path_type=Path),
+    metavar="RIG.json",
+    help="Also write this geometry as a rig, as if it were calibrated; one angle only.",
+)
+def verb(
+    as_paper: bool, as_json: bool, picture: Path | None, rig_path: Path | None, **given: Any
+) -> None:
     """Resolution, working volume and physical limits of a rig before it is built.
 
     Lengths in mm. Without options: a 5 megapixel rig at 30°.
@@ -91,11 +101,19 @@ def verb(as_paper: bool, as_json: bool, picture: Path | None, **given: Any) -> N
         )
     if picture is not None:
         check_output(picture, (".png",))
+    if rig_path is not None:
+        check_output(rig_path, (".json",))
     designs = table_1_designs() if as_paper else _designs(**changes)
     if picture is not None:
         from turnscan.cli._design_picture import draw
 
         write_atomically(picture, draw(designs))
+    if rig_path is not None:
+        if len(designs) > 1:
+            raise InputError(
+                f"--rig: a rig has one angle, here are {len(designs)}", hint="give one --theta-deg"
+            )
+        write_atomically(rig_path, rig_to_json(designs[0].rig()).encode())
     if as_json:
         body = _paper_body() if as_paper else _body(designs)
         click.echo(json.dumps(_without_nan(body), indent=2, ensure_ascii=False, allow_nan=False))
