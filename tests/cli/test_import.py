@@ -423,3 +423,26 @@ def test_a_real_scan_of_others(tmp_path: Path, shared_data: Path) -> None:
         assert scan.frame(1, "laser").settings["picture"] == "step_num17.jpg"
     raw = 20 * 640 * 480 * 3
     assert (tmp_path / "m.turnscan").stat().st_size < raw / 5
+
+
+@pytest.mark.parametrize("keep", ["sparse", "full"])
+@pytest.mark.parametrize("level", [0, 255])
+def test_pictures_without_a_stripe_are_named(tmp_path: Path, keep: str, level: int) -> None:
+    (tmp_path / "on").mkdir()
+    for step in range(4):
+        plain = np.full(SIZE, level, np.uint8)
+        Pillow.fromarray(plain).save(tmp_path / "on" / f"step_num{step}.png")
+    args = ("--angles", "step:90", "--keep", keep, "-o", tmp_path / "a.turnscan")
+    assert "scan.no-stripe" in run(tmp_path / "on", *args)
+    lit = folder(tmp_path / "lit", list(range(4)))
+    assert "scan.no-stripe" not in run(lit, *args)
+
+
+def test_a_threshold_that_nothing_passes_is_refused(tmp_path: Path) -> None:
+    lit = folder(tmp_path / "on", list(range(4)))
+    args = (lit, "--angles", "step:90", "-o", tmp_path / "a.turnscan", "--threshold")
+    for given in ("1e300", "255"):
+        with pytest.raises(InputError, match="brightest pixel has 255"):
+            run(*args, given)
+    assert not (tmp_path / "a.turnscan").exists()
+    assert "scan.no-stripe" in run(*args, "254")

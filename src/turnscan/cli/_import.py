@@ -14,7 +14,7 @@ import numpy as np
 from turnscan.arrays import Image
 from turnscan.cli._import_angles import Angle, Angles, find_angles
 from turnscan.cli._import_series import Series, find_series, same_pictures
-from turnscan.cli._import_signal import Signal, Wishes, check_kind, find_signal
+from turnscan.cli._import_signal import Signal, Weights, Wishes, check_kind, find_signal
 from turnscan.cli._input import read_rig_file
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_output
@@ -22,7 +22,16 @@ from turnscan.cli._progress import progress
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.rig import Rig
-from turnscan.scan import NOISE_FACTOR, Frame, Scan, ScanPlan, read_picture, replacing_scan
+from turnscan.scan import (
+    NOISE_FACTOR,
+    Frame,
+    Scan,
+    ScanPlan,
+    read_picture,
+    replacing_scan,
+    signal_of,
+    statistics,
+)
 
 
 @dataclass
@@ -142,6 +151,8 @@ def verb(
         for one in series:
             known = signals[0].weights if signals else None
             signals.append(find_signal(one, wishes, known, first, tick))
+    if threshold is not None:
+        _check_threshold(threshold, first, signals[0].weights)
     plan = ScanPlan(
         width=first.shape[1],
         height=first.shape[0],
@@ -161,9 +172,14 @@ def verb(
             tally.findings += same_pictures(one)
             if signal.background is not None:
                 scan.add_background(one.laser, signal.background)
+            seen = False
             for frame in _frames(one, table, first):
-                tally.add(frame.angle, scan.add(frame))
+                kept = scan.add(frame)
+                tally.add(frame.angle, kept)
+                seen = seen or _has_light(frame, plan, signal, kept)
                 tick()
+            if not seen:
+                tally.findings.append(_no_stripe(one.laser, plan.threshold))
             tally.findings += _record_missing(scan, one.laser, table)
     _say_summary(output, plan, signals, tally, source, threshold is None)
 
@@ -186,6 +202,37 @@ def _frames(series: Series, angles: Angles, first: Image) -> Iterator[Frame]:
             angle_sigma=angle.sigma,
             settings={"picture": shot.name, "number": shot.number},
         )
+
+
+def _check_threshold(threshold: float, first: Image, weights: Weights | None) -> None:
+    """Raise InputError for a threshold that no picture of this kind can pass."""
+    full = float(np.iinfo(first.dtype).max)
+    if weights is not None:
+        full *= sum(w for w in weights if w > 0.0)
+    if threshold >= full:
+        raise InputError(
+            f"--threshold {threshold:g}: the brightest pixel has {full:g} grey levels",
+            hint="give a lower one, or leave it out: it is chosen by the noise",
+        )
+
+
+def _has_light(frame: Frame, plan: ScanPlan, signal: Signal, kept: float) -> bool:
+    """Whether any pixel passes the threshold; a sparse frame keeps pixels only where one does."""
+    if plan.keep == "sparse":
+        return kept > 0.0
+    dark = signal.background if frame.dark is None else frame.dark
+    light = signal_of(frame.lit, dark, plan.weights)
+    return bool(light.max() > statistics(light).level + plan.threshold)
+
+
+def _no_stripe(laser: str, threshold: float) -> Finding:
+    return Finding(
+        "scan.no-stripe",
+        "warning",
+        f"no pixel of any picture is {threshold:.2f} grey levels above the background",
+        where=f"laser {laser}",
+        remedy="was the laser on, and in the picture? else give --dark, or a lower --threshold",
+    )
 
 
 def _by_laser(
