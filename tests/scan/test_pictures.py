@@ -11,7 +11,7 @@ import pytest
 from PIL import Image as Pillow
 
 from turnscan.errors import FormatError, InputError, LimitExceeded
-from turnscan.scan import list_pictures, picture_numbers, read_picture, read_video
+from turnscan.scan import list_pictures, numbers_apart, picture_numbers, read_picture, read_video
 
 
 def _png(path: Path, pixels: np.ndarray) -> Path:
@@ -200,3 +200,9 @@ def test_a_video_that_is_none(tmp_path: Path) -> None:
         list(read_video(tmp_path / "a.avi"))
     with pytest.raises(InputError, match="no such video"):
         list(read_video(tmp_path / "b.avi"))
+
+
+def test_steps_lie_apart_by_what_divides_all_numbers() -> None:
+    assert numbers_apart([1, 3, 5], 1) == 2
+    assert numbers_apart([0, 4, 6, 10], 0) == 2
+    assert numbers_apart([7], 7) == 1

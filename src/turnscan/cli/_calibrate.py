@@ -35,7 +35,7 @@ from turnscan.cli._progress import progress
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.rig import rig_to_json
-from turnscan.scan import list_pictures, picture_numbers, read_picture
+from turnscan.scan import list_pictures, numbers_apart, picture_numbers, read_picture
 
 _COLOURS = {
     "grey": (1.0, 1.0, 1.0),
@@ -358,8 +358,9 @@ def _steps(names: list[str]) -> list[float]:
     numbers = picture_numbers(names)
     if numbers is None:
         return [float(k) for k in range(len(names))]
-    gap = min(b - a for a, b in zip(sorted(numbers), sorted(numbers)[1:], strict=False))
-    return [(n - min(numbers)) / gap for n in numbers]
+    first = min(numbers)
+    apart = numbers_apart(numbers, first)
+    return [float((n - first) // apart) for n in numbers]
 
 
 def _as_json(found: Figures, remarks: Sequence[Finding]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +10,14 @@ from pathlib import Path
 from turnscan.arrays import Image
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.scan import is_video, list_pictures, picture_numbers, read_picture, read_video
+from turnscan.scan import (
+    is_video,
+    list_pictures,
+    numbers_apart,
+    picture_numbers,
+    read_picture,
+    read_video,
+)
 
 _SPARSE_NUMBERS = 5
 """Numbers in names are steps only where at least one in so many of them has a picture."""
@@ -74,7 +80,7 @@ def find_series(
             f"--first-step {first}: there are pictures with lower numbers",
             hint="give the lowest number that takes part, or leave the option out",
         )
-    apart = math.gcd(*(n - lowest for some in numbers.values() for n in some)) or 1
+    apart = numbers_apart([n for some in numbers.values() for n in some], lowest)
     series = []
     for laser, some in paths.items():
         shots = tuple(
@@ -153,7 +159,7 @@ def _numbers(paths: list[Path], found: list[Finding]) -> list[int]:
             )
         return list(range(len(paths)))
     low = min(numbers)
-    apart = math.gcd(*(n - low for n in numbers))
+    apart = numbers_apart(numbers, low)
     if (max(numbers) - low) // apart >= _SPARSE_NUMBERS * len(numbers):
         found.append(
             Finding(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import glob
 import io
+import math
 import re
 import struct
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -81,6 +82,14 @@ def picture_numbers(names: list[str]) -> list[int] | None:
     if len(varying) != 1 or len(set(varying[0])) != len(names):
         return None
     return varying[0]
+
+
+def numbers_apart(numbers: Iterable[int], first: int) -> int:
+    """How far the numbers of neighbouring steps lie apart, counted from ``first``.
+
+    The greatest common divisor: of 0, 4, 6 steps are 2 apart, and those of 2 are missing.
+    """
+    return math.gcd(*(n - first for n in numbers)) or 1
 
 
 def read_picture(path: str | Path) -> Image:
