@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape, sphere, with_noise
-from turnscan.errors import InputError
 from turnscan.points import (
     RangeScan,
     Volume,
@@ -26,7 +25,6 @@ from turnscan.surface import (
     drop_islands,
     is_closed,
     join,
-    join_range_scans,
     mesh_findings,
     paste,
     submesh,
@@ -158,12 +156,10 @@ def bump_scan(name: str, pose: Pose) -> RangeScan:
 def test_range_scans_come_together():
     small = Pose(rotation_about([1, 2, 0], 0.05), [1.0, 2.0, 3.0])
     scans = [bump_scan("a", Pose()), bump_scan("b", small)]
-    mesh = join_range_scans(scans, {"a": Pose(), "b": small})
+    mesh = paste([scans[0].range_grid(), scans[1].range_grid(small)])
     assert area(mesh) < 1.25 * area(paste([scans[0].range_grid()])), "not twice"
     t = mesh.triangles
     assert (np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])[:, 2] > 0).all(), "towards the scanner"
-    with pytest.raises(InputError, match="no placement for b"):
-        join_range_scans(scans, {"a": Pose()})
 
 
 def test_real_range_scans(shared_data):
@@ -179,8 +175,9 @@ def test_real_range_scans(shared_data):
     world = [placed[s.name].apply(s.points) for s in scans]
     near = cKDTree(world[0]).query(world[1])[0]
     assert np.median(near) < 0.35, "spacing is 0.5 mm"
-    mesh = join_range_scans(scans, placed)
-    alone = [area(join_range_scans([s], placed)) for s in scans]
+    grids = [s.range_grid(placed[s.name]) for s in scans]
+    mesh = paste(grids)
+    alone = [area(paste([g])) for g in grids]
     assert max(alone) < area(mesh) < 0.85 * sum(alone)
     size = np.bincount(components(mesh))
     assert size.max() > 60_000

@@ -6,7 +6,7 @@ from turnscan.surface._findings import mesh_findings
 from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh, vertex_normals
 from turnscan.surface._merge import How, Overlap, merge, overlaps
 from turnscan.surface._mesh import Mesh, Provenance
-from turnscan.surface._paste import components, drop_islands, join, join_range_scans, paste
+from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces
 from turnscan.surface._tsdf import fuse
 
@@ -27,7 +27,6 @@ __all__ = [
     "fuse",
     "is_closed",
     "join",
-    "join_range_scans",
     "merge",
     "mesh_findings",
     "mesh_grid",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,9 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.errors import InputError
-from turnscan.points import RangeGrid, RangeScan
-from turnscan.rig import Pose
+from turnscan.points import RangeGrid
 from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
 from turnscan.surface._mesh import Mesh, Provenance
 
@@ -169,23 +167,3 @@ def drop_islands(mesh: Mesh, smallest: int | None = None) -> tuple[Mesh, int, in
     if keep.all():
         return mesh, 0, 0
     return submesh(mesh, keep), int((size < smallest).sum()), int((~keep).sum())
-
-
-def join_range_scans(
-    scans: Sequence[RangeScan],
-    placements: Mapping[str, Pose],
-    tears: Tears | None = None,
-    *,
-    keep_double: bool = False,
-) -> Mesh:
-    """Range scans of another scanner, brought together by their placements and pasted.
-
-    Raises InputError for a scan without a placement.
-    """
-    missing = [s.name for s in scans if s.name not in placements]
-    if missing:
-        raise InputError(
-            f"no placement for {', '.join(missing)}", hint="add a bmesh line for each scan"
-        )
-    grids = (s.range_grid(placements[s.name]) for s in scans)
-    return paste(grids, tears, keep_double=keep_double)
