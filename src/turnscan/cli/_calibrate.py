@@ -173,9 +173,9 @@ def verb(
     if report is not None:
         from turnscan.cli._calibrate_report import report_html
 
-        paths = {
-            p.name: p for spec in (camera, table, *groups.values()) for p in list_pictures(spec)
-        }
+        roles = {"camera": camera, "table": table}
+        roles |= {f"laser {name}": spec for name, spec in groups.items()}
+        paths = {(role, p.name): p for role, spec in roles.items() for p in list_pictures(spec)}
         write_atomically(report, report_html(result, found, remarks, paths).encode())
     write_atomically(output, rig_to_json(result.rig).encode())
     if as_json:

@@ -22,9 +22,12 @@ _ARROW = 100.0
 
 
 def report_html(
-    c: Calibration, f: Figures, findings: Sequence[Finding], pictures: Mapping[str, Path]
+    c: Calibration,
+    f: Figures,
+    findings: Sequence[Finding],
+    pictures: Mapping[tuple[str, str], Path],
 ) -> str:
-    """The report as one HTML page; ``pictures`` says where the rejected ones lie, by name."""
+    """The report as one HTML page; ``pictures`` says where the rejected ones lie, by role and name."""
     parts = [
         _html.table(("", ""), _summary(c, f)),
         _html.heading("Findings"),
@@ -59,9 +62,9 @@ def report_html(
         _html.heading("Pictures that were not used"),
         _html.table(("role", "picture", "why"), [(r.role, r.name, r.reason) for r in c.rejected]),
         *(
-            _html.picture(_thumbnail(pictures[r.name]), f"{r.name} ({r.role}): {r.reason}")
+            _html.picture(_thumbnail(pictures[r.role, r.name]), f"{r.name} ({r.role}): {r.reason}")
             for r in c.rejected
-            if r.name in pictures
+            if (r.role, r.name) in pictures
         ),
     ]
     return _html.page("Calibration report", parts)
