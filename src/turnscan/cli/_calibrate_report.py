@@ -27,7 +27,7 @@ def report_html(
     findings: Sequence[Finding],
     pictures: Mapping[tuple[str, str], Path],
 ) -> str:
-    """The report as one HTML page; ``pictures`` says where the rejected ones lie, by role and name."""
+    """The report as one HTML page; ``pictures``: where they lie, by role and name."""
     parts = [
         _html.table(("", ""), _summary(c, f)),
         _html.heading("Findings"),
