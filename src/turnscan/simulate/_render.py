@@ -209,17 +209,17 @@ class Renderer:
 
     def _band(self, T: Pose, beam: Beam, sheet: Floats, shape_of: Floats) -> Bools:
         """(H, W) True near the stripe: where the sheet meets triangles that face laser and eye."""
-        from turnscan.simulate import _shade
+        from turnscan.simulate import _cut
 
         camera = self.bench.rig.camera
-        corners, starts = _shade.sheet_polygons(
+        corners, starts = _cut.sheet_polygons(
             self._tri.vertices, self._tri.faces, self._tri.flat_normals, *self._tri.clusters,
             T.rotation, T.translation, beam.apex, sheet, shape_of,
         )  # fmt: skip
         mask = np.zeros((camera.height, camera.width), np.bool_)
         if len(corners):
             pad = 1.0 if self.bench.waves == "rays" else 1.0 + max(self.bench.grain)
-            _shade.fill(camera.project(corners), starts, pad + self._defocus(corners), mask)
+            _cut.fill(camera.project(corners), starts, pad + self._defocus(corners), mask)
         return mask
 
     def _defocus(self, points: Floats) -> float:

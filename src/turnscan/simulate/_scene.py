@@ -158,7 +158,7 @@ class Triangles:
 
         (f,) numbers of faces and (n, 4) centres and radii.
         """
-        from turnscan.simulate import _shade
+        from turnscan.simulate import _cut
 
         middle = self.vertices[self.faces].mean(axis=1)
         low, high = middle.min(axis=0), middle.max(axis=0)
@@ -169,7 +169,7 @@ class Triangles:
                 one = (steps[:, axis] >> np.uint64(bit)) & np.uint64(1)
                 code |= one << np.uint64(3 * bit + axis)
         order = np.argsort(code, kind="stable").astype(np.int32)
-        return order, _shade.clusters(self.vertices, self.faces, order)
+        return order, _cut.clusters(self.vertices, self.faces, order)
 
 
 def triangles(bodies: Sequence[Body]) -> Triangles:
