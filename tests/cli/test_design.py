@@ -156,8 +156,8 @@ def test_many_angles_come_in_blocks(run: _Door) -> None:
         (("--theta-deg", "1:80:0.001"), "1 to 100 angles"),
         (("--theta-deg", ""), "--theta-deg"),
         (("--focal", "-16"), "focal is -16"),
-        (("--focal", "nan"), "focal is nan"),
-        (("--distance", "inf"), "distance is inf"),
+        (("--focal", "nan"), "nan"),
+        (("--distance", "inf"), "inf"),
         (("--distance", "1e300"), "distance is 1e+300"),
         (("--sensor", "0x0"), "columns is 0"),
         (("--sensor", "640"), "'640'"),
@@ -210,7 +210,7 @@ def test_a_picture_that_cannot_be_written(run: _Door, tmp_path: Path) -> None:
     assert err.count("\n") == 1
     assert str(nowhere) in err
     code, _, err = run("--picture", str(tmp_path))
-    assert code == 5
+    assert code == 2
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 

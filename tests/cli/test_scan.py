@@ -15,6 +15,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from turnscan.cli import turnscan
+from turnscan.cli._hardware import was_interrupted
 from turnscan.cli._scan import stops_of
 from turnscan.errors import InputError, ScanBusy, TurnscanError
 from turnscan.scan import Scan
@@ -227,3 +228,12 @@ def test_devices_finds_the_board_behind_a_port() -> None:
             assert f"{dialect}:{socket.path}" in done.output
         assert not [entry for entry in board.log if entry.outputs], "nothing was lit"
         assert board.turns == 0
+
+
+def test_a_signal_that_compiled_code_wraps_is_still_an_interruption() -> None:
+    wrapped = SystemError("compiled code returned a result with an exception set")
+    assert not was_interrupted(wrapped)
+    wrapped.__cause__ = KeyboardInterrupt()
+    assert was_interrupted(wrapped)
+    assert was_interrupted(KeyboardInterrupt())
+    assert not was_interrupted(ZeroDivisionError())

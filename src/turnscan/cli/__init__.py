@@ -56,12 +56,14 @@ def turnscan() -> None:
 def main() -> None:
     """Run the command line; every foreseen error is one line on stderr and an exit code."""
     try:
-        turnscan.main(standalone_mode=False)
+        turnscan.main(prog_name="turnscan", standalone_mode=False)
     except click.exceptions.Abort:
         _fail("interrupted", 130)
+    except click.UsageError as e:
+        where = e.ctx.command_path if e.ctx is not None else "turnscan"
+        _fail(f"{' '.join(e.format_message().split())} → see `{where} --help`", e.exit_code)
     except click.ClickException as e:
-        e.show()
-        sys.exit(e.exit_code)
+        _fail(" ".join(e.format_message().split()), e.exit_code)
     except click.exceptions.Exit as e:
         sys.exit(e.exit_code)
     except TurnscanError as e:

@@ -137,6 +137,11 @@ def ended_by_signals() -> Iterator[None]:
             signal.signal(number, handler)
 
 
+def was_interrupted(error: BaseException) -> bool:
+    """Whether a signal ended the block; one that comes in compiled code is wrapped on its way."""
+    return isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
+
+
 def _bench(address: str) -> Opened:
     from turnscan.simulate import simulated
 

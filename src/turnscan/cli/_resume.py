@@ -16,6 +16,7 @@ from turnscan.cli._hardware import (
     device_options,
     ended_by_signals,
     opened,
+    was_interrupted,
 )
 from turnscan.cli._numbers import Finite
 from turnscan.cli._scanning import steps_left, take
@@ -40,7 +41,9 @@ def verb(name: Path, devices: dict[str, str | None], at_deg: float | None, retak
         try:
             with Scan.resume(name) as scan:
                 _resume(scan, devices, at_deg, retake)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemError) as e:
+            if not was_interrupted(e):
+                raise
             click.echo("turnscan: interrupted before anything was taken", err=True)
             sys.exit(130)
 

@@ -19,7 +19,14 @@ from turnscan.acquire import (
     estimate,
     look,
 )
-from turnscan.cli._hardware import Opened, addresses_of, device_options, ended_by_signals, opened
+from turnscan.cli._hardware import (
+    Opened,
+    addresses_of,
+    device_options,
+    ended_by_signals,
+    opened,
+    was_interrupted,
+)
 from turnscan.cli._input import read_rig_file
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_output
@@ -137,7 +144,9 @@ def verb(
                 how = acquisition_to_json(Acquisition(plan, at.camera, at.turntable, at.lasers))
                 with Scan.create(name, first.scan_plan, rig, how) as scan:
                     take(plan, bench.hardware, scan, first)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemError) as e:
+            if not was_interrupted(e):
+                raise
             click.echo("turnscan: interrupted before the first frame was stored", err=True)
             sys.exit(130)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import click
 
 from turnscan.acquire import Event, FirstLook, Hardware, Missing, Plan, StepDone, run
+from turnscan.cli._hardware import was_interrupted
 from turnscan.cli._progress import progress
 from turnscan.errors import TurnscanError
 from turnscan.scan import Scan
@@ -64,7 +65,9 @@ def steps_left(plan: Plan, scan: Scan) -> int:
 def _said_how_to_go_on(plan: Plan, scan: Scan) -> Iterator[None]:
     try:
         yield
-    except (KeyboardInterrupt, TurnscanError) as e:
+    except (KeyboardInterrupt, SystemError, TurnscanError) as e:
+        if not (isinstance(e, TurnscanError) or was_interrupted(e)):
+            raise
         scan.close()
         done = plan.steps - steps_left(plan, scan)
         where = f"{done} of {plan.steps} steps are stored → turnscan resume {scan.path}"

@@ -205,11 +205,14 @@ def _open_for_writing(path: Path) -> sqlite3.Connection:
         db = _connect(path, "rw")
         try:
             _judge_schema(db, path)
-            # Readers may look on, and every commit is on the disk when it returns.
+            # Readers may look on, and every commit is on the disk when it returns. Other writers
+            # are kept out by the lock; who is in the way here only reads, and is soon done.
+            db.execute(f"PRAGMA busy_timeout = {_PATIENCE_MS}")
             db.execute("PRAGMA journal_mode = WAL")
             db.execute("PRAGMA synchronous = FULL")
             db.execute("BEGIN EXCLUSIVE")
             db.execute("COMMIT")
+            db.execute("PRAGMA busy_timeout = 0")
         except BaseException:
             db.close()
             raise
