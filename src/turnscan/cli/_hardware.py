@@ -139,7 +139,10 @@ def ended_by_signals() -> Iterator[None]:
 
 def was_interrupted(error: BaseException) -> bool:
     """Whether a signal ended the block; one that comes in compiled code is wrapped on its way."""
-    return isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
+    inner: BaseException | None = error
+    while inner is not None and not isinstance(inner, KeyboardInterrupt):
+        inner = inner.__cause__ or inner.__context__
+    return inner is not None
 
 
 def _bench(address: str) -> Opened:
