@@ -18,15 +18,16 @@ $(STAMP): pyproject.toml constraints.txt
 	$(INSTALL) -e '.[dev]'
 	touch $@
 
-# Independent readers of our files, and the GigE Vision library with its fake camera; the tests use
-# those that are there, and CI insists on all.
+# Independent readers of our files, the GigE Vision library with its fake camera, and a browser: the
+# tests use those that are there, and CI insists on all.
 SYSTEM_PACKAGES := assimp-utils dime gdal-bin \
 	aravis-tools aravis-tools-cli gir1.2-aravis-0.8 \
-	gcc pkg-config python3-dev libgirepository1.0-dev libcairo2-dev
+	gcc pkg-config python3-dev libgirepository1.0-dev libcairo2-dev chromium
 GIGE_HEADERS := pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null
-system: ## install the CAD readers and camera libraries that the tests use (Debian, as root)
+system: ## install CAD readers, camera libraries and browser that the tests use (Debian, as root)
 	@if command -v assimp >/dev/null && command -v dxf2vrml >/dev/null && command -v ogr2ogr >/dev/null \
-	     && command -v arv-fake-gv-camera-0.8 >/dev/null && $(GIGE_HEADERS); \
+	     && command -v arv-fake-gv-camera-0.8 >/dev/null && command -v chromium >/dev/null \
+	     && $(GIGE_HEADERS); \
 	then :; elif command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; \
 	then apt-get update -qq && DEBIAN_FRONTEND=noninteractive \
 	     apt-get install -y -qq --no-install-recommends $(SYSTEM_PACKAGES) >/dev/null; \
