@@ -1,18 +1,23 @@
 """RangeGrid(s) → Mesh: tears, seam, joining of lasers, islands, caps."""
 
 from turnscan.surface._clean import Clean, clean
-from turnscan.surface._close import Caps, boundary_loops, close, is_closed, split_touching
+from turnscan.surface._close import Caps, close
 from turnscan.surface._findings import mesh_findings
 from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh, vertex_normals
+from turnscan.surface._holes import CAUSE_WORDS, Cause, Hole, holes
 from turnscan.surface._merge import How, Overlap, merge, overlaps
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces
+from turnscan.surface._topology import boundary_loops, is_closed, split_touching
 from turnscan.surface._tsdf import fuse
 
 __all__ = [
+    "CAUSE_WORDS",
     "Caps",
+    "Cause",
     "Clean",
+    "Hole",
     "How",
     "Mesh",
     "Overlap",
@@ -25,6 +30,7 @@ __all__ = [
     "components",
     "drop_islands",
     "fuse",
+    "holes",
     "is_closed",
     "join",
     "merge",

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.surface._grid_mesh import half_edges
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import measured
+from turnscan.surface._topology import boundary_loops, split_touching
 
 
 @dataclass(frozen=True)
@@ -24,84 +24,6 @@ class Caps:
     above the floor."""
     longest: int | None = None
     """Gaps with more sides than this stay open; None closes all."""
-
-
-def boundary_loops(mesh: Mesh) -> list[Ints]:
-    """The borders of the mesh: closed loops of vertex numbers, each along its faces' own winding.
-
-    Longest first. No vertex may lie on two borders: `split_touching` first.
-    """
-    begin, end = half_edges(mesh.faces)
-    loops = []
-    following = dict(zip(begin.tolist(), end.tolist(), strict=True))
-    while following:
-        first, here = next(iter(following.items()))
-        del following[first]
-        loop = [first]
-        while here != first and here in following:
-            loop.append(here)
-            here = following.pop(here)
-        loops.append(np.array(loop, dtype=np.int32))
-    return sorted(loops, key=lambda k: (-len(k), int(k.min())))
-
-
-def is_closed(mesh: Mesh) -> bool:
-    """True where every side of every face has exactly one face on its other side."""
-    a = mesh.faces[:, [0, 1, 2]].ravel().astype(np.int64)
-    b = mesh.faces[:, [1, 2, 0]].ravel().astype(np.int64)
-    size = len(mesh.vertices) + 1
-    there, back = np.sort(a * size + b), np.sort(b * size + a)
-    once = bool((np.diff(there) > 0).all())
-    return bool(len(mesh.faces) > 0 and once and (there == back).all())
-
-
-def split_touching(mesh: Mesh) -> Mesh:
-    """The mesh with every vertex doubled in which two parts of the surface merely touch."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    f = len(mesh.faces)
-    if not f:
-        return mesh
-    corner = np.arange(3 * f).reshape(f, 3)
-    a = mesh.faces[:, [0, 1, 2]].ravel().astype(np.int64)
-    b = mesh.faces[:, [1, 2, 0]].ravel().astype(np.int64)
-    ca, cb = corner[:, [0, 1, 2]].ravel(), corner[:, [1, 2, 0]].ravel()
-    size = len(mesh.vertices) + 1
-    order = np.argsort(a * size + b)
-    at = np.searchsorted((a * size + b)[order], b * size + a)
-    at = np.minimum(at, len(order) - 1)
-    match = order[at]
-    inner = (a[match] == b) & (b[match] == a)
-    left = np.concatenate([ca[inner], cb[inner]])
-    right = np.concatenate([cb[match[inner]], ca[match[inner]]])
-    graph = coo_array((np.ones(len(left), np.int8), (left, right)), shape=(3 * f, 3 * f))
-    _, fan = connected_components(graph, directed=False)
-    fans, first = np.unique(fan, return_index=True)
-    if len(fans) == len(mesh.vertices):
-        return mesh
-    old = mesh.faces.ravel()[first]
-    # The first fan of each vertex keeps its place; the others are added at the end.
-    rank = np.lexsort((first, old))
-    leads = np.ones(len(rank), dtype=np.bool_)
-    leads[1:] = old[rank][1:] != old[rank][:-1]
-    sequence = np.concatenate([rank[leads], rank[~leads]])
-    new = np.empty(len(fans), dtype=np.int32)
-    new[sequence] = np.arange(len(fans), dtype=np.int32)
-    return _taken(mesh, old[sequence], new[fan].reshape(f, 3))
-
-
-def _taken(mesh: Mesh, index: Ints, faces: Ints) -> Mesh:
-    p = mesh.provenance
-    return replace(
-        mesh,
-        vertices=mesh.vertices[index],
-        faces=faces,
-        provenance=None
-        if p is None
-        else Provenance(p.sigma[index], p.laser[index], p.step[index], p.line[index], p.lasers),
-        colour=None if mesh.colour is None else mesh.colour[index],
-    )
 
 
 def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, int]:

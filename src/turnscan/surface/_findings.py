@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from turnscan.findings import Finding, Severity
-from turnscan.surface._close import boundary_loops, is_closed, split_touching
 from turnscan.surface._mesh import Mesh
+from turnscan.surface._topology import boundary_loops, is_closed
 
 
 def mesh_findings(mesh: Mesh, islands: int, island_faces: int, gaps: int | None) -> list[Finding]:
@@ -26,7 +26,7 @@ def mesh_findings(mesh: Mesh, islands: int, island_faces: int, gaps: int | None)
         severity: Severity = "warning" if share > 0.25 else "note"
         out.append(Finding("surface.caps", severity, text))
     if not is_closed(mesh):
-        loops = boundary_loops(split_touching(mesh))
+        loops = boundary_loops(mesh)
         longest = len(loops[0]) if loops else 0
         text = f"the surface has {len(loops)} open borders, the longest of {longest} sides"
         remedy = "" if gaps is not None else "close them with --close"

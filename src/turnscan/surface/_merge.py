@@ -12,12 +12,12 @@ from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid
-from turnscan.surface._close import split_touching
 from turnscan.surface._grid_mesh import Tears
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._paste import paste
 from turnscan.surface._polar import merge_polar, polar_grid
 from turnscan.surface._range_surface import RangeSurface, range_surfaces
+from turnscan.surface._topology import split_touching
 from turnscan.surface._tsdf import fuse
 
 How = Literal["auto", "grid", "tsdf", "paste"]

@@ -1,0 +1,84 @@
+"""Compiled kernels of borders and fans; imported only when they are used.
+
+Side 3f + i runs from corner i of face f to the next, so it also names that corner.
+"""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def _next(h: int) -> int:
+    return h - 2 if h % 3 == 2 else h + 1
+
+
+@njit(cache=True, nogil=True)
+def _before(h: int) -> int:
+    return h + 2 if h % 3 == 0 else h - 1
+
+
+@njit(cache=True, nogil=True)
+def borders(faces: Any, twin: Any) -> tuple[Any, Any]:
+    """The vertices of all borders in a row, and where each border begins."""
+    count = 0
+    for h in range(len(twin)):
+        count += twin[h] < 0
+    flat = np.empty(count, dtype=np.int32)
+    starts = np.empty(count, dtype=np.int64)
+    done = np.zeros(len(twin), dtype=np.bool_)
+    made, loops = 0, 0
+    for h in range(len(twin)):
+        if twin[h] >= 0 or done[h]:
+            continue
+        starts[loops] = made
+        loops += 1
+        g = h
+        while not done[g]:
+            done[g] = True
+            flat[made] = faces[g // 3, g % 3]
+            made += 1
+            g = _next(g)
+            while twin[g] >= 0:
+                g = _next(twin[g])
+    return flat, starts[:loops].copy()
+
+
+@njit(cache=True, nogil=True)
+def fans(twin: Any) -> tuple[Any, Any]:
+    """(corners,) the fan of each corner, and (fans,) the first corner of each."""
+    fan = np.full(len(twin), -1, dtype=np.int64)
+    first = np.empty(len(twin), dtype=np.int64)
+    made = 0
+    for corner in range(len(twin)):
+        if fan[corner] >= 0:
+            continue
+        first[made] = corner
+        c = corner
+        while c >= 0 and fan[c] < 0:
+            fan[c] = made
+            c = twin[_before(c)]
+        c = twin[corner]
+        while c >= 0 and fan[_next(c)] < 0:
+            c = _next(c)
+            fan[c] = made
+            c = twin[c]
+        made += 1
+    return fan, first[:made].copy()
+
+
+@njit(cache=True, nogil=True)
+def diameter(points: Any) -> float:
+    """The largest distance between two of the points (m, 3)."""
+    most = 0.0
+    for i in range(len(points)):
+        for j in range(i):
+            d = 0.0
+            for k in range(3):
+                d += (points[i, k] - points[j, k]) ** 2
+            most = max(most, d)
+    return np.sqrt(most)  # type: ignore[no-any-return]

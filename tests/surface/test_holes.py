@@ -1,0 +1,60 @@
+"""Borders as values: measures, order, borders that touch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from turnscan.surface import CAUSE_WORDS, Mesh, boundary_loops, holes, split_touching
+
+
+def plate(n: int, missing=(), spacing: float = 1.0) -> Mesh:
+    """n × n squares in the plane z = 0, without those that ``missing`` names (column, row)."""
+    x, y = np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0))
+    vertices = spacing * np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+    faces = []
+    for j in range(n):
+        for i in range(n):
+            if (i, j) not in missing:
+                a = j * (n + 1) + i
+                faces += [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
+    return Mesh(vertices, np.array(faces))
+
+
+def test_a_hole_knows_its_measures():
+    outer, inner = holes(plate(8, {(3, 3), (4, 3)}, 0.5))
+    assert len(outer.loop) == 32
+    assert outer.perimeter == pytest.approx(16.0)
+    assert outer.area == pytest.approx(16.0)
+    assert inner.perimeter == pytest.approx(3.0)
+    assert inner.area == pytest.approx(0.5)
+    assert inner.size == pytest.approx(np.hypot(1.0, 0.5))
+    assert inner.centre == pytest.approx([2.0, 1.75, 0.0])
+    assert inner.cause is None
+    assert set(CAUSE_WORDS) >= {"laser", "camera", "dark", "unknown"}
+
+
+def test_the_loop_runs_with_the_faces_that_it_bounds():
+    mesh = plate(4)
+    (outer,) = holes(mesh)
+    corners = mesh.vertices[outer.loop]
+    turned = np.cross(corners, np.roll(corners, -1, axis=0))[:, 2].sum()
+    assert turned > 0, "the plate lies on the left"
+
+
+def test_borders_that_touch_do_not_mix():
+    mesh = plate(6, {(2, 2), (3, 3)})
+    loops = boundary_loops(mesh)
+    assert sum(len(k) for k in loops) == 24 + 8
+    for loop in loops:
+        sides = set(zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
+        assert len(sides) == len(loop)
+    assert [len(k) for k in loops] == [len(k) for k in boundary_loops(split_touching(mesh))]
+
+
+def test_the_same_mesh_gives_the_same_list():
+    mesh = plate(9, {(1, 1), (4, 4), (7, 1), (1, 7)})
+    first, again = holes(mesh), holes(mesh)
+    assert [h.loop.tolist() for h in first] == [h.loop.tolist() for h in again]
+    perimeters = [h.perimeter for h in first]
+    assert perimeters == sorted(perimeters, reverse=True)
