@@ -1,0 +1,788 @@
+"""The protocol between server and browser; `frontend/src/protocol.ts` is generated from this file.
+
+One WebSocket at ``/ws`` carries everything that happens; plain GETs carry what is large and rests.
+
+- A message is a JSON object with the key ``kind``. A text frame is such an object. A binary frame
+  is an envelope (`turnscan.app._envelope`): the object as the header, and arrays behind it. The
+  bodies of binary GETs are envelopes too.
+- A request has an ``id`` that the client chooses. It is answered once, to its sender, by ``done``,
+  by ``refused`` with words for a person, or by the message that its class names; the answer has
+  the same ``id``. A job answers ``started`` and then reports to everybody.
+- One client is the operator: it alone may edit, move and light. All others watch. Anybody may
+  send ``stop``. ``take_control`` makes the sender the operator, and the one before learns it.
+- An open scan is a document with an ``epoch`` and a ``revision``. Within an epoch vertices and
+  faces keep their numbers for ever: they are only appended, and faces die and come back. A patch
+  is what one edit did, in one message, to everybody, in order; ``revision`` counts by one. Who has
+  missed one, or sees ``replace``, gets the mesh again.
+- An edit names the ``base_revision`` it was made on. Where that is not the latest one it is
+  refused with the code ``stale``, and nothing has happened. When an edit is answered by ``done``
+  it is in the scan file.
+- Faces and vertices in an edit are numbers of the document's own, in arrays of the envelope.
+- Lengths are mm, angles in names that say so degrees, else rad; times s; pixels as (u, v).
+
+Binary GETs, under ``/api/scans/{scan}/``:
+
+- ``mesh``: header `MeshHeader`; positions f32 (v, 3), faces u32 (f, 3) of the living and the dead,
+  alive u8 (f), measured u8 (f), sigma f32 (v) NaN where not measured, laser i32 (v), step i32 (v),
+  line i32 (v), the last three −1 where not measured. ``mesh?faces=N`` is a stand-in of about N
+  faces for moving: positions, faces.
+- ``grid/{grid}``: header `GridHeader`; steps i32 (s), angles f32 (s), points f32 (s, n, 3) NaN
+  where missing, sigma and amplitude f32 (s, n), flags u16 (s, n) (`turnscan.stripes.StripeFlag`),
+  cause u8 (s, n) index into ``causes``, edited u8 (s, n) (0 as measured, 1 moved or picked,
+  2 deleted, 3 added), off u8 (s). ``grid/{grid}?step=K`` is that step alone.
+- ``profile/{grid}/{step}``: header `ProfileHeader`; position f32 (n), the stripe as it is used now,
+  candidates f32 (n, K), candidate_amplitude f32 (n, K), candidate_points f32 (n, K, 3), all NaN
+  where there is none, chosen i8 (n): −1 none, −2 a person's own place.
+- ``picture/{grid}/{step}.png``: the picture as it was stored, lit; what was not kept is black.
+
+``grid`` is the number of a laser's grid, in the order of ``lasers`` in `MeshHeader`.
+POST ``/api/scans`` (a scan file as the body, ``?name=``) adds a file; POST
+``/api/scans/{scan}/exports`` with `ExportRequest` starts a job whose ``download`` is then at
+``/api/downloads/{download}``. Requests that change something need the header ``X-Turnscan: 1``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+VERSION = 1
+"""Of the protocol; the page reloads itself where it has another one."""
+
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+Opaque = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{4,64}$")]
+"""A name that the server gave, and that means nothing outside of it."""
+Count = Annotated[int, Field(ge=0, lt=2**53)]
+Vector = tuple[float, float, float]
+Box = tuple[Vector, Vector]
+
+
+class Model(BaseModel):
+    """Strict: nothing unknown, no NaN, and never changed."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+# What is told
+
+
+class Remark(Model):
+    """A finding, in words."""
+
+    code: str
+    severity: Literal["note", "warning", "error"]
+    text: str
+    where: str
+    remedy: str
+
+
+class ScanEntry(Model):
+    """A scan file in the list."""
+
+    scan: Opaque
+    name: str
+    megabytes: float
+    modified: str
+    """ISO time, UTC."""
+    open: bool
+
+
+class LaserState(Model):
+    """What is known of a laser. Where nobody has confirmed that it is dark, show it as lit."""
+
+    name: str
+    lit: bool | None
+    """None: not known."""
+    age_seconds: float
+    """Since it was confirmed."""
+
+
+class DeviceState(Model):
+    """A camera or a turntable."""
+
+    state: Literal["none", "ready", "busy", "failed"]
+    text: str
+
+
+class HistoryEntry(Model):
+    """An edit in the list."""
+
+    index: Count
+    name: str
+    text: str
+    on: bool
+    at: str
+    """ISO time, UTC."""
+
+
+class HoleEntry(Model):
+    """A hole in the surface. Its border is the array ``loop_{hole}``, f32 (m, 3)."""
+
+    hole: Count
+    size: float
+    perimeter: float
+    area: float
+    centre: Vector
+    cause: str | None
+    cause_text: str
+
+
+class Defect(Model):
+    """A remark with its place on the part and in the scan, where it has one."""
+
+    remark: Remark
+    place: Vector | None
+    grid: Count | None
+    step: Count | None
+    line: Count | None
+
+
+class Measure(Model):
+    """A measurement that is kept with the scan."""
+
+    measure: Opaque
+    what: str
+    value: float
+    unit: Literal["mm", "mm²", "mm³", "°"]
+    uncertainty: float | None
+    """k = 2."""
+    places: list[Vector]
+    text: str
+
+
+class Figures(Model):
+    """What the surface is like now."""
+
+    vertices: Count
+    faces: Count
+    bounds: Box | None
+    closed: bool
+    area: float
+    volume: float | None
+    """mm³; None where the surface is open."""
+
+
+class FoundDevice(Model):
+    """Something that can be connected."""
+
+    address: str
+    text: str
+    role: Literal["camera", "board"]
+
+
+# Headers of binary GETs
+
+
+class MeshHeader(Model):
+    """Of ``mesh``."""
+
+    scan: Opaque
+    revision: Count
+    epoch: Count
+    lasers: list[str]
+    steps: Count
+    unit: Literal["mm"] = "mm"
+
+
+class GridHeader(Model):
+    """Of ``grid``."""
+
+    scan: Opaque
+    revision: Count
+    grid: Count
+    laser: str
+    closed: bool
+    orientation: Literal["vertical", "horizontal"]
+    causes: list[str]
+    """Words for people; 0 is there: nothing is missing."""
+
+
+class ProfileHeader(Model):
+    """Of ``profile``."""
+
+    scan: Opaque
+    revision: Count
+    grid: Count
+    laser: str
+    step: Count
+    angle_deg: float
+    orientation: Literal["vertical", "horizontal"]
+    width: Count
+    height: Count
+    threshold: float
+    strategy: str
+    edited: bool
+
+
+# Server → browser
+
+
+class Hello(Model):
+    """The first message: where things stand."""
+
+    kind: Literal["hello"] = "hello"
+    protocol: int
+    version: str
+    client: Opaque
+    operator: Opaque | None
+    scans: list[ScanEntry]
+    lasers_allowed: bool
+    """False for a browser on another computer, unless the server was told otherwise."""
+
+
+class Done(Model):
+    """The request is done."""
+
+    kind: Literal["done"] = "done"
+    id: Count
+
+
+class Refused(Model):
+    """The request is not done, and nothing has changed."""
+
+    kind: Literal["refused"] = "refused"
+    id: Count | None
+    code: str
+    """``stale``, ``not-operator``, ``no-lasers``, ``busy``, ``bad-request`` or the error's name."""
+    text: str
+    hint: str
+
+
+class StartedJob(Model):
+    """The request goes on as a job."""
+
+    kind: Literal["started"] = "started"
+    id: Count
+    job: Opaque
+
+
+class JobState(Model):
+    """A job, each time it gets on; the last message has ``state`` done, failed or cancelled."""
+
+    kind: Literal["job"] = "job"
+    job: Opaque
+    what: Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
+    scan: Opaque | None
+    title: str
+    state: Literal["running", "done", "failed", "cancelled"]
+    done: Count
+    total: Count | None
+    seconds_left: float | None
+    text: str
+    hint: str
+    download: Opaque | None
+    findings: list[Remark]
+
+
+class Control(Model):
+    """Who is the operator now."""
+
+    kind: Literal["control"] = "control"
+    operator: Opaque | None
+    clients: Count
+
+
+class Scans(Model):
+    """The list of scan files has changed."""
+
+    kind: Literal["scans"] = "scans"
+    scans: list[ScanEntry]
+
+
+class Opened(Model):
+    """A document is open: to who asked, and to everybody when it is first opened."""
+
+    kind: Literal["opened"] = "opened"
+    id: Count | None
+    scan: Opaque
+    name: str
+    revision: Count
+    epoch: Count
+    lasers: list[str]
+    figures: Figures
+    history: list[HistoryEntry]
+    cursor: Count
+    findings: list[Remark]
+    measures: list[Measure]
+
+
+class Append(Model):
+    """New vertices and faces, at the end.
+
+    Arrays positions, faces, measured, sigma, laser, step, line as in ``mesh``; faces are of the
+    whole document's numbers.
+    """
+
+    kind: Literal["append"] = "append"
+
+
+class Alive(Model):
+    """Faces that die, array dead u32 (k), and dead ones that come back, array back u32 (k)."""
+
+    kind: Literal["alive"] = "alive"
+
+
+class Replace(Model):
+    """Another mesh altogether, of a new epoch: get it."""
+
+    kind: Literal["replace"] = "replace"
+
+
+Part = Annotated[Append | Alive | Replace, Field(discriminator="kind")]
+
+
+class Patch(Model):
+    """What one edit did to the surface; parts in this order."""
+
+    kind: Literal["patch"] = "patch"
+    scan: Opaque
+    revision: Count
+    epoch: Count
+    text: str
+    parts: list[Part]
+    figures: Figures
+
+
+class History(Model):
+    """The list of edits; those from ``cursor`` on are undone."""
+
+    kind: Literal["history"] = "history"
+    scan: Opaque
+    history: list[HistoryEntry]
+    cursor: Count
+
+
+class GridChanged(Model):
+    """Rows of a grid are others now: get them."""
+
+    kind: Literal["grid"] = "grid"
+    scan: Opaque
+    grid: Count
+    steps: list[Count]
+
+
+class PreviewShown(Model):
+    """What an edit would do: arrays positions f32 (v, 3), faces u32 (f, 3) that it would add and
+    dead u32 that it would take away. Nothing is stored."""
+
+    kind: Literal["preview"] = "preview"
+    id: Count
+    figures: Figures
+
+
+class Holes(Model):
+    """All holes, the largest first."""
+
+    kind: Literal["holes"] = "holes"
+    id: Count
+    scan: Opaque
+    revision: Count
+    holes: list[HoleEntry]
+
+
+class Defects(Model):
+    """What is wrong with a scan, and where."""
+
+    kind: Literal["defects"] = "defects"
+    id: Count
+    scan: Opaque
+    revision: Count
+    defects: list[Defect]
+
+
+class Measures(Model):
+    """The measurements kept with a scan; ``id`` where one was asked for."""
+
+    kind: Literal["measures"] = "measures"
+    id: Count | None
+    scan: Opaque
+    measures: list[Measure]
+
+
+class Found(Model):
+    """What is connected to the computer."""
+
+    kind: Literal["found"] = "found"
+    id: Count
+    devices: list[FoundDevice]
+    notes: list[Remark]
+
+
+class Devices(Model):
+    """The devices in use, each time something changes, and each second while a laser may be lit."""
+
+    kind: Literal["devices"] = "devices"
+    addresses: list[str]
+    """Camera, turntable, lasers; empty where nothing is connected."""
+    camera: DeviceState
+    table: DeviceState
+    angle_deg: float | None
+    lasers: list[LaserState]
+    looking: bool
+    rig: bool
+    """Whether a rig (calibration) is known for them."""
+
+
+class Seen(Model):
+    """A live picture: arrays jpeg u8 (bytes), stripe f32 (lines), NaN where there is none.
+
+    Send ``ack`` with its number; with two unanswered the server sends no more.
+    """
+
+    kind: Literal["frame"] = "frame"
+    number: Count
+    width: Count
+    height: Count
+    orientation: Literal["vertical", "horizontal"]
+    lit: list[str]
+    step: Count | None
+    saturated: float
+    """Share of the stripe's lines that are clipped."""
+
+
+class Points(Model):
+    """Points of a scan that is being taken, to be added: array points f32 (m, 3)."""
+
+    kind: Literal["points"] = "points"
+    scan: Opaque
+    laser: str
+    step: Count
+
+
+class Scanning(Model):
+    """A scan that is being taken."""
+
+    kind: Literal["scanning"] = "scanning"
+    scan: Opaque
+    state: Literal["running", "paused", "complete", "aborted", "failed"]
+    done: Count
+    total: Count
+    seconds_left: float | None
+    missing: Count
+    text: str
+
+
+ServerMessage = Annotated[
+    Hello
+    | Done
+    | Refused
+    | StartedJob
+    | JobState
+    | Control
+    | Scans
+    | Opened
+    | Patch
+    | History
+    | GridChanged
+    | PreviewShown
+    | Holes
+    | Defects
+    | Measures
+    | Found
+    | Devices
+    | Seen
+    | Points
+    | Scanning,
+    Field(discriminator="kind"),
+]
+
+
+# Browser → server
+
+
+class Request(Model):
+    """What all requests have."""
+
+    id: Count
+
+
+class Stop(Request):
+    """Lasers dark and table stopped, at once; a scan being taken ends. Anybody may."""
+
+    kind: Literal["stop"] = "stop"
+
+
+class TakeControl(Request):
+    """Become the operator."""
+
+    kind: Literal["take_control"] = "take_control"
+
+
+class ReleaseControl(Request):
+    """Be the operator no more."""
+
+    kind: Literal["release_control"] = "release_control"
+
+
+class Ack(Model):
+    """A live picture has been shown; not answered."""
+
+    kind: Literal["ack"] = "ack"
+    number: Count
+
+
+class Cancel(Request):
+    """End a job."""
+
+    kind: Literal["cancel"] = "cancel"
+    job: Opaque
+
+
+class Open(Request):
+    """Open a scan: answered by ``opened``, or by ``started`` and, later, ``opened``."""
+
+    kind: Literal["open"] = "open"
+    scan: Opaque
+
+
+class EditRequest(Request):
+    """Do an edit: ``done`` after its patch. With ``preview``, answered by ``preview``.
+
+    ``edit`` is one of the values of `turnscan.edit`, its ``faces`` or ``vertices`` left out where
+    they are arrays of the envelope.
+    """
+
+    kind: Literal["edit"] = "edit"
+    scan: Opaque
+    base_revision: Count
+    edit: dict[str, Any]
+    preview: bool = False
+
+
+class Undo(Request):
+    """One edit back."""
+
+    kind: Literal["undo"] = "undo"
+    scan: Opaque
+
+
+class Redo(Request):
+    """One edit on again."""
+
+    kind: Literal["redo"] = "redo"
+    scan: Opaque
+
+
+class GoTo(Request):
+    """To the state after the first ``cursor`` edits."""
+
+    kind: Literal["go_to"] = "go_to"
+    scan: Opaque
+    cursor: Count
+
+
+class Switch(Request):
+    """One edit of the list off or on again, all others as they are."""
+
+    kind: Literal["switch"] = "switch"
+    scan: Opaque
+    index: Count
+    on: bool
+
+
+class ListHoles(Request):
+    """Answered by ``holes``."""
+
+    kind: Literal["list_holes"] = "list_holes"
+    scan: Opaque
+
+
+class ListDefects(Request):
+    """Answered by ``defects``."""
+
+    kind: Literal["list_defects"] = "list_defects"
+    scan: Opaque
+
+
+class TakeMeasure(Request):
+    """Measure, and keep it with the scan: answered by ``measures``.
+
+    ``distance``: two places; ``angle``: three places, the second is the corner; ``to_plane``: a
+    place, and a region (array faces); ``diameter``: a region, or one place whose height is that of
+    the section; ``area`` and ``volume``: of the whole surface, ``area`` of a region too.
+    """
+
+    kind: Literal["measure"] = "measure"
+    scan: Opaque
+    what: Literal["distance", "to_plane", "diameter", "angle", "area", "volume"]
+    places: Annotated[list[Vector], Field(max_length=3)] = []
+
+
+class ForgetMeasure(Request):
+    """Answered by ``measures``."""
+
+    kind: Literal["forget_measure"] = "forget_measure"
+    scan: Opaque
+    measure: Opaque
+
+
+class FindDevices(Request):
+    """Answered by ``found``; with ``probe``, serial ports are opened and asked."""
+
+    kind: Literal["find_devices"] = "find_devices"
+    probe: bool = False
+
+
+class Connect(Request):
+    """Open devices by address; a simulated bench is one address for all three."""
+
+    kind: Literal["connect"] = "connect"
+    camera: Name
+    turntable: Name
+    lasers: Name
+
+
+class Disconnect(Request):
+    """Lasers dark, and let the devices go."""
+
+    kind: Literal["disconnect"] = "disconnect"
+
+
+class Look(Request):
+    """Live pictures with these lasers lit, until it is sent with ``on`` false."""
+
+    kind: Literal["look"] = "look"
+    on: bool
+    lit: list[Name] = []
+    seconds: Annotated[float, Field(gt=0, le=60)] = 0.02
+    gain: Annotated[float, Field(gt=0, le=1000)] = 1.0
+
+
+class Turn(Request):
+    """Turn the table to an angle."""
+
+    kind: Literal["turn"] = "turn"
+    angle_deg: Annotated[float, Field(ge=-36000, le=36000)]
+
+
+class Doctor(Request):
+    """Look at the devices: a job with findings."""
+
+    kind: Literal["doctor"] = "doctor"
+    still: bool = False
+    seconds: Annotated[float, Field(gt=0, le=60)] | None = None
+
+
+class ScanPlan(Model):
+    """What a scan is to be; None leaves it to the server, which says what it chose."""
+
+    name: Name
+    steps: Annotated[int, Field(ge=1, le=100000)] | None = None
+    from_deg: float = 0.0
+    to_deg: float = 360.0
+    lasers: list[Name] | None = None
+    seconds: Annotated[list[Annotated[float, Field(gt=0, le=60)]], Field(max_length=8)] = []
+    gain: Annotated[float, Field(gt=0, le=1000)] = 1.0
+    keep: Literal["sparse", "full"] = "sparse"
+    threshold: Annotated[float, Field(ge=0, le=65535)] | None = None
+
+
+class StartScan(Request):
+    """Take a scan: a job; ``scanning``, ``frame`` and ``points`` tell how it goes."""
+
+    kind: Literal["scan"] = "scan"
+    plan: ScanPlan
+
+
+class Pause(Request):
+    """Wait after the picture that is being taken, lasers dark."""
+
+    kind: Literal["pause"] = "pause"
+
+
+class GoOn(Request):
+    """End the pause."""
+
+    kind: Literal["go_on"] = "go_on"
+
+
+class Abort(Request):
+    """End the scan; what was taken stays, and can be resumed."""
+
+    kind: Literal["abort"] = "abort"
+
+
+ClientMessage = Annotated[
+    Stop
+    | TakeControl
+    | ReleaseControl
+    | Ack
+    | Cancel
+    | Open
+    | EditRequest
+    | Undo
+    | Redo
+    | GoTo
+    | Switch
+    | ListHoles
+    | ListDefects
+    | TakeMeasure
+    | ForgetMeasure
+    | FindDevices
+    | Connect
+    | Disconnect
+    | Look
+    | Turn
+    | Doctor
+    | StartScan
+    | Pause
+    | GoOn
+    | Abort,
+    Field(discriminator="kind"),
+]
+
+
+# Bodies of POSTs
+
+
+class LoginRequest(Model):
+    """POST ``/login``: the token from the link, for a cookie."""
+
+    token: Annotated[str, Field(max_length=200)]
+
+
+class Invitation(Model):
+    """POST ``/api/invitations``: a link for one more browser, good once."""
+
+    path: str
+
+
+class ExportRequest(Model):
+    """POST ``/api/scans/{scan}/exports``."""
+
+    format: Literal["dxf", "stl", "ply", "obj", "xyz"]
+    dxf_forms: list[Literal["3dface", "polyface", "mesh", "profiles"]] = ["3dface"]
+    dxf_version: Literal["R12", "R2010"] | None = None
+    ascii: bool = False
+
+
+class StartedExport(Model):
+    """Its answer."""
+
+    job: Opaque
+
+
+class Added(Model):
+    """The answer to POST ``/api/scans``."""
+
+    scan: Opaque
+
+
+class Problem(Model):
+    """The body of every HTTP error."""
+
+    code: str
+    text: str
+    hint: str
+
+
+REQUESTS: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
+ANSWERS: TypeAdapter[ServerMessage] = TypeAdapter(ServerMessage)
+BODIES = (
+    *(MeshHeader, GridHeader, ProfileHeader),
+    *(LoginRequest, Invitation, ExportRequest, StartedExport, Added, Problem),
+)
+"""Models that no message holds."""
