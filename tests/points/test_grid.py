@@ -23,10 +23,10 @@ from turnscan.points import (
     goes_round,
     grid_findings,
     lost_frames,
-    one_turn,
     profiles,
     resample,
     view_mask,
+    whole_turns,
     working_volume,
 )
 from turnscan.rig import Marker, Rig
@@ -63,13 +63,26 @@ def test_a_full_turn_closes_even_when_it_is_not_a_whole_number_of_steps(step_deg
 def test_a_turn_that_goes_on_is_cut_and_said():
     angles = np.deg2rad(10.0) * np.arange(40)
     points = np.zeros((40, 2, 3)) + np.arange(40)[:, None, None]
-    turn, again = one_turn(plain_grid(points, angles))
+    (turn,), again = whole_turns(plain_grid(points, angles))
     assert again == 4
     assert len(turn.steps) == 36
     assert turn.closed
     assert [f.code for f in angle_findings(turn, again)] == ["points.second-turn"]
     assert not goes_round([0.0, 0.1])
     assert not goes_round([0.0, 2.0, 1.0, 3.0])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_every_whole_turn_is_a_grid_of_its_own(sign):
+    angles = sign * np.deg2rad(7.0) * np.arange(130)  # 910°: two turns and a half
+    points = np.zeros((130, 2, 3)) + np.arange(130)[:, None, None]
+    turns, left = whole_turns(plain_grid(points, angles))
+    assert [t.closed for t in turns] == [True, True]
+    assert sum(len(t.steps) for t in turns) + left == 130
+    assert list(turns[1].steps[:2]) == [len(turns[0].steps), len(turns[0].steps) + 1]
+    first = np.abs(np.rad2deg(turns[1].angles[0] - turns[0].angles[0]))
+    assert 356.5 <= first <= 363.5
+    assert left == 130 - sum(len(t.steps) for t in turns) > 20
 
 
 def test_every_nth_profile():

@@ -111,6 +111,7 @@ def look(
         orientation="vertical" if orientation == "vertical" else "horizontal",
         weights=weights,
         source=source,
+        exposures=len(plan.exposures),
     )
     sizes = [packed_size(Frame(0, name, pictures[name, 0], off), scan_plan) for name in plan.sets]
     if not plan.dark_every:

@@ -19,7 +19,7 @@ from turnscan.export import ExportOptions, Profiles, exporter_for
 from turnscan.pipeline import Reconstruction, Settings, reconstruct
 from turnscan.points import Volume, profiles, working_volume
 from turnscan.rig import Rig
-from turnscan.scan import Scan, rig_for
+from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.stripes import StripeSettings
 from turnscan.surface import Caps, Clean
 
@@ -171,7 +171,8 @@ def verb(
         with Scan.open(source) as scan:
             rig = rig_for(scan, given)
             settings = replace(settings, volume=_volume(rig, scan, radius, z_min, z_max))
-            with progress("reconstructing", len(scan)) as tick:
+            looks = sum(len(lit_in(n, rig)) * len(scan.steps(n)) for n in scan.plan.lasers)
+            with progress("reconstructing", looks) as tick:
                 done = reconstruct(scan, rig, settings, tick)
     _finish(source, outputs, done, rig, settings, report, options)
 
@@ -192,7 +193,8 @@ def _volume(
     """What the user limits, and the rig's own limits for the rest; None for those alone."""
     if radius is None and z_min is None and z_max is None:
         return None
-    usual = [working_volume(rig, laser) for laser in scan.plan.lasers]
+    names = [name for lit in scan.plan.lasers for name in lit_in(lit, rig)]
+    usual = [working_volume(rig, laser) for laser in names]
     low = usual[0].z_min if z_min is None else z_min
     high = usual[0].z_max if z_max is None else z_max
     if high <= low:

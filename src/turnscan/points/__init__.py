@@ -1,6 +1,6 @@
 """Stripe + Rig + angle → Profile → RangeGrid and PointCloud, with sigma and provenance."""
 
-from turnscan.points._build import build_grid, every, goes_round, one_turn
+from turnscan.points._build import build_grid, every, goes_round, whole_turns
 from turnscan.points._findings import angle_findings, grid_findings, lost_frames
 from turnscan.points._grid import PointCloud, RangeGrid
 from turnscan.points._placements import placements_from_conf
@@ -33,7 +33,6 @@ __all__ = [
     "goes_round",
     "grid_findings",
     "lost_frames",
-    "one_turn",
     "placements_from_conf",
     "point_covariance",
     "profiles",
@@ -43,6 +42,7 @@ __all__ = [
     "to_object",
     "triangulate",
     "view_mask",
+    "whole_turns",
     "without",
     "working_volume",
 ]

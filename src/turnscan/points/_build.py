@@ -99,19 +99,22 @@ def goes_round(angles: npt.ArrayLike) -> bool:
     return bool(one_way and usual > 0 and 2 * np.pi - abs(a[-1] - a[0]) <= _GAP * usual)
 
 
-def one_turn(grid: RangeGrid) -> tuple[RangeGrid, int]:
-    """The grid without the steps that go round a second time, and how many those were.
+def whole_turns(grid: RangeGrid) -> tuple[list[RangeGrid], int]:
+    """The grid as one grid a turn, and how many profiles beyond the last whole one are left out.
 
-    A step is a second time when it comes within half a usual step of the first one or passes it.
+    A turn ends where a step comes within half a usual step of its first one or passes it. The first
+    one stays however little of it there is.
     """
     a = np.unwrap(grid.angles)
     if len(a) < 3:
-        return grid, 0
+        return [grid], 0
     usual = float(np.median(np.abs(np.diff(a))))
-    again = np.abs(a - a[0]) > 2 * np.pi - 0.5 * usual
-    return (
-        (take_steps(grid, np.flatnonzero(~again)), int(again.sum())) if again.any() else (grid, 0)
-    )
+    turn = ((np.abs(a - a[0]) + 0.5 * usual) // (2 * np.pi)).astype(np.intp)
+    if not turn.any():
+        return [grid], 0
+    parts = [take_steps(grid, np.flatnonzero(turn == k)) for k in np.unique(turn)]
+    whole = [part for k, part in enumerate(parts) if k == 0 or part.closed]
+    return whole, len(a) - sum(len(part.steps) for part in whole)
 
 
 def every(grid: RangeGrid, n: int) -> RangeGrid:

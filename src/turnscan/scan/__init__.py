@@ -1,5 +1,6 @@
 """The scan file and the pictures that go into it: the only code that writes one."""
 
+from turnscan.json_text import strict_json
 from turnscan.scan._codec import (
     LEAST_THRESHOLD,
     NOISE_FACTOR,
@@ -8,7 +9,7 @@ from turnscan.scan._codec import (
     statistics,
 )
 from turnscan.scan._file import Scan
-from turnscan.scan._fit import rig_for
+from turnscan.scan._fit import lit_in, rig_for
 from turnscan.scan._limits import STEPS
 from turnscan.scan._pictures import (
     is_video,
@@ -19,7 +20,7 @@ from turnscan.scan._pictures import (
     read_picture,
     read_video,
 )
-from turnscan.scan._plan import Frame, Keep, ScanPlan, Setting, strict_json
+from turnscan.scan._plan import Frame, Keep, ScanPlan, Setting
 from turnscan.scan._replace import replacing_scan
 from turnscan.scan._stored import Stored
 
@@ -35,6 +36,7 @@ __all__ = [
     "Stored",
     "is_video",
     "list_pictures",
+    "lit_in",
     "natural_key",
     "numbers_apart",
     "packed_size",

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Any, Self, TypeVar
@@ -301,15 +302,16 @@ class Scan:
         return [r.step for r in self._in_order(laser)]
 
     def missing(self, laser: str) -> dict[int, str]:
-        """Steps of a laser that have no frame, with the cause."""
+        """Steps of a laser that have no frame of any exposure, with the cause."""
         self._known(laser)
         out: dict[int, str] = {}
         for step in range(self.plan.steps):
-            row = self._rows.get((laser, step, 0))
-            if row is None:
-                out[step] = "it was never taken"
-            elif row.kind == "missing":
-                out[step] = str(settings_from_json(row.settings, str(row)).get("cause", ""))
+            rows = [self._rows.get((laser, step, k)) for k in range(self.plan.exposures)]
+            there = [row for row in rows if row is not None]
+            if any(row.kind == "lit" for row in there):
+                continue
+            causes = [settings_from_json(row.settings, str(row)).get("cause", "") for row in there]
+            out[step] = "; ".join(dict.fromkeys(map(str, causes))) or "it was never taken"
         return out
 
     def has(self, laser: str, step: int, exposure: int = 0) -> bool:
@@ -362,8 +364,9 @@ class Scan:
 
     @property
     def complete(self) -> bool:
-        """Whether every step of every laser has a frame, or a record of why it has none."""
-        wanted = ((laser, step, 0) for laser in self.plan.lasers for step in range(self.plan.steps))
+        """Whether every exposure of every step and laser is there, or a record of why it is not."""
+        plan = self.plan
+        wanted = product(plan.lasers, range(plan.steps), range(plan.exposures))
         return all(key in self._rows for key in wanted)
 
     def __len__(self) -> int:
@@ -434,6 +437,9 @@ class Scan:
         self._known(laser)
         if not 0 <= step < self.plan.steps:
             raise InputError(f"{self.path}: step {step} is not one of 0 … {self.plan.steps - 1}")
+        if not 0 <= exposure < self.plan.exposures:
+            last = self.plan.exposures - 1
+            raise InputError(f"{self.path}: exposure {exposure} is not one of 0 … {last}")
         if (laser, step, exposure) in self._rows:
             raise InputError(f"{self.path}: step {step} of laser {laser!r} is there already")
 
@@ -517,7 +523,7 @@ class Scan:
             row.kind in ("lit", "missing", *_WHOLE)
             and (row.laser in plan.lasers if row.kind != "texture" else row.laser == "")
             and 0 <= row.step < plan.steps
-            and row.exposure >= 0
+            and 0 <= row.exposure < plan.exposures
             and (row.width, row.height) == (plan.width, plan.height)
             and row.codec in [f"{form}.{dark}" for dark in DARKS]
             and not any(math.isinf(v) for v in (row.commanded, row.measured, row.sigma))

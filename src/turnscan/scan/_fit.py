@@ -7,6 +7,11 @@ from turnscan.rig import Rig
 from turnscan.scan._file import Scan
 
 
+def lit_in(name: str, rig: Rig) -> tuple[str, ...]:
+    """The lasers that are lit in the frames of this name: itself, or those it joins with +."""
+    return (name,) if any(s.name == name for s in rig.sheets) else tuple(name.split("+"))
+
+
 def rig_for(scan: Scan, rig: Rig | None = None) -> Rig:
     """The rig given, or else the one in the scan file.
 
@@ -15,7 +20,9 @@ def rig_for(scan: Scan, rig: Rig | None = None) -> Rig:
     used = rig or scan.rig
     if used is None:
         raise InputError(f"{scan.path}: no rig in it", hint="give one with --rig")
-    missing = set(scan.plan.lasers) - {s.name for s in used.sheets}
+    missing = {n for name in scan.plan.lasers for n in lit_in(name, used)} - {
+        s.name for s in used.sheets
+    }
     if missing:
         raise InputError(
             f"{scan.path}: the rig has no laser {', '.join(sorted(missing))}; it has "

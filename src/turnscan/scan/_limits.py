@@ -8,14 +8,12 @@ IMAGE_PIXELS = 100_000_000
 """Pixels of one picture or frame."""
 PICTURE_BYTES = 1 << 30
 """Bytes of one picture file."""
-JSON_BYTES = 16 << 20
-"""Bytes of one JSON text."""
-JSON_DEPTH = 32
-"""Nesting of one JSON text."""
 NAME_BYTES = 200
 """UTF-8 bytes of one name, for example of a laser."""
 STEPS = 1_000_000
 """Steps of one scan."""
+EXPOSURES = 100
+"""Exposures of one step."""
 
 
 def check_pixels(width: int, height: int, where: str) -> None:

@@ -7,16 +7,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal, NoReturn
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from turnscan.arrays import Image
-from turnscan.errors import FormatError, InputError, LimitExceeded
+from turnscan.errors import FormatError, InputError
+from turnscan.json_text import strict_json
 from turnscan.scan._limits import (
+    EXPOSURES,
     IMAGE_PIXELS,
-    JSON_BYTES,
-    JSON_DEPTH,
     NAME_BYTES,
     STEPS,
     check_pixels,
@@ -54,6 +54,8 @@ class ScanPlan:
     """The signal of a colour picture is weights · (red, green, blue); None for grey ones."""
     source: str = ""
     """Where the frames come from, in words."""
+    exposures: int = 1
+    """Pictures of each step and laser, each exposed in its own way."""
 
     def __post_init__(self) -> None:
         _wanted(self.width >= 1 and self.height >= 1, "size", (self.width, self.height))
@@ -65,6 +67,7 @@ class ScanPlan:
         for name in self.lasers:
             _wanted(0 < len(name.encode()) <= NAME_BYTES and name.isprintable(), "laser", name)
         _wanted(1 <= self.steps <= STEPS, "steps", self.steps)
+        _wanted(1 <= self.exposures <= EXPOSURES, "exposures", self.exposures)
         _wanted(math.isfinite(self.threshold) and self.threshold >= 0, "threshold", self.threshold)
         _wanted(self.keep in ("sparse", "full"), "keep", self.keep)
         _wanted(0 <= self.margin <= 10_000, "margin", self.margin)
@@ -132,6 +135,7 @@ class _PlanText(BaseModel):
     orientation: Literal["vertical", "horizontal"]
     weights: tuple[float, float, float] | None
     source: str
+    exposures: int = Field(default=1, strict=True)
 
     @model_validator(mode="after")
     def _as_plan(self) -> _PlanText:
@@ -177,49 +181,6 @@ def settings_to_json(settings: Mapping[str, Setting]) -> str:
         raise InputError(f"frame settings: {e}") from None
 
 
-def strict_json(text: str, where: str) -> Any:
-    """Parse JSON without NaN, duplicate keys or deep nesting.
-
-    Raises FormatError naming the place, LimitExceeded for a text that is too long or too deep.
-    """
-    if len(text) > JSON_BYTES:
-        raise LimitExceeded(f"{where}: {len(text)} characters; at most {JSON_BYTES} are accepted")
-    try:
-        body = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
-    except (ValueError, RecursionError) as e:
-        raise FormatError(f"{where}: {e}") from None
-    if _depth(body) > JSON_DEPTH:
-        raise LimitExceeded(f"{where}: nested deeper than {JSON_DEPTH} levels")
-    return body
-
-
 def _wanted(good: bool, name: str, value: object) -> None:
     if not good:
         raise InputError(f"plan: {name} {value!r} is not possible")
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    out: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in out:
-            raise ValueError(f"key {key!r} stands twice")
-        out[key] = value
-    return out
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not a number that a file can hold")
-
-
-def _depth(body: Any) -> int:
-    deepest, layer = 0, [body]
-    while layer and deepest <= JSON_DEPTH:
-        deepest += 1
-        inner: list[Any] = []
-        for item in layer:
-            if isinstance(item, dict):
-                inner += item.values()
-            elif isinstance(item, list):
-                inner += item
-        layer = inner
-    return deepest

@@ -5,13 +5,14 @@ from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
 from turnscan.stripes._detect import choose, detect, find_candidates
 from turnscan.stripes._fuse import Fused, fuse_exposures
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
-from turnscan.stripes._signal import Signal
+from turnscan.stripes._signal import Exposed, Signal
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
 __all__ = [
     "COLOURS",
     "Candidates",
     "Choice",
+    "Exposed",
     "Fused",
     "Orientation",
     "Signal",

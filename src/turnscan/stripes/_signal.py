@@ -3,16 +3,43 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Image
+from turnscan.errors import InputError
 from turnscan.stripes._colour import UINT16_SCALE, Weights, project_colour
 from turnscan.stripes._detect import choose, find_candidates
+from turnscan.stripes._fuse import fuse_exposures
 from turnscan.stripes._settings import StripeSettings
 from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
+
+_COUNTS = 0.3
+"""A colour channel of at least this part of the largest weight clips the signal when it clips."""
+_FULL_WELL = 10_000.0
+"""Electrons at the top of the scale where nobody knows; it only weighs exposures."""
+_FINE = 60_000.0
+"""Levels of a fused picture that the range of its shortest exposure is spread over."""
+
+
+@dataclass(frozen=True)
+class Exposed:
+    """One exposure of a bracket."""
+
+    lit: Image
+    """(H, W) or (H, W, 3), as the camera gave it."""
+    dark: Image | None
+    """The same without the laser, or None."""
+    light: float
+    """How much light it gathered: s × gain."""
+    level: float
+    """Grey levels: median of the signal over the whole picture."""
+    noise: float
+    """Grey levels: its robust standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -64,23 +91,111 @@ class Signal:
         cut flank of a bright line out there is not taken for a stripe in here.
         Raises InputError like `find_candidates`.
         """
-        gain = self.gain
         black = self._black if dark is None else 0.0
         known = None if math.isnan(noise) else (level + black, noise)
-        scaled = replace(
-            settings,
-            background=known,
-            threshold=None if settings.threshold is None else settings.threshold * gain,
-            read_noise=None if settings.read_noise is None else settings.read_noise * gain,
-            saturation=None if settings.saturation is None else settings.saturation * gain,
-            quantisation=settings.quantisation * gain,
-            electrons_per_dn=None
-            if settings.electrons_per_dn is None
-            else settings.electrons_per_dn / gain,
+        scaled = _in_levels(replace(settings, background=known), self.gain)
+        return _found(lit, dark, scaled, self.gain, inside)
+
+    def detect_bracket(
+        self,
+        exposures: Sequence[Exposed],
+        settings: StripeSettings,
+        inside: Bools | None = None,
+    ) -> Stripe:
+        """Find the stripe in several exposures of one scene, fused (`fuse_exposures`).
+
+        Where a long exposure clips the shorter ones count, elsewhere all do by what they know; only
+        what clips in the shortest is saturated. Amplitudes are in grey levels of the shortest
+        exposure, the threshold in those of the longest, which shows the dark parts.
+        Raises InputError where the pictures do not fit or took the same light.
+        """
+        if len(exposures) == 1:  # the others are missing
+            return self._detect_alone(exposures[0], settings, inside)
+        bracket = sorted(exposures, key=lambda e: e.light)
+        full = float(np.iinfo(self.dtype).max)
+        noise = max(e.noise for e in bracket)
+        if math.isnan(noise):
+            raise InputError("exposures of unknown noise cannot be fused")
+        pedestal = 5.0 * noise  # noise below black counts too
+        top = settings.saturation or full
+        fine = _FINE / (full + pedestal)
+        electrons = settings.electrons_per_dn or _FULL_WELL / full
+        fused = fuse_exposures(
+            [self._above_level(e, top, pedestal, fine) for e in bracket],
+            [e.light for e in bracket],
+            read_noise=noise * fine,
+            electrons_per_dn=electrons / fine,
+            black=pedestal * fine,
         )
-        found = find_candidates(lit, dark, scaled)
-        stripe = choose(found if inside is None else restrict(found, inside), scaled)
-        return stripe if gain == 1.0 else replace(stripe, amplitude=stripe.amplitude / gain)
+        # Far from the stripe the exposures add up as if there were read noise alone.
+        lights = np.array([e.light for e in bracket]) / bracket[0].light
+        calm = noise * fine / math.sqrt(float((lights**2).sum()))
+        step = fine / float(lights[-1])
+        scaled = _in_levels(settings, fine)
+        scaled = replace(
+            scaled,
+            background=(pedestal * fine, calm),
+            threshold=None if settings.threshold is None else settings.threshold * step,
+            read_noise=None,
+            electrons_per_dn=None,
+            saturation=float(np.iinfo(np.uint16).max),
+            quantisation=settings.quantisation * step,
+        )
+        return _found(fused.image, None, scaled, fine, inside)
+
+    def _detect_alone(self, e: Exposed, settings: StripeSettings, inside: Bools | None) -> Stripe:
+        lit, dark = e.lit, e.dark
+        if self.weights is not None:
+            lit, dark = self.project(lit), None if dark is None else self.project(dark)
+        return self.detect(lit, dark, settings, e.level * self.gain, e.noise * self.gain, inside)
+
+    def _above_level(
+        self, e: Exposed, top: float, pedestal: float, fine: float
+    ) -> npt.NDArray[np.uint16]:
+        """An exposure as signal above its own background, clipped pixels at the very top."""
+        if self.weights is None:
+            clipped: Bools = np.asarray(e.lit >= top)
+            signal = e.lit.astype(np.float32)
+            if e.dark is not None:
+                signal -= e.dark
+        else:
+            strong = np.abs(self.weights) > _COUNTS * max(abs(w) for w in self.weights)
+            clipped = np.asarray((e.lit[..., strong] >= top).any(axis=-1))
+            weights = np.array(self.weights, np.float32)
+            dark = 0.0 if e.dark is None else e.dark.astype(np.float32)
+            signal = np.asarray((e.lit - dark) @ weights, np.float32)
+        signal += pedestal - e.level
+        signal *= fine
+        largest = np.iinfo(np.uint16).max
+        out = np.clip(np.rint(signal), 0, largest - 1).astype(np.uint16)
+        out[clipped] = largest
+        return out
+
+
+def _in_levels(settings: StripeSettings, gain: float) -> StripeSettings:
+    """Settings in grey levels → in levels of a picture that has ``gain`` of them in each."""
+
+    def scaled(value: float | None) -> float | None:
+        return None if value is None else value * gain
+
+    electrons = settings.electrons_per_dn
+    return replace(
+        settings,
+        threshold=scaled(settings.threshold),
+        read_noise=scaled(settings.read_noise),
+        saturation=scaled(settings.saturation),
+        quantisation=settings.quantisation * gain,
+        electrons_per_dn=None if electrons is None else electrons / gain,
+    )
+
+
+def _found(
+    lit: Image, dark: Image | None, settings: StripeSettings, gain: float, inside: Bools | None
+) -> Stripe:
+    """The stripe of a picture with ``gain`` levels in each grey level."""
+    found = find_candidates(lit, dark, settings)
+    stripe = choose(found if inside is None else restrict(found, inside), settings)
+    return stripe if gain == 1.0 else replace(stripe, amplitude=stripe.amplitude / gain)
 
 
 def restrict(candidates: Candidates, inside: Bools) -> Candidates:
