@@ -13,8 +13,8 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.simulate import Bench, contrast
-from turnscan.simulate._cast import Caster
 from turnscan.simulate._scene import triangles
+from turnscan.surface import Caster
 
 GRAZING = 0.35
 """Cosine of the angle to the laser or to the camera below which a surface is seen too flatly."""

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from turnscan.arrays import Floats, Ints
 from turnscan.rig import Camera, Pose
 from turnscan.simulate._beam import Beam, Lens
-from turnscan.simulate._cast import Caster
 from turnscan.simulate._scene import Body, Triangles
+from turnscan.surface import Caster
 
 Singles = npt.NDArray[np.float32]
 

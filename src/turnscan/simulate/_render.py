@@ -21,11 +21,11 @@ from turnscan.simulate import _speckle as speckle
 from turnscan.simulate._beam import Beam
 from turnscan.simulate._bench import PLANCK_C, Bench
 from turnscan.simulate._bounce import Bounces
-from turnscan.simulate._cast import Caster
 from turnscan.simulate._random import seed64
 from turnscan.simulate._scene import PATTERNS, Triangles, triangles
 from turnscan.simulate._sensor import expose
 from turnscan.simulate._view import View
+from turnscan.surface import Caster
 
 Singles = npt.NDArray[np.float32]
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from turnscan.arrays import Floats, Ints
 from turnscan.rig import Pose
 from turnscan.simulate._bench import Bench
-from turnscan.simulate._cast import Caster
 from turnscan.simulate._scene import PATTERNS, Triangles
+from turnscan.surface import Caster
 
 Singles = npt.NDArray[np.float32]
 

@@ -1,5 +1,6 @@
 """RangeGrid(s) → Mesh: tears, seam, joining of lasers, islands, caps."""
 
+from turnscan.surface._cast import Caster
 from turnscan.surface._clean import Clean, clean
 from turnscan.surface._close import Caps, close
 from turnscan.surface._findings import mesh_findings
@@ -15,6 +16,7 @@ from turnscan.surface._tsdf import fuse
 __all__ = [
     "CAUSE_WORDS",
     "Caps",
+    "Caster",
     "Cause",
     "Clean",
     "Hole",

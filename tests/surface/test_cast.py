@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from turnscan.simulate import part
-from turnscan.simulate._cast import Caster
-from turnscan.simulate._tree import TreeScene
+from turnscan.surface import Caster
+from turnscan.surface._cast_tree import TreeScene
 
 
 @pytest.mark.parametrize("name", ["bracket", "cup"])

@@ -51,7 +51,7 @@ def _scene(vertices: Floats, faces: Ints) -> Any:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
     except ImportError:
-        from turnscan.simulate._tree import TreeScene
+        from turnscan.surface._cast_tree import TreeScene
 
         return TreeScene(vertices, faces)
     scene = EmbreeScene()
