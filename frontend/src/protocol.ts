@@ -21,17 +21,13 @@ export interface Added {
   scan: string;
 }
 
-/** Faces that die, array dead u32 (k), and dead ones that come back, array back u32 (k). */
+/** Faces (array faces u32) that die or come back. */
 export interface Alive {
   kind: "alive";
+  value: boolean;
 }
 
-/**
- * New vertices and faces, at the end.
- *
- * Arrays positions, faces, measured, sigma, laser, step, line as in ``mesh``; faces are of the
- * whole document's numbers.
- */
+/** New vertices and faces at the end: positions, faces, measured, sigma, laser, step, line. */
 export interface Append {
   kind: "append";
 }
@@ -378,14 +374,18 @@ export interface Opened {
   measures: Measure[];
 }
 
-/** What one edit did to the surface; parts in this order. */
+/**
+ * What one edit did to the surface: parts, to be done in this order, all or none.
+ *
+ * The arrays of part k are named ``k.faces`` and so on.
+ */
 export interface Patch {
   kind: "patch";
   scan: string;
   revision: number;
   epoch: number;
   text: string;
-  parts: (Append | Alive | Replace)[];
+  parts: (Append | Truncate | Alive | Verts | Replace)[];
   figures: Figures;
 }
 
@@ -586,6 +586,13 @@ export interface TakeMeasure {
   places?: [number, number, number][];
 }
 
+/** Only so many vertices and faces are left: what was appended last is gone. */
+export interface Truncate {
+  kind: "truncate";
+  vertices: number;
+  faces: number;
+}
+
 /** Turn the table to an angle. */
 export interface Turn {
   id: number;
@@ -598,6 +605,11 @@ export interface Undo {
   id: number;
   kind: "undo";
   scan: string;
+}
+
+/** Vertices that moved: arrays ids u32 (k), positions f32 (k, 3). */
+export interface Verts {
+  kind: "verts";
 }
 
 export type ServerMessage =

@@ -11,9 +11,9 @@ One WebSocket at ``/ws`` carries everything that happens; plain GETs carry what 
 - One client is the operator: it alone may edit, move and light. All others watch. Anybody may
   send ``stop``. ``take_control`` makes the sender the operator, and the one before learns it.
 - An open scan is a document with an ``epoch`` and a ``revision``. Within an epoch vertices and
-  faces keep their numbers for ever: they are only appended, and faces die and come back. A patch
-  is what one edit did, in one message, to everybody, in order; ``revision`` counts by one. Who has
-  missed one, or sees ``replace``, gets the mesh again.
+  faces keep their numbers: they are appended and cut off at the end, and faces die and come back.
+  A patch is what one edit did, in one message, to everybody, in order; ``revision`` counts by one.
+  Who has missed one, or sees ``replace``, gets the mesh again.
 - An edit names the ``base_revision`` it was made on. Where that is not the latest one it is
   refused with the code ``stale``, and nothing has happened. When an edit is answered by ``done``
   it is in the scan file.
@@ -310,19 +310,30 @@ class Opened(Model):
 
 
 class Append(Model):
-    """New vertices and faces, at the end.
-
-    Arrays positions, faces, measured, sigma, laser, step, line as in ``mesh``; faces are of the
-    whole document's numbers.
-    """
+    """New vertices and faces at the end: positions, faces, measured, sigma, laser, step, line."""
 
     kind: Literal["append"] = "append"
 
 
+class Truncate(Model):
+    """Only so many vertices and faces are left: what was appended last is gone."""
+
+    kind: Literal["truncate"] = "truncate"
+    vertices: Count
+    faces: Count
+
+
 class Alive(Model):
-    """Faces that die, array dead u32 (k), and dead ones that come back, array back u32 (k)."""
+    """Faces (array faces u32) that die or come back."""
 
     kind: Literal["alive"] = "alive"
+    value: bool
+
+
+class Verts(Model):
+    """Vertices that moved: arrays ids u32 (k), positions f32 (k, 3)."""
+
+    kind: Literal["verts"] = "verts"
 
 
 class Replace(Model):
@@ -331,11 +342,14 @@ class Replace(Model):
     kind: Literal["replace"] = "replace"
 
 
-Part = Annotated[Append | Alive | Replace, Field(discriminator="kind")]
+Part = Annotated[Append | Truncate | Alive | Verts | Replace, Field(discriminator="kind")]
 
 
 class Patch(Model):
-    """What one edit did to the surface; parts in this order."""
+    """What one edit did to the surface: parts, to be done in this order, all or none.
+
+    The arrays of part k are named ``k.faces`` and so on.
+    """
 
     kind: Literal["patch"] = "patch"
     scan: Opaque
