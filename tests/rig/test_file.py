@@ -47,7 +47,14 @@ cameras = st.builds(
     _vector(2),
 )
 normals = _vector(3, st.floats(-1, 1)).filter(lambda n: np.linalg.norm(n) > 1e-6)
-sheets = st.builds(LaserSheet, st.text(min_size=1, max_size=20), normals, _vector(3), _vector(3))
+sheets = st.builds(
+    LaserSheet,
+    st.text(min_size=1, max_size=20),
+    normals,
+    _vector(3),
+    _vector(3),
+    st.none() | _vector(3),
+)
 poses = st.builds(
     lambda r, t: Pose(rotation_from_vector(r), t), _vector(3, st.floats(-3, 3)), _vector(3)
 )
@@ -87,6 +94,12 @@ def test_a_rig_survives_its_file_to_the_bit(rig: Rig) -> None:
     assert _bits(back) == _bits(rig)
     assert rig_to_json(back) == text
     assert rig_hash(back) == rig_hash(rig)
+
+
+def test_a_rig_that_does_not_say_where_its_lasers_are_keeps_the_text_of_before() -> None:
+    text = rig_to_json(design_preset("paper").rig(both=True))
+    assert "source" not in text
+    assert rig_from_json(text).sheets[0].source is None
 
 
 def _good() -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -181,6 +182,24 @@ def test_each_parameter_moves_what_it_names(name: str) -> None:
 def test_perturbed_wants_every_parameter() -> None:
     with pytest.raises(ValueError, match="delta"):
         _rig().perturbed(np.zeros(3))
+
+
+@pytest.mark.parametrize("name", ["paper", "modern", "ciclop"])
+def test_light_comes_from_its_source_or_from_beside_the_camera(name: str) -> None:
+    rig = design_preset(name).rig(height=60.0, look_down=0.2, both=True)
+    table = rig.T_camera_table.inverse()
+    eye = table.translation
+    for sheet in rig.sheets:
+        there = rig.light_source(sheet.name)
+        assert abs(float(sheet.distance(there))) < 1e-9
+        at = table.apply(there)
+        assert at[2] == pytest.approx(eye[2])
+        assert np.hypot(*at[:2]) == pytest.approx(np.hypot(*eye[:2]), rel=1e-6)
+        assert at @ eye > 0  # on the camera's side of the axis
+    told = replace(rig, sheets=tuple(replace(s, source=[1.0, 2.0, 3.0]) for s in rig.sheets))
+    assert told.light_source("right").tolist() == [1.0, 2.0, 3.0]
+    moved = told.perturbed(np.full(len(told.parameter_names), 1e-3))
+    assert moved.light_source("left").tolist() == [1.0, 2.0, 3.0]
 
 
 def test_a_rig_names_its_lasers() -> None:

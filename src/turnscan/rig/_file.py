@@ -43,6 +43,7 @@ class _SheetFile(_Strict):
     normal: Vec3
     centre: Vec3
     bow: Vec3 = (0.0, 0.0, 0.0)
+    source: Vec3 | None = None
 
 
 class _PoseFile(_Strict):
@@ -84,6 +85,8 @@ def rig_to_json(rig: Rig) -> str:
                 "normal": s.normal.tolist(),
                 "centre": s.centre.tolist(),
                 "bow": s.bow.tolist(),
+                # Left out where not known: rigs of before keep their text and their hash.
+                **({} if s.source is None else {"source": s.source.tolist()}),
             }
             for s in rig.sheets
         ],
@@ -106,11 +109,12 @@ def rig_from_json(text: str, source: str = "rig") -> Rig:
     ``source`` names the place in errors. Raises FormatError naming the key and the value, or
     LimitExceeded for a text over 16 MiB.
     """
-    if len(text) > _MAX_BYTES:
-        raise LimitExceeded(f"{source}: {len(text)} characters; a rig has at most {_MAX_BYTES}")
+    # Once for what pydantic lets pass (keys that stand twice, NaN), once for the types.
     try:
-        # Once for what pydantic lets pass (keys that stand twice, NaN), once for the types.
-        json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+        strict_json(text, source)
+    except FormatError as e:
+        raise FormatError(e.message, hint=_HINT) from None
+    try:
         return _build(_RigFile.model_validate_json(text))
     except ValidationError as e:
         first = e.errors()[0]

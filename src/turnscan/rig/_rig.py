@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
@@ -71,6 +72,24 @@ class Rig:
                 return s
         raise KeyError(f"no laser {name!r} in this rig; it has {[s.name for s in self.sheets]}")
 
+    def light_source(self, name: str) -> Floats:
+        """Where the light of a laser comes from, (3,) mm in the camera frame.
+
+        Where the rig does not say, the laser is taken to stand as high above the platter and as far
+        from the axis as the camera, on the camera's side. Raises KeyError as `sheet`.
+        """
+        sheet = self.sheet(name)
+        if sheet.source is not None:
+            return sheet.source
+        T = self.T_camera_table.inverse()
+        eye, normal, centre = T.translation, T.turn(sheet.normal), T.apply(sheet.centre)
+        along = np.cross(normal, (0.0, 0.0, 1.0))
+        along *= np.copysign(1.0, along @ eye) / max(float(np.linalg.norm(along)), 1e-12)
+        up = np.cross(along, normal)
+        away = float(np.hypot(eye[0], eye[1])) - (centre @ along)
+        rise = (eye - centre)[2] / up[2] if abs(up[2]) > 1e-6 else 0.0
+        return self.T_camera_table.apply(centre + away * along + rise * up)
+
     def perturbed(self, delta: npt.ArrayLike) -> Rig:
         """The rig with its parameters moved by ``delta`` (p,), in the order of `parameter_names`.
 
@@ -102,4 +121,5 @@ class Rig:
 def _moved_sheet(sheet: LaserSheet, d: Floats) -> LaserSheet:
     e1, e2 = sheet.axes
     normal = rotation_from_vector(d[0] * e1 + d[1] * e2) @ sheet.normal
-    return LaserSheet(sheet.name, normal, sheet.centre + d[2] * sheet.normal, sheet.bow + d[3:6])
+    centre = sheet.centre + d[2] * sheet.normal
+    return replace(sheet, normal=normal, centre=centre, bow=sheet.bow + d[3:6])

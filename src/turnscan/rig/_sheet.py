@@ -26,6 +26,9 @@ class LaserSheet:
     """(3,) mm: a point c of the sheet, best in the middle of the working volume."""
     bow: Floats = field(default_factory=lambda: np.zeros(3))
     """(3,) 1/mm: q_aa, q_ab, q_bb; all zero for a plane."""
+    source: Floats | None = None
+    """(3,) mm: where the light comes from; None when not known (`Rig.light_source` then assumes).
+    """
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -39,6 +42,8 @@ class LaserSheet:
         object.__setattr__(self, "normal", frozen(unit, (3,), "LaserSheet.normal"))
         object.__setattr__(self, "centre", frozen(self.centre, (3,), "LaserSheet.centre"))
         object.__setattr__(self, "bow", frozen(self.bow, (3,), "LaserSheet.bow"))
+        if self.source is not None:
+            object.__setattr__(self, "source", frozen(self.source, (3,), "LaserSheet.source"))
 
     @property
     def axes(self) -> tuple[Floats, Floats]:

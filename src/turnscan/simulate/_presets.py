@@ -221,7 +221,9 @@ def _check_axis(rig: Rig, beam: Beam) -> None:
 def _lit(made: Bench, design: Design, kit: _Kit, wish: Wish) -> Bench:
     """Lasers bright enough for the exposure, and room light."""
     beams = tuple(_beam(made, s, design, kit, wish) for s in made.rig.sheets)
-    made = replace(made, beams=beams)
+    known = {b.name: b.apex for b in beams}
+    sheets = tuple(replace(s, source=known[s.name]) for s in made.rig.sheets)
+    made = replace(made, rig=replace(made.rig, sheets=sheets), beams=beams)
     white = made.electrons_per_radiance(550e-6, kit.seconds) * made.sensor.efficiency / math.pi
     sky = wish.room * made.sensor.saturation / white
     scene = replace(made.scene, sky=0.6 * sky, lamp=0.6 * sky, background=0.05)
