@@ -10,7 +10,7 @@ import pytest
 
 from turnscan.devices import Camera, Lasers, Turntable
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
-from turnscan.simulate import Simulated, Wish, simulated, wish_of
+from turnscan.simulate import Simulated, Wish, bench, simulated, wish_of
 
 CUP = "sim:cylinder?seed=3&steps=8"
 
@@ -157,10 +157,19 @@ def test_a_laser_that_never_hits_the_axis_is_named() -> None:
 def test_every_key_of_an_address_arrives() -> None:
     wish, faults = wish_of(
         "sim:head?rig=modern&theta_deg=25&lasers=1&seed=9&steps=12&speckle=0&room=0.1&x=2&y=-3"
-        "&lean_x_deg=5&galvo=105&stale=0.25"
+        "&lean_x_deg=5&tip_deg=90&galvo=105&stale=0.25"
     )
     assert wish == Wish(
         "head", "modern", math.radians(25), 1, 9, 12, "diffraction", False, 0.1, (2.0, -3.0),
-        (math.radians(5), 0.0), galvo=105.0,
+        (math.radians(5), 0.0), math.radians(90), galvo=105.0,
     )  # fmt: skip
     assert faults.stale == 0.25
+
+
+def test_a_part_tipped_over_lies_on_the_platter_with_its_middle_over_the_axis() -> None:
+    body = bench(Wish("cup", tip=math.radians(90), shift=(3.0, -2.0))).scene.bodies[0]
+    seen = body.T_table_part.apply(body.part.mesh.vertices)
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    assert np.allclose((low + high)[:2] / 2, [3.0, -2.0])
+    assert low[2] == pytest.approx(0.0)
+    assert high[1] - low[1] == pytest.approx(84.0, abs=0.5), "it lies: its height runs along y"

@@ -29,6 +29,7 @@ from turnscan.simulate import simulated, wish_of
 @click.option("--theta-deg", type=Finite(), help="Angle of triangulation.  [default: the rig's]")
 @click.option("--lasers", type=int, help="1 or 2.  [default: what the scene needs]")
 @click.option("--steps", type=int, help="Table positions in one turn.  [default: the rig's]")
+@click.option("--tip-deg", type=Finite(), help="The part tipped over by so much: another pose.")
 @click.option("--seed", type=int, help="Of speckle and noise.  [default: 0]")
 @click.option("--exposure", type=Finite(), metavar="SECONDS", help="[default: the rig's]")
 @click.option("--keep", type=click.Choice(["sparse", "full"]), default="sparse", show_default=True)
@@ -41,6 +42,7 @@ def verb(
     theta_deg: float | None,
     lasers: int | None,
     steps: int | None,
+    tip_deg: float | None,
     seed: int | None,
     exposure: float | None,
     keep: Keep,
@@ -57,6 +59,8 @@ def verb(
     given: dict[str, Any] = {"rig": rig, "lasers": lasers, "steps": steps, "seed": seed}
     if theta_deg is not None:
         given["theta"] = math.radians(theta_deg)
+    if tip_deg is not None:
+        given["tip"] = math.radians(tip_deg)
     if no_speckle:
         given["waves"] = "diffraction"
     if perfect:

@@ -59,6 +59,7 @@ _WISH: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
     "lasers": (int, lambda x: {"lasers": x}),
     "speckle": (_yes, lambda x: {"waves": "speckle" if x else "diffraction"}),
     "perfect": (_yes, lambda x: {"perfect": x}),
+    "tip_deg": (_angle, lambda x: {"tip": x}),
     "room": (_number, lambda x: {"room": x}),
     "galvo": (_number, lambda x: {"galvo": x}),
 }

@@ -62,6 +62,8 @@ class Wish:
     """Where the part's axis stands on the table, x and y."""
     lean: tuple[float, float] = (0.0, 0.0)
     """The part tilted about x and y."""
+    tip: float = 0.0
+    """The part tipped over about x before that, its middle put over the axis: another pose."""
     motion: Motion = field(default_factory=Motion)
     galvo: float | None = None
     """Frequency of the mirror, Hz; None for the preset's."""
@@ -137,10 +139,12 @@ def body_of(wish: Wish) -> Body:
     if wish.scene in BOARDS:
         return board(wish.scene)
     part = _part(wish.scene)
-    lean = rotation_from_vector((wish.lean[0], wish.lean[1], 0.0))
-    # Tilted about its own foot and set down again on the platter.
-    low = float((part.mesh.vertices @ lean[2]).min())
-    at = Pose(lean, np.array([*wish.shift, -low]))
+    turned = rotation_from_vector((*wish.lean, 0.0)) @ rotation_from_vector((wish.tip, 0.0, 0.0))
+    corners = part.mesh.vertices @ turned.T
+    # Tilted about its own foot, or tipped over its middle, and set down again on the platter.
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    middle = (low + high)[:2] / 2 if wish.tip else np.zeros(2)
+    at = Pose(turned, np.array([*(wish.shift - middle), -low[2]]))
     return Body(part, _MATERIALS.get(part.name, _MATT), at)
 
 
