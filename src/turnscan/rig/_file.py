@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from turnscan.errors import FormatError, LimitExceeded
+from turnscan.errors import FormatError
+from turnscan.json_text import strict_json
 from turnscan.rig._camera import Camera
 from turnscan.rig._pose import Pose
 from turnscan.rig._rig import Marker, Rig
@@ -16,7 +17,6 @@ from turnscan.rig._sheet import LaserSheet
 
 RIG_FORMAT = "turnscan-rig"
 RIG_VERSION = 1
-_MAX_BYTES = 16 * 2**20
 
 Vec2 = tuple[float, float]
 Vec3 = tuple[float, float, float]
@@ -109,11 +109,12 @@ def rig_from_json(text: str, source: str = "rig") -> Rig:
     ``source`` names the place in errors. Raises FormatError naming the key and the value, or
     LimitExceeded for a text over 16 MiB.
     """
-    if len(text) > _MAX_BYTES:
-        raise LimitExceeded(f"{source}: {len(text)} characters; a rig has at most {_MAX_BYTES}")
+    # Once for what pydantic lets pass (keys that stand twice, NaN), once for the types.
     try:
-        # Once for what pydantic lets pass (keys that stand twice, NaN), once for the types.
-        json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+        strict_json(text, source)
+    except FormatError as e:
+        raise FormatError(e.message, hint=_HINT) from None
+    try:
         return _build(_RigFile.model_validate_json(text))
     except ValidationError as e:
         first = e.errors()[0]
@@ -147,16 +148,3 @@ def _square(rows: tuple[tuple[float, ...], ...]) -> Any:
     if any(len(r) != len(rows) for r in rows):
         raise ValueError(f"covariance: {len(rows)} rows, but not every row has that length")
     return rows
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    out: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in out:
-            raise ValueError(f"key {key!r} stands twice")
-        out[key] = value
-    return out
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not a number that a rig can hold")

@@ -1,0 +1,62 @@
+"""What each mesh edit does to a body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from turnscan.edit._body import Alive, Body, Compact, Patch, difference
+from turnscan.edit._edits import Close, Delete, MeshEdit
+from turnscan.edit._history import Entry
+from turnscan.errors import CalibrationError, InputError
+from turnscan.findings import Finding
+from turnscan.surface import Caps, close
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """An edit that was applied, and how to take it back."""
+
+    entry: Entry
+    forward: tuple[Patch, ...]
+    """In the order they are done."""
+    back: tuple[Patch, ...]
+    """In the order they are done."""
+    findings: tuple[Finding, ...]
+
+
+def apply(body: Body, entry: Entry) -> tuple[Body, Done]:
+    """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding."""
+    findings: list[Finding] = []
+    try:
+        patches = _patches(body, entry.edit, findings)  # type: ignore[arg-type]
+    except (InputError, CalibrationError) as e:
+        patches = ()
+        findings.append(Finding("edit.refused", "error", e.message, remedy=e.hint))
+    back: list[Patch] = []
+    for patch in patches:
+        back.insert(0, patch.inverse(body))
+        body = patch.on(body)
+    if not patches and not findings:
+        findings.append(_nothing("it found nothing to change"))
+    named = tuple(
+        Finding(f.code, f.severity, f.message, f"edit {entry.id} ({entry.edit.kind})", f.remedy)
+        for f in findings
+    )
+    return body, Done(entry, patches, tuple(back), named)
+
+
+def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch, ...]:
+    match edit:
+        case Delete():
+            faces = edit.where.find(body)
+            return (Alive(faces, False),) if len(faces) else ()
+        case Close():
+            before = Compact.of(body)
+            caps = Caps(edit.floor, edit.reach, edit.longest)
+            return difference(body, before, close(before.mesh, caps)[0])
+
+
+def _nothing(message: str) -> Finding:
+    return Finding(
+        "edit.nothing", "warning", message, remedy="switch the edit off, or make it again here"
+    )

@@ -1,0 +1,134 @@
+"""Document: a surface with its history, and what each step through it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from turnscan.edit._apply import Done, apply
+from turnscan.edit._body import Body, Patch, Replace
+from turnscan.edit._edits import Edit, is_grid_edit
+from turnscan.edit._history import Action, Entry, Go, History, Switch
+from turnscan.findings import Finding
+from turnscan.surface import Mesh
+
+Build = Callable[[Sequence[Entry]], tuple[Mesh, Sequence[Finding]]]
+"""Grid edits → the surface with them, before any mesh edit, and what is to be said about it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a step through the history did."""
+
+    action: Action
+    """For the log."""
+    patches: tuple[Patch, ...]
+    """From the body before to the body after, in the order they are done."""
+    findings: tuple[Finding, ...]
+    """Of the edits that were applied in this step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """A surface under edit. A value: every step gives a new one and leaves this one as it is.
+
+    So a preview is a step whose document nobody keeps, and readers need no lock. The body depends
+    on the base and the edits that count alone, not on how one came there, to the bit.
+    """
+
+    build: Build
+    history: History
+    base: Body
+    """With the grid edits that count, before any mesh edit."""
+    remarks: tuple[Finding, ...]
+    """What was said about the base."""
+    body: Body
+    chain: tuple[Done, ...]
+    """The mesh edits that count, in their order, and behind them those that redo would do."""
+    count: int
+    """How many of the chain count."""
+
+    @classmethod
+    def open(cls, build: Build, history: History | None = None) -> Document:
+        """The surface with everything in the history that counts."""
+        history = history or History()
+        mesh, remarks = build([e for e in history.enabled if is_grid_edit(e.edit)])
+        base = Body.of(mesh)
+        bare = cls(build, History(), base, tuple(remarks), base, (), 0)
+        return bare._to(history)[0] if history.entries else bare
+
+    @property
+    def done(self) -> tuple[Done, ...]:
+        """The mesh edits that count, in their order."""
+        return self.chain[: self.count]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is to be said about the base and about every edit that counts."""
+        return self.remarks + tuple(f for d in self.done for f in d.findings)
+
+    def add(self, edit: Edit) -> tuple[Document, Change]:
+        """Make an edit. One that finds nothing to act on is a finding of the change."""
+        return self.after(self.history.add(edit))
+
+    def undo(self) -> tuple[Document, Change]:
+        """Take back the last edit that counts. Raises InputError where there is none."""
+        return self.after(self.history.undo())
+
+    def redo(self) -> tuple[Document, Change]:
+        """Do the next undone edit again. Raises InputError where there is none."""
+        return self.after(self.history.redo())
+
+    def go(self, cursor: int) -> tuple[Document, Change]:
+        """Let the first ``cursor`` edits count. Raises InputError where there are fewer."""
+        return self.after(Go(cursor))
+
+    def switch(self, id: int, on: bool) -> tuple[Document, Change]:
+        """Switch one edit on or off. Raises InputError where there is none of that number."""
+        return self.after(Switch(id, on))
+
+    def after(self, action: Action) -> tuple[Document, Change]:
+        """The document after an action, and what it changed. Raises InputError."""
+        document, patches, findings = self._to(self.history.after(action))
+        return document, Change(action, patches, findings)
+
+    def _to(self, history: History) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
+        """Undo down to what both histories share, then apply the rest."""
+        wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
+        seen = [e.id for e in history.enabled if is_grid_edit(e.edit)]
+        if seen != [e.id for e in self.history.enabled if is_grid_edit(e.edit)]:
+            return self._rebuilt(history, wanted)
+        shared = 0
+        for entry, known in zip(wanted, self.chain, strict=False):
+            if entry.id != known.entry.id:
+                break
+            shared += 1
+        body, patches = self.body, list[Patch]()
+        for past in reversed(self.chain[shared : self.count]):
+            patches += past.back
+        fresh = list(self.chain[min(shared, self.count) : shared])
+        for again in fresh:
+            patches += again.forward
+        for patch in patches:
+            body = patch.on(body)
+        chain = self.chain
+        if len(wanted) > shared:
+            for entry in wanted[shared:]:
+                body, new = apply(body, entry)
+                fresh.append(new)
+                patches += new.forward
+            chain = (*chain[: min(shared, self.count)], *fresh)
+        document = replace(self, history=history, body=body, chain=chain, count=len(wanted))
+        return document, tuple(patches), tuple(f for d in fresh for f in d.findings)
+
+    def _rebuilt(
+        self, history: History, wanted: list[Entry]
+    ) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
+        mesh, remarks = self.build([e for e in history.enabled if is_grid_edit(e.edit)])
+        body = base = Body.of(mesh)
+        done = []
+        for entry in wanted:
+            body, new = apply(body, entry)
+            done.append(new)
+        document = Document(self.build, history, base, tuple(remarks), body, tuple(done), len(done))
+        return document, (Replace(body),), document.findings

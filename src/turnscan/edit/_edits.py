@@ -1,0 +1,182 @@
+"""Edits: every change a person can make, as values that JSON holds and `apply` does.
+
+Grid edits change what was seen, before it becomes a surface; mesh edits change the surface; and
+measurements change nothing. All lengths are mm in the object's frame, positions in pictures px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from turnscan.edit._region import Length, Region
+from turnscan.errors import FormatError
+from turnscan.json_text import strict_json
+from turnscan.stripes import Choice, Strategy
+
+_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+Laser = Annotated[str, Field(min_length=1, max_length=200)]
+Number = Annotated[int, Field(ge=0, le=100_000_000)]
+"""Of a step or a line."""
+Span = tuple[Number, Number]
+"""First and last number, both included."""
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
+Pixel = Annotated[float, Field(ge=-1, le=100_000_000)]
+
+
+@dataclass(frozen=True)
+class HoleName:
+    """A hole by its place, so that it can be found again on another surface."""
+
+    __pydantic_config__ = _STRICT
+    centre: Vector
+    size: Length
+    """Largest distance between two points of its border."""
+
+
+# Grid edits
+
+
+@dataclass(frozen=True)
+class DeletePoints:
+    """Take points of one profile away."""
+
+    __pydantic_config__ = _STRICT
+    laser: Laser
+    step: Number
+    lines: Annotated[tuple[Number, ...], Field(min_length=1, max_length=100_000)]
+    kind: Literal["delete_points"] = "delete_points"
+
+
+@dataclass(frozen=True)
+class SetPoint:
+    """Put the stripe of one line where a person saw it: a point moved, or added."""
+
+    __pydantic_config__ = _STRICT
+    laser: Laser
+    step: Number
+    line: Number
+    position: Pixel
+    """px across the stripe (the column, for a vertical stripe)."""
+    kind: Literal["set_point"] = "set_point"
+
+
+@dataclass(frozen=True)
+class PickCandidate:
+    """Take another of the candidates of some lines: in each the one nearest to a position."""
+
+    __pydantic_config__ = _STRICT
+    laser: Laser
+    step: Number
+    lines: Span
+    position: Pixel
+    """px: where the wanted candidate is in the first line; each line then follows the one before,
+    so that a whole piece of a stripe is picked at once."""
+    kind: Literal["pick_candidate"] = "pick_candidate"
+
+
+@dataclass(frozen=True)
+class ProfileOff:
+    """Leave whole profiles out."""
+
+    __pydantic_config__ = _STRICT
+    laser: Laser
+    steps: Span
+    kind: Literal["profile_off"] = "profile_off"
+
+
+@dataclass(frozen=True)
+class Redetect:
+    """Seek the stripe again in a part of the grid; None keeps what the reconstruction uses."""
+
+    __pydantic_config__ = _STRICT
+    laser: Laser
+    steps: Span
+    lines: Span
+    threshold: Annotated[float, Field(gt=0, le=65535)] | None = None
+    """Grey levels."""
+    strategy: Strategy | None = None
+    choose: Choice | None = None
+    kind: Literal["redetect"] = "redetect"
+
+
+@dataclass(frozen=True)
+class CloseSeam:
+    """Let the last profile of a turn neighbour the first, though their gap is a wide one."""
+
+    __pydantic_config__ = _STRICT
+    laser: Laser
+    kind: Literal["close_seam"] = "close_seam"
+
+
+# Mesh edits
+
+
+@dataclass(frozen=True)
+class Delete:
+    """Take faces away."""
+
+    __pydantic_config__ = _STRICT
+    where: Region
+    kind: Literal["delete"] = "delete"
+
+
+@dataclass(frozen=True)
+class Close:
+    """Close every gap: the foot down to the floor, the rest with caps, as `surface.close` does."""
+
+    __pydantic_config__ = _STRICT
+    floor: Coordinate | None = 0.0
+    reach: Length = 5.0
+    longest: Annotated[int, Field(ge=3, le=10_000_000)] | None = None
+    kind: Literal["close"] = "close"
+
+
+GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
+MeshEdit = Delete | Close
+Edit = GridEdit | MeshEdit
+
+_ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])
+_HINT = "docs/reference/edits.md lists the edits and their keys"
+
+
+def is_grid_edit(edit: Edit) -> bool:
+    """Whether the edit changes what was seen, so that the surface must be made anew."""
+    return isinstance(edit, get_args(GridEdit))
+
+
+def edit_to_value(edit: Edit) -> dict[str, Any]:
+    """An edit as plain values for JSON."""
+    return asdict(edit)
+
+
+def edit_from_value(value: Mapping[str, Any], source: str = "edit") -> Edit:
+    """An edit from plain values, as JSON gives them; a `Region` may stand for its own values.
+
+    Raises FormatError naming ``source`` and the key.
+    """
+    try:
+        return _ADAPTER.validate_python(dict(value))
+    except ValidationError as e:
+        raise bad_key(e, source) from None
+
+
+def edit_from_json(text: str, source: str = "edit") -> Edit:
+    """An edit from JSON text. Raises FormatError naming the key, LimitExceeded."""
+    body = strict_json(text, source)
+    if not isinstance(body, dict):
+        raise FormatError(f"{source}: not an object", hint=_HINT)
+    return edit_from_value(body, source)
+
+
+def bad_key(e: ValidationError, source: str) -> FormatError:
+    """The first thing that pydantic does not like, as one line."""
+    first = e.errors(include_url=False, include_context=False)[0]
+    key = ".".join(str(p) for p in first["loc"])
+    value = repr(first.get("input"))
+    shown = value if len(value) <= 60 else value[:57] + "…"
+    return FormatError(f"{source}: {key or 'edit'}: {first['msg']} (found {shown})", hint=_HINT)
