@@ -8,6 +8,7 @@ from turnscan.scan._codec import (
     signal_of,
     statistics,
 )
+from turnscan.scan._edit_log import LogEntry
 from turnscan.scan._file import Scan
 from turnscan.scan._fit import lit_in, rig_for
 from turnscan.scan._limits import STEPS
@@ -30,6 +31,7 @@ __all__ = [
     "STEPS",
     "Frame",
     "Keep",
+    "LogEntry",
     "Scan",
     "ScanPlan",
     "Setting",

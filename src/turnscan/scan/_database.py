@@ -121,6 +121,19 @@ def storage(path: Path) -> Iterator[None]:
         raise _damaged(path, str(e)) from None
 
 
+@contextmanager
+def transaction(db: sqlite3.Connection) -> Iterator[None]:
+    """All of what is done within, or nothing."""
+    db.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+        db.execute("COMMIT")
+    except BaseException:
+        if db.in_transaction:
+            db.execute("ROLLBACK")
+        raise
+
+
 def create(path: Path, meta: dict[str, str]) -> tuple[sqlite3.Connection, WriterLock]:
     """Make a scan file with these values in ``meta`` and no frames, and open it for writing.
 

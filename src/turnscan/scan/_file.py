@@ -8,7 +8,6 @@ import math
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -23,6 +22,7 @@ from turnscan.arrays import Floats, Image
 from turnscan.errors import InputError, ScanCorrupt, ScanError
 from turnscan.rig import Rig, rig_from_json, rig_to_json
 from turnscan.scan import _database as database
+from turnscan.scan import _edit_log as edit_log
 from turnscan.scan._codec import (
     Background,
     Dark,
@@ -32,7 +32,8 @@ from turnscan.scan._codec import (
     signal_of,
     statistics,
 )
-from turnscan.scan._database import Row, storage
+from turnscan.scan._database import Row, storage, transaction
+from turnscan.scan._edit_log import LogEntry
 from turnscan.scan._lock import WriterLock, being_written
 from turnscan.scan._plan import (
     Frame,
@@ -83,6 +84,7 @@ class Scan:
         self._pictures: dict[str, Image] = {}
         self._shared: tuple[str, Project | None, Background] | None = None
         self._scales: tuple[Project, float] | None = None
+        self._last_edit: LogEntry | None = None
         self._closed = False
         self._thread = threading.RLock()
 
@@ -162,7 +164,7 @@ class Scan:
             try:
                 if self.writing:
                     with storage(self.path):
-                        with _transaction(self._db):
+                        with transaction(self._db):
                             database.write_meta(self._db, "seal", self._seal())
                         database.seal(self._db)
             finally:
@@ -262,7 +264,30 @@ class Scan:
         self._backgrounds[laser] = row
         self._pictures[laser] = _read_only(picture.copy())
 
+    def append_edit(self, text: str, time: float = math.nan) -> LogEntry:
+        """Add an entry to the log of edits; it is on the disk when this returns.
+
+        Frames and their seal stay as they are. Raises InputError where the scan is open for
+        reading, StorageFull, ScanCorrupt where the log is damaged, ScanError.
+        """
+        self._must_write()
+        with self._thread:
+            if self._last_edit is None:
+                self._last_edit = next(reversed(self.edits()), None)
+            with storage(self.path), transaction(self._db):
+                new = edit_log.append(self._db, self.path, self._last_edit, text, time)
+            self._last_edit = new
+        return new
+
     # Reading
+
+    def edits(self) -> tuple[LogEntry, ...]:
+        """The log of edits, oldest first; `turnscan.edit.history_from_log` reads their texts.
+
+        Raises ScanCorrupt naming the first entry that is damaged.
+        """
+        with self._thread:
+            return tuple(edit_log.read(self._db, self.path))
 
     def frames(self, laser: str | None = None, project: Project | None = None) -> Iterator[Frame]:
         """Frames in step order, of one laser or of all, one laser after the other.
@@ -383,6 +408,7 @@ class Scan:
             yield str(row), _trouble(partial(self._decode, row))
         for step, row in sorted(self._textures.items()):
             yield str(row), _trouble(partial(self.texture, step))
+        yield "the log of edits", _trouble(self.edits)
 
     # Inside
 
@@ -487,14 +513,17 @@ class Scan:
 
     def _write(self, change: Callable[[], T]) -> T:
         """One transaction; the file is no longer what it was closed with."""
-        if not self.writing:
-            raise InputError(f"{self.path}: open for reading only")
-        with self._thread, storage(self.path), _transaction(self._db):
+        self._must_write()
+        with self._thread, storage(self.path), transaction(self._db):
             if self.sealed:
                 self._db.execute("DELETE FROM meta WHERE key = 'seal'")
             done = change()
         self.sealed = False
         return done
+
+    def _must_write(self) -> None:
+        if not self.writing:
+            raise InputError(f"{self.path}: open for reading only")
 
     def _read_rows(self, seal: str | None) -> None:
         itemsize = np.dtype(self.plan.dtype).itemsize
@@ -534,18 +563,6 @@ class Scan:
     def _seal(self) -> str:
         rows = [*self._rows.values(), *self._backgrounds.values(), *self._textures.values()]
         return json.dumps({"frames": len(rows), "sha256": database.digest_of_rows(rows)})
-
-
-@contextmanager
-def _transaction(db: sqlite3.Connection) -> Iterator[None]:
-    db.execute("BEGIN IMMEDIATE")
-    try:
-        yield
-        db.execute("COMMIT")
-    except BaseException:
-        if db.in_transaction:
-            db.execute("ROLLBACK")
-        raise
 
 
 def _trouble(check: Callable[[], object]) -> ScanError | None:
