@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
+
+from turnscan.devices import aravis_library
 
 Need = Callable[[Callable[[], object]], None]
 
@@ -23,3 +27,17 @@ def need() -> Need:
             pytest.skip(str(e))
 
     return check
+
+
+@pytest.fixture
+def aravis(need: Need) -> Iterator[None]:
+    """Skip where Aravis is missing (`make system` installs it); one test at a time has the network.
+
+    The tests run in several processes, and all served cameras have the one loopback address.
+    """
+    import fcntl
+
+    need(aravis_library)
+    with (Path(tempfile.gettempdir()) / "turnscan-test-gige.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

@@ -5,17 +5,14 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.devices.conftest import Need
 from turnscan.arrays import Image
-from turnscan.devices import Steady, aravis_library, find_cameras, open_camera
+from turnscan.devices import Steady, find_cameras, open_camera
 from turnscan.errors import (
     DeviceDisconnected,
     DeviceError,
@@ -28,20 +25,6 @@ from turnscan.simulate import GigeServer, simulated
 from turnscan.testing import check_camera
 
 SIZE = "width=64&height=48"
-
-
-@pytest.fixture
-def aravis(need: Need) -> Iterator[None]:
-    """Skip where Aravis is missing (`make system` installs it); one test at a time has the network.
-
-    The tests run in several processes, and all served cameras have the one loopback address.
-    """
-    import fcntl
-
-    need(aravis_library)
-    with (Path(tempfile.gettempdir()) / "turnscan-test-gige.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 class Counting:

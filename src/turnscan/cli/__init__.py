@@ -19,6 +19,7 @@ _VERBS = {
     "design": "resolution, working volume and limits of a rig before it is built",
     "devices": "serial ports and cameras that are connected",
     "doctor": "are camera, lasers and table ready for a scan?",
+    "emulate": "a board on a serial port and a camera on the network that aren't there",
     "export": "a mesh file → DXF, STL, PLY, OBJ or XYZ",
     "import": "pictures made elsewhere → a scan file",
     "measure": "flat sides, angles, spheres and cylinders of a measured part",

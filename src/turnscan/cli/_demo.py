@@ -18,7 +18,7 @@ from turnscan.cli._output import write_atomically, write_results
 from turnscan.cli._progress import progress
 from turnscan.cli._reconstruct_report import about, summary
 from turnscan.cli._render import render
-from turnscan.cli._simulated import plan_of, scan_into_file, write_png
+from turnscan.cli._simulated import plan_of, scan_into_file, truth, write_png
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
 from turnscan.pipeline import Reconstruction, Settings, reconstruct
@@ -26,7 +26,7 @@ from turnscan.rig import rig_to_json
 from turnscan.scan import Scan
 from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, Wish, simulated
-from turnscan.surface import Caps, Mesh, close
+from turnscan.surface import Caps, close
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -82,7 +82,7 @@ def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> No
         frames = [_frame(scan, devices, laser) for laser in plan.lasers]
     if not len(done.mesh.faces):
         raise InputError(f"{path}: nothing was measured", hint="take another scene or rig")
-    mended, gaps = close(done.mesh, Caps())
+    mended, closing = close(done.mesh, Caps())
     clock.lap("reconstructing")
     options = ExportOptions(about=about(path, devices.world.bench.rig, settings))
     results = {output / f"{name}.{suffix}": mended for suffix in ("dxf", "stl", "ply")}
@@ -91,7 +91,7 @@ def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> No
     write_png(output / "frame.png", frames[0].picture)
     clock.lap("writing DXF, STL and PLY, each read back")
     found = deviation(done.mesh.vertices, truth(devices))
-    text = demo_report(devices, done, mended, gaps, found, frames, clock.lines)
+    text = demo_report(devices, done, mended, closing, found, frames, clock.lines)
     write_atomically(output / "report.html", text.encode())
     pictures: dict[str, Image | Figure] = {
         "stripe": frame_figure(frames[0]),
@@ -103,13 +103,6 @@ def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> No
         write_atomically(output / f"{picture}.png", html.png(image))
     clock.lap("comparing with the true shape, report")
     _tell(output, done, found, devices)
-
-
-def truth(devices: Simulated) -> Mesh:
-    """The true surface of the part, in the object's frame."""
-    body = devices.world.bench.scene.bodies[0]
-    mesh = body.part.mesh
-    return Mesh(body.T_table_part.apply(mesh.vertices), mesh.faces)
 
 
 def _make(folder: Path) -> None:

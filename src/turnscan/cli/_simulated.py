@@ -17,6 +17,7 @@ from turnscan.errors import InputError
 from turnscan.rig import rig_to_json
 from turnscan.scan import Frame, Keep, ScanPlan, Setting, replacing_scan
 from turnscan.simulate import Simulated
+from turnscan.surface import Mesh
 
 Tick = Callable[[], None]
 
@@ -59,6 +60,13 @@ def laser_colour(lit: Image, dark: Image) -> tuple[float, float, float]:
 
     red, green, blue = learn_colour(lit, dark)
     return float(red), float(green), float(blue)
+
+
+def truth(devices: Simulated) -> Mesh:
+    """The true surface of the part, in the object's frame."""
+    body = devices.world.bench.scene.bodies[0]
+    mesh = body.part.mesh
+    return Mesh(body.T_table_part.apply(mesh.vertices), mesh.faces)
 
 
 def hardware_of(devices: Simulated) -> Hardware:

@@ -88,27 +88,29 @@ class SimCamera:
         world, faults = self._world, self._world.faults
         place = (world.angle, world.burning, self._seconds, self._gain)
         attempt = self._attempts[place] = self._attempts.get(place, -1) + 1
-        chance = _chance(world, attempt)
-        if chance[0] < faults.drop:
+        luck = chance(world.bench, world.commanded, world.burning, attempt)
+        if luck[0] < faults.drop:
             raise DeviceTimeout(f"simulated camera: no picture within {timeout:g} s")
-        if chance[1] < faults.stale and self._last is not None:
+        if luck[1] < faults.stale and self._last is not None:
             return self._last
         self._last = world.renderer.picture(
             world.angle,
             world.burning,
             self._seconds,
             gain=self._gain,
-            start=float(chance[2]),
+            start=float(luck[2]),
             shot=attempt,
         )
         self._last.flags.writeable = False
         return self._last
 
 
-def _chance(world: World, attempt: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def chance(
+    bench: Bench, angle: float, burning: frozenset[str], attempt: int
+) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Three numbers in (0, 1) that this picture decides."""
-    lit = sum(1 << i for i, b in enumerate(world.bench.beams) if b.name in world.burning)
-    seed = seed64(world.bench.seed, round(world.commanded * 1e9), lit, attempt, 11)
+    lit = sum(1 << i for i, b in enumerate(bench.beams) if b.name in burning)
+    seed = seed64(bench.seed, round(angle * 1e9), lit, attempt, 11)
     return np.random.default_rng(int(seed)).uniform(size=3)
 
 

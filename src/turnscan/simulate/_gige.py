@@ -24,6 +24,8 @@ _BAYER = {
     0x0108000A: ((1, 2), (0, 1)),  # GB
     0x0108000B: ((2, 1), (1, 0)),  # BG
 }
+_SIZE_REGISTERS = (0x11C, 0x118, 0x100, 0x104)
+"""Of the sensor, then of the picture: width, height each."""
 _MONO8, _MONO16, _RGB8 = 0x01080001, 0x01100007, 0x02180014
 
 
@@ -34,7 +36,8 @@ class GigeServer:
     the exposure has passed; the client's width and height are cut out of it from the top left. It
     should be back within a second: the library answers its clients from the same thread, and they
     take a camera that is silent for longer to be gone.
-    ``loss`` is the share of packets that never leave. A context manager.
+    ``loss`` is the share of packets that never leave, ``size`` the sensor's width and height
+    (2048 × 2048 without it). A context manager.
 
     Raises DeviceNotFound where Aravis is missing, DeviceRefused where the network address is none
     of this machine or taken.
@@ -46,6 +49,7 @@ class GigeServer:
         serial: str = "TS01",
         address: str = "127.0.0.1",
         loss: float = 0.0,
+        size: tuple[int, int] | None = None,
     ) -> None:
         library = aravis_library()
         self.error: Exception | None = None
@@ -62,6 +66,8 @@ class GigeServer:
         self._native = _native()
         self._fake = self._server.get_fake_camera()
         # The introspected version of this call crashes (Aravis 0.8.26), the plain one does not.
+        for register, value in zip(_SIZE_REGISTERS, (size or ()) * 2, strict=False):
+            self._native.arv_fake_camera_write_register(hash(self._fake), register, value)
         self._callback = _FILL(self._fill)
         self._native.arv_fake_camera_set_fill_pattern(hash(self._fake), self._callback, None)
 
@@ -110,6 +116,9 @@ def _native() -> Any:
     native.arv_buffer_get_data.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
     native.arv_fake_camera_get_payload.restype = ctypes.c_size_t
     native.arv_fake_camera_get_payload.argtypes = [ctypes.c_void_p]
+    native.arv_fake_camera_write_register.argtypes = [
+        ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint32,
+    ]  # fmt: skip
     native.arv_fake_camera_set_fill_pattern.argtypes = [ctypes.c_void_p, _FILL, ctypes.c_void_p]
     for name in ("arv_buffer_get_image_width", "arv_buffer_get_image_height"):
         getattr(native, name).restype = ctypes.c_int

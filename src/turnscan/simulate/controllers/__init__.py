@@ -5,9 +5,12 @@ Each answers as the real firmware does. A `Socket` puts a board on a pseudo-term
     with Socket(GrblFirmware()) as socket:
         board = open_turntable(f"grbl:{socket.path}")
 
+An `Emulator` adds the simulated camera, served over the network.
+
 Linux only; the drivers that talk to them are not.
 """
 
+from turnscan.simulate.controllers._emulator import EMULATED, Emulator, LaserTimes
 from turnscan.simulate.controllers._fabscan import FabScanFirmware
 from turnscan.simulate.controllers._firmware import Fault, Firmware, Lit
 from turnscan.simulate.controllers._grbl import GrblFirmware
@@ -17,11 +20,14 @@ from turnscan.simulate.controllers._socket import Socket
 from turnscan.simulate.controllers._world import drive
 
 __all__ = [
+    "EMULATED",
+    "Emulator",
     "FabScanFirmware",
     "Fault",
     "Firmware",
     "GrblFirmware",
     "HorusFirmware",
+    "LaserTimes",
     "Lit",
     "SardauscanFirmware",
     "SardauscanHorusFirmware",

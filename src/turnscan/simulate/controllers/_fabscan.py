@@ -23,6 +23,8 @@ _BUFFER = 64
 class FabScanFirmware(Firmware):
     """FabScanPi. Laser outputs are ``right`` and ``left``; nothing puts them out by itself."""
 
+    outputs = ("right", "left")
+
     def __init__(self, faults: Iterable[Fault] = (), *, per_turn: float = 3200.0) -> None:
         self._per_turn = per_turn
         super().__init__(faults)

@@ -82,6 +82,8 @@ class Firmware(ABC):
     log, so a test may let years pass.
     """
 
+    outputs: tuple[str, ...] = ()
+    """Of the lasers, in the order in which an address counts them."""
     banner = b""
     boot = 0.0
     """Board seconds from power to the first byte heard."""

@@ -24,6 +24,7 @@ _KNOWN_M = {"3", "4", "5", "7", "8", "9", "0", "2", "30"}
 class GrblFirmware(Firmware):
     """GRBL 1.1h. Laser outputs are ``m3`` (spindle), ``m7`` and ``m8`` (coolant)."""
 
+    outputs = ("m3", "m8", "m7")
     banner = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 
     def __init__(

@@ -44,6 +44,7 @@ _BLANK = b"error: EEPROM read fail. Using defaults\r\n"
 class HorusFirmware(Firmware):
     """Horus 0.2. Laser outputs are ``1`` to ``4``."""
 
+    outputs = ("1", "2", "3", "4")
     banner = b"\r\nHorus 0.2 ['$' for help]\r\n"
 
     def __init__(self, faults: Iterable[Fault] = (), *, blank_eeprom: bool = False) -> None:

@@ -19,6 +19,7 @@ _HELP = (
 class SardauscanFirmware(Firmware):
     """V0.1a. Laser outputs are ``0`` to ``3``; 1018 units a turn; deaf while it turns."""
 
+    outputs = ("0", "1", "2", "3")
     banner = b"Sardauscan V0.1a\r\n"
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:

@@ -23,11 +23,19 @@ class Socket:
     board, as DTR does with an Arduino. `path` stays the same through unplugging.
     """
 
-    def __init__(self, firmware: Firmware, *, scale: float = 1.0, reset_on_open: bool = False):
+    def __init__(
+        self,
+        firmware: Firmware,
+        *,
+        scale: float = 1.0,
+        reset_on_open: bool = False,
+        path: Path | None = None,
+    ) -> None:
+        """``path``: where the port shall appear; without it, in a folder of its own."""
         self.firmware = firmware
         self._scale, self._reset_on_open = scale, reset_on_open
         self._folder = tempfile.TemporaryDirectory(prefix="turnscan-board-")
-        self.path = str(Path(self._folder.name) / "port")
+        self.path = str(path or Path(self._folder.name) / "port")
         self._closing = threading.Event()
         self._paused = threading.Event()
         self._begin = time.monotonic()
