@@ -26,9 +26,9 @@ from turnscan.surface import (
     Tears,
     boundary_loops,
     components,
+    cut_touching,
     is_closed,
     mesh_grid,
-    split_touching,
     submesh,
     vertex_normals,
 )
@@ -191,9 +191,9 @@ def test_whatever_is_missing_the_mesh_is_sound(seed, steps, lines, missing, clos
         again = mesh_grid(grid, tears)
         assert mesh.vertices.tobytes() == again.vertices.tobytes()
         assert mesh.faces.tobytes() == again.faces.tobytes()
-        apart = split_touching(mesh)
+        apart, _ = cut_touching(mesh)
         check_manifold_only(apart, mixed=behind > 0)
-        assert len(apart.faces) == len(mesh.faces)
+        assert len(apart.faces) <= len(mesh.faces)
         begins = [v for loop in boundary_loops(apart) for v in loop.tolist()]
         assert len(set(begins)) == len(begins), "every border vertex lies on one border"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from turnscan.surface import CAUSE_WORDS, Mesh, boundary_loops, holes, split_touching
+from turnscan.surface import CAUSE_WORDS, Mesh, boundary_loops, cut_touching, holes
 
 
 def plate(n: int, missing=(), spacing: float = 1.0) -> Mesh:
@@ -49,7 +49,12 @@ def test_borders_that_touch_do_not_mix():
     for loop in loops:
         sides = set(zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
         assert len(sides) == len(loop)
-    assert [len(k) for k in loops] == [len(k) for k in boundary_loops(split_touching(mesh))]
+    apart, said = cut_touching(mesh)
+    assert [f.code for f in said] == ["surface.touching"]
+    assert len(mesh.faces) - len(apart.faces) < 4
+    _, hole = boundary_loops(apart)
+    assert len(set(hole.tolist())) == len(hole)
+    assert cut_touching(apart) == (apart, [])
 
 
 def test_the_same_mesh_gives_the_same_list():

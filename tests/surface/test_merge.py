@@ -19,7 +19,6 @@ from turnscan.surface import (
     merge,
     overlaps,
     range_surfaces,
-    split_touching,
 )
 
 NOISE = 0.05
@@ -126,7 +125,7 @@ def test_a_tube_is_merged_in_angle_and_height_and_its_seam_closes(tube):
     alone = np.hypot(single[:, 0], single[:, 1])[np.abs(single[:, 2] - 30.0) < 15.0] - 25.0
     assert 0.3 * alone.std() < off.std() < 0.95 * alone.std()
     # Two rims and nothing else: closed round the turn.
-    loops = boundary_loops(split_touching(mesh))
+    loops = boundary_loops(mesh)
     reach = [np.ptp(np.arctan2(*mesh.vertices[k, 1::-1].T)) for k in loops]
     assert sum(r > 6.0 for r in reach) == 2
     assert not any(len(k) > 12 for k, r in zip(loops, reach, strict=True) if r <= 6.0)

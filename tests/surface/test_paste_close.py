@@ -22,7 +22,9 @@ from turnscan.surface import (
     Mesh,
     close,
     components,
+    cut_touching,
     drop_islands,
+    holes,
     is_closed,
     join,
     mesh_findings,
@@ -92,41 +94,41 @@ def test_islands_go_by_their_size():
     assert (pieces, faces) == (1, 1)
     assert len(left.faces) == len(mesh.faces)
     assert drop_islands(both, 0)[0] is both
-    found = mesh_findings(left, pieces, faces, None)
+    found = mesh_findings(left, pieces, faces)
     assert [f.code for f in found] == ["surface.islands", "surface.open"]
     none = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
-    assert mesh_findings(none, 0, 0, None)[0].severity == "error"
+    assert mesh_findings(none, 0, 0)[0].severity == "error"
 
 
 def test_a_box_closes_to_its_volume():
     (grid,) = grids((0.4,), box((20, 15, 15), (2, 1, 15), 0.3), 120, 0.01, lift=15.0, elevation=0.4)
-    open_mesh = drop_islands(paste([grid]), 50)[0]
+    open_mesh, _ = cut_touching(drop_islands(paste([grid]), 50)[0])
     assert not is_closed(open_mesh)
-    mesh, gaps = close(open_mesh)
-    assert gaps >= 1
+    mesh, said = close(open_mesh)
     assert is_closed(mesh)
     # Steps of 3° cut the corners: a little less than the truth, never more than noise allows.
     assert 0.97 * 40 * 30 * 30 < mesh.volume < 1.002 * 40 * 30 * 30
     assert mesh.bounds[0, 2] == 0.0
     assert (mesh.provenance.step[len(open_mesh.vertices) :] == -1).sum() > 0
     assert mesh.measured[: len(open_mesh.faces)].all()
-    assert not mesh.measured[len(open_mesh.faces) :].any()
+    added = mesh.triangles[len(open_mesh.faces) :]
+    floor = (added[..., 2] == 0.0).all(axis=1)
+    assert 0.95 * 40 * 30 < area(submesh(mesh, np.r_[0 * open_mesh.faces[:, 0], floor] > 0)) < 1201
+    assert (mesh.measured[len(open_mesh.faces) :] == floor).all(), "the platter is known"
     assert np.array_equal(mesh.vertices[: len(open_mesh.vertices)], open_mesh.vertices)
-    codes = [f.code for f in mesh_findings(mesh, 0, 0, gaps)]
-    assert codes == ["surface.caps"]
+    assert [f.code for f in said] == ["surface.caps", "surface.floor"]
+    assert not mesh_findings(mesh, 0, 0, closed=True)
 
 
 def test_flat_cap_without_a_floor():
     (grid,) = grids((0.4,), cylinder(25.0, 0.0, 40.0), 48, 0.0, lift=20.0)
-    mesh, gaps = close(paste([grid]), Caps(floor=None))
-    assert gaps == 2
+    mesh, _ = close(paste([grid]), Caps(floor=None, holes="flat"))
     assert is_closed(mesh)
     height = np.ptp(mesh.vertices[:, 2])
     polygon = 24 * 25.0**2 * np.sin(2 * np.pi / 48)
     assert mesh.volume == pytest.approx(polygon * height, rel=0.02)
-    opened, few = close(paste([grid]), Caps(floor=None, longest=10))
-    assert few == 0
-    assert not is_closed(opened)
+    opened, _ = close(paste([grid]), Caps(floor=None, top="open", largest=10.0))
+    assert len(holes(opened)) == 2
 
 
 def test_hole_borders_of_any_shape_close():

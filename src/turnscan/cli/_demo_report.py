@@ -14,6 +14,7 @@ from turnscan.cli import _html as html
 from turnscan.cli._deviation_map import deviation_figure
 from turnscan.cli._reconstruct_report import summary
 from turnscan.cli._render import render
+from turnscan.findings import Finding
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid
 from turnscan.shapes import Deviation
@@ -39,7 +40,7 @@ def demo_report(
     devices: Simulated,
     done: Reconstruction,
     mended: Mesh,
-    gaps: int,
+    closing: Sequence[Finding],
     found: Deviation,
     frames: Sequence[DemoFrame],
     times: Sequence[tuple[str, float]],
@@ -65,8 +66,7 @@ def demo_report(
         ),
         html.picture(
             render(mended, azimuth=0.6, elevation=0.9),
-            f"Mended: {gaps} gaps closed. What was never lit is an invention here, for instance "
-            "the inside of a vessel.",
+            "Mended. What was never lit is an invention here, for instance the inside of a vessel.",
         ),
         html.heading("Deviation from the true shape"),
         html.picture(
@@ -74,7 +74,7 @@ def demo_report(
             "Each measured vertex against the true surface; nothing was fitted or aligned.",
         ),
         html.heading("Findings"),
-        html.findings(done.findings),
+        html.findings([*done.findings, *closing]),
         html.heading("Time"),
         html.table(["work", "s"], [(what, f"{s:.1f}") for what, s in times]),
     ]

@@ -58,7 +58,7 @@ def join_scans(
                 findings += remarks
             grids.append(grid)
             tick()
-    caps = None if settings.caps is None else replace(settings.caps, floor=None)
+    caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
     mesh, remarks = to_mesh(grids, replace(settings, caps=caps))
     size = np.ptp(mesh.vertices, axis=0).max() if len(mesh.vertices) else 0.0
     points = sum(int(g.found.sum()) for g in grids)

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
+from turnscan.cli._caps import caps_options
 from turnscan.cli._input import read_rig_file
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_output, format_options, write_results
@@ -28,7 +29,7 @@ STRATEGIES = (
 )  # fmt: skip
 _OF_PICTURES = (
     "rig_path", "strategy", "choose", "threshold", "spacing", "spacing_by", "every", "radius",
-    "z_min", "z_max",
+    "z_min", "z_max", "top",
 )  # fmt: skip
 """Options about stripes, the table or the rig: range scans have none of these."""
 _OF_RANGES = ("unit",)
@@ -97,7 +98,6 @@ _length = Finite(min=0, min_open=True)
     help="Several lasers or scans: average in angle and height, in voxels, or keep every point.",
 )
 @click.option("--voxel", type=_length, help="mm: voxels of tsdf.  [default: the points' spacing]")
-@click.option("--close", is_flag=True, help="Close the surface; the faces added are marked.")
 @click.option(
     "--unit",
     type=click.Choice(["mm", "cm", "m", "inch"]),
@@ -106,6 +106,7 @@ _length = Finite(min=0, min_open=True)
     help="Unit of range scans (.conf input); results are always mm.",
 )
 @click.option("--report", type=_path, help="Report to write: .html with pictures, or .json.")
+@caps_options
 @format_options
 def verb(
     source: Path,
@@ -125,9 +126,9 @@ def verb(
     keep_strays: bool,
     merge: str,
     voxel: float | None,
-    close: bool,
     unit: str,
     report: Path | None,
+    caps: Caps | None,
     options: ExportOptions,
 ) -> None:
     """Turn SOURCE into a surface and write it, each file re-read and compared.
@@ -161,7 +162,7 @@ def verb(
         clean=Clean(edge=edge, support=0, piece=0.0) if keep_strays else Clean(edge=edge),
         merge=merge,  # type: ignore[arg-type]
         voxel=voxel,
-        caps=Caps() if close else None,
+        caps=caps,
     )
     rig: Rig | None = None
     if ranges:

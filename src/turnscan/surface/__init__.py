@@ -2,15 +2,16 @@
 
 from turnscan.surface._cast import Caster
 from turnscan.surface._clean import Clean, clean
-from turnscan.surface._close import Caps, close
+from turnscan.surface._close import Caps, Top, close
+from turnscan.surface._fill import FillHow, fill
 from turnscan.surface._findings import mesh_findings
-from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh, vertex_normals
+from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
 from turnscan.surface._holes import CAUSE_WORDS, Cause, Hole, holes
 from turnscan.surface._merge import How, Overlap, merge, overlaps
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces
-from turnscan.surface._topology import boundary_loops, is_closed, split_touching
+from turnscan.surface._topology import boundary_loops, cut_touching, is_closed
 from turnscan.surface._tsdf import fuse
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Caster",
     "Cause",
     "Clean",
+    "FillHow",
     "Hole",
     "How",
     "Mesh",
@@ -26,12 +28,16 @@ __all__ = [
     "Provenance",
     "RangeSurface",
     "Tears",
+    "Top",
     "boundary_loops",
     "clean",
     "close",
     "components",
+    "cut_touching",
     "drop_islands",
+    "fill",
     "fuse",
+    "half_edges",
     "holes",
     "is_closed",
     "join",
@@ -41,7 +47,6 @@ __all__ = [
     "overlaps",
     "paste",
     "range_surfaces",
-    "split_touching",
     "submesh",
     "vertex_normals",
 ]

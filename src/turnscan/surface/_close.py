@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Ints
-from turnscan.surface._mesh import Mesh, Provenance
-from turnscan.surface._paste import measured
-from turnscan.surface._topology import boundary_loops, split_touching
+from turnscan.arrays import Floats, Ints
+from turnscan.findings import Finding
+from turnscan.surface._fill import FillHow, Patch, patches, with_patches
+from turnscan.surface._holes import Hole, holes, vector_area
+from turnscan.surface._mesh import Mesh
+from turnscan.surface._topology import cut_touching
+
+Top = Literal["plane", "fan", "smooth", "open"]
+"""plane: in its best plane. fan: to the axis. smooth: with the curvature of its border."""
+
+_UP = 0.5
+"""A gap looks up (or down) where its best plane is tilted by less than 60°."""
+_HIGH = 0.1
+"""The top reaches into this share of the part's height."""
 
 
 @dataclass(frozen=True)
@@ -18,95 +29,131 @@ class Caps:
     """How the gaps of a mesh are closed."""
 
     floor: float | None = 0.0
-    """mm: height of the plane the part stands on; None when it stands on nothing."""
+    """mm: height of the platter that the part stands on, known from calibration; None when it
+    stands on nothing."""
     reach: float = 5.0
-    """A gap counts as the part's foot when at least half its border lies less than this many mm
-    above the floor."""
-    longest: int | None = None
-    """Gaps with more sides than this stay open; None closes all."""
+    """A gap counts as the part's foot when it looks down and at least half its border lies less
+    than this many mm above the floor."""
+    top: Top | None = "plane"
+    """How the largest gap that looks up from the part's highest tenth is closed; None when it is
+    a hole like others."""
+    holes: FillHow | None = "tangent"
+    """How all other gaps are filled; None leaves them open."""
+    largest: float | None = None
+    """mm: other gaps of a larger size stay open; None fills all."""
+
+    def __post_init__(self) -> None:
+        if self.reach < 0 or (self.largest is not None and not self.largest > 0):
+            raise ValueError(f"Caps: reach {self.reach}, largest {self.largest} mm")
 
 
-def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, int]:
-    """Close the gaps of a mesh; faces added are not ``measured``. Also gives how many gaps.
+def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
+    """Close the gaps of a mesh, and say what was done; faces added are not ``measured``.
 
-    The part's foot is carried straight down to the floor and closed there with a plane; every
-    other gap is closed by triangles between its own corners, cut as ears in its best plane. That
-    is right for small holes and flat tops, and an invention where a large part was never seen.
-    Added vertices have provenance −1. Colour is dropped.
+    The part's foot is carried straight down to the floor; the faces in the floor's plane count as
+    measured, for they lie on the platter, whose place the calibration knows. Then the top is
+    closed, then all other holes (`fill`). Where parts of the surface merely touch in a vertex, the
+    faces of the smaller one go first: programs that join equal corners would find them joined.
+    Added vertices have provenance −1; those that are there do not move.
     """
-    from turnscan.surface import _loop_kernels as kernels
-
     c = caps or Caps()
-    whole = replace(split_touching(mesh), colour=None)
-    vertices, faces = [whole.vertices], [whole.faces]
-    count, gaps = len(whole.vertices), 0
-    sides = _sides(whole.faces, count)
-    for loop in boundary_loops(whole):
-        if len(loop) < 3 or (c.longest is not None and len(loop) > c.longest):
-            continue
-        gaps += 1
-        ring = loop
-        corners = whole.vertices[loop]
-        if c.floor is not None and _is_foot(corners, c.floor, c.reach):
-            ring = np.arange(count, count + len(loop), dtype=np.int32)
-            corners = np.column_stack([corners[:, :2], np.full(len(loop), c.floor)])
-            vertices.append(corners)
-            faces.append(_skirt(loop, ring))
-            count += len(loop)
-        # The gap lies on the other side of its border: the cap runs against the faces' winding.
-        order = ring[::-1].astype(np.int64)
-        faces.append(kernels.clip_ears(_flat(corners[::-1]), order, sides, len(whole.vertices)))
-    added = sum(len(f) for f in faces[1:])
-    return replace(
-        whole,
-        vertices=np.concatenate(vertices),
-        faces=np.concatenate(faces),
-        provenance=_extended(whole.provenance, count - len(whole.vertices)),
-        measured=np.concatenate([measured(whole), np.zeros(added, dtype=np.bool_)]),
-    ), gaps
+    whole, remarks = cut_touching(mesh)
+    foot, top, others = _sorted(whole, c)
+    skip = [h for h in others if c.holes is None or (c.largest is not None and h.size > c.largest)]
+    fillable = [h for h in others if not any(h is s for s in skip)]
+    done = whole
+    if foot and c.floor is not None:
+        done = _stood(done, [h.loop for h in foot], c.floor)
+    if top is not None and c.top == "fan":
+        done = with_patches(done, [_fan(done, top.loop)], "flat")
+    elif top is not None and c.top in ("plane", "smooth"):
+        how: FillHow = "flat" if c.top == "plane" else "curvature"
+        done = with_patches(done, patches(done, [top.loop], how), how)
+    if fillable and c.holes is not None:
+        done = with_patches(done, patches(done, [h.loop for h in fillable], c.holes), c.holes)
+    gaps = len(foot) + (top is not None and c.top != "open") + len(fillable)
+    return done, remarks + _said(done, gaps, foot, c)
 
 
-def _sides(faces: Ints, size: int) -> npt.NDArray[np.int64]:
-    """Sorted keys a·size + b, a < b, of all sides."""
-    a = faces[:, [0, 1, 2]].ravel().astype(np.int64)
-    b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
-    return np.unique(np.minimum(a, b) * size + np.maximum(a, b))
+def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: Caps) -> list[Finding]:
+    out = []
+    if mesh.measured is not None:
+        share = 1.0 - mesh.area_of(mesh.measured) / max(mesh.area_of(), 1e-300)
+        text = f"{gaps} gaps closed; {share:.1%} of the surface was not measured"
+        out.append(Finding("surface.caps", "warning" if share > 0.25 else "note", text))
+    if foot:
+        area = sum(h.area for h in foot)
+        text = f"the part's foot is closed with the platter's plane, {area:.0f} mm² at {c.floor} mm"
+        out.append(Finding("surface.floor", "note", text, "", "another plane: Caps.floor"))
+    return out
+
+
+def _sorted(mesh: Mesh, c: Caps) -> tuple[list[Hole], Hole | None, list[Hole]]:
+    """The feet, the top if there is one, and all other holes of a mesh."""
+    feet, ups, others = [], [], []
+    low, high = mesh.bounds[:, 2] if len(mesh.vertices) else (0.0, 0.0)
+    for hole in holes(mesh):
+        corners = mesh.vertices[hole.loop]
+        # A patch runs against the border, so this is how far the gap looks up, −1 to 1.
+        up = -vector_area(corners)[2] / max(hole.area, 1e-300)
+        if c.floor is not None and up < -_UP and _is_foot(corners, c.floor, c.reach):
+            feet.append(hole)
+        elif c.top is not None and up > _UP and corners[:, 2].max() > high - _HIGH * (high - low):
+            ups.append(hole)
+        else:
+            others.append(hole)
+    top = max(ups, key=lambda h: h.area, default=None)
+    return feet, top, [*others, *(h for h in ups if h is not top)]
 
 
 def _is_foot(corners: Floats, floor: float, reach: float) -> bool:
-    low: Bools = np.abs(corners[:, 2] - floor) <= reach
-    return bool(low.mean() >= 0.5)
+    return bool((np.abs(corners[:, 2] - floor) <= reach).mean() >= 0.5)
 
 
-def _skirt(loop: Ints, ring: Ints) -> Ints:
-    """The wall between a border (m,) and its image (m,) on the floor, (2m, 3)."""
-    after, below = np.roll(loop, -1), np.roll(ring, -1)
-    upper = np.stack([after, loop, ring], axis=-1)
+def _stood(mesh: Mesh, loops: Sequence[Ints], floor: float) -> Mesh:
+    """The mesh with borders carried straight down to the floor and closed there by its plane."""
+    done = with_patches(mesh, [_skirt(mesh, loop, floor) for loop in loops], "flat")
+    start, below = len(mesh.vertices), []
+    for loop in loops:
+        down = mesh.vertices[loop, 2] != floor
+        ring = loop.copy()
+        ring[down] = np.arange(start, start + down.sum())
+        below.append(ring)
+        start += int(down.sum())
+    sewn = with_patches(done, patches(done, below, "flat"), "flat")
+    if sewn.measured is None:
+        raise TypeError("a filled mesh knows which faces were measured")
+    known = sewn.measured.copy()
+    known[len(done.faces) :] = True
+    return replace(sewn, measured=known)
+
+
+def _skirt(mesh: Mesh, loop: Ints, floor: float) -> Patch:
+    """The wall between a border (m,) and its image on the floor."""
+    m = len(loop)
+    corners = mesh.vertices[loop]
+    down = corners[:, 2] != floor
+    here = np.arange(m)
+    ring = np.where(down, m + np.cumsum(down) - 1, here)
+    after, below = np.roll(here, -1), np.roll(ring, -1)
+    upper = np.stack([after, here, ring], axis=-1)
     lower = np.stack([after, ring, below], axis=-1)
-    return np.concatenate([upper, lower]).astype(np.int32)
+    # A corner that stands on the floor already has no wall below it.
+    faces = np.concatenate([upper[down], lower[np.roll(down, -1)]]).astype(np.int32)
+    image = np.column_stack([corners[down, :2], np.full(int(down.sum()), floor)])
+    return Patch(loop, image, faces)
 
 
-def _flat(loop: Floats) -> Floats:
-    """A loop (m, 3) in the plane it encloses most area in (Newell's normal), (m, 2)."""
-    centred = loop - loop.mean(axis=0)
-    normal = np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
-    size = float(np.linalg.norm(normal))
-    normal = normal / size if size > 0 else np.array([0.0, 0.0, 1.0])
-    lead = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    e1 = np.cross(normal, lead)
-    e1 /= np.linalg.norm(e1)
-    e2 = np.cross(normal, e1)
-    return np.stack([centred @ e1, centred @ e2], axis=-1)
-
-
-def _extended(p: Provenance | None, more: int) -> Provenance | None:
-    if p is None:
-        return None
-    none = np.full(more, -1, dtype=np.int32)
-    return Provenance(
-        np.concatenate([p.sigma, np.full(more, np.nan)]),
-        np.concatenate([p.laser, none]),
-        np.concatenate([p.step, none]),
-        np.concatenate([p.line, none]),
-        p.lasers,
+def _fan(mesh: Mesh, loop: Ints) -> Patch:
+    """Triangles from a border to the axis at its mean height; to its middle if that is outside."""
+    m = len(loop)
+    ring = loop[::-1].copy()
+    corners = mesh.vertices[ring]
+    middle = corners.mean(axis=0)
+    turn = np.diff(np.unwrap(np.arctan2(corners[:, 1], corners[:, 0])[[*range(m), 0]]))
+    if abs(turn.sum()) > np.pi:
+        middle[:2] = 0.0
+    around = np.arange(m, dtype=np.int32)
+    return Patch(
+        ring, middle[None], np.stack([around, np.roll(around, -1), np.full(m, m, np.int32)], axis=1)
     )

@@ -18,14 +18,14 @@ def _cross(xy: Any, a: int, b: int, c: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def clip_ears(xy: Any, order: Any, sides: Any, size: int) -> Any:
-    """A polygon (m, 2), counter-clockwise → (m − 2, 3) triangles of ``order``'s values.
+def clip_ears(xy: Any, used: Any) -> Any:
+    """A polygon (m, 2), counter-clockwise → (m − 2, 3) triangles of its corners.
 
     Of the ears there are, the one with the best-shaped triangle goes first (its smallest height
     against its longest side). A polygon that crosses itself has no ear at some point; then the
     corner that turns left the most is cut off, so that the result always has all its sides.
-    ``sides`` are sorted keys a·size + b (a < b) of sides that already have their two faces: a cut
-    along one of those is the last resort.
+    ``used`` (m, m) marks chords that already have their two faces: a cut along one of those is the
+    last resort.
     """
     m = len(xy)
     ahead = np.empty(m, dtype=np.int64)
@@ -35,7 +35,7 @@ def clip_ears(xy: Any, order: Any, sides: Any, size: int) -> Any:
         ahead[i] = (i + 1) % m
         back[i] = (i - 1) % m
     for i in range(m):
-        score[i] = _ear(xy, back, ahead, i, order, sides, size)
+        score[i] = _ear(xy, back, ahead, i, used)
     faces = np.empty((max(m - 2, 0), 3), dtype=np.int32)
     left = m
     made = 0
@@ -48,23 +48,21 @@ def clip_ears(xy: Any, order: Any, sides: Any, size: int) -> Any:
                 best = i
             i = ahead[i]
         a, c = back[best], ahead[best]
-        faces[made, 0], faces[made, 1], faces[made, 2] = order[a], order[best], order[c]
+        faces[made, 0], faces[made, 1], faces[made, 2] = a, best, c
         made += 1
         ahead[a], back[c] = c, a
         left -= 1
         start = a
-        score[a] = _ear(xy, back, ahead, a, order, sides, size)
-        score[c] = _ear(xy, back, ahead, c, order, sides, size)
+        score[a] = _ear(xy, back, ahead, a, used)
+        score[c] = _ear(xy, back, ahead, c, used)
     return faces
 
 
 @njit(cache=True, nogil=True)
-def _ear(xy: Any, back: Any, ahead: Any, i: int, order: Any, sides: Any, size: int) -> float:
+def _ear(xy: Any, back: Any, ahead: Any, i: int, used: Any) -> float:
     """How good an ear the corner is: above 0 for an ear, else below, −3 for a side in use."""
     a, c = back[i], ahead[i]
-    key = min(order[a], order[c]) * size + max(order[a], order[c])
-    k = np.searchsorted(sides, key)
-    if k < len(sides) and sides[k] == key:
+    if used[a, c]:
         return -3.0
     twice = _cross(xy, a, i, c)
     longest = 0.0

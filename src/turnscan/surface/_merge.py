@@ -17,7 +17,6 @@ from turnscan.surface._mesh import Mesh
 from turnscan.surface._paste import paste
 from turnscan.surface._polar import merge_polar, polar_grid
 from turnscan.surface._range_surface import RangeSurface, range_surfaces
-from turnscan.surface._topology import split_touching
 from turnscan.surface._tsdf import fuse
 
 How = Literal["auto", "grid", "tsdf", "paste"]
@@ -94,7 +93,7 @@ def merge(
     ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
     text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
     findings.append(Finding("surface.merge", "note", text, "", "other ways: --merge grid|paste"))
-    return split_touching(fuse(surfaces, size, ramp)), findings
+    return fuse(surfaces, size, ramp), findings
 
 
 def _steps(grids: Sequence[RangeGrid]) -> int:
@@ -105,15 +104,14 @@ def _steps(grids: Sequence[RangeGrid]) -> int:
 
 def _spacings(surfaces: Sequence[RangeSurface]) -> tuple[float, float]:
     """The usual distance in height between points of a profile, and that between points, mm."""
+    from turnscan.surface import _face_kernels as kernels
+
     rises, areas = [], []
     for s in surfaces:
-        p, t = s.mesh.provenance, s.mesh.triangles
+        p, X, faces = s.mesh.provenance, s.mesh.vertices, s.mesh.faces
         if p is not None:
-            f = s.mesh.faces[:, [0, 1, 2, 0]]
-            same = p.step[f[:, 1:]] == p.step[f[:, :-1]]
-            rise = np.abs(s.mesh.vertices[f[:, 1:], 2] - s.mesh.vertices[f[:, :-1], 2])
-            rises.append(rise[same & (rise > 0)])
-        size = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
+            rises.append(kernels.rises(X, faces, p.step))
+        size = np.linalg.norm(kernels.crosses(X, faces), axis=1)
         areas.append(size[size > 0])
     area = float(np.median(np.concatenate(areas)))
     rise = np.concatenate([np.zeros(0), *rises])
@@ -130,7 +128,7 @@ def overlaps(surfaces: Sequence[RangeSurface]) -> list[Overlap]:
 
     normals = [s.normals for s in surfaces]
     sigmas = [s.sigma for s in surfaces]
-    trees = [cKDTree(s.mesh.vertices) for s in surfaces]
+    trees = [cKDTree(s.mesh.vertices, compact_nodes=False, balanced_tree=False) for s in surfaces]
     spacing = _spacings(surfaces)[1]
     out = []
     for i, one in enumerate(surfaces):

@@ -68,6 +68,12 @@ class Mesh:
         corners: Floats = self.vertices[self.faces]
         return corners
 
+    def area_of(self, which: Bools | None = None) -> float:
+        """Area of the faces where ``which`` (f,) is True, mm²; None takes all."""
+        t = self.triangles if which is None else self.triangles[which]
+        normals = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+        return float(np.linalg.norm(normals, axis=1).sum() / 2)
+
     @property
     def volume(self) -> float:
         """Signed volume, mm³ (divergence theorem); means something for a closed mesh only."""

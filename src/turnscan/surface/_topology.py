@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Ints
-from turnscan.surface._mesh import Mesh, Provenance
+from turnscan.findings import Finding
+from turnscan.surface._grid_mesh import submesh
+from turnscan.surface._mesh import Mesh
 
 
 def twins(faces: Ints) -> npt.NDArray[np.int64]:
@@ -55,21 +55,29 @@ def is_closed(mesh: Mesh) -> bool:
     return bool(len(mesh.faces) > 0 and (twins(mesh.faces) >= 0).all())
 
 
-def split_touching(mesh: Mesh) -> Mesh:
-    """The mesh with every vertex doubled in which two parts of the surface merely touch."""
-    if not len(mesh.faces):
-        return mesh
-    fan, old = _fans(mesh.faces)
-    if len(old) == len(mesh.vertices):
-        return mesh
-    # The first fan of each vertex keeps its place; the others are added at the end.
-    rank = np.argsort(old, kind="stable")
-    leads = np.ones(len(rank), dtype=np.bool_)
-    leads[1:] = old[rank][1:] != old[rank][:-1]
-    sequence = np.concatenate([rank[leads], rank[~leads]])
-    new = np.empty(len(old), dtype=np.int32)
-    new[sequence] = np.arange(len(old), dtype=np.int32)
-    return _taken(mesh, old[sequence], new[fan].reshape(-1, 3))
+def cut_touching(mesh: Mesh) -> tuple[Mesh, list[Finding]]:
+    """The mesh without faces that touch others in a vertex only, and a finding if there were any.
+
+    Of the fans about a vertex the largest stays (the first of equal ones), again and again, until
+    the faces about every vertex hang together by their sides. (Doubling such a vertex would not
+    do: programs that join equal corners of a file make one of it again.)
+    """
+    keep = np.arange(len(mesh.faces))
+    while len(keep):
+        fan, about = _fans(mesh.faces[keep])
+        size = np.bincount(fan)
+        order = np.lexsort((np.arange(len(about)), -size, about))
+        rest = order[1:][about[order[1:]] == about[order[:-1]]]
+        if not len(rest):
+            break
+        lost = np.isin(fan, rest).reshape(-1, 3).any(axis=1)
+        keep = keep[~lost]
+    if len(keep) == len(mesh.faces):
+        return mesh, []
+    kept = np.zeros(len(mesh.faces), dtype=np.bool_)
+    kept[keep] = True
+    text = f"{int((~kept).sum())} faces that touched others in a corner only were cut away"
+    return submesh(mesh, kept), [Finding("surface.touching", "note", text)]
 
 
 def _fans(faces: Ints) -> tuple[Ints, Ints]:
@@ -81,16 +89,3 @@ def _fans(faces: Ints) -> tuple[Ints, Ints]:
 
     fan, first = kernels.fans(twins(faces))
     return fan, faces.ravel()[first]
-
-
-def _taken(mesh: Mesh, index: Ints, faces: Ints) -> Mesh:
-    p = mesh.provenance
-    return replace(
-        mesh,
-        vertices=mesh.vertices[index],
-        faces=faces,
-        provenance=None
-        if p is None
-        else Provenance(p.sigma[index], p.laser[index], p.step[index], p.line[index], p.lasers),
-        colour=None if mesh.colour is None else mesh.colour[index],
-    )

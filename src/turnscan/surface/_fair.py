@@ -1,0 +1,85 @@
+"""Fairing: new vertices go where the surface bends (or changes its bending) least."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints
+
+Order = Literal[1, 2, 3]
+_STEEPEST = 20.0
+"""A cotangent above this belongs to a sliver."""
+_LEAST = 1e-2
+"""Share of the usual area about a vertex that every vertex has at least."""
+
+
+def fair(vertices: Floats, faces: Ints, free: Bools, order: Order) -> Floats:
+    """(v, 3) with the ``free`` (v,) vertices placed so that Δᵏx = 0 there, k = ``order``.
+
+    All others stay. 1 is the membrane; 2 the thin plate, which continues the tangent planes at
+    the border; 3 changes its curvature least, which continues the curvature too (Botsch and
+    Kobbelt 2004). Δ is the cotangent Laplacian over the areas about the vertices; it is made
+    anew as the surface moves.
+    """
+    if not free.any():
+        return vertices
+    reach, near = free, np.zeros(len(faces), dtype=np.bool_)
+    for _ in range(order):
+        near = reach[faces].any(axis=1)
+        reach = np.zeros_like(free)
+        reach[faces[near]] = True
+    index = np.flatnonzero(reach)
+    new = np.full(len(vertices), -1, dtype=np.int32)
+    new[index] = np.arange(len(index), dtype=np.int32)
+    local, points, move = new[faces[near]], vertices[index], free[index]
+    plan: tuple[Order, ...] = (1, order, order)
+    for k in plan if order > 1 else (1, 1):
+        points[move] = _solved(points, local, move, k)
+    out = vertices.copy()
+    out[index] = points
+    return out
+
+
+def _solved(points: Floats, faces: Ints, move: Bools, order: Order) -> Floats:
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import splu
+
+    stiff, area = _laplacian(points, faces)
+    inverse = diags_array(1.0 / area)
+    system = stiff
+    for _ in range(order - 1):
+        system = (stiff @ inverse @ system).tocsr()
+    rows = system[np.flatnonzero(move)]
+    inner = rows[:, np.flatnonzero(move)].tocsc()
+    push = -(rows[:, np.flatnonzero(~move)] @ points[~move])
+    factors = splu(inner, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    solved: Floats = factors.solve(push)
+    return solved
+
+
+def _laplacian(points: Floats, faces: Ints) -> tuple[Any, Floats]:
+    """The stiffness matrix (v, v) of the cotangent Laplacian, and the area (v,) of each vertex."""
+    from scipy.sparse import coo_array
+
+    v = len(points)
+    p = points[faces]
+    rows, columns, weights = [], [], []
+    twice = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+    for i in range(3):
+        a, b = p[:, (i + 1) % 3] - p[:, i], p[:, (i + 2) % 3] - p[:, i]
+        dot = np.einsum("ij,ij->i", a, b)
+        cot = np.clip(dot / np.maximum(twice, 1e-12 * np.abs(dot).max(initial=1.0)), 0, _STEEPEST)
+        rows.append(faces[:, (i + 1) % 3])
+        columns.append(faces[:, (i + 2) % 3])
+        weights.append(cot / 2)
+    row, column, weight = (np.concatenate(x) for x in (rows, columns, weights))
+    half = coo_array((weight + 1e-6, (row, column)), shape=(v, v)).tocsr()
+    both = half + half.T
+    total = np.asarray(both.sum(axis=1)).ravel()
+    stiff = coo_array((total, (np.arange(v), np.arange(v))), shape=(v, v)).tocsr() - both
+    area = np.zeros(v)
+    for i in range(3):
+        area += np.bincount(faces[:, i], twice / 6, minlength=v)
+    return stiff, np.maximum(area, _LEAST * float(np.median(area)))
