@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from turnscan import edit, points, surface
-from turnscan.detection import View, views
-from turnscan.edit import Entry, Stripes
+from turnscan.detection import Sight, see
+from turnscan.edit import Entry
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid, Spacing, Volume
 from turnscan.rig import Rig
@@ -55,15 +55,6 @@ class Reconstruction:
     findings: tuple[Finding, ...]
 
 
-@dataclass(frozen=True)
-class Sight:
-    """What was seen of one laser, and how to look again."""
-
-    view: View
-    stripes: Stripes
-    findings: tuple[Finding, ...]
-
-
 def reconstruct(
     scan: Scan,
     rig: Rig | None = None,
@@ -78,16 +69,7 @@ def reconstruct(
     ScanCorrupt naming a frame.
     """
     s = settings or Settings()
-    return build(see(scan, rig_for(scan, rig), s, tick), s, edits)
-
-
-def see(scan: Scan, rig: Rig, s: Settings, tick: Tick) -> list[Sight]:
-    """The stripes of each laser, in all frames: what takes time, and no edit changes."""
-    seen = []
-    for view in views(scan, rig, s.stripes, s.volume):
-        stripes, found = view.seek(tick)
-        seen.append(Sight(view, stripes, tuple(found)))
-    return seen
+    return build(see(scan, rig_for(scan, rig), s.stripes, s.volume, tick), s, edits)
 
 
 def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Reconstruction:

@@ -1,6 +1,6 @@
 """Repairs by hand: edits as values, their history with undo, and a surface that follows it."""
 
-from turnscan.edit._apply import Done, apply
+from turnscan.edit._apply import Done, apply, mend_mesh
 from turnscan.edit._body import Alive, Append, Body, Compact, Patch, Replace, Truncate, Verts
 from turnscan.edit._document import Build, Change, Document
 from turnscan.edit._edits import (
@@ -21,6 +21,7 @@ from turnscan.edit._edits import (
     edit_to_value,
     is_grid_edit,
 )
+from turnscan.edit._grid import HAND_SIGMA, Eyes, Stripes, lost_edits, mend_grid, mend_stripes
 from turnscan.edit._history import (
     Action,
     Add,
@@ -37,6 +38,7 @@ from turnscan.edit._history import (
 from turnscan.edit._region import Place, Region
 
 __all__ = [
+    "HAND_SIGMA",
     "Action",
     "Add",
     "Alive",
@@ -53,6 +55,7 @@ __all__ = [
     "Done",
     "Edit",
     "Entry",
+    "Eyes",
     "Go",
     "GridEdit",
     "History",
@@ -66,6 +69,7 @@ __all__ = [
     "Region",
     "Replace",
     "SetPoint",
+    "Stripes",
     "Switch",
     "Truncate",
     "Verts",
@@ -79,4 +83,8 @@ __all__ = [
     "history_from_log",
     "history_to_json",
     "is_grid_edit",
+    "lost_edits",
+    "mend_grid",
+    "mend_mesh",
+    "mend_stripes",
 ]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from turnscan.edit._body import Alive, Body, Compact, Patch, difference
-from turnscan.edit._edits import Close, Delete, MeshEdit
+from turnscan.edit._edits import Close, Delete, MeshEdit, is_grid_edit
 from turnscan.edit._history import Entry
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding
-from turnscan.surface import Caps, close
+from turnscan.surface import Caps, Mesh, close
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,18 @@ def apply(body: Body, entry: Entry) -> tuple[Body, Done]:
     return body, Done(entry, patches, tuple(back), named)
 
 
+def mend_mesh(mesh: Mesh, entries: Iterable[Entry]) -> tuple[Mesh, list[Finding]]:
+    """A mesh with the mesh edits among these done, in their order."""
+    body, findings = Body.of(mesh), list[Finding]()
+    done = 0
+    for entry in entries:
+        if not is_grid_edit(entry.edit):
+            body, step = apply(body, entry)
+            findings += step.findings
+            done += 1
+    return (Compact.of(body).mesh if done else mesh), findings
+
+
 def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch, ...]:
     match edit:
         case Delete():
@@ -52,8 +65,10 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
             return (Alive(faces, False),) if len(faces) else ()
         case Close():
             before = Compact.of(body)
-            caps = Caps(edit.floor, edit.reach, edit.longest)
-            return difference(body, before, close(before.mesh, caps)[0])
+            caps = Caps(edit.floor, edit.reach, edit.top, edit.holes, edit.largest)
+            mesh, said = close(before.mesh, caps)
+            findings += [f for f in said if f.severity != "note"]
+            return difference(body, before, mesh)
 
 
 def _nothing(message: str) -> Finding:

@@ -16,6 +16,7 @@ from turnscan.edit._region import Length, Region
 from turnscan.errors import FormatError
 from turnscan.json_text import strict_json
 from turnscan.stripes import Choice, Strategy
+from turnscan.surface import FillHow, Top
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 Laser = Annotated[str, Field(min_length=1, max_length=200)]
@@ -127,12 +128,14 @@ class Delete:
 
 @dataclass(frozen=True)
 class Close:
-    """Close every gap: the foot down to the floor, the rest with caps, as `surface.close` does."""
+    """Close every gap: the foot down to the floor, the top, then all holes (`surface.Caps`)."""
 
     __pydantic_config__ = _STRICT
     floor: Coordinate | None = 0.0
     reach: Length = 5.0
-    longest: Annotated[int, Field(ge=3, le=10_000_000)] | None = None
+    top: Top | None = "plane"
+    holes: FillHow | None = "tangent"
+    largest: Length | None = None
     kind: Literal["close"] = "close"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,9 @@ class Exposed:
     """Grey levels: median of the signal over the whole picture."""
     noise: float
     """Grey levels: its robust standard deviation."""
+
+
+Seen = TypeVar("Seen", Stripe, Candidates)
 
 
 @dataclass(frozen=True)
@@ -91,10 +94,7 @@ class Signal:
         cut flank of a bright line out there is not taken for a stripe in here.
         Raises InputError like `find_candidates`.
         """
-        black = self._black if dark is None else 0.0
-        known = None if math.isnan(noise) else (level + black, noise)
-        scaled = _in_levels(replace(settings, background=known), self.gain)
-        return _found(lit, dark, scaled, self.gain, inside)
+        return self._ready(lit, dark, settings, level, noise).stripe(inside)
 
     def detect_bracket(
         self,
@@ -109,8 +109,20 @@ class Signal:
         exposure, the threshold in those of the longest, which shows the dark parts.
         Raises InputError where the pictures do not fit or took the same light.
         """
+        return self._fused(exposures, settings).stripe(inside)
+
+    def candidates(
+        self,
+        exposures: Sequence[Exposed],
+        settings: StripeSettings,
+        inside: Bools | None = None,
+    ) -> Candidates:
+        """What `detect_bracket` chooses from, in one exposure or several. Raises like it."""
+        return self._fused(exposures, settings).candidates(inside)
+
+    def _fused(self, exposures: Sequence[Exposed], settings: StripeSettings) -> _Ready:
         if len(exposures) == 1:  # the others are missing
-            return self._detect_alone(exposures[0], settings, inside)
+            return self._alone(exposures[0], settings)
         bracket = sorted(exposures, key=lambda e: e.light)
         full = float(np.iinfo(self.dtype).max)
         noise = max(e.noise for e in bracket)
@@ -141,13 +153,21 @@ class Signal:
             saturation=float(np.iinfo(np.uint16).max),
             quantisation=settings.quantisation * step,
         )
-        return _found(fused.image, None, scaled, fine, inside)
+        return _Ready(fused.image, None, scaled, fine)
 
-    def _detect_alone(self, e: Exposed, settings: StripeSettings, inside: Bools | None) -> Stripe:
+    def _ready(
+        self, lit: Image, dark: Image | None, settings: StripeSettings, level: float, noise: float
+    ) -> _Ready:
+        black = self._black if dark is None else 0.0
+        known = None if math.isnan(noise) else (level + black, noise)
+        scaled = _in_levels(replace(settings, background=known), self.gain)
+        return _Ready(lit, dark, scaled, self.gain)
+
+    def _alone(self, e: Exposed, settings: StripeSettings) -> _Ready:
         lit, dark = e.lit, e.dark
         if self.weights is not None:
             lit, dark = self.project(lit), None if dark is None else self.project(dark)
-        return self.detect(lit, dark, settings, e.level * self.gain, e.noise * self.gain, inside)
+        return self._ready(lit, dark, settings, e.level * self.gain, e.noise * self.gain)
 
     def _above_level(
         self, e: Exposed, top: float, pedestal: float, fine: float
@@ -189,13 +209,31 @@ def _in_levels(settings: StripeSettings, gain: float) -> StripeSettings:
     )
 
 
-def _found(
-    lit: Image, dark: Image | None, settings: StripeSettings, gain: float, inside: Bools | None
-) -> Stripe:
-    """The stripe of a picture with ``gain`` levels in each grey level."""
-    found = find_candidates(lit, dark, settings)
-    stripe = choose(found if inside is None else restrict(found, inside), settings)
-    return stripe if gain == 1.0 else replace(stripe, amplitude=stripe.amplitude / gain)
+@dataclass(frozen=True)
+class _Ready:
+    """One grey picture, and the settings in its levels."""
+
+    lit: Image
+    dark: Image | None
+    settings: StripeSettings
+    gain: float
+    """Levels of the picture in one grey level of the signal."""
+
+    def stripe(self, inside: Bools | None) -> Stripe:
+        stripe = choose(self._found(inside), self.settings)
+        return self._in_grey_levels(stripe)
+
+    def candidates(self, inside: Bools | None) -> Candidates:
+        return self._in_grey_levels(self._found(inside))
+
+    def _found(self, inside: Bools | None) -> Candidates:
+        found = find_candidates(self.lit, self.dark, self.settings)
+        return found if inside is None else restrict(found, inside)
+
+    def _in_grey_levels(self, found: Seen) -> Seen:
+        if self.gain == 1.0:
+            return found
+        return replace(found, amplitude=found.amplitude / self.gain)
 
 
 def restrict(candidates: Candidates, inside: Bools) -> Candidates:

@@ -1,0 +1,151 @@
+"""Detection: the frames of a scan → the stripes of its lasers; all at once, or one step again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from turnscan import points
+from turnscan.arrays import Bools
+from turnscan.edit import Redetect, Stripes
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.points import Volume
+from turnscan.rig import Rig
+from turnscan.scan import Frame, Scan, Stored, lit_in
+from turnscan.stripes import Candidates, Exposed, Signal, Stripe, StripeSettings
+
+FLANKS = 24
+"""px beyond the working volume in which a stripe is still seen, but does not count."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """How the stripe of one laser is sought in the frames of a scan.
+
+    It looks into the scan file again when asked for single steps (`turnscan.edit.Eyes`).
+    """
+
+    scan: Scan
+    rig: Rig
+    lit: str
+    """What the frames are called; this laser may not be alone in them."""
+    laser: str
+    volume: Volume
+    """What is kept of the points; stripes outside of it do not count."""
+    settings: StripeSettings
+    inside: Bools
+    """(H, W) True where a stripe counts."""
+
+    def seek(self, tick: Callable[[], None]) -> tuple[Stripes, list[Finding]]:
+        """The stripes of all frames, and what is missing; ``tick`` is called after each frame.
+
+        Raises ScanCorrupt naming a frame.
+        """
+        scan, signal = self.scan, self._signal
+
+        def find(shots: list[Stored]) -> tuple[int, float, Stripe]:
+            frames = [stored.decode() for stored in shots]
+            for _ in frames:
+                tick()
+            first = frames[0]
+            if scan.plan.exposures > 1:
+                stripe = signal.detect_bracket(_bracket(frames), self.settings, self.inside)
+            else:
+                stripe = signal.detect(
+                    first.lit, first.dark, self.settings, first.level, first.noise, self.inside
+                )
+            return first.step, first.angle, stripe
+
+        # A bracket tells what is clipped by the colours as they were taken.
+        stored = scan.stored(self.lit, signal.project if scan.plan.exposures == 1 else None)
+        with ThreadPoolExecutor() as pool:
+            brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
+            done = list(pool.map(find, brackets))
+        good = [d for d in done if not np.isnan(d[1])]
+        findings = points.lost_frames(self.lit, scan.missing(self.lit), len(done) - len(good))
+        angles = np.array([angle for _, angle, _ in good], np.float64)
+        steps, found = tuple(step for step, _, _ in good), tuple(stripe for _, _, stripe in good)
+        return Stripes(self.laser, steps, angles, found), findings
+
+    def candidates(self, step: int) -> Candidates:
+        """Everything in the frame of a step that might be the stripe.
+
+        Raises InputError where there is no frame, ScanCorrupt naming it.
+        """
+        return self._signal.candidates(self._frames(step), self.settings, self.inside)
+
+    def again(self, step: int, edit: Redetect) -> Stripe:
+        """The stripe of a step, sought as the edit wants it. Raises like `candidates`."""
+        wishes = {name: getattr(edit, name) for name in ("threshold", "strategy", "choose")}
+        given = {name: value for name, value in wishes.items() if value is not None}
+        look = replace(self.settings, **given)
+        return self._signal.detect_bracket(self._frames(step), look, self.inside)
+
+    @property
+    def _signal(self) -> Signal:
+        return Signal(self.scan.plan.weights, self.scan.plan.dtype)
+
+    def _frames(self, step: int) -> list[Exposed]:
+        frames = []
+        for exposure in range(self.scan.plan.exposures):
+            with suppress(InputError):  # of a bracket, one may be missing
+                frames.append(self.scan.frame(step, self.lit, exposure))
+        return _bracket(frames or [self.scan.frame(step, self.lit)])
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What was seen of one laser, and how to look again."""
+
+    view: View
+    stripes: Stripes
+    findings: tuple[Finding, ...]
+
+
+def see(
+    scan: Scan,
+    rig: Rig,
+    settings: StripeSettings,
+    volume: Volume | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> list[Sight]:
+    """The stripes of each laser of a scan, in all its frames.
+
+    ``volume`` None takes what the rig can measure; ``tick`` is called after each frame. It is what
+    takes time in a reconstruction, and what no edit changes. Raises ScanCorrupt naming a frame.
+    """
+    seen = []
+    for lit in scan.plan.lasers:
+        for laser in lit_in(lit, rig):
+            kept = volume or points.working_volume(rig, laser)
+            others = set(lit_in(lit, rig)) - {laser}
+            inside = points.view_mask(rig, laser, kept, others=others)
+            mask = points.view_mask(rig, laser, kept, others=others, margin=FLANKS)
+            look = replace(settings, orientation=scan.plan.orientation, mask=mask)
+            view = View(scan, rig, lit, laser, kept, look, inside)
+            stripes, found = view.seek(tick)
+            seen.append(Sight(view, stripes, tuple(found)))
+    return seen
+
+
+def _bracket(frames: Sequence[Frame]) -> list[Exposed]:
+    if len(frames) == 1:
+        f = frames[0]
+        return [Exposed(f.lit, f.dark, 1.0, f.level, f.noise)]
+    return [_exposed(f) for f in frames]
+
+
+def _exposed(frame: Frame) -> Exposed:
+    seconds, gain = frame.settings.get("seconds"), frame.settings.get("gain", 1.0)
+    if not isinstance(seconds, int | float) or not isinstance(gain, int | float):
+        raise InputError(
+            f"step {frame.step} of laser {frame.laser!r}: exposure {frame.exposure} does not tell "
+            "how long it was, so it cannot be fused with the others"
+        )
+    return Exposed(frame.lit, frame.dark, seconds * gain, frame.level, frame.noise)

@@ -1,0 +1,203 @@
+"""What each grid edit does: to the stripes of a laser, and to its range grid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, get_args
+
+import numpy as np
+
+from turnscan.arrays import Flags, Floats, Ints
+from turnscan.edit._edits import (
+    CloseSeam,
+    DeletePoints,
+    GridEdit,
+    PickCandidate,
+    ProfileOff,
+    Redetect,
+    SetPoint,
+    Span,
+)
+from turnscan.edit._history import Entry
+from turnscan.findings import Finding
+from turnscan.points import RangeGrid
+from turnscan.stripes import Candidates, Stripe, StripeFlag
+
+HAND_SIGMA = 0.5
+"""px: standard uncertainty of a centre that a person set."""
+_FOLLOW = 4.0
+"""px that a picked candidate may lie from the place it is sought at, and usual widths besides."""
+
+
+class Eyes(Protocol):
+    """Looks at the stored frames of one laser again."""
+
+    def candidates(self, step: int) -> Candidates:
+        """Everything in the frame of a step that might be the stripe."""
+        ...
+
+    def again(self, step: int, edit: Redetect) -> Stripe:
+        """The stripe of a step, sought as the edit wants it."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Stripes:
+    """What was seen of one laser: a stripe for each step that has one, in scan order."""
+
+    laser: str
+    steps: tuple[int, ...]
+    angles: Floats
+    """(s,) rad, of the table."""
+    stripes: tuple[Stripe, ...]
+
+    def without(self, gone: set[int]) -> Stripes:
+        """The same without these steps."""
+        keep = [k for k, step in enumerate(self.steps) if step not in gone]
+        return Stripes(
+            self.laser,
+            tuple(self.steps[k] for k in keep),
+            self.angles[keep],
+            tuple(self.stripes[k] for k in keep),
+        )
+
+
+def mend_stripes(
+    seen: Stripes, entries: Iterable[Entry], eyes: Eyes
+) -> tuple[Stripes, list[Finding]]:
+    """The stripes of a laser with the edits of it done, in their order.
+
+    ``eyes`` is asked where an edit needs what a frame shows. An edit that names a step, or a line
+    with a candidate, that is not there is a finding and changes nothing.
+    """
+    stripes = dict(zip(seen.steps, seen.stripes, strict=True))
+    off: set[int] = set()
+    findings: list[Finding] = []
+    for entry in entries:
+        edit = entry.edit
+        if not isinstance(edit, get_args(GridEdit)) or edit.laser != seen.laser:
+            continue
+        match edit:
+            case ProfileOff():
+                gone = _steps(stripes, edit.steps)
+                off.update(gone)
+                acted = bool(gone)
+            case Redetect():
+                changed = _redetected(stripes, edit, eyes)
+                stripes.update(changed)
+                acted = bool(changed)
+            case DeletePoints() | SetPoint() | PickCandidate():
+                old = stripes.get(edit.step)
+                new = None if old is None else _mended(old, edit, eyes)
+                if new is not None:
+                    stripes[edit.step] = new
+                acted = new is not None
+            case _:
+                acted = True
+        if not acted:
+            findings.append(_nothing(entry, f"laser {seen.laser} shows nothing there"))
+    done = replace(seen, stripes=tuple(stripes[step] for step in seen.steps))
+    return done.without(off), findings
+
+
+def mend_grid(grid: RangeGrid, entries: Iterable[Entry]) -> RangeGrid:
+    """The grid, its seam closed where an edit wants that and the turn has three steps."""
+    wanted = any(isinstance(e.edit, CloseSeam) and e.edit.laser == grid.laser for e in entries)
+    return replace(grid, closed=True) if wanted and len(grid.steps) >= 3 else grid
+
+
+def lost_edits(entries: Iterable[Entry], lasers: Sequence[str]) -> list[Finding]:
+    """A finding for each grid edit of a laser that the scan does not have."""
+    return [
+        _nothing(e, f"the scan has no laser {e.edit.laser!r}, only {', '.join(lasers)}")
+        for e in entries
+        if isinstance(e.edit, get_args(GridEdit)) and e.edit.laser not in lasers
+    ]
+
+
+def _nothing(entry: Entry, message: str) -> Finding:
+    return Finding(
+        "edit.nothing",
+        "warning",
+        message,
+        f"edit {entry.id} ({entry.edit.kind})",
+        "switch the edit off, or make it again here",
+    )
+
+
+def _steps(stripes: dict[int, Stripe], span: Span) -> list[int]:
+    return [step for step in stripes if span[0] <= step <= span[1]]
+
+
+def _redetected(stripes: dict[int, Stripe], edit: Redetect, eyes: Eyes) -> dict[int, Stripe]:
+    changed = {}
+    for step in _steps(stripes, edit.steps):
+        old = stripes[step]
+        first, last = edit.lines[0], min(edit.lines[1], len(old.position) - 1)
+        if first <= last:
+            new = eyes.again(step, edit)
+            rows = np.arange(first, last + 1, dtype=np.int32)
+            table = np.stack([new.position, new.sigma, new.amplitude, new.width])[:, rows]
+            changed[step] = _with_rows(old, rows, table, new.flags[rows])
+    return changed
+
+
+def _mended(
+    stripe: Stripe, edit: DeletePoints | SetPoint | PickCandidate, eyes: Eyes
+) -> Stripe | None:
+    """The stripe of one profile after an edit of it; None where there is nothing to change."""
+    n = len(stripe.position)
+    match edit:
+        case DeletePoints():
+            rows = np.array([k for k in edit.lines if k < n], dtype=np.int32)
+            rows = rows[stripe.found[rows]]
+            gone = np.full((4, len(rows)), np.nan)
+            # Neither dark nor outside: taken away, as `surface` names the cause of such a hole.
+            flags = np.full(len(rows), StripeFlag.OK, dtype=np.uint16)
+            return _with_rows(stripe, rows, gone, flags) if len(rows) else None
+        case SetPoint():
+            if edit.line >= n:
+                return None
+            usual = [_usual(stripe.amplitude), _usual(stripe.width)]
+            row = np.array([[edit.position], [HAND_SIGMA], [usual[0]], [usual[1]]])
+            return _with_rows(
+                stripe, np.array([edit.line], np.int32), row, np.zeros(1, dtype=np.uint16)
+            )
+        case PickCandidate():
+            return _picked(stripe, edit, eyes.candidates(edit.step))
+
+
+def _picked(stripe: Stripe, edit: PickCandidate, found: Candidates) -> Stripe | None:
+    """Line by line the candidate nearest to where the last one was picked."""
+    last = min(edit.lines[1], len(stripe.position) - 1)
+    reach = _FOLLOW + 2.0 * _usual(stripe.width)
+    at, rows, columns = edit.position, list[int](), list[int]()
+    for line in range(edit.lines[0], last + 1):
+        away = np.abs(found.position[line] - at)
+        if np.isnan(away).all() or np.nanmin(away) > reach:
+            continue
+        j = int(np.nanargmin(away))
+        rows.append(line)
+        columns.append(j)
+        at = float(found.position[line, j])
+    if not rows:
+        return None
+    table = np.stack(
+        [v[rows, columns] for v in (found.position, found.sigma, found.amplitude, found.width)]
+    )
+    return _with_rows(stripe, np.array(rows, np.int32), table, found.flags[rows, columns])
+
+
+def _with_rows(stripe: Stripe, rows: Ints, table: Floats, flags: Flags) -> Stripe:
+    """The stripe with position, sigma, amplitude and width (4, n) of some lines replaced."""
+    whole = np.stack([stripe.position, stripe.sigma, stripe.amplitude, stripe.width])
+    whole[:, rows] = table
+    bits = stripe.flags.copy()
+    bits[rows] = flags
+    return Stripe.made_of(whole, bits, stripe.orientation)
+
+
+def _usual(values: Floats) -> float:
+    have = values[~np.isnan(values)]
+    return float(np.median(have)) if len(have) else 1.0
