@@ -20,7 +20,7 @@ from tests.analytic import (
     union,
     with_noise,
 )
-from turnscan.points import RangeGrid, Volume, build_grid, clip, every
+from turnscan.points import RangeGrid, Volume, build_grid, clip, every, goes_round
 from turnscan.surface import (
     Mesh,
     Tears,
@@ -227,3 +227,51 @@ def test_a_cube_is_closed_and_a_part_of_it_is_not():
 def test_tears_are_checked():
     with pytest.raises(ValueError, match="stretch"):
         Tears(stretch=0.5)
+
+
+def turned(angles, radii, sigma=0.01, eyes=True):
+    """A turned part: the radius (n,) of each line, at z = 0, 0.5, 1 … mm, seen from afar."""
+    n = len(radii)
+    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    z = np.outer(0.5 * np.arange(n), [0.0, 0.0, 1.0])
+    shape = (len(angles), n)
+    return RangeGrid(
+        "L0", np.arange(len(angles)), angles, radii[:, None] * out[:, None] + z,
+        np.full(shape, sigma), np.ones(shape), np.zeros(shape, np.uint16), goes_round(angles),
+        400.0 * out + [0.0, 0.0, 20.0] if eyes else None,
+    )  # fmt: skip
+
+
+def test_what_is_long_is_judged_by_the_spacing_not_by_a_length():
+    """A ledge of 3 mm is six lines wide; the same length is one step of a coarse turn."""
+    ledge = np.where(np.arange(60) < 30, 30.0, 27.0)
+    for steps in (18, 72):  # arcs of 10 mm and of 2.6 mm
+        mesh = mesh_grid(turned(full_turn(steps), ledge, eyes=False))
+        check_sound(mesh)
+        assert components(mesh).max() == 1
+        assert (np.ptp(np.hypot(*mesh.vertices[:, :2].T)[mesh.faces], axis=1) < 1.0).all()
+        assert len(mesh.faces) == 2 * steps * 58, "torn at the ledge and there alone"
+
+
+def test_a_surface_seen_at_an_angle_may_have_its_wide_spacing():
+    """A cone of 76°: points in a row lie 2 mm apart, not 0.5, and none is torn off."""
+    slope = 45.0 - 2.0 * np.arange(15)
+    profile = np.concatenate([np.full(10, 45.0), slope, np.full(10, slope[-1])])
+    mesh = mesh_grid(turned(full_turn(60), profile, eyes=False))
+    assert len(mesh.faces) == 2 * 60 * (len(profile) - 1)
+
+
+def test_a_sigma_larger_than_the_surface_shows_excuses_no_long_side():
+    ledge = np.where(np.arange(60) < 30, 30.0, 27.0)
+    mesh = mesh_grid(turned(full_turn(72), ledge, sigma=1.0, eyes=False))
+    assert components(mesh).max() == 1
+
+
+@settings(max_examples=40, deadline=None)
+@given(step_deg=st.floats(1.0, 40.0), start=st.floats(0.0, 360.0))
+def test_the_seam_closes_whatever_the_step(step_deg, start):
+    """360° need not be a whole number of steps: the last gap is a smaller one."""
+    angles = np.deg2rad(start + step_deg * np.arange(int(360.0 / step_deg)))
+    mesh = mesh_grid(turned(angles, np.full(8, 25.0)))
+    check_sound(mesh)
+    assert euler(mesh) == 0, "a band"

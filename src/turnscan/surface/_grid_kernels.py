@@ -38,16 +38,20 @@ def edges(points: Any, side: Any, closed: bool) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def usual(lengths: Any, along_steps: bool, wraps: bool, floor: float, ceiling: float) -> Any:
+def usual(
+    lengths: Any, nominal: Any, along_steps: bool, wraps: bool, least: float, most: float
+) -> Any:
     """Local spacing (s, n): the median of each edge and its two neighbours on either side.
 
-    Between ``floor`` and ``ceiling``; ``floor`` itself where fewer than three of the five exist.
+    Between ``least`` and ``most`` times ``nominal`` (s, n); least where fewer than three of the
+    five exist.
     """
     s, n = lengths.shape
-    out = np.full((s, n), floor)
+    out = np.empty((s, n))
     five = np.empty(5)
     for k in range(s):
         for j in range(n):
+            out[k, j] = least * nominal[k, j]
             if np.isnan(lengths[k, j]):
                 continue
             have = 0
@@ -55,24 +59,26 @@ def usual(lengths: Any, along_steps: bool, wraps: bool, floor: float, ceiling: f
                 a, b = (k + o, j) if along_steps else (k, j + o)
                 if along_steps and wraps:
                     a %= s
-                if 0 <= a < s and 0 <= b < n and not np.isnan(lengths[a, b]):
-                    five[have] = lengths[a, b]
-                    have += 1
-            if have >= 3:
+                if a < 0 or a >= s or b < 0 or b >= n or np.isnan(lengths[a, b]):
+                    continue
                 # Insertion sort: five numbers at most.
-                for x in range(1, have):
-                    y = x
-                    while y > 0 and five[y] < five[y - 1]:
-                        five[y], five[y - 1] = five[y - 1], five[y]
-                        y -= 1
+                y = have
+                while y > 0 and five[y - 1] > lengths[a, b]:
+                    five[y] = five[y - 1]
+                    y -= 1
+                five[y] = lengths[a, b]
+                have += 1
+            if have >= 3:
                 # An even number has two middles; the longer one tears less.
-                out[k, j] = min(max(floor, five[have // 2]), ceiling)
+                middle = five[have // 2]
+                out[k, j] = min(max(least * nominal[k, j], middle), most * nominal[k, j])
     return out
 
 
 @njit(cache=True, nogil=True)
 def triangulate(
     points: Any,
+    noise: Any,
     sigma: Any,
     side: Any,
     eyes: Any,
@@ -84,16 +90,20 @@ def triangulate(
     stretch: float,
     jump: float,
     cos_grazing: float,
-) -> tuple[Any, int]:
-    """Faces (f, 3) of flat grid indices in the grid's own winding, and how many were torn away."""
+) -> Any:
+    """Faces (f, 3) of flat grid indices, in the grid's own winding.
+
+    ``noise`` (s, n) mm excuses a long side, ``sigma`` (s, n) mm a deep one.
+    """
     s, n, _ = points.shape
     quads = s if closed else s - 1
     faces = np.empty((2 * max(quads, 0) * max(n - 1, 0), 3), dtype=np.int32)
     made = 0
-    torn = 0
-    ks = np.empty(4, dtype=np.int64)
-    js = np.empty(4, dtype=np.int64)
-    whole = np.empty((2, 4), dtype=np.bool_)
+    ks, js = np.empty(4, dtype=np.int64), np.empty(4, dtype=np.int64)
+    q, spread, ratio = np.empty((4, 3)), np.empty((4, 2)), np.empty(4)
+    # Triangles of diagonal 0-2, then of diagonal 1-3, and the two sides of the quad in each.
+    corners = ((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3))
+    sides = ((0, 1), (2, 3), (0, 3), (1, 2))
     for k in range(quads):
         k1 = (k + 1) % s
         for j in range(n - 1):
@@ -101,95 +111,77 @@ def triangulate(
             js[0], js[1], js[2], js[3] = j, j + 1, j + 1, j
             have = 0
             for c in range(4):
-                if not np.isnan(points[ks[c], js[c], 0]):
-                    have += 1
+                for i in range(3):
+                    q[c, i] = points[ks[c], js[c], i]
+                one = sigma[ks[c], js[c]]
+                spread[c, 0] = noise[ks[c], js[c]]
+                spread[c, 1] = one if one == one else 0.0
+                have += not np.isnan(q[c, 0])
             if have < 3:
                 continue
             across = np.hypot(usual_step[k, j], usual_line[k, j])
             first = _edge(points, side, ks[0], js[0], ks[2], js[2])
             second = _edge(points, side, ks[1], js[1], ks[3], js[3])
             # Sides of the quad in the order of its corners: 0-1, 1-2, 2-3, 3-0.
-            ratio0 = to_line[k, j] / usual_line[k, j]
-            ratio1 = to_step[k, j + 1] / usual_step[k, j + 1]
-            ratio2 = to_line[k1, j] / usual_line[k1, j]
-            ratio3 = to_step[k, j] / usual_step[k, j]
-            # Triangles of diagonal 0-2: (0,1,2) (0,2,3); of diagonal 1-3: (0,1,3) (1,2,3).
-            spans = (
-                max(ratio0, ratio1, first / across),
-                max(first / across, ratio2, ratio3),
-                max(ratio0, second / across, ratio3),
-                max(ratio1, ratio2, second / across),
-            )
-            corners = ((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3))
+            ratio[0] = to_line[k, j] / usual_line[k, j]
+            ratio[1] = to_step[k, j + 1] / usual_step[k, j + 1]
+            ratio[2] = to_line[k1, j] / usual_line[k1, j]
+            ratio[3] = to_step[k, j] / usual_step[k, j]
+            whole = 0
             for t in range(4):
-                a, b, c = corners[t]
-                whole[t // 2, t % 2] = _sound(
-                    points, sigma, side, eyes, ks, js, a, b, c, spans[t], stretch, jump, cos_grazing
-                )
-            one = int(whole[0, 0]) + int(whole[0, 1])
-            two = int(whole[1, 0]) + int(whole[1, 1])
-            pick = 0
-            if two > one or (two == one and second < first):
-                pick = 1
-            kept = 0
-            for t in range(2):
-                if whole[pick, t]:
-                    tri = corners[2 * pick + t]
-                    for c in range(3):
-                        faces[made, c] = ks[tri[c]] * n + js[tri[c]]
-                    if side[ks[tri[0]], js[tri[0]]]:
-                        faces[made, 1], faces[made, 2] = faces[made, 2], faces[made, 1]
+                diagonal = (first if t < 2 else second) / across
+                # A NaN, where a corner is missing or beyond the axis, is no face either.
+                span = ratio[sides[t][0]] + ratio[sides[t][1]] + diagonal
+                if span == span and _sound(
+                    q, spread, eyes[ks[corners[t][0]]], corners[t],
+                    max(ratio[sides[t][0]], ratio[sides[t][1]], diagonal) > stretch,
+                    jump, cos_grazing,
+                ):  # fmt: skip
+                    whole |= 1 << t
+            one = (whole & 1) + (whole >> 1 & 1)
+            two = (whole >> 2 & 1) + (whole >> 3 & 1)
+            pick = 2 if two > one or (two == one and second < first) else 0
+            for t in range(pick, pick + 2):
+                if whole >> t & 1:
+                    a, b, c = corners[t]
+                    if side[ks[a], js[a]]:
+                        b, c = c, b
+                    faces[made, 0] = ks[a] * n + js[a]
+                    faces[made, 1] = ks[b] * n + js[b]
+                    faces[made, 2] = ks[c] * n + js[c]
                     made += 1
-                    kept += 1
-            torn += (have - 2) - kept
-    return faces[:made], torn
+    return faces[:made].copy()
 
 
 @njit(cache=True, nogil=True)
 def _sound(
-    points: Any,
-    sigma: Any,
-    side: Any,
-    eyes: Any,
-    ks: Any,
-    js: Any,
-    a: int,
-    b: int,
-    c: int,
-    span: float,
-    stretch: float,
-    jump: float,
-    cos_grazing: float,
+    q: Any, spread: Any, eye: Any, face: Any, stretched: bool, jump: float, cos_grazing: float
 ) -> bool:
-    """Whether three corners of a quad are one surface."""
-    pa, pb, pc = points[ks[a], js[a]], points[ks[b], js[b]], points[ks[c], js[c]]
-    if np.isnan(pa[0]) or np.isnan(pb[0]) or np.isnan(pc[0]):
-        return False
-    here = side[ks[a], js[a]]
-    if side[ks[b], js[b]] != here or side[ks[c], js[c]] != here:
-        return False
-    u, v, w = pb - pa, pc - pb, pa - pc
-    uu, vv, ww = (u * u).sum(), (v * v).sum(), (w * w).sum()
-    longest = max(uu, vv, ww)
-    n0 = u[1] * v[2] - u[2] * v[1]
-    n1 = u[2] * v[0] - u[0] * v[2]
-    n2 = u[0] * v[1] - u[1] * v[0]
+    """Whether three corners ``face`` of a quad (4, 3) are one surface (ALGORITHMS §5.1)."""
+    a, b, c = face
+    u0, u1, u2 = q[b, 0] - q[a, 0], q[b, 1] - q[a, 1], q[b, 2] - q[a, 2]
+    v0, v1, v2 = q[c, 0] - q[b, 0], q[c, 1] - q[b, 1], q[c, 2] - q[b, 2]
+    w0, w1, w2 = q[a, 0] - q[c, 0], q[a, 1] - q[c, 1], q[a, 2] - q[c, 2]
+    longest = max(
+        u0 * u0 + u1 * u1 + u2 * u2, v0 * v0 + v1 * v1 + v2 * v2, w0 * w0 + w1 * w1 + w2 * w2
+    )
+    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
     area = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     if not area > 1e-9 * longest:
         return False
-    noise = 0.0
-    for t in (a, b, c):
-        one = sigma[ks[t], js[t]]
-        if one == one:
-            noise = max(noise, one)
-    limit = jump * np.sqrt(2.0) * noise
-    if span > stretch and longest > limit * limit:
+    most = jump * np.sqrt(2.0) * max(spread[a, 0], spread[b, 0], spread[c, 0])
+    if stretched and longest > most * most:
         return False
-    eye = eyes[ks[a]]
     if np.isnan(eye[0]):
         return True
-    r = eye - pa
-    length = np.sqrt((r * r).sum())
-    cosine = abs(n0 * r[0] + n1 * r[1] + n2 * r[2]) / (area * length)
-    depth = max(abs((u * r).sum()), abs((v * r).sum()), abs((w * r).sum())) / length
-    return not (cosine < cos_grazing and depth > limit)
+    r0, r1, r2 = eye[0] - q[a, 0], eye[1] - q[a, 1], eye[2] - q[a, 2]
+    length = np.sqrt(r0 * r0 + r1 * r1 + r2 * r2)
+    if abs(n0 * r0 + n1 * r1 + n2 * r2) >= cos_grazing * area * length:
+        return True
+    depth = max(
+        abs(u0 * r0 + u1 * r1 + u2 * r2),
+        abs(v0 * r0 + v1 * r1 + v2 * r2),
+        abs(w0 * r0 + w1 * r1 + w2 * r2),
+    )
+    most = jump * np.sqrt(2.0) * max(spread[a, 1], spread[b, 1], spread[c, 1])
+    return depth <= most * length  # type: ignore[no-any-return]

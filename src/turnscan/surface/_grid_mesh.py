@@ -8,10 +8,13 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.points import RangeGrid
+from turnscan.surface._clean import noise, spacing
 from turnscan.surface._mesh import Mesh, Provenance
 
+_LEAST = 0.5
+"""Part of the even spacing below which no local one is believed: what is denser is not torn."""
 _TRUSTED = 3.0
-"""A sigma above this many usual ones is a stray point's: it excuses no longer jump than this."""
+"""A sigma above this many usual ones is a stray point's: it excuses no deeper jump than this."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,8 @@ class Tears:
 
     stretch: float = 4.0
     """A side longer than this many local spacings (the median of it and its neighbours in the
-    same direction, so a surface seen at an angle is allowed its wider spacing) …"""
+    same direction, so a surface seen at an angle is allowed its wider spacing, up to that at
+    ``grazing``) …"""
     jump: float = 5.0
     """… and longer than this many combined sigma, is torn."""
     grazing: float = float(np.deg2rad(80.0))
@@ -40,7 +44,7 @@ def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
     least three steps. All faces look outward: towards the camera that saw them, or away from the
     axis where the camera's place is not known. Every side has one or two faces.
     """
-    vertices, faces, flat, _ = _faces(grid, tears or Tears())
+    vertices, faces, flat = _faces(grid, tears or Tears())
     s, n = grid.flags.shape
     step, line = np.divmod(flat, max(n, 1))
     return Mesh(
@@ -56,7 +60,7 @@ def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
     )
 
 
-def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints, int]:
+def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints]:
     from turnscan.surface import _grid_kernels as kernels
 
     s, n = grid.flags.shape
@@ -64,17 +68,18 @@ def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints, int]:
     eyes = np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes
     closed = grid.closed and s >= 3
     to_step, to_line = kernels.edges(grid.points, side, closed)
-    usual_step = kernels.usual(to_step, True, closed, *_limits(to_step))
-    usual_line = kernels.usual(to_line, False, False, *_limits(to_line))
-    faces, torn = kernels.triangulate(
+    step, line = (np.maximum(even, 1e-12) for even in spacing(grid))
+    most = 1.0 / max(float(np.cos(tears.grazing)), 1e-3)
+    faces = kernels.triangulate(
         grid.points,
+        noise(grid),
         np.minimum(grid.sigma, _TRUSTED * _median(grid.sigma)),
         side,
         eyes,
         to_step,
         to_line,
-        usual_step,
-        usual_line,
+        kernels.usual(to_step, step, True, closed, _LEAST, most),
+        kernels.usual(to_line, line, False, False, _LEAST, most),
         closed,
         tears.stretch,
         tears.jump,
@@ -87,22 +92,12 @@ def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints, int]:
     used[faces] = True
     flat = np.flatnonzero(used).astype(np.int32)
     new = np.cumsum(used, dtype=np.int32) - 1
-    return points[flat], new[faces].astype(np.int32).reshape(-1, 3), flat, int(torn)
-
-
-def _limits(lengths: Floats) -> tuple[float, float]:
-    """Least and largest local spacing that is believed.
-
-    Half the usual one: what is denser is never torn for it. And five times that: a surface seen
-    at 80° is that wide; where it is more, the stripe hops between two surfaces.
-    """
-    usual = max(_median(lengths), 1e-12)
-    return 0.5 * usual, 5.0 * usual
+    return points[flat], new[faces].astype(np.int32).reshape(-1, 3), flat
 
 
 def _median(values: Floats) -> float:
     have = values[~np.isnan(values)]
-    return float(np.median(have)) if len(have) else 1.0
+    return float(np.median(have)) if len(have) else 0.0
 
 
 def _inward(points: Floats, faces: Ints, eyes: Floats, n: int) -> float:
@@ -134,17 +129,10 @@ def half_edges(faces: Ints) -> tuple[Ints, Ints]:
 
 def vertex_normals(mesh: Mesh) -> Floats:
     """(v, 3) unit normals of the vertices, their faces weighted by area; NaN without a face."""
-    t = mesh.triangles
-    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    total = np.zeros((len(mesh.vertices), 3))
-    for corner in range(3):
-        for axis in range(3):
-            total[:, axis] += np.bincount(
-                mesh.faces[:, corner], normal[:, axis], minlength=len(total)
-            )
-    with np.errstate(invalid="ignore", divide="ignore"):
-        unit: Floats = total / np.linalg.norm(total, axis=1, keepdims=True)
-    return unit
+    from turnscan.surface import _face_kernels as kernels
+
+    normals: Floats = kernels.vertex_normals(mesh.vertices, mesh.faces)
+    return normals
 
 
 def submesh(mesh: Mesh, keep: Bools) -> Mesh:

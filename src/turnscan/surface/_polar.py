@@ -41,7 +41,8 @@ class PolarGrid:
     rise: float
     """mm between lines."""
     several: float
-    """Share of the cells where one surface has two radii."""
+    """Share of the cells with two radii, of one surface or of two of them: a wall beside the axis
+    is seen from before it by one and from beyond it by the other."""
     flat: float
     """Share of the area that is within 20° of level."""
 
@@ -56,6 +57,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
 
     The cells divide the turn evenly whatever the steps of the scan were, so its seam closes.
     """
+    from turnscan.surface import _face_kernels as faces
     from turnscan.surface import _polar_kernels as kernels
 
     heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
@@ -65,6 +67,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     weight, source = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
     met = clashes = 0
     area = level = 0.0
+    apart = 0.0
     for i, s in enumerate(surfaces):
         X = s.mesh.vertices
         around = np.arctan2(X[:, 1], X[:, 0]) % (2 * np.pi) * steps / (2 * np.pi)
@@ -75,14 +78,23 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
             around, X, s.mesh.faces, _weights(s), noise, bottom, rise, alike,
             radius[i], weight[i], sigma[i], source[i],
         )  # fmt: skip
-        met, clashes = met + more[0], clashes + more[1]
-        t = s.mesh.triangles
-        size = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
+        met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
+        size = np.linalg.norm(faces.crosses(X, s.mesh.faces), axis=1)
         area += float(size.sum())
         tilt = np.abs(s.normals[:, 2])[s.mesh.faces].mean(axis=1)
         level += float(size[tilt > _FLAT].sum())
+    clashes += _unlike(radius, apart)
     several, flat = clashes / max(met, 1), level / max(area, 1e-300)
     return PolarGrid(radius, weight, sigma, source, bottom, rise, several, flat)
+
+
+def _unlike(radius: Floats, apart: float) -> int:
+    """In how many cells two surfaces lie more than ``apart`` mm from each other."""
+    low, high = np.full((2, *radius.shape[1:]), np.nan)
+    for r in radius:
+        low, high = np.fmin(low, r), np.fmax(high, r)
+    with np.errstate(invalid="ignore"):
+        return int((high - low > apart).sum())
 
 
 def _weights(s: RangeSurface) -> Floats:

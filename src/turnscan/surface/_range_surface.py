@@ -49,7 +49,7 @@ def steady_normals(mesh: Mesh) -> Floats:
 
     Where points lie closer than their noise the faces between them tumble; their mean does not.
     """
-    from turnscan.surface import _tsdf_kernels as kernels
+    from turnscan.surface import _face_kernels as kernels
 
     normals: Floats = kernels.averaged(np.nan_to_num(vertex_normals(mesh)), mesh.faces, _ROUNDS)
     return normals

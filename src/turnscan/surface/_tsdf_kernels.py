@@ -16,26 +16,6 @@ _SLACK = 0.02
 
 
 @njit(cache=True, nogil=True)
-def averaged(normals: Any, faces: Any, rounds: int) -> Any:
-    """Unit normals (v, 3) of vertices, averaged over the faces round them, ``rounds`` times."""
-    for _ in range(rounds):
-        total = np.zeros_like(normals)
-        for f in range(faces.shape[0]):
-            a, b, c = faces[f]
-            for i in range(3):
-                mean = normals[a, i] + normals[b, i] + normals[c, i]
-                total[a, i] += mean
-                total[b, i] += mean
-                total[c, i] += mean
-        for v in range(len(total)):
-            length = np.sqrt((total[v] * total[v]).sum())
-            if length > 0.0:
-                total[v] /= length
-        normals = total
-    return normals
-
-
-@njit(cache=True, nogil=True)
 def _reach(
     points: Any,
     face: Any,
