@@ -15,6 +15,7 @@ from pydantic.json_schema import models_json_schema
 
 from turnscan.app import _envelope as envelope
 from turnscan.app import _protocol as protocol
+from turnscan.app import _requests as requests
 
 TARGET = Path(__file__).parent / "src" / "protocol.ts"
 _HEAD = """\
@@ -25,11 +26,12 @@ _PLAIN = {"string": "string", "integer": "number", "number": "number", "boolean"
 
 def typescript() -> str:
     """The whole file."""
-    unions = {"ServerMessage": protocol.ANSWERS, "ClientMessage": protocol.REQUESTS}
+    unions = {"ServerMessage": protocol.ANSWERS, "ClientMessage": requests.REQUESTS}
     names = {name: _members(adapter.json_schema()) for name, adapter in unions.items()}
-    members = [getattr(protocol, n) for group in names.values() for n in group]
-    models = [(m, "serialization" if m in members else "validation") for m in members]
-    models += [(m, "validation") for m in protocol.BODIES]
+    members = [getattr(protocol, n) for n in names["ServerMessage"]]
+    asked = [getattr(requests, n) for n in names["ClientMessage"]]
+    models = [(m, "serialization") for m in (*members, *protocol.HEADERS)]
+    models += [(m, "validation") for m in (*asked, *requests.BODIES)]
     _, schema = models_json_schema(models)  # type: ignore[arg-type]
     parts = [_HEAD, f"export const PROTOCOL = {protocol.VERSION};\n"]
     parts.append(f"export type DType = {' | '.join(json.dumps(d) for d in envelope.DTYPES)};\n")

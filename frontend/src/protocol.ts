@@ -199,6 +199,17 @@ export interface GridChanged {
   steps: number[];
 }
 
+/**
+ * One grid: a laser, and a run of steps of it (a whole turn of the table, where there are
+ * several). The profile of a vertex is in the grid of its laser that holds its step.
+ */
+export interface GridEntry {
+  grid: number;
+  laser: string;
+  first_step: number;
+  last_step: number;
+}
+
 /** Of ``grid``. */
 export interface GridHeader {
   scan: string;
@@ -233,7 +244,10 @@ export interface History {
 
 /** An edit in the list. */
 export interface HistoryEntry {
+  /** Its place in the list: it counts where that is below the cursor, and it is on. */
   index: number;
+  /** Its number for ever. */
+  edit: number;
   name: string;
   text: string;
   on: boolean;
@@ -346,8 +360,8 @@ export interface MeshHeader {
   scan: string;
   revision: number;
   epoch: number;
+  /** What the numbers in the array laser stand for. */
   lasers: string[];
-  steps: number;
   unit: "mm";
 }
 
@@ -366,7 +380,9 @@ export interface Opened {
   name: string;
   revision: number;
   epoch: number;
-  lasers: string[];
+  /** Of the plan. */
+  steps: number;
+  grids: GridEntry[];
   figures: Figures;
   history: HistoryEntry[];
   cursor: number;
@@ -561,7 +577,7 @@ export interface Switch {
   id: number;
   kind: "switch";
   scan: string;
-  index: number;
+  edit: number;
   on: boolean;
 }
 

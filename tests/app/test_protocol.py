@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from turnscan.app import _envelope as envelope
-from turnscan.app import _protocol as protocol
+from turnscan.app import _requests as requests
 from turnscan.errors import InputError
 
 FRONTEND = Path(__file__).parents[2] / "frontend"
@@ -107,4 +107,4 @@ def test_any_bytes_are_an_envelope_or_refused(message: bytes) -> None:
 )
 def test_a_request_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="valid"):
-        protocol.REQUESTS.validate_json(text)
+        requests.REQUESTS.validate_json(text)

@@ -11,7 +11,10 @@ import pytest
 from turnscan import cli
 from turnscan.cli import _VERBS
 
-HEAVY = ("numpy", "scipy", "cv2", "numba", "matplotlib", "ezdxf", "pydantic", "rich")
+HEAVY = (
+    *("numpy", "scipy", "cv2", "numba", "matplotlib", "ezdxf", "pydantic", "rich"),
+    *("starlette", "uvicorn", "websockets"),
+)
 
 
 def _run(*args: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -12,6 +12,7 @@ from turnscan import __version__
 from turnscan.errors import TurnscanError
 
 _VERBS = {
+    "app": "the workshop in a browser: scan, see, mend, measure, export",
     "calibrate": "pictures of boards and of the empty table → rig.json with its uncertainty",
     "check": "is a scan file whole, and what is in it?",
     "compare": "how far a measured mesh lies from a reference, and how much of it was measured",
@@ -20,6 +21,8 @@ _VERBS = {
     "devices": "serial ports and cameras that are connected",
     "doctor": "are camera, lasers and table ready for a scan?",
     "emulate": "a board on a serial port and a camera on the network that aren't there",
+    "edit": "mend one scan in a browser",
+    "edits": "the repairs kept in a scan file: list, switch, copy",
     "export": "a mesh file → DXF, STL, PLY, OBJ or XYZ",
     "import": "pictures made elsewhere → a scan file",
     "measure": "flat sides, angles, spheres and cylinders of a measured part",

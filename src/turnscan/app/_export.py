@@ -1,0 +1,52 @@
+"""Exports: a document as a file of a CAD or print format, audited before it is handed out."""
+
+from __future__ import annotations
+
+from turnscan import edit
+from turnscan.app import _requests as q
+from turnscan.app._downloads import Downloads
+from turnscan.app._jobs import Job, Jobs, Result
+from turnscan.app._open_scan import OpenScan
+from turnscan.errors import ExportError, InputError
+from turnscan.export import ExportOptions, Profiles, audit, export
+from turnscan.points import profiles
+
+
+def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportRequest) -> Job:
+    """Begin to write a document as a file. Raises InputError where the wish is impossible."""
+    if not wish.dxf_forms:
+        raise InputError("dxf_forms: none is chosen", hint="choose one or more")
+    version = wish.dxf_version or ("R2010" if "mesh" in wish.dxf_forms else "R12")
+    options = ExportOptions(
+        dxf_forms=tuple(dict.fromkeys(wish.dxf_forms)),
+        dxf_version=version,
+        ascii=wish.ascii,
+        about={"source": scan.path.name},
+    )
+    suffix, state = f".{wish.format}", scan.now
+
+    def work(job: Job) -> Result:
+        job.steps(4)
+        mesh = edit.Compact.of(state.document.body).mesh
+        if not len(mesh.faces):
+            raise InputError("there is no surface to export", hint="undo, or open another scan")
+        lines = None
+        if wish.format == "dxf" and "profiles" in wish.dxf_forms:
+            held: dict[str, tuple[object, ...]] = {}
+            for grid in state.grids:
+                runs = [run.points for step in profiles(grid) for run in step]
+                held[grid.laser] = (*held.get(grid.laser, ()), *runs)
+            lines = Profiles(held)  # type: ignore[arg-type]
+        job.tick()
+        data = export(mesh, suffix, options=options, profiles=lines)
+        job.tick()
+        found = audit(data, mesh, suffix, options=options, profiles=lines)
+        for finding in found:
+            if finding.severity == "error":
+                raise ExportError(finding.message, hint=finding.remedy)
+        job.tick()
+        name = downloads.add(data, scan.path.stem + suffix)
+        size = f"{len(data) / 1e6:.2f} MB, read back the same"
+        return Result(f"{scan.path.stem}{suffix}: {size}", name, found)
+
+    return jobs.start("export", f"Exporting {scan.path.stem}{suffix}", work, scan.name)

@@ -1,0 +1,168 @@
+"""Jobs: work that takes longer than a click: in threads, with progress, to be cancelled."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from turnscan.app._hub import Hub
+from turnscan.app._protocol import JobState, Remark
+from turnscan.errors import TurnscanError
+from turnscan.findings import Finding
+
+What = Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
+_TELL_EVERY = 0.1
+_KEPT = 32
+"""Jobs that are over and still known."""
+
+_log = logging.getLogger("turnscan.app")
+
+
+class Cancelled(Exception):
+    """Raised in the job's thread by its tick, after somebody has cancelled it."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a job came to."""
+
+    text: str = ""
+    download: str | None = None
+    findings: Sequence[Finding] = ()
+
+
+class Job:
+    """One piece of work; `tick` and `check` are for its own thread, `cancel` for any."""
+
+    def __init__(self, hub: Hub, what: What, title: str, scan: str | None) -> None:
+        self.id = secrets.token_urlsafe(9)
+        self.what, self.title, self.scan = what, title, scan
+        self.on_cancel: Callable[[], None] = lambda: None
+        self._hub = hub
+        self._cancelled = threading.Event()
+        self._done = 0
+        self._total: int | None = None
+        self._began = time.monotonic()
+        self._told = 0.0
+        self._lock = threading.Lock()
+        self.over = False
+
+    def steps(self, total: int | None) -> None:
+        """How many ticks there will be."""
+        self._total = total
+
+    def tick(self) -> None:
+        """One step further, from any thread of the work. Raises Cancelled."""
+        with self._lock:
+            self._done += 1
+        self.check()
+        if time.monotonic() - self._told > _TELL_EVERY:
+            self._told = time.monotonic()
+            self.tell("running")
+
+    def check(self) -> None:
+        """Raise Cancelled where somebody has cancelled it."""
+        if self._cancelled.is_set():
+            raise Cancelled
+
+    def cancel(self) -> None:
+        """End it at its next tick."""
+        self._cancelled.set()
+        self.on_cancel()
+
+    def tell(
+        self,
+        state: Literal["running", "done", "failed", "cancelled"],
+        result: Result | None = None,
+        hint: str = "",
+    ) -> None:
+        """Tell everybody how far it is."""
+        result = result or Result()
+        left = None
+        if state == "running" and self._total and self._done:
+            left = (time.monotonic() - self._began) / self._done * (self._total - self._done)
+        self._hub.tell(
+            JobState(
+                job=self.id, what=self.what, scan=self.scan, title=self.title, state=state,
+                done=self._done, total=self._total, seconds_left=None if left is None
+                else max(left, 0.0), text=result.text, hint=hint, download=result.download,
+                findings=remarks(result.findings),
+            )
+        )  # fmt: skip
+
+
+class Jobs:
+    """All jobs of the server."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._lock = threading.Lock()
+        self._jobs: dict[str, Job] = {}
+        self._threads: set[threading.Thread] = set()
+
+    def start(
+        self, what: What, title: str, work: Callable[[Job], Result], scan: str | None = None
+    ) -> Job:
+        """Begin a piece of work in a thread of its own."""
+        job = Job(self._hub, what, title, scan)
+        thread = threading.Thread(target=self._run, args=(job, work), name=f"job {what}")
+        with self._lock:
+            over = [name for name, j in self._jobs.items() if j.over]
+            for name in over[: max(0, len(over) - _KEPT)]:
+                del self._jobs[name]
+            self._jobs[job.id] = job
+            self._threads.add(thread)
+        job.tell("running")
+        thread.start()
+        return job
+
+    def cancel(self, name: str) -> bool:
+        """End a job; False where there is none of that name."""
+        with self._lock:
+            job = self._jobs.get(name)
+        if job is not None and not job.over:
+            job.cancel()
+        return job is not None
+
+    def close(self, seconds: float = 10.0) -> None:
+        """Cancel all, and wait for their ends."""
+        with self._lock:
+            jobs, threads = list(self._jobs.values()), list(self._threads)
+        for job in jobs:
+            if not job.over:
+                job.cancel()
+        until = time.monotonic() + seconds
+        for thread in threads:
+            thread.join(max(0.0, until - time.monotonic()))
+
+    def _run(self, job: Job, work: Callable[[Job], Result]) -> None:
+        try:
+            result = work(job)
+        except Cancelled:
+            job.tell("cancelled")
+        except TurnscanError as e:
+            job.tell("failed", Result(e.message), e.hint)
+        except MemoryError:
+            job.tell("failed", Result("out of memory"), "close other programs, or use less")
+        except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
+            _log.error("a mistake inside turnscan (%s) in job %s", type(e).__name__, job.what)
+            job.tell("failed", Result("a mistake inside turnscan"), "please report it")
+        else:
+            job.tell("done", result)
+        finally:
+            job.over = True
+            with self._lock:
+                self._threads.discard(threading.current_thread())
+
+
+def remarks(findings: Sequence[Finding]) -> list[Remark]:
+    """Findings as they are told."""
+    return [
+        Remark(code=f.code, severity=f.severity, text=f.message, where=f.where, remedy=f.remedy)
+        for f in findings
+    ]

@@ -1,0 +1,162 @@
+"""Library: the scan files that the workshop offers, by names that lead nowhere else."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import secrets
+import shutil
+import threading
+import unicodedata
+from collections.abc import AsyncIterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+from turnscan.app._protocol import ScanEntry
+from turnscan.errors import InputError, LimitExceeded, ScanError, StorageFull
+from turnscan.scan import Scan
+
+SUFFIX = ".turnscan"
+UPLOAD_BYTES = 2**30
+_RESERVE = 200_000_000
+"""Bytes that stay free on the disk."""
+_LONGEST_NAME = 80
+_RESERVED = re.compile(r"(?i)^(con|prn|aux|nul|com\d|lpt\d)(\.|$)")
+
+
+class Library:
+    """Scan files of one folder, or one of them alone. All methods may be called from any thread.
+
+    Files are found by names that the library gave, never by paths, so that no request can lead out
+    of the folder; links are not followed.
+    """
+
+    def __init__(self, folder: Path, only: Path | None = None) -> None:
+        self.folder = folder.resolve()
+        self._only = None if only is None else {only.resolve()}
+        self._names: dict[Path, str] = {}
+        self._lock = threading.Lock()
+
+    def paths(self) -> dict[str, Path]:
+        """Every file by its opaque name."""
+        found = sorted(self.folder.glob(f"*{SUFFIX}"), key=lambda p: p.name.lower())
+        files = [p for p in found if p.is_file() and not p.is_symlink()]
+        if self._only is not None:
+            files = [p for p in files if p in self._only]
+        with self._lock:
+            return {self._names.setdefault(p, secrets.token_urlsafe(9)): p for p in files}
+
+    def path(self, name: str) -> Path:
+        """The file of an opaque name. Raises InputError where there is none."""
+        try:
+            return self.paths()[name]
+        except KeyError:
+            raise InputError("there is no such scan", hint="reload the list") from None
+
+    def entries(self, is_open: frozenset[str]) -> list[ScanEntry]:
+        """The list, as it is told."""
+        out = []
+        for name, path in self.paths().items():
+            with contextlib.suppress(OSError):
+                status = path.stat()
+                at = datetime.fromtimestamp(status.st_mtime, UTC)
+                out.append(
+                    ScanEntry(
+                        scan=name,
+                        name=path.stem[:200] or "scan",
+                        megabytes=status.st_size / 1e6,
+                        modified=at.isoformat(timespec="seconds"),
+                        open=name in is_open,
+                    )
+                )
+        return out
+
+    def new_path(self, wish: str) -> Path:
+        """Where a new scan of this name goes: a plain name in the folder, never one that is taken.
+
+        Raises InputError where nothing of the name is left, or the name is taken.
+        """
+        path = self.folder / (safe_name(wish) + SUFFIX)
+        if path.exists():
+            raise InputError(f"{path.name}: exists already", hint="choose another name")
+        return path
+
+    def name_of(self, path: Path) -> str:
+        """The opaque name of a file that was put into the folder; it is listed from now on."""
+        if self._only is not None:
+            self._only.add(path)
+        with self._lock:
+            return self._names.setdefault(path, secrets.token_urlsafe(9))
+
+    async def add(self, wish: str, body: AsyncIterator[bytes], length: int | None) -> str:
+        """A scan file from its bytes; it appears only when it is whole and is one.
+
+        Raises InputError for a name that is none or taken, LimitExceeded, StorageFull, and what
+        `Scan.open` raises.
+        """
+        if length is not None and length > UPLOAD_BYTES:
+            raise LimitExceeded(f"{length / 1e6:.0f} MB", hint="at most 1 GB can be sent")
+        path = self.new_path(wish)
+        self._check_room(length or 0)
+        part = path.with_name(f".{secrets.token_hex(8)}{SUFFIX}")
+        taken = 0
+        try:
+            with part.open("xb") as file:
+                async for piece in body:
+                    taken += len(piece)
+                    if taken > UPLOAD_BYTES:
+                        raise LimitExceeded("more than 1 GB", hint="at most 1 GB can be sent")
+                    if taken >> 24 != (taken - len(piece)) >> 24:
+                        self._check_room(0)
+                    file.write(piece)
+            if length is not None and taken != length:
+                raise InputError(f"{taken} of {length} bytes came", hint="send the file again")
+            _check_scan(part, path.name)
+            if path.exists():
+                raise InputError(f"{path.name}: exists already", hint="choose another name")
+            part.rename(path)
+        except OSError as e:
+            if isinstance(e, ScanError):
+                raise
+            raise StorageFull("the file cannot be written", hint="check the disk") from None
+        finally:
+            for left in (
+                part,
+                part.with_name(part.name + "-wal"),
+                part.with_name(part.name + "-shm"),
+            ):
+                left.unlink(missing_ok=True)
+        return self.name_of(path)
+
+    def _check_room(self, wanted: int) -> None:
+        free = shutil.disk_usage(self.folder).free
+        if free < wanted + _RESERVE:
+            raise StorageFull(
+                f"{(wanted + _RESERVE) / 1e6:.0f} MB with reserve are needed, {free / 1e6:.0f} MB "
+                "are free",
+                hint="free some space",
+            )
+
+
+def safe_name(wish: str) -> str:
+    """A file name out of what a person typed: letters, digits, space, dot, dash, underscore.
+
+    Raises InputError where nothing is left.
+    """
+    text = unicodedata.normalize("NFC", wish[:1000]).removesuffix(SUFFIX)
+    kept = "".join(c if c.isalnum() or c in " ._-" else "_" for c in text)
+    kept = kept.strip(" .")[:_LONGEST_NAME].strip(" .")
+    while len(kept.encode()) > 200:
+        kept = kept[:-1]
+    if not kept.strip("_ "):
+        raise InputError("the name has no letters or digits", hint="choose another name")
+    return f"_{kept}" if _RESERVED.match(kept) else kept
+
+
+def _check_scan(part: Path, name: str) -> None:
+    """Raise as `Scan.open`, with the file's own name in the words."""
+    try:
+        with Scan.open(part):
+            return
+    except (InputError, ScanError) as e:
+        raise type(e)(e.message.replace(str(part), name), hint=e.hint) from None

@@ -1,0 +1,360 @@
+"""OpenScan: a scan file open for seeing and mending; what it shows, and its edits as patches."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnscan import edit, surface
+from turnscan.app import _protocol as p
+from turnscan.app._envelope import Array
+from turnscan.app._hub import Client, Hub
+from turnscan.app._jobs import Job, remarks
+from turnscan.app._wire_grid import CAUSES, grid_arrays, picture_png, profile_arrays
+from turnscan.app._wire_mesh import (
+    coarse_arrays,
+    figures,
+    mesh_arrays,
+    patch_parts,
+    preview_arrays,
+)
+from turnscan.detection import see
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.pipeline import Settings, build
+from turnscan.points import RangeGrid
+from turnscan.scan import Scan, rig_for
+from turnscan.surface import Mesh
+
+
+class Stale(InputError):
+    """The edit was made on a surface that has changed since."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """What an open scan is at one moment; a value, so that readers need no lock."""
+
+    document: edit.Document
+    grids: tuple[RangeGrid, ...]
+    revision: int
+    epoch: int
+    figures: p.Figures
+
+
+class OpenScan:
+    """One scan, its document and its revisions. Readers take `now`; edits come one at a time."""
+
+    def __init__(self, name: str, path: Path, hub: Hub, job: Job) -> None:
+        """Reconstruct, and replay the edits in the file.
+
+        Raises as `Scan.resume`, `see` and `build`, and Cancelled.
+        """
+        self.name, self.path, self._hub = name, path, hub
+        self.used = time.monotonic()
+        self._lock = threading.RLock()
+        self._settings = Settings()
+        self._grids: tuple[RangeGrid, ...] = ()
+        self._times: dict[int, float] = {}
+        self.scan = Scan.resume(path)
+        try:
+            rig = rig_for(self.scan)
+            job.steps(len(self.scan))
+            self._seen = see(self.scan, rig, self._settings.stripes, tick=job.tick)
+            self._views = {s.view.laser: s.view for s in self._seen}
+            log = self.scan.edits()
+            history = edit.history_from_log([e.text for e in log], f"{path.name}: edits")
+            for entry in log:
+                action = edit.action_from_json(entry.text)
+                if isinstance(action, edit.Add):
+                    self._times[action.id] = entry.time
+            document = edit.Document.open(self._build, history)
+        except BaseException:
+            self.scan.close()
+            raise
+        self.now = State(document, self._grids, 0, 0, figures(document.body))
+
+    def close(self) -> None:
+        """Let the file go."""
+        with self._lock:
+            self.scan.close()
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is to be said about the scan and its edits."""
+        return self.now.document.findings
+
+    # Seeing
+
+    def opened(self, id: int | None) -> p.Opened:
+        """Where it stands."""
+        self.used = time.monotonic()
+        state = self.now
+        return p.Opened(
+            id=id,
+            scan=self.name,
+            name=self.path.stem,
+            revision=state.revision,
+            epoch=state.epoch,
+            steps=self.scan.plan.steps,
+            grids=[
+                p.GridEntry(
+                    grid=k,
+                    laser=g.laser,
+                    first_step=int(g.steps[0]) if len(g.steps) else 0,
+                    last_step=int(g.steps[-1]) if len(g.steps) else 0,
+                )
+                for k, g in enumerate(state.grids)
+            ],
+            figures=state.figures,
+            history=self._entries(state),
+            cursor=state.document.history.cursor,
+            findings=remarks(state.document.findings),
+            measures=[],
+        )
+
+    def mesh(self) -> tuple[p.MeshHeader, dict[str, Array]]:
+        """The whole surface."""
+        state = self.now
+        return self._mesh_header(state), mesh_arrays(state.document.body)
+
+    def _mesh_header(self, state: State) -> p.MeshHeader:
+        provenance = state.document.body.mesh.provenance
+        return p.MeshHeader(
+            scan=self.name,
+            revision=state.revision,
+            epoch=state.epoch,
+            lasers=[] if provenance is None else list(provenance.lasers),
+        )
+
+    def holes(self, id: int) -> tuple[p.Holes, dict[str, Array]]:
+        """Every hole, and its border."""
+        state = self.now
+        mesh = edit.Compact.of(state.document.body).mesh
+        found = sorted(surface.holes(mesh), key=lambda h: -h.size)
+        entries = [
+            p.HoleEntry(
+                hole=k,
+                size=h.size,
+                perimeter=h.perimeter,
+                area=h.area,
+                centre=(float(h.centre[0]), float(h.centre[1]), float(h.centre[2])),
+                cause=h.cause,
+                cause_text=surface.CAUSE_WORDS[h.cause or "unknown"],
+            )
+            for k, h in enumerate(found)
+        ]
+        loops = {f"loop_{k}": mesh.vertices[h.loop].astype("<f4") for k, h in enumerate(found)}
+        answer = p.Holes(id=id, scan=self.name, revision=state.revision, holes=entries)
+        return answer, loops
+
+    def stand_in(self, faces: int) -> tuple[p.MeshHeader, dict[str, Array]]:
+        """A coarse surface of about so many faces."""
+        state = self.now
+        return self._mesh_header(state), coarse_arrays(state.document.body, faces)
+
+    def grid(self, number: int, step: int | None) -> tuple[p.GridHeader, dict[str, Array]]:
+        """A grid, or one step of it. Raises InputError for one there is not."""
+        state = self.now
+        grid = _numbered(state, number)
+        header = p.GridHeader(
+            scan=self.name,
+            revision=state.revision,
+            grid=number,
+            laser=grid.laser,
+            closed=grid.closed,
+            orientation=self.scan.plan.orientation,
+            causes=CAUSES,
+        )
+        return header, grid_arrays(grid, state.document.history.enabled, step)
+
+    def profile(self, number: int, step: int) -> tuple[p.ProfileHeader, dict[str, Array]]:
+        """The stripe of one step, and its candidates. Raises InputError, ScanCorrupt."""
+        state, plan = self.now, self.scan.plan
+        grid = _numbered(state, number)
+        arrays = profile_arrays(self._views[grid.laser], grid, step)
+        row = int(np.flatnonzero(grid.steps == step)[0])
+        header = p.ProfileHeader(
+            scan=self.name,
+            revision=state.revision,
+            grid=number,
+            laser=grid.laser,
+            step=step,
+            angle_deg=math.degrees(float(grid.angles[row])),
+            orientation=plan.orientation,
+            width=plan.width,
+            height=plan.height,
+            threshold=plan.threshold,
+            strategy=self._settings.stripes.strategy,
+            edited=bool((arrays["chosen"] == -2).any()),
+        )
+        return header, arrays
+
+    def picture(self, number: int, step: int) -> bytes:
+        """The stored picture of a step as PNG. Raises InputError, ScanCorrupt."""
+        return picture_png(self._views[_numbered(self.now, number).laser], step)
+
+    # Mending
+
+    def make(self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
+        """Make an edit: it is in the file when this returns.
+
+        Raises `Stale` where the surface is not that of revision ``base`` any more, InputError.
+        """
+        with self._lock:
+            self._keep(*self._tried(base, value, arrays))
+
+    def preview(
+        self,
+        base: int,
+        value: Mapping[str, Any],
+        arrays: Mapping[str, Array],
+        id: int,
+        client: Client,
+    ) -> None:
+        """Show one client what an edit would do. Raises as `make`."""
+        with self._lock:
+            before = self.now.document.body
+            document, change = self._tried(base, value, arrays)
+        shown = p.PreviewShown(id=id, figures=figures(document.body))
+        self._hub.tell(shown, preview_arrays(before, document.body, change.patches), to=client)
+
+    def undo(self) -> None:
+        """One edit back. Raises InputError where there is none."""
+        with self._lock:
+            self._keep(*self.now.document.undo())
+
+    def redo(self) -> None:
+        """One edit on again. Raises InputError where there is none."""
+        with self._lock:
+            self._keep(*self.now.document.redo())
+
+    def go(self, cursor: int) -> None:
+        """To the state after the first ``cursor`` edits. Raises InputError."""
+        with self._lock:
+            self._keep(*self.now.document.go(cursor))
+
+    def switch(self, id: int, on: bool) -> None:
+        """One edit off, or on again. Raises InputError where there is none of that number."""
+        with self._lock:
+            self._keep(*self.now.document.switch(id, on))
+
+    def _tried(
+        self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array]
+    ) -> tuple[edit.Document, edit.Change]:
+        if base != self.now.revision:
+            raise Stale(
+                f"the surface has changed since: this is revision {self.now.revision}, not {base}",
+                hint="look at it, then repeat",
+            )
+        wish = dict(value)
+        if "faces" in arrays:
+            wish["where"] = edit.Region.of(self.now.document.body, arrays["faces"])
+        document, change = self.now.document.add(edit.edit_from_value(wish))
+        refused = next((f for f in change.findings if f.severity == "error"), None)
+        if refused is not None:
+            raise InputError(refused.message, hint=refused.remedy)
+        return document, change
+
+    def _keep(self, document: edit.Document, change: edit.Change) -> None:
+        """Into the file first, then to everybody."""
+        self.used = time.monotonic()
+        if change.action is not None:
+            now = time.time()
+            self.scan.append_edit(edit.action_to_json(change.action), now)
+            if isinstance(change.action, edit.Add):
+                self._times[change.action.id] = now
+        before = self.now
+        replaced = any(isinstance(c, edit.Replace) for c in change.patches)
+        state = State(
+            document,
+            self._grids,
+            before.revision + 1,
+            before.epoch + replaced,
+            figures(document.body),
+        )
+        self.now = state
+        parts, arrays = patch_parts(change.patches)
+        self._hub.tell(
+            p.Patch(
+                scan=self.name,
+                revision=state.revision,
+                epoch=state.epoch,
+                text=_what(change.action, document.history),
+                parts=parts,
+                figures=state.figures,
+            ),
+            arrays,
+        )
+        for k, steps in _changed(before.grids, state.grids):
+            self._hub.tell(p.GridChanged(scan=self.name, grid=k, steps=steps))
+        self._hub.tell(
+            p.History(scan=self.name, history=self._entries(state), cursor=document.history.cursor)
+        )
+
+    def _entries(self, state: State) -> list[p.HistoryEntry]:
+        return [
+            p.HistoryEntry(
+                index=k,
+                edit=e.id,
+                name=e.edit.kind,
+                text=edit.in_words(e.edit),
+                on=e.on,
+                at=_iso(self._times.get(e.id, math.nan)),
+            )
+            for k, e in enumerate(state.document.history.entries)
+        ]
+
+    def _build(self, entries: Sequence[edit.Entry]) -> tuple[Mesh, Sequence[Finding]]:
+        done = build(self._seen, self._settings, entries)
+        self._grids = done.grids
+        return done.mesh, done.findings
+
+
+def _numbered(state: State, number: int) -> RangeGrid:
+    if not 0 <= number < len(state.grids):
+        raise InputError(f"there is no grid {number}")
+    return state.grids[number]
+
+
+def _changed(
+    before: Sequence[RangeGrid], after: Sequence[RangeGrid]
+) -> Iterator[tuple[int, list[int]]]:
+    """Which steps of which grids are others now."""
+    for k, (a, b) in enumerate(zip_longest(before, after)):
+        if a is b or b is None:
+            continue
+        if a is None or not np.array_equal(a.steps, b.steps):
+            yield k, b.steps.tolist()
+            continue
+        same = ((a.points == b.points) | (np.isnan(a.points) & np.isnan(b.points))).all(axis=(1, 2))
+        same &= (a.flags == b.flags).all(axis=1)
+        if not same.all():
+            yield k, b.steps[~same].tolist()
+
+
+def _what(action: edit.Action | None, history: edit.History) -> str:
+    match action:
+        case edit.Add():
+            return edit.in_words(action.edit)
+        case edit.Switch():
+            return f"edit {action.id} switched {'on' if action.on else 'off'}"
+        case edit.Go():
+            return f"{action.cursor} of {len(history.entries)} edits"
+        case None:
+            return ""
+
+
+def _iso(seconds: float) -> str:
+    if math.isnan(seconds):
+        return ""
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")

@@ -1,0 +1,303 @@
+"""What the browser asks for: requests on the WebSocket, and bodies of POSTs (see `_protocol`)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter
+
+from turnscan.app._protocol import Count, Model, Name, Opaque, Vector
+
+
+Seconds = Annotated[float, Field(gt=0, le=60)]
+
+
+class Request(Model):
+    """What all requests have."""
+
+    id: Count
+
+
+class Stop(Request):
+    """Lasers dark and table stopped, at once; a scan being taken ends. Anybody may."""
+
+    kind: Literal["stop"] = "stop"
+
+
+class TakeControl(Request):
+    """Become the operator."""
+
+    kind: Literal["take_control"] = "take_control"
+
+
+class ReleaseControl(Request):
+    """Be the operator no more."""
+
+    kind: Literal["release_control"] = "release_control"
+
+
+class Ack(Model):
+    """A live picture has been shown; not answered."""
+
+    kind: Literal["ack"] = "ack"
+    number: Count
+
+
+class Cancel(Request):
+    """End a job."""
+
+    kind: Literal["cancel"] = "cancel"
+    job: Opaque
+
+
+class Open(Request):
+    """Open a scan: answered by ``opened``, or by ``started`` and, later, ``opened``."""
+
+    kind: Literal["open"] = "open"
+    scan: Opaque
+
+
+class EditRequest(Request):
+    """Do an edit: ``done`` after its patch. With ``preview``, answered by ``preview``.
+
+    ``edit`` is one of the values of `turnscan.edit`, its ``faces`` or ``vertices`` left out where
+    they are arrays of the envelope.
+    """
+
+    kind: Literal["edit"] = "edit"
+    scan: Opaque
+    base_revision: Count
+    edit: dict[str, Any]
+    preview: bool = False
+
+
+class Undo(Request):
+    """One edit back."""
+
+    kind: Literal["undo"] = "undo"
+    scan: Opaque
+
+
+class Redo(Request):
+    """One edit on again."""
+
+    kind: Literal["redo"] = "redo"
+    scan: Opaque
+
+
+class GoTo(Request):
+    """To the state after the first ``cursor`` edits."""
+
+    kind: Literal["go_to"] = "go_to"
+    scan: Opaque
+    cursor: Count
+
+
+class Switch(Request):
+    """One edit of the list off or on again, all others as they are."""
+
+    kind: Literal["switch"] = "switch"
+    scan: Opaque
+    edit: Count
+    on: bool
+
+
+class ListHoles(Request):
+    """Answered by ``holes``."""
+
+    kind: Literal["list_holes"] = "list_holes"
+    scan: Opaque
+
+
+class ListDefects(Request):
+    """Answered by ``defects``."""
+
+    kind: Literal["list_defects"] = "list_defects"
+    scan: Opaque
+
+
+class TakeMeasure(Request):
+    """Measure, and keep it with the scan: answered by ``measures``.
+
+    ``distance``: two places; ``angle``: three places, the second is the corner; ``to_plane``: a
+    place, and a region (array faces); ``diameter``: a region, or one place whose height is that of
+    the section; ``area`` and ``volume``: of the whole surface, ``area`` of a region too.
+    """
+
+    kind: Literal["measure"] = "measure"
+    scan: Opaque
+    what: Literal["distance", "to_plane", "diameter", "angle", "area", "volume"]
+    places: Annotated[tuple[Vector, ...], Field(max_length=3)] = ()
+
+
+class ForgetMeasure(Request):
+    """Answered by ``measures``."""
+
+    kind: Literal["forget_measure"] = "forget_measure"
+    scan: Opaque
+    measure: Opaque
+
+
+class FindDevices(Request):
+    """Answered by ``found``; with ``probe``, serial ports are opened and asked."""
+
+    kind: Literal["find_devices"] = "find_devices"
+    probe: bool = False
+
+
+class Connect(Request):
+    """Open devices by address; a simulated bench is one address for all three."""
+
+    kind: Literal["connect"] = "connect"
+    camera: Name
+    turntable: Name
+    lasers: Name
+
+
+class Disconnect(Request):
+    """Lasers dark, and let the devices go."""
+
+    kind: Literal["disconnect"] = "disconnect"
+
+
+class Look(Request):
+    """Live pictures with these lasers lit, until it is sent with ``on`` false."""
+
+    kind: Literal["look"] = "look"
+    on: bool
+    lit: tuple[Name, ...] = ()
+    seconds: Seconds = 0.02
+    gain: Annotated[float, Field(gt=0, le=1000)] = 1.0
+
+
+class Turn(Request):
+    """Turn the table to an angle."""
+
+    kind: Literal["turn"] = "turn"
+    angle_deg: Annotated[float, Field(ge=-36000, le=36000)]
+
+
+class Doctor(Request):
+    """Look at the devices: a job with findings."""
+
+    kind: Literal["doctor"] = "doctor"
+    still: bool = False
+    seconds: Seconds | None = None
+
+
+class ScanPlan(Model):
+    """What a scan is to be; None leaves it to the server, which says what it chose."""
+
+    name: Name
+    steps: Annotated[int, Field(ge=1, le=100000)] | None = None
+    from_deg: float = 0.0
+    to_deg: float = 360.0
+    lasers: tuple[Name, ...] | None = None
+    seconds: Annotated[tuple[Seconds, ...], Field(max_length=8)] = ()
+    gain: Annotated[float, Field(gt=0, le=1000)] = 1.0
+    keep: Literal["sparse", "full"] = "sparse"
+    threshold: Annotated[float, Field(ge=0, le=65535)] | None = None
+
+
+class StartScan(Request):
+    """Take a scan: a job; ``scanning``, ``frame`` and ``points`` tell how it goes."""
+
+    kind: Literal["scan"] = "scan"
+    plan: ScanPlan
+
+
+class Pause(Request):
+    """Wait after the picture that is being taken, lasers dark."""
+
+    kind: Literal["pause"] = "pause"
+
+
+class GoOn(Request):
+    """End the pause."""
+
+    kind: Literal["go_on"] = "go_on"
+
+
+class Abort(Request):
+    """End the scan; what was taken stays, and can be resumed."""
+
+    kind: Literal["abort"] = "abort"
+
+
+ClientMessage = Annotated[
+    Stop
+    | TakeControl
+    | ReleaseControl
+    | Ack
+    | Cancel
+    | Open
+    | EditRequest
+    | Undo
+    | Redo
+    | GoTo
+    | Switch
+    | ListHoles
+    | ListDefects
+    | TakeMeasure
+    | ForgetMeasure
+    | FindDevices
+    | Connect
+    | Disconnect
+    | Look
+    | Turn
+    | Doctor
+    | StartScan
+    | Pause
+    | GoOn
+    | Abort,
+    Field(discriminator="kind"),
+]
+
+
+# Bodies of POSTs
+
+
+class LoginRequest(Model):
+    """POST ``/login``: the token from the link, for a cookie."""
+
+    token: Annotated[str, Field(max_length=200)]
+
+
+class Invitation(Model):
+    """POST ``/api/invitations``: a link for one more browser, good once."""
+
+    path: str
+
+
+class ExportRequest(Model):
+    """POST ``/api/scans/{scan}/exports``."""
+
+    format: Literal["dxf", "stl", "ply", "obj", "xyz"]
+    dxf_forms: tuple[Literal["3dface", "polyface", "mesh", "profiles"], ...] = ("3dface",)
+    dxf_version: Literal["R12", "R2010"] | None = None
+    ascii: bool = False
+
+
+class StartedExport(Model):
+    """Its answer."""
+
+    job: Opaque
+
+
+class Added(Model):
+    """The answer to POST ``/api/scans``."""
+
+    scan: Opaque
+
+
+class Problem(Model):
+    """The body of every HTTP error."""
+
+    code: str
+    text: str
+    hint: str
+
+
+REQUESTS: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
+BODIES = (LoginRequest, Invitation, ExportRequest, StartedExport, Added, Problem)
+"""Models that no message holds."""

@@ -1,0 +1,228 @@
+"""Routes: what can be asked for by HTTP. Who may ask is judged by the doors before."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+
+from turnscan.app import _protocol as p
+from turnscan.app import _requests as q
+from turnscan.app._doors import problem
+from turnscan.app._envelope import Array, pack
+from turnscan.app._export import export_job
+from turnscan.app._keys import Keys
+from turnscan.app._open_scan import OpenScan
+from turnscan.app._socket import socket
+from turnscan.app._workshop import Workshop
+from turnscan.errors import InputError
+
+HERE = Path(__file__).parent
+STATIC, LOGIN = HERE / "static", HERE / "login"
+ENVELOPE = "application/x-turnscan"
+UPLOADS = frozenset({"/api/scans"})
+"""Paths whose bodies are files."""
+_FOREVER = "public, max-age=31536000, immutable"
+_SQUEEZE = 1
+"""Level of gzip: fast; meshes shrink to about a half."""
+
+B = TypeVar("B", bound=p.Model)
+Answer = tuple[p.Model, Mapping[str, Array]]
+Endpoint = Callable[[Request], Awaitable[Response]]
+
+
+def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
+    """All routes. Nothing that is GET changes anything."""
+    api: list[BaseRoute] = [
+        Route("/scans", _add_scan(workshop), methods=["POST"]),
+        Route("/scans/{scan}/mesh", _data(workshop, _mesh)),
+        Route("/scans/{scan}/grid/{grid:int}", _data(workshop, _grid)),
+        Route("/scans/{scan}/profile/{grid:int}/{step:int}", _data(workshop, _profile)),
+        Route("/scans/{scan}/picture/{grid:int}/{step:int}.png", _picture(workshop)),
+        Route("/scans/{scan}/exports", _export(workshop), methods=["POST"]),
+        Route("/downloads/{download}", _download(workshop)),
+        Route("/invitations", _invite(keys), methods=["POST"]),
+        Route("/logout", _logout(keys, cookie), methods=["POST"]),
+    ]
+    return [
+        Route("/login", _login_page, methods=["GET"]),
+        Route("/login", _enter(keys, cookie), methods=["POST"]),
+        Route("/login.js", _file(LOGIN / "login.js")),
+        Route("/login.css", _file(LOGIN / "login.css")),
+        Mount("/api", routes=api),
+        WebSocketRoute("/ws", socket),
+        Route("/", _file(STATIC / "index.html")),
+        Mount("/", _Bundle(directory=STATIC, check_dir=False)),
+    ]
+
+
+class _Bundle(StaticFiles):
+    """The front end; what has its hash in its name never changes."""
+
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
+        response = super().file_response(*args, **kwargs)
+        hashed = "assets" in Path(args[0]).parts
+        response.headers["Cache-Control"] = _FOREVER if hashed else "no-cache"
+        return response
+
+
+def _file(path: Path) -> Endpoint:
+    async def page(request: Request) -> Response:
+        if not path.is_file():
+            return problem(404, "the front end is not built", "see frontend/README.md")
+        return FileResponse(path, headers={"Cache-Control": "no-cache"})
+
+    return page
+
+
+_login_page = _file(LOGIN / "login.html")
+
+
+def _enter(keys: Keys, cookie: str) -> Endpoint:
+    async def enter(request: Request) -> Response:
+        address = request.client.host if request.client else ""
+        wait = keys.wait(address)
+        if wait > 0:
+            hint = f"wait {wait:.0f} s, then open the link again"
+            return problem(429, "too many wrong links", hint, Retry_After=str(int(wait) + 1))
+        body = await _body(request, q.LoginRequest)
+        session = keys.enter(body.token, address)
+        if session is None:
+            hint = "turnscan prints a new link when it is started; a browser that is in can invite"
+            return problem(401, "this link was used already, or is not from this server", hint)
+        answer = Response(status_code=204)
+        answer.set_cookie(cookie, session, httponly=True, samesite="strict", path="/")
+        return answer
+
+    return enter
+
+
+def _logout(keys: Keys, cookie: str) -> Endpoint:
+    async def leave(request: Request) -> Response:
+        keys.leave(request.cookies.get(cookie, ""))
+        answer = Response(status_code=204)
+        answer.delete_cookie(cookie, httponly=True, samesite="strict", path="/")
+        return answer
+
+    return leave
+
+
+def _invite(keys: Keys) -> Endpoint:
+    async def invite(request: Request) -> Response:
+        return _json(q.Invitation(path=f"/login#{keys.invite()}"))
+
+    return invite
+
+
+def _add_scan(workshop: Workshop) -> Endpoint:
+    async def add(request: Request) -> Response:
+        wish = request.query_params.get("name", "")
+        given = request.headers.get("content-length")
+        length = int(given) if given is not None else None
+        name = await workshop.library.add(wish, request.stream(), length)
+        workshop.tell_scans()
+        return _json(q.Added(scan=name), 201)
+
+    return add
+
+
+def _data(workshop: Workshop, make: Callable[[OpenScan, Request], Answer]) -> Endpoint:
+    """An envelope, made in a thread; squeezed where the browser can."""
+
+    async def data(request: Request) -> Response:
+        scan = _opened(workshop, request)
+
+        def build() -> bytes:
+            header, arrays = make(scan, request)
+            message = pack(header.model_dump(mode="json"), arrays)
+            return gzip.compress(message, _SQUEEZE) if squeeze else message
+
+        squeeze = "gzip" in request.headers.get("accept-encoding", "")
+        body = await asyncio.to_thread(build)
+        headers = {"Content-Encoding": "gzip"} if squeeze else {}
+        return Response(body, media_type=ENVELOPE, headers=headers)
+
+    return data
+
+
+def _mesh(scan: OpenScan, request: Request) -> Answer:
+    faces = _number(request, "faces")
+    return scan.mesh() if faces is None else scan.stand_in(faces)
+
+
+def _grid(scan: OpenScan, request: Request) -> Answer:
+    return scan.grid(request.path_params["grid"], _number(request, "step"))
+
+
+def _profile(scan: OpenScan, request: Request) -> Answer:
+    return scan.profile(request.path_params["grid"], request.path_params["step"])
+
+
+def _picture(workshop: Workshop) -> Endpoint:
+    async def picture(request: Request) -> Response:
+        scan = _opened(workshop, request)
+        place = request.path_params["grid"], request.path_params["step"]
+        return Response(await asyncio.to_thread(scan.picture, *place), media_type="image/png")
+
+    return picture
+
+
+def _export(workshop: Workshop) -> Endpoint:
+    async def start(request: Request) -> Response:
+        scan = _opened(workshop, request)
+        wish = await _body(request, q.ExportRequest)
+        job = export_job(workshop.jobs, workshop.downloads, scan, wish)
+        return _json(q.StartedExport(job=job.id), 202)
+
+    return start
+
+
+def _download(workshop: Workshop) -> Endpoint:
+    async def download(request: Request) -> Response:
+        try:
+            path, name = workshop.downloads.find(request.path_params["download"])
+        except InputError as e:
+            return problem(404, e.message, e.hint)
+        return FileResponse(path, filename=name, media_type="application/octet-stream")
+
+    return download
+
+
+def _opened(workshop: Workshop, request: Request) -> OpenScan:
+    try:
+        return workshop.opened(request.path_params["scan"])
+    except InputError:
+        raise HTTPException(404) from None
+
+
+async def _body(request: Request, model: type[B]) -> B:
+    """The body as a model. Raises InputError naming the key."""
+    try:
+        return model.model_validate_json(await request.body())
+    except ValidationError as e:
+        first = e.errors(include_url=False, include_context=False, include_input=False)[0]
+        where = ".".join(str(k) for k in first["loc"]) or "body"
+        raise InputError(f"{where}: {first['msg']}") from None
+
+
+def _json(model: p.Model, status: int = 200) -> Response:
+    return JSONResponse(model.model_dump(mode="json"), status)
+
+
+def _number(request: Request, key: str) -> int | None:
+    """A number of the query. Raises InputError for what is none."""
+    text = request.query_params.get(key)
+    if text is None:
+        return None
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise InputError(f"{key}: not a number")
+    return int(text)

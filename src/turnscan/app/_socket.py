@@ -1,0 +1,131 @@
+"""The WebSocket: requests in, within their limits, and what the hub has to tell out."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from typing import Any
+
+from pydantic import ValidationError
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+
+from turnscan.app._doors import is_loopback
+from turnscan.app._envelope import Array, unpack
+from turnscan.app._hub import Client
+from turnscan.app._protocol import Refused
+from turnscan.app._requests import REQUESTS, Ack, ClientMessage
+from turnscan.app._workshop import Workshop
+from turnscan.errors import FormatError, InputError
+
+MESSAGE_BYTES = 2**20
+RATE, BURST = 60.0, 120.0
+"""Messages a second, and at once."""
+SEND_SECONDS = 10.0
+"""s that a message may take; who reads slower is hung up on."""
+_NOT_A_MESSAGE, _BAD_REQUEST, _TOO_MUCH, _BEHIND, _FULL = 1003, 1008, 1008, 1013, 1013
+
+_log = logging.getLogger("turnscan.app")
+
+
+async def socket(websocket: WebSocket) -> None:
+    """One browser, from its coming to its going."""
+    workshop: Workshop = websocket.scope["workshop"]
+    address = websocket.client.host if websocket.client else ""
+    client = Client(remote=not is_loopback(address))
+    await websocket.accept()
+    if not workshop.hub.join(client):
+        await websocket.close(_FULL, "too many browsers are connected")
+        return
+    workshop.hub.tell(workshop.hello(client), to=client)
+    workshop.hub.tell_control()
+    sending = asyncio.create_task(_send(websocket, client))
+    receiving = asyncio.create_task(_receive(websocket, client, workshop))
+    try:
+        _, left = await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        workshop.hub.leave(client)
+        for task in (sending, receiving):
+            task.cancel()
+    await asyncio.gather(*left, return_exceptions=True)
+    for task in (sending, receiving):
+        if not task.cancelled() and task.exception() is not None:
+            _log.error("a mistake inside turnscan (%s) at /ws", type(task.exception()).__name__)
+
+
+async def _send(websocket: WebSocket, client: Client) -> None:
+    while (message := await client.next()) is not None:
+        kind = "bytes" if isinstance(message, bytes) else "text"
+        try:
+            async with asyncio.timeout(SEND_SECONDS):
+                await websocket.send({"type": "websocket.send", kind: message})
+        except (TimeoutError, WebSocketDisconnect, RuntimeError):
+            return
+    await _close(websocket, _BEHIND, "this browser is too slow, or was dropped")
+
+
+async def _receive(websocket: WebSocket, client: Client, workshop: Workshop) -> None:
+    left, at = BURST, time.monotonic()
+    while True:
+        received = await websocket.receive()
+        if received["type"] == "websocket.disconnect":
+            return
+        now = time.monotonic()
+        left, at = min(BURST, left + RATE * (now - at)) - 1.0, now
+        if left < 0:
+            await _close(websocket, _TOO_MUCH, "too many messages")
+            return
+        data = received.get("bytes") or received.get("text") or ""
+        try:
+            body, arrays = _parse(data)
+        except InputError as e:
+            await _close(websocket, _NOT_A_MESSAGE, e.message[:100])
+            return
+        try:
+            request: ClientMessage = REQUESTS.validate_python(body)
+        except ValidationError as e:
+            await _refuse(websocket, body, e)
+            return
+        if isinstance(request, Ack):
+            client.unshown.discard(request.number)
+            continue
+        client.seen = time.monotonic()
+        workshop.answer(client, request, arrays)
+
+
+def _parse(data: str | bytes) -> tuple[dict[str, Any], dict[str, Array]]:
+    """A request and its arrays. Raises InputError where it is none."""
+    from turnscan.json_text import strict_json
+
+    if isinstance(data, bytes):
+        return unpack(data)
+    if len(data.encode()) > MESSAGE_BYTES:
+        raise FormatError("message: more than 1 MB")
+    body = strict_json(data, "message")
+    if not isinstance(body, dict):
+        raise FormatError("message: not an object")
+    return body, {}
+
+
+async def _refuse(websocket: WebSocket, body: dict[str, Any], e: ValidationError) -> None:
+    """Say what was wrong, and hang up: our own page sends no such thing."""
+    first = e.errors(include_url=False, include_context=False, include_input=False)[0]
+    where = ".".join(str(k) for k in first["loc"])[:100]
+    number = body.get("id")
+    known = type(number) is int and 0 <= number < 2**53
+    answer = Refused(
+        id=number if known else None,
+        code="bad-request",
+        text=f"{where or 'request'}: {first['msg']}"[:300],
+        hint="reload the page",
+    )
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+        await websocket.send_text(answer.model_dump_json())
+    await _close(websocket, _BAD_REQUEST, "bad request")
+
+
+async def _close(websocket: WebSocket, code: int, reason: str) -> None:
+    if websocket.application_state is WebSocketState.CONNECTED:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            await websocket.close(code, reason)

@@ -1,0 +1,232 @@
+"""Workshop: what the server is, put together; every request from a socket is answered here."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from turnscan import __version__
+from turnscan.app import _protocol as p
+from turnscan.app import _requests as q
+from turnscan.app._doors import name_of
+from turnscan.app._downloads import Downloads
+from turnscan.app._envelope import Array
+from turnscan.app._hub import Client, Hub
+from turnscan.app._jobs import Job, Jobs, Result
+from turnscan.app._library import Library
+from turnscan.app._open_scan import OpenScan, Stale
+from turnscan.errors import InputError, TurnscanError
+
+_log = logging.getLogger("turnscan.app")
+_OPEN_SCANS = 4
+"""Documents that are held open at a time."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """A request on its way to an answer."""
+
+    client: Client
+    request: Any
+    arrays: Mapping[str, Array]
+
+    @property
+    def id(self) -> int:
+        """The number that the client gave it."""
+        number: int = self.request.id
+        return number
+
+
+class Refusal(TurnscanError):
+    """A request that is not done, with a code of the protocol's own."""
+
+    def __init__(self, code: str, message: str, hint: str = "") -> None:
+        super().__init__(message, hint=hint)
+        self.code = code
+
+
+class Workshop:
+    """Everything behind the doors."""
+
+    def __init__(self, library: Library, *, remote_lasers: bool = False) -> None:
+        self.library, self.remote_lasers = library, remote_lasers
+        self.hub = Hub()
+        self.jobs = Jobs(self.hub)
+        self.downloads = Downloads()
+        self._scans: dict[str, OpenScan] = {}
+        self._opening: dict[str, Job] = {}
+        self._lock = threading.RLock()
+        self._pool = ThreadPoolExecutor(8, "request")
+        self._answers: dict[type, tuple[Callable[[Call], p.Model | None], bool]] = {
+            q.Stop: (self._stop, False),
+            q.TakeControl: (self._take_control, False),
+            q.ReleaseControl: (self._release_control, False),
+            q.Cancel: (self._cancel, True),
+            q.Open: (self._open, False),
+            q.EditRequest: (self._edit, True),
+            q.Undo: (self._undo, True),
+            q.Redo: (self._redo, True),
+            q.GoTo: (self._go_to, True),
+            q.Switch: (self._switch, True),
+            q.ListHoles: (self._list_holes, False),
+        }
+
+    # What the socket calls
+
+    def hello(self, client: Client) -> p.Hello:
+        """The first message to a client."""
+        operator = self.hub.operator
+        return p.Hello(
+            protocol=p.VERSION,
+            version=__version__,
+            client=client.id,
+            operator=None if operator is None else operator.id,
+            scans=self.entries(),
+            lasers_allowed=self.may_light(client),
+        )
+
+    def answer(self, client: Client, request: Any, arrays: Mapping[str, Array]) -> None:
+        """Answer a request, sooner or later."""
+        self._pool.submit(self._answer, Call(client, request, arrays))
+
+    def close(self) -> None:
+        """End everything that is under way, lasers dark."""
+        self.jobs.close()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        with self._lock:
+            scans = list(self._scans.values())
+            self._scans.clear()
+        for scan in scans:
+            scan.close()
+        self.downloads.close()
+
+    # What routes call
+
+    def may_light(self, client: Client) -> bool:
+        """Whether this client may light a laser."""
+        return not client.remote or self.remote_lasers
+
+    def entries(self) -> list[p.ScanEntry]:
+        """The list of scan files."""
+        with self._lock:
+            return self.library.entries(frozenset(self._scans))
+
+    def opened(self, name: str) -> OpenScan:
+        """A scan that is open. Raises InputError where it is not."""
+        with self._lock:
+            scan = self._scans.get(name)
+        if scan is None:
+            raise InputError("this scan is not open", hint="open it first")
+        return scan
+
+    def add_path(self, path: Path) -> str:
+        """List a file that was put into the folder."""
+        name = self.library.name_of(path)
+        self.tell_scans()
+        return name
+
+    def tell_scans(self) -> None:
+        """Tell everybody the list of scan files."""
+        self.hub.tell(p.Scans(scans=self.entries()))
+
+    # Answers
+
+    def _answer(self, call: Call) -> None:
+        client, request = call.client, call.request
+        try:
+            work, operators = self._answers[type(request)]
+            if operators and self.hub.operator is not client:
+                raise Refusal("not-operator", "another browser is the operator", "take control")
+            answer = work(call)
+        except Refusal as e:
+            self._refuse(call, e.code, e)
+        except Stale as e:
+            self._refuse(call, "stale", e)
+        except TurnscanError as e:
+            self._refuse(call, name_of(e), e)
+        except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
+            _log.error("a mistake inside turnscan (%s) in %s", type(e).__name__, request.kind)
+            mistake = InputError("a mistake inside turnscan", hint="please report it")
+            self._refuse(call, "mistake", mistake)
+        else:
+            self.hub.tell(answer or p.Done(id=call.id), to=client)
+
+    def _refuse(self, call: Call, code: str, e: TurnscanError) -> None:
+        self.hub.tell(p.Refused(id=call.id, code=code, text=e.message, hint=e.hint), to=call.client)
+
+    def _stop(self, call: Call) -> None:
+        pass
+
+    def _take_control(self, call: Call) -> None:
+        self.hub.take(call.client)
+
+    def _release_control(self, call: Call) -> None:
+        self.hub.release(call.client)
+
+    def _cancel(self, call: Call) -> None:
+        if not self.jobs.cancel(call.request.job):
+            raise InputError("there is no such job")
+
+    def _open(self, call: Call) -> p.Model:
+        name = call.request.scan
+        path = self.library.path(name)
+        with self._lock:
+            if name in self._scans:
+                return self._scans[name].opened(call.id)
+            if name not in self._opening:
+                if len(self._scans) + len(self._opening) >= _OPEN_SCANS:
+                    self._close_one()
+                title = f"Opening {path.stem}"
+                self._opening[name] = self.jobs.start(
+                    "open", title, lambda job: self._load(job, name, path), name
+                )
+            return p.StartedJob(id=call.id, job=self._opening[name].id)
+
+    def _load(self, job: Job, name: str, path: Path) -> Result:
+        try:
+            scan = OpenScan(name, path, self.hub, job)
+            with self._lock:
+                self._scans[name] = scan
+        finally:
+            with self._lock:
+                self._opening.pop(name, None)
+        self.hub.tell(scan.opened(None))
+        self.tell_scans()
+        return Result(f"{path.stem} is open", findings=scan.findings)
+
+    def _close_one(self) -> None:
+        """Close the document that nobody has asked for the longest."""
+        name = min(self._scans, key=lambda n: self._scans[n].used, default=None)
+        if name is None:
+            raise Refusal("busy", "other scans are just being opened", "wait for them")
+        self._scans.pop(name).close()
+
+    def _edit(self, call: Call) -> None:
+        r: q.EditRequest = call.request
+        scan = self.opened(r.scan)
+        if r.preview:
+            scan.preview(r.base_revision, r.edit, call.arrays, call.id, call.client)
+        else:
+            scan.make(r.base_revision, r.edit, call.arrays)
+
+    def _undo(self, call: Call) -> None:
+        self.opened(call.request.scan).undo()
+
+    def _redo(self, call: Call) -> None:
+        self.opened(call.request.scan).redo()
+
+    def _go_to(self, call: Call) -> None:
+        self.opened(call.request.scan).go(call.request.cursor)
+
+    def _switch(self, call: Call) -> None:
+        self.opened(call.request.scan).switch(call.request.edit, call.request.on)
+
+    def _list_holes(self, call: Call) -> p.Model | None:
+        holes, loops = self.opened(call.request.scan).holes(call.id)
+        self.hub.tell(holes, loops, to=call.client)
+        return None

@@ -1,0 +1,25 @@
+"""``turnscan edit``: mend one scan in a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from turnscan.cli._serving import run, serving_options
+
+
+@click.command("edit")
+@click.argument("scan", metavar="NAME.turnscan", type=click.Path(path_type=Path))
+@serving_options
+def verb(scan: Path, serving: dict[str, Any]) -> None:
+    """Mend the scan in NAME.turnscan in a browser; every edit is kept in the file.
+
+    Prints a link that lets one browser in and opens it. Ends with Ctrl-C.
+    """
+    from turnscan.scan import Scan
+
+    with Scan.open(scan):
+        pass  # what is no scan file is said here, before a server is started
+    run(scan.resolve().parent, scan, serving)
