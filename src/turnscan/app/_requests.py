@@ -8,7 +8,6 @@ from pydantic import Field, TypeAdapter
 
 from turnscan.app._protocol import Count, Model, Name, Opaque, Vector
 
-
 Seconds = Annotated[float, Field(gt=0, le=60)]
 
 
