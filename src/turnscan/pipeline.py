@@ -53,6 +53,8 @@ class Reconstruction:
     grids: tuple[RangeGrid, ...]
     mesh: Mesh
     findings: tuple[Finding, ...]
+    edits: tuple[Entry, ...] = ()
+    """What was done by hand."""
 
 
 def reconstruct(
@@ -93,7 +95,7 @@ def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Re
             # Points at equal arc length have no neighbours at the same place of the next profile.
             meshed.append(kept if s.spacing_by == "arc" else grids[-1])
     mesh, remarks = to_mesh(meshed, s, edits)
-    return Reconstruction(tuple(grids), mesh, tuple(findings + remarks))
+    return Reconstruction(tuple(grids), mesh, tuple(findings + remarks), tuple(edits))
 
 
 def to_mesh(

@@ -11,7 +11,9 @@ from typing import Any
 import click
 import numpy as np
 
+from turnscan.cli._edit_source import history_of
 from turnscan.cli._progress import progress
+from turnscan.errors import InputError, ScanCorrupt, ScanNewer
 from turnscan.findings import Finding, findings_json
 from turnscan.rig import rig_hash
 from turnscan.scan import Scan
@@ -44,7 +46,12 @@ def verb(scan: Path, as_json: bool) -> None:
                     remedy="finish it with turnscan resume",
                 )
             )
-        report = _report(opened, lasers, found)
+        edits = _edits(opened, found)
+        report = {
+            **_report(opened, lasers),
+            "edits": edits,
+            "findings": json.loads(findings_json(found)),
+        }
     click.echo(json.dumps(report, indent=1, allow_nan=False) if as_json else _text(report, found))
     if any(f.severity != "note" for f in found):
         sys.exit(1)
@@ -58,6 +65,17 @@ def _damage(scan: Scan) -> list[Finding]:
             if trouble is not None:
                 found.append(Finding("scan.damaged", "error", trouble.message, name, trouble.hint))
     return found
+
+
+def _edits(scan: Scan, found: list[Finding]) -> int | None:
+    """How many edits count; None where the log cannot be read."""
+    try:
+        return len(history_of(scan).enabled)
+    except ScanCorrupt:
+        return None  # `_damage` has said so
+    except (InputError, ScanNewer) as e:
+        found.append(Finding("scan.edits", "warning", e.message, "the log of edits", e.hint))
+        return None
 
 
 def _laser(scan: Scan, name: str, found: list[Finding]) -> dict[str, Any]:
@@ -110,7 +128,7 @@ def _laser(scan: Scan, name: str, found: list[Finding]) -> dict[str, Any]:
     }
 
 
-def _report(scan: Scan, lasers: dict[str, Any], found: list[Finding]) -> dict[str, Any]:
+def _report(scan: Scan, lasers: dict[str, Any]) -> dict[str, Any]:
     plan = scan.plan
     itemsize = np.dtype(plan.dtype).itemsize
     return {
@@ -131,7 +149,6 @@ def _report(scan: Scan, lasers: dict[str, Any], found: list[Finding]) -> dict[st
         "complete": scan.complete,
         "closed": scan.sealed,
         "lasers": lasers,
-        "findings": json.loads(findings_json(found)),
     }
 
 
@@ -150,6 +167,8 @@ def _text(report: dict[str, Any], found: list[Finding]) -> str:
         if laser["step_deg"] is not None:
             angles += f", usual step {laser['step_deg']:.3f}°"
         lines.append(f"laser {name}: {laser['frames']} of {report['steps']} steps, {angles}")
+    if report["edits"]:
+        lines.append(f"{report['edits']} edits; see turnscan edits")
     lines += [str(f) for f in found]
     damaged = any(f.severity == "error" for f in found)
     lines.append("DAMAGED" if damaged else "whole: every frame agrees with its checksum")

@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from turnscan.cli._caps import caps_options
+from turnscan.cli._edit_source import wanted_history
 from turnscan.cli._input import read_rig_file
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_output, format_options, write_results
@@ -105,6 +106,13 @@ _length = Finite(min=0, min_open=True)
     show_default=True,
     help="Unit of range scans (.conf input); results are always mm.",
 )
+@click.option(
+    "--edits",
+    default="own",
+    metavar="own|none|FILE",
+    show_default=True,
+    help="Repairs to do: those kept in the scan, none, or those of another scan or .json file.",
+)
 @click.option("--report", type=_path, help="Report to write: .html with pictures, or .json.")
 @caps_options
 @format_options
@@ -127,6 +135,7 @@ def verb(
     merge: str,
     voxel: float | None,
     unit: str,
+    edits: str,
     report: Path | None,
     caps: Caps | None,
     options: ExportOptions,
@@ -140,6 +149,8 @@ def verb(
     ranges = source.suffix.lower() == ".conf"
     _refuse(_OF_PICTURES if ranges else _OF_RANGES, source)
     inputs = [source] if rig_path is None else [source, rig_path]
+    if edits not in ("own", "none"):
+        inputs.append(Path(edits))
     if ranges:
         from turnscan.cli._range_scans import join_scans, placed_scans
 
@@ -171,10 +182,11 @@ def verb(
         given = None if rig_path is None else read_rig_file(rig_path)
         with Scan.open(source) as scan:
             rig = rig_for(scan, given)
+            history = wanted_history(scan, edits)
             settings = replace(settings, volume=_volume(rig, scan, radius, z_min, z_max))
             looks = sum(len(lit_in(n, rig)) * len(scan.steps(n)) for n in scan.plan.lasers)
             with progress("reconstructing", looks) as tick:
-                done = reconstruct(scan, rig, settings, tick)
+                done = reconstruct(scan, rig, settings, tick, history.enabled)
     _finish(source, outputs, done, rig, settings, report, options)
 
 
@@ -218,7 +230,7 @@ def _finish(
         click.echo(str(finding), err=True)
     failed = any(f.severity == "error" for f in done.findings)
     if not failed:
-        options = replace(options, about=about(source, rig, settings))
+        options = replace(options, about=about(source, rig, settings, done.edits))
         lines: dict[str, tuple[object, ...]] = {}
         if "profiles" in options.dxf_forms:
             for grid in done.grids:

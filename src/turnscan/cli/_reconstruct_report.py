@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -12,6 +13,7 @@ import numpy as np
 
 from turnscan import __version__
 from turnscan.cli._output import check_output, write_atomically
+from turnscan.edit import Entry, edit_to_value, in_words
 from turnscan.pipeline import Reconstruction, Settings
 from turnscan.points import systematic_sigma
 from turnscan.rig import Rig, rig_hash
@@ -29,8 +31,13 @@ def check_report(path: Path | None, inputs: Sequence[Path]) -> None:
         check_output(path, (".html", ".json"), inputs)
 
 
-def about(source: Path, rig: Rig | None, settings: Settings) -> dict[str, object]:
-    """Provenance for the files: version, source, rig hash, parameters."""
+def about(
+    source: Path, rig: Rig | None, settings: Settings, edits: Sequence[Entry] = ()
+) -> dict[str, object]:
+    """Provenance for the files: version, source, rig hash, parameters, the edits that were done.
+
+    Edits are told in words; ``edits_sha256`` is that of their JSON, one a line.
+    """
     used = asdict(settings)
     if rig is None:  # range scans of another scanner: no pictures, no table
         used = {k: v for k, v in used.items() if k not in _OF_PICTURES}
@@ -39,6 +46,15 @@ def about(source: Path, rig: Rig | None, settings: Settings) -> dict[str, object
         "source": source.name,
         "rig_sha256": None if rig is None else rig_hash(rig),
         "parameters": _plain(used),
+        **(_mended(edits) if edits else {}),
+    }
+
+
+def _mended(edits: Sequence[Entry]) -> dict[str, object]:
+    texts = "\n".join(json.dumps(edit_to_value(e.edit), sort_keys=True) for e in edits)
+    return {
+        "edits": [f"{e.id}: {in_words(e.edit)}" for e in edits],
+        "edits_sha256": hashlib.sha256(texts.encode()).hexdigest(),
     }
 
 
@@ -107,7 +123,7 @@ def write_report(
     """Write the report, as JSON or as one HTML page with pictures of the surface."""
     if path.suffix.lower() == ".json":
         body = {
-            **about(source, rig, settings),
+            **about(source, rig, settings, done.edits),
             **figures(done, rig),
             "findings": [asdict(f) for f in done.findings],
         }
@@ -129,7 +145,7 @@ def write_report(
     for azimuth, elevation in _VIEWS:
         view = render(done.mesh, azimuth=azimuth, elevation=elevation)
         parts.append(html.picture(view, f"from {np.rad2deg(azimuth):.0f}°"))
-    parameters = json.dumps(about(source, rig, settings), indent=1, ensure_ascii=False)
+    parameters = json.dumps(about(source, rig, settings, done.edits), indent=1, ensure_ascii=False)
     parts += [html.heading("Parameters"), html.paragraph(parameters)]
     write_atomically(path, html.page(f"Reconstruction of {source.name}", parts).encode())
 

@@ -9,6 +9,7 @@ from turnscan.edit._edits import (
     Delete,
     DeletePoints,
     Edit,
+    Fill,
     GridEdit,
     HoleName,
     MeshEdit,
@@ -36,6 +37,7 @@ from turnscan.edit._history import (
     history_to_json,
 )
 from turnscan.edit._region import Place, Region
+from turnscan.edit._words import in_words
 
 __all__ = [
     "HAND_SIGMA",
@@ -56,6 +58,7 @@ __all__ = [
     "Edit",
     "Entry",
     "Eyes",
+    "Fill",
     "Go",
     "GridEdit",
     "History",
@@ -82,6 +85,7 @@ __all__ = [
     "history_from_json",
     "history_from_log",
     "history_to_json",
+    "in_words",
     "is_grid_edit",
     "lost_edits",
     "mend_grid",

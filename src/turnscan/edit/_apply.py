@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from turnscan.edit._body import Alive, Body, Compact, Patch, difference
-from turnscan.edit._edits import Close, Delete, MeshEdit, is_grid_edit
+from turnscan.edit._edits import Close, Delete, Fill, HoleName, MeshEdit, is_grid_edit
 from turnscan.edit._history import Entry
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding
-from turnscan.surface import Caps, Mesh, close
+from turnscan.surface import Caps, Hole, Mesh, close, fill, holes
+
+_LIKE = 3.0
+"""A hole of a third to three times the size may be the one that was meant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +68,44 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
         case Delete():
             faces = edit.where.find(body)
             return (Alive(faces, False),) if len(faces) else ()
+        case Fill():
+            before = Compact.of(body)
+            wanted = _named(holes(before.mesh), edit, findings)
+            return difference(body, before, fill(before.mesh, wanted, edit.how)) if wanted else ()
         case Close():
             before = Compact.of(body)
             caps = Caps(edit.floor, edit.reach, edit.top, edit.holes, edit.largest)
             mesh, said = close(before.mesh, caps)
             findings += [f for f in said if f.severity != "note"]
             return difference(body, before, mesh)
+
+
+def _named(there: list[Hole], edit: Fill, findings: list[Finding]) -> list[Hole]:
+    """The holes that an edit means; each name takes the nearest one that is like it."""
+    left = [h for h in there if edit.largest is None or h.size <= edit.largest]
+    if edit.holes is None:
+        return left
+    wanted = []
+    for name in edit.holes:
+        like = [h for h in left if _away(h, name) <= name.size and _alike(h, name)]
+        if not like:
+            x, y, z = name.centre
+            findings.append(
+                _nothing(f"no hole of {name.size:.2f} mm near ({x:.2f}, {y:.2f}, {z:.2f})")
+            )
+            continue
+        hole = min(like, key=lambda h: _away(h, name))
+        wanted.append(hole)
+        left = [h for h in left if h is not hole]
+    return wanted
+
+
+def _away(hole: Hole, name: HoleName) -> float:
+    return float(np.linalg.norm(hole.centre - name.centre))
+
+
+def _alike(hole: Hole, name: HoleName) -> bool:
+    return name.size / _LIKE <= hole.size <= name.size * _LIKE
 
 
 def _nothing(message: str) -> Finding:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from turnscan.edit._apply import Done, apply
 from turnscan.edit._body import Body, Patch, Replace
 from turnscan.edit._edits import Edit, is_grid_edit
-from turnscan.edit._history import Action, Entry, Go, History, Switch
+from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.findings import Finding
 from turnscan.surface import Mesh
 
@@ -85,7 +85,7 @@ class Document:
 
     def switch(self, id: int, on: bool) -> tuple[Document, Change]:
         """Switch one edit on or off. Raises InputError where there is none of that number."""
-        return self.after(Switch(id, on))
+        return self.after(self.history.switch(id, on))
 
     def after(self, action: Action) -> tuple[Document, Change]:
         """The document after an action, and what it changed. Raises InputError."""

@@ -16,7 +16,7 @@ from turnscan.edit._region import Length, Region
 from turnscan.errors import FormatError
 from turnscan.json_text import strict_json
 from turnscan.stripes import Choice, Strategy
-from turnscan.surface import FillHow, Top
+from turnscan.surface import FillHow, Hole, Top
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 Laser = Annotated[str, Field(min_length=1, max_length=200)]
@@ -37,6 +37,12 @@ class HoleName:
     centre: Vector
     size: Length
     """Largest distance between two points of its border."""
+
+    @classmethod
+    def of(cls, hole: Hole) -> HoleName:
+        """The name of a hole of a mesh."""
+        x, y, z = hole.centre.tolist()
+        return cls((x, y, z), hole.size)
 
 
 # Grid edits
@@ -127,6 +133,19 @@ class Delete:
 
 
 @dataclass(frozen=True)
+class Fill:
+    """Fill holes: those named, or all, the ones larger than a limit left open."""
+
+    __pydantic_config__ = _STRICT
+    holes: Annotated[tuple[HoleName, ...], Field(min_length=1, max_length=100_000)] | None = None
+    """None fills all."""
+    how: FillHow = "tangent"
+    largest: Length | None = None
+    """Holes of a larger size stay open; None sets no limit."""
+    kind: Literal["fill"] = "fill"
+
+
+@dataclass(frozen=True)
 class Close:
     """Close every gap: the foot down to the floor, the top, then all holes (`surface.Caps`)."""
 
@@ -140,7 +159,7 @@ class Close:
 
 
 GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
-MeshEdit = Delete | Close
+MeshEdit = Delete | Fill | Close
 Edit = GridEdit | MeshEdit
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])

@@ -103,6 +103,12 @@ class History:
             raise InputError("there is nothing to redo")
         return Go(ahead[0] + 1)
 
+    def switch(self, id: int, on: bool) -> Switch:
+        """The action that switches one edit on or off. Raises InputError where there is none."""
+        if all(e.id != id for e in self.entries):
+            raise _unknown(id)
+        return Switch(id, on)
+
     def after(self, action: Action) -> History:
         """The history after an action. Raises InputError for one that does not fit it."""
         match action:
@@ -120,9 +126,13 @@ class History:
             case Switch():
                 at = next((i for i, e in enumerate(self.entries) if e.id == action.id), None)
                 if at is None:
-                    raise InputError(f"there is no edit {action.id} in the history")
+                    raise _unknown(action.id)
                 entry = replace(self.entries[at], on=action.on)
                 return replace(self, entries=(*self.entries[:at], entry, *self.entries[at + 1 :]))
+
+
+def _unknown(id: int) -> InputError:
+    return InputError(f"there is no edit {id} in the history", hint="turnscan edits lists them")
 
 
 def action_to_json(action: Action) -> str:

@@ -97,6 +97,11 @@ class Region:
             )
         return cls(body.key, runs_of(chosen), _place(body, chosen))
 
+    @property
+    def count(self) -> int:
+        """Number of faces it had on its own mesh."""
+        return sum(self.faces[1::2])
+
     def find(self, body: Body) -> Ints:
         """(n,) numbers of the living faces of ``body`` that belong to the region, ascending."""
         if self.mesh == body.key:

@@ -1,0 +1,102 @@
+"""``turnscan edits``: the repairs kept in a scan file, listed, switched, copied."""
+
+from __future__ import annotations
+
+import math
+import time
+from datetime import datetime
+from pathlib import Path
+
+import click
+
+from turnscan.cli._edit_source import history_of, read_history
+from turnscan.cli._output import check_output, write_atomically
+from turnscan.edit import (
+    Action,
+    Add,
+    History,
+    action_from_json,
+    action_to_json,
+    history_to_json,
+    in_words,
+)
+from turnscan.scan import Scan
+
+_path = click.Path(path_type=Path)
+
+
+@click.command("edits")
+@click.argument("scan", type=_path)
+@click.option(
+    "-o", "--output", type=_path, help="Write the edits that are done to this .json file."
+)
+@click.option("--add", "source", type=_path, help="Add the edits of another scan or .json file.")
+@click.option("--off", type=int, multiple=True, metavar="N", help="Switch edit N off.")
+@click.option("--on", type=int, multiple=True, metavar="N", help="Switch edit N on again.")
+@click.option("--undo", is_flag=True, help="Take back the last edit.")
+@click.option("--redo", is_flag=True, help="Do the next undone edit again.")
+def verb(
+    scan: Path,
+    output: Path | None,
+    source: Path | None,
+    off: tuple[int, ...],
+    on: tuple[int, ...],
+    undo: bool,
+    redo: bool,
+) -> None:
+    """List the edits kept in SCAN, those undone too, after changing them as the options say.
+
+    Nothing is forgotten: the file keeps every action, and the frames are never touched.
+    """
+    if output is not None:
+        check_output(output, (".json",), [scan, *([source] if source else [])])
+    added = [] if source is None else [e.edit for e in read_history(source).enabled]
+    if source or off or on or undo or redo:
+        with Scan.resume(scan) as opened:
+            history = history_of(opened)
+            actions: list[Action] = []
+            for edit in added:
+                history = _then(actions, history, history.add(edit))
+            for number in (*off, *on):
+                history = _then(actions, history, history.switch(number, number in on))
+            if undo:
+                history = _then(actions, history, history.undo())
+            if redo:
+                _then(actions, history, history.redo())
+            # Every one fits the history; only now is anything written.
+            for action in actions:
+                opened.append_edit(action_to_json(action), time.time())
+    with Scan.open(scan) as opened:
+        history = history_of(opened)
+        times = _times(opened)
+    if output is not None:
+        write_atomically(output, history_to_json(history).encode())
+    for line in _listed(history, times):
+        click.echo(line)
+    if output is not None:
+        click.echo(f"{output}: {history.cursor} edits")
+
+
+def _then(actions: list[Action], history: History, action: Action) -> History:
+    actions.append(action)
+    return history.after(action)
+
+
+def _times(scan: Scan) -> dict[int, float]:
+    """When each edit was made."""
+    log = scan.edits()
+    made = ((action_from_json(entry.text), entry.time) for entry in log)
+    return {action.id: at for action, at in made if isinstance(action, Add)}
+
+
+def _listed(history: History, times: dict[int, float]) -> list[str]:
+    if not history.entries:
+        return ["no edits"]
+    lines = []
+    for place, entry in enumerate(history.entries):
+        state = "done" if place < history.cursor else "undone"
+        at = times[entry.id]
+        when = "" if math.isnan(at) else datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M  ")
+        mark = state if entry.on else f"{state}, off"
+        lines.append(f"{entry.id:>4}  {when}{mark:<11}  {in_words(entry.edit)}")
+    return lines

@@ -1,0 +1,58 @@
+"""Edits in words, for lists of the history on the command line and in the browser."""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from turnscan.edit._edits import (
+    Close,
+    CloseSeam,
+    Delete,
+    DeletePoints,
+    Edit,
+    Fill,
+    PickCandidate,
+    ProfileOff,
+    Redetect,
+    SetPoint,
+    Span,
+)
+
+
+def in_words(edit: Edit) -> str:
+    """What an edit does, and to how much, in a few words."""
+    match edit:
+        case DeletePoints():
+            what = f"{len(edit.lines)} points" if len(edit.lines) > 1 else f"line {edit.lines[0]}"
+            return f"delete {what} of step {edit.step}, laser {edit.laser}"
+        case SetPoint():
+            where = f"line {edit.line} of step {edit.step}, laser {edit.laser}"
+            return f"set the point of {where} to {edit.position:.2f} px"
+        case PickCandidate():
+            where = f"{_span('line', edit.lines)} of step {edit.step}, laser {edit.laser}"
+            return f"pick the candidate near {edit.position:.1f} px in {where}"
+        case ProfileOff():
+            return f"switch off {_span('step', edit.steps)} of laser {edit.laser}"
+        case Redetect():
+            where = f"{_span('step', edit.steps)}, {_span('line', edit.lines)} of {edit.laser}"
+            level = None if edit.threshold is None else f"threshold {edit.threshold:g}"
+            how = [w for w in (level, edit.strategy, edit.choose) if w is not None]
+            return f"detect {where} again" + (f" ({', '.join(how)})" if how else "")
+        case CloseSeam():
+            return f"close the seam of laser {edit.laser}"
+        case Delete():
+            return f"delete {edit.where.count} faces"
+        case Fill():
+            many = "all holes" if edit.holes is None else f"{len(edit.holes)} holes"
+            if edit.holes is not None and len(edit.holes) == 1:
+                many = f"a hole of {edit.holes[0].size:.1f} mm"
+            limit = "" if edit.largest is None else f" up to {edit.largest:g} mm"
+            return f"fill {many}{limit} ({edit.how})"
+        case Close():
+            return "close all gaps"
+        case _:
+            assert_never(edit)
+
+
+def _span(word: str, span: Span) -> str:
+    return f"{word} {span[0]}" if span[0] == span[1] else f"{word}s {span[0]}–{span[1]}"
