@@ -17,6 +17,7 @@ import signal
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -98,12 +99,29 @@ def answer(pid: int, read: int) -> Any:
     return json.loads(said) if said else None
 
 
+def mend(path: Path, texts: list[str], said: int = -1) -> None:
+    """Append edits to a scan file; a byte to ``said`` before each."""
+    with Scan.resume(path) as opened:
+        for text in texts:
+            os.write(said, b".")
+            opened.append_edit(text, 5.0)
+
+
+def kill_edits(ask: dict[str, Any]) -> dict[str, Any]:
+    """Kill an edit session ``delay`` s after the beginning of edit ``commit``."""
+    return _killed(ask, lambda said: mend(Path(ask["path"]), ask["texts"], said))
+
+
 def kill(ask: dict[str, Any]) -> dict[str, Any]:
     """Kill a scan after ``seconds``, or ``delay`` s after the beginning of commit ``commit``."""
+    return _killed(ask, lambda said: scan(Path(ask["path"]), ask["steps"], said))
+
+
+def _killed(ask: dict[str, Any], work: Callable[[int], Any]) -> dict[str, Any]:
     told, said = os.pipe()
     os.set_blocking(said, False)
     path = Path(ask["path"])
-    pid, read = fork(lambda: scan(path, ask["steps"], said))
+    pid, read = fork(lambda: work(said))
     os.close(said)
     if "commit" in ask:
         seen = 0
@@ -202,7 +220,7 @@ def main() -> None:
     random.seed(0)
     gc.collect()
     gc.freeze()
-    verbs = {f.__name__: f for f in (kill, whole, race, starve, logged, children)}
+    verbs = {f.__name__: f for f in (kill, kill_edits, whole, race, starve, logged, children)}
     for line in sys.stdin:
         ask = json.loads(line)
         print(json.dumps(verbs[ask["do"]](ask)), flush=True)

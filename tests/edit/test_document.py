@@ -1,0 +1,200 @@
+"""Undo, redo, switching and stepping: whatever the way, the surface is that of its edits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from tests.edit.surfaces import around, sheet
+from turnscan.edit import (
+    Body,
+    Close,
+    Delete,
+    Document,
+    Edit,
+    Fill,
+    HoleName,
+    ProfileOff,
+    Region,
+    Replace,
+    action_to_json,
+    history_from_log,
+    is_grid_edit,
+)
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+
+SHEETS = [sheet(8, seed, 0.02 * seed, size=14.0) for seed in range(3)]
+
+
+def build(edits: Any) -> Any:
+    """A surface that depends on the grid edits, as a reconstruction does."""
+    return SHEETS[len(edits) % 3], [Finding("grid", "note", f"{len(edits)} grid edits")]
+
+
+class Session(RuleBasedStateMachine):
+    """A person at work; a second browser that knows the patches alone; and a plain model."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.document = Document.open(build)
+        self.mirror = self.document.body
+        self.log: list[str] = []
+        self.model: list[list[Any]] = []  # edit, on
+        self.cursor = 0
+        self.old = [self.document.body]
+
+    def took(self, step: tuple[Document, Any]) -> None:
+        self.document, change = step
+        for patch in change.patches:
+            self.mirror = patch.on(self.mirror)
+        self.log.append(action_to_json(change.action))
+
+    def made(self, edit: Edit) -> None:
+        self.took(self.document.add(edit))
+        self.model = [*self.model[: self.cursor], [edit, True]]
+        self.cursor = len(self.model)
+
+    @rule(data=st.data())
+    def delete(self, data: Any) -> None:
+        """On the surface there is now, or on one seen earlier."""
+        body = data.draw(st.sampled_from([self.document.body, *self.old[-2:]]))
+        living = np.flatnonzero(body.alive)
+        if len(living):
+            faces = data.draw(st.lists(st.sampled_from(living.tolist()), min_size=1, max_size=20))
+            self.made(Delete(Region.of(body, faces)))
+            self.old.append(self.document.body)
+
+    @rule(how=st.sampled_from(["flat", "tangent"]), largest=st.sampled_from([None, 4.0]))
+    def fill(self, how: Any, largest: float | None) -> None:
+        self.made(Fill(None, how, largest))
+
+    @rule()
+    def fill_what_is_not_there(self) -> None:
+        self.made(Fill((HoleName((500.0, 0.0, 0.0), 2.0),)))
+
+    @rule()
+    def close(self) -> None:
+        self.made(Close())
+
+    @rule(step=st.integers(0, 3))
+    def profile(self, step: int) -> None:
+        self.made(ProfileOff("left", (step, step)))
+
+    @rule()
+    def undo(self) -> None:
+        done = [i for i in range(self.cursor) if self.model[i][1]]
+        if not done:
+            with pytest.raises(InputError, match="nothing to undo"):
+                self.document.undo()
+        else:
+            self.took(self.document.undo())
+            self.cursor = done[-1]
+
+    @rule()
+    def redo(self) -> None:
+        ahead = [i for i in range(self.cursor, len(self.model)) if self.model[i][1]]
+        if not ahead:
+            with pytest.raises(InputError, match="nothing to redo"):
+                self.document.redo()
+        else:
+            self.took(self.document.redo())
+            self.cursor = ahead[0] + 1
+
+    @precondition(lambda self: self.model)
+    @rule(data=st.data())
+    def go(self, data: Any) -> None:
+        cursor = data.draw(st.integers(0, len(self.model)))
+        self.took(self.document.go(cursor))
+        self.cursor = cursor
+
+    @precondition(lambda self: self.model)
+    @rule(data=st.data(), on=st.booleans())
+    def switch(self, data: Any, on: bool) -> None:
+        at = data.draw(st.integers(0, len(self.model) - 1))
+        self.took(self.document.switch(self.document.history.entries[at].id, on))
+        self.model[at][1] = on
+
+    @invariant()
+    def the_second_browser_sees_the_same(self) -> None:
+        assert self.mirror.digest() == self.document.body.digest()
+
+    @invariant()
+    def the_history_is_that_of_the_model(self) -> None:
+        h = self.document.history
+        assert [[e.edit, e.on] for e in h.entries] == self.model
+        assert h.cursor == self.cursor
+
+    def teardown(self) -> None:
+        """From the log alone, from scratch: the same history and the same surface, to the bit."""
+        history = history_from_log(self.log)
+        assert history == self.document.history
+        again = Document.open(build, history)
+        assert again.body.digest() == self.document.body.digest()
+        assert again.findings == self.document.findings
+
+
+Session.TestCase.settings = settings(
+    max_examples=1000,
+    stateful_step_count=10,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+)
+TestSession = Session.TestCase
+
+
+def test_undo_and_redo_of_a_delete_touch_its_faces_alone() -> None:
+    mesh = sheet(40)
+    document = Document.open(lambda _: (mesh, ()))
+    faces = around(mesh, (20, 20), 6)
+    deleted, change = document.add(Delete(Region.of(document.body, faces)))
+    assert [p.faces.tolist() for p in change.patches] == [faces.tolist()]
+    undone, change = deleted.undo()
+    assert [(p.value, p.faces.tolist()) for p in change.patches] == [(True, faces.tolist())]
+    assert undone.body.mesh is document.body.mesh, "nothing is copied that does not change"
+    again, change = undone.redo()
+    assert again.body.digest() == deleted.body.digest()
+    assert [p.value for p in change.patches] == [False]
+
+
+def test_a_preview_changes_nothing() -> None:
+    mesh = sheet(20)
+    document = Document.open(lambda _: (mesh, ()))
+    before = document.body.digest()
+    shown, change = document.add(Delete(Region.of(document.body, around(mesh, (20, 20), 6))))
+    assert len(change.patches) == 1
+    assert document.body.digest() == before != shown.body.digest()
+    assert document.history.entries == ()
+
+
+def test_what_an_edit_cannot_do_is_said_and_the_rest_is_done() -> None:
+    mesh = sheet(20)
+    document = Document.open(lambda _: (mesh, ()))
+    document, change = document.add(Fill((HoleName((500.0, 0.0, 0.0), 2.0),)))
+    assert [(f.code, f.severity, f.where) for f in change.findings] == [
+        ("edit.nothing", "warning", "edit 1 (fill)")
+    ]
+    assert "no hole of 2.00 mm near (500.00" in change.findings[0].message
+    document, _ = document.add(Fill())
+    assert (~document.body.measured).any()
+    assert [f.code for f in document.findings] == ["edit.nothing"]
+
+
+def test_a_grid_edit_makes_another_surface_and_the_mesh_edits_follow_it() -> None:
+    document = Document.open(build)
+    region = Region.of(document.body, around(SHEETS[0], (7, 7), 3))
+    document, _ = document.add(Delete(region))
+    document, change = document.add(ProfileOff("left", (3, 3)))
+    assert is_grid_edit(document.history.entries[1].edit)
+    assert [type(p) for p in change.patches] == [Replace]
+    assert document.base.digest() == Body.of(SHEETS[1]).digest()
+    gone = np.flatnonzero(~document.body.alive)
+    assert len(np.setxor1d(gone, around(SHEETS[1], (7, 7), 3))) <= 2
+    document, _ = document.undo()
+    assert document.base.digest() == Body.of(SHEETS[0]).digest()
+    assert (~document.body.alive).sum() == region.count
