@@ -1,0 +1,74 @@
+/** Everything the page can do, once: the palette, the key sheet and the keyboard read this list. */
+import { signal } from "@preact/signals";
+import { link } from "./bus";
+import { place, theme, level, ask, go, complain } from "./state";
+import { redo, undo } from "./part";
+
+export interface Command {
+  title: string;
+  group: string;
+  /** As people write them: "Ctrl+Shift+Z"; several are parted by " / ". */
+  keys?: string;
+  run: () => void;
+  enabled?: () => boolean;
+}
+
+export const paletteOpen = signal(false);
+export const keysOpen = signal(false);
+/** The commands of the room that is shown. */
+export const roomCommands = signal<readonly Command[]>([]);
+/** The rooms, for the commands that lead there. */
+export const roomList = signal<readonly { id: string; title: string }[]>([]);
+
+/** Lasers dark and table stopped, for anybody, from anywhere. */
+export function stop(): void {
+  link.request({ kind: "stop" }).catch(complain);
+}
+
+function general(): Command[] {
+  return [
+    { title: "STOP: lasers dark, table still", group: "Everywhere", keys: "Ctrl+.", run: stop },
+    { title: "All commands", group: "Everywhere", keys: "Ctrl+K", run: () => (paletteOpen.value = true) },
+    { title: "Keys", group: "Everywhere", keys: "?", run: () => (keysOpen.value = true) },
+    { title: "Undo", group: "Everywhere", keys: "Ctrl+Z", run: () => void undo() },
+    { title: "Redo", group: "Everywhere", keys: "Ctrl+Shift+Z / Ctrl+Y", run: () => void redo() },
+    { title: "Dark or light", group: "Everywhere", run: () => (theme.value = theme.value === "dark" ? "light" : "dark") },
+    { title: "Beginner or expert panels", group: "Everywhere", run: () => (level.value = level.value === "beginner" ? "expert" : "beginner") },
+    { title: "Take control", group: "Everywhere", run: () => void ask({ kind: "take_control" }) },
+    { title: "All scans", group: "Rooms", run: () => go("projects", null) },
+    ...roomList.value.map(({ id, title }, i) => ({
+      title: `Go to ${title}`,
+      group: "Rooms",
+      keys: `Alt+${i + 1}`,
+      run: () => go(id),
+      enabled: () => place.value.room !== id,
+    })),
+  ];
+}
+
+export function allCommands(): Command[] {
+  return [...roomCommands.value, ...general()];
+}
+
+/** The name of a key stroke as the list writes it. */
+export function strokeOf(event: KeyboardEvent): string {
+  const named: Record<string, string> = { " ": "Space", ArrowUp: "Up", ArrowDown: "Down", ArrowLeft: "Left", ArrowRight: "Right", PageUp: "PgUp", PageDown: "PgDn", Delete: "Del", Escape: "Esc" };
+  const key = named[event.key] ?? (event.key.length === 1 ? event.key.toUpperCase() : event.key);
+  const letter = event.key.length === 1 && event.key.toUpperCase() === event.key.toLowerCase();
+  const parts = [event.ctrlKey || event.metaKey ? "Ctrl" : "", event.altKey ? "Alt" : "", event.shiftKey && !letter ? "Shift" : "", key];
+  return parts.filter(Boolean).join("+");
+}
+
+const TEXT_FIELDS = 'input:not([type="checkbox"]):not([type="radio"]):not([type="range"]), textarea, select';
+
+/** Run the command of a key stroke; keys belong to a text field while one is being filled in. */
+export function onKey(event: KeyboardEvent): void {
+  const stroke = strokeOf(event);
+  const target = event.target as Element;
+  const writing = target.matches?.(TEXT_FIELDS) || target.closest?.("dialog") !== null;
+  if (writing && stroke !== "Ctrl+." && stroke !== "Ctrl+K") return;
+  const command = allCommands().find(({ keys, enabled }) => keys?.split(" / ").includes(stroke) && (enabled?.() ?? true));
+  if (!command) return;
+  event.preventDefault();
+  command.run();
+}

@@ -1,0 +1,126 @@
+/** The wire to the server: one WebSocket that comes back by itself, and GETs for what is large. */
+import { type AnyArray, type Message, NO_ARRAYS, pack, unpack } from "./envelope";
+import type { ClientMessage, Problem, Refused, ServerMessage } from "./protocol";
+
+export type Received = Message<ServerMessage>;
+
+type Answered = Extract<ClientMessage, { id: number }>;
+/** A request as callers write it: the link adds the number. */
+export type Request = Answered extends infer R ? (R extends { id: number } ? Omit<R, "id"> : never) : never;
+
+/** What the server said no to, in words for a person. */
+export class RefusedError extends Error {
+  constructor(
+    readonly code: string,
+    text: string,
+    readonly hint: string,
+  ) {
+    super(text);
+  }
+}
+
+const REQUEST_SECONDS = 120;
+const FETCH_SECONDS = 120;
+const RETRY_MS = [250, 500, 1000, 2000, 4000];
+
+interface Waiting {
+  resolve: (message: Received) => void;
+  reject: (error: Error) => void;
+  timer: ReturnType<typeof setTimeout>;
+}
+
+export class Link {
+  private socket: WebSocket | null = null;
+  private readonly waiting = new Map<number, Waiting>();
+  private nextId = 1;
+  private attempt = 0;
+
+  constructor(
+    private readonly onMessage: (message: Received) => void,
+    private readonly onState: (state: "open" | "lost") => void,
+  ) {}
+
+  connect(): void {
+    const url = new URL("ws", document.baseURI);
+    url.protocol = url.protocol.replace("http", "ws");
+    const socket = new WebSocket(url);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.onopen = () => {
+      this.attempt = 0;
+      this.onState("open");
+    };
+    socket.onmessage = (event) => this.receive(event.data);
+    socket.onclose = () => {
+      this.onState("lost");
+      for (const [id] of this.waiting) {
+        this.settle(id)?.reject(new RefusedError("lost", "The connection to turnscan was lost.", "It comes back by itself while the server runs."));
+      }
+      const pause = RETRY_MS[Math.min(this.attempt++, RETRY_MS.length - 1)];
+      setTimeout(() => this.connect(), pause);
+    };
+  }
+
+  /** Send a request; resolves with its answer, rejects with `RefusedError`. */
+  request(request: Request, arrays: Record<string, AnyArray> = {}): Promise<Received> {
+    const id = this.nextId++;
+    return new Promise((resolve, reject) => {
+      const timer = setTimeout(() => {
+        this.settle(id)?.reject(new RefusedError("late", "The server did not answer.", "Look at the window it runs in."));
+      }, REQUEST_SECONDS * 1000);
+      this.waiting.set(id, { resolve, reject, timer });
+      if (!this.send({ ...request, id }, arrays)) {
+        this.settle(id)?.reject(new RefusedError("lost", "There is no connection to turnscan.", "It comes back by itself while the server runs."));
+      }
+    });
+  }
+
+  /** Send without waiting for an answer; false when there is no connection. */
+  send(message: object, arrays: Record<string, AnyArray> = {}): boolean {
+    if (this.socket?.readyState !== WebSocket.OPEN) return false;
+    const binary = Object.keys(arrays).length > 0;
+    this.socket.send(binary ? pack(message, arrays) : JSON.stringify(message));
+    return true;
+  }
+
+  private receive(data: string | ArrayBuffer): void {
+    const message: Received =
+      typeof data === "string" ? { header: JSON.parse(data), arrays: NO_ARRAYS } : unpack<ServerMessage>(data);
+    // Patches come before the answer to the edit that made them: everybody hears first.
+    this.onMessage(message);
+    const { header } = message;
+    if (!("id" in header) || header.id === null) return;
+    const waiting = this.settle(header.id);
+    if (header.kind === "refused") waiting?.reject(refusal(header));
+    else waiting?.resolve(message);
+  }
+
+  private settle(id: number): Waiting | undefined {
+    const waiting = this.waiting.get(id);
+    this.waiting.delete(id);
+    clearTimeout(waiting?.timer);
+    return waiting;
+  }
+}
+
+function refusal(message: Refused): RefusedError {
+  return new RefusedError(message.code, message.text, message.hint);
+}
+
+/** An HTTP request that changes something needs this header, which no foreign page can send. */
+export async function http(path: string, init: RequestInit = {}): Promise<Response> {
+  const response = await fetch(path, {
+    ...init,
+    headers: { ...init.headers, "X-Turnscan": "1" },
+    signal: AbortSignal.timeout(FETCH_SECONDS * 1000),
+  });
+  if (response.ok) return response;
+  const problem: Problem = await response
+    .json()
+    .catch(() => ({ code: String(response.status), text: `The server answered ${response.status}.`, hint: "" }));
+  throw new RefusedError(problem.code, problem.text, problem.hint);
+}
+
+export async function getArrays<H>(path: string): Promise<Message<H>> {
+  return unpack<H>(await (await http(path)).arrayBuffer());
+}

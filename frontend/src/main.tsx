@@ -1,0 +1,42 @@
+import { effect } from "@preact/signals";
+import { render } from "preact";
+import { link } from "./bus";
+import { onKey, roomCommands, roomList } from "./commands";
+import { home, rooms } from "./rooms";
+import { place } from "./state";
+import { expose } from "./testing";
+import "./theme.css";
+import { KeySheet, Notices, Palette, StatusLine } from "./ui/frame";
+import { TopBar } from "./ui/topbar";
+
+function room() {
+  const found = rooms.find(({ id }) => id === place.value.room);
+  return found && (place.value.scan || !found.needsScan) ? found : home;
+}
+
+function App() {
+  const { View, title } = room();
+  return (
+    <div class="app">
+      <TopBar />
+      <main style={{ display: "contents" }} aria-label={title}>
+        <View />
+      </main>
+      <StatusLine />
+      <Notices />
+      <Palette />
+      <KeySheet />
+    </div>
+  );
+}
+
+roomList.value = rooms.map(({ id, title }) => ({ id, title }));
+effect(() => {
+  roomCommands.value = room().commands;
+});
+window.addEventListener("keydown", onKey);
+// A file dropped beside its place must not replace the page.
+for (const kind of ["dragover", "drop"]) window.addEventListener(kind, (event) => event.preventDefault());
+render(<App />, document.getElementById("app")!);
+link.connect();
+expose();

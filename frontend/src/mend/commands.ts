@@ -1,0 +1,65 @@
+import type { Command } from "../commands";
+import { listHoles } from "../part";
+import { VIEWS, type ViewName } from "../viewport/camera";
+import { bordersShown, brushRadius, currentViewport, selected, tool, visibleOnly } from "../viewport/place";
+import { TOOLS, type Tool } from "../viewport/viewport";
+import { deletePoints, deleteSelected, deleteUnselected } from "./edits";
+import { zoomToMark } from "./panes";
+import { nudge } from "./point";
+import { large, lines, preview, stepMark, tab } from "./state";
+
+export const TOOL_NAMES: Record<Tool, readonly [string, string]> = {
+  navigate: ["Look and mark", "V"],
+  box: ["Box", "R"],
+  lasso: ["Lasso", "L"],
+  polygon: ["Polygon", "P"],
+  brush: ["Brush", "B"],
+  connected: ["Connected piece", "W"],
+  angle: ["Region up to an edge", "A"],
+  smooth: ["Smoothing brush", "G"],
+  cut: ["Cut by a plane", "K"],
+};
+
+const view = () => currentViewport();
+const some = () => selected.value > 0;
+const resizeBrush = (factor: number) => (brushRadius.value = Math.max(3, Math.min(300, brushRadius.value * factor)));
+const VIEW_KEYS: Record<ViewName, string> = { front: "1", back: "2", left: "3", right: "4", top: "5", bottom: "6", corner: "7" };
+
+/** Drop what is under way: a preview, the selection, the tool, in this order. */
+function escape(): void {
+  if (preview.value) preview.value = null;
+  else if (lines.value.length) lines.value = [];
+  else if (some()) view()?.clearSelection();
+  else tool.value = "navigate";
+}
+
+export const commands: readonly Command[] = [
+  ...TOOLS.map((name) => ({ title: TOOL_NAMES[name][0], group: "Tools", keys: TOOL_NAMES[name][1], run: () => (tool.value = name) })),
+  { title: "Smaller brush", group: "Tools", keys: "[", run: () => resizeBrush(1 / 1.25) },
+  { title: "Larger brush", group: "Tools", keys: "]", run: () => resizeBrush(1.25) },
+  { title: "Only what is seen, or through", group: "Selection", keys: "N", run: () => (visibleOnly.value = !visibleOnly.value) },
+  { title: "Grow", group: "Selection", keys: "+", run: () => view()?.grow(), enabled: some },
+  { title: "Shrink", group: "Selection", keys: "-", run: () => view()?.shrink(), enabled: some },
+  { title: "Invert", group: "Selection", keys: "Ctrl+I", run: () => view()?.invert() },
+  { title: "Select all", group: "Selection", keys: "Ctrl+A", run: () => view()?.selectAll() },
+  { title: "Drop preview, selection, tool", group: "Selection", keys: "Esc", run: escape },
+  { title: "Delete the selection", group: "Repair", keys: "Del", run: () => void (some() ? deleteSelected() : deletePoints()) },
+  { title: "Delete all but the selection", group: "Repair", keys: "Ctrl+Del", run: () => void deleteUnselected(), enabled: some },
+  { title: "Holes and remarks", group: "Repair", keys: "H", run: () => { tab.value = "holes"; void listHoles(); } },
+  { title: "History", group: "Repair", keys: "Y", run: () => (tab.value = "history") },
+  { title: "See the selection", group: "View", keys: "F", run: () => view()?.fit(true) },
+  { title: "See everything", group: "View", keys: "Shift+F", run: () => view()?.fit() },
+  ...(Object.keys(VIEWS) as ViewName[]).map((name) => ({ title: `Look from the ${name}`, group: "View", keys: VIEW_KEYS[name], run: () => view()?.view(name) })),
+  { title: "Perspective or parallel", group: "View", keys: "O", run: () => view()?.toggleOrthographic() },
+  { title: "Show the borders of holes", group: "View", keys: "E", run: () => (bordersShown.value = !bordersShown.value) },
+  { title: "One view alone, or all", group: "View", keys: "X", run: () => (large.value = large.value ? null : "surface") },
+  { title: "Profile before", group: "Profile", keys: "PgUp", run: () => stepMark(-1, 0) },
+  { title: "Profile after", group: "Profile", keys: "PgDn", run: () => stepMark(1, 0) },
+  { title: "Ten profiles before", group: "Profile", keys: "Shift+PgUp", run: () => stepMark(-10, 0) },
+  { title: "Ten profiles after", group: "Profile", keys: "Shift+PgDn", run: () => stepMark(10, 0) },
+  { title: "Line above", group: "Profile", keys: "Up", run: () => stepMark(0, -1) },
+  { title: "Line below", group: "Profile", keys: "Down", run: () => stepMark(0, 1) },
+  { title: "Point to the left", group: "Profile", keys: "Shift+Left", run: () => nudge(-1) },
+  { title: "Point to the right", group: "Profile", keys: "Shift+Right", run: () => nudge(1) },
+  { title: "Zoom to the marked line", group: "Profile", keys: "Z", run: () => zoomToMark() },
+];

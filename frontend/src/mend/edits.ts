@@ -1,0 +1,108 @@
+/** The repairs: what each asks the server to do. */
+import { doEdit, type EditValue, type Hole, holes, mark, opened, previewEdit, type Preview } from "../part";
+import type { AnyArray } from "../envelope";
+import { notify } from "../state";
+import { count } from "../ui/controls";
+import { currentViewport } from "../viewport/place";
+import { chosenHoles, lines, preview } from "./state";
+
+export type FillHow = "flat" | "tangent" | "curvature";
+
+type Faces = Record<string, AnyArray>;
+
+function selectedFaces(): Faces | null {
+  const selection = currentViewport()?.selection;
+  if (!selection?.count) {
+    notify("note", "Nothing is selected.", "Use a tool on the left first, for instance the lasso (L).");
+    return null;
+  }
+  return { faces: selection.numbers() };
+}
+
+export async function deleteSelected(): Promise<void> {
+  const faces = selectedFaces();
+  if (faces) await doEdit({ kind: "delete" }, faces);
+}
+
+export async function deleteUnselected(): Promise<void> {
+  if (!selectedFaces()) return;
+  currentViewport()?.invert();
+  await deleteSelected();
+}
+
+/** An edit of the selection, or of everything where nothing is selected. */
+export async function doOnSelection(edit: EditValue): Promise<void> {
+  const selection = currentViewport()?.selection;
+  await doEdit(edit, selection?.count ? { faces: selection.numbers() } : {});
+}
+
+function holeNames(which: readonly Hole[]) {
+  return which.map(({ centre, size }) => ({ centre, size }));
+}
+
+/** Holes named by a click, or all below a size. */
+export function fillValue(which: readonly Hole[] | null, how: FillHow, largest: number | null): EditValue {
+  return which ? { kind: "fill", holes: holeNames(which), how } : { kind: "fill", how, largest };
+}
+
+export function chosenHoleList(): Hole[] {
+  return (holes.value ?? []).filter(({ hole }) => chosenHoles.value.has(hole));
+}
+
+/** Show what an edit would do. */
+export async function show(edit: EditValue, arrays: Faces = {}): Promise<Preview | null> {
+  const shown = await previewEdit(edit, arrays);
+  preview.value = shown && { ...shown, of: edit.kind };
+  return shown;
+}
+
+export async function apply(edit: EditValue, arrays: Faces = {}): Promise<boolean> {
+  preview.value = null;
+  const done = await doEdit(edit, arrays);
+  if (done) chosenHoles.value = new Set();
+  return done;
+}
+
+/** The name of the laser of the marked point. */
+function laser(): string {
+  return opened.value?.grids.find(({ grid }) => grid === mark.value?.grid)?.laser ?? "";
+}
+
+export async function deletePoints(): Promise<void> {
+  const at = mark.value;
+  if (!at || at.step < 0) return;
+  const which = lines.value.length ? lines.value : [at.line];
+  if (await doEdit({ kind: "delete_points", laser: laser(), step: at.step, lines: which })) lines.value = [];
+}
+
+export async function placePoint(line: number, position: number): Promise<void> {
+  const at = mark.value;
+  if (!at || at.step < 0) return;
+  await doEdit({ kind: "set_point", laser: laser(), step: at.step, line, position });
+}
+
+export async function pickCandidate(line: number, position: number): Promise<void> {
+  const at = mark.value;
+  if (!at || at.step < 0) return;
+  const inside = lines.value.includes(line);
+  const span = inside ? [Math.min(...lines.value), Math.max(...lines.value)] : [line, line];
+  await doEdit({ kind: "pick_candidate", laser: laser(), step: at.step, lines: span, position });
+}
+
+export async function switchProfilesOff(steps: readonly [number, number]): Promise<void> {
+  await doEdit({ kind: "profile_off", laser: laser(), steps });
+}
+
+export interface Seeking {
+  steps: readonly [number, number];
+  lines: readonly [number, number];
+  threshold: number | null;
+  strategy: string | null;
+  choose: string | null;
+}
+
+export async function detectAgain(how: Seeking): Promise<void> {
+  if (await doEdit({ kind: "redetect", laser: laser(), ...how })) {
+    notify("note", `Detected again in ${count(how.steps[1] - how.steps[0] + 1)} profiles.`);
+  }
+}

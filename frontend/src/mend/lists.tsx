@@ -1,0 +1,156 @@
+/** Holes, defects and the history. */
+import { useEffect } from "preact/hooks";
+import { useSignal } from "@preact/signals";
+import { cursor, defects, goTo, history, holes, type Hole, listDefects, listHoles, redo, switchEdit, undo, opened } from "../part";
+import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
+import { currentViewport } from "../viewport/place";
+import { apply, chosenHoleList, type FillHow, fillValue, show } from "./edits";
+import { chosenHoles, markPlace, preview } from "./state";
+
+const HOW: readonly (readonly [FillHow, string])[] = [
+  ["flat", "flat"],
+  ["tangent", "tangent"],
+  ["curvature", "with curvature"],
+];
+
+function zoomTo(hole: Hole): void {
+  chosenHoles.value = new Set([hole.hole]);
+  currentViewport()?.lookAt(hole.centre, Math.max(hole.size, 4));
+}
+
+function toggle(hole: Hole, on: boolean): void {
+  const next = new Set(chosenHoles.value);
+  if (on) next.add(hole.hole);
+  else next.delete(hole.hole);
+  chosenHoles.value = next;
+}
+
+export function HolesPanel() {
+  const how = useSignal<FillHow>("tangent");
+  const below = useSignal<number | null>(10);
+  const current = opened.value?.scan;
+  useEffect(() => {
+    void listHoles();
+    void listDefects();
+  }, [current]);
+  const list = holes.value;
+  const chosen = chosenHoleList();
+  return (
+    <>
+      <Section title="Holes" count={list?.length ?? "…"}>
+        {list?.length === 0 && <p class="quiet">The surface is closed.</p>}
+        <ul class="list" aria-label="Holes, the largest first">
+          {list?.map((hole) => (
+            <li key={hole.hole} class={chosenHoles.value.has(hole.hole) ? "current" : ""}>
+              <input
+                type="checkbox"
+                aria-label={`Choose hole ${hole.hole + 1}`}
+                checked={chosenHoles.value.has(hole.hole)}
+                onChange={(event) => toggle(hole, event.currentTarget.checked)}
+              />
+              <button type="button" class="button plain grow" title="Zoom to this hole" onClick={() => zoomTo(hole)}>
+                <span class="num">{mm(hole.size)}</span>
+                <span class="quiet">{hole.cause_text}</span>
+              </button>
+            </li>
+          ))}
+        </ul>
+        <SelectField label="Fill" value={how.value} options={HOW} onChange={(value) => (how.value = value)} />
+        <div class="grid-2">
+          <Button disabled={!chosen.length} onClick={() => void show(fillValue(chosen, how.value, null))}>
+            Preview
+          </Button>
+          <Button kind={preview.value?.of === "fill" ? "primary" : undefined} disabled={!chosen.length} onClick={() => void apply(fillValue(chosen, how.value, null))}>
+            {chosen.length > 1 ? `Fill ${chosen.length} holes` : "Fill"}
+          </Button>
+        </div>
+        <NumberField label="All up to a size of" value={below.value} unit="mm" min={0.01} placeholder="any" onChange={(value) => (below.value = value)} />
+        <div class="grid-2">
+          <Button disabled={!list?.length} onClick={() => void show(fillValue(null, how.value, below.value))}>
+            Preview all
+          </Button>
+          <Button disabled={!list?.length} onClick={() => void apply(fillValue(null, how.value, below.value))}>
+            Fill all
+          </Button>
+        </div>
+        {preview.value && (
+          <Button kind="plain" onClick={() => (preview.value = null)}>
+            Drop the preview
+          </Button>
+        )}
+      </Section>
+      <DefectsPanel />
+    </>
+  );
+}
+
+function DefectsPanel() {
+  const list = defects.value;
+  return (
+    <Section title="Remarks" count={list?.length ?? "…"}>
+      {list?.length === 0 && <p class="quiet">Nothing to remark.</p>}
+      <ul class="list" aria-label="Remarks on the scan">
+        {list?.map(({ remark, place, grid, step, line }, i) => (
+          <li key={i}>
+            <span class={`dot ${remark.severity === "error" ? "bad" : remark.severity === "warning" ? "busy" : ""}`} title={remark.severity} />
+            <button
+              type="button"
+              class="button plain grow"
+              title={remark.remedy}
+              onClick={() => {
+                if (place) currentViewport()?.lookAt(place, 20);
+                if (grid !== null && step !== null) void markPlace(grid, step, line ?? 0, !place);
+              }}
+            >
+              <span>
+                {remark.text}
+                {remark.remedy && <span class="quiet"> {remark.remedy}</span>}
+              </span>
+            </button>
+          </li>
+        ))}
+      </ul>
+    </Section>
+  );
+}
+
+export function HistoryPanel() {
+  const list = history.value;
+  const at = cursor.value;
+  return (
+    <Section title="History" count={list.length}>
+      <div class="grid-2">
+        <Button icon="undo" keys="Ctrl+Z" label="Undo" disabled={at === 0} onClick={() => void undo()}>
+          Undo
+        </Button>
+        <Button icon="redo" keys="Ctrl+Shift+Z" label="Redo" disabled={at >= list.length} onClick={() => void redo()}>
+          Redo
+        </Button>
+      </div>
+      <ol class="list" aria-label="Edits, the first one first" style={{ maxHeight: "none" }}>
+        <li class={at === 0 ? "current" : ""}>
+          <button type="button" class="button plain grow" onClick={() => void goTo(0)}>
+            As scanned
+          </button>
+        </li>
+        {list.map((entry) => (
+          <li key={entry.edit} class={`${entry.index + 1 === at ? "current" : ""} ${entry.index >= at ? "undone" : ""}`}>
+            <input
+              type="checkbox"
+              checked={entry.on}
+              title={entry.on ? "Leave this edit out" : "Do this edit again"}
+              aria-label={`${entry.text}: in use`}
+              disabled={entry.index >= at}
+              onChange={(event) => void switchEdit(entry.edit, event.currentTarget.checked)}
+            />
+            <button type="button" class="button plain grow" title="Go to the state after this edit" onClick={() => void goTo(entry.index + 1)}>
+              <span style={{ textDecoration: entry.on ? undefined : "line-through" }}>{entry.text}</span>
+              <span class="quiet num">{new Date(entry.at).toLocaleTimeString("sv").slice(0, 5)}</span>
+            </button>
+          </li>
+        ))}
+      </ol>
+      <p class="quiet">Every edit is in the scan file; the pictures are never changed.</p>
+    </Section>
+  );
+}

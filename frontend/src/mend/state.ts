@@ -1,0 +1,101 @@
+/** What the Mend room has in hand. */
+import { computed, signal } from "@preact/signals";
+import type { GridColouring, Range } from "../grid/view";
+import { grids, lasers, loadGrid, type Mark, mark, mesh, opened, type Preview } from "../part";
+import type { PictureTool } from "../profile/picture";
+import { angleLimit, brushRadius, currentViewport, tool, visibleOnly } from "../viewport/place";
+import type { Hit } from "../viewport/pick";
+
+export type Tab = "repair" | "point" | "holes" | "history";
+export const tab = signal<Tab>("repair");
+export type Large = "surface" | "profile" | "picture" | "grid";
+/** The view that fills the room, or null for all of them. */
+export const large = signal<Large | null>(null);
+export const gridShown = signal(0);
+export const gridColouring = signal<GridColouring>("quality");
+/** Steps and lines chosen in the grid. */
+export const range = signal<Range | null>(null);
+/** Lines chosen in the profile. */
+export const lines = signal<readonly number[]>([]);
+export const pictureTool = signal<PictureTool>("mark");
+export const chosenHoles = signal<ReadonlySet<number>>(new Set());
+/** What an edit would do; shown until it is done or dropped. */
+export const preview = signal<(Preview & { of: string }) | null>(null);
+preview.subscribe((shown) => currentViewport()?.showPreview(shown));
+
+export const markedGrid = computed(() => (mark.value ? (grids.value[mark.value.grid] ?? null) : null));
+
+/** The grid (one turn of one laser) that a vertex was measured in. */
+export function gridOf(laser: string, step: number): number {
+  const found = opened.value?.grids.find((grid) => grid.laser === laser && step >= grid.first_step && step <= grid.last_step);
+  return found?.grid ?? -1;
+}
+
+/** Mark a place of a grid in all views. */
+export async function markPlace(grid: number, step: number, line: number, look = false): Promise<void> {
+  gridShown.value = grid;
+  const data = await loadGrid(grid);
+  const row = data?.row(step) ?? -1;
+  const point = data && row >= 0 ? data.point(row, line) : null;
+  set({ grid, step, line, point });
+  if (look && point) currentViewport()?.lookAt(point, 25);
+}
+
+/** A click on the surface marks the point that was measured there. */
+export function markHit(hit: Hit): void {
+  const model = mesh.value;
+  if (!model) return;
+  const { vertex } = hit;
+  const step = model.step[vertex];
+  const grid = step >= 0 ? gridOf(lasers.value[model.laser[vertex]], step) : -1;
+  if (grid < 0) {
+    set({ grid: -1, step: -1, line: -1, point: hit.point });
+    return;
+  }
+  const at = model.positions.subarray(3 * vertex, 3 * vertex + 3);
+  gridShown.value = grid;
+  set({ grid, step, line: model.line[vertex], point: [at[0], at[1], at[2]] });
+  void loadGrid(grid);
+}
+
+function set(at: Mark): void {
+  mark.value = at;
+  lines.value = [];
+  tab.value = "point";
+}
+
+/** Go to a neighbouring profile or line. */
+export function stepMark(steps: number, alongLines: number): void {
+  const at = mark.value;
+  const grid = at && grids.value[at.grid];
+  if (!grid) return;
+  const s = grid.steps.length;
+  const row = grid.row(at.step) + steps;
+  const wrapped = grid.header.closed ? (row + s) % s : Math.max(0, Math.min(s - 1, row));
+  const line = Math.max(0, Math.min(grid.lines - 1, at.line + alongLines));
+  void markPlace(at.grid, grid.steps[wrapped], line);
+}
+
+export const TOOL_HINTS = computed(() => {
+  const seen = visibleOnly.value ? "only what is seen" : "through the part";
+  switch (tool.value) {
+    case "navigate":
+      return "Click: mark a point in all views · drag: turn · double click: turn about this point";
+    case "box":
+      return `Drag a box: ${seen} · Shift adds, Ctrl removes`;
+    case "lasso":
+      return `Draw round it: ${seen} · Shift adds, Ctrl removes`;
+    case "polygon":
+      return `Click the corners, right click or Enter closes: ${seen}`;
+    case "brush":
+      return `Paint: ${seen} · Ctrl+wheel or [ ]: size ${brushRadius.value.toFixed(0)} px`;
+    case "connected":
+      return "Click a piece: all that hangs together";
+    case "angle":
+      return `Click a face: all up to an edge sharper than ${angleLimit.value}°`;
+    case "smooth":
+      return "Paint where the surface is to be smoothed";
+    case "cut":
+      return "Drag the disc to shift the plane, the ball to tilt it";
+  }
+});

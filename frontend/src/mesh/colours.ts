@@ -1,0 +1,83 @@
+/** Colours of the surface. Maps and palettes are chosen for eyes that confuse red and green. */
+import type { MeshModel } from "./model";
+
+export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured"] as const;
+export type Colouring = (typeof COLOURINGS)[number];
+
+type Rgb = readonly [number, number, number];
+
+/** Cividis (Nuñez, Anderton & Renslow 2018): reads the same for every kind of colour vision. */
+const CIVIDIS: readonly Rgb[] = [
+  [0, 34, 78], [24, 54, 108], [63, 76, 107], [93, 98, 110], [122, 121, 119],
+  [153, 145, 117], [187, 171, 106], [222, 199, 86], [254, 232, 56],
+];
+
+/** Okabe & Ito 2008: eight colours that can be told apart. */
+export const PALETTE: readonly Rgb[] = [
+  [86, 180, 233], [230, 159, 0], [0, 158, 115], [240, 228, 66],
+  [0, 114, 178], [213, 94, 0], [204, 121, 167],
+];
+
+export const PLAIN: Rgb = [178, 187, 199];
+export const UNMEASURED: Rgb = [122, 132, 214];
+export const SELECTED = "#f0691e";
+
+export function cividis(t: number): Rgb {
+  const x = Math.min(Math.max(t, 0), 1) * (CIVIDIS.length - 1);
+  const i = Math.min(Math.floor(x), CIVIDIS.length - 2);
+  const w = x - i;
+  const [a, b] = [CIVIDIS[i], CIVIDIS[i + 1]];
+  return [a[0] + w * (b[0] - a[0]), a[1] + w * (b[1] - a[1]), a[2] + w * (b[2] - a[2])];
+}
+
+export function css(rgb: Rgb): string {
+  return `rgb(${rgb.map(Math.round).join(" ")})`;
+}
+
+export interface Legend {
+  low: number;
+  high: number;
+  unit: string;
+}
+
+export interface Coloured {
+  /** (4v) red, green, blue, 255 */
+  rgba: Uint8Array;
+  /** The ends of the map, where there is one. */
+  legend: Legend | null;
+}
+
+/** One colour for every vertex. */
+export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
+  const rgba = new Uint8Array(4 * mesh.vertexCount).fill(255);
+  const range = by === "sigma" || by === "height" ? spread(mesh, by) : null;
+  const table = range ? Array.from({ length: 256 }, (_, i) => cividis(i / 255)) : [];
+  for (let v = 0; v < mesh.vertexCount; v++) {
+    let colour: Rgb = PLAIN;
+    if (range) {
+      const x = by === "sigma" ? mesh.sigma[v] : mesh.positions[3 * v + 2];
+      const t = (255 * (x - range.low)) / (range.high - range.low || 1);
+      colour = Number.isNaN(x) ? UNMEASURED : table[Math.max(0, Math.min(255, Math.round(t)))];
+    } else if (by === "laser") {
+      colour = mesh.laser[v] < 0 ? UNMEASURED : PALETTE[mesh.laser[v] % PALETTE.length];
+    }
+    rgba[4 * v] = colour[0];
+    rgba[4 * v + 1] = colour[1];
+    rgba[4 * v + 2] = colour[2];
+  }
+  return { rgba, legend: range };
+}
+
+/** From the 2nd to the 98th hundredth, so that a few odd vertices do not take the whole map. */
+function spread(mesh: MeshModel, by: "sigma" | "height"): Legend {
+  const every = Math.max(1, Math.floor(mesh.vertexCount / 20000));
+  const some: number[] = [];
+  for (let v = 0; v < mesh.vertexCount; v += every) {
+    const x = by === "sigma" ? mesh.sigma[v] : mesh.positions[3 * v + 2];
+    if (!Number.isNaN(x)) some.push(x);
+  }
+  some.sort((a, b) => a - b);
+  if (!some.length) return { low: 0, high: 1, unit: "mm" };
+  const at = (share: number) => some[Math.round(share * (some.length - 1))];
+  return { low: at(0.02), high: at(0.98), unit: "mm" };
+}

@@ -1,0 +1,333 @@
+/** The open scan: its mesh, grids, profile, history and lists, kept in step with the server. */
+import { batch, computed, effect, signal } from "@preact/signals";
+import { link, on } from "./bus";
+import type { AnyArray, Arrays } from "./envelope";
+import { Grid } from "./grid/data";
+import { getArrays, type Received } from "./link";
+import { type MeshArrays, MeshModel, type Part } from "./mesh/model";
+import { Profile } from "./profile/data";
+import type { Defect, Figures, GridHeader, HistoryEntry, HoleEntry, Measure, MeshHeader, Opened, Patch, ProfileHeader } from "./protocol";
+import { complain, connection, go, notify, place, scans } from "./state";
+
+export const opened = signal<Opened | null>(null);
+export const figures = signal<Figures | null>(null);
+export const history = signal<readonly HistoryEntry[]>([]);
+export const cursor = signal(0);
+export const holes = signal<readonly Hole[] | null>(null);
+export const defects = signal<readonly Defect[] | null>(null);
+export const measures = signal<readonly Measure[]>([]);
+/** The mesh itself changes in place: `shape` counts when it does. */
+export const mesh = signal<MeshModel | null>(null);
+export const shape = signal(0);
+/** What the numbers in the mesh's array of lasers stand for. */
+export const lasers = signal<readonly string[]>([]);
+export const loading = signal<string | null>(null);
+export const grids = signal<readonly (Grid | null)[]>([]);
+export const profile = signal<Profile | null>(null);
+
+export interface Hole extends HoleEntry {
+  /** (3m) mm, the border */
+  loop: Float32Array;
+}
+
+/** The point that all views show. */
+export interface Mark {
+  grid: number;
+  step: number;
+  line: number;
+  point: [number, number, number] | null;
+}
+
+export const mark = signal<Mark | null>(null);
+export const scanName = computed(() => opened.value?.name ?? null);
+
+let revision = -1;
+let epoch = -1;
+let fetching = false;
+type MeshListener = (parts: readonly Part[] | null) => void;
+const meshListeners = new Set<MeshListener>();
+
+/** Hear of changes of the mesh: the parts of a patch, or null for another mesh. */
+export function onMesh(listener: MeshListener): () => void {
+  meshListeners.add(listener);
+  return () => meshListeners.delete(listener);
+}
+
+/** For tests: the revision that the mesh on the screen shows. */
+export function shownRevision(): number {
+  return revision;
+}
+
+async function open(scan: string): Promise<void> {
+  loading.value = "Opening";
+  try {
+    const { header } = await link.request({ kind: "open", scan });
+    if (header.kind === "opened") await show(header);
+  } catch (error) {
+    loading.value = null;
+    complain(error);
+    go("projects", null);
+  }
+}
+
+async function show(message: Opened): Promise<void> {
+  if (message.scan !== place.value.scan) return;
+  const same = opened.value?.scan === message.scan;
+  batch(() => {
+    opened.value = message;
+    figures.value = message.figures;
+    history.value = message.history;
+    cursor.value = message.cursor;
+    measures.value = message.measures;
+    holes.value = defects.value = null;
+    grids.value = message.grids.map(() => null);
+    if (!same) mark.value = profile.value = null;
+  });
+  if (!same || message.epoch !== epoch || message.revision !== revision) await fetchMesh();
+  loading.value = null;
+}
+
+async function fetchMesh(): Promise<void> {
+  const scan = opened.value?.scan;
+  if (!scan || fetching) return;
+  fetching = true;
+  try {
+    loading.value ??= "Loading the surface";
+    const { header, arrays } = await getArrays<MeshHeader>(`api/scans/${scan}/mesh`);
+    if (opened.value?.scan !== scan) return;
+    revision = header.revision;
+    epoch = header.epoch;
+    lasers.value = header.lasers;
+    mesh.value = new MeshModel({ ...vertexArrays(arrays, ""), alive: arrays.u8("alive") });
+    changed(null);
+  } catch (error) {
+    complain(error);
+  } finally {
+    fetching = false;
+    loading.value = null;
+  }
+}
+
+function changed(parts: readonly Part[] | null): void {
+  shape.value += 1;
+  for (const listener of meshListeners) listener(parts);
+}
+
+function vertexArrays(arrays: Arrays, prefix: string): Omit<MeshArrays, "alive"> {
+  return {
+    positions: arrays.f32(`${prefix}positions`),
+    faces: arrays.u32(`${prefix}faces`),
+    measured: arrays.u8(`${prefix}measured`),
+    sigma: arrays.f32(`${prefix}sigma`),
+    laser: arrays.i32(`${prefix}laser`),
+    step: arrays.i32(`${prefix}step`),
+    line: arrays.i32(`${prefix}line`),
+  };
+}
+
+/** The parts of a patch with their arrays; null where the mesh must be got anew. */
+function partsOf(message: Patch, arrays: Arrays): Part[] | null {
+  const out: Part[] = [];
+  for (const [k, part] of message.parts.entries()) {
+    if (part.kind === "replace") return null;
+    if (part.kind === "alive") out.push({ ...part, faces: arrays.u32(`${k}.faces`) });
+    else if (part.kind === "verts") out.push({ ...part, ids: arrays.u32(`${k}.ids`), positions: arrays.f32(`${k}.positions`) });
+    else if (part.kind === "append") out.push({ ...part, ...vertexArrays(arrays, `${k}.`) });
+    else out.push(part);
+  }
+  return out;
+}
+
+async function patch(message: Patch, arrays: Arrays): Promise<void> {
+  figures.value = message.figures;
+  if (holes.value) void listHoles();
+  if (defects.value) void listDefects();
+  const parts = message.epoch === epoch && message.revision === revision + 1 ? partsOf(message, arrays) : null;
+  if (!parts || !mesh.value) {
+    await fetchMesh();
+    // A patch that came while the mesh was on its way may be missing in it.
+    if (revision < message.revision) await fetchMesh();
+    return;
+  }
+  for (const part of parts) mesh.value.apply(part);
+  revision = message.revision;
+  changed(parts);
+}
+
+// Edits
+
+export type EditValue = { kind: string } & Record<string, unknown>;
+
+function editRequest(edit: EditValue, arrays: Record<string, AnyArray>, preview: boolean): Promise<Received> {
+  const scan = opened.value?.scan ?? "";
+  return link.request({ kind: "edit", scan, base_revision: revision, edit, preview }, arrays);
+}
+
+/** Do an edit; true when it is in the scan file. */
+export async function doEdit(edit: EditValue, arrays: Record<string, AnyArray> = {}): Promise<boolean> {
+  try {
+    await editRequest(edit, arrays, false);
+    return true;
+  } catch (error) {
+    complain(error);
+    return false;
+  }
+}
+
+export interface Preview {
+  positions: Float32Array;
+  faces: Uint32Array;
+  dead: Uint32Array;
+  figures: Figures;
+}
+
+export async function previewEdit(edit: EditValue, arrays: Record<string, AnyArray> = {}): Promise<Preview | null> {
+  try {
+    const { header, arrays: got } = await editRequest(edit, arrays, true);
+    if (header.kind !== "preview") return null;
+    return { positions: got.f32("positions"), faces: got.u32("faces"), dead: got.u32("dead"), figures: header.figures };
+  } catch (error) {
+    complain(error);
+    return null;
+  }
+}
+
+async function toScan(what: { kind: "undo" } | { kind: "redo" } | { kind: "go_to"; cursor: number } | { kind: "switch"; edit: number; on: boolean }) {
+  const scan = opened.value?.scan;
+  if (!scan) return;
+  try {
+    await link.request({ ...what, scan });
+  } catch (error) {
+    complain(error);
+  }
+}
+
+export const undo = () => toScan({ kind: "undo" });
+export const redo = () => toScan({ kind: "redo" });
+export const goTo = (to: number) => toScan({ kind: "go_to", cursor: to });
+export const switchEdit = (edit: number, isOn: boolean) => toScan({ kind: "switch", edit, on: isOn });
+
+// Lists
+
+export async function listHoles(): Promise<void> {
+  const scan = opened.value?.scan;
+  if (!scan) return;
+  try {
+    const { header, arrays } = await link.request({ kind: "list_holes", scan });
+    if (header.kind !== "holes") return;
+    holes.value = header.holes.map((hole) => ({ ...hole, loop: arrays.f32(`loop_${hole.hole}`) }));
+  } catch (error) {
+    complain(error);
+  }
+}
+
+export async function listDefects(): Promise<void> {
+  const scan = opened.value?.scan;
+  if (!scan) return;
+  try {
+    const { header } = await link.request({ kind: "list_defects", scan });
+    if (header.kind === "defects") defects.value = header.defects;
+  } catch (error) {
+    complain(error);
+  }
+}
+
+// Grids and profiles
+
+export async function loadGrid(number: number): Promise<Grid | null> {
+  const scan = opened.value?.scan;
+  if (!scan) return null;
+  const known = grids.value[number];
+  if (known) return known;
+  try {
+    const { header, arrays } = await getArrays<GridHeader>(`api/scans/${scan}/grid/${number}`);
+    if (opened.value?.scan !== scan) return null;
+    const grid = new Grid(header, arrays);
+    grids.value = grids.value.map((old, i) => (i === number ? grid : old));
+    return grid;
+  } catch (error) {
+    complain(error);
+    return null;
+  }
+}
+
+async function refreshGrid(number: number, steps: readonly number[]): Promise<void> {
+  const scan = opened.value?.scan;
+  const old = grids.value[number];
+  if (!scan || !old) return;
+  if (steps.length > 4) {
+    grids.value = grids.value.map((grid, i) => (i === number ? null : grid));
+    await loadGrid(number);
+  } else {
+    let next = old;
+    for (const step of steps) {
+      const { header, arrays } = await getArrays<GridHeader>(`api/scans/${scan}/grid/${number}?step=${step}`);
+      next = next.withRows(new Grid(header, arrays));
+    }
+    grids.value = grids.value.map((grid, i) => (i === number ? next : grid));
+  }
+}
+
+let profileWanted = 0;
+
+export async function loadProfile(grid: number, step: number, again = false): Promise<void> {
+  const scan = opened.value?.scan;
+  const known = profile.value;
+  if (!scan || (!again && known?.grid === grid && known.step === step)) return;
+  const turn = ++profileWanted;
+  try {
+    const { header, arrays } = await getArrays<ProfileHeader>(`api/scans/${scan}/profile/${grid}/${step}`);
+    if (turn === profileWanted) profile.value = new Profile(header, arrays);
+  } catch (error) {
+    if (turn === profileWanted) complain(error);
+  }
+}
+
+/** The address of the picture of a profile. */
+export function pictureOf(of: Profile): string {
+  return `api/scans/${opened.value?.scan ?? ""}/picture/${of.grid}/${of.step}.png`;
+}
+
+// The server's messages
+
+on("opened", (message) => {
+  if (message.id === null) void show(message);
+});
+on("patch", (message, arrays) => {
+  if (message.scan === opened.value?.scan) void patch(message, arrays);
+});
+on("history", (message) => {
+  if (message.scan !== opened.value?.scan) return;
+  history.value = message.history;
+  cursor.value = message.cursor;
+});
+on("measures", (message) => {
+  if (message.scan === opened.value?.scan) measures.value = message.measures;
+});
+on("grid", (message) => {
+  if (message.scan !== opened.value?.scan) return;
+  refreshGrid(message.grid, message.steps).catch(complain);
+  const shown = profile.value;
+  if (shown?.grid === message.grid && message.steps.includes(shown.step)) void loadProfile(shown.grid, shown.step, true);
+});
+
+// Follow the address, and ask again whenever the connection comes back.
+effect(() => {
+  const { scan } = place.value;
+  if (connection.value !== "open") return;
+  if (scan && scan !== opened.peek()?.scan) {
+    mesh.value = null;
+    revision = epoch = -1;
+  }
+  if (scan) void open(scan);
+});
+effect(() => {
+  const current = opened.value;
+  if (current && scans.value.length && !scans.value.some((entry) => entry.scan === current.scan)) {
+    notify("warning", `${current.name} is no longer in the list of scans.`);
+  }
+});
+effect(() => {
+  const at = mark.value;
+  if (at && at.step >= 0) void loadProfile(at.grid, at.step);
+});

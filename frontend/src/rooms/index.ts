@@ -1,0 +1,17 @@
+/** The rooms in the order of the work; a room is a file beside this one. */
+import type { ComponentType } from "preact";
+import type { Command } from "../commands";
+import { mend } from "./mend";
+import { projects } from "./projects";
+
+export interface Room {
+  id: string;
+  title: string;
+  /** Whether it shows a scan, and cannot be entered without one. */
+  needsScan: boolean;
+  View: ComponentType;
+  commands: readonly Command[];
+}
+
+export const home: Room = projects;
+export const rooms: readonly Room[] = [mend];

@@ -1,0 +1,83 @@
+/** The list of scan files, and the place where files can be dropped. */
+import { useRef, useState } from "preact/hooks";
+import { http } from "../link";
+import type { Added } from "../protocol";
+import { complain, connection, go, scans } from "../state";
+import { Button } from "../ui/controls";
+import type { Room } from ".";
+
+async function add(files: Iterable<File>): Promise<void> {
+  for (const file of files) {
+    try {
+      const response = await http(`api/scans?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+      const { scan }: Added = await response.json();
+      go("mend", scan);
+    } catch (error) {
+      complain(error);
+    }
+  }
+}
+
+function Projects() {
+  const input = useRef<HTMLInputElement>(null);
+  const [over, setOver] = useState(false);
+  return (
+    <div class="room single">
+      <div class="projects">
+        <h1>Scans</h1>
+        {scans.value.length > 0 && (
+          <table>
+            <thead>
+              <tr>
+                <th scope="col">Name</th>
+                <th scope="col">Changed</th>
+                <th scope="col" class="num">Size</th>
+                <th scope="col">
+                  <span class="sr-only">State</span>
+                </th>
+              </tr>
+            </thead>
+            <tbody>
+              {scans.value.map(({ scan, name, modified, megabytes, open }) => (
+                <tr key={scan}>
+                  <td>
+                    <button type="button" class="link" onClick={() => go("mend", scan)}>
+                      {name}
+                    </button>
+                  </td>
+                  <td class="quiet num">{new Date(modified).toLocaleString("sv").slice(0, 16)}</td>
+                  <td class="num">{megabytes.toFixed(1)} MB</td>
+                  <td class="quiet">{open ? "open" : ""}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        )}
+        <div
+          class={`drop ${over ? "over" : ""}`}
+          onDragOver={() => setOver(true)}
+          onDragLeave={() => setOver(false)}
+          onDrop={(event) => {
+            setOver(false);
+            void add(event.dataTransfer?.files ?? []);
+          }}
+        >
+          {scans.value.length === 0 && connection.value === "open" && <p>There are no scans here yet.</p>}
+          <p>Drop scan files (.turnscan) here</p>
+          <Button onClick={() => input.current?.click()}>Choose files</Button>
+          <input
+            ref={input}
+            type="file"
+            accept=".turnscan"
+            multiple
+            hidden
+            aria-label="Scan files"
+            onChange={(event) => void add(event.currentTarget.files ?? [])}
+          />
+        </div>
+      </div>
+    </div>
+  );
+}
+
+export const projects: Room = { id: "projects", title: "Scans", needsScan: false, View: Projects, commands: [] };

@@ -1,0 +1,130 @@
+/** What the page knows: signals, set by the server's messages and by the person. */
+import { computed, effect, signal } from "@preact/signals";
+import { link, on, onConnection } from "./bus";
+import { RefusedError, type Request } from "./link";
+import { type Devices, type Hello, type JobState, PROTOCOL, type ScanEntry } from "./protocol";
+
+export const connection = signal<"connecting" | "open" | "lost">("connecting");
+export const hello = signal<Hello | null>(null);
+export const operator = signal<string | null>(null);
+export const clients = signal(1);
+export const isOperator = computed(() => hello.value !== null && hello.value.client === operator.value);
+export const scans = signal<ScanEntry[]>([]);
+export const devices = signal<Devices | null>(null);
+export const jobs = signal<ReadonlyMap<string, JobState>>(new Map());
+
+export interface Notice {
+  id: number;
+  severity: "note" | "warning" | "error";
+  text: string;
+  hint: string;
+}
+
+export const notices = signal<readonly Notice[]>([]);
+let nextNotice = 1;
+const NOTICE_MS = { note: 5000, warning: 9000, error: 15000 };
+
+export function notify(severity: Notice["severity"], text: string, hint = ""): void {
+  const id = nextNotice++;
+  notices.value = [...notices.value.slice(-3), { id, severity, text, hint }];
+  setTimeout(() => dismiss(id), NOTICE_MS[severity]);
+}
+
+export function dismiss(id: number): void {
+  notices.value = notices.value.filter((notice) => notice.id !== id);
+}
+
+/** Show why something did not happen. */
+export function complain(error: unknown): void {
+  if (error instanceof RefusedError) notify(error.code === "stale" ? "warning" : "error", error.message, error.hint);
+  else if (error instanceof DOMException && error.name === "TimeoutError") notify("error", "The server did not answer in time.");
+  else throw error;
+}
+
+/** Ask the server, and show its words where it refuses. */
+export async function ask(request: Request): Promise<boolean> {
+  try {
+    await link.request(request);
+    return true;
+  } catch (error) {
+    complain(error);
+    return false;
+  }
+}
+
+// Preferences stay in this browser.
+
+function kept<T extends string>(key: string, first: T, allowed: readonly T[]) {
+  const found = localStorage.getItem(`turnscan.${key}`) as T | null;
+  const value = signal<T>(found && allowed.includes(found) ? found : first);
+  effect(() => localStorage.setItem(`turnscan.${key}`, value.value));
+  return value;
+}
+
+const systemTheme = matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
+export const theme = kept<"dark" | "light">("theme", systemTheme, ["dark", "light"]);
+export const level = kept<"beginner" | "expert">("level", "beginner", ["beginner", "expert"]);
+effect(() => {
+  document.documentElement.dataset.theme = theme.value;
+});
+
+// Where one is: #mend/SCAN
+
+export interface Place {
+  room: string;
+  scan: string | null;
+}
+
+function readPlace(): Place {
+  const [room, scan] = location.hash.slice(1).split("/");
+  return { room: room || "projects", scan: scan || null };
+}
+
+export const place = signal<Place>(readPlace());
+window.addEventListener("hashchange", () => {
+  place.value = readPlace();
+});
+
+export function go(room: string, scan = place.value.scan): void {
+  location.hash = scan ? `${room}/${scan}` : room;
+}
+
+// The server's messages
+
+on("hello", (message) => {
+  if (message.protocol !== PROTOCOL) {
+    location.reload();
+    return;
+  }
+  hello.value = message;
+  operator.value = message.operator;
+  scans.value = message.scans;
+});
+on("control", (message) => {
+  const was = isOperator.value;
+  operator.value = message.operator;
+  clients.value = message.clients;
+  if (was && !isOperator.value) notify("warning", "Somebody else is the operator now.", "You see everything, and can take control back.");
+});
+on("scans", (message) => {
+  scans.value = message.scans;
+});
+on("devices", (message) => {
+  devices.value = message;
+});
+on("job", (message) => {
+  const next = new Map(jobs.value);
+  next.set(message.job, message);
+  jobs.value = next;
+  if (message.state === "failed") notify("error", `${message.title}: ${message.text}`, message.hint);
+  if (message.state !== "running") {
+    setTimeout(() => {
+      const rest = new Map(jobs.value);
+      rest.delete(message.job);
+      jobs.value = rest;
+    }, 8000);
+  }
+});
+onConnection((state) => {
+  connection.value = state;
+});

@@ -1,0 +1,85 @@
+/** What tests may read of the page; nothing can be changed through it. */
+import { cursor, history, holes, mark, mesh, shownRevision } from "./part";
+import { connection } from "./state";
+import { currentViewport } from "./viewport/place";
+
+export interface Readable {
+  readonly connection: string;
+  readonly revision: number;
+  readonly vertices: number;
+  readonly faces: number;
+  readonly selected: number;
+  /** Selected faces that look away from the eye. */
+  readonly selectedAway: number;
+  readonly pictures: number;
+  readonly fullMs: number;
+  readonly gpu: string;
+  readonly edits: number;
+  readonly cursor: number;
+  readonly holes: number | null;
+  readonly mark: { grid: number; step: number; line: number } | null;
+  readonly camera: { azimuth: number; elevation: number; distance: number; target: readonly number[] } | null;
+  /** Where a point of the part is in the window, CSS pixels. */
+  place(point: [number, number, number]): { x: number; y: number } | null;
+}
+
+declare global {
+  interface Window {
+    turnscan: Readable;
+  }
+}
+
+export function expose(): void {
+  const readable: Readable = {
+    get connection() {
+      return connection.value;
+    },
+    get revision() {
+      return shownRevision();
+    },
+    get vertices() {
+      return mesh.value?.vertexCount ?? 0;
+    },
+    get faces() {
+      return mesh.value?.aliveCount ?? 0;
+    },
+    get selected() {
+      return currentViewport()?.selection.count ?? 0;
+    },
+    get selectedAway() {
+      return currentViewport()?.selectedAway() ?? 0;
+    },
+    get pictures() {
+      return currentViewport()?.pictures ?? 0;
+    },
+    get fullMs() {
+      return currentViewport()?.fullMs ?? 0;
+    },
+    get gpu() {
+      return currentViewport()?.gpu ?? "";
+    },
+    get edits() {
+      return history.value.length;
+    },
+    get cursor() {
+      return cursor.value;
+    },
+    get holes() {
+      return holes.value?.length ?? null;
+    },
+    get mark() {
+      const at = mark.value;
+      return at && { grid: at.grid, step: at.step, line: at.line };
+    },
+    get camera() {
+      const view = currentViewport();
+      if (!view) return null;
+      const { azimuth, elevation, distance, target } = view.camera;
+      return { azimuth, elevation, distance, target: [...target] };
+    },
+    place(point) {
+      return currentViewport()?.windowPlace(point) ?? null;
+    },
+  };
+  Object.defineProperty(window, "turnscan", { value: Object.freeze(readable) });
+}

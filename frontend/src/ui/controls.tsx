@@ -1,0 +1,141 @@
+/** The few controls that all rooms are made of. */
+import type { ComponentChildren } from "preact";
+import { useId } from "preact/hooks";
+import { Icon, type IconName } from "./icons";
+
+interface ButtonProps {
+  children?: ComponentChildren;
+  icon?: IconName;
+  label?: string;
+  keys?: string;
+  kind?: "primary" | "danger" | "plain";
+  small?: boolean;
+  pressed?: boolean;
+  disabled?: boolean;
+  onClick: () => void;
+}
+
+/** A button; without children the label is its tooltip and its name for screen readers. */
+export function Button({ children, icon, label, keys, kind, small, pressed, disabled, onClick }: ButtonProps) {
+  const tip = [label, keys && `(${keys})`].filter(Boolean).join(" ");
+  return (
+    <button
+      type="button"
+      class={`button ${kind ?? ""} ${small ? "small" : ""}`}
+      title={tip || undefined}
+      aria-label={children ? undefined : label}
+      aria-pressed={pressed}
+      aria-keyshortcuts={keys?.replace("Ctrl", "Control").replace(/\s/g, "") || undefined}
+      disabled={disabled}
+      onClick={onClick}
+    >
+      {icon && <Icon name={icon} />}
+      {children}
+    </button>
+  );
+}
+
+interface SectionProps {
+  title: string;
+  count?: ComponentChildren;
+  open?: boolean;
+  children: ComponentChildren;
+}
+
+export function Section({ title, count, open = true, children }: SectionProps) {
+  return (
+    <details class="section" open={open}>
+      <summary>
+        {title}
+        {count !== undefined && <span class="count num">{count}</span>}
+      </summary>
+      <div class="body">{children}</div>
+    </details>
+  );
+}
+
+interface NumberProps {
+  label: string;
+  value: number | null;
+  unit?: string;
+  min?: number;
+  max?: number;
+  step?: number;
+  placeholder?: string;
+  onChange: (value: number | null) => void;
+}
+
+/** A number with its unit; empty is null where there is a placeholder. */
+export function NumberField({ label, value, unit, min, max, step, placeholder, onChange }: NumberProps) {
+  const id = useId();
+  return (
+    <div class="field">
+      <label for={id}>{label}</label>
+      <span class="with-unit">
+        <input
+          id={id}
+          type="number"
+          value={value === null ? "" : Number(value.toPrecision(7))}
+          min={min}
+          max={max}
+          step={step ?? "any"}
+          placeholder={placeholder}
+          onChange={(event) => {
+            const { value: text, valueAsNumber, validity } = event.currentTarget;
+            if (text === "") {
+              if (placeholder !== undefined) onChange(null);
+            } else if (validity.valid) onChange(valueAsNumber);
+            else event.currentTarget.reportValidity();
+          }}
+        />
+        {unit && <span>{unit}</span>}
+      </span>
+    </div>
+  );
+}
+
+interface SelectProps<T extends string> {
+  label: string;
+  value: T;
+  options: readonly (readonly [T, string])[];
+  bare?: boolean;
+  onChange: (value: T) => void;
+}
+
+/** A choice; `bare` shows no label but has one for screen readers. */
+export function SelectField<T extends string>({ label, value, options, bare, onChange }: SelectProps<T>) {
+  const id = useId();
+  const select = (
+    <select id={id} value={value} aria-label={bare ? label : undefined} onChange={(event) => onChange(event.currentTarget.value as T)}>
+      {options.map(([option, text]) => (
+        <option key={option} value={option}>
+          {text}
+        </option>
+      ))}
+    </select>
+  );
+  if (bare) return select;
+  return (
+    <div class="field">
+      <label for={id}>{label}</label>
+      {select}
+    </div>
+  );
+}
+
+export function Check({ label, keys, checked, onChange }: { label: string; keys?: string; checked: boolean; onChange: (on: boolean) => void }) {
+  return (
+    <label class="check" title={keys && `${label} (${keys})`}>
+      <input type="checkbox" checked={checked} onChange={(event) => onChange(event.currentTarget.checked)} />
+      {label}
+    </label>
+  );
+}
+
+export function mm(value: number): string {
+  return `${value.toFixed(Math.abs(value) < 10 ? 3 : 2)} mm`;
+}
+
+export function count(n: number): string {
+  return n.toLocaleString("en").replaceAll(",", " ");
+}

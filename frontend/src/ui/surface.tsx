@@ -1,0 +1,79 @@
+/** The surface, for every room that shows it. */
+import { useEffect, useRef } from "preact/hooks";
+import { css, cividis, PALETTE, UNMEASURED } from "../mesh/colours";
+import { lasers, loading, mesh } from "../part";
+import { jobs, place } from "../state";
+import { colouring, drawable, legend, showIn } from "../viewport/place";
+import { left } from "./frame";
+
+export function SurfaceView() {
+  const ref = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    showIn(ref.current!);
+  }, []);
+  return (
+    <div class="stage" ref={ref} style={{ height: "100%" }}>
+      {drawable.value === false && <NoWebGL />}
+      <Legend />
+      <Busy />
+    </div>
+  );
+}
+
+/** A clear word where the browser cannot draw 3-D; everything else goes on working. */
+export function NoWebGL() {
+  return (
+    <div class="empty" role="alert" style={{ pointerEvents: "auto" }}>
+      <strong>This browser cannot draw in 3-D (no WebGL 2).</strong>
+      <span>
+        Switch hardware acceleration on in the browser's settings, or use a current Chrome, Edge, Firefox or Safari.
+        <br />
+        Profile, picture, scan grid, lists and history work all the same.
+      </span>
+    </div>
+  );
+}
+
+function Legend() {
+  const by = colouring.value;
+  const range = legend.value;
+  if (by === "plain" || !mesh.value) return null;
+  if (range) {
+    const ramp = `linear-gradient(90deg, ${[0, 0.25, 0.5, 0.75, 1].map((t) => css(cividis(t))).join(",")})`;
+    return (
+      <div class="legend">
+        {by} {range.low.toPrecision(3)}
+        <span class="ramp" style={{ background: ramp }} />
+        {range.high.toPrecision(3)} {range.unit}
+      </div>
+    );
+  }
+  const names = by === "laser" ? lasers.value : ["measured"];
+  return (
+    <div class="legend">
+      {names.map((name, i) => (
+        <span key={name} class="row">
+          <span class="swatch" style={{ background: by === "laser" ? css(PALETTE[i % PALETTE.length]) : "#b2bbc7" }} />
+          {name}
+        </span>
+      ))}
+      <span class="row">
+        <span class="swatch" style={{ background: css(UNMEASURED) }} />
+        not measured
+      </span>
+    </div>
+  );
+}
+
+function Busy() {
+  if (!loading.value) return null;
+  const job = [...jobs.value.values()].find(({ what, scan, state }) => what === "open" && scan === place.value.scan && state === "running");
+  return (
+    <div class="busy-veil" role="status">
+      <span class="spinner" />
+      {job ? job.title : loading.value}
+      {job?.total && <progress max={job.total} value={job.done} aria-label={job.title} />}
+      {job && job.seconds_left !== null && <span class="quiet num">{left(job.seconds_left)}</span>}
+    </div>
+  );
+}

@@ -1,0 +1,290 @@
+/**
+ * Mouse, pen and fingers on the surface, as MeshLab and CloudCompare have them: the left button is
+ * the tool, the right one turns, the middle one shifts, the wheel comes nearer to the cursor.
+ */
+import { along, minus, type Vec } from "./camera";
+import { fillOutline, type Point } from "./region";
+import { modeOf } from "./selection";
+import type { Viewport } from "./viewport";
+
+type Drag =
+  | { kind: "orbit"; pivot: Vec }
+  | { kind: "pan" }
+  | { kind: "click" }
+  | { kind: "box"; from: Point }
+  | { kind: "lasso"; outline: Point[] }
+  | { kind: "brush" }
+  | { kind: "smooth"; faces: Set<number> }
+  | { kind: "plane"; part: "shift" | "tilt" }
+  | { kind: "pinch" };
+
+const CLICK_PX = 4;
+
+export class Hands {
+  private drag: Drag | null = null;
+  private start: Point = [0, 0];
+  private last: Point = [0, 0];
+  private polygon: Point[] = [];
+  private readonly pointers = new Map<number, Point>();
+  private spaceHeld = false;
+  private readonly off = new AbortController();
+
+  constructor(
+    private readonly glass: HTMLCanvasElement,
+    private readonly view: Viewport,
+  ) {
+    const on = { signal: this.off.signal };
+    glass.addEventListener("pointerdown", (event) => this.down(event), on);
+    glass.addEventListener("pointermove", (event) => this.move(event), on);
+    glass.addEventListener("pointerup", (event) => this.up(event), on);
+    glass.addEventListener("pointercancel", (event) => this.up(event), on);
+    glass.addEventListener("pointerleave", () => this.hover(null), on);
+    glass.addEventListener("wheel", (event) => this.wheel(event), { ...on, passive: false });
+    glass.addEventListener("contextmenu", (event) => event.preventDefault(), on);
+    glass.addEventListener("dblclick", (event) => this.doubleClick(event), on);
+    window.addEventListener("keydown", (event) => this.key(event, true), on);
+    window.addEventListener("keyup", (event) => this.key(event, false), on);
+  }
+
+  dispose(): void {
+    this.off.abort();
+  }
+
+  private at(event: MouseEvent): Point {
+    const box = this.glass.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  private down(event: PointerEvent): void {
+    const at = this.at(event);
+    this.glass.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, at);
+    this.start = this.last = at;
+    if (this.pointers.size === 2) {
+      this.drag = { kind: "pinch" };
+      this.view.overlay.stroke = null;
+      return;
+    }
+    this.drag = this.begin(event, at);
+    if (this.drag.kind === "brush" || this.drag.kind === "smooth") this.paint(event, at);
+  }
+
+  private begin(event: PointerEvent, at: Point): Drag {
+    if (event.button === 1 || (event.button === 2 && event.shiftKey)) return { kind: "pan" };
+    if (event.button === 2 || this.spaceHeld) return this.orbit(at);
+    const handle = this.view.overlay.handles().find((one) => Math.hypot(one.at[0] - at[0], one.at[1] - at[1]) < 12);
+    if (handle) return { kind: "plane", part: handle.part };
+    switch (this.view.tool) {
+      case "box":
+        return { kind: "box", from: at };
+      case "lasso":
+        return { kind: "lasso", outline: [at] };
+      case "brush":
+        if (!event.shiftKey && !event.ctrlKey && !event.altKey) this.view.clearSelection();
+        return { kind: "brush" };
+      case "smooth":
+        return { kind: "smooth", faces: new Set() };
+      case "navigate":
+        return this.orbit(at);
+      default:
+        return { kind: "click" };
+    }
+  }
+
+  /** Turning keeps the point under the cursor where it is; beside the part, its middle. */
+  private orbit(at: Point): Drag {
+    return { kind: "orbit", pivot: this.view.pick(at[0], at[1])?.point ?? this.view.camera.target };
+  }
+
+  private move(event: PointerEvent): void {
+    const at = this.at(event);
+    const before = this.pointers.get(event.pointerId);
+    if (before) this.pointers.set(event.pointerId, at);
+    const [dx, dy] = [at[0] - this.last[0], at[1] - this.last[1]];
+    const { camera, overlay } = this.view;
+    switch (this.drag?.kind) {
+      case "orbit":
+        if (!this.isClick(at)) {
+          camera.orbit(dx, dy, this.drag.pivot);
+          this.view.moved();
+        }
+        break;
+      case "pan":
+        camera.pan(dx, dy);
+        this.view.moved();
+        break;
+      case "box":
+        overlay.stroke = { outline: rectangle(this.drag.from, at), closed: true };
+        this.view.redraw();
+        break;
+      case "lasso":
+        this.drag.outline.push(at);
+        overlay.stroke = { outline: this.drag.outline, closed: false };
+        this.view.redraw();
+        break;
+      case "brush":
+      case "smooth":
+        this.paint(event, at);
+        break;
+      case "plane":
+        this.movePlane(this.drag.part, dx, dy);
+        break;
+      case "pinch":
+        if (before) this.pinch(event.pointerId, before, at);
+        break;
+      default:
+        if (this.polygon.length) {
+          overlay.stroke = { outline: [...this.polygon, at], closed: false };
+          this.view.redraw();
+        }
+    }
+    this.last = at;
+    this.hover(at);
+  }
+
+  private up(event: PointerEvent): void {
+    const at = this.at(event);
+    this.pointers.delete(event.pointerId);
+    const { drag } = this;
+    this.drag = null;
+    if (!drag || event.type === "pointercancel") return;
+    const click = this.isClick(at);
+    if (drag.kind === "orbit" || drag.kind === "click" || (click && (drag.kind === "box" || drag.kind === "lasso"))) {
+      if (click && event.button === 0) this.click(event, at);
+      else if (click && event.button === 2 && this.polygon.length) this.closePolygon(event);
+    } else if (drag.kind === "box") {
+      this.outline(rectangle(drag.from, at), event);
+    } else if (drag.kind === "lasso") {
+      this.outline(drag.outline, event);
+    } else if (drag.kind === "smooth" && drag.faces.size) {
+      this.view.events.smooth(Uint32Array.from(drag.faces));
+      this.view.clearSelection();
+    }
+    if (!this.polygon.length) this.view.overlay.stroke = null;
+    this.view.redraw();
+  }
+
+  private isClick(at: Point): boolean {
+    return Math.hypot(at[0] - this.start[0], at[1] - this.start[1]) < CLICK_PX;
+  }
+
+  private click(event: PointerEvent, at: Point): void {
+    const gizmo = this.view.overlay.gizmoAt(at[0], at[1]);
+    if (gizmo) return this.view.view(gizmo);
+    if (this.view.tool === "polygon") {
+      this.polygon.push(at);
+      return;
+    }
+    const hit = this.view.pick(at[0], at[1]);
+    if (!hit) return;
+    if (this.view.tool === "connected" || this.view.tool === "angle") this.view.flood(hit.face, modeOf(event));
+    this.view.events.pick(hit);
+  }
+
+  private doubleClick(event: MouseEvent): void {
+    if (this.polygon.length) return this.closePolygon(event);
+    const hit = this.view.pick(...this.at(event));
+    if (!hit || this.view.tool !== "navigate") return;
+    this.view.camera.target = hit.point;
+    this.view.camera.version += 1;
+    this.view.repaint();
+  }
+
+  private closePolygon(event: MouseEvent): void {
+    const outline = this.polygon;
+    this.polygon = [];
+    this.view.overlay.stroke = null;
+    this.outline(outline, event);
+  }
+
+  /** Select what lies in an outline. */
+  private outline(outline: readonly Point[], event: MouseEvent): void {
+    const projection = this.view.projection();
+    if (!projection || outline.length < 3) return;
+    this.view.select(projection.inside(fillOutline(outline), this.view.seen()), modeOf(event));
+  }
+
+  private paint(event: PointerEvent, at: Point): void {
+    const projection = this.view.projection();
+    if (!projection) return;
+    const under = projection.within(at[0], at[1], this.view.brushRadius, this.view.seen());
+    if (this.drag?.kind === "smooth") for (const face of under) this.drag.faces.add(face);
+    const remove = this.drag?.kind === "brush" && (event.ctrlKey || event.altKey);
+    if (under.length) this.view.select(under, remove ? "remove" : "add");
+  }
+
+  private movePlane(part: "shift" | "tilt", dx: number, dy: number): void {
+    const { camera, cutPlane, overlay } = this.view;
+    if (!cutPlane || !overlay.plane) return;
+    const [right, up] = camera.axes();
+    const k = camera.scale();
+    const by = [0, 1, 2].map((i) => (dx * right[i] - dy * up[i]) * k) as Vec;
+    let { normal, offset } = cutPlane;
+    if (part === "shift") {
+      offset += by[0] * normal[0] + by[1] * normal[1] + by[2] * normal[2];
+    } else {
+      const { centre, size } = overlay.plane;
+      const tip = minus(along(along(centre, normal, size * 0.5), by, 1), centre);
+      const length = Math.hypot(...tip) || 1;
+      normal = [tip[0] / length, tip[1] / length, tip[2] / length];
+      offset = normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2];
+    }
+    this.view.setPlane({ normal, offset });
+    this.view.events.plane({ normal, offset });
+  }
+
+  /** Two fingers: their middle shifts, their distance comes nearer. */
+  private pinch(id: number, before: Point, at: Point): void {
+    const other = [...this.pointers].find(([key]) => key !== id)?.[1];
+    if (!other) return;
+    const { camera } = this.view;
+    const factor = Math.hypot(at[0] - other[0], at[1] - other[1]) / (Math.hypot(before[0] - other[0], before[1] - other[1]) || 1);
+    camera.pan((at[0] - before[0]) / 2, (at[1] - before[1]) / 2);
+    camera.zoom(factor, (at[0] + other[0]) / 2, (at[1] + other[1]) / 2);
+    this.view.moved();
+  }
+
+  private wheel(event: WheelEvent): void {
+    event.preventDefault();
+    const brushes = this.view.tool === "brush" || this.view.tool === "smooth";
+    if (event.ctrlKey && brushes) {
+      this.view.brushRadius = Math.min(300, Math.max(3, this.view.brushRadius * (event.deltaY < 0 ? 1.15 : 1 / 1.15)));
+      this.hover(this.at(event));
+      return;
+    }
+    const [x, y] = this.at(event);
+    const lines = event.deltaMode === 0 ? event.deltaY / 100 : event.deltaY / 3;
+    this.view.camera.zoom(Math.exp(-0.16 * Math.max(-4, Math.min(4, lines))), x, y);
+    this.view.moved();
+  }
+
+  private hover(at: Point | null): void {
+    const brushes = this.view.tool === "brush" || this.view.tool === "smooth";
+    const before = this.view.overlay.brush;
+    this.view.overlay.brush = at && brushes ? { at, radius: this.view.brushRadius } : null;
+    if (before || this.view.overlay.brush) this.view.redraw();
+  }
+
+  private key(event: KeyboardEvent, down: boolean): void {
+    if (event.code === "Space" && event.target === document.body) {
+      this.spaceHeld = down;
+      event.preventDefault();
+    }
+    if (!down || !this.polygon.length) return;
+    if (event.key === "Escape") {
+      this.polygon = [];
+      this.view.overlay.stroke = null;
+      this.view.redraw();
+    } else if (event.key === "Enter") {
+      const outline = this.polygon;
+      this.polygon = [];
+      this.view.overlay.stroke = null;
+      const projection = this.view.projection();
+      if (projection && outline.length > 2) this.view.select(projection.inside(fillOutline(outline), this.view.seen()), modeOf(event));
+    }
+  }
+}
+
+function rectangle(a: Point, b: Point): Point[] {
+  return [a, [b[0], a[1]], b, [a[0], b[1]]];
+}
