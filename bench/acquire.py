@@ -63,6 +63,9 @@ class _Rig:
     def light(self, lit: frozenset[str], lease: float) -> None:
         self.lit = lit
 
+    def renew(self, lease: float) -> None:
+        pass
+
     def off(self) -> None:
         self.lit = frozenset()
 

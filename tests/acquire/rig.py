@@ -40,6 +40,8 @@ class Rig:
     stuck_on: frozenset[str] = frozenset()
     dead: frozenset[str] = frozenset()
     errors: dict[int, BaseException] = field(default_factory=dict)
+    sunlit: float = 0.0
+    """Grey levels per second of daylight on the part."""
     exposing: float = 0.0
     """s that a picture really takes."""
     moving: float = 0.0
@@ -78,7 +80,10 @@ class Rig:
         burning = (self.lit | self.stuck_on) - self.dead
         place = (self.at, burning, self.seconds)
         attempt = self._attempts[place] = self._attempts.get(place, -1) + 1
-        return picture_of(self.at, burning, self.seconds, attempt)
+        picture = picture_of(self.at, burning, self.seconds, attempt)
+        if self.sunlit:  # a bright part in the middle of the picture, the brighter the longer
+            picture[:, 12:52] = np.minimum(picture[:, 12:52] + self.sunlit * self.seconds, 255)
+        return picture
 
     def move_to(self, angle: float, timeout: float) -> float:
         assert not self.lit, "the table turns while a laser is lit"
@@ -97,6 +102,9 @@ class Rig:
     def light(self, lit: frozenset[str], lease: float) -> None:
         self.note(f"light {'+'.join(sorted(lit)) or 'none'}")
         self.lit = lit
+
+    def renew(self, lease: float) -> None:
+        self.note("renew")
 
     def off(self) -> None:
         self.note("off")

@@ -23,7 +23,7 @@ from turnscan.simulate.controllers import (
 )
 
 DIALECTS = ("grbl", "horus", "fabscan", "sardauscan")
-QUICK = Deadlines(acknowledge=0.1, move_extra=0.1, connect=2.0, pulse=1.0)
+QUICK = Deadlines(acknowledge=0.1, move_extra=0.1, connect=2.0)
 SCALE = 100.0
 UNITS = {"grbl": 3200, "horus": 3200, "fabscan": 3200, "sardauscan": 1018}
 OUTPUTS = {
@@ -85,6 +85,9 @@ class NearLink:
         for step in TABLE[self.dialect].light(OUTPUTS[self.dialect], mask):
             self.write(step.send)
             self.read(1.0)
+
+    def renew(self, lease: float) -> None:
+        pass
 
     def dark(self) -> bytes:
         said = b""

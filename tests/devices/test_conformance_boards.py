@@ -168,6 +168,12 @@ class Lamps:
         self.lit = self.lit | lit if self.defect == "adds" else lit
         self.end = math.inf if self.defect == "for ever" else time.monotonic() + lease
 
+    def renew(self, lease: float) -> None:
+        if self.defect == "renews all":
+            self.lit = frozenset(self.names)
+        if self.defect != "renews none":
+            self.end = time.monotonic() + lease
+
     def off(self) -> None:
         if self.defect != "off":
             self.lit = frozenset()
@@ -176,7 +182,10 @@ class Lamps:
         return self.lit if time.monotonic() < self.end else frozenset()
 
 
-@pytest.mark.parametrize("defect", ["names", "leases", "adds", "for ever", "off", "closing", ""])
+@pytest.mark.parametrize(
+    "defect",
+    ["names", "leases", "adds", "for ever", "off", "closing", "renews all", "renews none", ""],
+)
 def test_the_kit_finds_bad_lasers(defect: str) -> None:
     lamps = Lamps(defect)
 

@@ -90,7 +90,7 @@ def test_the_lint_sees_a_wait_without_end() -> None:
 
 
 def test_the_deadlines_are_those_promised() -> None:
-    assert Deadlines() == Deadlines(acknowledge=2.0, move_extra=5.0, connect=10.0, pulse=2.0)
+    assert Deadlines() == Deadlines(acknowledge=2.0, move_extra=5.0, connect=10.0)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from turnscan.devices._link import Deadlines, GuardedLink
+from turnscan.devices._link import GuardedLink
 from turnscan.devices._registry import board
 from turnscan.errors import TurnscanError
 
@@ -88,8 +88,7 @@ def instrument(moment: Moment) -> None:
 
 def scan(order: dict[str, Any]) -> None:
     moment = Moment(order)
-    d = Deadlines(pulse=order.get("pulse", 2.0))
-    options: dict[str, Any] = {"deadlines": d}
+    options: dict[str, Any] = {}
     if order.get("script"):
         options["script"] = Path(order["script"])
     if order.get("while_connecting"):
@@ -103,7 +102,7 @@ def scan(order: dict[str, Any]) -> None:
         for step in range(order.get("steps", 2)):
             table.move_to(2 * math.pi * step / 40, 5.0)
             for name in table.names:
-                table.light(frozenset({name}), order.get("lease", 5.0))
+                table.light(frozenset({name}), order.get("lease", 2.0))
                 for _ in range(8):  # an exposure
                     moment.tick(exposing=True)
                     time.sleep(0.002)

@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.safety.conftest import DIALECTS, Scanner
+from tests.safety.conftest import DIALECTS, Ending, Scanner
 from turnscan.simulate.controllers import Socket
 
 MOMENTS = 20
@@ -42,33 +43,33 @@ def no_guard_left(ports: list[str]) -> bool:
     return False
 
 
-@pytest.mark.parametrize("how", SUDDEN)
-def test_dark_at_once(how: str, scanner: Scanner, sockets: dict[str, Socket]) -> None:
+def ended(scanner: Scanner, sockets: dict[str, Socket], limit: float, **order: Any) -> list[Ending]:
+    """Twenty moments. A late one is tried again and must then be in time: chance is late once."""
     endings = []
     for k in range(MOMENTS):
         dialect, moment = _moments(k)
-        endings.append(scanner.end(sockets[dialect], dialect, how=how, moment=moment))
-    seconds = sorted(e.seconds for e in endings)
+        ending = scanner.end(sockets[dialect], dialect, moment=moment, **order)
+        assert ending.seconds < limit + 1.0, (dialect, moment, ending)
+        if ending.served >= limit:
+            ending = scanner.end(sockets[dialect], dialect, moment=moment, **order)
+            assert ending.served < limit, (dialect, moment, ending)
+        endings.append(ending)
     lit = sum(e.lit for e in endings)
-    print(f"{how}: {len(endings)} ends, {lit} lit; dark after {seconds[-1] * 1e3:.0f} ms at worst")
+    worst = max(e.seconds for e in endings)
+    print(f"{len(endings)} ends, {lit} lit; dark after {worst * 1e3:.0f} ms at worst")
     assert lit >= MOMENTS / 3
-    assert seconds[-2] < 0.1, seconds
-    assert seconds[-1] < 0.5, seconds  # one in twenty may meet a busy machine
+    return endings
+
+
+@pytest.mark.parametrize("how", SUDDEN)
+def test_dark_at_once(how: str, scanner: Scanner, sockets: dict[str, Socket]) -> None:
+    ended(scanner, sockets, 0.1, how=how)
     assert no_guard_left([socket.path for socket in sockets.values()])
 
 
 @pytest.mark.parametrize("how", HANGING)
 def test_dark_with_the_lease(how: str, scanner: Scanner, sockets: dict[str, Socket]) -> None:
-    endings = []
-    for k in range(MOMENTS):
-        dialect, moment = _moments(k)
-        endings.append(
-            scanner.end(sockets[dialect], dialect, how=how, moment=moment, lease=LEASE, pulse=LEASE)
-        )
-    seconds = sorted(e.seconds for e in endings)
-    assert sum(e.lit for e in endings) >= MOMENTS / 3
-    assert seconds[-2] < LEASE + 0.1, seconds
-    assert seconds[-1] < LEASE + 0.5, seconds
+    ended(scanner, sockets, LEASE + 0.1, how=how, lease=LEASE)
 
 
 def test_by_default_a_stopped_scanner_is_dark_in_two_seconds(
@@ -76,7 +77,7 @@ def test_by_default_a_stopped_scanner_is_dark_in_two_seconds(
 ) -> None:
     ending = scanner.end(
         sockets["grbl"], "grbl", patience=4.0, how="SIGSTOP", moment="lit",
-        lease=60.0,
+        lease=2.0,
     )  # fmt: skip
     assert ending.lit
     assert 0.5 < ending.seconds < 2.1
@@ -97,20 +98,18 @@ def test_dark_while_connecting(how: str, scanner: Scanner, sockets: dict[str, So
     [
         # A guard that just leaves.
         ("SIGKILL", "        if self._port is not None:\n            self._dark(0, DONE)\n", ""),
-        # One that counts neither lease nor pulse.
-        ("SIGSTOP", "            if self._lit and time.monotonic() >= min(", "            if min("),
+        # One that counts no lease.
+        ("SIGSTOP", "if self._lit and time.monotonic() >= self._lease_end:", "if False:"),
     ],
 )
 def test_without_the_protection_it_stays_lit(
     how: str, old: str, new: str,
     scanner: Scanner, sockets: dict[str, Socket], mutant: Callable[..., Path],
 ) -> None:  # fmt: skip
-    if how == "SIGSTOP":
-        new = "            if False and self._lit and time.monotonic() >= min("
     script = mutant(old, new)
     ending = scanner.end(
         sockets["grbl"], "grbl", how=how, moment="lit", lease=LEASE,
-        pulse=LEASE, script=str(script), patience=0.8,
+        script=str(script), patience=0.8,
     )  # fmt: skip
     assert ending.lit
     assert ending.seconds == float("inf")

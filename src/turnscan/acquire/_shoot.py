@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from turnscan.acquire._plan import Exposure, Plan
 from turnscan.arrays import Image
-from turnscan.devices import Camera, Lasers, Turntable
+from turnscan.devices import Camera, Lasers, Turntable, burning
 from turnscan.errors import (
     DeviceDisconnected,
     DeviceError,
@@ -19,10 +19,9 @@ from turnscan.errors import (
 )
 
 _TRIES = 2
-_LEASE = 30.0
-"""s, and five exposures, after which a laser goes dark by itself if this program forgets it; the
-guard of a board is stricter with a program that dies or hangs."""
-_LONGEST_LEASE = 120.0
+_LIT = 30.0
+"""s, and five exposures, that a laser burns at most for a picture that does not come."""
+_LONGEST_LIT = 120.0
 _MOVE_TIMEOUT = 3600.0
 """s for one move; drivers have shorter ones of their own, and a person may be the driver."""
 
@@ -74,28 +73,26 @@ class Shooter:
         """
         seconds = self._exposure.seconds if self._exposure else 0.0
         timeout = max(20.0 if self._first else 5.0, 5.0 * seconds)
-        lease = min(_LEASE + 5.0 * seconds, _LONGEST_LEASE)
+        longest = min(_LIT + 5.0 * seconds, _LONGEST_LIT)
         cause = ""
         for _ in range(_TRIES):
             lighted = time.monotonic()
-            if lit:
-                self._hw.lasers.light(lit, lease)
-            try:
-                picture = self._hw.camera.grab(timeout)
-            except (DeviceDisconnected, DeviceRefused):
-                raise
-            except DeviceError as e:  # late, damaged, frozen, clipped: another one may be better
-                cause = e.message
-                continue
-            finally:
-                if lit:
-                    self._hw.lasers.light(frozenset(), lease)
-            if lit and time.monotonic() - lighted > lease:
-                cause = f"it took longer than the {lease:g} s for which the laser stays lit"
-                continue
-            self._first = False
-            return picture, ""
+            with burning(self._hw.lasers, lit, longest):
+                picture, cause = self._exposed(timeout)
+            if lit and time.monotonic() - lighted > longest:
+                picture, cause = None, f"it took longer than the {longest:g} s a laser stays lit"
+            if picture is not None:
+                self._first = False
+                return picture, ""
         return None, cause
+
+    def _exposed(self, timeout: float) -> tuple[Image | None, str]:
+        try:
+            return self._hw.camera.grab(timeout), ""
+        except (DeviceDisconnected, DeviceRefused):
+            raise
+        except DeviceError as e:  # late, damaged, frozen, clipped: another one may be better
+            return None, e.message
 
     @contextlib.contextmanager
     def dark_at_the_end(self) -> Iterator[None]:

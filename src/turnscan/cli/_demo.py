@@ -19,6 +19,7 @@ from turnscan.cli._progress import progress
 from turnscan.cli._reconstruct_report import about, summary
 from turnscan.cli._render import render
 from turnscan.cli._simulated import plan_of, scan_into_file, truth, write_png
+from turnscan.devices import burning
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
 from turnscan.pipeline import Reconstruction, Settings, reconstruct
@@ -120,11 +121,8 @@ def _frame(scan: Scan, devices: Simulated, laser: str) -> DemoFrame:
     frame = scan.frame(step, laser)
     stripe = detect(frame.lit, frame.dark)
     devices.turntable.move_to(frame.commanded, 1.0)
-    try:
-        devices.lasers.light(frozenset({laser}), 30.0)
+    with burning(devices.lasers, frozenset({laser})):
         picture = devices.camera.grab(5.0)
-    finally:
-        devices.lasers.off()
     return DemoFrame(laser, step, picture, stripe)
 
 

@@ -134,12 +134,14 @@ class Board(ABC):
         if unknown:
             there = ", ".join(self.names)
             raise DeviceRefused(f"{self.setup.port}: no laser {unknown[0]!r}; there is {there}")
-        if not 0.0 < lease <= LONGEST_LEASE:
-            raise DeviceRefused(
-                f"{self.setup.port}: lease {lease:g} s", hint=f"0 to {LONGEST_LEASE:g} s"
-            )
+        self._check_lease(lease)
         with self._command(self._d.acknowledge):
             self._switch(lit, lease)
+
+    def renew(self, lease: float) -> None:
+        """See `Lasers`. Raises DeviceRefused for a lease out of range."""
+        self._check_lease(lease)
+        self._link.renew(lease)
 
     def off(self) -> None:
         """See `Lasers`. Waits for nobody; raises LaserStateUnknown where it is not confirmed."""
@@ -236,6 +238,13 @@ class Board(ABC):
                 if isinstance(e, _NEEDS_A_PERSON):
                     self._lose(e)
                 raise
+
+    def _check_lease(self, lease: float) -> None:
+        if not 0.0 < lease <= LONGEST_LEASE:
+            raise DeviceRefused(
+                f"{self.setup.port}: lease {lease:g} s",
+                hint=f"above 0 to {LONGEST_LEASE:g} s; renew it while it is needed",
+            )
 
     def _panic(self, error: BaseException) -> None:
         was_lit = bool(self._lit)

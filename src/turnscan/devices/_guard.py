@@ -4,13 +4,15 @@ It runs as a script of its own, so it imports nothing but the standard library a
 scanner talks to the port only through it, in checked frames on its standard input and output:
 
     scanner → guard   W bytes to the port            L seq, lease, mask of the lasers to light
-                      D seq: dark, from any state    K still alive      Q dark and goodbye
+                      D seq: dark, from any state    E lease: what is lit may stay so long
+                      Q dark and goodbye
     guard → scanner   R bytes from the port          H the port is open, and whether dark
                       A seq, result, what it heard  U the port is gone
 
-The lasers go dark on the end of its input (the scanner died, however), when a lease runs out, when
-the scanner misses its pulse, and on any frame that does not check. These are the only bytes in
-turnscan that light a laser, and nothing else can send them: a W frame with such a line is refused.
+The lasers go dark on the end of its input (the scanner died, however), when a lease runs out that
+nobody renewed, and on any frame that does not check. No lease is longer than 2 s. These are the
+only bytes in turnscan that light a laser, and nothing else can send them: a W frame with such a
+line is refused.
 """
 
 from __future__ import annotations
@@ -32,10 +34,12 @@ from typing import Any
 
 DONE, UNKNOWN, FAILED, LAPSED = 0, 1, 2, 3
 """Results in an A frame: as asked; dark was not confirmed; the board objected and it is dark;
-dark because a lease or a pulse was missed (seq 0)."""
+dark because a lease ran out (seq 0)."""
 
 LONGEST_FRAME = 4096
-LONGEST_LEASE = 120.0
+LONGEST_LEASE = 2.0
+LONGEST_LIT = 120.0
+"""s that a laser burns at most, however often its lease is renewed."""
 _HEAD = struct.Struct("<cHI")
 
 
@@ -221,8 +225,6 @@ class Settings:
     """s to wait for a first confirmed dark; boards boot for two."""
     confirm: float
     """s to wait for a board's answer."""
-    pulse: float
-    """s without a sign of life of the scanner after which lit lasers go dark."""
 
 
 class Guard:
@@ -237,7 +239,7 @@ class Guard:
         self._port: Any = None
         self._line = b""
         self._lit, self._sure = False, False
-        self._lease_end = self._pulse_end = 0.0
+        self._lease_end = self._last_end = 0.0
         self._leave = False
         self._hurry = threading.Event()
         """Set while the scanner waits for dark: nothing else is sent any more."""
@@ -255,7 +257,7 @@ class Guard:
         threading.Thread(target=self._listen_parent, daemon=True).start()
         self._first_dark()
         while not self._leave:
-            if self._lit and time.monotonic() >= min(self._lease_end, self._pulse_end):
+            if self._lit and time.monotonic() >= self._lease_end:
                 self._dark(0, LAPSED)
             elif (event := self._next()) is not None:
                 self._act(*event)
@@ -291,8 +293,7 @@ class Guard:
             return "frame", self._later.pop(0)
         longest = 0.5
         if self._lit:
-            left = min(self._lease_end, self._pulse_end) - time.monotonic()
-            longest = max(0.0, min(longest, left))
+            longest = max(0.0, min(longest, self._lease_end - time.monotonic()))
         try:
             return self._events.get(timeout=longest)
         except queue.Empty:
@@ -308,8 +309,8 @@ class Guard:
             self._leave = True
         elif kind == b"W":
             self._pass_on(payload)
-        elif kind == b"K":
-            self._pulse_end = time.monotonic() + self._set.pulse
+        elif kind == b"E":
+            self._extend(payload)
         elif kind == b"L":
             self._light(*struct.unpack("<IdB", payload))
         elif kind == b"D":
@@ -332,7 +333,7 @@ class Guard:
         if mask:  # counted as lit from before the first byte
             self._lit, self._sure = True, False
             self._lease_end = time.monotonic() + lease
-            self._pulse_end = time.monotonic() + self._set.pulse
+            self._last_end = time.monotonic() + LONGEST_LIT
         for step in self._dialect.light(self._set.outputs, mask):
             heard, end = bytearray(), time.monotonic() + self._set.confirm
             self._send(step.send)
@@ -347,6 +348,12 @@ class Guard:
                 return
         self._lit, self._sure = bool(mask), not mask
         self._answer(seq, DONE, b"", b"")
+
+    def _extend(self, payload: bytes) -> None:
+        """More time for what is lit; it lights nothing, so it may come late, or twice."""
+        (lease,) = struct.unpack("<d", payload)
+        if self._lit and 0.0 < lease <= LONGEST_LEASE:
+            self._lease_end = min(time.monotonic() + lease, self._last_end)
 
     def _dark(self, seq: int, result: int, objection: bytes = b"") -> None:
         said = b""
@@ -385,14 +392,14 @@ class Guard:
                 return data
             if source == "end":
                 self._leave = True
-            elif data[:1] == b"K":
-                self._pulse_end = time.monotonic() + self._set.pulse
+            elif data[:1] == b"E":
+                self._extend(data[1:])
             else:
                 self._later.append(data)
         return b""
 
     def _listen_parent(self) -> None:
-        frames = Frames(b"WLDKQ")
+        frames = Frames(b"WLDEQ")
         with contextlib.suppress(OSError, ValueError):
             while data := os.read(0, 4096):
                 for kind, payload in frames.feed(data):

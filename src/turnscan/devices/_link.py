@@ -47,8 +47,6 @@ class Deadlines:
     """Beyond the time that a move should take."""
     connect: float = 10.0
     """For a board to boot and answer."""
-    pulse: float = 2.0
-    """Lasers go dark this long after the last sign of life of this program."""
 
 
 class Link(Protocol):
@@ -64,6 +62,10 @@ class Link(Protocol):
 
     def light(self, mask: int, lease: float) -> None:
         """Light exactly the lasers whose bit is set; dark after ``lease`` s."""
+        ...
+
+    def renew(self, lease: float) -> None:
+        """What is lit may stay so for ``lease`` s from now."""
         ...
 
     def dark(self) -> bytes:
@@ -97,7 +99,7 @@ class GuardedLink:
         self._d = d
         self.settings = _guard.Settings(
             port, dialect, outputs, baud or _guard.DIALECTS[dialect].baud, dtr,
-            d.connect, min(d.acknowledge, 0.6), d.pulse,
+            d.connect, min(d.acknowledge, 0.6),
         )  # fmt: skip
         self._bytes: queue.Queue[bytes] = queue.Queue(maxsize=4096)
         self._answers: dict[int, queue.SimpleQueue[tuple[int, bytes, bytes]]] = {}
@@ -115,7 +117,6 @@ class GuardedLink:
         )  # fmt: skip
         self._listener = threading.Thread(target=self._listen, daemon=True, name="guard listener")
         self._listener.start()
-        threading.Thread(target=self._beat, daemon=True, name="guard pulse").start()
         try:
             self._greet()
         except BaseException:
@@ -191,6 +192,10 @@ class GuardedLink:
             raise self._unknown(heard)
         self._maybe_lit.clear()
         raise objection(self.settings.port, heard)
+
+    def renew(self, lease: float) -> None:
+        """See `Link`; nothing is answered. Raises what has befallen the guard."""
+        self._frame(b"E", struct.pack("<d", lease))
 
     def dark(self) -> bytes:
         """See `Link`; from any thread and state, also after the guard has ended."""
@@ -278,12 +283,6 @@ class GuardedLink:
             raise SafetyError(f"{self.settings.port}: the laser guard does not answer", hint=CUT)
         finally:
             del self._answers[seq]
-
-    def _beat(self) -> None:
-        while not self._closing.wait(self.settings.pulse / 4):
-            if self._maybe_lit.is_set():
-                with contextlib.suppress(TurnscanError):
-                    self._frame(b"K")
 
     def _listen(self) -> None:
         frames = _guard.Frames(b"RHAU")

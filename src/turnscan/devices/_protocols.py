@@ -64,7 +64,15 @@ class Lasers(Protocol):
         ...
 
     def light(self, lit: frozenset[str], lease: float) -> None:
-        """Light exactly these; they go dark by themselves after ``lease`` seconds."""
+        """Light exactly these; they go dark by themselves after ``lease`` seconds.
+
+        A driver may refuse a lease above 2 s: who needs light for longer calls `renew`, as
+        `turnscan.devices.burning` does.
+        """
+        ...
+
+    def renew(self, lease: float) -> None:
+        """What is lit stays so for ``lease`` seconds from now; lights nothing. From any thread."""
         ...
 
     def off(self) -> None:

@@ -139,6 +139,7 @@ class SimLasers:
 
     def __init__(self, world: World) -> None:
         self._world = world
+        self._lock = threading.RLock()
         self._timer: threading.Timer | None = None
 
     @property
@@ -153,15 +154,32 @@ class SimLasers:
             raise DeviceRefused(f"simulated lasers: no {unknown[0]!r}; there is {self.names}")
         if not 0.0 < lease < 1e6:
             raise DeviceRefused(f"simulated lasers: lease {lease:g} s", hint="give 0 to 1e6 s")
-        self.off()
-        self._world.lit = frozenset(lit)
-        self._timer = threading.Timer(lease, self.off)
-        self._timer.daemon = True
-        self._timer.start()
+        with self._lock:
+            self._world.lit = frozenset(lit)
+            self._count_down(lease if lit else None)
+
+    def renew(self, lease: float) -> None:
+        """See `turnscan.devices.Lasers`."""
+        with self._lock:
+            if self._timer is not None:
+                self._count_down(lease)
+
+    def _count_down(self, lease: float | None) -> None:
+        """Anew; None for nothing that is lit."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None if lease is None else threading.Timer(lease, self._expire)
+        if self._timer is not None:
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _expire(self) -> None:
+        with self._lock:
+            if threading.current_thread() is self._timer:  # and not one that came too late
+                self.off()
 
     def off(self) -> None:
         """All dark, from any state and thread."""
-        timer, self._timer = self._timer, None
-        if timer is not None:
-            timer.cancel()
-        self._world.lit = frozenset()
+        with self._lock:
+            self._world.lit = frozenset()
+            self._count_down(None)

@@ -11,6 +11,8 @@ from contextlib import AbstractContextManager
 from turnscan.devices import Lasers
 from turnscan.errors import TurnscanError
 
+_RENEWED = 0.4
+"""s"""
 _SOON = 0.5
 """s from a command to its light, and from a lease's end to dark."""
 
@@ -26,8 +28,9 @@ def check_lasers(
     channel of its own: an emulated board's log, a photodiode, a person.
 
     Checked are: dark after opening; exactly the lasers asked for burn; unknown names and leases
-    that are none are refused and light nothing; a lease ends by itself; `off` works when dark,
-    when lit, twice, and from another thread; dark after closing and after an error.
+    that are none are refused and light nothing; a lease ends by itself, and not while it is
+    renewed; renewing lights nothing; `off` works when dark, when lit, twice, and from another
+    thread; dark after closing and after an error.
 
     Raises AssertionError, saying what is not as it must be.
     """
@@ -62,10 +65,25 @@ def check_lasers(
         time.sleep(0.2)
         see(dark, "after a lease of 0.2 s")
         lasers.off()
+        lasers.renew(1.0)
+        see(dark, "after renewing what is dark")
+        _check_renewal(lasers, see)
+        lasers.off()
         lasers.light(frozenset({names[0]}), 2.0)
     see(dark, "after closing a lit laser")
     _check_error(opener)
     see(dark, "after an error")
+
+
+def _check_renewal(lasers: Lasers, see: Callable[[frozenset[str], str], None]) -> None:
+    one = frozenset({lasers.names[0]})
+    lasers.light(one, _RENEWED)
+    for _ in range(6):
+        time.sleep(_RENEWED / 4)
+        lasers.renew(_RENEWED)
+    see(one, f"a lease of {_RENEWED:g} s that was renewed")
+    time.sleep(_RENEWED)
+    see(frozenset(), "after the last renewal ran out")
 
 
 def _check_refusals(lasers: Lasers) -> None:
