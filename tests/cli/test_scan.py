@@ -16,9 +16,9 @@ from click.testing import CliRunner, Result
 
 from turnscan.cli import turnscan
 from turnscan.cli._hardware import was_interrupted
-from turnscan.cli._scan import stops_of
 from turnscan.errors import InputError, ScanBusy, TurnscanError
 from turnscan.scan import Scan
+from turnscan.station import stops_of
 
 BENCH = "sim:sphere?speckle=0"
 

@@ -1,46 +1,20 @@
-"""Devices by their addresses, for the verbs that drive them."""
+"""Options and signals of the verbs that drive devices."""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import wraps
 from types import FrameType
 from typing import Any, TypeVar
 
 import click
 
-from turnscan.acquire import Hardware
-from turnscan.devices import Steady, open_camera, open_devices
 from turnscan.errors import InputError
-from turnscan.rig import Rig
+from turnscan.station import DEFAULT_DEVICE, Addresses
 
-DEFAULT_DEVICE = "sim:cup?seed=7"
 Command = TypeVar("Command", bound=Callable[..., Any])
-
-
-@dataclass(frozen=True)
-class Addresses:
-    """Where the devices are."""
-
-    camera: str
-    turntable: str
-    lasers: str
-
-
-@dataclass(frozen=True)
-class Opened:
-    """Devices, and what only a simulated bench knows."""
-
-    hardware: Hardware
-    seconds: float | None = None
-    """The exposure that suits it."""
-    steps: int | None = None
-    """Of a turn."""
-    rig: Rig | None = None
-    """The true one."""
 
 
 def device_options(command: Command) -> Command:
@@ -94,26 +68,6 @@ def addresses_of(given: dict[str, str | None], known: Addresses | None = None) -
 
 
 @contextmanager
-def opened(at: Addresses) -> Iterator[Opened]:
-    """The devices, closed on every way out, the lasers dark before anything else.
-
-    Pictures of real cameras are looked at, and taken again where something is wrong with them.
-    Raises InputError for addresses that are none, DeviceError and SafetyError as the devices do.
-    """
-    simulated = [a.startswith("sim:") for a in (at.turntable, at.lasers)]
-    if any(simulated):
-        if not len({at.camera, at.turntable, at.lasers}) == 1:
-            raise InputError(
-                "a simulated bench is camera, turntable and lasers in one",
-                hint="give --device sim:… alone",
-            )
-        yield _bench(at.camera)
-        return
-    with open_devices(at.turntable, at.lasers) as board, open_camera(at.camera) as camera:
-        yield Opened(Hardware(Steady(camera), board.turntable, board.lasers))
-
-
-@contextmanager
 def ended_by_signals() -> Iterator[None]:
     """Ctrl-C, hanging up and a polite kill end the block once, as KeyboardInterrupt.
 
@@ -143,11 +97,3 @@ def was_interrupted(error: BaseException) -> bool:
     while inner is not None and not isinstance(inner, KeyboardInterrupt):
         inner = inner.__cause__ or inner.__context__
     return inner is not None
-
-
-def _bench(address: str) -> Opened:
-    from turnscan.simulate import simulated
-
-    bench = simulated(address)
-    hardware = Hardware(bench.camera, bench.turntable, bench.lasers)
-    return Opened(hardware, bench.seconds, bench.steps, bench.world.bench.rig)

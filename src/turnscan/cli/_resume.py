@@ -11,17 +11,16 @@ import click
 
 from turnscan.acquire import Acquisition, acquisition_from_json, check_angle, check_room, reindexed
 from turnscan.cli._hardware import (
-    Addresses,
     addresses_of,
     device_options,
     ended_by_signals,
-    opened,
     was_interrupted,
 )
 from turnscan.cli._numbers import Finite
 from turnscan.cli._scanning import steps_left, take
 from turnscan.errors import InputError
 from turnscan.scan import Scan
+from turnscan.station import Addresses, opened
 
 
 @click.command("resume")

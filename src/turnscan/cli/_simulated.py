@@ -17,6 +17,7 @@ from turnscan.errors import InputError
 from turnscan.rig import rig_to_json
 from turnscan.scan import Frame, Keep, ScanPlan, Setting, replacing_scan
 from turnscan.simulate import Simulated
+from turnscan.station import laser_colour
 from turnscan.surface import Mesh
 
 Tick = Callable[[], None]
@@ -52,14 +53,6 @@ def scan_into_folder(devices: Simulated, plan: Plan, folder: Path, tick: Tick) -
     text = "\n".join(["number,angle_deg", *rows, ""])
     write_atomically(folder / "angles.csv", text.encode())
     write_atomically(folder / "rig.json", rig_to_json(devices.world.bench.rig).encode())
-
-
-def laser_colour(lit: Image, dark: Image) -> tuple[float, float, float]:
-    """How much of red, green and blue is laser, learnt from a lit and a dark picture."""
-    from turnscan.stripes import learn_colour
-
-    red, green, blue = learn_colour(lit, dark)
-    return float(red), float(green), float(blue)
 
 
 def truth(devices: Simulated) -> Mesh:

@@ -1,4 +1,4 @@
-"""Looking at devices: what pictures tell about camera, lasers and table."""
+"""Examination: what pictures tell about camera, lasers and table."""
 
 from __future__ import annotations
 

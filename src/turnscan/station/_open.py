@@ -1,0 +1,65 @@
+"""Devices by their addresses: real ones, or a simulated bench that is all of them in one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from turnscan.acquire import Hardware
+from turnscan.devices import Steady, open_camera, open_devices
+from turnscan.errors import InputError
+from turnscan.rig import Rig
+
+DEFAULT_DEVICE = "sim:cup?seed=7"
+"""Where nobody says anything else."""
+
+
+@dataclass(frozen=True)
+class Addresses:
+    """Where the devices are."""
+
+    camera: str
+    turntable: str
+    lasers: str
+
+
+@dataclass(frozen=True)
+class Opened:
+    """Devices, and what only a simulated bench knows."""
+
+    hardware: Hardware
+    seconds: float | None = None
+    """The exposure that suits it."""
+    steps: int | None = None
+    """Of a turn."""
+    rig: Rig | None = None
+    """The true one."""
+
+
+@contextmanager
+def opened(at: Addresses) -> Iterator[Opened]:
+    """The devices, closed on every way out, the lasers dark before anything else.
+
+    Pictures of real cameras are looked at, and taken again where something is wrong with them.
+    Raises InputError for addresses that are none, DeviceError and SafetyError as the devices do.
+    """
+    simulated = [a.startswith("sim:") for a in (at.turntable, at.lasers)]
+    if any(simulated):
+        if not len({at.camera, at.turntable, at.lasers}) == 1:
+            raise InputError(
+                "a simulated bench is camera, turntable and lasers in one",
+                hint="give sim:… alone, for all three",
+            )
+        yield _bench(at.camera)
+        return
+    with open_devices(at.turntable, at.lasers) as board, open_camera(at.camera) as camera:
+        yield Opened(Hardware(Steady(camera), board.turntable, board.lasers))
+
+
+def _bench(address: str) -> Opened:
+    from turnscan.simulate import simulated
+
+    bench = simulated(address)
+    hardware = Hardware(bench.camera, bench.turntable, bench.lasers)
+    return Opened(hardware, bench.seconds, bench.steps, bench.world.bench.rig)

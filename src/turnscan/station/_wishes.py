@@ -1,0 +1,177 @@
+"""What a person wants of a scan → a plan for the devices there are, and its first pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+from turnscan.acquire import (
+    Acquisition,
+    Exposure,
+    FirstLook,
+    Plan,
+    Texture,
+    acquisition_to_json,
+    check_room,
+    estimate,
+    look,
+)
+from turnscan.arrays import Image
+from turnscan.errors import InputError
+from turnscan.rig import Rig
+from turnscan.scan import Keep, Scan, ScanPlan
+from turnscan.station._open import Addresses, Opened
+from turnscan.stripes import Orientation
+
+USUAL_STEPS = 400
+"""Of a turn, where neither a person nor a simulated bench says otherwise."""
+USUAL_SECONDS = 0.02
+"""Of an exposure, likewise."""
+_SETTLE = 0.1
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a person wants; None leaves it to the devices."""
+
+    steps: int | None = None
+    step_deg: Fraction | None = None
+    """Between stops, instead of ``steps``."""
+    range_deg: tuple[Fraction, Fraction] = (Fraction(0), Fraction(360))
+    passes: int = 1
+    lasers: tuple[str, ...] | None = None
+    together: bool = False
+    exposures: tuple[float, ...] = ()
+    """s; none takes what suits the bench."""
+    gain: float = 1.0
+    dark_every: int = 1
+    texture: float | None = None
+    """s of a whole picture without laser light, too."""
+    texture_every: int = 1
+    lamps: tuple[str, ...] = ()
+    settle: float | None = None
+    """s."""
+    blind_steps: int = 8
+    keep: Keep = "sparse"
+    threshold: float | None = None
+    """Grey levels; None chooses it by the noise."""
+    orientation: Orientation = "vertical"
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """All that is known before the first step of a scan is taken."""
+
+    plan: Plan
+    first: FirstLook
+    rig: Rig | None
+    size: int
+    """Bytes, about."""
+    acquisition: str
+    """For the scan file, to resume by."""
+
+    def create(self, path: Path) -> Scan:
+        """The scan file, to be filled. Raises InputError, ScanError, StorageFull for no room."""
+        check_room(path, self.size)
+        return Scan.create(path, self.first.scan_plan, self.rig, self.acquisition)
+
+
+def prepare(
+    at: Addresses, bench: Opened, wishes: Wishes, rig: Rig | None = None, rig_name: str = "the rig"
+) -> Prepared:
+    """Plan a scan and take its first pictures; the lasers are dark when this returns.
+
+    ``rig`` None takes that of a simulated bench. Raises InputError where wishes, devices and rig do
+    not go together, and DeviceError and SafetyError as the devices do.
+    """
+    plan = plan_of(wishes, bench)
+    first = look(
+        plan, bench.hardware, keep=wishes.keep, orientation=wishes.orientation, source=at.camera,
+        weigh=laser_colour, threshold=wishes.threshold,
+    )  # fmt: skip
+    used = rig or bench.rig
+    if used is not None:
+        _check_rig(used, plan, first.scan_plan, rig_name)
+    how = acquisition_to_json(Acquisition(plan, at.camera, at.turntable, at.lasers))
+    return Prepared(plan, first, used, estimate(plan, first), how)
+
+
+def plan_of(wishes: Wishes, bench: Opened) -> Plan:
+    """The plan that the wishes come to with these devices. Raises InputError."""
+    w = wishes
+    step, stops = stops_of(w.range_deg, w.steps, w.step_deg, bench.steps or USUAL_STEPS)
+    names = w.lasers
+    if names is None:
+        names = tuple(n for n in bench.hardware.lasers.names if n not in w.lamps)
+    shown = None
+    if w.texture is not None:
+        shown = Texture(Exposure(w.texture, w.gain), w.texture_every, w.lamps)
+    settle = w.settle
+    if settle is None:
+        settle = 0.0 if bench.steps else _SETTLE
+    return Plan(
+        step_deg=step,
+        stops=stops,
+        lasers=names,
+        exposures=tuple(
+            Exposure(s, w.gain) for s in w.exposures or (bench.seconds or USUAL_SECONDS,)
+        ),
+        start_deg=w.range_deg[0],
+        passes=w.passes,
+        together=w.together,
+        dark_every=w.dark_every,
+        texture=shown,
+        settle=settle,
+        blind_steps=w.blind_steps,
+    )
+
+
+def stops_of(
+    ends: tuple[Fraction, Fraction], steps: int | None, step_deg: Fraction | None, usual: int
+) -> tuple[Fraction, int]:
+    """Angle between stops and their number.
+
+    Whole turns end one step before their first stop comes again; on other ranges both ends are
+    stops. Raises InputError where range and steps do not go together.
+    """
+    if steps is not None and step_deg is not None:
+        raise InputError("--steps and --step-deg", hint="give one of them")
+    width = ends[1] - ends[0]
+    closed = width != 0 and width % 360 == 0
+    if step_deg is not None:
+        if step_deg <= 0:
+            raise InputError(f"--step-deg {float(step_deg):g}", hint="give an angle above 0")
+        step = step_deg if width >= 0 else -step_deg
+        count = width / step
+        return step, (-(-count.numerator // count.denominator) if closed else int(count) + 1)
+    if steps is None:
+        steps = max(1, round(usual * abs(width) / 360) + (not closed))
+    if steps < 1:
+        raise InputError(f"--steps {steps}", hint="a scan has at least one step")
+    gaps = steps if closed else steps - 1
+    if gaps == 0 and width != 0 and not closed:
+        raise InputError(f"one step over {float(width):g}°", hint="give 2 steps or more")
+    return (width / gaps if gaps else Fraction(0)), steps
+
+
+def laser_colour(lit: Image, dark: Image) -> tuple[float, float, float]:
+    """How much of red, green and blue is laser, learnt from a lit and a dark picture."""
+    from turnscan.stripes import learn_colour
+
+    red, green, blue = learn_colour(lit, dark)
+    return float(red), float(green), float(blue)
+
+
+def _check_rig(rig: Rig, plan: Plan, scan_plan: ScanPlan, where: str) -> None:
+    missing = set(plan.lasers) - {s.name for s in rig.sheets}
+    if missing:
+        there = ", ".join(s.name for s in rig.sheets) or "none"
+        raise InputError(f"{where}: no laser {', '.join(sorted(missing))}", hint=f"it has {there}")
+    have = (rig.camera.width, rig.camera.height)
+    if have != (scan_plan.width, scan_plan.height):
+        raise InputError(
+            f"{where}: its camera gives {have[0]} × {have[1]} pixels, this one "
+            f"{scan_plan.width} × {scan_plan.height}",
+            hint="give the rig that belongs to this camera",
+        )
