@@ -101,7 +101,7 @@ def test_mutations_never_give_a_wrong_frame(tmp_path: Path) -> None:
     rng = random.Random(7)
     refused = 0
     path = tmp_path / "mutant.turnscan"
-    for trial in range(240):
+    for trial in range(1000):
         mutant = bytearray(data)
         if trial % 4 == 0:
             del mutant[rng.randrange(len(mutant)) :]
@@ -120,7 +120,52 @@ def test_mutations_never_give_a_wrong_frame(tmp_path: Path) -> None:
             refused += 1
         for tail in ("-wal", "-shm", "-journal"):
             path.with_name(path.name + tail).unlink(missing_ok=True)
-    assert refused > 120, "most mutations must have hit something"
+    assert refused > 500, "most mutations must have hit something"
+
+
+def test_each_of_1000_flipped_bits_in_payloads_is_named(tmp_path: Path) -> None:
+    """C8: a bit of each frame at a time; all are found, and nothing else is."""
+    path = tmp_path / "a.turnscan"
+    write(path)
+    rng = random.Random(8)
+    db = sqlite3.connect(path)
+    db.execute("PRAGMA synchronous = OFF")  # this test is not about the disk
+    whole = dict(db.execute("SELECT step, payload FROM frames"))
+    assert len(whole) == PLAN.steps
+    flips = found = 0
+    while flips < 1000:
+        for step, payload in whole.items():
+            altered = bytearray(payload)
+            altered[rng.randrange(len(altered))] ^= 1 << rng.randrange(8)
+            db.execute("UPDATE frames SET payload = ? WHERE step = ?", (bytes(altered), step))
+            flips += 1
+        db.commit()
+        with Scan.open(path) as scan:
+            found += sum(trouble is not None for _, trouble in scan.verify())
+    assert found == flips, f"{found} of {flips} found"
+    db.executemany("UPDATE frames SET payload = ? WHERE step = ?",
+                   [(payload, step) for step, payload in whole.items()])  # fmt: skip
+    db.commit()
+    db.close()
+    with Scan.open(path) as scan:
+        assert not any(trouble for _, trouble in scan.verify())
+
+
+def test_a_reader_that_compares_no_checksum_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The mutant: a payload is taken as it is."""
+    from turnscan.scan import _database
+
+    def credulous(db: sqlite3.Connection, row: _database.Row, path: Path) -> bytes:
+        payload: bytes = db.execute(
+            "SELECT payload FROM frames WHERE id = ?", (row.id,)
+        ).fetchone()[0]
+        return payload
+
+    monkeypatch.setattr(_database, "read_payload", credulous)
+    with pytest.raises(AssertionError, match=r"of 1002 found"):
+        test_each_of_1000_flipped_bits_in_payloads_is_named(tmp_path)
 
 
 def test_each_altered_payload_in_a_healthy_database_is_named(tmp_path: Path) -> None:
