@@ -8,9 +8,9 @@ import pytest
 from tests.analytic import box, full_turn, make_rig, scan_shape
 from turnscan.errors import InputError
 from turnscan.pipeline import Settings, reconstruct
-from turnscan.points import Volume
+from turnscan.points import Volume, build_grid
 from turnscan.scan import Frame, Scan, ScanPlan
-from turnscan.stripes import StripeSettings
+from turnscan.stripes import StripeFlag, StripeSettings
 from turnscan.surface import Caps, is_closed
 
 STEPS = 40
@@ -59,11 +59,8 @@ def test_a_box_comes_out_of_its_pictures(scan_path):
     assert done.mesh.faces.tobytes() == again.mesh.faces.tobytes()
     assert [g.laser for g in done.grids] == ["L0", "L1"]
     assert len(done.grids[1].steps) == STEPS - 1
-    c, s = np.cos(0.3), np.sin(0.3)
     for grid in done.grids:
-        Q = (grid.points[grid.found] - (3, 2, 20)) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        off = (np.abs(Q) / (25, 18, 20) - 1) * (25, 18, 20)
-        away = off.max(axis=1)
+        away = _off_the_box(grid.points[grid.found])
         assert np.quantile(np.abs(away), 0.95) < 0.25
         sigma = grid.sigma[grid.found]
         assert 0.4 < np.median(np.abs(away)) / (0.6745 * np.median(sigma)) < 1.6
@@ -103,3 +100,112 @@ def test_a_rig_that_does_not_fit_is_refused(scan_path, tmp_path):
             reconstruct(bare)
         with pytest.raises(InputError, match="table angle"):
             reconstruct(bare, make_rig())
+
+
+def _signal_of(stripe, albedo):
+    """Light of a stripe per second, (240, 320): strong at the top of the picture, weak below."""
+    at = np.nan_to_num(stripe.position, nan=-1e3)[:, None]
+    return albedo[:, None] * np.exp(-0.5 * ((np.arange(320) - at) / 1.5) ** 2)
+
+
+def _exposed(light, seconds, rng, channels=1):
+    picture = rng.normal(12, 1.2, (240, 320, channels))
+    picture[..., 1 % channels] += light * seconds
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8).squeeze()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_bracket_sees_chrome_and_soot(rig, tmp_path, channels):
+    rng = np.random.default_rng(3)
+    weights = (-0.2, 1.0, -0.2) if channels == 3 else None
+    times = (0.002, 0.032)
+    albedo = np.geomspace(60_000, 500, 240)
+    angles = full_turn(12)
+    shape = box((25, 18, 20), (3, 2, 20), 0.3)
+    truth = scan_shape(rig, shape, angles, "L0")
+    found, errors, clipped = [], [], []
+    for k, exposures in enumerate([times[:1], times[1:], times]):
+        plan = ScanPlan(
+            320, 240, "uint8", channels, ("L0",), 12, 12.0, weights=weights,
+            exposures=len(exposures),
+        )  # fmt: skip
+        with Scan.create(tmp_path / f"{k}.turnscan", plan, rig) as scan:
+            for step, stripe in enumerate(truth):
+                light = _signal_of(stripe, albedo)
+                for i, t in enumerate(exposures):
+                    lit = _exposed(light, t, rng, channels)
+                    dark = _exposed(0 * light, t, rng, channels)
+                    how = {"seconds": t, "gain": 1.0}
+                    at = float(angles[step])
+                    scan.add(Frame(step, "L0", lit, dark, i, commanded=at, settings=how))
+            assert scan.complete
+            grid = reconstruct(scan, settings=Settings(clean=None)).grids[0]
+        there = build_grid(rig, "L0", truth, np.arange(12), angles)
+        assert not grid.found[~there.found].any()
+        found.append(float(grid.found[there.found & (there.points[..., 2] > 2.5)].mean()))
+        clipped.append(float((grid.flags[grid.found] & StripeFlag.SATURATED != 0).mean()))
+        out = np.abs(_off_the_box(grid.points[grid.found]))
+        errors.append(float(np.median(out / grid.sigma[grid.found])) / 0.6745)
+    short, long, both = found
+    assert short < 0.85 < 0.98 < both
+    assert clipped[1] > 0.2, "the long exposure clips"
+    assert clipped[2] < 0.02
+    assert long <= both + 0.01
+    assert 0.4 < errors[2] < 1.6
+
+
+def _off_the_box(points):
+    c, s = np.cos(0.3), np.sin(0.3)
+    Q = (points - (3, 2, 20)) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return ((np.abs(Q) / (25, 18, 20) - 1) * (25, 18, 20)).max(axis=1)
+
+
+def test_an_exposure_that_does_not_tell_its_time_is_refused(rig, tmp_path):
+    plan = ScanPlan(320, 240, "uint8", 1, ("L0",), 1, 12.0, exposures=2)
+    picture = np.full((240, 320), 9, np.uint8)
+    with Scan.create(tmp_path / "a.turnscan", plan, rig) as scan:
+        for k in range(2):
+            scan.add(Frame(0, "L0", picture, picture, k, commanded=0.0))
+        with pytest.raises(InputError, match="does not tell how long it was"):
+            reconstruct(scan)
+
+
+def test_lasers_lit_together_are_told_apart(rig, scan_path, tmp_path):
+    rng = np.random.default_rng(4)
+    angles = full_turn(24)
+    shape = box((25, 18, 20), (3, 2, 20), 0.3)
+    apart = {name: scan_shape(rig, shape, angles, name) for name in ("L0", "L1")}
+    plan = ScanPlan(320, 240, "uint8", 1, ("L0+L1",), 24, 12.0)
+    with Scan.create(tmp_path / "both.turnscan", plan, rig) as scan:
+        for step, pair in enumerate(zip(*apart.values(), strict=True)):
+            light = sum(_signal_of(stripe, np.full(240, 150.0)) for stripe in pair)
+            lit, dark = _exposed(light, 1.0, rng), _exposed(light, 0.0, rng)
+            scan.add(Frame(step, "L0+L1", lit, dark, commanded=float(angles[step])))
+        # What a laser shows of the level top beyond the axis looks like a higher part.
+        assert "points.together" in [f.code for f in reconstruct(scan).findings]
+        done = reconstruct(scan, settings=Settings(volume=Volume(60, 2.5, 40.5)))
+    assert [g.laser for g in done.grids] == ["L0", "L1"]
+    for grid in done.grids:
+        truth = build_grid(rig, grid.laser, apart[grid.laser], np.arange(24), angles)
+        want = truth.found & (truth.points[..., 2] > 2.5) & ~truth.behind
+        assert grid.found[want].mean() > 0.93, "the rest is where two stripes touch"
+        off = _off_the_box(grid.points[grid.found])
+        assert np.quantile(np.abs(off), 0.95) < 0.25
+        assert 0.4 < np.median(np.abs(off) / grid.sigma[grid.found]) / 0.6745 < 1.6
+
+
+def test_a_second_pass_is_merged_with_the_first(rig, tmp_path):
+    rng = np.random.default_rng(5)
+    angles = np.deg2rad(15.0) * np.arange(48)
+    shape = box((25, 18, 20), (3, 2, 20), 0.3)
+    plan = ScanPlan(320, 240, "uint8", 1, ("L0",), 48, 12.0)
+    with Scan.create(tmp_path / "two.turnscan", plan, rig) as scan:
+        for step, stripe in enumerate(scan_shape(rig, shape, angles, "L0")):
+            light = _signal_of(stripe, np.full(240, 150.0))
+            lit, dark = _exposed(light, 1.0, rng), _exposed(light, 0.0, rng)
+            scan.add(Frame(step, "L0", lit, dark, commanded=float(angles[step])))
+        done = reconstruct(scan)
+    assert [len(g.steps) for g in done.grids] == [24, 24]
+    assert all(g.closed for g in done.grids)
+    assert "surface.merge" in [f.code for f in done.findings]
+    assert "points.second-turn" not in [f.code for f in done.findings]

@@ -42,6 +42,11 @@ class View:
     inside: Bools
     """(H, W) True where a stripe counts."""
 
+    @property
+    def others(self) -> set[str]:
+        """The lasers that are lit in the same frames."""
+        return set(lit_in(self.lit, self.rig)) - {self.laser}
+
     def seek(self, tick: Callable[[], None]) -> tuple[Stripes, list[Finding]]:
         """The stripes of all frames, and what is missing; ``tick`` is called after each frame.
 

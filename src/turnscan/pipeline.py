@@ -88,6 +88,7 @@ def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Re
             seamed = edit.mend_grid(turn, edits)
             kept = points.drop_specks(points.clip(seamed, v.volume), s.shortest)
             findings += points.grid_findings(turn, kept, v.volume)
+            findings += points.together_findings(kept, v.rig, v.others, v.volume)
             if s.clean is not None:
                 kept, taken = surface.clean(kept, s.clean)
                 findings += taken

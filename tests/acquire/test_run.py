@@ -199,6 +199,18 @@ def test_only_what_is_missing_is_taken(tmp_path: Path) -> None:
     assert not [s for s in idle.said if s.startswith(("grab", "move", "light"))]
 
 
+def test_a_long_exposure_in_daylight_is_not_taken_for_a_laser_still_lit(tmp_path: Path) -> None:
+    plan = plan_of(5, exposures=(Exposure(0.001), Exposure(0.02)))
+    outcome, _ = scan_with(Rig(sunlit=5000.0), plan, tmp_path / "a.turnscan")
+    assert outcome.frames == 5 * 2 * 2
+    with Scan.open(tmp_path / "a.turnscan") as scan:
+        assert scan.plan.exposures == 2
+        assert scan.complete
+    long = plan_of(20, exposures=plan.exposures)
+    with pytest.raises(LaserStateUnknown, match="'left': 8 steps on end show no stripe"):
+        scan_with(Rig(sunlit=5000.0, stuck_on=frozenset({"left"})), long, tmp_path / "b.turnscan")
+
+
 def test_a_group_taken_up_in_the_middle_has_the_dark_picture_of_its_first_step(
     tmp_path: Path,
 ) -> None:

@@ -210,7 +210,7 @@ class _Job:
                 self._store_missing(step, name, k, why or cause)
                 continue
             if dark is not None:
-                self._watch.lit(name, lit, dark)
+                self._watch.lit(name, k, lit, dark)
             self._store(step, name, k, lit, dark, reached, exposure)
 
     def _move(self, step: int) -> float:
@@ -238,11 +238,11 @@ class _Job:
         """A dark picture. Raises LaserStateUnknown where two on end show a stripe."""
         self._shooter.configure(self._plan.exposures[exposure])
         picture, cause = self._shooter.picture(frozenset())
-        laser = None if picture is None else self._watch.still_lit(picture)
+        laser = None if picture is None else self._watch.still_lit(exposure, picture)
         if laser is not None:
             self._hw.lasers.off()
             picture, cause = self._shooter.picture(frozenset())
-            laser = None if picture is None else self._watch.still_lit(picture)
+            laser = None if picture is None else self._watch.still_lit(exposure, picture)
         if laser is not None:
             raise LaserStateUnknown(
                 f"laser {laser!r}: pictures taken after it was switched off still show its stripe",

@@ -47,27 +47,31 @@ class LaserWatch:
         self._limit = plan.blind_steps
         step = abs(float(plan.step_deg)) or 360.0
         self._later = max(self._limit, round(_BLIND_DEG / step))
-        self._blind: dict[str, int] = {}
+        self._exposures = range(len(plan.exposures))
+        self._blind: dict[tuple[str, int], int] = {}
         self._shown: set[str] = set()
-        self._last: dict[str, _Seen] = {}
+        self._last: dict[tuple[str, int], _Seen] = {}
 
-    def lit(self, laser: str, lit: Image, dark: Image) -> bool:
+    def lit(self, laser: str, exposure: int, lit: Image, dark: Image) -> bool:
         """Note a lit picture and say whether it shows a stripe.
 
-        Raises LaserStateUnknown where this laser has shown none for too many steps.
+        Raises LaserStateUnknown where this laser has shown none for too many steps, in none of its
+        exposures.
         """
         if not self._limit:
             return True
         off = self._thin(dark)
         signal = signal_of(self._thin(lit), off, self._scan.weights)
         place = signal > statistics(signal).level + 2 * self._scan.threshold
+        key = laser, exposure
         if int(np.count_nonzero(place)) >= self._least:
             self._shown.add(laser)
-            self._blind[laser] = 0
-            self._last[laser] = _Seen(place, float(signal[place].mean()), off)
+            self._blind[key] = 0
+            self._last[key] = _Seen(place, float(signal[place].mean()), off)
             return True
-        self._last.pop(laser, None)
-        self._blind[laser] = blind = self._blind.get(laser, 0) + 1
+        self._last.pop(key, None)
+        self._blind[key] = self._blind.get(key, 0) + 1
+        blind = min(self._blind.get((laser, k), 0) for k in self._exposures)
         limit = self._later if laser in self._shown else self._limit
         if blind >= limit:
             raise LaserStateUnknown(
@@ -77,10 +81,12 @@ class LaserWatch:
             )
         return False
 
-    def still_lit(self, dark: Image) -> str | None:
+    def still_lit(self, exposure: int, dark: Image) -> str | None:
         """The laser of which a picture taken after its switching off shows the stripe."""
         off = self._thin(dark)
-        for laser, seen in self._last.items():
+        for (laser, exposed), seen in self._last.items():
+            if exposed != exposure:
+                continue
             added = signal_of(off, seen.dark, self._scan.weights)
             shift = statistics(added).level
             if float(np.median(added[seen.place])) - shift > _STILL_LIT * seen.light:

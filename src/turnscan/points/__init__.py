@@ -1,7 +1,7 @@
 """Stripe + Rig + angle → Profile → RangeGrid and PointCloud, with sigma and provenance."""
 
 from turnscan.points._build import build_grid, every, goes_round, whole_turns
-from turnscan.points._findings import angle_findings, grid_findings, lost_frames
+from turnscan.points._findings import angle_findings, grid_findings, lost_frames, together_findings
 from turnscan.points._grid import PointCloud, RangeGrid
 from turnscan.points._placements import placements_from_conf
 from turnscan.points._profile import Profile, Spacing, profiles, resample
@@ -40,6 +40,7 @@ __all__ = [
     "resample",
     "systematic_sigma",
     "to_object",
+    "together_findings",
     "triangulate",
     "view_mask",
     "whole_turns",

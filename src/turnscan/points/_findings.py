@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from turnscan.findings import Finding
 from turnscan.points._grid import RangeGrid
+from turnscan.points._triangulate import beyond_axis
 from turnscan.points._volume import Volume
+from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
 
 _SHARE = 0.05
@@ -87,6 +89,35 @@ def angle_findings(grid: RangeGrid, again: int) -> list[Finding]:
         remedy = "the surface stays open there; scan a full turn to close it"
         out.append(Finding("points.open-turn", "warning", text, where, remedy))
     return out
+
+
+def together_findings(
+    grid: RangeGrid, rig: Rig, others: Iterable[str], volume: Volume
+) -> list[Finding]:
+    """Findings on a laser that was lit together with ``others``: whose stripe is it?
+
+    A pixel on the near side of this laser's sheet can as well show another's sheet beyond the axis:
+    the inside of a cup over its rim, the far half of a level top.
+    """
+    found = grid.found
+    if not found.any():
+        return []
+    turned = np.einsum("sij,snj->sni", rotation_z(grid.angles), grid.points)[found]
+    rays = rig.camera.rays(rig.camera.project(rig.T_camera_table.apply(turned)))
+    either = np.zeros(len(turned), dtype=np.bool_)
+    for name in others:
+        X = rig.sheet(name).intersect(rays)
+        inside = volume.contains(rig.T_camera_table.inverse().apply(X))
+        either |= inside & beyond_axis(rig, name, X)
+    if not either.any():
+        return []
+    highest = float(turned[either, 2].max())
+    text = (
+        f"{either.mean():.0%} of the points could be another laser's, seen beyond the axis and "
+        f"lower; so seen, what stands highest ({highest:.1f} mm) may not be there"
+    )
+    remedy = "give the part's height with --z-max, or scan with one laser after the other"
+    return [Finding("points.together", "warning", text, f"laser {grid.laser}", remedy)]
 
 
 def lost_frames(laser: str, missing: Mapping[int, str], no_angle: int) -> list[Finding]:
