@@ -1,0 +1,195 @@
+"""Decimation: as near as asked, as few as asked, whole as before, out of measured vertices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.surface.test_grid_mesh import check_sound, euler, random_grid, turned
+from turnscan.errors import InputError
+from turnscan.shapes import deviation, sample_surface
+from turnscan.surface import (
+    Mesh,
+    boundary_loops,
+    close,
+    components,
+    cut_touching,
+    decimate,
+    is_closed,
+    mesh_grid,
+)
+
+TOLERANCE = 0.05
+
+
+def column(steps: int = 90, noise: float = 0.02, seed: int = 0) -> Mesh:
+    """A fluted column, open at both ends, with radial noise."""
+    angles = np.arange(steps) * 2 * np.pi / steps
+    grid = turned(angles, np.full(80, 30.0), sigma=noise)
+    rng = np.random.default_rng(seed)
+    more = np.cos(5 * angles)[:, None] + rng.normal(0, noise, (steps, 80))
+    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    return mesh_grid(replace(grid, points=grid.points + more[..., None] * out[:, None]))
+
+
+def cube(cells: int = 20, side: float = 10.0) -> Mesh:
+    """A closed cube, its sides cut into squares of two triangles."""
+    k = np.arange(cells + 1)
+    places, faces = [], []
+    for axis in range(3):
+        for level in (0, cells):
+            a, b = np.meshgrid(k, k, indexing="ij")
+            place = np.empty((cells + 1, cells + 1, 3), dtype=np.int64)
+            place[..., axis], place[..., (axis + 1) % 3], place[..., (axis + 2) % 3] = level, a, b
+            number = sum(map(len, places)) + np.arange(a.size).reshape(a.shape)
+            p, q, r, s = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+            two = np.concatenate(
+                [np.stack(t, axis=-1).reshape(-1, 3) for t in ((p, q, r), (p, r, s))]
+            )
+            faces.append(two if level else two[:, ::-1])
+            places.append(place.reshape(-1, 3))
+    whole, index = np.unique(np.concatenate(places), axis=0, return_inverse=True)
+    return Mesh(whole * side / cells, index.ravel()[np.concatenate(faces)])
+
+
+def apart(one: Mesh, two: Mesh) -> float:
+    """mm: the largest distance of either surface from the other, by dense samples."""
+    return max(
+        float(np.abs(deviation(sample_surface(a, 60_000), b).distance).max())
+        for a, b in ((one, two), (two, one))
+    )
+
+
+def normals(mesh: Mesh) -> np.ndarray:
+    t = mesh.triangles
+    n = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_surface_lies_further_from_the_other_than_the_tolerance(seed: int) -> None:
+    mesh = column(seed=seed)
+    less = decimate(mesh, tolerance=TOLERANCE)
+    check_sound(less)
+    assert euler(less) == 0
+    off = apart(mesh, less)
+    # The floor: with noise of 0.02 mm and flutes half the tolerance is surely made use of.
+    assert TOLERANCE / 2 < off <= TOLERANCE
+    assert len(less.faces) < 0.5 * len(mesh.faces)
+    assert len(decimate(mesh, tolerance=4 * TOLERANCE).faces) < 0.3 * len(less.faces)
+
+
+def test_flat_sides_become_few_faces_and_edges_and_corners_stay() -> None:
+    mesh = cube()
+    less = decimate(mesh, tolerance=0.01)
+    assert len(less.faces) < 60 < len(mesh.faces)
+    assert is_closed(less)
+    assert less.volume == pytest.approx(mesh.volume, rel=1e-9)
+    assert apart(mesh, less) < 1e-9
+    corners = {tuple(v) for v in less.vertices.tolist()}
+    assert corners >= {(x, y, z) for x in (0.0, 10.0) for y in (0.0, 10.0) for z in (0.0, 10.0)}
+
+
+def test_a_noisy_cube_keeps_its_edges() -> None:
+    mesh = cube()
+    rng = np.random.default_rng(1)
+    rough = replace(mesh, vertices=mesh.vertices + rng.normal(0, 0.01, mesh.vertices.shape))
+    less = decimate(rough, faces=400)
+    assert len(less.faces) == 400
+    assert is_closed(less)
+    # A cut edge would lie far inside; five sigma of three coordinates is 0.09 mm.
+    assert np.abs(deviation(mesh.vertices, less).distance).max() < 0.09
+
+
+def test_no_face_turns_over() -> None:
+    mesh = column()
+    less = decimate(mesh, faces=1000)
+    near = deviation(less.triangles.mean(axis=1), mesh).face
+    assert (np.einsum("ij,ij->i", normals(less), normals(mesh)[near]) > 0).all()
+
+
+def test_vertices_that_are_left_stand_where_they_were_measured() -> None:
+    mesh = column()
+    p = mesh.provenance
+    assert p is not None
+    place = {(s, n): v for s, n, v in zip(p.step, p.line, mesh.vertices.tolist(), strict=True)}
+    coloured = replace(mesh, colour=np.arange(3 * len(mesh.vertices)).reshape(-1, 3) % 251)
+    less = decimate(coloured, faces=2000)
+    q = less.provenance
+    assert q is not None
+    assert less.vertices.tolist() == [place[s, n] for s, n in zip(q.step, q.line, strict=True)]
+    assert less.colour is not None
+    assert q.lasers == p.lasers
+
+
+def test_borders_stay_where_they_are() -> None:
+    mesh = column()
+    less = decimate(mesh, tolerance=TOLERANCE)
+    loops = [mesh.vertices[k] for k in boundary_loops(mesh)]
+    assert len(boundary_loops(less)) == len(loops) == 2
+    for loop in boundary_loops(less):
+        ring = less.vertices[loop]
+        old = min(loops, key=lambda k: abs(k[:, 2].mean() - ring[:, 2].mean()))
+        a, b = ring, np.roll(ring, -1, axis=0)
+        t = np.einsum("pi,pij->pj", old, (b - a).T[None]) - np.einsum("ij,ij->i", a, b - a)
+        t = np.clip(t / np.einsum("ij,ij->i", b - a, b - a), 0, 1)
+        off = np.linalg.norm(a + t[..., None] * (b - a) - old[:, None], axis=2).min(axis=1)
+        assert off.max() <= TOLERANCE
+
+
+def test_what_was_not_measured_stays_marked_and_its_border_in_place() -> None:
+    closed, _ = close(column())
+    assert is_closed(closed)
+    less = decimate(closed, faces=1500)
+    assert is_closed(less)
+    assert less.measured is not None
+    for mesh in (closed, less):
+        t = mesh.triangles
+        size = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+        added = size[~mesh.measured].sum()
+        if mesh is closed:
+            before = added
+    assert added == pytest.approx(before, rel=0.01)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    missing=st.floats(0, 0.6),
+    wanted=st.integers(4, 60),
+    by_length=st.booleans(),
+)
+def test_whatever_is_missing_it_hangs_together_as_before(seed, missing, wanted, by_length) -> None:
+    mesh = cut_touching(mesh_grid(random_grid(seed, 12, 12, missing, True, 0.0)))[0]
+    less = decimate(mesh, tolerance=1.0) if by_length else decimate(mesh, faces=wanted)
+    check_sound(less)
+    assert euler(less) == euler(mesh)
+    assert len(boundary_loops(less)) == len(boundary_loops(mesh))
+    if len(mesh.faces):
+        assert components(less).max() == components(mesh).max()
+
+
+def test_the_same_input_gives_the_same_bytes_and_little_stays_as_it_is() -> None:
+    mesh = column()
+    one, two = decimate(mesh, faces=3000), decimate(mesh, faces=3000)
+    assert one.vertices.tobytes() == two.vertices.tobytes()
+    assert one.faces.tobytes() == two.faces.tobytes()
+    assert decimate(mesh, faces=len(mesh.faces)) is mesh
+
+
+@pytest.mark.parametrize(
+    ("wish", "words"),
+    [
+        ({}, "to what"),
+        ({"tolerance": 0.0}, "tolerance of 0.0"),
+        ({"tolerance": float("nan")}, "tolerance of nan"),
+        ({"faces": 3}, "3 faces"),
+    ],
+)
+def test_wishes_that_cannot_be_are_refused(wish, words) -> None:
+    with pytest.raises(InputError, match=words):
+        decimate(cube(2), **wish)
