@@ -37,6 +37,19 @@ from turnscan.edit._history import (
     history_to_json,
 )
 from turnscan.edit._region import Place, Region
+from turnscan.edit._select import (
+    beside,
+    by_cause,
+    by_laser,
+    by_quality,
+    by_sigma,
+    by_size,
+    by_steps,
+    connected,
+    grow,
+    shrink,
+    within_angle,
+)
 from turnscan.edit._words import in_words
 
 __all__ = [
@@ -79,9 +92,18 @@ __all__ = [
     "action_from_json",
     "action_to_json",
     "apply",
+    "beside",
+    "by_cause",
+    "by_laser",
+    "by_quality",
+    "by_sigma",
+    "by_size",
+    "by_steps",
+    "connected",
     "edit_from_json",
     "edit_from_value",
     "edit_to_value",
+    "grow",
     "history_from_json",
     "history_from_log",
     "history_to_json",
@@ -91,4 +113,6 @@ __all__ = [
     "mend_grid",
     "mend_mesh",
     "mend_stripes",
+    "shrink",
+    "within_angle",
 ]

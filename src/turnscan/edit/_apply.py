@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from turnscan.arrays import Ints
 from turnscan.edit._body import Alive, Body, Compact, Patch, difference
 from turnscan.edit._edits import Close, Delete, Fill, HoleName, MeshEdit, is_grid_edit
 from turnscan.edit._history import Entry
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding
-from turnscan.surface import Caps, Hole, Mesh, close, fill, holes
+from turnscan.surface import Caps, Hole, Mesh, close, fans_about, fill, holes
 
 _LIKE = 3.0
 """A hole of a third to three times the size may be the one that was meant."""
@@ -66,7 +67,7 @@ def mend_mesh(mesh: Mesh, entries: Iterable[Entry]) -> tuple[Mesh, list[Finding]
 def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch, ...]:
     match edit:
         case Delete():
-            faces = edit.where.find(body)
+            faces = _with_what_hangs(body, edit.where.find(body))
             return (Alive(faces, False),) if len(faces) else ()
         case Fill():
             before = Compact.of(body)
@@ -78,6 +79,29 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
             mesh, said = close(before.mesh, caps)
             findings += [f for f in said if f.severity != "note"]
             return difference(body, before, mesh)
+
+
+def _with_what_hangs(body: Body, faces: Ints) -> Ints:
+    """Faces to delete, and those that would then touch others in a corner only.
+
+    Of the fans of faces about a vertex the largest stays, as in `surface.cut_touching`, so that
+    what is left can be filled and closed.
+    """
+    left = body.alive.copy()
+    left[faces] = False
+    touched = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
+    touched[body.mesh.faces[faces]] = True
+    while True:
+        near = np.flatnonzero(left & touched[body.mesh.faces].any(axis=1))
+        fan, about = fans_about(body.mesh.faces[near])
+        order = np.lexsort((np.arange(len(about)), -np.bincount(fan, minlength=len(about)), about))
+        rest = order[1:][about[order[1:]] == about[order[:-1]]]
+        rest = rest[touched[about[rest]]]  # of other vertices not all faces are here
+        if not len(rest):
+            return np.flatnonzero(body.alive & ~left).astype(np.int32)
+        hanging = near[np.isin(fan, rest).reshape(-1, 3).any(axis=1)]
+        left[hanging] = False
+        touched[body.mesh.faces[hanging]] = True
 
 
 def _named(there: list[Hole], edit: Fill, findings: list[Finding]) -> list[Hole]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Ints
+from turnscan.arrays import Bools, Ints
 from turnscan.findings import Finding
 from turnscan.surface._grid_mesh import submesh
 from turnscan.surface._mesh import Mesh
@@ -62,25 +62,29 @@ def cut_touching(mesh: Mesh) -> tuple[Mesh, list[Finding]]:
     the faces about every vertex hang together by their sides. (Doubling such a vertex would not
     do: programs that join equal corners of a file make one of it again.)
     """
-    keep = np.arange(len(mesh.faces))
-    while len(keep):
-        fan, about = _fans(mesh.faces[keep])
-        size = np.bincount(fan)
-        order = np.lexsort((np.arange(len(about)), -size, about))
-        rest = order[1:][about[order[1:]] == about[order[:-1]]]
-        if not len(rest):
-            break
-        lost = np.isin(fan, rest).reshape(-1, 3).any(axis=1)
-        keep = keep[~lost]
-    if len(keep) == len(mesh.faces):
+    kept = hanging_together(mesh.faces)
+    if kept.all():
         return mesh, []
-    kept = np.zeros(len(mesh.faces), dtype=np.bool_)
-    kept[keep] = True
     text = f"{int((~kept).sum())} faces that touched others in a corner only were cut away"
     return submesh(mesh, kept), [Finding("surface.touching", "note", text)]
 
 
-def _fans(faces: Ints) -> tuple[Ints, Ints]:
+def hanging_together(faces: Ints) -> Bools:
+    """(f,) False for the faces that `cut_touching` takes away."""
+    keep = np.arange(len(faces))
+    while len(keep):
+        fan, about = fans_about(faces[keep])
+        order = np.lexsort((np.arange(len(about)), -np.bincount(fan), about))
+        rest = order[1:][about[order[1:]] == about[order[:-1]]]
+        if not len(rest):
+            break
+        keep = keep[~np.isin(fan, rest).reshape(-1, 3).any(axis=1)]
+    kept = np.zeros(len(faces), dtype=np.bool_)
+    kept[keep] = True
+    return kept
+
+
+def fans_about(faces: Ints) -> tuple[Ints, Ints]:
     """(3f,) for every corner the number of its fan, and (fans,) the vertex each lies about.
 
     A fan is the faces round a vertex that hang together by their sides.
