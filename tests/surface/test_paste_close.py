@@ -109,14 +109,16 @@ def test_a_box_closes_to_its_volume():
     # Steps of 3° cut the corners: a little less than the truth, never more than noise allows.
     assert 0.97 * 40 * 30 * 30 < mesh.volume < 1.002 * 40 * 30 * 30
     assert mesh.bounds[0, 2] == 0.0
-    assert (mesh.provenance.step[len(open_mesh.vertices) :] == -1).sum() > 0
-    assert mesh.measured[: len(open_mesh.faces)].all()
-    added = mesh.triangles[len(open_mesh.faces) :]
-    floor = (added[..., 2] == 0.0).all(axis=1)
-    assert 0.95 * 40 * 30 < area(submesh(mesh, np.r_[0 * open_mesh.faces[:, 0], floor] > 0)) < 1201
-    assert (mesh.measured[len(open_mesh.faces) :] == floor).all(), "the platter is known"
-    assert np.array_equal(mesh.vertices[: len(open_mesh.vertices)], open_mesh.vertices)
-    assert [f.code for f in said] == ["surface.caps", "surface.floor"]
+    # Near the axis the points are denser than their noise: the few faces there are made anew.
+    assert [f.code for f in said] == ["surface.mended", "surface.caps", "surface.floor"]
+    new = mesh.provenance.step == -1
+    there = {tuple(v) for v in open_mesh.vertices.tolist()}
+    assert all(tuple(v) in there for v in mesh.vertices[~new].tolist()), "nothing moved"
+    assert mesh.measured.sum() > 0.94 * len(open_mesh.faces)
+    floor = (mesh.triangles[..., 2] == 0.0).all(axis=1)
+    assert 0.95 * 40 * 30 < mesh.area_of(floor) < 1201
+    assert mesh.measured[floor].all(), "the platter is known"
+    assert not mesh.measured[new[mesh.faces].any(axis=1) & ~floor].any()
     assert not mesh_findings(mesh, 0, 0, closed=True)
 
 

@@ -3,7 +3,6 @@
 from turnscan.surface._cast import Caster
 from turnscan.surface._clean import Clean, clean
 from turnscan.surface._close import Caps, Top, close
-from turnscan.surface._decimate import decimate
 from turnscan.surface._fill import FillHow, fill
 from turnscan.surface._findings import mesh_findings
 from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
@@ -12,6 +11,7 @@ from turnscan.surface._merge import How, Overlap, merge, overlaps
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces
+from turnscan.surface._soundness import crossings, soundness
 from turnscan.surface._topology import boundary_loops, cut_touching, fans_about, is_closed, twins
 from turnscan.surface._tsdf import fuse
 
@@ -34,8 +34,8 @@ __all__ = [
     "clean",
     "close",
     "components",
+    "crossings",
     "cut_touching",
-    "decimate",
     "drop_islands",
     "fans_about",
     "fill",
@@ -50,6 +50,7 @@ __all__ = [
     "overlaps",
     "paste",
     "range_surfaces",
+    "soundness",
     "submesh",
     "twins",
     "vertex_normals",

@@ -27,11 +27,11 @@ class TreeScene:
 
     def __init__(self, vertices: Floats, faces: Ints) -> None:
         corners = vertices[faces]
-        order = _morton_order(corners.mean(axis=1))
+        order = morton_order(corners.mean(axis=1))
         self._order = order.astype(np.int32)
         self._corners = np.ascontiguousarray(corners[order])
         depth = max(0, math.ceil(math.log2(max(1, len(faces) / _LEAF))))
-        self._low, self._high = _boxes(self._corners, 1 << depth)
+        self._low, self._high = boxes(self._corners, 1 << depth)
 
     def run(
         self, origins: Singles, directions: Singles, dists: Singles | None = None,
@@ -44,7 +44,7 @@ class TreeScene:
         return np.where(found >= 0, self._order[found], -1).astype(np.int32)
 
 
-def _morton_order(points: Floats) -> npt.NDArray[np.int64]:
+def morton_order(points: Floats) -> npt.NDArray[np.int64]:
     low = points.min(axis=0)
     cells = ((points - low) / max(float(np.ptp(points, axis=0).max()), 1e-9) * 1023).astype(int)
     code = np.zeros(len(points), np.int64)
@@ -54,7 +54,7 @@ def _morton_order(points: Floats) -> npt.NDArray[np.int64]:
     return np.argsort(code, kind="stable")
 
 
-def _boxes(corners: Floats, leaves: int) -> tuple[Floats, Floats]:
+def boxes(corners: Floats, leaves: int) -> tuple[Floats, Floats]:
     """Boxes of a heap: node 1 is the root, 2i and 2i + 1 the halves of i."""
     low = np.full((2 * leaves, 3), _FAR)
     high = np.full((2 * leaves, 3), -_FAR)

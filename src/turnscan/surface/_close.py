@@ -12,6 +12,7 @@ from turnscan.arrays import Floats, Ints
 from turnscan.findings import Finding
 from turnscan.surface._fill import FillHow, Patch, patches, with_patches
 from turnscan.surface._holes import Hole, holes, vector_area
+from turnscan.surface._mend import mend
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._topology import cut_touching
 
@@ -54,6 +55,7 @@ def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
     measured, for they lie on the platter, whose place the calibration knows. Then the top is
     closed, then all other holes (`fill`). Where parts of the surface merely touch in a vertex, the
     faces of the smaller one go first: programs that join equal corners would find them joined.
+    Last, places where the surface cuts through itself are made anew (`mend`).
     Added vertices have provenance −1; those that are there do not move.
     """
     c = caps or Caps()
@@ -72,6 +74,10 @@ def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
     if fillable and c.holes is not None:
         done = with_patches(done, patches(done, [h.loop for h in fillable], c.holes), c.holes)
     gaps = len(foot) + (top is not None and c.top != "open") + len(fillable)
+    done, replaced = mend(done)
+    if replaced:
+        text = f"{replaced} faces about places where the surface cut through itself were made anew"
+        remarks.append(Finding("surface.mended", "note", text))
     return done, remarks + _said(done, gaps, foot, c)
 
 

@@ -27,7 +27,7 @@ def fair(vertices: Floats, faces: Ints, free: Bools, order: Order) -> Floats:
         return vertices
     reach, near = free, np.zeros(len(faces), dtype=np.bool_)
     for _ in range(order):
-        near = reach[faces].any(axis=1)
+        near = np.asarray(reach[faces].any(axis=1))
         reach = np.zeros_like(free)
         reach[faces[near]] = True
     index = np.flatnonzero(reach)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from turnscan.findings import Finding
 from turnscan.surface._mesh import Mesh
+from turnscan.surface._soundness import soundness
 from turnscan.surface._topology import boundary_loops, is_closed
 
 
 def mesh_findings(
     mesh: Mesh, islands: int, island_faces: int, *, closed: bool = False
 ) -> list[Finding]:
-    """Findings on a finished mesh: islands taken away, borders left open (also after closing)."""
+    """Findings on a finished mesh: islands taken away, what is not sound, borders left open."""
     out = []
     if islands:
         text = f"{islands} loose pieces with {island_faces} faces in all were taken away"
@@ -18,6 +19,7 @@ def mesh_findings(
     if not len(mesh.faces):
         remedy = "finer steps, or a looser working volume"
         return [*out, Finding("surface.none", "error", "no face could be made", "", remedy)]
+    out += soundness(mesh)
     if not is_closed(mesh):
         loops = boundary_loops(mesh)
         longest = len(loops[0]) if loops else 0

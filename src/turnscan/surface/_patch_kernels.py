@@ -128,7 +128,7 @@ def _cosine(p: Any, a: int, b: int, c: int) -> float:
         dot += x * y
         u += x * x
         v += y * y
-    return dot / np.sqrt(u * v) if u > 0.0 and v > 0.0 else -1.0  # type: ignore[no-any-return]
+    return float(dot / np.sqrt(u * v)) if u > 0.0 and v > 0.0 else -1.0
 
 
 @njit(cache=True, nogil=True)

@@ -13,6 +13,9 @@ SIDE = 8
 CELLS = SIDE**3
 _SLACK = 0.02
 """Part of a face by which its shadow is widened, so that rays that fan out leave no cracks."""
+_APART = 0.02
+"""Voxels that a vertex keeps from the corners of its cube: the vertices on several sides of one
+corner would else fall on one place in the 32-bit numbers of an STL."""
 
 
 @njit(cache=True, nogil=True)
@@ -259,7 +262,8 @@ def march(
                     vertices[made, 0] = x + corners[a, 0]
                     vertices[made, 1] = y + corners[a, 1]
                     vertices[made, 2] = z + corners[a, 2]
-                    vertices[made, axis] += d[a] / (d[a] - d[b])
+                    part = d[a] / (d[a] - d[b])
+                    vertices[made, axis] += min(max(part, _APART), 1.0 - _APART)
                     nearer = low if near[low[0], low[1]] <= near[high[0], high[1]] else high
                     origin[made] = source[nearer[0], nearer[1]]
                     made += 1

@@ -1,0 +1,196 @@
+"""Filling: what is added, where it lies, what never moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.surface.test_grid_mesh import random_grid
+from tests.surface.test_holes import plate
+from turnscan.errors import InputError
+from turnscan.surface import (
+    Caps,
+    Mesh,
+    Provenance,
+    close,
+    cut_touching,
+    fill,
+    holes,
+    is_closed,
+    mesh_grid,
+    soundness,
+    submesh,
+)
+
+WAYS = ("flat", "tangent", "curvature")
+
+
+def ball(n: int, noise: float = 0.0, seed: int = 0) -> Mesh:
+    """A ball of radius 10 in n rings, closed."""
+    rng = np.random.default_rng(seed)
+    theta = np.pi * np.arange(1, n) / n
+    phi = 2 * np.pi * np.arange(2 * n) / (2 * n)
+    ring = np.stack(
+        [
+            np.outer(np.sin(theta), np.cos(phi)),
+            np.outer(np.sin(theta), np.sin(phi)),
+            np.outer(np.cos(theta), 0 * phi + 1),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    faces = []
+    for i in range(n - 2):
+        for j in range(2 * n):
+            a, b = i * 2 * n + j, i * 2 * n + (j + 1) % (2 * n)
+            faces += [[a, a + 2 * n, b + 2 * n], [a, b + 2 * n, b]]
+    top, bottom = len(ring), len(ring) + 1
+    for j in range(2 * n):
+        a, b = j, (j + 1) % (2 * n)
+        faces += [[top, a, b], [bottom, b + (n - 2) * 2 * n, a + (n - 2) * 2 * n]]
+    unit = np.concatenate([ring, [[0, 0, 1], [0, 0, -1.0]]])
+    vertices = unit * (10.0 + noise * rng.standard_normal((len(unit), 1)))
+    return Mesh(vertices, np.array(faces), None)
+
+
+def opened(mesh: Mesh, direction, angle: float) -> Mesh:
+    """The mesh without the faces within an angle of a direction."""
+    middle = mesh.triangles.mean(axis=1)
+    cosine = middle @ np.asarray(direction) / np.linalg.norm(middle, axis=1)
+    return submesh(mesh, cosine < np.cos(angle))
+
+
+def same_measured(before: Mesh, after: Mesh) -> bool:
+    return bool(
+        np.array_equal(after.vertices[: len(before.vertices)], before.vertices)
+        and np.array_equal(after.faces[: len(before.faces)], before.faces)
+        and after.measured[: len(before.faces)].all()
+        and not after.measured[len(before.faces) :].any()
+    )
+
+
+@pytest.mark.parametrize("how", WAYS)
+def test_a_hole_in_a_plate_is_filled_in_its_plane(how):
+    mesh = plate(12, {(i, j) for i in range(4, 8) for j in range(3, 9)})
+    done = fill(mesh, [1], how)
+    assert same_measured(mesh, done)
+    assert len(holes(done)) == 1
+    assert soundness(done) == []
+    assert done.area_of() == pytest.approx(144.0)
+    assert np.abs(done.vertices[:, 2]).max() < 1e-9
+    if how == "flat":
+        assert len(done.vertices) == len(mesh.vertices)
+    else:
+        sides = done.triangles[~done.measured] - np.roll(done.triangles[~done.measured], 1, 1)
+        assert 0.7 < np.median(np.linalg.norm(sides, axis=2)) < 1.5, "as dense as round it"
+
+
+def test_a_ball_is_continued_by_its_curvature():
+    mesh = opened(ball(40), [0.3, 0.2, 1.0], 0.5)
+    off = {}
+    for how in WAYS:
+        done = fill(mesh, None, how)
+        assert is_closed(done)
+        assert soundness(done) == []
+        new = done.triangles[~done.measured].mean(axis=1)
+        off[how] = float(np.abs(np.linalg.norm(new, axis=1) - 10.0).max())
+    # A flat cap lies 1.22 mm too low; the plate that meets the border's tangents far less; with
+    # the curvature given, too, only the facets of the ball remain (10 (1 − cos(π/80)) = 0.008).
+    assert off["flat"] == pytest.approx(10 * (1 - np.cos(0.5)), abs=0.25)
+    assert off["tangent"] < 0.3
+    assert off["curvature"] < 0.06
+
+
+def test_new_vertices_say_that_nobody_measured_them():
+    mesh = plate(10, {(i, j) for i in range(2, 7) for j in range(3, 8)})
+    v = len(mesh.vertices)
+    one = np.zeros(v, np.int32)
+    mesh = replace(
+        mesh,
+        provenance=Provenance(np.full(v, 0.01), one, one, one, ("L0",)),
+        colour=np.full((v, 3), (10, 20, 30), np.uint8),
+    )
+    done = fill(mesh, [holes(mesh)[1]], "tangent")
+    p = done.provenance
+    assert len(done.vertices) > v
+    assert (p.laser[v:] == -1).all()
+    assert (p.step[v:] == -1).all()
+    assert np.isnan(p.sigma[v:]).all()
+    assert (p.laser[:v] == 0).all()
+    assert (done.colour[v:] == (10, 20, 30)).all()
+
+
+def test_a_chord_that_is_taken_is_not_used_again():
+    """The four sides of a box without two opposite ones, its corners joined across them."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    bow = Mesh(
+        [*vertices, [0.5, 0.5, 3.0], [0.5, 0.5, -3.0]],
+        [[0, 2, 4], [2, 0, 5]] + [[0, 1, 5], [1, 2, 5], [2, 3, 4], [3, 0, 4]],
+    )
+    done = fill(bow, None, "flat")
+    assert not [f for f in soundness(done) if f.code in ("surface.side", "surface.orientation")]
+
+
+def test_holes_of_another_mesh_are_refused():
+    mesh = plate(6, {(2, 2)})
+    with pytest.raises(InputError, match="no border of this mesh"):
+        fill(plate(7), holes(mesh)[1:], "flat")
+    with pytest.raises(InputError, match="hole 5: the mesh has 2"):
+        fill(mesh, [5], "flat")
+
+
+def test_a_long_border_is_spanned_too():
+    angle = np.linspace(0, 2 * np.pi, 1000, endpoint=False)
+    ring = np.stack([np.cos(angle), np.sin(angle), 0.1 * np.sin(2 * angle)], axis=1)
+    around = np.arange(1000)
+    band = np.stack([around, np.roll(around, -1), around + 1000], axis=1)
+    other = np.stack([np.roll(around, -1), np.roll(around, -1) + 1000, around + 1000], axis=1)
+    tube = Mesh(
+        np.concatenate([30 * ring, 30 * ring + [0, 0, -1.0]]), np.concatenate([band, other])
+    )
+    upper = next(i for i, h in enumerate(holes(tube)) if h.centre[2] > -0.5)
+    done = fill(tube, [upper], "tangent")
+    assert len(holes(done)) == 1
+    assert soundness(done) == []
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    steps=st.integers(3, 12),
+    lines=st.integers(3, 12),
+    missing=st.floats(0, 0.9),
+    closed=st.booleans(),
+    how=st.sampled_from(WAYS),
+)
+def test_filling_any_grid_moves_nothing_and_leaves_it_manifold(
+    seed, steps, lines, missing, closed, how
+):
+    mesh, _ = cut_touching(mesh_grid(random_grid(seed, steps, lines, missing, closed, 0.0)))
+    done = fill(mesh, None, how)
+    assert same_measured(mesh, done)
+    if len(mesh.faces):
+        assert is_closed(done)
+        found = {f.code for f in soundness(done)}
+        assert not found & {"surface.side", "surface.orientation", "surface.touching"}
+    again = fill(mesh, None, how)
+    assert done.vertices.tobytes() == again.vertices.tobytes()
+    assert done.faces.tobytes() == again.faces.tobytes()
+
+
+def test_what_cuts_through_itself_is_mended():
+    mesh = ball(30)
+    spike = mesh.vertices.copy()
+    spike[400] *= -1.1  # through the ball and out at its other side
+    bent = Mesh(spike, mesh.faces)
+    assert "surface.crossing" in [f.code for f in soundness(bent)]
+    done, said = close(bent, Caps(floor=None, top=None))
+    assert is_closed(done)
+    assert soundness(done) == []
+    assert said[0].code == "surface.mended"
+    assert np.linalg.norm(done.vertices, axis=1).max() < 10.1
+    assert done.volume == pytest.approx(mesh.volume, rel=0.005)
+    assert done.area_of(~done.measured) < 0.05 * mesh.area_of()
