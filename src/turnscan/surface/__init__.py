@@ -3,6 +3,7 @@
 from turnscan.surface._cast import Caster
 from turnscan.surface._clean import Clean, clean
 from turnscan.surface._close import Caps, Top, close
+from turnscan.surface._decimate import decimate
 from turnscan.surface._fill import FillHow, fill
 from turnscan.surface._findings import mesh_findings
 from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
@@ -36,6 +37,7 @@ __all__ = [
     "components",
     "crossings",
     "cut_touching",
+    "decimate",
     "drop_islands",
     "fans_about",
     "fill",
