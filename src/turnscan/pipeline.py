@@ -44,6 +44,10 @@ class Settings:
     """Loose pieces of fewer faces are taken away; None takes 1 % of the largest piece."""
     caps: Caps | None = None
     """How to close the surface; None leaves its borders open."""
+    tolerance: float | None = None
+    """mm: how far faces may be thinned out in the end; None: not at all, or to ``faces``."""
+    faces: int | None = None
+    """Faces to be left in the end, as far as ``tolerance`` allows; None: as few as it does."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,16 @@ class Reconstruction:
     findings: tuple[Finding, ...]
     edits: tuple[Entry, ...] = ()
     """What was done by hand."""
+    opened: Mesh | None = None
+    """The mesh before its gaps were closed; None when that was not asked for."""
+    sought: tuple[Sought, ...] = ()
+    """What each laser's scan could have found; empty for scans of other scanners."""
+
+    @cached_property
+    def holes(self) -> list[Hole]:
+        """The gaps of the surface as it was measured and edited, each with its cause."""
+        mesh = self.mesh if self.opened is None else self.opened
+        return surface.explain(mesh, surface.holes(mesh), self.sought)
 
 
 def reconstruct(
@@ -76,7 +90,24 @@ def reconstruct(
 
 def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Reconstruction:
     """Stripes → grids → mesh, with these edits. Raises InputError where no angle is known."""
-    grids, meshed = [], list[RangeGrid]()
+    grids, meshed, findings = to_grids(seen, s, edits)
+    opened, remarks = to_mesh(meshed, s, edits)
+    mesh, closing = closed(opened, s)
+    return Reconstruction(
+        tuple(grids),
+        mesh,
+        (*findings, *remarks, *closing),
+        tuple(edits),
+        None if s.caps is None else opened,
+        tuple(sought),
+    )
+
+
+def to_grids(
+    seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()
+) -> tuple[list[RangeGrid], list[RangeGrid], list[Finding]]:
+    """Stripes → grids as wanted, the same as a mesh wants them, and what there is to know."""
+    grids, meshed, sought = [], list[RangeGrid](), list[Sought]()
     findings = edit.lost_edits(edits, [sight.view.laser for sight in seen])
     for sight in seen:
         v = sight.view
@@ -92,11 +123,11 @@ def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Re
             if s.clean is not None:
                 kept, taken = surface.clean(kept, s.clean)
                 findings += taken
+            sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation))
             grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)
             # Points at equal arc length have no neighbours at the same place of the next profile.
             meshed.append(kept if s.spacing_by == "arc" else grids[-1])
-    mesh, remarks = to_mesh(meshed, s, edits)
-    return Reconstruction(tuple(grids), mesh, tuple(findings + remarks), tuple(edits))
+    return grids, meshed, findings
 
 
 def to_mesh(
@@ -110,5 +141,8 @@ def to_mesh(
     closing: list[Finding] = []
     if s.caps is not None:
         mesh, closing = surface.close(mesh, s.caps)
+    if s.tolerance is not None or s.faces is not None:
+        dense, mesh = mesh, surface.decimate(mesh, tolerance=s.tolerance, faces=s.faces)
+        closing += surface.decimation_findings(dense, mesh, s.faces)
     remarks = surface.mesh_findings(mesh, islands, faces, closed=s.caps is not None)
     return mesh, findings + touching + mending + closing + remarks

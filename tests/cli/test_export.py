@@ -99,3 +99,22 @@ def test_what_cannot_be_written_is_said_before(ply: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     with pytest.raises(ExportError, match=r"folder .* is read-only"):
         check_writable(ply.with_name("new.dxf"))
+
+
+def test_a_mesh_is_thinned_out_to_a_count_or_a_tolerance(ply: Path) -> None:
+    few, near = ply.with_name("few.stl"), ply.with_name("near.stl")
+    done = call(ply, "-o", few, "--decimate", "100")
+    assert done.exit_code == 0, done.output
+    assert len(read_mesh(few.read_bytes(), ".stl").faces) == 100
+    assert f"100 of {len(PART.faces)} faces are left" in done.stderr
+    done = call(ply, "-o", near, "--decimate", "0.001mm")
+    assert done.exit_code == 0, done.output
+    assert len(read_mesh(near.read_bytes(), ".stl").faces) == len(PART.faces)
+
+
+@pytest.mark.parametrize("wish", ["3", "-1", "0mm", "nanmm", "inf", "little"])
+def test_a_decimation_that_cannot_be_is_refused_before_work(ply: Path, wish: str) -> None:
+    done = call(ply, "-o", ply.with_name("out.stl"), "--decimate", wish)
+    assert done.exit_code == 2
+    assert "--decimate" in done.stderr
+    assert not ply.with_name("out.stl").exists()

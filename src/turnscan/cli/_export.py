@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from turnscan import surface
+from turnscan.cli._decimation import Fewer, decimate_option
 from turnscan.cli._input import read_mesh_file
 from turnscan.cli._output import check_output, format_options, write_results
 from turnscan.errors import InputError
@@ -24,8 +26,11 @@ from turnscan.export import ExportOptions, exporter_for
     type=click.Path(path_type=Path),
     help="File to write; its suffix names the format. May be given several times.",
 )
+@decimate_option
 @format_options
-def verb(source: Path, outputs: tuple[Path, ...], options: ExportOptions) -> None:
+def verb(
+    source: Path, outputs: tuple[Path, ...], decimate: Fewer | None, options: ExportOptions
+) -> None:
     """Write the mesh in SOURCE (.dxf .stl .ply .obj .xyz) in other formats, and audit them."""
     if "profiles" in options.dxf_forms:
         raise InputError(
@@ -35,6 +40,11 @@ def verb(source: Path, outputs: tuple[Path, ...], options: ExportOptions) -> Non
         exporter_for(path.suffix)
         check_output(path, inputs=[source])
     mesh = read_mesh_file(source)
+    if decimate is not None:
+        dense = mesh
+        mesh = surface.decimate(dense, tolerance=decimate.tolerance, faces=decimate.faces)
+        for finding in surface.decimation_findings(dense, mesh, decimate.faces):
+            click.echo(str(finding), err=True)
     options = replace(options, about={"source": source.name})
     for remark in write_results(dict.fromkeys(outputs, mesh), options):
         click.echo(str(remark), err=remark.severity != "note")

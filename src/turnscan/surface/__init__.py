@@ -1,9 +1,11 @@
 """RangeGrid(s) → Mesh: tears, seam, joining of lasers, islands, caps."""
 
 from turnscan.surface._cast import Caster
+from turnscan.surface._causes import Sought, explain
 from turnscan.surface._clean import Clean, clean
 from turnscan.surface._close import Caps, Top, close
-from turnscan.surface._decimate import decimate
+from turnscan.surface._cut import Clip, clip, cut
+from turnscan.surface._decimate import decimate, decimation_findings
 from turnscan.surface._fill import FillHow, fill
 from turnscan.surface._findings import mesh_findings
 from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
@@ -22,6 +24,7 @@ __all__ = [
     "Caster",
     "Cause",
     "Clean",
+    "Clip",
     "FillHow",
     "Hole",
     "How",
@@ -29,16 +32,21 @@ __all__ = [
     "Overlap",
     "Provenance",
     "RangeSurface",
+    "Sought",
     "Tears",
     "Top",
     "boundary_loops",
     "clean",
+    "clip",
     "close",
     "components",
     "crossings",
+    "cut",
     "cut_touching",
     "decimate",
+    "decimation_findings",
     "drop_islands",
+    "explain",
     "fans_about",
     "fill",
     "fuse",

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
+from turnscan.findings import Finding
 from turnscan.surface._grid_mesh import submesh
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._paste import measured
@@ -76,6 +77,16 @@ def decimate(mesh: Mesh, *, tolerance: float | None = None, faces: int | None = 
     kernels.collapse(net, faces or 0)
     kept = own[:, 0] >= 0
     return submesh(replace(mesh, faces=np.where(kept[:, None], own, 0)), kept)
+
+
+def decimation_findings(before: Mesh, after: Mesh, wanted: int | None) -> list[Finding]:
+    """How many faces are left, and that ``wanted`` was not reached."""
+    text = f"{len(after.faces)} of {len(before.faces)} faces are left"
+    out = [Finding("surface.decimated", "note", text)]
+    if wanted is not None and len(after.faces) > wanted:
+        text = f"{wanted} faces cannot be reached: with fewer than these the surface would tear"
+        out.append(Finding("surface.decimated", "warning", text, "", "close it first with --close"))
+    return out
 
 
 def _chain(mesh: Mesh, border: Bools) -> Ints:
