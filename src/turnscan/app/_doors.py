@@ -11,7 +11,7 @@ import ipaddress
 import logging
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
@@ -110,9 +110,18 @@ def name_of(error: Exception) -> str:
 class Doors:
     """ASGI middleware around everything."""
 
-    def __init__(self, app: ASGIApp, *, keys: Keys, names: Names, uploads: frozenset[str]) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        keys: Keys,
+        names: Names,
+        uploads: frozenset[str],
+        hide: Callable[[str], str],
+    ) -> None:
+        """``hide`` takes paths of this computer out of words."""
         self._app, self._keys, self._names = app, keys, names
-        self._uploads = uploads
+        self._uploads, self._hide = uploads, hide
         self.cookie = f"turnscan-{names.port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

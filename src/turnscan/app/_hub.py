@@ -70,15 +70,12 @@ class Hub:
         self._operator: str | None = None
         self._alone_since = time.monotonic()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._changed: list[Callable[[], None]] = []
+        self.hide: Callable[[str], str] = lambda text: text
+        """What takes paths of this computer out of words that browsers get."""
 
     def run_in(self, loop: asyncio.AbstractEventLoop) -> None:
         """The loop in which clients live."""
         self._loop = loop
-
-    def on_operator(self, call: Callable[[], None]) -> None:
-        """Call when the operator changes."""
-        self._changed.append(call)
 
     @property
     def operator(self) -> Client | None:
@@ -164,6 +161,4 @@ class Hub:
         """Tell everybody who the operator is."""
         with self._lock:
             message = Control(operator=self._operator, clients=len(self._clients))
-        for call in self._changed:
-            call()
         self.tell(message)

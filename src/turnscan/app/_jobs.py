@@ -56,11 +56,19 @@ class Job:
         """How many ticks there will be."""
         self._total = total
 
+    def at(self, done: int) -> None:
+        """So many steps are done, told now and then; raises nothing."""
+        self._done = done
+        self._tell_now_and_then()
+
     def tick(self) -> None:
         """One step further, from any thread of the work. Raises Cancelled."""
         with self._lock:
             self._done += 1
         self.check()
+        self._tell_now_and_then()
+
+    def _tell_now_and_then(self) -> None:
         if time.monotonic() - self._told > _TELL_EVERY:
             self._told = time.monotonic()
             self.tell("running")
@@ -146,7 +154,7 @@ class Jobs:
         except Cancelled:
             job.tell("cancelled")
         except TurnscanError as e:
-            job.tell("failed", Result(e.message), e.hint)
+            job.tell("failed", Result(self._hub.hide(e.message)), self._hub.hide(e.hint))
         except MemoryError:
             job.tell("failed", Result("out of memory"), "close other programs, or use less")
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake

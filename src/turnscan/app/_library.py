@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import secrets
 import shutil
@@ -127,6 +128,10 @@ class Library:
             ):
                 left.unlink(missing_ok=True)
         return self.name_of(path)
+
+    def hide(self, text: str) -> str:
+        """Words without the paths of the folder: what is in it goes by its plain name."""
+        return text.replace(f"{self.folder}{os.sep}", "").replace(str(self.folder), "the folder")
 
     def _check_room(self, wanted: int) -> None:
         free = shutil.disk_usage(self.folder).free

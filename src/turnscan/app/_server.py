@@ -90,7 +90,7 @@ def application(
         scope["app"] = router  # unknown paths are exceptions, which the doors put into words
         await router(scope, receive, send)
 
-    return Doors(inside, keys=keys, names=allowed, uploads=UPLOADS)
+    return Doors(inside, keys=keys, names=allowed, uploads=UPLOADS, hide=workshop.hub.hide)
 
 
 class Server(uvicorn.Server):

@@ -20,9 +20,13 @@ from turnscan.app._hub import Client, Hub
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan, Stale
+from turnscan.app._rig_room import RigRoom
+from turnscan.app._scan_room import ScanRoom
 from turnscan.errors import InputError, TurnscanError
 
 _log = logging.getLogger("turnscan.app")
+_FILES = ("folder", "video")
+"""Kinds of cameras that read files."""
 _OPEN_SCANS = 4
 """Documents that are held open at a time."""
 
@@ -56,8 +60,11 @@ class Workshop:
     def __init__(self, library: Library, *, remote_lasers: bool = False) -> None:
         self.library, self.remote_lasers = library, remote_lasers
         self.hub = Hub()
+        self.hub.hide = library.hide
         self.jobs = Jobs(self.hub)
         self.downloads = Downloads()
+        self.rig = RigRoom(self.hub, self.jobs, self._operator_may_light)
+        self.taking = ScanRoom(self.hub, self.jobs, library, self.rig)
         self._scans: dict[str, OpenScan] = {}
         self._opening: dict[str, Job] = {}
         self._lock = threading.RLock()
@@ -74,6 +81,16 @@ class Workshop:
             q.GoTo: (self._go_to, True),
             q.Switch: (self._switch, True),
             q.ListHoles: (self._list_holes, False),
+            q.FindDevices: (self._find_devices, True),
+            q.Connect: (self._connect, True),
+            q.Disconnect: (lambda call: self.rig.disconnect(), True),
+            q.Look: (self._look, True),
+            q.Turn: (lambda call: self.rig.turn(call.request.angle_deg), True),
+            q.Doctor: (self._doctor, True),
+            q.StartScan: (self._scan, True),
+            q.Pause: (lambda call: self.taking.pause(), True),
+            q.GoOn: (self._go_on, True),
+            q.Abort: (lambda call: self.taking.abort(), True),
         }
 
     # What the socket calls
@@ -96,6 +113,7 @@ class Workshop:
 
     def close(self) -> None:
         """End everything that is under way, lasers dark."""
+        self.rig.close()
         self.jobs.close()
         self._pool.shutdown(wait=True, cancel_futures=True)
         with self._lock:
@@ -157,10 +175,54 @@ class Workshop:
             self.hub.tell(answer or p.Done(id=call.id), to=client)
 
     def _refuse(self, call: Call, code: str, e: TurnscanError) -> None:
-        self.hub.tell(p.Refused(id=call.id, code=code, text=e.message, hint=e.hint), to=call.client)
+        text, hint = self.hub.hide(e.message), self.hub.hide(e.hint)
+        self.hub.tell(p.Refused(id=call.id, code=code, text=text, hint=hint), to=call.client)
+
+    def _operator_may_light(self) -> bool:
+        operator = self.hub.operator
+        return operator is not None and self.may_light(operator)
+
+    def _check_lasers(self, call: Call) -> None:
+        if not self.may_light(call.client):
+            raise Refusal(
+                "no-lasers",
+                "lasers cannot be lit from another computer",
+                "start turnscan with --allow-remote-lasers if nobody can be harmed",
+            )
 
     def _stop(self, call: Call) -> None:
-        pass
+        self.rig.stop()
+
+    def _find_devices(self, call: Call) -> p.Model:
+        return self.rig.find(call.id, call.request.probe)
+
+    def _connect(self, call: Call) -> None:
+        r: q.Connect = call.request
+        if call.client.remote:
+            _check_remote(r.camera, r.turntable, r.lasers)
+        self.rig.connect(r.camera, r.turntable, r.lasers)
+
+    def _look(self, call: Call) -> None:
+        r: q.Look = call.request
+        if not r.on:
+            self.rig.look_off()
+            return
+        if r.lit:
+            self._check_lasers(call)
+        self.rig.look(r)
+
+    def _doctor(self, call: Call) -> p.Model:
+        self._check_lasers(call)
+        job = self.rig.doctor(call.request.still, call.request.seconds)
+        return p.StartedJob(id=call.id, job=job.id)
+
+    def _scan(self, call: Call) -> p.Model:
+        self._check_lasers(call)
+        return p.StartedJob(id=call.id, job=self.taking.start(call.request.plan).id)
+
+    def _go_on(self, call: Call) -> None:
+        self._check_lasers(call)
+        self.taking.go_on()
 
     def _take_control(self, call: Call) -> None:
         self.hub.take(call.client)
@@ -230,3 +292,16 @@ class Workshop:
         holes, loops = self.opened(call.request.scan).holes(call.id)
         self.hub.tell(holes, loops, to=call.client)
         return None
+
+
+def _check_remote(*addresses: str) -> None:
+    """Raise Refusal for addresses that name files of this computer."""
+    for address in addresses:
+        scheme, _, rest = address.partition(":")
+        scene = rest.partition("?")[0]
+        if scheme in _FILES or (scheme == "sim" and not scene.replace("-", "").isalnum()):
+            raise Refusal(
+                "not-remote",
+                f"{scheme}: names a file, which another computer cannot",
+                "connect it from the computer that turnscan runs on",
+            )

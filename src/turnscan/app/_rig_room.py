@@ -1,0 +1,268 @@
+"""The rig room: devices that are connected, live pictures of them, and the doctor."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+
+from turnscan.app import _protocol as p
+from turnscan.app import _requests as q
+from turnscan.app._hub import Hub
+from turnscan.app._jobs import Job, Jobs, Result, remarks
+from turnscan.app._live import see, stripe_of
+from turnscan.app._watched import WatchedLasers
+from turnscan.devices import burning, find_cameras, frame_deadline, list_ports, probe_port
+from turnscan.errors import InputError, TurnscanError
+from turnscan.station import DEFAULT_DEVICE, Addresses, Opened, examine, opened
+
+ALONE_SECONDS = 3.0
+"""s without an operator after which live pictures end and the lasers are dark."""
+IDLE_SECONDS = 600.0
+"""s after which an operator who asks for nothing counts as gone."""
+_TELL_EVERY = 1.0
+_WATCH_EVERY = 0.25
+_PATIENCE = 2.0
+"""s to wait for devices that are just being put down."""
+_NOTHING = p.DeviceState(state="none", text="not connected")
+
+
+class RigRoom:
+    """One set of devices. All methods may be called from any thread.
+
+    One thing at a time is done with them: looking, turning, the doctor, or a scan. `stop` waits for
+    nothing.
+    """
+
+    def __init__(self, hub: Hub, jobs: Jobs, may_light: Callable[[], bool]) -> None:
+        self._hub, self._jobs, self._may_light = hub, jobs, may_light
+        self._using = threading.Lock()
+        self._stack = ExitStack()
+        self._bench: Opened | None = None
+        self._at: Addresses | None = None
+        self._lasers: WatchedLasers | None = None
+        self._camera = self._table = _NOTHING
+        self._angle: float | None = None
+        self._looking = threading.Event()
+        self._looker: threading.Thread | None = None
+        self._what = ""
+        self._on_stop: Callable[[], None] = lambda: None
+        self.busy = False
+        """Whether a scan is being taken: then the devices are told of each second."""
+        self._closed = threading.Event()
+        threading.Thread(target=self._watch, name="watch", daemon=True).start()
+
+    # Devices
+
+    def find(self, id: int, probe: bool) -> p.Found:
+        """What is connected to the computer; ports are opened where ``probe`` is wanted."""
+        cameras, notes = find_cameras()
+        found = [p.FoundDevice(address=a[:200], text=a[:200], role="camera") for a in cameras]
+        for port in list_ports():
+            address, text = "", port.description or port.path
+            if probe:
+                answer = probe_port(port.path)
+                address, text = answer.address, answer.address or answer.why_not
+            found.append(p.FoundDevice(address=address or port.path, text=text[:200], role="board"))
+        text = "a simulated bench: camera, table and lasers in one"
+        found.append(p.FoundDevice(address=DEFAULT_DEVICE, text=text, role="board"))
+        return p.Found(id=id, devices=found, notes=remarks(notes))
+
+    def connect(self, camera: str, turntable: str, lasers: str) -> None:
+        """Open devices; those connected before are let go. Raises InputError, DeviceError."""
+        self.look_off()
+        with self._alone("devices are being connected"):
+            self._let_go()
+            at = Addresses(camera, turntable, lasers)
+            try:
+                bench = self._stack.enter_context(opened(at))
+                self._lasers = WatchedLasers(bench.hardware.lasers)
+                self._lasers.off()
+                self._bench = replace(bench, hardware=replace(bench.hardware, lasers=self._lasers))
+            except BaseException:
+                self._let_go()
+                raise
+            self._at = at
+            self._camera = p.DeviceState(state="ready", text=camera[:200])
+            self._table = p.DeviceState(state="ready", text=turntable[:200])
+        self.tell()
+
+    def disconnect(self) -> None:
+        """Lasers dark, and let the devices go."""
+        self.look_off()
+        with self._alone("devices are being connected"):
+            self._let_go()
+        self.tell()
+
+    def turn(self, degrees: float) -> None:
+        """Turn the table. Raises DeviceError."""
+        with self.using() as bench:
+            reached = bench.hardware.turntable.move_to(math.radians(degrees), 120.0)
+            self._angle = math.degrees(reached)
+        self.tell()
+
+    def stop(self) -> None:
+        """Lasers dark and table stopped at once, whatever is under way, which ends."""
+        self._looking.clear()
+        bench = self._bench
+        self._on_stop()
+        if bench is None:
+            return
+        errors: list[TurnscanError] = []
+        for act in (bench.hardware.lasers.off, bench.hardware.turntable.stop):
+            try:
+                act()
+            except TurnscanError as e:
+                errors.append(e)
+        self.tell()
+        if errors:
+            raise errors[0]
+
+    def on_stop(self, call: Callable[[], None]) -> None:
+        """What `stop` does first."""
+        self._on_stop = call
+
+    @property
+    def connected(self) -> tuple[Addresses, Opened]:
+        """The devices and where they are. Raises InputError where there are none."""
+        bench, at = self._there(), self._at
+        assert at is not None
+        return at, bench
+
+    def close(self) -> None:
+        """End everything; lasers dark."""
+        self._closed.set()
+        with contextlib.suppress(TurnscanError):
+            self.stop()
+        self.look_off()
+        with contextlib.suppress(TurnscanError), self._using:
+            self._let_go()
+
+    def tell(self) -> None:
+        """Tell everybody how the devices are."""
+        at, lasers, bench = self._at, self._lasers, self._bench
+        self._hub.tell(
+            p.Devices(
+                addresses=[] if at is None else [at.camera, at.turntable, at.lasers],
+                camera=self._camera,
+                table=self._table,
+                angle_deg=self._angle,
+                lasers=[] if lasers is None else lasers.states,
+                looking=self._looking.is_set(),
+                rig=bench is not None and bench.rig is not None,
+            )
+        )
+
+    # Looking
+
+    def look(self, wish: q.Look) -> None:
+        """Begin live pictures, or change how they are taken. Raises InputError."""
+        self.look_off()
+        bench = self._there()
+        unknown = set(wish.lit) - set(bench.hardware.lasers.names)
+        if unknown:
+            there = ", ".join(bench.hardware.lasers.names)
+            raise InputError(f"no laser {min(unknown)!r}", hint=f"there is {there}")
+        self._looking.set()
+        self._looker = threading.Thread(target=self._look, args=(wish,), name="look", daemon=True)
+        self._looker.start()
+
+    def look_off(self) -> None:
+        """End live pictures; the lasers are dark when this returns."""
+        self._looking.clear()
+        looker, self._looker = self._looker, None
+        if looker is not None:
+            looker.join(30.0)
+
+    def _look(self, wish: q.Look) -> None:
+        lit, number = frozenset(wish.lit), 0
+        try:
+            with self.using() as bench:
+                hardware = bench.hardware
+                try:
+                    seconds, _ = hardware.camera.configure(wish.seconds, wish.gain)
+                    wait = frame_deadline(seconds if math.isfinite(seconds) else wish.seconds)
+                    while self._looking.is_set():
+                        began = time.monotonic()
+                        with burning(hardware.lasers, lit):
+                            picture = hardware.camera.grab(wait)
+                        number += 1
+                        stripe = stripe_of(picture, None) if lit else None
+                        see(self._hub, number, picture, lit, stripe)
+                        time.sleep(max(0.0, 1 / 30 - (time.monotonic() - began)))
+                finally:
+                    hardware.lasers.off()
+        except TurnscanError as e:
+            self._camera = p.DeviceState(state="failed", text=str(e)[:300])
+        finally:
+            self._looking.clear()
+            self.tell()
+
+    def _watch(self) -> None:
+        """Darkness where nobody looks any more; and how the devices are, each second."""
+        told = 0.0
+        while not self._closed.wait(_WATCH_EVERY):
+            if self._looking.is_set() and not self._attended():
+                self._looking.clear()
+                bench = self._bench
+                if bench is not None:
+                    with contextlib.suppress(TurnscanError):  # the looking thread meets it too
+                        bench.hardware.lasers.off()
+                self.tell()
+            busy = self._looking.is_set() or self.busy
+            if self._bench is not None and busy and time.monotonic() - told > _TELL_EVERY:
+                told = time.monotonic()
+                self.tell()
+
+    def _attended(self) -> bool:
+        limit = ALONE_SECONDS if self._hub.operator is None else IDLE_SECONDS
+        return self._hub.unattended < limit and (self._hub.operator is None or self._may_light())
+
+    # The doctor
+
+    def doctor(self, still: bool, seconds: float | None) -> Job:
+        """Look the devices over, as a job. Raises InputError where nothing is connected."""
+        self.look_off()
+        self._there()
+
+        def work(job: Job) -> Result:
+            with self.using("the doctor is looking") as bench:
+                seen = examine(bench, seconds, still=still, tick=job.tick)
+            wrong = [f for f in seen.findings if f.severity != "note"]
+            text = f"{len(wrong)} findings" if wrong else "ready"
+            return Result(text, findings=seen.findings)
+
+        return self._jobs.start("doctor", "Looking the devices over", work)
+
+    @contextlib.contextmanager
+    def using(self, what: str = "the devices are in use") -> Iterator[Opened]:
+        """The devices, for one alone. Raises InputError where others have them, or for none."""
+        with self._alone(what):
+            yield self._there()
+
+    @contextlib.contextmanager
+    def _alone(self, what: str) -> Iterator[None]:
+        if not self._using.acquire(timeout=_PATIENCE):
+            raise InputError(self._what, hint="wait for its end, or stop it")
+        self._what = what
+        try:
+            yield
+        finally:
+            self._using.release()
+
+    def _there(self) -> Opened:
+        if self._bench is None:
+            raise InputError("no devices are connected", hint="connect them first")
+        return self._bench
+
+    def _let_go(self) -> None:
+        """Close the devices, whatever they make of it; the first error leaves."""
+        self._bench = self._at = self._lasers = None
+        self._camera = self._table = _NOTHING
+        self._angle = None
+        stack, self._stack = self._stack, ExitStack()
+        stack.close()

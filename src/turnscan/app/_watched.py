@@ -1,0 +1,57 @@
+"""Lasers that remember what was confirmed of them, and when."""
+
+from __future__ import annotations
+
+import time
+
+from turnscan.app._protocol import LaserState
+from turnscan.devices import Lasers
+
+
+class WatchedLasers:
+    """`turnscan.devices.Lasers` around others.
+
+    Between an order and its confirmation, and after an order that failed, nobody knows what they
+    do: then ``lit`` is None, and a page shows them as lit.
+    """
+
+    def __init__(self, lasers: Lasers) -> None:
+        self._lasers = lasers
+        self._lit: frozenset[str] | None = None
+        self._at = time.monotonic()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The lasers there are."""
+        return self._lasers.names
+
+    def light(self, lit: frozenset[str], lease: float) -> None:
+        """See `Lasers`."""
+        self._lit = None
+        self._lasers.light(lit, lease)
+        self._confirmed(lit)
+
+    def renew(self, lease: float) -> None:
+        """See `Lasers`."""
+        lit = self._lit
+        self._lasers.renew(lease)
+        if lit is not None and lit is self._lit:
+            self._confirmed(lit)
+
+    def off(self) -> None:
+        """See `Lasers`."""
+        self._lit = None
+        self._lasers.off()
+        self._confirmed(frozenset())
+
+    @property
+    def states(self) -> list[LaserState]:
+        """What is known of each, and since when."""
+        lit, age = self._lit, time.monotonic() - self._at
+        return [
+            LaserState(name=n, lit=None if lit is None else n in lit, age_seconds=round(age, 2))
+            for n in self.names
+        ]
+
+    def _confirmed(self, lit: frozenset[str]) -> None:
+        self._lit, self._at = lit, time.monotonic()

@@ -1,0 +1,230 @@
+"""The rooms behind the doors, as a browser meets them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.web.running import Browser, Running, serving
+from turnscan.app._envelope import unpack
+from turnscan.export import read_mesh
+from turnscan.scan import Scan
+
+
+def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
+    with (
+        serving(folder) as server,
+        Browser(server) as one,
+        Browser(server) as two,
+        server.http(one.cookie) as http,
+    ):
+        scan = one.hello["scans"][0]["scan"]
+        state = one.open(scan)
+        mesh, arrays = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+        assert mesh["revision"] == 0
+        faces = len(arrays["faces"])
+        assert state["figures"]["faces"] == faces > 500
+        chosen = np.arange(10, 60, dtype="<u4")
+        edit = {"kind": "delete"}
+        shown = one.ask(
+            "edit", {"faces": chosen}, scan=scan, base_revision=0, edit=edit, preview=True
+        )
+        assert shown["kind"] == "preview"
+        np.testing.assert_array_equal(shown["arrays"]["dead"], chosen)
+        assert (
+            one.ask("edit", {"faces": chosen}, scan=scan, base_revision=0, edit=edit)["kind"]
+            == "done"
+        )
+        for browser in (one, two):
+            patch = browser.once("patch")
+            assert patch["revision"] == 1
+            assert patch["parts"] == [{"kind": "alive", "value": False}]
+            np.testing.assert_array_equal(patch["arrays"]["0.faces"], chosen)
+        with Scan.open(folder / "ball.turnscan") as file:
+            assert len(file.edits()) == 1
+        stale = one.ask("edit", {"faces": chosen}, scan=scan, base_revision=0, edit=edit)
+        assert (stale["kind"], stale["code"]) == ("refused", "stale")
+        assert one.ask("undo", scan=scan)["kind"] == "done"
+        assert one.ask("undo", scan=scan)["kind"] == "refused"
+        assert one.ask("redo", scan=scan)["kind"] == "done"
+        _, arrays = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+        assert arrays["alive"].sum() == faces - 50
+        history = next(m for m in reversed(one.heard) if m["kind"] == "history")
+        assert [e["name"] for e in history["history"]] == ["delete"]
+        assert history["cursor"] == 1
+        assert (
+            one.ask("switch", scan=scan, edit=history["history"][0]["edit"], on=False)["kind"]
+            == "done"
+        )
+        _, arrays = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+        assert arrays["alive"].all()
+        with serving(folder) as second, Browser(second) as other:
+            other.send("open", scan=other.hello["scans"][0]["scan"])
+            failed = other.until("job", lambda m: m["state"] == "failed")
+            assert failed["text"] == "ball.turnscan: another process is writing it"
+    with serving(folder) as again, Browser(again) as late:
+        state = late.open(late.hello["scans"][0]["scan"])
+        assert state["figures"]["faces"] == faces
+        assert [e["on"] for e in state["history"]] == [False]
+
+
+def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:
+    with Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        grids = one.open(scan)["grids"]
+        _, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+        vertex = len(mesh["positions"]) // 2
+        step, line = int(mesh["step"][vertex]), int(mesh["line"][vertex])
+        _, grid = unpack(http.get(f"/api/scans/{scan}/grid/{grids[0]['grid']}?step={step}").content)
+        np.testing.assert_allclose(grid["points"][0, line], mesh["positions"][vertex], atol=1e-3)
+        head, profile = unpack(http.get(f"/api/scans/{scan}/profile/0/{step}").content)
+        picked = int(profile["chosen"][line])
+        assert picked >= 0
+        assert abs(profile["candidates"][line, picked] - profile["position"][line]) < 0.01
+        np.testing.assert_allclose(
+            profile["candidate_points"][line, picked], mesh["positions"][vertex], atol=1e-3
+        )
+        picture = http.get(f"/api/scans/{scan}/picture/0/{step}.png")
+        assert picture.headers["content-type"] == "image/png"
+        import cv2
+
+        pixels = cv2.imdecode(np.frombuffer(picture.content, np.uint8), cv2.IMREAD_UNCHANGED)
+        assert pixels.shape[:2] == (head["height"], head["width"])
+        column = round(float(profile["position"][line]))
+        assert pixels[line, column] > pixels[line].mean() + 20
+        coarse, some = unpack(http.get(f"/api/scans/{scan}/mesh?faces=300").content)
+        assert coarse["epoch"] == 0
+        assert 100 < len(some["faces"]) < 600
+        for wrong in ("grid/7", "grid/0?step=999", "profile/0/999", "picture/0/999.png"):
+            assert http.get(f"/api/scans/{scan}/{wrong}").status_code == 400
+        assert http.get("/api/scans/nothing/mesh").status_code == 404
+
+
+def test_an_export_is_a_job_and_reads_back(server: Running) -> None:
+    with Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        state = one.open(scan)
+        started = http.post(f"/api/scans/{scan}/exports", json={"format": "dxf"})
+        assert started.status_code == 202
+        job = started.json()["job"]
+        done = one.until("job", lambda m: m["job"] == job and m["state"] == "done")
+        file = http.get(f"/api/downloads/{done['download']}")
+        assert 'filename="ball.dxf"' in file.headers["content-disposition"]
+        mesh = read_mesh(file.content, ".dxf")
+        assert len(mesh.faces) == state["figures"]["faces"]
+        assert http.post(f"/api/scans/{scan}/exports", json={"format": "exe"}).status_code == 400
+
+
+def test_only_the_operator_edits_and_control_can_be_taken(server: Running) -> None:
+    with Browser(server) as one, Browser(server) as two:
+        scan = one.hello["scans"][0]["scan"]
+        one.open(scan)
+        refused = two.ask("undo", scan=scan)
+        assert (refused["kind"], refused["code"]) == ("refused", "not-operator")
+        assert two.ask("take_control")["kind"] == "done"
+        told = one.until("control", lambda m: m["operator"] == two.hello["client"])
+        assert told["clients"] == 2
+        assert one.ask("undo", scan=scan)["code"] == "not-operator"
+        assert two.ask("undo", scan=scan)["text"] == "there is nothing to undo"
+        assert one.ask("stop")["kind"] == "done"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"solid nothing\n", "not a scan file"),
+        (b"SQLite format 3\0" + bytes(84), "not a scan file"),
+        (None, "damaged"),
+    ],
+)
+def test_an_upload_that_is_no_scan_is_refused_and_leaves_nothing(
+    server: Running, folder: Path, scan_bytes: bytes, content: bytes | None, said: str
+) -> None:
+    body = scan_bytes[: len(scan_bytes) // 2] if content is None else content
+    with server.http() as http:
+        answer = http.post("/api/scans?name=other", content=body)
+    assert answer.status_code in (400, 409), answer.text
+    assert "other.turnscan" in answer.json()["text"]
+    assert str(folder) not in answer.text
+    assert [p.name for p in folder.iterdir()] == ["ball.turnscan"]
+
+
+def test_an_upload_is_listed_and_opens(server: Running, scan_bytes: bytes) -> None:
+    with Browser(server) as one, server.http(one.cookie) as http:
+        added = http.post("/api/scans?name=../other.turnscan", content=scan_bytes)
+        assert added.status_code == 201
+        listed = one.until("scans", lambda m: len(m["scans"]) == 2)
+        names = {e["name"] for e in listed["scans"]}
+        assert names == {"ball", "_other"}
+        assert one.open(added.json()["scan"])["figures"]["faces"] > 500
+        again = http.post("/api/scans?name=_other", content=scan_bytes)
+        assert "exists already" in again.json()["text"]
+
+
+def test_a_scan_with_the_simulated_bench(server: Running, folder: Path) -> None:
+    device = "sim:sphere?seed=3"
+    with Browser(server) as one:
+        assert one.ask("scan", plan={"name": "x"})["text"] == "no devices are connected"
+        found = one.ask("find_devices")
+        assert any(d["address"].startswith("sim:") for d in found["devices"])
+        bad = one.ask(
+            "connect", camera="sim:no-such", turntable="sim:no-such", lasers="sim:no-such"
+        )
+        assert bad["kind"] == "refused"
+        connected = one.ask("connect", camera=device, turntable=device, lasers=device)
+        assert connected["kind"] == "done", connected
+        told = next(m for m in reversed(one.heard) if m["kind"] == "devices")
+        laser = told["lasers"][0]
+        assert laser["lit"] is False
+        assert told["rig"]
+        assert one.ask("look", on=True, lit=[laser["name"]], seconds=0.04)["kind"] == "done"
+        seen = one.until("frame", lambda m: m["number"] >= 2)
+        assert bytes(seen["arrays"]["jpeg"][:2]) == b"\xff\xd8"
+        assert np.isfinite(seen["arrays"]["stripe"]).sum() > 20
+        assert one.ask("look", on=False)["kind"] == "done"
+        assert one.ask("turn", angle_deg=90.0)["kind"] == "done"
+        assert one.until("devices")["angle_deg"] == pytest.approx(90.0)
+        plan = {"name": "new", "steps": 8, "lasers": [laser["name"]]}
+        assert one.ask("scan", plan=plan)["kind"] == "started"
+        assert one.ask("scan", plan={"name": "other"})["text"].startswith("a scan is being taken")
+        one.once("scanning", lambda m: m["state"] == "complete")
+        done = one.once("job", lambda m: m["state"] == "done")
+        assert done["text"] == "new: 8 frames taken; whole"
+        grown = [m for m in one.heard if m["kind"] == "points"]
+        assert {m["step"] for m in grown} == set(range(8))
+        points = np.concatenate([m["arrays"]["points"] for m in grown])
+        with Scan.open(folder / "new.turnscan") as scan:
+            assert scan.complete
+        radius = np.linalg.norm(points - points.mean(axis=0), axis=1)
+        assert radius.std() < 0.2 * radius.mean()
+        assert any(m["kind"] == "frame" and m["step"] is not None for m in one.heard)
+
+
+def test_a_scan_pauses_goes_on_and_is_aborted(server: Running) -> None:
+    device = "sim:sphere?seed=3"
+    with Browser(server) as one:
+        one.ask("connect", camera=device, turntable=device, lasers=device)
+        assert one.ask("pause")["text"] == "no scan is being taken"
+        one.ask("scan", plan={"name": "long", "steps": 300})
+        one.until("scanning", lambda m: m["done"] >= 2)
+        assert one.ask("pause")["kind"] == "done"
+        one.until("scanning", lambda m: m["state"] == "paused")
+        assert one.ask("go_on")["kind"] == "done"
+        one.until("scanning", lambda m: m["state"] == "running")
+        assert one.ask("stop")["kind"] == "done"
+        one.until("scanning", lambda m: m["state"] == "aborted")
+        told = one.until("devices")
+        assert all(laser["lit"] is False for laser in told["lasers"])
+        assert one.until("job", lambda m: m["state"] == "done")["text"].endswith("takes the rest")
+
+
+def test_the_doctor_is_a_job_with_findings(server: Running) -> None:
+    device = "sim:sphere?seed=3"
+    with Browser(server) as one:
+        one.ask("connect", camera=device, turntable=device, lasers=device)
+        assert one.ask("doctor", still=True)["kind"] == "started"
+        done = one.until("job", lambda m: m["state"] != "running")
+        assert done["state"] == "done"
+        assert done["text"] == "ready" or done["findings"]
