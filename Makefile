@@ -6,7 +6,7 @@ STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system drivers demo test check format bench accuracy docs clean
+.PHONY: help setup system drivers demo test check frontend frontend-check format bench accuracy docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
@@ -45,13 +45,34 @@ demo: setup ## the main job from end to end: pictures → mesh → DXF, report a
 test: drivers ## run all tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
-check: setup ## format, lint, types, import contract, module sizes, docs
+check: setup frontend-check ## format, lint, types, import contract, module sizes, front end, docs
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tests/contracts/module_sizes.py
 	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
+
+# The front end's bundle is tracked, so that only those who change it need Node.
+NODE_READY := frontend/node_modules/.package-lock.json
+NODE_20 := node -e 'process.exit(process.versions.node.split(".")[0] >= 20 ? 0 : 1)' 2>/dev/null
+
+$(NODE_READY): frontend/package-lock.json
+	cd frontend && npm ci --no-audit --no-fund --loglevel=error
+	touch $@
+
+frontend: $(NODE_READY) ## build the browser's front end into src/turnscan/app/static (needs Node 20)
+	cd frontend && npm run --silent build
+
+frontend-check: ## types and tests of the front end, and whether its bundle is what the sources give
+	@if $(NODE_20); then $(MAKE) --no-print-directory frontend-compare; \
+	else echo "no Node 20: the front end is not checked"; fi
+
+.PHONY: frontend-compare
+frontend-compare: $(NODE_READY)
+	cd frontend && npm run --silent check && npm run --silent test
+	cd frontend && npm run --silent build -- --logLevel error --outDir ../build/static
+	diff -rq build/static src/turnscan/app/static || { echo "run make frontend, and commit"; exit 1; }
 
 format: setup ## let ruff put the sources in order
 	$(BIN)/ruff format .

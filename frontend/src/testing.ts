@@ -1,5 +1,6 @@
 /** What tests may read of the page; nothing can be changed through it. */
-import { cursor, history, holes, mark, mesh, shownRevision } from "./part";
+import { onPage } from "./mend/panes";
+import { cursor, history, holes, type Mark, mark, mesh, shownRevision } from "./part";
 import { connection } from "./state";
 import { currentViewport } from "./viewport/place";
 
@@ -17,10 +18,12 @@ export interface Readable {
   readonly edits: number;
   readonly cursor: number;
   readonly holes: number | null;
-  readonly mark: { grid: number; step: number; line: number } | null;
+  readonly mark: Mark | null;
   readonly camera: { azimuth: number; elevation: number; distance: number; target: readonly number[] } | null;
   /** Where a point of the part is in the window, CSS pixels. */
   place(point: [number, number, number]): { x: number; y: number } | null;
+  /** Where a step and a line of the grid on the page are in the window, CSS pixels. */
+  cell(step: number, line: number): { x: number; y: number } | null;
 }
 
 declare global {
@@ -68,8 +71,7 @@ export function expose(): void {
       return holes.value?.length ?? null;
     },
     get mark() {
-      const at = mark.value;
-      return at && { grid: at.grid, step: at.step, line: at.line };
+      return mark.value && { ...mark.value };
     },
     get camera() {
       const view = currentViewport();
@@ -79,6 +81,9 @@ export function expose(): void {
     },
     place(point) {
       return currentViewport()?.windowPlace(point) ?? null;
+    },
+    cell(step, line) {
+      return onPage.grid?.cell(step, line) ?? null;
     },
   };
   Object.defineProperty(window, "turnscan", { value: Object.freeze(readable) });

@@ -65,6 +65,12 @@ export class GridView extends PlaneView {
     this.redraw();
   }
 
+  /** Where a step and a line are in the window, CSS pixels. */
+  cell(step: number, line: number): { x: number; y: number } | null {
+    const row = this.grid ? this.grid.row(step) : -1;
+    return row < 0 ? null : this.windowPlace(row + 0.5, line + 0.5);
+  }
+
   private fill(): void {
     const { grid } = this;
     if (!grid) return;
@@ -132,7 +138,18 @@ export class GridView extends PlaneView {
   }
 
   protected content(): Box | null {
-    return this.grid && { x0: 0, y0: 0, x1: this.grid.steps.length, y1: this.grid.lines };
+    const { grid } = this;
+    if (!grid) return null;
+    // Lines that no step of the scan sees are beside the part.
+    let [first, last] = [grid.lines, -1];
+    for (let i = 0; i < grid.flags.length; i++) {
+      if (Number.isNaN(grid.points[3 * i])) continue;
+      const line = i % grid.lines;
+      first = Math.min(first, line);
+      last = Math.max(last, line);
+    }
+    if (last < 0) [first, last] = [0, grid.lines - 1];
+    return { x0: 0, y0: Math.max(0, first - 6), x1: grid.steps.length, y1: Math.min(grid.lines, last + 7) };
   }
 
   protected paint(): void {

@@ -4,7 +4,7 @@ import { VIEWS, type ViewName } from "../viewport/camera";
 import { bordersShown, brushRadius, currentViewport, selected, tool, visibleOnly } from "../viewport/place";
 import { TOOLS, type Tool } from "../viewport/viewport";
 import { deletePoints, deleteSelected, deleteUnselected } from "./edits";
-import { zoomToMark } from "./panes";
+import { onPage } from "./panes";
 import { nudge } from "./point";
 import { large, lines, preview, stepMark, tab } from "./state";
 
@@ -61,5 +61,5 @@ export const commands: readonly Command[] = [
   { title: "Line below", group: "Profile", keys: "Down", run: () => stepMark(0, 1) },
   { title: "Point to the left", group: "Profile", keys: "Shift+Left", run: () => nudge(-1) },
   { title: "Point to the right", group: "Profile", keys: "Shift+Right", run: () => nudge(1) },
-  { title: "Zoom to the marked line", group: "Profile", keys: "Z", run: () => zoomToMark() },
+  { title: "Zoom to the marked line", group: "Profile", keys: "Z", run: () => onPage.picture?.zoomToMark() },
 ];

@@ -7,11 +7,13 @@ interface PaneProps {
   title: string;
   about?: ComponentChildren;
   tools?: ComponentChildren;
+  /** What the colours mean, under the view. */
+  foot?: ComponentChildren;
   children: ComponentChildren;
 }
 
 /** One view with its title line; the button makes it fill the room. */
-export function Pane({ name, title, about, tools, children }: PaneProps) {
+export function Pane({ name, title, about, tools, foot, children }: PaneProps) {
   const isLarge = large.value === name;
   return (
     <section class={`pane ${name}`} aria-label={title}>
@@ -29,6 +31,7 @@ export function Pane({ name, title, about, tools, children }: PaneProps) {
         />
       </header>
       <div class="stage">{children}</div>
+      {foot}
     </section>
   );
 }

@@ -13,6 +13,9 @@ import { pickCandidate, placePoint } from "./edits";
 import { Pane } from "./pane";
 import { gridColouring, gridShown, lines, markPlace, markedGrid, pictureTool, range, stepMark } from "./state";
 
+/** The views that are on the page. */
+export const onPage: { picture: PictureView | null; grid: GridView | null } = { picture: null, grid: null };
+
 interface View {
   dispose(): void;
   redraw(): void;
@@ -87,7 +90,7 @@ export function PicturePane() {
       view.tool = pictureTool.value;
       const shown = profile.value;
       view.show(shown, shown ? pictureOf(shown) : "", mark.value?.line ?? -1);
-      zoomToMark = () => view.zoomToMark();
+      onPage.picture = view;
     },
   );
   const at = mark.value;
@@ -99,7 +102,7 @@ export function PicturePane() {
       tools={
         <>
           <SelectField bare label="What a click in the picture does" value={pictureTool.value} options={PICTURE_TOOLS} onChange={(value) => (pictureTool.value = value)} />
-          <Button kind="plain" small icon="search" label="Zoom to the marked line" keys="Z" onClick={() => zoomToMark()} />
+          <Button kind="plain" small icon="search" label="Zoom to the marked line" keys="Z" onClick={() => onPage.picture?.zoomToMark()} />
         </>
       }
     >
@@ -108,9 +111,6 @@ export function PicturePane() {
     </Pane>
   );
 }
-
-/** Set by the picture that is on the page. */
-export let zoomToMark: () => void = () => {};
 
 const GRID_OPTIONS = GRID_COLOURINGS.map((name) => [name, name] as const);
 
@@ -122,6 +122,7 @@ export function GridPane() {
         range: (found) => (range.value = found),
       }),
     (view) => {
+      onPage.grid = view;
       const at = mark.value?.grid === gridShown.value ? mark.value : null;
       view.show(grids.value[gridShown.value] ?? null, gridColouring.value, at?.step ?? -1, at?.line ?? -1, range.value);
     },
@@ -139,6 +140,18 @@ export function GridPane() {
       name="grid"
       title="Scan grid"
       about={grid && (at && row >= 0 ? `step ${at.step} · line ${at.line}${flags ? ` · ${flagWords(flags)}` : ""}` : `${grid.steps.length} steps × ${grid.lines} lines`)}
+      foot={
+        grid && (
+          <div class="key">
+            {GridView.key(grid, gridColouring.value).map(({ colour, text }, i) => (
+              <span key={i}>
+                <span class="swatch" style={{ background: css(colour) }} />
+                {text}
+              </span>
+            ))}
+          </div>
+        )
+      }
       tools={
         <>
           {all.length > 1 && (
@@ -155,16 +168,6 @@ export function GridPane() {
       }
     >
       <canvas ref={canvas} tabIndex={0} role="img" aria-label={`Scan grid: steps across, lines down; quality marks are ${FLAGS.map(([, word]) => word).join(", ")}`} />
-      {grid && (
-        <div class="key">
-          {GridView.key(grid, gridColouring.value).map(({ colour, text }, i) => (
-            <span key={i}>
-              <span class="swatch" style={{ background: css(colour) }} />
-              {text}
-            </span>
-          ))}
-        </div>
-      )}
     </Pane>
   );
 }

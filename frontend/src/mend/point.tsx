@@ -50,8 +50,8 @@ function Facts() {
     <dl class="facts">
       {point && (
         <>
-          <dt>x y z</dt>
-          <dd>{point.map((x) => x.toFixed(3)).join("  ")} mm</dd>
+          <dt>x · y · z, mm</dt>
+          <dd>{point.map((x) => x.toFixed(2)).join(" · ")}</dd>
           <dt>Radius</dt>
           <dd>{mm(Math.hypot(point[0], point[1]))}</dd>
         </>

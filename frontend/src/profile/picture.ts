@@ -65,7 +65,17 @@ export class PictureView extends PlaneView {
     const { profile } = this;
     if (!profile) return null;
     const { width, height } = profile.header;
-    return { x0: -0.5, y0: -0.5, x1: width - 0.5, y1: height - 0.5 };
+    const box: Box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
+    for (let line = 0; line < profile.lines; line++) {
+      for (const { position } of profile.of(line)) {
+        const [u, v] = profile.pixel(line, position);
+        box.x0 = Math.min(box.x0, u);
+        box.x1 = Math.max(box.x1, u);
+        box.y0 = Math.min(box.y0, v);
+        box.y1 = Math.max(box.y1, v);
+      }
+    }
+    return box.x0 <= box.x1 ? box : { x0: 0, y0: 0, x1: width, y1: height };
   }
 
   protected paint(): void {

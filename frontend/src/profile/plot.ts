@@ -74,9 +74,9 @@ export class ProfilePlot extends PlaneView {
   }
 
   protected paint(): void {
-    this.scales();
     const { grid } = this;
     if (!grid || this.row < 0) return;
+    this.scales();
     const { faint, ink } = this.colours();
     const s = grid.steps.length;
     for (const [away, alpha] of [[2, 0.25], [1, 0.5]] as const) {

@@ -31,7 +31,7 @@ function Projects() {
               <tr>
                 <th scope="col">Name</th>
                 <th scope="col">Changed</th>
-                <th scope="col" class="num">Size</th>
+                <th scope="col" class="right">Size</th>
                 <th scope="col">
                   <span class="sr-only">State</span>
                 </th>
@@ -46,7 +46,7 @@ function Projects() {
                     </button>
                   </td>
                   <td class="quiet num">{new Date(modified).toLocaleString("sv").slice(0, 16)}</td>
-                  <td class="num">{megabytes.toFixed(1)} MB</td>
+                  <td class="num right">{megabytes.toFixed(1)} MB</td>
                   <td class="quiet">{open ? "open" : ""}</td>
                 </tr>
               ))}

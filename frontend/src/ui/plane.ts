@@ -67,6 +67,13 @@ export abstract class PlaneView {
     return [this.ox + this.kx * x, this.oy + this.ky * y];
   }
 
+  /** Where a place of the plane is in the window, CSS pixels. */
+  windowPlace(x: number, y: number): { x: number; y: number } {
+    const box = this.canvas.getBoundingClientRect();
+    const [sx, sy] = this.toScreen(x, y);
+    return { x: box.left + sx, y: box.top + sy };
+  }
+
   protected toPlane(x: number, y: number): { x: number; y: number } {
     return { x: (x - this.ox) / this.kx, y: (y - this.oy) / this.ky };
   }

@@ -168,7 +168,7 @@ export class ViewCamera {
     this.version += 1;
   }
 
-  fit(box: Bounds, room = 1.12): void {
+  fit(box: Bounds, room = 0.92): void {
     this.target = middle(box);
     const radius = Math.max(Math.hypot(...minus(box.high, box.low)) / 2, 0.5);
     const narrow = Math.min(1, this.width / this.height);

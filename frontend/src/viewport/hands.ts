@@ -24,6 +24,7 @@ export class Hands {
   private drag: Drag | null = null;
   private start: Point = [0, 0];
   private last: Point = [0, 0];
+  private far = 0;
   private polygon: Point[] = [];
   private readonly pointers = new Map<number, Point>();
   private spaceHeld = false;
@@ -60,6 +61,7 @@ export class Hands {
     this.glass.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, at);
     this.start = this.last = at;
+    this.far = 0;
     if (this.pointers.size === 2) {
       this.drag = { kind: "pinch" };
       this.view.overlay.stroke = null;
@@ -102,9 +104,10 @@ export class Hands {
     if (before) this.pointers.set(event.pointerId, at);
     const [dx, dy] = [at[0] - this.last[0], at[1] - this.last[1]];
     const { camera, overlay } = this.view;
+    const still = this.isClick(at);
     switch (this.drag?.kind) {
       case "orbit":
-        if (!this.isClick(at)) {
+        if (!still) {
           camera.orbit(dx, dy, this.drag.pivot);
           this.view.moved();
         }
@@ -164,8 +167,10 @@ export class Hands {
     this.view.redraw();
   }
 
+  /** The hand has not moved since the button went down: a lasso may well end where it began. */
   private isClick(at: Point): boolean {
-    return Math.hypot(at[0] - this.start[0], at[1] - this.start[1]) < CLICK_PX;
+    this.far = Math.max(this.far, Math.hypot(at[0] - this.start[0], at[1] - this.start[1]));
+    return this.far < CLICK_PX;
   }
 
   private click(event: PointerEvent, at: Point): void {

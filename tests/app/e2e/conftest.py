@@ -1,0 +1,152 @@
+"""A server, a browser and pages of it, for tests that do what a person does."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.app.e2e.cup import write_cup
+
+playwright = pytest.importorskip("playwright.sync_api")
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+FLAGS = [
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+]
+DEADLINE = 40.0
+"""Seconds for anything that a person would wait for."""
+
+
+def until(page: Any, expression: str, seconds: float = DEADLINE) -> Any:
+    """Wait for the page to say yes; the content security policy forbids it to wait by itself."""
+    end = time.monotonic() + seconds
+    while not (said := page.evaluate(expression)):
+        assert time.monotonic() < end, f"not within {seconds} s: {expression}"
+        time.sleep(0.03)
+    return said
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        if os.environ.get("CI"):
+            pytest.fail("chromium is not installed; make system installs it")
+        pytest.skip("chromium is not installed; make system installs it")
+    with playwright.sync_playwright() as p:
+        chromium = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="session")
+def cup(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_cup(tmp_path_factory.mktemp("cup") / "cup.turnscan")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("scans")
+
+
+class Server:
+    """``turnscan app`` as a process of its own, and the cookie of one browser."""
+
+    def __init__(self, folder: Path) -> None:
+        command = [sys.executable, "-m", "turnscan", "app", str(folder), "--no-browser"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        link = self.process.stdout.readline() if self.process.stdout else ""
+        if not link.startswith("turnscan: http://127.0.0.1:"):
+            self.end()
+            pytest.fail(f"the server did not start: {link!r}")
+        self.link = link.split()[-1]
+        self.address = self.link.split("/login")[0] + "/"
+        self.cookies: Any = None
+
+    def end(self) -> None:
+        self.process.terminate()
+        try:
+            self.process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait(10)
+        finally:
+            if self.process.stdout:
+                self.process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def server(folder: Path) -> Iterator[Server]:
+    started = Server(folder)
+    yield started
+    started.end()
+
+
+@pytest.fixture
+def new_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
+    """Make pages of the app; afterwards none may have complained in its console."""
+    complaints: list[str] = []
+    contexts: list[Any] = []
+
+    def make(place: str = "", *, width: int = 1280, height: int = 800, script: str = "") -> Any:
+        context = browser.new_context(
+            viewport={"width": width, "height": height},
+            storage_state=server.cookies,
+            color_scheme="dark",
+        )
+        contexts.append(context)
+        context.set_default_timeout(DEADLINE * 1000)
+        page = context.new_page()
+        if script:
+            page.add_init_script(script)
+        page.on("pageerror", lambda e: complaints.append(str(e)))
+        page.on(
+            "console", lambda m: complaints.append(m.text) if m.type == "error" else None
+        )
+        if server.cookies is None:
+            page.goto(server.link)
+            until(page, "'turnscan' in window && turnscan.connection === 'open'")
+            server.cookies = context.storage_state()
+        page.goto(server.address + place)
+        until(page, "'turnscan' in window && turnscan.connection === 'open'")
+        return page
+
+    yield make
+    for context in contexts:
+        context.close()
+    assert not complaints
+
+
+@pytest.fixture
+def open_cup(
+    new_page: Callable[..., Any], folder: Path, cup: Path, request: pytest.FixtureRequest
+) -> Callable[..., Any]:
+    """Open a copy of the cup of this test's own in the Mend room."""
+    name = request.node.name.removeprefix("test_")
+
+    def make(**options: Any) -> Any:
+        target = folder / f"{name}.turnscan"
+        if not target.exists():
+            shutil.copy(cup, target)
+        page = new_page(**options)
+        page.get_by_role("button", name=name, exact=True).click()
+        until(page, "turnscan.faces > 0")
+        return page
+
+    return make

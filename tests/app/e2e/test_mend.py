@@ -1,0 +1,174 @@
+"""Mending a scan as a person does: by clicks on what is seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.app.e2e.conftest import until
+from tests.app.e2e.cup import (
+    GHOST_LINES,
+    GHOST_STEPS,
+    HOLE_LINES,
+    HOLE_STEPS,
+    SPIKE_LINE,
+    SPIKE_STEP,
+)
+
+
+def state(page: Any) -> tuple[int, int, int]:
+    """Living faces, edits in the list, edits in use."""
+    now = page.evaluate("[turnscan.faces, turnscan.edits, turnscan.cursor]")
+    return (now[0], now[1], now[2])
+
+
+def mark(page: Any, step: int, line: int) -> dict[str, Any]:
+    """Click a place in the scan grid; the surface turns to it."""
+    until(page, f"turnscan.cell({step}, {line})")
+    at = page.evaluate(f"turnscan.cell({step}, {line})")
+    page.mouse.click(at["x"], at["y"])
+    until(page, f"turnscan.mark?.step === {step}")
+    found: dict[str, Any] = page.evaluate("turnscan.mark")
+    assert abs(found["line"] - line) <= 1
+    return found
+
+
+def lasso(page: Any, centre: list[float], radius: float) -> None:
+    """Draw round a point of the part, back to where the line began."""
+    at = page.evaluate(f"turnscan.place({centre})")
+    corners = [(1, 0), (0.7, 0.7), (0, 1), (-0.7, 0.7), (-1, 0), (-0.7, -0.7), (0, -1), (0.7, -0.7)]
+    page.mouse.move(at["x"] + radius, at["y"])
+    page.mouse.down()
+    for x, y in [*corners[1:], corners[0]]:
+        page.mouse.move(at["x"] + radius * x, at["y"] + radius * y, steps=2)
+    page.mouse.up()
+
+
+def settled(page: Any) -> None:
+    """Wait until the picture on the screen is the last one."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def test_hole_is_filled_with_preview_undone_and_redone(open_cup):
+    page = open_cup()
+    scanned = state(page)
+    page.keyboard.press("h")
+    until(page, "turnscan.holes >= 3")
+    holes = page.evaluate("turnscan.holes")
+    # The black patch is about 14 mm by 18 mm.
+    row = page.get_by_role("listitem").filter(has_text="23.8 mm")
+    row.get_by_role("button").click()
+    assert page.get_by_role("checkbox", name="Choose hole 2").is_checked()
+    page.get_by_role("button", name="Preview", exact=True).click()
+    page.get_by_role("button", name="Drop the preview").wait_for()
+    assert state(page) == scanned, "a preview stores nothing"
+    page.get_by_role("button", name="Fill", exact=True).click()
+    until(page, "turnscan.edits === 1")
+    until(page, f"turnscan.holes === {holes - 1}")
+    filled = state(page)
+    assert filled[0] > scanned[0] + 50
+    page.keyboard.press("Control+z")
+    until(page, "turnscan.cursor === 0")
+    until(page, f"turnscan.faces === {scanned[0]}")
+    page.keyboard.press("Control+Shift+Z")
+    until(page, "turnscan.cursor === 1")
+    until(page, f"turnscan.faces === {filled[0]}")
+
+
+def test_lasso_takes_a_spike_and_nothing_behind_it(open_cup):
+    page = open_cup()
+    before = state(page)
+    tip = mark(page, SPIKE_STEP, SPIKE_LINE)["point"]
+    settled(page)
+    page.keyboard.press("l")
+    lasso(page, tip, 60)
+    seen = page.evaluate("turnscan.selected")
+    assert seen > 20
+    assert page.evaluate("turnscan.selectedAway") == 0
+    page.keyboard.press("n")
+    lasso(page, tip, 60)
+    through = page.evaluate("turnscan.selected")
+    assert through > seen, "without the limit the far wall is selected too"
+    assert page.evaluate("turnscan.selectedAway") > 0
+    page.keyboard.press("n")
+    lasso(page, tip, 60)
+    assert page.evaluate("turnscan.selected") == seen
+    page.keyboard.press("Delete")
+    until(page, "turnscan.edits === 1")
+    gone = before[0] - state(page)[0]
+    assert seen <= gone < seen + 20, "a delete may take faces that would hang in a corner"
+    assert page.evaluate("turnscan.selected") == 0
+    page.keyboard.press("Control+z")
+    until(page, f"turnscan.faces === {before[0]}")
+
+
+def test_ghost_leads_to_its_picture_and_the_other_candidate_is_picked(open_cup):
+    page = open_cup()
+    step, line = GHOST_STEPS[3], (GHOST_LINES.start + GHOST_LINES.stop) // 2
+    ghost = mark(page, step, line)
+    settled(page)
+    # On the surface the same point, clicked, leads to the same row of the same picture.
+    at = page.evaluate(f"turnscan.place({ghost['point']})")
+    page.mouse.click(at["x"] + 2, at["y"] + 2)
+    until(page, "turnscan.mark !== null")
+    found = page.evaluate("turnscan.mark")
+    assert (found["step"], found["line"]) == (step, line)
+    other = page.get_by_role("list", name="Candidates in this line").get_by_role(
+        "button", pressed=False
+    )
+    other.wait_for()
+    before = page.evaluate("turnscan.revision")
+    other.click()
+    until(page, f"turnscan.revision > {before}")
+    mended = mark(page, step, line)["point"]
+    radius = [float((p[0] ** 2 + p[1] ** 2) ** 0.5) for p in (ghost["point"], mended)]
+    assert radius[0] > 35, "the ghost stands outside"
+    assert radius[1] == pytest.approx(18 + 10 * mended[2] / 45, abs=0.4), "the cup is where it is"
+
+
+def test_profile_can_be_left_out_and_points_set_and_deleted(open_cup):
+    page = open_cup()
+    scanned = state(page)[0]
+    mark(page, 30, 110)
+    page.get_by_role("button", name="Profile off").click()
+    until(page, "turnscan.edits === 1")
+    until(page, f"turnscan.faces !== {scanned}")
+    page.keyboard.press("Control+z")
+    until(page, f"turnscan.faces === {scanned}")
+    place = page.get_by_label("Place in the picture")
+    place.wait_for()
+    was = float(place.input_value())
+    place.fill(f"{was + 1.5:.2f}")
+    place.press("Enter")
+    until(page, "turnscan.cursor === 1")
+    page.get_by_text("a place set by hand").wait_for()
+    page.get_by_role("button", name="Point", exact=True).click()
+    until(page, "turnscan.cursor === 2")
+    page.get_by_text("Missing because").wait_for()
+
+
+def test_everything_is_as_before_after_a_reload_and_seen_by_a_second_viewer(open_cup):
+    page = open_cup()
+    viewer = open_cup()
+    assert viewer.get_by_text("watching").is_visible()
+    mark(page, HOLE_STEPS.stop + 2, HOLE_LINES.start)
+    page.keyboard.press("b")
+    at = page.evaluate("turnscan.place(turnscan.mark.point)")
+    page.mouse.move(at["x"], at["y"])
+    page.mouse.down()
+    page.mouse.move(at["x"] + 40, at["y"], steps=4)
+    page.mouse.up()
+    assert page.evaluate("turnscan.selected") > 4
+    page.keyboard.press("Delete")
+    until(page, "turnscan.edits === 1")
+    after = state(page)
+    until(viewer, f"turnscan.faces === {after[0]} && turnscan.cursor === 1")
+    viewer.keyboard.press("Control+z")
+    viewer.get_by_role("log").get_by_text("operator").first.wait_for()
+    assert state(page) == after, "who watches changes nothing"
+    page.reload()
+    until(page, "'turnscan' in window && turnscan.faces > 0")
+    until(page, "turnscan.edits === 1")
+    assert state(page) == after
+    assert page.evaluate("turnscan.vertices") == viewer.evaluate("turnscan.vertices")
