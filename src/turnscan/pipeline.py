@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from turnscan import edit, points, surface
 from turnscan.detection import Sight, see
@@ -13,7 +14,7 @@ from turnscan.points import RangeGrid, Spacing, Volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.stripes import StripeSettings
-from turnscan.surface import Caps, Clean, How, Mesh, Tears
+from turnscan.surface import Caps, Clean, Hole, How, Mesh, Sought, Tears
 
 Tick = Callable[[], None]
 
@@ -60,7 +61,7 @@ class Reconstruction:
     edits: tuple[Entry, ...] = ()
     """What was done by hand."""
     opened: Mesh | None = None
-    """The mesh before its gaps were closed; None when that was not asked for."""
+    """The mesh before its gaps were closed and it was thinned; None when it is the same."""
     sought: tuple[Sought, ...] = ()
     """What each laser's scan could have found; empty for scans of other scanners."""
 
@@ -90,24 +91,19 @@ def reconstruct(
 
 def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Reconstruction:
     """Stripes → grids → mesh, with these edits. Raises InputError where no angle is known."""
-    grids, meshed, findings = to_grids(seen, s, edits)
-    opened, remarks = to_mesh(meshed, s, edits)
-    mesh, closing = closed(opened, s)
-    return Reconstruction(
-        tuple(grids),
-        mesh,
-        (*findings, *remarks, *closing),
-        tuple(edits),
-        None if s.caps is None else opened,
-        tuple(sought),
-    )
+    grids, sought, findings = to_grids(seen, s, edits)
+    # Points at equal arc length have no neighbours at the same place of the next profile.
+    meshed = [k.grid for k in sought] if s.spacing_by == "arc" else grids
+    opened, mesh, remarks = to_mesh(meshed, s, edits)
+    told = (*findings, *remarks)
+    return Reconstruction(tuple(grids), mesh, told, tuple(edits), opened, tuple(sought))
 
 
 def to_grids(
     seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()
-) -> tuple[list[RangeGrid], list[RangeGrid], list[Finding]]:
-    """Stripes → grids as wanted, the same as a mesh wants them, and what there is to know."""
-    grids, meshed, sought = [], list[RangeGrid](), list[Sought]()
+) -> tuple[list[RangeGrid], list[Sought], list[Finding]]:
+    """Stripes → grids as wanted, the same as they were cleaned, and what there is to know."""
+    grids, sought = list[RangeGrid](), list[Sought]()
     findings = edit.lost_edits(edits, [sight.view.laser for sight in seen])
     for sight in seen:
         v = sight.view
@@ -125,24 +121,22 @@ def to_grids(
                 findings += taken
             sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation))
             grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)
-            # Points at equal arc length have no neighbours at the same place of the next profile.
-            meshed.append(kept if s.spacing_by == "arc" else grids[-1])
-    return grids, meshed, findings
+    return grids, sought, findings
 
 
 def to_mesh(
     grids: Sequence[RangeGrid], s: Settings, edits: Sequence[Entry] = ()
-) -> tuple[Mesh, list[Finding]]:
-    """Grids → one sound mesh without islands, edited, its gaps closed where that is asked for."""
+) -> tuple[Mesh, Mesh, list[Finding]]:
+    """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for."""
     merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel)
     mesh, touching = surface.cut_touching(merged)
     mesh, islands, faces = surface.drop_islands(mesh, s.island)
-    mesh, mending = edit.mend_mesh(mesh, edits)
-    closing: list[Finding] = []
+    opened, mending = edit.mend_mesh(mesh, edits)
+    mesh, closing = opened, list[Finding]()
     if s.caps is not None:
         mesh, closing = surface.close(mesh, s.caps)
     if s.tolerance is not None or s.faces is not None:
         dense, mesh = mesh, surface.decimate(mesh, tolerance=s.tolerance, faces=s.faces)
         closing += surface.decimation_findings(dense, mesh, s.faces)
     remarks = surface.mesh_findings(mesh, islands, faces, closed=s.caps is not None)
-    return mesh, findings + touching + mending + closing + remarks
+    return opened, mesh, findings + touching + mending + closing + remarks

@@ -37,6 +37,17 @@ def placed_scans(source: Path, unit: str) -> dict[Path, Pose]:
     return {source.with_name(name): pose for name, pose in placed.items()}
 
 
+def read_range_scan(
+    path: Path, pose: Pose, unit: str, settings: Settings
+) -> tuple[RangeGrid, list[Finding]]:
+    """One range scan, placed and cleaned. Raises FormatError, InputError naming file and place."""
+    scan = range_scan_from_ply(read_bytes(path, _PLY_BYTES), path.name, scale=UNITS[unit])
+    if scan.grid is None:
+        raise InputError(f"{path.name}: a mesh or loose points, not a grid of ranges")
+    grid = scan.range_grid(pose)
+    return (grid, []) if settings.clean is None else clean(grid, settings.clean)
+
+
 def join_scans(
     source: Path, placed: Mapping[Path, Pose], unit: str, settings: Settings
 ) -> Reconstruction:
@@ -48,20 +59,14 @@ def join_scans(
     findings: list[Finding] = []
     with progress("reading range scans", len(placed)) as tick:
         for path, pose in placed.items():
-            data = read_bytes(path, _PLY_BYTES)
-            scan = range_scan_from_ply(data, path.name, scale=UNITS[unit])
-            if scan.grid is None:
-                raise InputError(f"{path.name}: a mesh or loose points, not a grid of ranges")
-            grid = scan.range_grid(pose)
-            if settings.clean is not None:
-                grid, remarks = clean(grid, settings.clean)
-                findings += remarks
+            grid, remarks = read_range_scan(path, pose, unit, settings)
             grids.append(grid)
+            findings += remarks
             tick()
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
-    mesh, remarks = to_mesh(grids, replace(settings, caps=caps))
+    opened, mesh, remarks = to_mesh(grids, replace(settings, caps=caps))
     size = np.ptp(mesh.vertices, axis=0).max() if len(mesh.vertices) else 0.0
     points = sum(int(g.found.sum()) for g in grids)
     text = f"{points} points of {len(grids)} scans, unit {unit}: {size:.1f} mm across"
     about = Finding("points.range-scans", "note", text, source.name, "other units: --unit")
-    return Reconstruction(tuple(grids), mesh, (about, *findings, *remarks))
+    return Reconstruction(tuple(grids), mesh, (about, *findings, *remarks), (), opened)
