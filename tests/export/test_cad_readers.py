@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,12 @@ from tests.export.readers import READERS, missing, volume
 from turnscan.export import DxfForm, DxfVersion, ExportOptions, export
 from turnscan.surface import Mesh
 
-PARTS = {"torus": torus(60, 40), "box with hole": box_with_hole()}
+TORUS = torus(60, 40)
+PARTS = {
+    "torus": TORUS,
+    "box with hole": box_with_hole(),
+    "partly filled": replace(TORUS, measured=np.arange(len(TORUS.faces)) % 7 > 1),
+}
 
 
 @pytest.fixture(params=READERS)
@@ -55,7 +61,7 @@ def test_several_polyfaces_as_others_read_them(reader: str, tmp_path: Path) -> N
 def test_other_formats_in_assimp(suffix: str, text: bool, tmp_path: Path) -> None:
     if why := missing("assimp"):
         pytest.skip(why)
-    part: Mesh = PARTS["torus"]
+    part: Mesh = PARTS["partly filled"]
     path = tmp_path / f"part{suffix}"
     path.write_bytes(export(part, suffix, options=ExportOptions(ascii=text)))
     assert volume(READERS["assimp"][1](path)) == pytest.approx(part.volume, rel=1e-6)

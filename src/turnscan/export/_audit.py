@@ -5,13 +5,14 @@ from __future__ import annotations
 import io
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.export._dxf_read import DxfContent, read_dxf_content
 from turnscan.export._formats import exporter_for
 from turnscan.export._options import DEFAULTS, DxfForm, ExportOptions, Profiles
-from turnscan.export._plain import SIGMA_DECIMALS
+from turnscan.export._plain import SIGMA_DECIMALS, points_to_write
 from turnscan.export._text import decimals_for
 from turnscan.findings import Finding
 from turnscan.points import PointCloud
@@ -48,6 +49,8 @@ def audit(
         return [_error("unreadable", e.message)]
     assert not isinstance(what, Profiles)
     points = what.vertices if isinstance(what, Mesh) else what.points
+    if suffix.lower() == ".xyz":
+        points, _ = points_to_write(what)
     step = _step(points, suffix, options)
     if suffix.lower() == ".xyz" or isinstance(what, PointCloud) or not len(what.faces):
         found = _compare_points(read.vertices, points, step, "points")
@@ -163,11 +166,23 @@ def _dxf(
     for kind, corners in read.items():
         wanted = np.empty((0, 3, 3))
         if kind in forms and isinstance(what, Mesh):
-            wanted = what.triangles
+            wanted = what.triangles[_drawn(what)]
         found += _compare_faces(corners.reshape(-1, 3, 3), wanted, step, f"faces as {kind}")
+    if isinstance(what, Mesh) and what.measured is not None:
+        filled = len([f for f in forms if f != "profiles"]) * int((~what.measured).sum())
+        if int(content.filled.sum()) != filled:
+            text = f"{int(content.filled.sum())} faces read as not measured, {filled} written"
+            found.append(_error("values", text))
     if "profiles" in forms and lines is not None:
         found += _runs(content.runs, lines, step)
     return found
+
+
+def _drawn(mesh: Mesh) -> npt.NDArray[np.intp]:
+    """The order in which a DXF draws the faces: first those that were measured."""
+    if mesh.measured is None:
+        return np.arange(len(mesh.faces))
+    return np.argsort(~mesh.measured, kind="stable")
 
 
 def _runs(got: tuple[Floats, ...], profiles: Profiles, step: float) -> list[Finding]:
@@ -199,16 +214,29 @@ def _values(
     read: Mesh, what: Mesh | PointCloud, suffix: str, options: ExportOptions
 ) -> list[Finding]:
     """Compare what stands at each vertex beside its position."""
-    if suffix.lower() not in (".ply", ".xyz"):
-        return []
-    origin = what.provenance if isinstance(what, Mesh) else what
     found: list[Finding] = []
-    if origin is not None and not (suffix.lower() == ".xyz" and np.isnan(origin.sigma).all()):
+    if (
+        suffix.lower() in (".ply", ".obj")
+        and isinstance(what, Mesh)
+        and not _same_marks(read, what)
+    ):
+        found.append(_error("values", "which faces were measured differs from what was written"))
+    if suffix.lower() not in (".ply", ".xyz"):
+        return found
+    origin = what.provenance if isinstance(what, Mesh) else what
+    sigma = None if origin is None else origin.sigma
+    if suffix.lower() == ".xyz":
+        _, sigma = points_to_write(what)
+    if (
+        origin is not None
+        and sigma is not None
+        and not (suffix.lower() == ".xyz" and np.isnan(sigma).all())
+    ):
         if read.provenance is None:
             return [_error("values", "sigma of the points is missing")]
         same = np.isclose(
             read.provenance.sigma,
-            origin.sigma,
+            sigma,
             rtol=2.0**-23 if options.single else 2.0**-50,
             atol=0.501 * 10.0**-SIGMA_DECIMALS,
             equal_nan=True,
@@ -225,3 +253,10 @@ def _values(
         if not same_colour:
             found.append(_error("values", "colour differs from what was written"))
     return found
+
+
+def _same_marks(read: Mesh, what: Mesh) -> bool:
+    """Whether the same faces count as measured; all of them where nothing is said."""
+    every = np.ones(len(what.faces), dtype=np.bool_)
+    got, wanted = (every if m.measured is None else m.measured for m in (read, what))
+    return bool(np.array_equal(got, wanted))

@@ -12,13 +12,16 @@ from turnscan.errors import InputError
 from turnscan.export._dxf_frame import Frame, frame
 from turnscan.export._options import DEFAULTS, DxfForm, DxfVersion, ExportOptions, Profiles
 from turnscan.export._text import Longs, decimals_for, rows_text, scaled
-from turnscan.surface import Mesh
+from turnscan.surface import Mesh, submesh
 
 MAX_POLYFACE_VERTICES = 32_767
 """Faces name vertices by signed 16-bit numbers counted from 1 (Autodesk's group code table)."""
 MAX_POLYFACE_FACES = 32_000
 _HEX = -1
 _COLOURS = (7, 1, 5, 3, 6, 4, 2)
+_ORANGE = 30
+FILLED = "FILLED"
+"""In the layer's name of faces that close a gap and were not measured."""
 _BLOCK = 1 << 16
 
 
@@ -26,6 +29,8 @@ def write_dxf(
     mesh: Mesh | None, options: ExportOptions = DEFAULTS, profiles: Profiles | None = None
 ) -> bytes:
     """Return a DXF file with every chosen form on a layer of its own; the unit is mm.
+
+    Faces that were not measured are on a layer of their own, too, with FILLED in its name.
 
     Each form needs what it draws: ``profiles`` the profiles, the others the mesh. The same
     input gives the same bytes.
@@ -35,7 +40,7 @@ def write_dxf(
     """
     points = _points_of(mesh, options, profiles)
     decimals = decimals_for(points)
-    layers = _layers(options, profiles)
+    layers = _layers(mesh, options, profiles)
     bounds = np.stack([points.min(axis=0), points.max(axis=0)])
     document = frame(options.dxf_version, layers, bounds, options.about)
     body = _Body(document, options.dxf_version, decimals)
@@ -49,7 +54,8 @@ def write_dxf(
             continue
         assert mesh is not None
         draw = {"3dface": body.faces, "polyface": body.polyfaces, "mesh": body.mesh}[form]
-        parts += draw(mesh, _layer(form))
+        for layer, part in _by_layer(mesh, form):
+            parts += draw(part, layer)
     return document.around(parts, body.handle)
 
 
@@ -74,6 +80,14 @@ def _points_of(mesh: Mesh | None, options: ExportOptions, profiles: Profiles | N
     return np.concatenate(found)
 
 
+def _by_layer(mesh: Mesh, form: DxfForm) -> list[tuple[str, Mesh]]:
+    """The faces that were measured, and those that were not, each with their layer."""
+    if mesh.measured is None or mesh.measured.all():
+        return [(_layer(form), mesh)]
+    parts = [(_layer(form), submesh(mesh, mesh.measured))] if mesh.measured.any() else []
+    return [*parts, (_layer(form, FILLED), submesh(mesh, ~mesh.measured))]
+
+
 def _layer(form: DxfForm, laser: str = "", tail: str = "") -> str:
     """Return a layer name that R12 accepts: at most 31 of A-Z 0-9 _ - $."""
     plain = re.sub("[^A-Z0-9_-]", "_", laser.upper())[: 10 - len(tail)]
@@ -92,14 +106,18 @@ def _profile_layers(profiles: Profiles) -> dict[str, str]:
     return names
 
 
-def _layers(options: ExportOptions, profiles: Profiles | None) -> dict[str, int]:
+def _layers(mesh: Mesh | None, options: ExportOptions, profiles: Profiles | None) -> dict[str, int]:
     names: list[str] = []
+    filled: list[str] = []
     for form in options.dxf_forms:
         if form == "profiles" and profiles is not None:
             names += _profile_layers(profiles).values()
         else:
             names.append(_layer(form))
-    return {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
+            if mesh is not None and mesh.measured is not None and not mesh.measured.all():
+                filled.append(_layer(form, FILLED))
+    known = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
+    return known | dict.fromkeys(filled, _ORANGE)
 
 
 class _Body:

@@ -108,6 +108,20 @@ def read_groups(text: Any, starts: Any, reals: Any, seen: Any, wholes: Any) -> t
 
 
 @njit(cache=True, nogil=True)
+def on_layers(text: Any, starts: Any, word: Any) -> Any:
+    """(e,) True for entities that begin at ``starts`` and whose layer's name has the word in it."""
+    out = np.zeros(len(starts), np.bool_)
+    for i in range(len(starts)):
+        group, a, b, p, _ = _group(text, starts[i])
+        while group > 0 and group != 8:
+            group, a, b, p, _ = _group(text, p)
+        if group == 8:
+            for k in range(a, b - len(word) + 1):
+                out[i] = out[i] or same(text, k, k + len(word), word)
+    return out
+
+
+@njit(cache=True, nogil=True)
 def read_mesh_entity(text: Any, start: int, limit: int) -> tuple[int, int, Any, int, Any, int]:
     """Read one MESH; returns a code, the byte, points, how many, polygons, how many numbers.
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats
 from turnscan.errors import FormatError, InputError
 from turnscan.export._read import (
     MAX_FACES,
@@ -26,6 +26,7 @@ from turnscan.surface import Mesh
 _MARKS = ("SECTION", "ENTITIES", "ENDSEC", "EOF")
 _WORDS = ("3DFACE", "POLYLINE", "VERTEX", "MESH", "POINT")
 _FACE, _POLYLINE, _VERTEX, _MESH, _POINT = range(len(_WORDS))
+_FILLED = "_FILLED_"
 _CLOSED_M, _LINE, _GRID, _CLOSED_N, _POLYFACE = 1, 8, 16, 32, 64
 """Bits of a polyline's group 70."""
 _CONTROL, _PLACE, _RECORD = 16, 64, 128
@@ -45,6 +46,8 @@ class DxfContent:
     """(3f, 3) of MESH entities, without subdivision."""
     runs: tuple[Floats, ...]
     """(k, 3) of each 3-D polyline, and of each POINT."""
+    filled: Bools
+    """(f,) True for triangles, in the order of `corners`, on a layer for what was not measured."""
     entities: int
 
     @property
@@ -56,6 +59,8 @@ class DxfContent:
 def read_dxf(data: bytes) -> Mesh:
     """Return all faces in the ENTITIES section of a text DXF as one mesh.
 
+    Faces on a layer that has _FILLED_ in its name count as not measured.
+
     Raises FormatError where the file is not a sound text DXF; LimitExceeded; InputError where
     it draws no face.
     """
@@ -65,12 +70,13 @@ def read_dxf(data: bytes) -> Mesh:
             f"DXF: none of its {content.entities} entities is a 3DFACE, polyface or MESH",
             hint="export the surface as faces; blocks and solids (ACIS) are not read",
         )
-    return soup("DXF", content.corners)
+    mesh = soup("DXF", content.corners)
+    return replace(mesh, measured=~content.filled) if content.filled.any() else mesh
 
 
 def read_dxf_content(data: bytes) -> DxfContent:
     """Return what a text DXF draws, form by form; raises as `read_dxf` does."""
-    from turnscan.export._dxf_kernels import find_entities
+    from turnscan.export._dxf_kernels import find_entities, on_layers
 
     if data[:22].startswith((b"AutoCAD Binary DXF", b"AC10")):
         raise FormatError(
@@ -84,11 +90,20 @@ def read_dxf_content(data: bytes) -> DxfContent:
     kinds, starts = kinds[:count, 0], starts[:count, 0]
     polylines = _Polylines(data, text, kinds, starts)
     meshes = [_mesh_entity(data, text, int(s)) for s in starts[kinds == _MESH]]
+    filled = on_layers(text, starts, words(_FILLED)[0])
+    faces, quads = _faces(data, text, starts[kinds == _FACE])
+    corners, of = polylines.corners()
+    marks = [
+        np.repeat(filled[kinds == _FACE], 1 + quads),
+        filled[kinds == _POLYLINE][of],
+        np.repeat(filled[kinds == _MESH], [len(m) // 3 for m in meshes]),
+    ]
     lone, _, _ = _groups(data, text, starts[kinds == _POINT], 1)
     return DxfContent(
-        faces=_faces(data, text, starts[kinds == _FACE]),
-        polyfaces=polylines.corners(),
+        faces=faces,
+        polyfaces=corners,
         meshes=np.concatenate([np.empty((0, 3)), *meshes]),
+        filled=np.concatenate(marks),
         runs=(*polylines.runs(), *(lone[i : i + 1] for i in range(len(lone)))),
         entities=count,
     )
@@ -107,7 +122,8 @@ def _groups(
     return reals, seen, wholes
 
 
-def _faces(data: bytes, text: Text, starts: npt.NDArray[np.int64]) -> Floats:
+def _faces(data: bytes, text: Text, starts: npt.NDArray[np.int64]) -> tuple[Floats, Bools]:
+    """Return the (3f, 3) corners of 3DFACEs, and (e,) which of them are quadrilaterals."""
     within_limit("DXF", "3DFACEs", len(starts))
     reals, seen, _ = _groups(data, text, starts, 4)
     whole = seen[:, [0, 1, 3, 4, 6, 7]].all(axis=1)
@@ -121,7 +137,7 @@ def _faces(data: bytes, text: Text, starts: npt.NDArray[np.int64]) -> Floats:
     both = np.ones((len(quads), 2), np.bool_)
     both[:, 1] = quads
     chosen: Floats = corners[:, [[0, 1, 2], [0, 2, 3]]][both]
-    return chosen.reshape(-1, 3)
+    return chosen.reshape(-1, 3), quads
 
 
 def _mesh_entity(data: bytes, text: Text, start: int) -> Floats:
@@ -159,11 +175,14 @@ class _Polylines:
         cuts = np.flatnonzero(np.diff(of)) + 1
         return tuple(np.split(points, cuts)) if len(points) else ()
 
-    def corners(self) -> Floats:
-        """Return the (3f, 3) corners of polyfaces, then of polygon meshes."""
-        return np.concatenate([self._polyface_corners(), *self._grids()])
+    def corners(self) -> tuple[Floats, npt.NDArray[np.int64]]:
+        """Return the (3f, 3) corners of polyfaces, then of polygon meshes, and whose each is."""
+        found, of = self._polyface_corners()
+        grids = self._grids()
+        every = [of, *(np.full(len(corners) // 3, i) for i, corners in grids)]
+        return np.concatenate([found, *(corners for _, corners in grids)]), np.concatenate(every)
 
-    def _polyface_corners(self) -> Floats:
+    def _polyface_corners(self) -> tuple[Floats, npt.NDArray[np.int64]]:
         points = self._points[self._corner]
         counts = np.bincount(self._of[self._corner], minlength=len(self._heads))
         base = np.cumsum(counts) - counts
@@ -178,15 +197,15 @@ class _Polylines:
         both[:, 1] = numbers[:, 3] != 0
         index = numbers - 1 + base[of][:, None]
         chosen: Floats = points[index[:, [[0, 1, 2], [0, 2, 3]]][both]]
-        return chosen.reshape(-1, 3)
+        return chosen.reshape(-1, 3), np.repeat(of, both.sum(axis=1))
 
-    def _grids(self) -> list[Floats]:
-        found: list[Floats] = []
+    def _grids(self) -> list[tuple[int, Floats]]:
+        found: list[tuple[int, Floats]] = []
         for i in np.flatnonzero(self._heads[:, 0] & _GRID):
             flags, rows, columns = (int(x) for x in self._heads[i, :3])
             points = self._points[self._node & (self._of == i)]
             if rows > 1 and columns > 1 and rows * columns == len(points):
-                found.append(_cells(points.reshape(rows, columns, 3), flags))
+                found.append((int(i), _cells(points.reshape(rows, columns, 3), flags)))
         return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
 from turnscan.export._options import DEFAULTS, ExportOptions
 from turnscan.export._text import Longs, about_lines, decimals_for, rows_text, scaled
@@ -13,6 +13,7 @@ from turnscan.points import PointCloud
 from turnscan.surface import Mesh, Provenance
 
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
+_MARKED = np.dtype([*FACE.descr, ("measured", "u1")])
 _SIGMA_DECIMALS = 9
 _NAMES = {"<f8": "double", "<f4": "float", "<i4": "int", "u1": "uchar"}
 
@@ -22,12 +23,13 @@ def write_ply(what: Mesh | PointCloud, options: ExportOptions = DEFAULTS) -> byt
 
     Vertices have x, y, z (double, or float with ``options.single``), where known red, green,
     blue, and where measured sigma (mm), laser, step and row. ``comment laser N NAME`` names
-    the lasers.
+    the lasers. Where faces were not measured, ``measured`` is 1 or 0 for each face.
 
     Raises InputError where there is no vertex; ExportError where a coordinate is beyond what
     can be written.
     """
     points, faces, colour, origin = _parts(what)
+    known = what.measured if isinstance(what, Mesh) else None
     if not len(points):
         raise InputError("PLY: there are no vertices", hint="check the region of interest")
     decimals = decimals_for(points)
@@ -49,9 +51,10 @@ def write_ply(what: Mesh | PointCloud, options: ExportOptions = DEFAULTS) -> byt
     lines += [f"property {_NAMES[kind]} {name}" for name, kind, _ in columns]
     if faces is not None:
         lines += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+        lines += [] if known is None else ["property uchar measured"]
     head = "\n".join([*lines, "end_header\n"]).encode("ascii")
     write = _text if options.ascii else _binary
-    return head + write(columns, faces, decimals)
+    return head + write(columns, faces, known, decimals)
 
 
 _Columns = list[tuple[str, str, npt.NDArray[np.generic]]]
@@ -71,18 +74,20 @@ def _word(name: str) -> str:
     return " ".join(name.encode("ascii", "replace").decode().split())
 
 
-def _binary(columns: _Columns, faces: Ints | None, decimals: int) -> bytes:
+def _binary(columns: _Columns, faces: Ints | None, known: Bools | None, decimals: int) -> bytes:
     vertices = np.empty(len(columns[0][2]), np.dtype([(name, kind) for name, kind, _ in columns]))
     for name, _, values in columns:
         vertices[name] = values
     if faces is None:
         return vertices.tobytes()
-    records = np.empty(len(faces), FACE)
+    records = np.empty(len(faces), FACE if known is None else _MARKED)
     records["count"], records["corners"] = 3, faces
+    if known is not None:
+        records["measured"] = known
     return vertices.tobytes() + records.tobytes()
 
 
-def _text(columns: _Columns, faces: Ints | None, decimals: int) -> bytes:
+def _text(columns: _Columns, faces: Ints | None, known: Bools | None, decimals: int) -> bytes:
     def digits(name: str, kind: str) -> int:
         if not kind.startswith("<f"):
             return 0
@@ -95,5 +100,8 @@ def _text(columns: _Columns, faces: Ints | None, decimals: int) -> bytes:
     words = ["", *[" "] * (len(columns) - 1), "\n"]
     parts = [*rows_text(rows, places, words)]
     if faces is not None:
-        parts += rows_text(faces.astype(np.int64), [0, 0, 0], ["3 ", " ", " ", "\n"])
+        numbers = [faces.astype(np.int64)] + ([] if known is None else [known[:, None]])
+        table: Longs = np.concatenate(numbers, axis=1).astype(np.int64)
+        blanks = [" "] * (table.shape[1] - 1)
+        parts += rows_text(table, [0] * table.shape[1], ["3 ", *blanks, "\n"])
     return b"".join(parts)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+from turnscan.arrays import Bools
 from turnscan.errors import FormatError, InputError
 from turnscan.export._read import (
     MAX_FACES,
@@ -33,6 +34,7 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_MEASURED = "measured"
 _Table = dict[str, npt.NDArray[np.generic]]
 
 
@@ -43,8 +45,8 @@ class _Element:
     scalars: list[tuple[str, str]]
     """Name and type of the properties before the list, or of all."""
     list_types: tuple[str, str] | None = None
-    after: int = 0
-    """Bytes (in text: numbers) of the properties after the list."""
+    after: list[tuple[str, str]] = field(default_factory=list)
+    """Name and type of the properties after the list."""
 
 
 @dataclass
@@ -58,7 +60,8 @@ class _Header:
 def read_ply(data: bytes) -> Mesh:
     """Return a PLY as a mesh, without faces where it has none; polygons are cut into fans.
 
-    Colour (red, green, blue) and our sigma, laser, step and row are kept where all are there.
+    Colour (red, green, blue) and our sigma, laser, step and row are kept where all are there, and
+    ``measured`` of the faces where all of these are triangles.
 
     Raises FormatError where it is not in form or announces more than it holds;
     LimitExceeded; InputError for triangle strips.
@@ -67,17 +70,20 @@ def read_ply(data: bytes) -> Mesh:
     at = header.size
     table: _Table = {}
     faces: npt.NDArray[np.int64] = np.empty((0, 3), np.int64)
+    known: Bools | None = None
     for element in header.elements:
         if element.list_types is None:
             values, at = _scalars(data, at, element, header.order)
             table = values if element.name == "vertex" else table
         else:
-            lists, at = _lists(data, at, element, header.order)
-            faces = lists if element.name == "face" else faces
+            lists, marks, at = _lists(data, at, element, header.order)
+            if element.name == "face":
+                faces, known = lists, marks
     require("PLY", {"x", "y", "z"} <= table.keys(), "its vertices have no x, y, z")
     points = checked("PLY", np.stack([table[c].astype(np.float64) for c in "xyz"], axis=1))
     mesh = indexed("PLY", points, faces)
-    return Mesh(mesh.vertices, mesh.faces, _origin(table, header.lasers), _colour(table))
+    origin, colour = _origin(table, header.lasers), _colour(table)
+    return Mesh(mesh.vertices, mesh.faces, origin, colour, known)
 
 
 def _header(data: bytes) -> _Header:
@@ -136,7 +142,9 @@ def _property(element: _Element, line: str, words: list[str]) -> None:
         names = [name for name, _ in element.scalars]
         require("PLY", len(set(names)) == len(names), f"property {words[2]!r} stands twice")
     else:
-        element.after += np.dtype(_TYPES[words[1]]).itemsize
+        element.after.append((words[2], _TYPES[words[1]]))
+        names = [name for name, _ in element.after]
+        require("PLY", len(set(names)) == len(names), f"property {words[2]!r} stands twice")
 
 
 def _scalars(data: bytes, at: int, element: _Element, order: str) -> tuple[_Table, int]:
@@ -164,42 +172,58 @@ def _scalars(data: bytes, at: int, element: _Element, order: str) -> tuple[_Tabl
 
 def _lists(
     data: bytes, at: int, element: _Element, order: str
-) -> tuple[npt.NDArray[np.int64], int]:
-    """Read an element with one list as triangles; returns them and where it ends."""
+) -> tuple[npt.NDArray[np.int64], Bools | None, int]:
+    """Read an element with one list as triangles; returns them, which were measured (None where
+    that is not said), and where it ends."""
     assert element.list_types is not None
     count_type, index_type = element.list_types
     count, have = element.count, len(data) - at
     if not order:
-        from turnscan.export._read_kernels import read_lists
+        from turnscan.export._read_kernels import read_lists, read_table
 
+        if _MEASURED in [name for name, _ in element.after]:
+            before = len(element.scalars)
+            table = np.empty((min(count, have), before + 4 + len(element.after)))
+            code, end = read_table(text_of(data), at, table, False)
+            if code == 0 and len(table) == count and (table[:, before] == 3).all():
+                names = [name for name, _ in element.after]
+                marks = table[:, before + 4 + names.index(_MEASURED)] != 0
+                return table[:, before + 1 : before + 4].astype(np.int64), marks, end
         require("PLY", 2 * count <= have + 1, f"{count} faces cannot fit in {have} bytes")
         code, at, lists, n = read_lists(text_of(data), at, count, len(element.scalars), MAX_FACES)
         complain("PLY", data, code, at)
-        return triangles("PLY", lists[:n]), at
+        return triangles("PLY", lists[:n]), None, at
     require("PLY", index_type[0] in "iu" or element.name != "face", "face indices are not integers")
     before = sum(np.dtype(t).itemsize for _, t in element.scalars)
-    least = before + np.dtype(count_type).itemsize + element.after
+    after = sum(np.dtype(t).itemsize for _, t in element.after)
+    least = before + np.dtype(count_type).itemsize + after
     require("PLY", count * least <= have, f"{count} faces need more than the {have} bytes left")
     kind = np.dtype(
         {
-            "names": ["size", "corners"],
-            "formats": [order + count_type, (order + index_type, 3)],
-            "offsets": [before, before + np.dtype(count_type).itemsize],
+            "names": ["size", "corners", *(f"after {name}" for name, _ in element.after)],
+            "formats": [order + count_type, (order + index_type, 3)]
+            + [order + t for _, t in element.after],
+            "offsets": np.cumsum(
+                [before, np.dtype(count_type).itemsize, 3 * np.dtype(index_type).itemsize]
+                + [np.dtype(t).itemsize for _, t in element.after]
+            )[: 2 + len(element.after)].tolist(),
             "itemsize": least + 3 * np.dtype(index_type).itemsize,
         }
     )
     if count * kind.itemsize <= have:
         records = np.frombuffer(data, kind, count, offset=at)
         if (records["size"] == 3).all():
-            return records["corners"].astype(np.int64), at + count * kind.itemsize
+            here = f"after {_MEASURED}"
+            marked = records[here] != 0 if here in (kind.names or ()) else None
+            return records["corners"].astype(np.int64), marked, at + count * kind.itemsize
     from turnscan.export._read_kernels import read_binary_lists
 
-    widths = (before, int(count_type[1]), int(index_type[1]), element.after)
+    widths = (before, int(count_type[1]), int(index_type[1]), after)
     code, at, lists, n = read_binary_lists(
         text_of(data), at, count, widths, order == "<", MAX_FACES
     )
     complain("PLY", data, code, at)
-    return triangles("PLY", lists[:n]), at
+    return triangles("PLY", lists[:n]), None, at
 
 
 def _colour(table: _Table) -> npt.NDArray[np.uint8] | None:
