@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from turnscan.acquire._plan import Exposure, Plan
 from turnscan.arrays import Image
-from turnscan.devices import Camera, Lasers, Turntable, burning
+from turnscan.devices import Camera, Lasers, Sweeping, Turntable, burning
 from turnscan.errors import (
     DeviceDisconnected,
     DeviceError,
@@ -69,9 +70,13 @@ class Shooter:
     def picture(self, lit: frozenset[str]) -> tuple[Image | None, str]:
         """One picture with these lasers, asked for twice at most; or None and the cause.
 
-        All is dark when this returns, except by an error. Raises DeviceError and SafetyError.
+        All is dark when this returns, except by an error. Raises DeviceError and SafetyError, and
+        DeviceRefused for an exposure that covers no whole sweeps of a mirror.
         """
         seconds = self._exposure.seconds if self._exposure else 0.0
+        if lit and isinstance(self._hw.lasers, Sweeping):
+            told = self._accepted[0]
+            self._hw.lasers.check_exposure(seconds if math.isnan(told) else told)
         timeout = max(20.0 if self._first else 5.0, 5.0 * seconds)
         longest = min(_LIT + 5.0 * seconds, _LONGEST_LIT)
         cause = ""

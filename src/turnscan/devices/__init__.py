@@ -6,7 +6,7 @@ from turnscan.devices._discover import Answer, Port, list_ports, probe_port
 from turnscan.devices._lit import burning
 from turnscan.devices._options import split_address
 from turnscan.devices._pixels import image_of
-from turnscan.devices._protocols import Camera, CameraTraits, Lasers, Turntable
+from turnscan.devices._protocols import Camera, CameraTraits, Lasers, Sweeping, Turntable
 from turnscan.devices._registry import Devices, open_devices, open_lasers, open_turntable
 from turnscan.devices._steady import Steady, frame_deadline
 
@@ -18,6 +18,7 @@ __all__ = [
     "Lasers",
     "Port",
     "Steady",
+    "Sweeping",
     "Turntable",
     "aravis_library",
     "burning",

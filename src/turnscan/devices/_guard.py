@@ -1,6 +1,7 @@
 """The laser guard: a tiny process that owns the port and goes dark whenever in doubt.
 
-It runs as a script of its own, so it imports nothing but the standard library and pyserial. The
+It runs as a script of its own, so it imports nothing but the standard library and pyserial (and,
+for an instrument, PyVISA). The
 scanner talks to the port only through it, in checked frames on its standard input and output:
 
     scanner → guard   W bytes to the port            L seq, lease, mask of the lasers to light
@@ -156,6 +157,22 @@ def _sardauscan_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
     return [_x(f"L {o} {v}\r", rf"SET_LASER: {o}\(-?\d+\) = {v}\r\n") for v, o in want]
 
 
+_ON, _OFF = r"(?:^|\n)(?:1|ON)\r?\n", r"(?:^|\n)(?:0|OFF)\r?\n"
+
+
+def _scpi_dark(outputs: tuple[str, ...]) -> list[Exchange]:
+    return [_x(f"OUTP{output} OFF\nOUTP{output}?\n", _OFF) for output in outputs]
+
+
+def _scpi_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
+    """The gate of the laser, and only while channel 1 swings the mirror."""
+    if not mask:
+        return _scpi_dark(outputs)
+    asked = [("OUTP1?\n", _ON), *((f"OUTP{o} ON\nOUTP{o}?\n", _ON) for o in outputs)]
+    off = re.compile(_OFF.encode())
+    return [Exchange(send.encode(), re.compile(on.encode()), off) for send, on in asked]
+
+
 DIALECTS: dict[str, Dialect] = {
     d.name: d
     for d in (
@@ -175,12 +192,27 @@ DIALECTS: dict[str, Dialect] = {
             "sardauscan", 115200, 4, _sardauscan_dark, _sardauscan_light,
             re.compile(rb"(?:^|[\r\n])L", re.I), re.compile(rb"SET_LASER|Sardauscan"),
         ),
+        # Any output but that of channel 1, the mirror's, and all that could switch one unseen.
+        Dialect(
+            "scpi", 115200, 1, _scpi_dark, _scpi_light,
+            re.compile(
+                rb"OUTP(?!(?:UT)?(?:1(?:ON|OFF|0|1)|\d?\?)(?:[;\r\n]|$))|APPL|\*RCL|MEM", re.I
+            ),
+            re.compile(f"{_ON}|{_OFF}".encode()),
+        ),
     )
 }  # fmt: skip
 
 
-def open_port(path: str, baud: int, dtr: bool) -> Any:
-    """Open a serial port for us alone, DTR and RTS as told; raises OSError."""
+def open_port(path: str, baud: int, dtr: bool, library: str = "") -> Any:
+    """Open a serial port for us alone, DTR and RTS as told; raises OSError.
+
+    With a ``library`` of PyVISA ``path`` is a VISA resource instead.
+    """
+    if library:
+        from turnscan.devices._visa import VisaPort
+
+        return VisaPort(path, library, baud)
     import serial
 
     port = serial.Serial(timeout=0.05, write_timeout=0.05, exclusive=True)
@@ -225,6 +257,12 @@ class Settings:
     """s to wait for a first confirmed dark; boards boot for two."""
     confirm: float
     """s to wait for a board's answer."""
+    library: str = ""
+    """Of PyVISA, where the port is a VISA resource."""
+
+    def open(self) -> Any:
+        """The port. Raises OSError and ValueError."""
+        return open_port(self.port, self.baud, self.dtr, self.library)
 
 
 class Guard:
@@ -276,7 +314,7 @@ class Guard:
         return 0 if self._sure else 4
 
     def _open(self) -> None:
-        self._port = open_port(self._set.port, self._set.baud, self._set.dtr)
+        self._port = self._set.open()
         threading.Thread(target=self._listen_port, args=(self._port,), daemon=True).start()
 
     def _first_dark(self) -> None:

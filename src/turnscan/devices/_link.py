@@ -92,6 +92,7 @@ class GuardedLink:
         *,
         baud: int | None = None,
         dtr: bool = False,
+        library: str = "",
         deadlines: Deadlines | None = None,
         script: Path = GUARD_SCRIPT,
     ) -> None:
@@ -99,7 +100,7 @@ class GuardedLink:
         self._d = d
         self.settings = _guard.Settings(
             port, dialect, outputs, baud or _guard.DIALECTS[dialect].baud, dtr,
-            d.connect, min(d.acknowledge, 0.6),
+            d.connect, min(d.acknowledge, 0.6), library,
         )  # fmt: skip
         self._bytes: queue.Queue[bytes] = queue.Queue(maxsize=4096)
         self._answers: dict[int, queue.SimpleQueue[tuple[int, bytes, bytes]]] = {}
@@ -147,7 +148,9 @@ class GuardedLink:
         if not _guard.DIALECTS[dialect].banner.search(said):
             raise DeviceGarbled(
                 f"{port}: does not speak {dialect}; it said {shown(said)}",
-                hint="try another dialect: grbl, horus, fabscan, sardauscan",
+                hint="try another dialect: grbl, horus, fabscan, sardauscan"
+                if not self.settings.library
+                else "name another resource",
             )
         raise LaserStateUnknown(f"{port}: the board did not confirm lasers off", hint=CUT)
 
@@ -340,7 +343,7 @@ class GuardedLink:
         end = time.monotonic() + 1.0 + 3 * s.confirm
         while time.monotonic() < end:
             try:
-                with contextlib.closing(_guard.open_port(s.port, s.baud, s.dtr)) as port:
+                with contextlib.closing(s.open()) as port:
                     sure, heard = _guard.darken(
                         dialect.dark(s.outputs), port.write, _hearing(port), s.confirm
                     )

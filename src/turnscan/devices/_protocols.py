@@ -55,6 +55,15 @@ class Turntable(Protocol):
 
 
 @runtime_checkable
+class Sweeping(Protocol):
+    """Lasers whose line a mirror draws, again and again: an exposure must cover whole sweeps."""
+
+    def check_exposure(self, seconds: float) -> None:
+        """Raise DeviceRefused, naming the nearest that does, where it covers no whole sweeps."""
+        ...
+
+
+@runtime_checkable
 class Lasers(Protocol):
     """Switches the lasers."""
 

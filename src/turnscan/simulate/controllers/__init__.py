@@ -13,6 +13,7 @@ Linux only; the drivers that talk to them are not.
 from turnscan.simulate.controllers._emulator import EMULATED, Emulator, LaserTimes
 from turnscan.simulate.controllers._fabscan import FabScanFirmware
 from turnscan.simulate.controllers._firmware import Fault, Firmware, Lit
+from turnscan.simulate.controllers._generator import GeneratorFirmware
 from turnscan.simulate.controllers._grbl import GrblFirmware
 from turnscan.simulate.controllers._horus import HorusFirmware
 from turnscan.simulate.controllers._sardauscan import SardauscanFirmware, SardauscanHorusFirmware
@@ -25,6 +26,7 @@ __all__ = [
     "FabScanFirmware",
     "Fault",
     "Firmware",
+    "GeneratorFirmware",
     "GrblFirmware",
     "HorusFirmware",
     "LaserTimes",
