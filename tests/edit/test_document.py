@@ -14,6 +14,8 @@ from tests.edit.surfaces import around, sheet
 from turnscan.edit import (
     Body,
     Close,
+    Cut,
+    Decimate,
     Delete,
     Document,
     Edit,
@@ -82,6 +84,15 @@ class Session(RuleBasedStateMachine):
     def close(self) -> None:
         self.made(Close())
 
+    @rule(where=st.floats(-4.0, 4.0), axis=st.integers(0, 1), cap=st.booleans())
+    def cut(self, where: float, axis: int, cap: bool) -> None:
+        normal = [(1.0, 0.0, 0.0), (-0.3, 1.0, 0.2)][axis]
+        self.made(Cut(normal, where + [7.0, 6.0][axis], cap))
+
+    @rule(faces=st.integers(20, 90))
+    def decimate(self, faces: int) -> None:
+        self.made(Decimate(faces=faces))
+
     @rule(step=st.integers(0, 3))
     def profile(self, step: int) -> None:
         self.made(ProfileOff("left", (step, step)))
@@ -141,7 +152,7 @@ class Session(RuleBasedStateMachine):
 
 Session.TestCase.settings = settings(
     max_examples=1000,
-    stateful_step_count=10,
+    stateful_step_count=8,
     deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )

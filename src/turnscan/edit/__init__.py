@@ -6,6 +6,8 @@ from turnscan.edit._document import Build, Change, Document
 from turnscan.edit._edits import (
     Close,
     CloseSeam,
+    Cut,
+    Decimate,
     Delete,
     DeletePoints,
     Edit,
@@ -64,6 +66,8 @@ __all__ = [
     "Close",
     "CloseSeam",
     "Compact",
+    "Cut",
+    "Decimate",
     "Delete",
     "DeletePoints",
     "Document",

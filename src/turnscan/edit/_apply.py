@@ -8,12 +8,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Ints
-from turnscan.edit._body import Alive, Body, Compact, Patch, difference
-from turnscan.edit._edits import Close, Delete, Fill, HoleName, MeshEdit, is_grid_edit
+from turnscan.edit._body import Alive, Append, Body, Compact, Patch, difference
+from turnscan.edit._edits import (
+    Close,
+    Cut,
+    Decimate,
+    Delete,
+    Fill,
+    GridEdit,
+    HoleName,
+    MeshEdit,
+)
 from turnscan.edit._history import Entry
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding
-from turnscan.surface import Caps, Hole, Mesh, close, fans_about, fill, holes
+from turnscan.surface import (
+    Caps,
+    Hole,
+    Mesh,
+    Provenance,
+    clip,
+    close,
+    decimate,
+    fans_about,
+    fill,
+    holes,
+)
 
 _LIKE = 3.0
 """A hole of a third to three times the size may be the one that was meant."""
@@ -34,8 +54,9 @@ class Done:
 def apply(body: Body, entry: Entry) -> tuple[Body, Done]:
     """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding."""
     findings: list[Finding] = []
+    assert not isinstance(entry.edit, GridEdit), "grid edits are done before there is a body"
     try:
-        patches = _patches(body, entry.edit, findings)  # type: ignore[arg-type]
+        patches = _patches(body, entry.edit, findings)
     except (InputError, CalibrationError) as e:
         patches = ()
         findings.append(Finding("edit.refused", "error", e.message, remedy=e.hint))
@@ -57,7 +78,7 @@ def mend_mesh(mesh: Mesh, entries: Iterable[Entry]) -> tuple[Mesh, list[Finding]
     body, findings = Body.of(mesh), list[Finding]()
     done = 0
     for entry in entries:
-        if not is_grid_edit(entry.edit):
+        if not isinstance(entry.edit, GridEdit):
             body, step = apply(body, entry)
             findings += step.findings
             done += 1
@@ -79,6 +100,30 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
             mesh, said = close(before.mesh, caps)
             findings += [f for f in said if f.severity != "note"]
             return difference(body, before, mesh)
+        case Cut():
+            return _cut(body, edit)
+        case Decimate():
+            before = Compact.of(body)
+            mesh = decimate(before.mesh, tolerance=edit.tolerance, faces=edit.faces)
+            return difference(body, before, mesh)
+
+
+def _cut(body: Body, edit: Cut) -> tuple[Patch, ...]:
+    """A cut whose clipped faces and caps are added, so that all others keep their numbers."""
+    before = Compact.of(body)
+    done = clip(before.mesh, edit.normal, edit.distance, edit.cap)
+    if not done.gone.any():
+        return ()
+    start = len(body.mesh.vertices)
+    fresh = np.arange(start, start + len(done.vertices), dtype=np.int32)
+    number = np.concatenate([before.vertex_ids, fresh])
+    p = before.mesh.provenance
+    if p is not None:
+        p = Provenance(
+            p.sigma[done.near], p.laser[done.near], p.step[done.near], p.line[done.near], p.lasers
+        )
+    added = Append(done.vertices, number[done.faces].reshape(-1, 3), done.measured, p)
+    return Alive(before.face_ids[done.gone], False), added
 
 
 def _with_what_hangs(body: Body, faces: Ints) -> Ints:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -158,8 +158,40 @@ class Close:
     kind: Literal["close"] = "close"
 
 
+@dataclass(frozen=True)
+class Cut:
+    """Keep what lies on one side of a plane."""
+
+    __pydantic_config__ = _STRICT
+    normal: Vector
+    """Towards the side that is kept; of any length but 0."""
+    distance: Coordinate
+    """The plane is normal/|normal| · x = distance."""
+    cap: bool = True
+    kind: Literal["cut"] = "cut"
+
+    def __post_init__(self) -> None:
+        if not any(self.normal):
+            raise FormatError("cut.normal: a plane needs a direction")
+
+
+@dataclass(frozen=True)
+class Decimate:
+    """Fewer faces: to a tolerance, to a number, or to both, whichever is reached first."""
+
+    __pydantic_config__ = _STRICT
+    tolerance: Length | None = None
+    """mm that no place of the surface may move."""
+    faces: Annotated[int, Field(ge=4, le=100_000_000)] | None = None
+    kind: Literal["decimate"] = "decimate"
+
+    def __post_init__(self) -> None:
+        if self.tolerance is None and self.faces is None:
+            raise FormatError("decimate: neither a tolerance nor a number of faces")
+
+
 GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
-MeshEdit = Delete | Fill | Close
+MeshEdit = Delete | Fill | Close | Cut | Decimate
 Edit = GridEdit | MeshEdit
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])
@@ -168,7 +200,7 @@ _HINT = "docs/reference/edits.md lists the edits and their keys"
 
 def is_grid_edit(edit: Edit) -> bool:
     """Whether the edit changes what was seen, so that the surface must be made anew."""
-    return isinstance(edit, get_args(GridEdit))
+    return isinstance(edit, GridEdit)
 
 
 def edit_to_value(edit: Edit) -> dict[str, Any]:

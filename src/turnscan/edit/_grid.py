@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, get_args
+from typing import Protocol
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def mend_stripes(
     findings: list[Finding] = []
     for entry in entries:
         edit = entry.edit
-        if not isinstance(edit, get_args(GridEdit)) or edit.laser != seen.laser:
+        if not isinstance(edit, GridEdit) or edit.laser != seen.laser:
             continue
         match edit:
             case ProfileOff():
@@ -112,7 +112,7 @@ def lost_edits(entries: Iterable[Entry], lasers: Sequence[str]) -> list[Finding]
     return [
         _nothing(e, f"the scan has no laser {e.edit.laser!r}, only {', '.join(lasers)}")
         for e in entries
-        if isinstance(e.edit, get_args(GridEdit)) and e.edit.laser not in lasers
+        if isinstance(e.edit, GridEdit) and e.edit.laser not in lasers
     ]
 
 

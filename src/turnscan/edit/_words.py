@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import assert_never
-
 from turnscan.edit._edits import (
     Close,
     CloseSeam,
+    Cut,
+    Decimate,
     Delete,
     DeletePoints,
     Edit,
     Fill,
+    GridEdit,
+    MeshEdit,
     PickCandidate,
     ProfileOff,
     Redetect,
@@ -21,6 +23,10 @@ from turnscan.edit._edits import (
 
 def in_words(edit: Edit) -> str:
     """What an edit does, and to how much, in a few words."""
+    return _of_grid(edit) if isinstance(edit, GridEdit) else _of_mesh(edit)
+
+
+def _of_grid(edit: GridEdit) -> str:
     match edit:
         case DeletePoints():
             what = f"{len(edit.lines)} points" if len(edit.lines) > 1 else f"line {edit.lines[0]}"
@@ -40,6 +46,10 @@ def in_words(edit: Edit) -> str:
             return f"detect {where} again" + (f" ({', '.join(how)})" if how else "")
         case CloseSeam():
             return f"close the seam of laser {edit.laser}"
+
+
+def _of_mesh(edit: MeshEdit) -> str:
+    match edit:
         case Delete():
             return f"delete {edit.where.count} faces"
         case Fill():
@@ -50,8 +60,14 @@ def in_words(edit: Edit) -> str:
             return f"fill {many}{limit} ({edit.how})"
         case Close():
             return "close all gaps"
-        case _:
-            assert_never(edit)
+        case Cut():
+            x, y, z = edit.normal
+            where = f"({x:g}, {y:g}, {z:g}) · x = {edit.distance:g} mm"
+            return f"cut at {where}" + (", capped" if edit.cap else "")
+        case Decimate():
+            many = "" if edit.faces is None else f"{edit.faces} faces"
+            near = "" if edit.tolerance is None else f"{edit.tolerance:g} mm"
+            return "decimate to " + " or ".join(w for w in (many, near) if w)
 
 
 def _span(word: str, span: Span) -> str:
