@@ -25,6 +25,7 @@ _VERBS = {
     "edits": "the repairs kept in a scan file: list, switch, copy",
     "export": "a mesh file → DXF, STL, PLY, OBJ or XYZ",
     "import": "pictures made elsewhere → a scan file",
+    "join": "several poses of one part → one surface",
     "measure": "flat sides, angles, spheres and cylinders of a measured part",
     "reconstruct": "a scan file → points, mesh, CAD",
     "resume": "take what an interrupted scan is missing",

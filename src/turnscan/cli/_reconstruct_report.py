@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import asdict
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from turnscan import __version__
-from turnscan.cli._output import check_output, write_atomically
+from turnscan.cli._output import check_output, write_atomically, write_results
 from turnscan.edit import Entry, edit_to_value, in_words
+from turnscan.export import ExportOptions, Profiles
 from turnscan.pipeline import Reconstruction, Settings
-from turnscan.points import systematic_sigma
+from turnscan.points import profiles, systematic_sigma
 from turnscan.rig import Rig, rig_hash
 from turnscan.surface import is_closed
 
@@ -117,14 +120,66 @@ def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
     return lines
 
 
-def write_report(
-    path: Path, source: Path, done: Reconstruction, rig: Rig | None, settings: Settings
+@dataclass(frozen=True)
+class Section:
+    """A table of a report, and the same for a JSON file."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    key: str
+    values: object
+
+
+def finish(
+    outputs: Sequence[Path],
+    done: Reconstruction,
+    told: Mapping[str, object],
+    rig: Rig | None,
+    report: Path | None,
+    options: ExportOptions,
+    sections: Sequence[Section] = (),
 ) -> None:
-    """Write the report, as JSON or as one HTML page with pictures of the surface."""
+    """Say what was found, write the outputs and the report; exit code 1 where one is an error.
+
+    ``told`` is what `about` says; an error among the findings leaves only the report to be written.
+    """
+    for finding in done.findings:
+        click.echo(str(finding), err=True)
+    failed = any(f.severity == "error" for f in done.findings)
+    if not failed:
+        options = replace(options, about=told)
+        lines: dict[str, tuple[object, ...]] = {}
+        if "profiles" in options.dxf_forms:
+            for grid in done.grids:
+                runs = [p.points for step in profiles(grid) for p in step]
+                lines[grid.laser] = (*lines.get(grid.laser, ()), *runs)
+        held = Profiles(lines) if lines else None  # type: ignore[arg-type]
+        for remark in write_results(dict.fromkeys(outputs, done.mesh), options, held):
+            click.echo(str(remark), err=True)
+    for line in summary(done, rig):
+        click.echo(line)
+    if report is not None:
+        _write_report(report, told, done, rig, sections)
+    if failed:
+        sys.exit(1)
+    for path in outputs:
+        click.echo(f"{path}: {path.stat().st_size / 1e6:.2f} MB, read back the same")
+
+
+def _write_report(
+    path: Path,
+    told: Mapping[str, object],
+    done: Reconstruction,
+    rig: Rig | None,
+    sections: Sequence[Section],
+) -> None:
+    """The report, as JSON or as one HTML page with pictures of the surface."""
     if path.suffix.lower() == ".json":
         body = {
-            **about(source, rig, settings, done.edits),
+            **told,
             **figures(done, rig),
+            **{s.key: s.values for s in sections},
             "findings": [asdict(f) for f in done.findings],
         }
         write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
@@ -141,13 +196,15 @@ def write_report(
     head = ["laser", "profiles", "points", "stripe noise, median mm", "rig, median mm"]
     parts = [html.table(head, rows)]
     parts += [html.paragraph(line) for line in summary(done, rig)[-1:]]
+    for s in sections:
+        parts += [html.heading(s.title), html.table(s.head, s.rows)]
     parts += [html.heading("Findings"), html.findings(done.findings), html.heading("Surface")]
     for azimuth, elevation in _VIEWS:
         view = render(done.mesh, azimuth=azimuth, elevation=elevation)
         parts.append(html.picture(view, f"from {np.rad2deg(azimuth):.0f}°"))
-    parameters = json.dumps(about(source, rig, settings, done.edits), indent=1, ensure_ascii=False)
+    parameters = json.dumps(told, indent=1, ensure_ascii=False)
     parts += [html.heading("Parameters"), html.paragraph(parameters)]
-    write_atomically(path, html.page(f"Reconstruction of {source.name}", parts).encode())
+    write_atomically(path, html.page(f"Reconstruction of {told['source']}", parts).encode())
 
 
 def _mm(value: float | None) -> str:

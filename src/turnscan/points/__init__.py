@@ -3,7 +3,7 @@
 from turnscan.points._build import build_grid, every, goes_round, whole_turns
 from turnscan.points._findings import angle_findings, grid_findings, lost_frames, together_findings
 from turnscan.points._grid import PointCloud, RangeGrid
-from turnscan.points._placements import placements_from_conf
+from turnscan.points._placements import placed, placements_from_conf
 from turnscan.points._profile import Profile, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
 from turnscan.points._triangulate import point_covariance, systematic_sigma, to_object, triangulate
@@ -33,6 +33,7 @@ __all__ = [
     "goes_round",
     "grid_findings",
     "lost_frames",
+    "placed",
     "placements_from_conf",
     "point_covariance",
     "profiles",

@@ -1,14 +1,32 @@
-"""Where the range scans of another scanner belong."""
+"""Where range scans belong: several poses, or the scans of another scanner."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.errors import FormatError, LimitExceeded
+from turnscan.points._grid import RangeGrid
 from turnscan.rig import Pose
 
 _MAX_PLACEMENTS = 10_000
+
+
+def placed(grid: RangeGrid, pose: Pose, name: str) -> RangeGrid:
+    """The grid moved to where it belongs, under another name.
+
+    Its table turned about an axis of its own, so that angles mean nothing in the new frame: they
+    are all zero, as in the scans of other scanners.
+    """
+    return replace(
+        grid,
+        laser=name,
+        angles=np.zeros(len(grid.angles)),
+        points=pose.apply(grid.points),
+        eyes=None if grid.eyes is None else pose.apply(grid.eyes),
+    )
 
 
 def placements_from_conf(text: str, source: str = "conf", *, scale: float = 1.0) -> dict[str, Pose]:

@@ -1,0 +1,24 @@
+"""Surfaces of several poses → one frame: matching, refinement, and what stays undetermined."""
+
+from turnscan.poses._align import Alignment, Meeting, align, alignment_findings, check
+from turnscan.poses._fit import Fit
+from turnscan.poses._freedom import Freedom
+from turnscan.poses._landmarks import Landmarks, from_landmarks, rigid
+from turnscan.poses._place import place
+from turnscan.poses._view import View, view
+
+__all__ = [
+    "Alignment",
+    "Fit",
+    "Freedom",
+    "Landmarks",
+    "Meeting",
+    "View",
+    "align",
+    "alignment_findings",
+    "check",
+    "from_landmarks",
+    "place",
+    "rigid",
+    "view",
+]

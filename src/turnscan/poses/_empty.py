@@ -1,0 +1,56 @@
+"""Empty space: where a camera looked through, no other pose may have a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.poses._view import View
+
+_RAYS = 40_000
+_SIDE = 160
+"""Cubes along the longest side of the box, at most."""
+
+
+@dataclass(frozen=True)
+class Empty:
+    """Cubes that rays of light passed on their way to a camera, in the frame of the view."""
+
+    origin: Floats
+    """(3,) mm."""
+    cell: float
+    """mm."""
+    cubes: Bools
+    """(x, y, z)."""
+
+    def holds(self, points: Floats) -> Bools:
+        """(n,) True for points (n, 3) of the view's frame in space that was seen to be empty."""
+        at = np.floor((points - self.origin) / self.cell).astype(np.int64)
+        inside = np.asarray(((at >= 0) & (at < self.cubes.shape)).all(axis=1))
+        x, y, z = np.where(inside[:, None], at, 0).T
+        return np.asarray(inside & self.cubes[x, y, z])
+
+
+def empty(v: View, step: float) -> Empty:
+    """What a view saw to be empty, in cubes of about ``step``/2 mm, a step before its surface.
+
+    Nothing is empty within a cube of a measured point: rays that graze a surface pass it closely.
+    """
+    from scipy.ndimage import binary_dilation
+
+    from turnscan.poses import _kernels as kernels
+
+    low, high = v.points.min(axis=0), v.points.max(axis=0)
+    margin = 0.5 * float((high - low).max())  # where the rest of the part may be
+    low, high = low - margin, high + margin
+    cell = max(step / 2, float((high - low).max()) / _SIDE)
+    shape = np.ceil((high - low) / cell).astype(np.int64)
+    some: Ints | slice = slice(None, None, max(1, len(v.points) // _RAYS))
+    cubes = kernels.seen_through(v.points[some], v.eyes[some], low, cell, shape, step)
+    near: npt.NDArray[np.bool_] = np.zeros(tuple(shape), dtype=np.bool_)
+    near[tuple(np.floor((v.points - low) / cell).astype(np.int64).T)] = True
+    near = binary_dilation(near, np.ones((3, 3, 3), dtype=np.bool_))
+    return Empty(low, cell, cubes & ~near)

@@ -1,0 +1,170 @@
+"""Compiled kernels: pairs of oriented points and their votes, and what a view saw to be empty."""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+ANGLES = 15
+"""Bins of an angle from 0 to π (12° each)."""
+TURNS = 30
+"""Bins of the turn about a normal (12° each)."""
+
+
+@njit(cache=True, nogil=True)
+def _frame(n: Any) -> Any:
+    """(3, 3) rotation that takes the unit vector n to x."""
+    R = np.empty((3, 3))
+    # Any direction square to n will do, as long as the same n gives the same one.
+    k = 0
+    for j in range(1, 3):
+        if abs(n[j]) < abs(n[k]):
+            k = j
+    b = np.zeros(3)
+    b[k] = 1.0
+    b -= n[k] * n
+    b /= np.sqrt((b * b).sum())
+    R[0] = n
+    R[1] = b
+    R[2, 0] = n[1] * b[2] - n[2] * b[1]
+    R[2, 1] = n[2] * b[0] - n[0] * b[2]
+    R[2, 2] = n[0] * b[1] - n[1] * b[0]
+    return R
+
+
+@njit(cache=True, nogil=True)
+def frames(normals: Any) -> Any:
+    """(n, 3, 3): `_frame` of each normal."""
+    out = np.empty((len(normals), 3, 3))
+    for i in range(len(normals)):
+        out[i] = _frame(normals[i])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _key(d: Any, length: float, a: Any, b: Any, step: float) -> int:
+    """The bin of a pair: distance, the angles of both normals to the line, and between them."""
+    cos1, cos2, cos3 = 0.0, 0.0, 0.0
+    for k in range(3):
+        cos1 += a[k] * d[k]
+        cos2 += b[k] * d[k]
+        cos3 += a[k] * b[k]
+    w = ANGLES / np.pi
+    i1 = min(int(np.arccos(min(1.0, max(-1.0, cos1 / length))) * w), ANGLES - 1)
+    i2 = min(int(np.arccos(min(1.0, max(-1.0, cos2 / length))) * w), ANGLES - 1)
+    i3 = min(int(np.arccos(min(1.0, max(-1.0, cos3))) * w), ANGLES - 1)
+    return ((int(length / step) * ANGLES + i1) * ANGLES + i2) * ANGLES + i3
+
+
+@njit(cache=True, nogil=True)
+def _turn(R: Any, d: Any) -> float:
+    """Angle about x at which the line of a pair stands when its first normal lies on x."""
+    y = R[1, 0] * d[0] + R[1, 1] * d[1] + R[1, 2] * d[2]
+    z = R[2, 0] * d[0] + R[2, 1] * d[1] + R[2, 2] * d[2]
+    return float(np.arctan2(z, y))
+
+
+@njit(cache=True, nogil=True)
+def pairs(points: Any, normals: Any, R: Any, step: float, near: float, far: float) -> Any:
+    """All ordered pairs of points from ``near`` to ``far`` mm apart: bin, first point, turn."""
+    n = len(points)
+    total = 0
+    for i in range(n):
+        for j in range(n):
+            d = points[j] - points[i]
+            length = np.sqrt((d * d).sum())
+            if near <= length < far:
+                total += 1
+    key, first = np.empty(total, np.int32), np.empty(total, np.int32)
+    turn = np.empty(total, np.float32)
+    at = 0
+    for i in range(n):
+        for j in range(n):
+            d = points[j] - points[i]
+            length = np.sqrt((d * d).sum())
+            if near <= length < far:
+                key[at] = _key(d, length, normals[i], normals[j], step)
+                first[at] = i
+                turn[at] = _turn(R[i], d)
+                at += 1
+    return key, first, turn
+
+
+@njit(cache=True, nogil=True)
+def vote(
+    points: Any,
+    normals: Any,
+    R: Any,
+    asked: Any,
+    step: float,
+    near: float,
+    far: float,
+    starts: Any,
+    first: Any,
+    turn: Any,
+    count: int,
+    best: int,
+) -> Any:
+    """For each asked point, the ``best`` places (point of the model, turn) its pairs vote for.
+
+    ``starts`` (bins + 1,) begins the entries of each bin in ``first`` and ``turn``; ``count`` is
+    how many points the model has. A pair that is common in the model says less: its votes weigh one
+    over the root of its number. Returns (asked, best) model points, turns, votes.
+    """
+    models = np.empty((len(asked), best), np.int32)
+    turns = np.empty((len(asked), best))
+    votes = np.zeros((len(asked), best))
+    w = TURNS / (2 * np.pi)
+    for a in range(len(asked)):
+        i = asked[a]
+        found = np.zeros((count, TURNS))
+        for j in range(len(points)):
+            d = points[j] - points[i]
+            length = np.sqrt((d * d).sum())
+            if not near <= length < far:
+                continue
+            key = _key(d, length, normals[i], normals[j], step)
+            begin, end = starts[key], starts[key + 1]
+            if begin == end:
+                continue
+            weight = 1.0 / np.sqrt(end - begin)
+            here = _turn(R[i], d)
+            for e in range(begin, end):
+                at = ((turn[e] - here) * w) % TURNS
+                low = int(at) % TURNS
+                part = at - int(at)
+                # Shared between the two nearest bins, whose middles lie at whole numbers.
+                found[first[e], low] += weight * (1.0 - part)
+                found[first[e], (low + 1) % TURNS] += weight * part
+        for k in range(best):
+            flat = int(np.argmax(found))
+            m, t = flat // TURNS, flat % TURNS
+            models[a, k] = m
+            turns[a, k] = t / w
+            votes[a, k] = found[m, t]
+            for near_turn in range(-2, 3):
+                found[m, (t + near_turn) % TURNS] = 0.0
+    return models, turns, votes
+
+
+@njit(cache=True, nogil=True)
+def seen_through(points: Any, eyes: Any, origin: Any, cell: float, shape: Any, clear: float) -> Any:
+    """Cubes (bool) that the rays from eyes to points passed, more than ``clear`` mm before."""
+    out = np.zeros((shape[0], shape[1], shape[2]), np.bool_)
+    step = 0.7 * cell
+    for i in range(len(points)):
+        d = eyes[i] - points[i]
+        d = d / np.sqrt((d * d).sum())
+        at = clear
+        while True:
+            x = int(np.floor((points[i, 0] + at * d[0] - origin[0]) / cell))
+            y = int(np.floor((points[i, 1] + at * d[1] - origin[1]) / cell))
+            z = int(np.floor((points[i, 2] + at * d[2] - origin[2]) / cell))
+            if not (0 <= x < shape[0] and 0 <= y < shape[1] and 0 <= z < shape[2]):
+                break
+            out[x, y, z] = True
+            at += step
+    return out

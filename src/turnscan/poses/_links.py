@@ -1,0 +1,80 @@
+"""Links: places that two views measured both, and the point-to-plane equations they give."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Floats, Ints
+from turnscan.poses._view import View
+from turnscan.rig import Pose
+
+_ALIKE = float(np.cos(np.deg2rad(35.0)))
+"""Cosine between the normals of one place, seen twice."""
+
+
+@dataclass(frozen=True)
+class Links:
+    """Points of view ``i`` and their neighbours in view ``j``, in the common frame."""
+
+    i: int
+    j: int
+    p: Floats
+    """(k, 3) mm."""
+    q: Floats
+    """(k, 3) mm: the nearest point of the other view."""
+    n_p: Floats
+    """(k, 3) unit."""
+    n_q: Floats
+    """(k, 3) unit."""
+    sigma: Floats
+    """(k,) mm, of both together."""
+
+    @property
+    def normals(self) -> Floats:
+        """(k, 3) unit: the mean of both.
+
+        With it the distance is zero for any two points of one surface of second order
+        (Rusinkiewicz, A Symmetric Objective Function for ICP, 2019): a coarse spacing on a round
+        part does not bias it, as the distance from one tangent plane would be.
+        """
+        n = self.n_p + self.n_q
+        unit: Floats = n / np.linalg.norm(n, axis=1, keepdims=True)
+        return unit
+
+    @property
+    def offsets(self) -> Floats:
+        """(k,) mm: how far view i lies outside view j, along the normal."""
+        off: Floats = np.einsum("kj,kj->k", self.normals, self.p - self.q)
+        return off
+
+
+def link(
+    views: Sequence[View], poses: Sequence[Pose], i: int, j: int, samples: Ints, reach: float
+) -> tuple[Links, Ints]:
+    """Links from ``samples`` of view i to view j, at most ``reach`` mm long, and which samples.
+
+    Neighbours on a border are none: what lies beyond a border has no partner there.
+    """
+    a, b = views[i], views[j]
+    p = poses[i].apply(a.points[samples])
+    n = poses[i].turn(a.normals[samples])
+    away, at = b.tree.query(poses[j].inverse().apply(p), distance_upper_bound=reach)
+    good = np.isfinite(away)
+    k = np.where(good, at, 0)
+    q, m = poses[j].apply(b.points[k]), poses[j].turn(b.normals[k])
+    beside = away**2 - np.einsum("kj,kj->k", m, p - q) ** 2
+    good &= b.inner[k] & (np.einsum("kj,kj->k", n, m) > _ALIKE)
+    good &= beside <= max(2 * b.spacing, reach / 2) ** 2
+    sigma = np.hypot(a.sigma[samples], b.sigma[k])
+    return (
+        Links(i, j, p[good], q[good], n[good], m[good], sigma[good]),
+        np.flatnonzero(good).astype(np.int32),
+    )
+
+
+def rows(points: Floats, normals: Floats, middle: Floats) -> Floats:
+    """(k, 6): how the offset along the normals answers to a turn about ``middle`` and a shift."""
+    return np.concatenate([np.cross(points - middle, normals), normals], axis=1)

@@ -1,0 +1,182 @@
+"""Views placed by what they measured alone, one after the other, round the first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from turnscan.arrays import Floats, Ints
+from turnscan.errors import InputError
+from turnscan.poses._empty import Empty, empty
+from turnscan.poses._fit import Fit, fit
+from turnscan.poses._freedom import explains, freedoms
+from turnscan.poses._match import Sampled, placements, sampled
+from turnscan.poses._refine import all_links, equations, refine, samples_of
+from turnscan.poses._view import View, coarse
+from turnscan.rig import Pose
+
+_TRIED = 20
+"""Placements of a view in another one that are looked at."""
+_FEW, _MANY = 400, 1500
+"""Samples of a view that try a placement, and that settle it."""
+_TRIAL, _SETTLED = 15, 60
+"""Rounds of refinement of each."""
+_FINE = 4.0
+"""Usual spacings between points, or …"""
+_CLOSE = 0.2
+"""… sample spacings: the length of the last links of a trial."""
+_SAME = 0.5
+"""Placements whose points lie fewer sample spacings apart are one."""
+_VAGUE = 0.1
+"""Noise leaves the direction of an undetermined motion uncertain by this part of it."""
+_RIVAL = 0.75
+"""A second placement with this much of the first one's overlap could be meant as well."""
+
+
+Placed = dict[int, Pose]
+"""Views by number, and where they lie."""
+
+
+@dataclass(frozen=True)
+class _Found:
+    pose: Pose
+    fit: Fit
+
+
+@dataclass
+class Desk:
+    """The views, what is derived from them once, and where those lie that have been placed."""
+
+    views: Sequence[View]
+    step: float = field(init=False)
+    few: list[Ints] = field(init=False)
+    many: list[Ints] = field(init=False)
+    spaces: list[Empty] = field(init=False)
+    pairs: list[Sampled] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.step = coarse(self.views)
+        size = max(v.size for v in self.views)
+        self.few = samples_of(self.views, self.step, _FEW)
+        self.many = samples_of(self.views, self.step / 2, _MANY)
+        self.spaces = [empty(v, self.step) for v in self.views]
+        self.pairs = [sampled(v, self.step, size) for v in self.views]
+
+    def trial(self, i: int, placed: Placed, start: Pose, fine: bool) -> _Found:
+        """View i, refined from ``start`` against the placed views, and how it fits there."""
+        some = sorted(placed)
+        views = [*(self.views[j] for j in some), self.views[i]]
+        poses = [*(placed[j] for j in some), start]
+        samples = [(self.many if fine else self.few)[j] for j in [*some, i]]
+        spaces = [self.spaces[j] for j in [*some, i]]
+        last = max(_FINE * max(v.spacing for v in views), _CLOSE * self.step)
+        n, rounds = len(some), _SETTLED if fine else _TRIAL
+        poses = refine(views, poses, samples, (self.step, last), fixed=n, rounds=rounds)
+        return _Found(poses[n], fit(views, poses, spaces, samples, n, range(n), self.step))
+
+    def candidates(self, i: int, j: int) -> list[Pose]:
+        """Where view i fits view j, in the frame of view j; each place once."""
+        points, limit = self.views[i].points[self.few[i]], _SAME * self.step
+        out: list[Pose] = []
+        for start, _ in placements(self.pairs[j], self.pairs[i], _TRIED):
+            found = self.trial(i, {j: Pose()}, start, fine=False)
+            if found.fit.good and all(_apart(found.pose, o, points) > limit for o in out):
+                out.append(found.pose)
+        return out
+
+    def same(self, i: int, placed: Placed, a: Pose, b: Pose) -> bool:
+        """True where two placements of view i differ by no more than what is undetermined."""
+        some = sorted(placed)
+        views = [*(self.views[j] for j in some), self.views[i]]
+        poses = [*(placed[j] for j in some), a]
+        points, limit = views[-1].points[self.few[i]], _SAME * self.step
+        plain = _apart(a, b, points)
+        if plain < limit:
+            return True
+        middles = np.stack(
+            [p.apply(v.points.mean(axis=0)) for p, v in zip(poses, views, strict=True)]
+        )
+        n = len(some)
+        links = all_links(views, poses, [self.many[j] for j in [*some, i]], self.step / 2, n)
+        found = freedoms(equations(links, middles), middles, n)
+        apart = explains(found, n, a, b, points)
+        return bool(np.sqrt((apart**2).mean()) < limit + _VAGUE * plain)
+
+
+def place(views: Sequence[View], tick: Callable[[], None] = lambda: None) -> list[Pose]:
+    """Where each view belongs in the frame of the first one, from their surfaces alone.
+
+    Views are placed one by one where pairs of oriented points vote for it (`placements`), where
+    what lies on the views placed before agrees as well as noise allows, and where no view stands
+    in space that another one saw to be empty. A view that fits in several ways waits for others
+    to be placed; places that differ by a motion that the surface does not determine (a cup turned
+    about its axis) count as one. ``tick`` is called for each view placed.
+
+    Raises InputError naming views that fit nowhere, or in several ways.
+    """
+    desk = Desk(views)
+    placed: Placed = {0: Pose()}
+    tried: dict[tuple[int, int], list[Pose]] = {}
+    tick()
+    while len(placed) < len(views):
+        clear: Placed = {}
+        unclear: list[int] = []
+        for i in (k for k in range(len(views)) if k not in placed):
+            starts = []
+            for j in placed:
+                if (i, j) not in tried:
+                    tried[i, j] = desk.candidates(i, j)
+                starts += [placed[j] @ p for p in tried[i, j]]
+            found = _distinct(desk, i, placed, starts)
+            if len(found) == 1:
+                clear[i] = found[0].pose
+                tick()
+            elif found:
+                unclear.append(i)
+        if not clear:
+            raise _nowhere(views, placed, unclear)
+        placed |= clear
+    return [placed[i] for i in range(len(views))]
+
+
+def _distinct(desk: Desk, i: int, placed: Placed, starts: Sequence[Pose]) -> list[_Found]:
+    """The good placements of view i that differ, the largest overlap first."""
+    good: list[_Found] = []
+    points, limit = desk.views[i].points[desk.few[i]], _SAME * desk.step
+    for k, start in enumerate(starts):
+        if any(_apart(start, o, points) < limit for o in starts[:k]):
+            continue
+        found = desk.trial(i, placed, start, fine=False)
+        if found.fit.good:
+            good.append(found)
+    good.sort(key=lambda f: -f.fit.shared)
+    out: list[_Found] = []
+    for one in good:
+        if out and one.fit.shared < _RIVAL * out[0].fit.shared:
+            break
+        if not any(desk.same(i, placed, o.pose, one.pose) for o in out):
+            settled = desk.trial(i, placed, one.pose, fine=True)
+            if settled.fit.good:
+                out.append(settled)
+    return out
+
+
+def _apart(a: Pose, b: Pose, points: Floats) -> float:
+    """mm rms between points in two poses."""
+    return float(np.sqrt(((a.apply(points) - b.apply(points)) ** 2).sum(axis=1).mean()))
+
+
+def _nowhere(views: Sequence[View], placed: Placed, unclear: Sequence[int]) -> InputError:
+    there = ", ".join(views[j].name for j in sorted(placed))
+    if unclear:
+        return InputError(
+            f"{views[unclear[0]].name}: fits {there} in several ways",
+            hint="pick at least three point pairs that tell them apart (--points)",
+        )
+    lost = ", ".join(v.name for k, v in enumerate(views) if k not in placed)
+    return InputError(
+        f"{lost}: no place where its surface agrees with {there}",
+        hint="scan poses that overlap by a third, pick point pairs (--points), or leave it out",
+    )

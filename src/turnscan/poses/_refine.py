@@ -1,0 +1,175 @@
+"""All poses at once: point-to-plane least squares over all overlaps, and what it leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Floats, Ints
+from turnscan.poses._links import Links, link, rows
+from turnscan.poses._view import View, thin
+from turnscan.rig import Pose, rotation_from_vector
+
+_ROUNDS = 60
+_SHRINK = 0.6
+"""How much shorter the links get from round to round."""
+_STILL = 0.02
+"""Usual sigmas that a round may still move a view by, when it is done."""
+_TUKEY = 4.0
+"""Residuals beyond this many robust sigma say nothing about where a view belongs."""
+SLIP = 0.02
+"""A motion along which the surface rises by less than this part of it is not determined."""
+_RIDGE = (0.1 * SLIP) ** 2
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Normal equations of all poses, about the middles of the views."""
+
+    H: Floats
+    """(6n, 6n): information, rad⁻² and mm⁻², turn before shift, view after view."""
+    g: Floats
+    """(6n,)."""
+    true: Floats
+    """(6n, 6n): the same without the bias that the noise of the normals gives H."""
+    motion: Floats
+    """(6n, 6n): weighted square of the motion itself, whichever way the surface lies."""
+    chi2: float
+    """Weighted square of the residuals, per link."""
+
+
+def samples_of(views: Sequence[View], spacing: float, most: int) -> list[Ints]:
+    """Numbers of inner points of each view about ``spacing`` mm apart, at most ``most``."""
+    out = []
+    for v in views:
+        some = thin(v, spacing, v.inner)
+        if len(some) > most:
+            some = some[np.linspace(0, len(some) - 1, most).astype(np.intp)]
+        out.append(some)
+    return out
+
+
+def all_links(
+    views: Sequence[View],
+    poses: Sequence[Pose],
+    samples: Sequence[Ints],
+    reach: float,
+    fixed: int = 1,
+) -> list[Links]:
+    """Links between all views but the first ``fixed`` among themselves, in both directions."""
+    n = range(len(views))
+    pairs = [(i, j) for i in n for j in n if i != j and max(i, j) >= fixed]
+    found = [link(views, poses, i, j, samples[i], reach)[0] for i, j in pairs]
+    return [k for k in found if len(k.p)]
+
+
+def equations(links: Sequence[Links], middles: Floats) -> Equations:
+    """Weighted least squares of all links, Tukey's weights round their robust scatter."""
+    size = 6 * len(middles)
+    H, true, motion = (np.zeros((size, size)) for _ in range(3))
+    g, total, count = np.zeros(size), 0.0, 0.0
+    scale = spread(links)
+    for k in links:
+        r = k.offsets
+        u = r / (_TUKEY * scale * k.sigma)
+        robust = np.where(np.abs(u) < 1, (1 - u * u) ** 2, 0.0)
+        w = robust / (scale * k.sigma) ** 2
+        a, b = slice(6 * k.i, 6 * k.i + 6), slice(6 * k.j, 6 * k.j + 6)
+        both = [
+            (rows(k.p, n, middles[k.i]), -rows(k.q, n, middles[k.j]))
+            for n in (k.normals, k.n_p, k.n_q)
+        ]
+        for x, at in ((0, a), (1, b)):
+            g[at] -= both[0][x].T @ (w * r)
+            for y, to in ((0, a), (1, b)):
+                H[at, to] += (both[0][x] * w[:, None]).T @ both[0][y]
+                half = (both[1][x] * w[:, None]).T @ both[2][y]
+                true[at, to] += half / 2
+                true[to, at] += half.T / 2
+        motion[a, a] += _motion(k.p - middles[k.i], w)
+        motion[b, b] += _motion(k.q - middles[k.j], w)
+        total += float((robust * (r / k.sigma) ** 2).sum())
+        count += float(robust.sum())
+    return Equations(H, g, true, motion, total / max(count, 1e-9))
+
+
+def spread(links: Sequence[Links]) -> float:
+    """Robust scatter of the offsets of all links in sigma, at least 1."""
+    r = np.concatenate([np.zeros(0), *(np.abs(k.offsets / k.sigma) for k in links)])
+    return max(1.0, 1.4826 * float(np.median(r))) if len(r) else 1.0
+
+
+def _motion(x: Floats, w: Floats) -> Floats:
+    """(6, 6): Σ w |ω × x + t|² as a form in (ω, t)."""
+    out = np.zeros((6, 6))
+    square = (x * x * w[:, None]).sum()
+    out[:3, :3] = square * np.eye(3) - (x * w[:, None]).T @ x
+    s = (x * w[:, None]).sum(axis=0)
+    out[:3, 3:] = np.array([[0, -s[2], s[1]], [s[2], 0, -s[0]], [-s[1], s[0], 0]])
+    out[3:, :3] = out[:3, 3:].T
+    out[3:, 3:] = w.sum() * np.eye(3)
+    return out
+
+
+def refine(
+    views: Sequence[View],
+    poses: Sequence[Pose],
+    samples: Sequence[Ints],
+    reach: tuple[float, float],
+    held: Floats | None = None,
+    fixed: int = 1,
+    rounds: int = _ROUNDS,
+) -> list[Pose]:
+    """Poses that bring all views together best, from ``poses`` on; the first ``fixed`` stay.
+
+    Links are ``reach[0]`` mm long at first and ``reach[1]`` at last. ``held`` (m, 6n) are motions
+    of all poses that are not made.
+    """
+    now = list(poses)
+    limit = reach[0]
+    for _ in range(rounds):
+        links = all_links(views, now, samples, limit, fixed)
+        if not links:
+            break
+        middles = np.stack(
+            [p.apply(v.points.mean(axis=0)) for p, v in zip(now, views, strict=True)]
+        )
+        e = equations(links, middles)
+        step = _solve(e, held, fixed)
+        now = [
+            _moved(p, step[6 * i : 6 * i + 6], m)
+            for i, (p, m) in enumerate(zip(now, middles, strict=True))
+        ]
+        weight = np.trace(e.motion[3:6, 3:6]) + 1e-300
+        largest = np.sqrt(max(float(step @ e.motion @ step) / weight, 0.0))
+        usual = float(np.median(np.concatenate([k.sigma for k in links])))
+        if limit <= reach[1] and largest < _STILL * usual:
+            break
+        limit = max(reach[1], _SHRINK * limit)
+    return now
+
+
+def _solve(e: Equations, held: Floats | None, fixed: int) -> Floats:
+    """The step of all poses; the first ``fixed`` stay, as do motions that nothing determines."""
+    size = len(e.g)
+    step = np.zeros(size)
+    free = slice(6 * fixed, size)
+    H = e.H[free, free] + _RIDGE * e.motion[free, free] + 1e-12 * np.eye(size - 6 * fixed)
+    g = e.g[free]
+    if held is not None and len(held):
+        # Motions are square to the held ones in the metric of the motion itself.
+        C = held[:, free] @ e.motion[free, free]
+        basis = np.linalg.svd(C)[2][np.linalg.matrix_rank(C) :].T
+        step[free] = basis @ np.linalg.solve(basis.T @ H @ basis, basis.T @ g)
+    else:
+        step[free] = np.linalg.solve(H, g)
+    return step
+
+
+def _moved(pose: Pose, step: Floats, middle: Floats) -> Pose:
+    R = rotation_from_vector(step[:3])
+    turned = R @ pose.rotation
+    u, _, vt = np.linalg.svd(turned)  # stays a rotation after many rounds
+    return Pose(u @ vt, R @ (pose.translation - middle) + middle + step[3:])
