@@ -1,6 +1,6 @@
 /** What tests may read of the page; nothing can be changed through it. */
 import { onPage } from "./mend/panes";
-import { cursor, history, holes, type Mark, mark, mesh, shownRevision } from "./part";
+import { cursor, history, holes, type Mark, mark, mesh, profile, shownRevision } from "./part";
 import { connection } from "./state";
 import { currentViewport } from "./viewport/place";
 
@@ -19,6 +19,8 @@ export interface Readable {
   readonly cursor: number;
   readonly holes: number | null;
   readonly mark: Mark | null;
+  /** The profile on the page. */
+  readonly profile: { grid: number; step: number } | null;
   readonly camera: { azimuth: number; elevation: number; distance: number; target: readonly number[] } | null;
   /** Where a point of the part is in the window, CSS pixels. */
   place(point: [number, number, number]): { x: number; y: number } | null;
@@ -72,6 +74,10 @@ export function expose(): void {
     },
     get mark() {
       return mark.value && { ...mark.value };
+    },
+    get profile() {
+      const shown = profile.value;
+      return shown && { grid: shown.grid, step: shown.step };
     },
     get camera() {
       const view = currentViewport();

@@ -25,6 +25,12 @@ const some = () => selected.value > 0;
 const resizeBrush = (factor: number) => (brushRadius.value = Math.max(3, Math.min(300, brushRadius.value * factor)));
 const VIEW_KEYS: Record<ViewName, string> = { front: "1", back: "2", left: "3", right: "4", top: "5", bottom: "6", corner: "7" };
 
+/** Take a tool in hand, and show the panel it belongs to. */
+export function take(name: Tool): void {
+  tool.value = name;
+  if (name !== "navigate") tab.value = "repair";
+}
+
 /** Drop what is under way: a preview, the selection, the tool, in this order. */
 function escape(): void {
   if (preview.value) preview.value = null;
@@ -34,7 +40,7 @@ function escape(): void {
 }
 
 export const commands: readonly Command[] = [
-  ...TOOLS.map((name) => ({ title: TOOL_NAMES[name][0], group: "Tools", keys: TOOL_NAMES[name][1], run: () => (tool.value = name) })),
+  ...TOOLS.map((name) => ({ title: TOOL_NAMES[name][0], group: "Tools", keys: TOOL_NAMES[name][1], run: () => take(name) })),
   { title: "Smaller brush", group: "Tools", keys: "[", run: () => resizeBrush(1 / 1.25) },
   { title: "Larger brush", group: "Tools", keys: "]", run: () => resizeBrush(1.25) },
   { title: "Only what is seen, or through", group: "Selection", keys: "N", run: () => (visibleOnly.value = !visibleOnly.value) },

@@ -1,10 +1,11 @@
 /** The repairs: what each asks the server to do. */
-import { doEdit, type EditValue, type Hole, holes, mark, opened, previewEdit, type Preview } from "../part";
+import { doEdit, type EditValue, type Hole, holes, mark, opened, previewEdit, profile, type Preview } from "../part";
 import type { AnyArray } from "../envelope";
 import { notify } from "../state";
 import { count } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
-import { chosenHoles, lines, preview } from "./state";
+import type { Profile } from "../profile/data";
+import { chosenHoles, lines, preview, wholePiece } from "./state";
 
 export type FillHow = "flat" | "tangent" | "curvature";
 
@@ -81,12 +82,42 @@ export async function placePoint(line: number, position: number): Promise<void> 
   await doEdit({ kind: "set_point", laser: laser(), step: at.step, line, position });
 }
 
+/** The lines about one that have several candidates, as a reflection gives them: a piece of stripe. */
+function pieceAbout(line: number): readonly [number, number] {
+  const shown = profile.value;
+  if (!shown) return [line, line];
+  const several = (at: number) => at >= 0 && at < shown.lines && shown.of(at).length > 1;
+  let [first, last] = [line, line];
+  while (several(first - 1) || several(first - 2)) first--;
+  while (several(last + 1) || several(last + 2)) last++;
+  while (!several(first) && first < line) first++;
+  while (!several(last) && last > line) last--;
+  return [first, last];
+}
+
+/**
+ * Take another candidate: in the lines chosen in the profile, else in the whole piece of stripe,
+ * else in this line alone.
+ */
 export async function pickCandidate(line: number, position: number): Promise<void> {
   const at = mark.value;
   if (!at || at.step < 0) return;
-  const inside = lines.value.includes(line);
-  const span = inside ? [Math.min(...lines.value), Math.max(...lines.value)] : [line, line];
-  await doEdit({ kind: "pick_candidate", laser: laser(), step: at.step, lines: span, position });
+  const chosen = lines.value.includes(line) ? ([Math.min(...lines.value), Math.max(...lines.value)] as const) : null;
+  const span = chosen ?? (wholePiece.value ? pieceAbout(line) : ([line, line] as const));
+  // The position is that of the first line; the server follows the stripe from there.
+  const shown = profile.value;
+  const start = shown ? followed(shown, line, position, span[0]) : position;
+  await doEdit({ kind: "pick_candidate", laser: laser(), step: at.step, lines: span, position: start });
+}
+
+/** Where the stripe through a candidate is in an earlier line. */
+function followed(shown: Profile, from: number, position: number, to: number): number {
+  let at = position;
+  for (let line = from - 1; line >= to; line--) {
+    const near = shown.of(line).map((candidate) => candidate.position).toSorted((a, b) => Math.abs(a - at) - Math.abs(b - at))[0];
+    if (near !== undefined) at = near;
+  }
+  return at;
 }
 
 export async function switchProfilesOff(steps: readonly [number, number]): Promise<void> {

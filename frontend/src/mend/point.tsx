@@ -3,9 +3,9 @@ import { useSignal } from "@preact/signals";
 import { flagWords } from "../grid/data";
 import { mark, profile } from "../part";
 import { level } from "../state";
-import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
+import { Button, Check, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { deletePoints, detectAgain, pickCandidate, placePoint, switchProfilesOff } from "./edits";
-import { gridShown, lines, markedGrid, range, stepMark } from "./state";
+import { gridShown, lines, markedGrid, range, stepMark, wholePiece } from "./state";
 
 const NUDGE = 0.25;
 
@@ -114,6 +114,7 @@ function Candidates() {
           </li>
         ))}
       </ul>
+      {list.length > 1 && <Check label="The whole piece of stripe" checked={wholePiece.value} onChange={(on) => (wholePiece.value = on)} />}
       {own && <p class="quiet">In use: a place set by hand, {position.toFixed(2)} px.</p>}
       {!Number.isNaN(position) && (
         <>

@@ -9,6 +9,7 @@ export function RepairPanels() {
   return (
     <>
       <ClosePanel />
+      <DecimatePanel />
       {level.value === "expert" && <SeamPanel />}
       <FiguresPanel />
     </>
@@ -17,11 +18,13 @@ export function RepairPanels() {
 
 function ClosePanel() {
   const floor = useSignal<number | null>(0);
+  const top = useSignal<"plane" | "open">("plane");
   const holes = useSignal<FillHow>("tangent");
-  const value = () => ({ kind: "close", floor: floor.value, holes: holes.value });
+  const value = () => ({ kind: "close", floor: floor.value, top: top.value === "open" ? null : top.value, holes: holes.value });
   return (
     <Section title="Close everything" open={false}>
       <NumberField label="Floor at" value={floor.value} unit="mm" placeholder="open" onChange={(z) => (floor.value = z)} />
+      <SelectField label="Top" value={top.value} options={[["plane", "flat lid"], ["open", "open"]]} onChange={(how) => (top.value = how)} />
       <SelectField
         label="Holes"
         value={holes.value}
@@ -31,6 +34,33 @@ function ClosePanel() {
       <div class="grid-2">
         <Button onClick={() => void show(value())}>Preview</Button>
         <Button onClick={() => void apply(value())}>Close</Button>
+      </div>
+    </Section>
+  );
+}
+
+function DecimatePanel() {
+  const tolerance = useSignal<number | null>(0.05);
+  const faces = useSignal<number | null>(null);
+  const would = useSignal<number | null>(null);
+  const value = () => ({ kind: "decimate", tolerance: tolerance.value, faces: faces.value });
+  const none = tolerance.value === null && faces.value === null;
+  return (
+    <Section title="Fewer triangles" open={false}>
+      <NumberField label="Tolerance" value={tolerance.value} unit="mm" min={1e-6} placeholder="any" onChange={(mm) => (tolerance.value = mm)} />
+      <NumberField label="Down to" value={faces.value} min={4} step={1} placeholder="any number" onChange={(n) => (faces.value = n)} />
+      {would.value !== null && (
+        <p class="quiet num" role="status">
+          {count(would.value)} of {count(figures.value?.faces ?? 0)} triangles would be left.
+        </p>
+      )}
+      <div class="grid-2">
+        <Button disabled={none} onClick={() => void show(value()).then((shown) => (would.value = shown?.figures.faces ?? null))}>
+          Preview
+        </Button>
+        <Button disabled={none} onClick={() => void apply(value()).then(() => (would.value = null))}>
+          Decimate
+        </Button>
       </div>
     </Section>
   );

@@ -17,6 +17,8 @@ export const gridColouring = signal<GridColouring>("quality");
 export const range = signal<Range | null>(null);
 /** Lines chosen in the profile. */
 export const lines = signal<readonly number[]>([]);
+/** Whether picking a candidate takes the whole piece of stripe, or one line. */
+export const wholePiece = signal(true);
 export const pictureTool = signal<PictureTool>("mark");
 export const chosenHoles = signal<ReadonlySet<number>>(new Set());
 /** What an edit would do; shown until it is done or dropped. */

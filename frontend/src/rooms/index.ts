@@ -1,6 +1,7 @@
 /** The rooms in the order of the work; a room is a file beside this one. */
 import type { ComponentType } from "preact";
 import type { Command } from "../commands";
+import { exporting } from "./export";
 import { mend } from "./mend";
 import { projects } from "./projects";
 
@@ -14,4 +15,4 @@ export interface Room {
 }
 
 export const home: Room = projects;
-export const rooms: readonly Room[] = [mend];
+export const rooms: readonly Room[] = [mend, exporting];

@@ -2,7 +2,8 @@
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { COLOURINGS } from "../mesh/colours";
-import { commands, TOOL_NAMES } from "../mend/commands";
+import { commands, take, TOOL_NAMES } from "../mend/commands";
+import { CutPanel } from "../mend/cutting";
 import { HistoryPanel, HolesPanel } from "../mend/lists";
 import { Pane } from "../mend/pane";
 import { GridPane, PicturePane, ProfilePane } from "../mend/panes";
@@ -40,7 +41,7 @@ function Rail() {
           label={TOOL_NAMES[name][0]}
           keys={TOOL_NAMES[name][1]}
           pressed={tool.value === name}
-          onClick={() => (tool.value = name)}
+          onClick={() => take(name)}
         />,
         GROUP_ENDS.includes(name) && <hr key={`${name}-end`} />,
       ])}
@@ -91,6 +92,7 @@ function Inspector() {
       <div id="tab-panel" role="tabpanel" aria-labelledby={`tab-${tab.value}`}>
         {tab.value === "repair" && (
           <>
+            {tool.value === "cut" && <CutPanel />}
             <SelectionPanel />
             <SelectByPanel />
             <RepairPanels />

@@ -30,7 +30,7 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 ]
-DEADLINE = 40.0
+DEADLINE = 25.0
 """Seconds for anything that a person would wait for."""
 
 
@@ -116,11 +116,10 @@ def new_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
         if script:
             page.add_init_script(script)
         page.on("pageerror", lambda e: complaints.append(str(e)))
-        page.on(
-            "console", lambda m: complaints.append(m.text) if m.type == "error" else None
-        )
+        page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
         if server.cookies is None:
             page.goto(server.link)
+            page.wait_for_url(lambda url: "login" not in url)
             until(page, "'turnscan' in window && turnscan.connection === 'open'")
             server.cookies = context.storage_state()
         page.goto(server.address + place)
