@@ -42,6 +42,7 @@ OWN_HEADER = "x-turnscan"
 SAFE = ("GET", "HEAD")
 OPEN = frozenset({"/login", "/login.js", "/login.css"})
 """All that is answered without a cookie."""
+HEADER_BYTES = 16 * 1024
 JSON_BYTES = 2**20
 BODY_SECONDS = 10.0
 """s for a body, or for the next piece of an upload."""
@@ -162,6 +163,8 @@ class Doors:
         path = scope["path"]
         if not path.startswith("/") or len(scope.get("raw_path", b"")) > _URL_BYTES:
             return problem(400, "not a path of this server")
+        if sum(len(k) + len(v) for k, v in scope["headers"]) > HEADER_BYTES:
+            return problem(431, "the head of the request is too large")
         if len(hosts) != 1 or not self._names.host(hosts[0], server):
             return problem(421, "this is not the server you asked for")
         foreign = len(origins) > 1 or any(not self._names.origin(o, server) for o in origins)

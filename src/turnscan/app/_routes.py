@@ -42,23 +42,20 @@ Endpoint = Callable[[Request], Awaitable[Response]]
 
 def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
     """All routes. Nothing that is GET changes anything."""
-    api: list[BaseRoute] = [
-        Route("/scans", _add_scan(workshop), methods=["POST"]),
-        Route("/scans/{scan}/mesh", _data(workshop, _mesh)),
-        Route("/scans/{scan}/grid/{grid:int}", _data(workshop, _grid)),
-        Route("/scans/{scan}/profile/{grid:int}/{step:int}", _data(workshop, _profile)),
-        Route("/scans/{scan}/picture/{grid:int}/{step:int}.png", _picture(workshop)),
-        Route("/scans/{scan}/exports", _export(workshop), methods=["POST"]),
-        Route("/downloads/{download}", _download(workshop)),
-        Route("/invitations", _invite(keys), methods=["POST"]),
-        Route("/logout", _logout(keys, cookie), methods=["POST"]),
-    ]
     return [
         Route("/login", _login_page, methods=["GET"]),
         Route("/login", _enter(keys, cookie), methods=["POST"]),
         Route("/login.js", _file(LOGIN / "login.js")),
         Route("/login.css", _file(LOGIN / "login.css")),
-        Mount("/api", routes=api),
+        Route("/api/scans", _add_scan(workshop), methods=["POST"]),
+        Route("/api/scans/{scan}/mesh", _data(workshop, _mesh)),
+        Route("/api/scans/{scan}/grid/{grid:int}", _data(workshop, _grid)),
+        Route("/api/scans/{scan}/profile/{grid:int}/{step:int}", _data(workshop, _profile)),
+        Route("/api/scans/{scan}/picture/{grid:int}/{step:int}.png", _picture(workshop)),
+        Route("/api/scans/{scan}/exports", _export(workshop), methods=["POST"]),
+        Route("/api/downloads/{download}", _download(workshop)),
+        Route("/api/invitations", _invite(keys), methods=["POST"]),
+        Route("/api/logout", _logout(keys, cookie), methods=["POST"]),
         WebSocketRoute("/ws", socket),
         Route("/", _file(STATIC / "index.html")),
         Mount("/", _Bundle(directory=STATIC, check_dir=False)),

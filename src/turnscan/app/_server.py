@@ -17,14 +17,13 @@ from starlette.routing import Router
 from starlette.types import ASGIApp, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from turnscan.app._doors import Doors, is_loopback, names
+from turnscan.app._doors import HEADER_BYTES, Doors, is_loopback, names
 from turnscan.app._keys import Keys
 from turnscan.app._routes import UPLOADS, routes
 from turnscan.app._socket import MESSAGE_BYTES
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError
 
-HEADER_BYTES = 16 * 1024
 HEADER_SECONDS = 10.0
 """s in which the head of a connection's first request has to come."""
 PING_SECONDS = 30.0
