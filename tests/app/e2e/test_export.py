@@ -1,0 +1,35 @@
+"""From the browser to CAD: what is downloaded is what was seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.app.e2e.conftest import until
+from turnscan.export import read_mesh
+
+
+def test_dxf_is_written_and_read_back(open_cup, tmp_path: Path):
+    page = open_cup()
+    seen = page.evaluate("turnscan.faces")
+    page.get_by_role("button", name="Export", exact=True).click()
+    page.get_by_role("radio", name="DXF").check()
+    page.get_by_role("button", name="Write DXF").click()
+    link = page.get_by_role("link", name="written_and_read_back.dxf")
+    link.wait_for()
+    with page.expect_download() as download:
+        link.click()
+    target = tmp_path / "part.dxf"
+    download.value.save_as(target)
+    mesh = read_mesh(target.read_bytes(), ".dxf")
+    assert len(mesh.faces) == seen
+    page.get_by_role("button", name="Mend", exact=True).click()
+    until(page, f"turnscan.faces === {seen}")
+
+
+def test_nothing_chosen_cannot_be_written(open_cup):
+    page = open_cup()
+    page.get_by_role("button", name="Export", exact=True).click()
+    page.get_by_role("checkbox", name="3DFACE").uncheck()
+    assert page.get_by_role("button", name="Write DXF").is_disabled()
+    page.get_by_role("radio", name="STL").check()
+    assert page.get_by_role("button", name="Write STL").is_enabled()
