@@ -1,6 +1,6 @@
 /** Status line, notices, palette and key sheet: what is the same in every room. */
 import { signal } from "@preact/signals";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import { allCommands, type Command, keysOpen, paletteOpen } from "../commands";
 import { ask, dismiss, jobs, notices } from "../state";
 import { Button } from "./controls";
@@ -49,7 +49,8 @@ export function Notices() {
 /** Open a native dialog while the component is there. */
 function useDialog(close: () => void) {
   const ref = useRef<HTMLDialogElement>(null);
-  useEffect(() => {
+  // Before the next key: what is typed at once belongs into the dialog.
+  useLayoutEffect(() => {
     const dialog = ref.current!;
     dialog.showModal();
     dialog.addEventListener("close", close);

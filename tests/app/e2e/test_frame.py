@@ -1,0 +1,108 @@
+"""What holds in every room: reach by keyboard, roles, small windows, browsers that lack things."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.app.e2e.conftest import until
+
+axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+
+NO_WEBGL = """
+const get = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+  return kind.startsWith("webgl") ? null : get.call(this, kind, ...rest);
+};
+"""
+
+
+def serious(page) -> list[str]:
+    found = axe.Axe().run(page).response["violations"]
+    return [
+        f"{v['id']}: {v['nodes'][0]['html'][:160]}"
+        for v in found
+        if v["impact"] in ("serious", "critical")
+    ]
+
+
+def test_nothing_serious_is_wrong_for_screen_readers(open_cup):
+    page = open_cup()
+    page.get_by_role("tab", name="Holes").click()
+    until(page, "turnscan.holes > 0")
+    assert serious(page) == []
+    page.get_by_role("tab", name="Repair").click()
+    page.get_by_role("button", name="Dark or light").click()
+    page.keyboard.press("?")
+    page.get_by_role("dialog").wait_for()
+    assert serious(page) == []
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="turnscan").click()
+    page.get_by_role("heading", name="Scans").wait_for()
+    assert serious(page) == []
+
+
+def test_without_webgl_the_rest_of_the_room_works(open_cup):
+    page = open_cup(script=NO_WEBGL)
+    page.get_by_role("alert").get_by_text("cannot draw in 3-D").wait_for()
+    until(page, "turnscan.cell(20, 110)")
+    at = page.evaluate("turnscan.cell(20, 110)")
+    page.mouse.click(at["x"], at["y"])
+    until(page, "turnscan.profile?.step === 20")
+    page.get_by_role("button", name="Profile off").click()
+    until(page, "turnscan.edits === 1")
+    page.get_by_role("tab", name="Holes").click()
+    until(page, "turnscan.holes > 0")
+
+
+def test_everything_is_reached_by_keyboard(open_cup):
+    page = open_cup()
+    page.keyboard.press("Control+k")
+    page.keyboard.type("select all")
+    page.keyboard.press("Enter")
+    until(page, "turnscan.selected === turnscan.faces")
+    page.keyboard.press("Escape")
+    assert page.evaluate("turnscan.selected") == 0
+    page.keyboard.press("?")
+    assert page.get_by_role("dialog").get_by_text("Ctrl+Shift+Z").is_visible()
+    page.keyboard.press("Escape")
+    assert page.get_by_role("dialog").count() == 0
+    page.keyboard.press("5")
+    until(page, "turnscan.camera.elevation > 1.5")
+    names = []
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        names.append(
+            page.evaluate(
+                "document.activeElement.getAttribute('aria-label')"
+                " ?? document.activeElement.textContent.trim()"
+            )
+        )
+    assert {"Mend", "STOP", "Lasso", "Colours of the surface", "Repair"} <= set(names)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (640, 400)])
+def test_fits_its_window(open_cup, width, height):
+    """640 px is a window of 1280 px at 200 % zoom."""
+    page = open_cup(width=width, height=height)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    stop = page.get_by_role("button", name="STOP").bounding_box()
+    assert stop["x"] >= 0
+    assert stop["x"] + stop["width"] <= width
+    clipped = page.evaluate(
+        """[...document.querySelectorAll('.inspector button, .inspector input')].filter((e) => {
+            const box = e.getBoundingClientRect();
+            return box.width > 0 && (box.right > innerWidth + 1 || box.left < 0);
+        }).map((e) => e.outerHTML)"""
+    )
+    assert clipped == []
+
+
+def test_no_file_and_an_old_link_are_told_in_words(new_page, server, folder):
+    (folder / "broken.turnscan").write_bytes(b"not a scan at all")
+    page = new_page()
+    page.get_by_role("button", name="broken", exact=True).click()
+    message = page.get_by_role("log").get_by_role("alert")
+    message.wait_for()
+    assert "scan file" in message.inner_text()
+    page.goto(server.address + "#mend/nothing-of-the-kind")
+    page.get_by_role("heading", name="Scans").wait_for()
