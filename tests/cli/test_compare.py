@@ -66,3 +66,19 @@ def test_a_missing_file_and_a_text_file_are_named(tmp_path: Path) -> None:
     text.write_text("not a mesh")
     with pytest.raises(FormatError, match=r"text\.ply"):
         CliRunner().invoke(verb, [good, str(text)], catch_exceptions=False)
+
+
+def test_what_was_not_measured_or_lies_off_an_open_reference_does_not_count(tmp_path: Path) -> None:
+    """A sheet 0.1 mm above, going on beyond the reference, with a filled face far away."""
+    wide = _sheet(0.1, 20.0)
+    vertices = np.concatenate([wide.vertices, _sheet(0.1).vertices[2:3], [[5.0, 5.0, 9.0]]])
+    part = Mesh(
+        vertices,
+        np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 1, 5]]),
+        measured=np.array([True, True, True, True, False]),
+    )
+    args = [_write(tmp_path, "got.ply", part), _write(tmp_path, "truth.stl", _sheet(0.0))]
+    figures = json.loads(CliRunner().invoke(verb, [*args, "--json"]).stdout)
+    # The corner at the origin and the one above the reference's far corner are left.
+    assert figures["vertices"] == 2
+    assert figures["max_mm"] == pytest.approx(0.1, abs=1e-6)

@@ -52,24 +52,29 @@ def verb(
 
     Both are meshes (STL, PLY, OBJ, DXF) in the same frame. Precision is the share of the
     measured vertices within the tolerance of the reference; completeness the share of the
-    reference's area within the tolerance of the measured mesh.
+    reference's area within the tolerance of the measured mesh. Faces marked as not measured do
+    not count, nor do vertices off the end of an open reference.
     """
     from turnscan.cli._output import check_output, write_atomically
     from turnscan.shapes import deviation, sample_surface
+    from turnscan.surface import submesh
 
     if picture is not None:
         check_output(picture, (".png",), [measured, reference])
     got, truth = read_mesh_file(measured, unit), read_mesh_file(reference, reference_unit)
     if not len(got.faces):
         raise InputError(f"{measured}: no faces", hint="compare a mesh, not a cloud of points")
-    out = deviation(got.vertices, truth)
+    if got.measured is not None:
+        got = submesh(got, got.measured)
+    every = deviation(got.vertices, truth)
+    out = every.covered()
     back = deviation(sample_surface(truth, samples), got)
     rows = [(t, out.within(t), back.within(t)) for t in tolerances]
     if picture is not None:
         from turnscan.cli._deviation_map import deviation_figure
         from turnscan.cli._html import png
 
-        write_atomically(picture, png(deviation_figure(got, out, limit)))
+        write_atomically(picture, png(deviation_figure(got, every, limit)))
     click.echo(_json(out, rows) if as_json else _text(out, rows))
 
 
