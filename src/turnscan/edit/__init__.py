@@ -38,6 +38,17 @@ from turnscan.edit._history import (
     history_from_log,
     history_to_json,
 )
+from turnscan.edit._measures import (
+    Measure,
+    MeasureAngle,
+    MeasureArea,
+    MeasureCorner,
+    MeasureDiameter,
+    MeasureDistance,
+    MeasureSection,
+    MeasureToPlane,
+    MeasureVolume,
+)
 from turnscan.edit._region import Place, Region
 from turnscan.edit._select import (
     beside,
@@ -80,6 +91,15 @@ __all__ = [
     "GridEdit",
     "History",
     "HoleName",
+    "Measure",
+    "MeasureAngle",
+    "MeasureArea",
+    "MeasureCorner",
+    "MeasureDiameter",
+    "MeasureDistance",
+    "MeasureSection",
+    "MeasureToPlane",
+    "MeasureVolume",
     "MeshEdit",
     "Patch",
     "PickCandidate",

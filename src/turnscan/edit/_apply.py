@@ -20,8 +20,10 @@ from turnscan.edit._edits import (
     MeshEdit,
 )
 from turnscan.edit._history import Entry
+from turnscan.edit._measures import Measure, taken
 from turnscan.errors import CalibrationError, InputError
-from turnscan.findings import Finding
+from turnscan.findings import Finding, Severity
+from turnscan.shapes import Measured
 from turnscan.surface import (
     Caps,
     Hole,
@@ -49,28 +51,36 @@ class Done:
     back: tuple[Patch, ...]
     """In the order they are done."""
     findings: tuple[Finding, ...]
+    measured: Measured | None = None
+    """The result of a measurement."""
 
 
 def apply(body: Body, entry: Entry) -> tuple[Body, Done]:
     """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding."""
     findings: list[Finding] = []
     assert not isinstance(entry.edit, GridEdit), "grid edits are done before there is a body"
+    patches: tuple[Patch, ...] = ()
+    measured: Measured | None = None
     try:
-        patches = _patches(body, entry.edit, findings)
+        if isinstance(entry.edit, Measure):
+            measured = taken(body, entry.edit)
+        else:
+            patches = _patches(body, entry.edit, findings)
     except (InputError, CalibrationError) as e:
-        patches = ()
-        findings.append(Finding("edit.refused", "error", e.message, remedy=e.hint))
+        # A part is none the worse for a measurement that cannot be taken.
+        severity: Severity = "warning" if isinstance(entry.edit, Measure) else "error"
+        findings.append(Finding("edit.refused", severity, e.message, remedy=e.hint))
     back: list[Patch] = []
     for patch in patches:
         back.insert(0, patch.inverse(body))
         body = patch.on(body)
-    if not patches and not findings:
+    if not patches and measured is None and not findings:
         findings.append(_nothing("it found nothing to change"))
     named = tuple(
         Finding(f.code, f.severity, f.message, f"edit {entry.id} ({entry.edit.kind})", f.remedy)
         for f in findings
     )
-    return body, Done(entry, patches, tuple(back), named)
+    return body, Done(entry, patches, tuple(back), named, measured)
 
 
 def mend_mesh(mesh: Mesh, entries: Iterable[Entry]) -> tuple[Mesh, list[Finding]]:

@@ -10,6 +10,7 @@ from turnscan.edit._body import Body, Patch, Replace
 from turnscan.edit._edits import Edit, is_grid_edit
 from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.findings import Finding
+from turnscan.shapes import Measured
 from turnscan.surface import Mesh
 
 Build = Callable[[Sequence[Entry]], tuple[Mesh, Sequence[Finding]]]
@@ -66,6 +67,11 @@ class Document:
     def findings(self) -> tuple[Finding, ...]:
         """What is to be said about the base and about every edit that counts."""
         return self.remarks + tuple(f for d in self.done for f in d.findings)
+
+    @property
+    def measured(self) -> tuple[tuple[Entry, Measured], ...]:
+        """The measurements that count and could be taken, in their order."""
+        return tuple((d.entry, d.measured) for d in self.done if d.measured is not None)
 
     def add(self, edit: Edit) -> tuple[Document, Change]:
         """Make an edit. One that finds nothing to act on is a finding of the change."""

@@ -10,22 +10,20 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
+from turnscan.edit._measures import STRICT, Coordinate, Measure, Vector
 from turnscan.edit._region import Length, Region
 from turnscan.errors import FormatError
 from turnscan.json_text import strict_json
 from turnscan.stripes import Choice, Strategy
 from turnscan.surface import FillHow, Hole, Top
 
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 Laser = Annotated[str, Field(min_length=1, max_length=200)]
 Number = Annotated[int, Field(ge=0, le=100_000_000)]
 """Of a step or a line."""
 Span = tuple[Number, Number]
 """First and last number, both included."""
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
-Vector = tuple[Coordinate, Coordinate, Coordinate]
 Pixel = Annotated[float, Field(ge=-1, le=100_000_000)]
 
 
@@ -33,7 +31,7 @@ Pixel = Annotated[float, Field(ge=-1, le=100_000_000)]
 class HoleName:
     """A hole by its place, so that it can be found again on another surface."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     centre: Vector
     size: Length
     """Largest distance between two points of its border."""
@@ -52,7 +50,7 @@ class HoleName:
 class DeletePoints:
     """Take points of one profile away."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     laser: Laser
     step: Number
     lines: Annotated[tuple[Number, ...], Field(min_length=1, max_length=100_000)]
@@ -63,7 +61,7 @@ class DeletePoints:
 class SetPoint:
     """Put the stripe of one line where a person saw it: a point moved, or added."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     laser: Laser
     step: Number
     line: Number
@@ -76,7 +74,7 @@ class SetPoint:
 class PickCandidate:
     """Take another of the candidates of some lines: in each the one nearest to a position."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     laser: Laser
     step: Number
     lines: Span
@@ -90,7 +88,7 @@ class PickCandidate:
 class ProfileOff:
     """Leave whole profiles out."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     laser: Laser
     steps: Span
     kind: Literal["profile_off"] = "profile_off"
@@ -100,7 +98,7 @@ class ProfileOff:
 class Redetect:
     """Seek the stripe again in a part of the grid; None keeps what the reconstruction uses."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     laser: Laser
     steps: Span
     lines: Span
@@ -115,7 +113,7 @@ class Redetect:
 class CloseSeam:
     """Let the last profile of a turn neighbour the first, though their gap is a wide one."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     laser: Laser
     kind: Literal["close_seam"] = "close_seam"
 
@@ -127,7 +125,7 @@ class CloseSeam:
 class Delete:
     """Take faces away."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     where: Region
     kind: Literal["delete"] = "delete"
 
@@ -136,7 +134,7 @@ class Delete:
 class Fill:
     """Fill holes: those named, or all, the ones larger than a limit left open."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     holes: Annotated[tuple[HoleName, ...], Field(min_length=1, max_length=100_000)] | None = None
     """None fills all."""
     how: FillHow = "tangent"
@@ -149,7 +147,7 @@ class Fill:
 class Close:
     """Close every gap: the foot down to the floor, the top, then all holes (`surface.Caps`)."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     floor: Coordinate | None = 0.0
     reach: Length = 5.0
     top: Top | None = "plane"
@@ -162,7 +160,7 @@ class Close:
 class Cut:
     """Keep what lies on one side of a plane."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     normal: Vector
     """Towards the side that is kept; of any length but 0."""
     distance: Coordinate
@@ -179,7 +177,7 @@ class Cut:
 class Decimate:
     """Fewer faces: to a tolerance, to a number, or to both, whichever is reached first."""
 
-    __pydantic_config__ = _STRICT
+    __pydantic_config__ = STRICT
     tolerance: Length | None = None
     """mm that no place of the surface may move."""
     faces: Annotated[int, Field(ge=4, le=100_000_000)] | None = None
@@ -192,7 +190,7 @@ class Decimate:
 
 GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
 MeshEdit = Delete | Fill | Close | Cut | Decimate
-Edit = GridEdit | MeshEdit
+Edit = GridEdit | MeshEdit | Measure
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])
 _HINT = "docs/reference/edits.md lists the edits and their keys"

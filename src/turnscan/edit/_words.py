@@ -19,11 +19,24 @@ from turnscan.edit._edits import (
     SetPoint,
     Span,
 )
+from turnscan.edit._measures import (
+    Measure,
+    MeasureAngle,
+    MeasureArea,
+    MeasureCorner,
+    MeasureDiameter,
+    MeasureDistance,
+    MeasureSection,
+    MeasureToPlane,
+    MeasureVolume,
+)
 
 
 def in_words(edit: Edit) -> str:
     """What an edit does, and to how much, in a few words."""
-    return _of_grid(edit) if isinstance(edit, GridEdit) else _of_mesh(edit)
+    if isinstance(edit, GridEdit):
+        return _of_grid(edit)
+    return _of_mesh(edit) if isinstance(edit, MeshEdit) else _of_measure(edit)
 
 
 def _of_grid(edit: GridEdit) -> str:
@@ -68,6 +81,25 @@ def _of_mesh(edit: MeshEdit) -> str:
             many = "" if edit.faces is None else f"{edit.faces} faces"
             near = "" if edit.tolerance is None else f"{edit.tolerance:g} mm"
             return "decimate to " + " or ".join(w for w in (many, near) if w)
+
+
+def _of_measure(measure: Measure) -> str:
+    match measure:
+        case MeasureDistance():
+            return "measure a distance"
+        case MeasureToPlane():
+            return "measure from a point to a plane"
+        case MeasureDiameter():
+            return f"measure the diameter of {measure.where.count} faces"
+        case MeasureSection():
+            return "measure the diameter of a section"
+        case MeasureAngle() | MeasureCorner():
+            return "measure an angle"
+        case MeasureArea():
+            where = "" if measure.where is None else f" of {measure.where.count} faces"
+            return f"measure the area{where}"
+        case MeasureVolume():
+            return "measure the volume"
 
 
 def _span(word: str, span: Span) -> str:

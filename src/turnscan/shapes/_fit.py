@@ -1,4 +1,4 @@
-"""Planes, spheres and cylinders through points, with their uncertainty."""
+"""Planes, spheres, circles and cylinders through points, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -70,6 +70,30 @@ class Sphere:
         put = object.__setattr__
         put(self, "centre", frozen(self.centre, (3,), "Sphere.centre"))
         put(self, "covariance", frozen(self.covariance, (4, 4), "Sphere.covariance"))
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle in a plane."""
+
+    centre: Floats
+    """(3,) mm."""
+    normal: Floats
+    """(3,) unit: of the plane it lies in, as given."""
+    radius: float
+    """mm."""
+    rms: float
+    """mm, root mean square distance of the points, within the plane."""
+    covariance: Floats
+    """(3, 3) mm²: shift of the centre in two directions in the plane, radius."""
+    count: int
+    """Points used."""
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "centre", frozen(self.centre, (3,), "Circle.centre"))
+        put(self, "normal", frozen(self.normal, (3,), "Circle.normal"))
+        put(self, "covariance", frozen(self.covariance, (3, 3), "Circle.covariance"))
 
 
 @dataclass(frozen=True)
@@ -170,6 +194,37 @@ def fit_sphere(points: npt.ArrayLike, sigma: npt.ArrayLike | None = None) -> Sph
     covariance = np.asarray(np.linalg.inv(N), float) * _variance(residual, w, 4, sigma is not None)
     rms = float(np.sqrt(np.mean(residual**2)))
     return Sphere(middle + p[:3], float(p[3]), rms, covariance, len(X))
+
+
+def fit_circle(
+    points: npt.ArrayLike, normal: npt.ArrayLike, sigma: npt.ArrayLike | None = None
+) -> Circle:
+    """Least-squares circle (orthogonal distances) through points (n, 3) mm, n ≥ 3, of a section.
+
+    ``normal`` (3,) is that of the plane they lie in. Raises InputError for too few points or
+    points on one line, DidNotConverge where the adjustment does not settle.
+    """
+    X = _checked(points, 3, "circle")
+    w = _weights(sigma, len(X))
+    n = np.asarray(normal, dtype=np.float64)
+    n = n / np.linalg.norm(n)
+    e1, e2 = _across(n)
+    middle = X.mean(axis=0)
+    d = np.stack([(X - middle) @ e1, (X - middle) @ e2], axis=-1)
+    if np.linalg.svd(d, compute_uv=False)[1] <= 1e-9 * np.abs(d).max():
+        raise InputError("circle: the points lie on one line", hint="choose another section")
+    foot, radius, _ = _circle(X - middle, n)
+
+    def model(p: Floats) -> tuple[Floats, Floats]:
+        away = d - p[:2]
+        r = np.linalg.norm(away, axis=1)
+        return r - p[2], np.column_stack([-away / r[:, None], -np.ones(len(r))])
+
+    p, residual, N = _settle(model, np.array([foot @ e1, foot @ e2, radius]), w, "circle")
+    covariance = np.asarray(np.linalg.inv(N), float) * _variance(residual, w, 3, sigma is not None)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    centre = middle + p[0] * e1 + p[1] * e2
+    return Circle(centre, n, float(p[2]), rms, covariance, len(X))
 
 
 def fit_cylinder(

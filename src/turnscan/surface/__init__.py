@@ -4,7 +4,7 @@ from turnscan.surface._cast import Caster
 from turnscan.surface._causes import Sought, explain
 from turnscan.surface._clean import Clean, clean
 from turnscan.surface._close import Caps, Top, close
-from turnscan.surface._cut import Clip, clip, cut
+from turnscan.surface._cut import Clip, Section, clip, cut, sections
 from turnscan.surface._decimate import decimate, decimation_findings
 from turnscan.surface._fill import FillHow, fill
 from turnscan.surface._findings import mesh_findings
@@ -32,6 +32,7 @@ __all__ = [
     "Overlap",
     "Provenance",
     "RangeSurface",
+    "Section",
     "Sought",
     "Tears",
     "Top",
@@ -60,6 +61,7 @@ __all__ = [
     "overlaps",
     "paste",
     "range_surfaces",
+    "sections",
     "soundness",
     "submesh",
     "twins",

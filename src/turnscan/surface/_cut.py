@@ -63,6 +63,64 @@ def cut(mesh: Mesh, normal: npt.ArrayLike, distance: float, cap: bool = True) ->
 
 def clip(mesh: Mesh, normal: npt.ArrayLike, distance: float, cap: bool = True) -> Clip:
     """What `cut` changes, in the numbers of the mesh. Raises InputError like it."""
+    unit, height, side = _heights(mesh, normal, distance)
+    corner = side[mesh.faces]
+    above, below = (corner > 0).any(axis=1), (corner < 0).any(axis=1)
+    crossed = np.flatnonzero(above & below)
+    (faces, of), met = _left(mesh, height, side, crossed)
+    parts, kinds, caps = [faces], [measured(mesh)[crossed[of]]], 0
+    if cap:
+        whole = np.concatenate([mesh.faces[above & ~below], faces])
+        lids, caps = _lids(np.concatenate([mesh.vertices, met.points]), whole, side, unit)
+        parts.append(lids)
+        kinds.append(np.zeros(len(lids), dtype=np.bool_))
+    gone = np.asarray(~above | below)
+    return Clip(gone, met.near, met.points, np.concatenate(parts), np.concatenate(kinds), caps)
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """One loop of a plane through a mesh."""
+
+    points: Floats
+    """(m, 3) mm, along the loop, which goes back from the last to the first."""
+    near: Ints
+    """(m,) for each point the nearest vertex of the side it is on."""
+    bulge: Floats
+    """(m,) mm²: t(1 − t)e² for a point at share t of a side whose length, seen along the normal, is
+    e. Where the ends of the side lie on a cylinder of radius r round the normal, the point's
+    distance from the axis is √(r² − bulge): it lies on a chord."""
+
+
+def sections(mesh: Mesh, normal: npt.ArrayLike, distance: float) -> list[Section]:
+    """The loops in which the plane n·x = ``distance`` meets a mesh, the longest first.
+
+    Where the surface is open, a loop goes straight on to where it begins again. Raises InputError
+    like `cut`.
+    """
+    unit, height, side = _heights(mesh, normal, distance)
+    corner = side[mesh.faces]
+    above, below = (corner > 0).any(axis=1), (corner < 0).any(axis=1)
+    (faces, _), met = _left(mesh, height, side, np.flatnonzero(above & below))
+    vertices = np.concatenate([mesh.vertices, met.points])
+    index = np.concatenate([np.arange(len(mesh.vertices), dtype=np.int32), met.near])
+    along = mesh.vertices[met.second] - mesh.vertices[met.first]
+    across = (along**2).sum(axis=1) - (along @ unit) ** 2
+    bulge = np.zeros(len(vertices))
+    bulge[len(mesh.vertices) :] = met.share * (1.0 - met.share) * across
+    loops = _loops(vertices, np.concatenate([mesh.faces[above & ~below], faces]), side)
+    found = [Section(vertices[loop], index[loop], bulge[loop]) for loop in loops]
+    return sorted(found, key=lambda s: -_length(s.points))
+
+
+def _length(points: Floats) -> float:
+    return float(np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum())
+
+
+def _heights(
+    mesh: Mesh, normal: npt.ArrayLike, distance: float
+) -> tuple[Floats, Floats, npt.NDArray[np.int8]]:
+    """The unit normal; above the plane, mm, and on which side of it, each vertex lies."""
     n = np.asarray(normal, dtype=np.float64).reshape(-1)
     if n.shape != (3,) or not np.isfinite(n).all() or not np.linalg.norm(n) > 0:
         raise InputError(f"a plane with the normal {n.tolist()}", hint="give three numbers")
@@ -70,24 +128,27 @@ def clip(mesh: Mesh, normal: npt.ArrayLike, distance: float, cap: bool = True) -
     size = float(np.ptp(mesh.vertices, axis=0).max(initial=0.0))
     height = mesh.vertices @ unit - distance
     side = np.where(np.abs(height) <= _ON_PLANE * size, 0, np.sign(height)).astype(np.int8)
-    corner = side[mesh.faces]
-    above, below = (corner > 0).any(axis=1), (corner < 0).any(axis=1)
-    crossed = np.flatnonzero(above & below)
-    left, near, vertices = _left(mesh, height, side, crossed)
-    faces, of = left
-    parts, kinds, caps = [faces], [measured(mesh)[crossed[of]]], 0
-    if cap:
-        whole = np.concatenate([mesh.faces[above & ~below], faces])
-        lids, caps = _lids(np.concatenate([mesh.vertices, vertices]), whole, side, unit)
-        parts.append(lids)
-        kinds.append(np.zeros(len(lids), dtype=np.bool_))
-    gone = np.asarray(~above | below)
-    return Clip(gone, near, vertices, np.concatenate(parts), np.concatenate(kinds), caps)
+    return unit, height, side
+
+
+@dataclass(frozen=True, eq=False)
+class _Met:
+    """Where sides cross the plane."""
+
+    first: npt.NDArray[np.int64]
+    second: npt.NDArray[np.int64]
+    share: Floats
+    """Of the way from the first end to the second."""
+    points: Floats
+
+    @property
+    def near(self) -> Ints:
+        return np.where(self.share <= 0.5, self.first, self.second).astype(np.int32)
 
 
 def _left(
     mesh: Mesh, height: Floats, side: npt.NDArray[np.int8], crossed: npt.NDArray[np.intp]
-) -> tuple[tuple[Ints, npt.NDArray[np.intp]], Ints, Floats]:
+) -> tuple[tuple[Ints, npt.NDArray[np.intp]], _Met]:
     """What is left of the crossed faces, and which of them each piece is of; the new vertices."""
     v = len(mesh.vertices)
     faces = mesh.faces[crossed]
@@ -98,8 +159,7 @@ def _left(
     first, second = keys // max(v, 1), keys % max(v, 1)
     share = height[first] / (height[first] - height[second]) if len(keys) else np.zeros(0)
     start, end = mesh.vertices[first], mesh.vertices[second]
-    vertices = start + share[:, None] * (end - start)
-    near = np.where(share <= 0.5, first, second).astype(np.int32)
+    met = _Met(first, second, share, start + share[:, None] * (end - start))
     on = np.full((len(faces), 3), -1, dtype=np.int64)
     on[cuts] = v + number
     # Round each face: its corners that stay, and the new vertex on each side that is cut.
@@ -109,29 +169,16 @@ def _left(
     four = np.flatnonzero(ring[:, 3] >= 0)
     pieces = np.concatenate([ring[:, :3], ring[four][:, [0, 2, 3]]]).astype(np.int32)
     of = np.concatenate([np.arange(len(faces)), four])
-    return (pieces.reshape(-1, 3), of), near, vertices
+    return (pieces.reshape(-1, 3), of), met
 
 
 def _lids(
     vertices: Floats, faces: Ints, side: npt.NDArray[np.int8], unit: Floats
 ) -> tuple[Ints, int]:
     """Faces that close the sections of ``faces`` with the plane, and how many sections."""
-    from turnscan.surface import _cut_kernels as kernels
-
-    on = np.zeros(len(vertices), dtype=np.bool_)
-    on[: len(side)] = side == 0
-    on[len(side) :] = True
-    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    flat = on[a] & on[b]
-    a, b = a[flat].astype(np.int64), b[flat].astype(np.int64)
-    key, back = a * len(vertices) + b, b * len(vertices) + a
-    open_sides = ~np.isin(key, back)
-    # A cap runs against the sides it meets.
-    begin, end = b[open_sides], a[open_sides]
-    if not len(begin):
+    loops = _loops(vertices, faces, side)
+    if not loops:
         return np.zeros((0, 3), dtype=np.int32), 0
-    flat_loops, starts = kernels.chains(begin, end, vertices)
-    loops = [loop for loop in np.split(flat_loops, starts[1:]) if len(loop) >= 3]
     lead = np.eye(3)[int(np.argmin(np.abs(unit)))]
     e1 = np.cross(unit, lead)
     e1 /= np.linalg.norm(e1)
@@ -140,6 +187,22 @@ def _lids(
     polygons = _nested(loops, xy)
     lids = [_triangles(polygon, xy) for polygon in polygons]
     return np.concatenate([np.zeros((0, 3), np.int32), *lids]), len(loops)
+
+
+def _loops(vertices: Floats, faces: Ints, side: npt.NDArray[np.int8]) -> list[Ints]:
+    """The borders of faces that lie in the plane, each running against the sides it meets."""
+    from turnscan.surface import _cut_kernels as kernels
+
+    on = np.ones(len(vertices), dtype=np.bool_)
+    on[: len(side)] = side == 0
+    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    flat = on[a] & on[b]
+    a, b = a[flat].astype(np.int64), b[flat].astype(np.int64)
+    lonely = ~np.isin(a * len(vertices) + b, b * len(vertices) + a)
+    if not lonely.any():
+        return []
+    row, starts = kernels.chains(b[lonely], a[lonely], vertices)
+    return [loop for loop in np.split(row, starts[1:]) if len(loop) >= 3]
 
 
 def _nested(loops: list[Ints], xy: Floats) -> list[Ints]:

@@ -1,0 +1,237 @@
+"""Measurements on a surface: a value and its standard uncertainty.
+
+The uncertainty is that of the points' own noise. What the calibration of the rig leaves open is
+common to all points and comes on top (`turnscan.points.systematic_sigma`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Floats, frozen
+from turnscan.errors import DidNotConverge, InputError
+from turnscan.shapes._fit import Plane, fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.surface import Mesh, is_closed, sections
+
+Unit = Literal["mm", "mm²", "mm³", "rad"]
+_SHARED = 2.0
+"""Each vertex has a say in about this many points of a section, which are so not independent."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured, and how well."""
+
+    value: float
+    unit: Unit
+    sigma: float
+    """Standard uncertainty from the points' noise, in the unit; NaN where nothing is known."""
+    places: Floats
+    """(k, 3) mm: where to show it."""
+    text: str
+    """How it came about, in words."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "places", frozen(self.places, (None, 3), "Measured.places"))
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A point on a surface, and how well it is known."""
+
+    at: Floats
+    """(3,) mm."""
+    sigma: float = np.nan
+    """mm in any direction; NaN where not known."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "at", frozen(self.at, (3,), "Spot.at"))
+
+
+def distance(a: Spot, b: Spot) -> Measured:
+    """Between two points."""
+    value = float(np.linalg.norm(b.at - a.at))
+    sigma = float(np.hypot(a.sigma, b.sigma))
+    return Measured(value, "mm", sigma, np.stack([a.at, b.at]), "from point to point")
+
+
+def to_plane(point: Spot, plane: Plane) -> Measured:
+    """From a point to a plane, along the plane's normal; positive on the side it points to."""
+    value = float(plane.distances(point.at))
+    foot = point.at - value * plane.normal
+    # Tilts are about the principal directions of the plane's points, through their centre.
+    lever = float(np.linalg.norm(foot - plane.centre)) * plane.normal_sigma
+    sigma = float(np.sqrt(point.sigma**2 + plane.covariance[2, 2] + lever**2))
+    text = f"from a point to a plane of {plane.count} points, rms {plane.rms:.3f} mm"
+    return Measured(value, "mm", sigma, np.stack([point.at, foot]), text)
+
+
+def corner_angle(a: Spot, corner: Spot, b: Spot) -> Measured:
+    """The angle at ``corner`` between the directions to two other points."""
+    p, q = a.at - corner.at, b.at - corner.at
+    lengths = float(np.linalg.norm(p)), float(np.linalg.norm(q))
+    if min(lengths) == 0:
+        raise InputError("an angle between points that coincide", hint="choose three points")
+    value = float(np.arctan2(np.linalg.norm(np.cross(p, q)), p @ q))
+    ends = np.hypot(a.sigma / lengths[0], b.sigma / lengths[1])
+    at_corner = corner.sigma * np.linalg.norm(p - q) / (lengths[0] * lengths[1])
+    sigma = float(np.hypot(ends, at_corner))
+    return Measured(value, "rad", sigma, np.stack([a.at, corner.at, b.at]), "at a corner")
+
+
+def planes_angle(first: Plane, second: Plane) -> Measured:
+    """The angle between the normals of two planes, 0 to π."""
+    cross = float(np.linalg.norm(np.cross(first.normal, second.normal)))
+    value = float(np.arctan2(cross, first.normal @ second.normal))
+    sigma = float(np.hypot(first.normal_sigma, second.normal_sigma))
+    text = f"between planes of {first.count} and {second.count} points"
+    return Measured(value, "rad", sigma, np.stack([first.centre, second.centre]), text)
+
+
+def plane_of(mesh: Mesh, faces: Bools) -> Plane:
+    """The plane of the faces (f,) chosen, its normal outward. Raises InputError for too few."""
+    points, sigma = _corners(mesh, faces)
+    plane = fit_plane(points, sigma)
+    t = mesh.triangles[faces]
+    outward = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]).sum(axis=0)
+    if outward @ plane.normal >= 0:
+        return plane
+    return Plane(
+        -plane.normal, -plane.distance, plane.centre, plane.rms, plane.covariance, plane.count
+    )
+
+
+def region_diameter(mesh: Mesh, faces: Bools) -> Measured:
+    """The diameter of the cylinder or sphere that the chosen faces (f,) are part of.
+
+    Both are fitted to their measured corners; the better one counts. Raises InputError for too few
+    points, DidNotConverge where neither fits.
+    """
+    points, sigma = _corners(mesh, faces)
+    found = []
+    try:
+        c = fit_cylinder(points, sigma)
+        found.append((c.rms, c.radius, float(c.covariance[4, 4]), c.point, "cylinder"))
+    except (InputError, DidNotConverge):
+        pass
+    try:
+        s = fit_sphere(points, sigma)
+        found.append((s.rms, s.radius, float(s.covariance[3, 3]), s.centre, "sphere"))
+    except (InputError, DidNotConverge):
+        pass
+    if not found:
+        raise DidNotConverge("neither a cylinder nor a sphere fits", hint="choose a rounder region")
+    rms, radius, variance, centre, what = min(found, key=lambda f: f[0])
+    text = f"{what} through {len(points)} points, rms {rms:.3f} mm"
+    return Measured(2 * radius, "mm", 2 * float(np.sqrt(variance)), centre[None], text)
+
+
+def section_diameter(
+    mesh: Mesh, normal: npt.ArrayLike, distance: float, near: npt.ArrayLike | None = None
+) -> Measured:
+    """The diameter of a circle through the section of a mesh with the plane n·x = ``distance``.
+
+    Of several loops the one that comes nearest to ``near`` (3,) counts, or the longest. Raises
+    InputError where the plane does not meet the mesh.
+    """
+    loops = sections(mesh, normal, distance)
+    if not loops:
+        raise InputError("the plane does not meet the surface", hint="move it onto the part")
+    loop = loops[0]
+    if near is not None:
+        at = np.asarray(near, dtype=np.float64)
+        loop = min(loops, key=lambda s: float(np.linalg.norm(s.points - at, axis=1).min()))
+    sigma = _sigma(mesh, loop.near)
+    wide = None if sigma is None else sigma * np.sqrt(_SHARED)
+    c = fit_circle(loop.points, normal, wide)
+    for _ in range(2):
+        # The points lie on chords of the circle that the vertices are on: move them out to it.
+        out = loop.points - c.centre
+        out -= np.outer(out @ c.normal, c.normal)
+        apart = np.maximum((out**2).sum(axis=1), 1e-12)
+        on_arc = loop.points + out * (np.sqrt(1.0 + loop.bulge / apart) - 1.0)[:, None]
+        c = fit_circle(on_arc, normal, wide)
+    shared = 1.0 if sigma is not None else _SHARED
+    text = f"circle through a section of {c.count} points, rms {c.rms:.3f} mm"
+    return Measured(
+        2 * c.radius, "mm", 2 * float(np.sqrt(shared * c.covariance[2, 2])), c.centre[None], text
+    )
+
+
+def area(mesh: Mesh, faces: Bools | None = None) -> Measured:
+    """The area of a mesh, or of the faces (f,) chosen.
+
+    Noise makes a surface rough and so its area larger, by about Σ σᵢ² eᵢ²/8A over the corners i
+    of each face of area A, eᵢ the side opposite: that much is part of the uncertainty.
+    """
+    chosen = np.ones(len(mesh.faces), dtype=np.bool_) if faces is None else faces
+    t = mesh.triangles[chosen]
+    twice = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    each = np.linalg.norm(twice, axis=1) / 2
+    sigma = np.nan
+    if mesh.provenance is not None:
+        s = np.nan_to_num(mesh.provenance.sigma)
+        corners = mesh.faces[chosen]
+        opposite = np.roll(t, -2, axis=1) - np.roll(t, -1, axis=1)
+        fair = np.maximum(each, 1e-12)
+        rough = (s[corners] ** 2 * (opposite**2).sum(axis=2)).sum(axis=1) / (8 * fair)
+        slope = np.cross(twice[:, None] / (2 * fair[:, None, None]), opposite) / 2
+        noise = _gathered(slope, corners, len(mesh.vertices))
+        sigma = float(np.hypot(np.sqrt((noise**2).sum(axis=1) @ s**2), rough.sum()))
+    text = f"of {int(chosen.sum())} faces" + _unmeasured(mesh, chosen, each)
+    return Measured(float(each.sum()), "mm²", sigma, _middle(t), text)
+
+
+def volume(mesh: Mesh) -> Measured:
+    """The volume within a closed mesh. Raises InputError for an open one."""
+    if not is_closed(mesh):
+        raise InputError("the surface is open, so it has no volume", hint="close it first")
+    t = mesh.triangles
+    twice = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    sigma = np.nan
+    if mesh.provenance is not None:
+        slope = np.repeat(twice[:, None] / 6, 3, axis=1)
+        noise = _gathered(slope, mesh.faces, len(mesh.vertices))
+        sigma = float(np.sqrt((noise**2).sum(axis=1) @ np.nan_to_num(mesh.provenance.sigma) ** 2))
+    everything = np.ones(len(mesh.faces), dtype=np.bool_)
+    text = "within the surface"
+    text += _unmeasured(mesh, everything, np.linalg.norm(twice, axis=1) / 2)
+    return Measured(mesh.volume, "mm³", sigma, _middle(t), text)
+
+
+def _gathered(slope: Floats, corners: npt.NDArray[np.int32], count: int) -> Floats:
+    """(v, 3) the sum over the faces of what (f, 3, 3) each of their corners adds."""
+    flat = slope.reshape(-1, 3)
+    parts = [np.bincount(corners.ravel(), flat[:, axis], minlength=count) for axis in range(3)]
+    return np.stack(parts, axis=-1)
+
+
+def _corners(mesh: Mesh, faces: Bools) -> tuple[Floats, Floats | None]:
+    """The measured corners of the chosen faces, and their sigma where all have one."""
+    known = faces if mesh.measured is None else faces & mesh.measured
+    if not known.any():
+        raise InputError("nothing that was measured is selected", hint="select measured faces")
+    used = np.unique(mesh.faces[known])
+    return mesh.vertices[used], _sigma(mesh, used)
+
+
+def _sigma(mesh: Mesh, vertices: npt.NDArray[np.integer]) -> Floats | None:
+    if mesh.provenance is None:
+        return None
+    sigma = mesh.provenance.sigma[vertices]
+    return sigma if bool((sigma > 0).all()) else None
+
+
+def _unmeasured(mesh: Mesh, chosen: Bools, each: Floats) -> str:
+    if mesh.measured is None or mesh.measured[chosen].all():
+        return ""
+    share = float(each[~mesh.measured[chosen]].sum() / each.sum())
+    return f"; {share:.1%} of its area was not measured"
+
+
+def _middle(t: Floats) -> Floats:
+    return t.reshape(-1, 3).mean(axis=0)[None] if len(t) else np.zeros((0, 3))

@@ -1,0 +1,100 @@
+"""Measurements are entries of the history: they change nothing, and are taken anew on a re-scan."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.shapes.test_measure import NOISE, cylinder, noisy, wall_of
+from turnscan.edit import (
+    Cut,
+    Delete,
+    Document,
+    MeasureAngle,
+    MeasureArea,
+    MeasureCorner,
+    MeasureDiameter,
+    MeasureDistance,
+    MeasureSection,
+    MeasureToPlane,
+    MeasureVolume,
+    Region,
+    action_to_json,
+    history_from_log,
+    in_words,
+)
+
+
+def session(seed: int) -> tuple[Document, list[str]]:
+    """A cylinder, measured in every way there is."""
+    mesh = noisy(cylinder(10.0, 30.0), np.random.default_rng(seed))
+    document = Document.open(lambda _: (mesh, ()))
+    n = len(mesh.vertices)
+    wall = Region.of(document.body, np.flatnonzero(wall_of(mesh)))
+    ends = [np.flatnonzero((mesh.faces == k).any(axis=1)) for k in (n - 1, n - 2)]
+    top, bottom = (Region.of(document.body, faces) for faces in ends)
+    log = []
+    for edit in (
+        MeasureDiameter(wall),
+        MeasureSection((0.0, 0.0, 1.0), 12.2),
+        MeasureDistance((10.0, 0.0, 0.0), (10.0, 0.0, 30.0)),
+        MeasureToPlane((0.0, 0.0, 0.0), top),
+        MeasureAngle(top, bottom),
+        MeasureCorner((10.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 10.0, 0.0)),
+        MeasureArea(wall),
+        MeasureArea(),
+        MeasureVolume(),
+        Cut((0.0, 0.0, 1.0), 15.0),
+        MeasureVolume(),
+    ):
+        document, change = document.add(edit)
+        assert change.findings == ()
+        assert (change.patches == ()) == edit.kind.startswith("measure")
+        log.append(action_to_json(change.action))
+    return document, log
+
+
+def test_every_measurement_is_near_the_truth_here_and_on_another_scan() -> None:
+    document, log = session(0)
+    other = noisy(cylinder(10.0, 30.0, n=44, m=17), np.random.default_rng(9))
+    replayed = Document.open(lambda _: (other, ()), history_from_log(log))
+    assert [f for f in replayed.findings if f.code.startswith("edit.")] == []
+    side = 2 * np.pi * 10 * 30
+    truth = [20, 20, 30, -30, np.pi, np.pi / 2, side, side + 2 * np.pi * 100]
+    truth += [np.pi * 3000, np.pi * 1500]
+    for done in (document, replayed):
+        values = [m.value for _, m in done.measured]
+        assert values == pytest.approx(truth, rel=0.02, abs=4 * NOISE)
+        assert all(np.isfinite(m.sigma) for _, m in done.measured[:7])
+        for (_, m), wanted in list(zip(done.measured, truth, strict=True))[:6]:
+            assert abs(m.value - wanted) < 6 * m.sigma
+    assert all(in_words(entry.edit).startswith("measure") for entry, _ in document.measured)
+
+
+def test_they_follow_undo_and_their_place_in_the_history() -> None:
+    document, _ = session(1)
+    before = document.body.digest()
+    whole, half = (m.value for e, m in document.measured if e.edit.kind == "measure_volume")
+    assert half == pytest.approx(whole / 2, rel=0.01)
+    undone, _ = document.undo()
+    assert len(undone.measured) == 9
+    assert undone.body.digest() == before
+    uncut, _ = document.switch(10, False)
+    assert [m.value for e, m in uncut.measured if e.edit.kind == "measure_volume"] == [whole] * 2
+
+
+def test_one_that_cannot_be_taken_is_a_remark_and_no_error() -> None:
+    mesh = noisy(cylinder(10.0, 30.0), np.random.default_rng(2))
+    document = Document.open(lambda _: (mesh, ()))
+    gone = Region.of(document.body, [0, 1, 2])
+    document, _ = document.add(Delete(gone))
+    for edit, words in (
+        (MeasureVolume(), "the surface is open"),
+        (MeasureArea(gone), "the region it was taken on is not there"),
+        (MeasureDistance((10.0, 0.0, 5.0), (0.0, 0.0, 99.0)), "69.0 mm away"),
+        (MeasureSection((0.0, 0.0, 1.0), 99.0), "does not meet"),
+    ):
+        after, change = document.add(edit)
+        assert [(f.code, f.severity) for f in change.findings] == [("edit.refused", "warning")]
+        assert words in change.findings[0].message
+        assert after.measured == ()

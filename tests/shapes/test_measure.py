@@ -1,0 +1,137 @@
+"""Measurements of shapes of known size; their uncertainty is that of the noise put in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from turnscan import shapes
+from turnscan.errors import InputError
+from turnscan.surface import Mesh, Provenance, is_closed
+
+NOISE = 0.05
+ROUNDS = 60
+
+
+def cylinder(radius: float, height: float, n: int = 40, m: int = 15) -> Mesh:
+    """Closed: a wall of n × m points and two fans."""
+    a = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    z = np.linspace(0, height, m)
+    wall = np.stack(
+        [np.tile(radius * np.cos(a), m), np.tile(radius * np.sin(a), m), np.repeat(z, n)], axis=-1
+    )
+    v = np.concatenate([wall, [(0, 0, 0), (0, 0, height)]])
+    k, after = np.arange(n), (np.arange(n) + 1) % n
+    faces = []
+    for r in range(m - 1):
+        lo, hi = r * n, (r + 1) * n
+        faces += [np.stack([lo + k, lo + after, hi + after], axis=-1)]
+        faces += [np.stack([lo + k, hi + after, hi + k], axis=-1)]
+    low, top = np.full(n, n * m), np.full(n, n * m + 1)
+    faces += [np.stack([low, after, k], axis=-1)]
+    faces += [np.stack([top, (m - 1) * n + k, (m - 1) * n + after], axis=-1)]
+    return Mesh(v, np.concatenate(faces))
+
+
+def noisy(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    v = len(mesh.vertices)
+    zero = np.zeros(v, np.int32)
+    p = Provenance(np.full(v, NOISE), zero, zero, zero, ("left",))
+    return replace(mesh, vertices=mesh.vertices + rng.normal(0, NOISE, (v, 3)), provenance=p)
+
+
+def wall_of(mesh: Mesh) -> np.ndarray:
+    return mesh.faces.max(axis=1) < len(mesh.vertices) - 2
+
+
+def rounds(mesh: Mesh, measure) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(3)
+    done = [measure(noisy(mesh, rng)) for _ in range(ROUNDS)]
+    return np.array([d.value for d in done]), np.array([d.sigma for d in done])
+
+
+@pytest.mark.parametrize(
+    ("measure", "truth", "cautious"),
+    [
+        (lambda m: shapes.region_diameter(m, wall_of(m)), 20.0, 1.3),
+        (lambda m: shapes.section_diameter(m, (0, 0, 1), 7.3), 20.0, 2.2),
+        (lambda m: shapes.volume(m), None, 2.0),
+        (lambda m: shapes.area(m), None, 6.0),
+        (
+            lambda m: shapes.distance(
+                *(shapes.Spot(m.vertices[k], NOISE) for k in (0, len(m.vertices) - 1))
+            ),
+            np.hypot(10.0, 30.0),
+            1.8,
+        ),
+        (
+            lambda m: shapes.corner_angle(
+                *(shapes.Spot(m.vertices[k], NOISE) for k in (0, len(m.vertices) - 2, 10))
+            ),
+            np.pi / 2,
+            1.8,
+        ),
+    ],
+)
+def test_the_value_is_right_and_its_sigma_is_that_of_the_noise(measure, truth, cautious) -> None:
+    mesh = cylinder(10.0, 30.0)
+    assert is_closed(mesh)
+    value, sigma = rounds(mesh, measure)
+    exact = measure(noisy(mesh, np.random.default_rng(0))) if truth is None else None
+    if exact is not None:
+        flat = replace(mesh, provenance=None)
+        truth = measure(flat).value
+    z = (value - truth) / sigma
+    rms = float(np.sqrt(np.mean(z**2)))
+    assert rms < 1.25, "not less than it claims"
+    assert rms > 0.8 / cautious, "nor far more"
+    assert abs(value.mean() - truth) < 3.5 * sigma.mean() / np.sqrt(ROUNDS) or cautious >= 6
+
+
+def test_a_section_of_a_coarse_mesh_has_the_diameter_of_its_vertices() -> None:
+    for n in (7, 12, 40):
+        mesh = cylinder(10.0, 30.0, n=n)
+        assert shapes.section_diameter(mesh, (0, 0, 1), 7.3).value == pytest.approx(20, abs=1e-6)
+        assert shapes.region_diameter(mesh, wall_of(mesh)).value == pytest.approx(20, abs=1e-6)
+
+
+def test_the_loop_that_is_meant() -> None:
+    small = cylinder(4.0, 30.0)
+    both = Mesh(
+        np.concatenate([cylinder(10.0, 30.0).vertices, small.vertices + (40, 0, 0)]),
+        np.concatenate([cylinder(10.0, 30.0).faces, small.faces + len(small.vertices)]),
+    )
+    assert shapes.section_diameter(both, (0, 0, 1), 9.9).value == pytest.approx(20)
+    assert shapes.section_diameter(both, (0, 0, 1), 9.9, (44, 0, 9)).value == pytest.approx(8)
+    with pytest.raises(InputError, match="does not meet"):
+        shapes.section_diameter(both, (0, 0, 1), 99.0)
+
+
+def test_planes_of_a_region() -> None:
+    mesh = cylinder(10.0, 30.0, n=60)
+    n = len(mesh.vertices)
+    top, bottom = ((mesh.faces == k).any(axis=1) for k in (n - 1, n - 2))
+    up, down = shapes.plane_of(mesh, top), shapes.plane_of(mesh, bottom)
+    assert np.allclose(up.normal, (0, 0, 1))
+    assert np.allclose(down.normal, (0, 0, -1))
+    assert shapes.planes_angle(up, down).value == pytest.approx(np.pi)
+    spot = shapes.Spot(np.array([1.0, 2.0, 34.5]), 0.03)
+    away = shapes.to_plane(spot, up)
+    assert away.value == pytest.approx(4.5)
+    assert away.sigma >= 0.03
+    assert np.allclose(away.places, [(1, 2, 34.5), (1, 2, 30)])
+
+
+def test_what_was_not_measured_does_not_count_and_is_named() -> None:
+    mesh = cylinder(10.0, 30.0)
+    wall = wall_of(mesh)
+    capped = replace(mesh, measured=wall)
+    assert "% of its area was not measured" in shapes.volume(capped).text
+    assert np.isnan(shapes.volume(capped).sigma)
+    with pytest.raises(InputError, match="nothing that was measured"):
+        shapes.plane_of(capped, ~wall)
+    with pytest.raises(InputError, match="open"):
+        shapes.volume(Mesh(mesh.vertices, mesh.faces[wall]))
+    assert shapes.area(mesh, wall).value == pytest.approx(2 * 40 * 10 * np.sin(np.pi / 40) * 30)
