@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ import numpy as np
 from turnscan import edit, surface
 from turnscan.app import _protocol as p
 from turnscan.app._envelope import Array
-from turnscan.app._hub import Client, Hub
+from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
 from turnscan.app._wire_grid import CAUSES, grid_arrays, picture_png, profile_arrays
 from turnscan.app._wire_mesh import (
@@ -35,6 +36,9 @@ from turnscan.points import RangeGrid
 from turnscan.scan import Scan, rig_for
 from turnscan.surface import Mesh
 
+MOST_HOLES = 1000
+"""The largest ones are told."""
+
 
 class Stale(InputError):
     """The edit was made on a surface that has changed since."""
@@ -46,6 +50,8 @@ class State:
 
     document: edit.Document
     grids: tuple[RangeGrid, ...]
+    sought: tuple[surface.Sought, ...]
+    """What the scan could have seen, for the causes of holes."""
     revision: int
     epoch: int
     figures: p.Figures
@@ -62,8 +68,11 @@ class OpenScan:
         self.name, self.path, self._hub = name, path, hub
         self.used = time.monotonic()
         self._lock = threading.RLock()
+        self._looking = threading.Lock()
+        self._found: tuple[int, Mesh, list[surface.Hole]] | None = None
         self._settings = Settings()
         self._grids: tuple[RangeGrid, ...] = ()
+        self._sought: tuple[surface.Sought, ...] = ()
         self._times: dict[int, float] = {}
         self.scan = Scan.resume(path)
         try:
@@ -81,7 +90,7 @@ class OpenScan:
         except BaseException:
             self.scan.close()
             raise
-        self.now = State(document, self._grids, 0, 0, figures(document.body))
+        self.now = State(document, self._grids, self._sought, 0, 0, figures(document.body))
 
     def close(self) -> None:
         """Let the file go."""
@@ -137,10 +146,9 @@ class OpenScan:
         )
 
     def holes(self, id: int) -> tuple[p.Holes, dict[str, Array]]:
-        """Every hole, and its border."""
+        """Every hole with its cause, and its border."""
         state = self.now
-        mesh = edit.Compact.of(state.document.body).mesh
-        found = sorted(surface.holes(mesh), key=lambda h: -h.size)
+        mesh, found = self._holes(state)
         entries = [
             p.HoleEntry(
                 hole=k,
@@ -156,6 +164,33 @@ class OpenScan:
         loops = {f"loop_{k}": mesh.vertices[h.loop].astype("<f4") for k, h in enumerate(found)}
         answer = p.Holes(id=id, scan=self.name, revision=state.revision, holes=entries)
         return answer, loops
+
+    def _holes(self, state: State) -> tuple[Mesh, list[surface.Hole]]:
+        """The largest first; kept until the surface changes."""
+        with self._looking:
+            if self._found is None or self._found[0] != state.revision:
+                mesh = edit.Compact.of(state.document.body).mesh
+                holes = surface.explain(mesh, surface.holes(mesh), state.sought)
+                found = sorted(holes, key=lambda h: -h.size)[:MOST_HOLES]
+                self._found = state.revision, mesh, found
+            return self._found[1:]
+
+    def defects(self, id: int) -> p.Defects:
+        """What was found wrong, with its place where it has one, and the holes."""
+        state = self.now
+        told = [_defect(f, state.grids) for f in state.document.findings]
+        _, found = self._holes(state)
+        for h in found:
+            remark = p.Remark(
+                code="surface.hole",
+                severity="note",
+                text=f"a hole of {h.size:.1f} mm: {surface.CAUSE_WORDS[h.cause or 'unknown']}",
+                where="",
+                remedy="fill it, or scan the part again in another pose",
+            )
+            place = (float(h.centre[0]), float(h.centre[1]), float(h.centre[2]))
+            told.append(p.Defect(remark=remark, place=place, grid=None, step=None, line=None))
+        return p.Defects(id=id, scan=self.name, revision=state.revision, defects=told)
 
     def stand_in(self, faces: int) -> tuple[p.MeshHeader, dict[str, Array]]:
         """A coarse surface of about so many faces."""
@@ -219,14 +254,13 @@ class OpenScan:
         value: Mapping[str, Any],
         arrays: Mapping[str, Array],
         id: int,
-        client: Client,
-    ) -> None:
-        """Show one client what an edit would do. Raises as `make`."""
+    ) -> tuple[p.PreviewShown, dict[str, Array]]:
+        """What an edit would do; nothing is kept. Raises as `make`."""
         with self._lock:
             before = self.now.document.body
             document, change = self._tried(base, value, arrays)
         shown = p.PreviewShown(id=id, figures=figures(document.body))
-        self._hub.tell(shown, preview_arrays(before, document.body, change.patches), to=client)
+        return shown, preview_arrays(before, document.body, change.patches)
 
     def undo(self) -> None:
         """One edit back. Raises InputError where there is none."""
@@ -278,6 +312,7 @@ class OpenScan:
         state = State(
             document,
             self._grids,
+            self._sought,
             before.revision + 1,
             before.epoch + replaced,
             figures(document.body),
@@ -316,8 +351,28 @@ class OpenScan:
 
     def _build(self, entries: Sequence[edit.Entry]) -> tuple[Mesh, Sequence[Finding]]:
         done = build(self._seen, self._settings, entries)
-        self._grids = done.grids
+        self._grids, self._sought = done.grids, done.sought
         return done.mesh, done.findings
+
+
+def _defect(finding: Finding, grids: Sequence[RangeGrid]) -> p.Defect:
+    """A finding, and the step and the grid that its words name."""
+    words = f"{finding.where}: {finding.message}"
+    step = re.search(r"\bsteps? (\d+)", words)
+    grid = None
+    for k, g in enumerate(grids):
+        if re.search(rf"\blaser '?{re.escape(g.laser)}\b", words):
+            number = int(step[1]) if step else None
+            if number is None or number in g.steps:
+                grid = k
+                break
+    return p.Defect(
+        remark=remarks([finding])[0],
+        place=None,
+        grid=grid,
+        step=int(step[1]) if step else None,
+        line=None,
+    )
 
 
 def _numbered(state: State, number: int) -> RangeGrid:

@@ -31,6 +31,10 @@ _OPEN_SCANS = 4
 """Documents that are held open at a time."""
 
 
+Answer = p.Model | tuple[p.Model, Mapping[str, Array]] | None
+"""A message, perhaps with arrays; None for done."""
+
+
 @dataclass(frozen=True)
 class Call:
     """A request on its way to an answer."""
@@ -69,7 +73,7 @@ class Workshop:
         self._opening: dict[str, Job] = {}
         self._lock = threading.RLock()
         self._pool = ThreadPoolExecutor(8, "request")
-        self._answers: dict[type, tuple[Callable[[Call], p.Model | None], bool]] = {
+        self._answers: dict[type, tuple[Callable[[Call], Answer], bool]] = {
             q.Stop: (self._stop, False),
             q.TakeControl: (self._take_control, False),
             q.ReleaseControl: (self._release_control, False),
@@ -81,6 +85,10 @@ class Workshop:
             q.GoTo: (self._go_to, True),
             q.Switch: (self._switch, True),
             q.ListHoles: (self._list_holes, False),
+            q.ListDefects: (
+                lambda call: self.opened(call.request.scan).defects(call.id),
+                False,
+            ),
             q.FindDevices: (self._find_devices, True),
             q.Connect: (self._connect, True),
             q.Disconnect: (lambda call: self.rig.disconnect(), True),
@@ -172,7 +180,8 @@ class Workshop:
             mistake = InputError("a mistake inside turnscan", hint="please report it")
             self._refuse(call, "mistake", mistake)
         else:
-            self.hub.tell(answer or p.Done(id=call.id), to=client)
+            message, arrays = answer if isinstance(answer, tuple) else (answer, None)
+            self.hub.tell(message or p.Done(id=call.id), arrays, to=client)
 
     def _refuse(self, call: Call, code: str, e: TurnscanError) -> None:
         text, hint = self.hub.hide(e.message), self.hub.hide(e.hint)
@@ -268,13 +277,13 @@ class Workshop:
             raise Refusal("busy", "other scans are just being opened", "wait for them")
         self._scans.pop(name).close()
 
-    def _edit(self, call: Call) -> None:
+    def _edit(self, call: Call) -> Answer:
         r: q.EditRequest = call.request
         scan = self.opened(r.scan)
         if r.preview:
-            scan.preview(r.base_revision, r.edit, call.arrays, call.id, call.client)
-        else:
-            scan.make(r.base_revision, r.edit, call.arrays)
+            return scan.preview(r.base_revision, r.edit, call.arrays, call.id)
+        scan.make(r.base_revision, r.edit, call.arrays)
+        return None
 
     def _undo(self, call: Call) -> None:
         self.opened(call.request.scan).undo()
@@ -288,10 +297,8 @@ class Workshop:
     def _switch(self, call: Call) -> None:
         self.opened(call.request.scan).switch(call.request.edit, call.request.on)
 
-    def _list_holes(self, call: Call) -> p.Model | None:
-        holes, loops = self.opened(call.request.scan).holes(call.id)
-        self.hub.tell(holes, loops, to=call.client)
-        return None
+    def _list_holes(self, call: Call) -> Answer:
+        return self.opened(call.request.scan).holes(call.id)
 
 
 def _check_remote(*addresses: str) -> None:
