@@ -68,6 +68,8 @@ class Reconstruction:
     @cached_property
     def holes(self) -> list[Hole]:
         """The gaps of the surface as it was measured and edited, each with its cause."""
+    caps: Caps | None = None
+    """How its gaps were closed; None where they were not."""
         mesh = self.mesh if self.opened is None else self.opened
         return surface.explain(mesh, surface.holes(mesh), self.sought)
 
@@ -96,7 +98,7 @@ def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Re
     meshed = [k.grid for k in sought] if s.spacing_by == "arc" else grids
     opened, mesh, remarks = to_mesh(meshed, s, edits)
     told = (*findings, *remarks)
-    return Reconstruction(tuple(grids), mesh, told, tuple(edits), opened, tuple(sought))
+    return Reconstruction(tuple(grids), mesh, told, tuple(edits), opened, tuple(sought), s.caps)
 
 
 def to_grids(

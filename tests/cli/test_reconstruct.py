@@ -85,6 +85,36 @@ def test_html_report(scan_path, tmp_path):
     assert "https://" not in html
 
 
+def test_the_report_tells_the_holes_the_coverage_and_what_was_filled(scan_path, tmp_path):
+    words = ["-o", tmp_path / "a.stl", "--z-min", 2, "--z-max", 35]
+    result = run("reconstruct", scan_path, *words, "--close", "--report", tmp_path / "r.json")
+    body = json.loads((tmp_path / "r.json").read_text())
+    top, foot = sorted(body["holes"], key=lambda h: -h["centre_mm"][2])
+    # Both ends of the can were cut off by the heights that were asked for.
+    assert [top["cause"], foot["cause"]] == ["outside", "outside"]
+    assert [top["filled"], foot["filled"]] == ["plane", "floor"]
+    for hole in (top, foot):
+        assert hole["size_mm"] == pytest.approx(50, abs=0.5)
+        assert hole["perimeter_mm"] == pytest.approx(2 * np.pi * 25, rel=0.02)
+        assert hole["area_mm2"] == pytest.approx(np.pi * 25**2, rel=0.03)
+    maps = body["maps"]
+    lasers, sigma = np.array(maps["lasers"]), np.array(maps["sigma_mm"], dtype=float)
+    assert lasers.shape == sigma.shape
+    assert lasers.shape == (len(maps["height_mm"]) - 1, len(maps["angle_deg"]) - 1)
+    assert (lasers == 1).mean() > 0.9
+    assert (np.isfinite(sigma) == (lasers > 0)).all()
+    wall = 2 * np.pi * 25 * 32.5
+    assert body["surface"]["measured_mm2"] == pytest.approx(wall, rel=0.05)
+    assert body["surface"]["missing_mm2"] == pytest.approx(2 * np.pi * 25**2, rel=0.03)
+    assert body["surface"]["after_not_measured_faces"] > 0
+    assert "holes: 2 (2 outside the picture or the working volume)" in result.stdout
+    run("reconstruct", scan_path, *words, "--close", "--report", tmp_path / "r.html")
+    html = (tmp_path / "r.html").read_text()
+    assert html.count("data:image/png;base64,") == 6
+    assert html.count("outside the picture or the working volume</td>") == 2
+    assert "after, from 34°; pink: not measured" in html
+
+
 def test_an_empty_result_writes_nothing_and_exits_1(scan_path, tmp_path):
     out = tmp_path / "part.dxf"
     out.write_text("mine")

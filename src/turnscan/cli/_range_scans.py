@@ -69,4 +69,4 @@ def join_scans(
     points = sum(int(g.found.sum()) for g in grids)
     text = f"{points} points of {len(grids)} scans, unit {unit}: {size:.1f} mm across"
     about = Finding("points.range-scans", "note", text, source.name, "other units: --unit")
-    return Reconstruction(tuple(grids), mesh, (about, *findings, *remarks), (), opened)
+    return Reconstruction(tuple(grids), mesh, (about, *findings, *remarks), (), opened, (), caps)

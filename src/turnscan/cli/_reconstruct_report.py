@@ -15,6 +15,7 @@ import numpy as np
 
 from turnscan import __version__
 from turnscan.cli._output import check_output, write_atomically, write_results
+from turnscan.cli._surface_report import holes_line, surface_figures, surface_parts
 from turnscan.edit import Entry, edit_to_value, in_words
 from turnscan.export import ExportOptions, Profiles
 from turnscan.pipeline import Reconstruction, Settings
@@ -22,9 +23,16 @@ from turnscan.points import profiles, systematic_sigma
 from turnscan.rig import Rig, rig_hash
 from turnscan.surface import is_closed
 
-_VIEWS = ((0.6, 0.45), (0.6 + np.pi / 2, 0.45), (0.6 + np.pi, 0.45), (0.6 + 3 * np.pi / 2, 0.45))
-
-_OF_PICTURES = ("stripes", "volume", "shortest", "every", "spacing", "spacing_by")
+_OF_PICTURES = (
+    "stripes",
+    "volume",
+    "shortest",
+    "every",
+    "spacing",
+    "spacing_by",
+    "between",
+    "denoise",
+)
 """Settings without a meaning for range scans."""
 
 
@@ -117,7 +125,7 @@ def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
         size = " × ".join(f"{b - a:.2f}" for a, b in zip(low, high, strict=True))
         volume = f", volume {f['volume_mm3']:.2f} mm³" if f["closed"] else ", open"
         lines.append(f"mesh: {f['vertices']} vertices, {f['faces']} faces, {size} mm{volume}")
-    return lines
+    return lines + holes_line(done)
 
 
 @dataclass(frozen=True)
@@ -179,13 +187,13 @@ def _write_report(
         body = {
             **told,
             **figures(done, rig),
+            **surface_figures(done),
             **{s.key: s.values for s in sections},
             "findings": [asdict(f) for f in done.findings],
         }
         write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
         return
     from turnscan.cli import _html as html
-    from turnscan.cli._render import render
 
     rows = [
         [
@@ -195,13 +203,11 @@ def _write_report(
     ]  # fmt: skip
     head = ["laser", "profiles", "points", "stripe noise, median mm", "rig, median mm"]
     parts = [html.table(head, rows)]
-    parts += [html.paragraph(line) for line in summary(done, rig)[-1:]]
+    parts += [html.paragraph(line) for line in summary(done, rig)[len(rows) :]]
     for s in sections:
         parts += [html.heading(s.title), html.table(s.head, s.rows)]
-    parts += [html.heading("Findings"), html.findings(done.findings), html.heading("Surface")]
-    for azimuth, elevation in _VIEWS:
-        view = render(done.mesh, azimuth=azimuth, elevation=elevation)
-        parts.append(html.picture(view, f"from {np.rad2deg(azimuth):.0f}°"))
+    parts += [html.heading("Findings"), html.findings(done.findings)]
+    parts += surface_parts(done)
     parameters = json.dumps(told, indent=1, ensure_ascii=False)
     parts += [html.heading("Parameters"), html.paragraph(parameters)]
     write_atomically(path, html.page(f"Reconstruction of {told['source']}", parts).encode())

@@ -3,7 +3,7 @@
 from turnscan.surface._cast import Caster
 from turnscan.surface._causes import Sought, explain
 from turnscan.surface._clean import Clean, clean
-from turnscan.surface._close import Caps, Top, close
+from turnscan.surface._close import Caps, Top, close, closings
 from turnscan.surface._cut import Clip, Section, clip, cut, sections
 from turnscan.surface._decimate import decimate, decimation_findings
 from turnscan.surface._fill import FillHow, fill
@@ -43,6 +43,7 @@ __all__ = [
     "components",
     "crossings",
     "cut",
+    "closings",
     "cut_touching",
     "decimate",
     "decimation_findings",

@@ -81,6 +81,26 @@ def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
     return done, remarks + _said(done, gaps, foot, c)
 
 
+def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None) -> list[str]:
+    """In a word for each hole of a mesh how `close` deals with it: "open" where it does not."""
+    if caps is None:
+        return ["open"] * len(found)
+    feet, top, _ = _sorted(mesh, caps)
+    standing = {h.loop.tobytes() for h in feet} if caps.floor is not None else set()
+    above = b"" if top is None else top.loop.tobytes()
+    out = []
+    for hole in found:
+        loop = hole.loop.tobytes()
+        if loop in standing:
+            out.append("floor")
+        elif loop == above:
+            out.append(str(caps.top))
+        else:
+            large = caps.largest is not None and hole.size > caps.largest
+            out.append("open" if large or caps.holes is None else caps.holes)
+    return out
+
+
 def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: Caps) -> list[Finding]:
     out = []
     if mesh.measured is not None:
