@@ -54,9 +54,10 @@ export async function ask(request: Request): Promise<boolean> {
 
 // Preferences stay in this browser.
 
-function kept<T extends string>(key: string, first: T, allowed: readonly T[]) {
+/** A text that the browser remembers; `allowed` null takes any. */
+export function kept<T extends string>(key: string, first: T, allowed: readonly T[] | null = null) {
   const found = localStorage.getItem(`turnscan.${key}`) as T | null;
-  const value = signal<T>(found && allowed.includes(found) ? found : first);
+  const value = signal<T>(found !== null && (allowed?.includes(found) ?? true) ? found : first);
   effect(() => localStorage.setItem(`turnscan.${key}`, value.value));
   return value;
 }

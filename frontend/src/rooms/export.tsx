@@ -89,7 +89,7 @@ function Options() {
           label="Version"
           value={version.value}
           options={[
-            ["auto", "what it needs"],
+            ["auto", "automatic"],
             ["R12", "R12"],
             ["R2010", "R2010"],
           ]}

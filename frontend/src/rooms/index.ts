@@ -4,6 +4,8 @@ import type { Command } from "../commands";
 import { exporting } from "./export";
 import { mend } from "./mend";
 import { projects } from "./projects";
+import { rig } from "./rig";
+import { scan } from "./scan";
 
 export interface Room {
   id: string;
@@ -15,4 +17,4 @@ export interface Room {
 }
 
 export const home: Room = projects;
-export const rooms: readonly Room[] = [mend, exporting];
+export const rooms: readonly Room[] = [rig, scan, mend, exporting];

@@ -94,6 +94,27 @@ export function NumberField({ label, value, unit, min, max, step, placeholder, o
   );
 }
 
+interface TextProps {
+  label: string;
+  value: string;
+  unit?: string;
+  placeholder?: string;
+  onChange: (value: string) => void;
+}
+
+export function TextField({ label, value, unit, placeholder, onChange }: TextProps) {
+  const id = useId();
+  return (
+    <div class="field text">
+      <label for={id}>{label}</label>
+      <span class="with-unit">
+        <input id={id} type="text" value={value} placeholder={placeholder} spellcheck={false} onChange={(event) => onChange(event.currentTarget.value.trim())} />
+        {unit && <span>{unit}</span>}
+      </span>
+    </div>
+  );
+}
+
 interface SelectProps<T extends string> {
   label: string;
   value: T;

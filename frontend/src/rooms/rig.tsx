@@ -1,0 +1,191 @@
+/** Rig: what is connected, what the camera sees, and whether all of it is fit for a scan. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { FoundDevice, JobState, Remark } from "../protocol";
+import { ask, devices, isOperator, jobs, kept } from "../state";
+import { Button, Check, NumberField, Section, TextField } from "../ui/controls";
+import { findDevices, finding, found, isScanning } from "../station/live";
+import { LivePane } from "../station/views";
+import type { Room } from ".";
+
+const SIMULATED = "sim:cup?seed=7";
+const camera = kept<string>("camera", SIMULATED);
+const turntable = kept<string>("turntable", SIMULATED);
+const lasers = kept<string>("lasers", SIMULATED);
+
+const connected = () => (devices.value?.addresses.length ?? 0) > 0;
+
+function choose({ address, role }: FoundDevice): void {
+  if (role === "camera") camera.value = address;
+  else {
+    turntable.value = lasers.value = address;
+    if (address.startsWith("sim:")) camera.value = address;
+  }
+}
+
+function DevicesPanel() {
+  const busy = useSignal(false);
+  const connect = async () => {
+    busy.value = true;
+    await ask({ kind: "connect", camera: camera.value, turntable: turntable.value, lasers: lasers.value || turntable.value });
+    busy.value = false;
+  };
+  return (
+    <Section title="Devices">
+      <TextField label="Camera" value={camera.value} onChange={(value) => (camera.value = value)} />
+      <TextField label="Turntable" value={turntable.value} onChange={(value) => (turntable.value = value)} />
+      <TextField label="Lasers" value={lasers.value} onChange={(value) => (lasers.value = value)} />
+      <div class="grid-2">
+        <Button kind={connected() ? undefined : "primary"} disabled={busy.value || !isOperator.value || isScanning()} onClick={() => void connect()}>
+          {busy.value ? "Connecting …" : connected() ? "Connect again" : "Connect"}
+        </Button>
+        <Button disabled={!connected() || !isOperator.value || isScanning()} onClick={() => void ask({ kind: "disconnect" })}>
+          Disconnect
+        </Button>
+      </div>
+    </Section>
+  );
+}
+
+function FoundPanel() {
+  useEffect(() => {
+    if (!found.value) void findDevices(false);
+  }, []);
+  const list = found.value;
+  return (
+    <Section title="Found on this computer" count={list?.devices.length ?? "…"}>
+      <ul class="list" aria-label="Devices that were found">
+        {list?.devices.map((device) => (
+          <li key={device.address}>
+            <button type="button" class="button plain grow" title="Use this address" onClick={() => choose(device)}>
+              <span>
+                <span class="num">{device.address}</span> <span class="quiet">{device.text}</span>
+              </span>
+            </button>
+          </li>
+        ))}
+      </ul>
+      {list?.notes.map((note) => <RemarkLine key={note.text} remark={note} />)}
+      <div class="grid-2">
+        <Button disabled={finding.value} onClick={() => void findDevices(false)}>
+          Look again
+        </Button>
+        <Button disabled={finding.value || connected()} label="Asks every serial port which board it is; nothing moves or is lit" onClick={() => void findDevices(true)}>
+          Ask the ports
+        </Button>
+      </div>
+    </Section>
+  );
+}
+
+function LookPanel() {
+  const lit = useSignal<readonly string[]>([]);
+  const ms = useSignal(20);
+  const gain = useSignal(1);
+  const now = devices.value;
+  if (!now || !connected()) return null;
+  const look = (on: boolean) => void ask({ kind: "look", on, lit: [...lit.value], seconds: ms.value / 1000, gain: gain.value });
+  const changed = () => {
+    if (now.looking) look(true);
+  };
+  const light = (name: string, on: boolean) => {
+    lit.value = on ? [...lit.value, name] : lit.value.filter((other) => other !== name);
+    changed();
+  };
+  const ready = isOperator.value && !isScanning();
+  return (
+    <Section title="Live picture">
+      {now.lasers.map(({ name }) => (
+        <Check key={name} label={`Laser ${name}`} checked={lit.value.includes(name)} onChange={(on) => light(name, on)} />
+      ))}
+      <NumberField label="Exposure" value={ms.value} unit="ms" min={0.01} onChange={(value) => { ms.value = value ?? 20; changed(); }} />
+      <NumberField label="Gain" value={gain.value} min={0.1} onChange={(value) => { gain.value = value ?? 1; changed(); }} />
+      <div class="grid-2">
+        <Button kind={now.looking ? undefined : "primary"} icon="camera" disabled={!ready || now.looking} onClick={() => look(true)}>
+          Look
+        </Button>
+        <Button disabled={!now.looking} onClick={() => look(false)}>
+          End
+        </Button>
+      </div>
+      <p class="quiet">Lasers go dark by themselves when this page is closed.</p>
+    </Section>
+  );
+}
+
+function TablePanel() {
+  const to = useSignal(0);
+  if (!connected()) return null;
+  const ready = isOperator.value && !isScanning();
+  const turn = (degrees: number) => {
+    to.value = degrees;
+    void ask({ kind: "turn", angle_deg: degrees });
+  };
+  return (
+    <Section title="Turntable">
+      <NumberField label="Turn to" value={to.value} unit="°" onChange={(value) => (to.value = value ?? 0)} />
+      <div class="grid-3">
+        <Button disabled={!ready} onClick={() => turn(to.value - 10)}>
+          −10°
+        </Button>
+        <Button disabled={!ready} onClick={() => turn(to.value)}>
+          Turn
+        </Button>
+        <Button disabled={!ready} onClick={() => turn(to.value + 10)}>
+          +10°
+        </Button>
+      </div>
+    </Section>
+  );
+}
+
+function RemarkLine({ remark }: { remark: Remark }) {
+  return (
+    <p class={`remark ${remark.severity}`}>
+      {remark.text}
+      {remark.remedy && <span class="quiet"> {remark.remedy}</span>}
+    </p>
+  );
+}
+
+/** The doctor's last report stays when its job is forgotten. */
+function useReport(): JobState | null {
+  const last = useSignal<JobState | null>(null);
+  const now = [...jobs.value.values()].findLast((job) => job.what === "doctor");
+  useEffect(() => {
+    if (now) last.value = now;
+  }, [now]);
+  return now ?? last.value;
+}
+
+function DoctorPanel() {
+  const report = useReport();
+  if (!connected()) return null;
+  return (
+    <Section title="Doctor">
+      <Button disabled={!isOperator.value || isScanning() || report?.state === "running"} onClick={() => void ask({ kind: "doctor" })}>
+        Is all of it fit for a scan?
+      </Button>
+      {report?.state === "running" && <p class="quiet">Looking; the table turns a little, each laser is lit for a moment.</p>}
+      {report?.state === "done" && report.findings.length === 0 && <p>Ready: nothing to remark.</p>}
+      {report?.state === "done" && report.findings.map((remark) => <RemarkLine key={remark.text} remark={remark} />)}
+    </Section>
+  );
+}
+
+function Rig() {
+  return (
+    <div class="room no-rail">
+      <LivePane empty={connected() ? "Press Look for live pictures." : "Connect devices, or the simulated bench that is filled in already."} />
+      <aside class="inspector" aria-label="Rig">
+        <DevicesPanel />
+        <FoundPanel />
+        <LookPanel />
+        <TablePanel />
+        <DoctorPanel />
+      </aside>
+    </div>
+  );
+}
+
+export const rig: Room = { id: "rig", title: "Rig", needsScan: false, View: Rig, commands: [] };

@@ -1,0 +1,170 @@
+/** Scan: a plan, the camera and the points while it runs, and the way to the Mend room. */
+import { signal } from "@preact/signals";
+import type { ScanPlan } from "../protocol";
+import { ask, devices, go, isOperator, jobs, kept } from "../state";
+import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
+import { left } from "../ui/frame";
+import { isScanning, scanning } from "../station/live";
+import { CloudPane, LivePane } from "../station/views";
+import type { Room } from ".";
+
+const name = kept<string>("scan-name", "part");
+const steps = signal<number | null>(null);
+const from = signal(0);
+const to = signal(360);
+const exposures = signal("");
+const keep = signal<"sparse" | "full">("sparse");
+const threshold = signal<number | null>(null);
+const unused = signal<ReadonlySet<string>>(new Set());
+
+/** Milliseconds, one or several: "5" or "5, 40". */
+function seconds(): number[] {
+  return exposures.value.split(/[\s,;]+/).filter(Boolean).map((text) => Number(text) / 1000);
+}
+
+function plan(): ScanPlan {
+  const all = devices.value?.lasers.map((laser) => laser.name) ?? [];
+  const lasers = all.filter((laser) => !unused.value.has(laser));
+  return {
+    name: name.value,
+    steps: steps.value,
+    from_deg: from.value,
+    to_deg: to.value,
+    lasers: lasers.length === all.length ? null : lasers,
+    seconds: seconds(),
+    keep: keep.value,
+    threshold: threshold.value,
+  };
+}
+
+const mayStart = () =>
+  isOperator.value && !isScanning() && (devices.value?.addresses.length ?? 0) > 0 && name.value !== "" && seconds().every((s) => s > 0);
+
+const start = () => void ask({ kind: "scan", plan: plan() });
+
+/** Pause or go on, whichever there is. */
+function toggle(): void {
+  if (scanning.value?.state === "running") void ask({ kind: "pause" });
+  else if (scanning.value?.state === "paused") void ask({ kind: "go_on" });
+}
+
+function use(laser: string, on: boolean): void {
+  const next = new Set(unused.value);
+  if (on) next.delete(laser);
+  else next.add(laser);
+  unused.value = next;
+}
+
+function PlanPanel() {
+  const now = devices.value;
+  if (!now?.addresses.length) {
+    return (
+      <Section title="Plan">
+        <p>No devices are connected.</p>
+        <Button kind="primary" onClick={() => go("rig")}>
+          Connect them in Rig
+        </Button>
+      </Section>
+    );
+  }
+  return (
+    <>
+      <Section title="Plan">
+        <TextField label="Name" value={name.value} onChange={(value) => (name.value = value)} />
+        <NumberField label="Stops in the turn" value={steps.value} min={1} step={1} placeholder="usual" onChange={(value) => (steps.value = value)} />
+        {now.lasers.map((laser) => (
+          <Check key={laser.name} label={`Laser ${laser.name}`} checked={!unused.value.has(laser.name)} onChange={(on) => use(laser.name, on)} />
+        ))}
+        <TextField label="Exposures" unit="ms" value={exposures.value} placeholder="usual" onChange={(value) => (exposures.value = value)} />
+      </Section>
+      <Section title="More" open={false}>
+        <NumberField label="From" value={from.value} unit="°" onChange={(value) => (from.value = value ?? 0)} />
+        <NumberField label="To" value={to.value} unit="°" onChange={(value) => (to.value = value ?? 360)} />
+        <NumberField label="Threshold" value={threshold.value} min={0} placeholder="chosen" onChange={(value) => (threshold.value = value)} />
+        <SelectField
+          label="Keep"
+          value={keep.value}
+          options={[
+            ["sparse", "the stripe"],
+            ["full", "whole pictures"],
+          ]}
+          onChange={(value) => (keep.value = value)}
+        />
+      </Section>
+      <div class="action">
+        <Button kind="primary" icon="play" keys="Ctrl+Enter" label="Start" disabled={!mayStart()} onClick={start}>
+          Start
+        </Button>
+        {!now.rig && <span class="quiet">No calibration is known for these devices: points appear when a rig is added.</span>}
+      </div>
+    </>
+  );
+}
+
+function CoursePanel() {
+  const now = scanning.value;
+  const preparing = [...jobs.value.values()].some((job) => job.what === "scan" && job.state === "running") && !isScanning();
+  if (preparing) {
+    return (
+      <Section title="Scan">
+        <p role="status">The first pictures are taken: they decide the threshold.</p>
+      </Section>
+    );
+  }
+  if (!now) return null;
+  const words = { running: "Running", paused: "Paused: lasers dark", complete: "Whole", aborted: "Ended early", failed: "Failed" };
+  return (
+    <Section title="Scan">
+      <div class="row apart" role="status">
+        <strong>{words[now.state]}</strong>
+        <span class="num">
+          {now.done} of {now.total} steps
+        </span>
+      </div>
+      <progress class="wide" aria-label="Steps" max={now.total} value={now.done} />
+      {isScanning() && now.seconds_left !== null && <span class="quiet num">{left(now.seconds_left)}</span>}
+      {now.missing > 0 && <p class="remark warning">{now.missing} pictures are missing.</p>}
+      {now.text && now.text !== now.state && <p class="quiet">{now.text}</p>}
+      {isScanning() ? (
+        <div class="grid-2">
+          <Button icon={now.state === "paused" ? "play" : "pause"} keys="Space" label="Pause or go on" disabled={!isOperator.value} onClick={toggle}>
+            {now.state === "paused" ? "Go on" : "Pause"}
+          </Button>
+          <Button kind="danger" disabled={!isOperator.value} onClick={() => void ask({ kind: "abort" })}>
+            Abort
+          </Button>
+        </div>
+      ) : (
+        <Button kind="primary" onClick={() => go("mend", now.scan)}>
+          Mend it
+        </Button>
+      )}
+    </Section>
+  );
+}
+
+function Scan() {
+  return (
+    <div class="room no-rail">
+      <div class="views pairwise">
+        <LivePane empty="The pictures appear here while the scan runs." />
+        <CloudPane />
+      </div>
+      <aside class="inspector" aria-label="Scan">
+        <CoursePanel />
+        {!isScanning() && <PlanPanel />}
+      </aside>
+    </div>
+  );
+}
+
+export const scan: Room = {
+  id: "scan",
+  title: "Scan",
+  needsScan: false,
+  View: Scan,
+  commands: [
+    { title: "Start the scan", group: "Scan", keys: "Ctrl+Enter", run: start, enabled: mayStart },
+    { title: "Pause or go on", group: "Scan", keys: "Space", run: toggle, enabled: isScanning },
+  ],
+};

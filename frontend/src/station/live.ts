@@ -1,0 +1,84 @@
+/** What the devices send while they work: live pictures, growing points, the course of a scan. */
+import { effect, signal } from "@preact/signals";
+import { link, on } from "../bus";
+import type { Found, Scanning, Seen } from "../protocol";
+import { complain, devices } from "../state";
+
+export interface LivePicture {
+  header: Seen;
+  image: ImageBitmap;
+  /** Pixels across each line of the stripe; NaN where there is none. */
+  stripe: Float32Array;
+}
+
+export const picture = signal<LivePicture | null>(null);
+export const scanning = signal<Scanning | null>(null);
+export const found = signal<Found | null>(null);
+export const finding = signal(false);
+
+export const isScanning = () => scanning.value?.state === "running" || scanning.value?.state === "paused";
+
+/** The points of the scan that is being taken, by laser; `count` tells when there are more. */
+export class Cloud {
+  private readonly parts = new Map<string, Float32Array[]>();
+  count = 0;
+
+  add(laser: string, points: Float32Array): void {
+    const known = this.parts.get(laser);
+    if (known) known.push(points);
+    else this.parts.set(laser, [points]);
+    this.count += points.length / 3;
+  }
+
+  get lasers(): string[] {
+    return [...this.parts.keys()];
+  }
+
+  of(laser: string): readonly Float32Array[] {
+    return this.parts.get(laser) ?? [];
+  }
+}
+
+export const cloud = signal(new Cloud());
+export const cloudSize = signal(0);
+let cloudOf = "";
+
+on("frame", (header, arrays) => {
+  const jpeg = new Blob([new Uint8Array(arrays.u8("jpeg"))], { type: "image/jpeg" });
+  createImageBitmap(jpeg)
+    .then((image) => {
+      picture.value?.image.close();
+      picture.value = { header, image, stripe: arrays.f32("stripe") };
+    })
+    .catch(() => {}) // a picture that cannot be shown is followed by another
+    .finally(() => link.send({ kind: "ack", number: header.number }));
+});
+on("scanning", (message) => {
+  if (message.scan !== cloudOf && message.state === "running") {
+    cloudOf = message.scan;
+    cloud.value = new Cloud();
+    cloudSize.value = 0;
+  }
+  scanning.value = message;
+});
+on("points", (message, arrays) => {
+  if (message.scan !== cloudOf) return;
+  cloud.value.add(message.laser, arrays.f32("points"));
+  cloudSize.value = cloud.value.count;
+});
+effect(() => {
+  // A picture of devices that are gone is not live any more.
+  if (devices.value?.camera.state === "none") picture.value = null;
+});
+
+export async function findDevices(probe: boolean): Promise<void> {
+  finding.value = true;
+  try {
+    const { header } = await link.request({ kind: "find_devices", probe });
+    if (header.kind === "found") found.value = header;
+  } catch (error) {
+    complain(error);
+  } finally {
+    finding.value = false;
+  }
+}

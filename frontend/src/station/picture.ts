@@ -1,0 +1,41 @@
+/** The live picture of the camera, with the stripe that was found drawn over it. */
+import { type Box, MARK, PlaneView } from "../ui/plane";
+import type { LivePicture } from "./live";
+
+export class LiveView extends PlaneView {
+  private shown: LivePicture | null = null;
+
+  constructor(canvas: HTMLCanvasElement) {
+    super(canvas, { equal: true, up: false });
+  }
+
+  show(picture: LivePicture | null): void {
+    const { shown } = this;
+    const other = !shown || !picture || shown.header.width !== picture.header.width || shown.header.height !== picture.header.height;
+    this.shown = picture;
+    if (other) this.refit();
+    else this.redraw();
+  }
+
+  protected content(): Box | null {
+    const header = this.shown?.header;
+    return header ? { x0: -0.5, y0: -0.5, x1: header.width - 0.5, y1: header.height - 0.5 } : null;
+  }
+
+  protected paint(): void {
+    const { shown, pen } = this;
+    if (!shown) return;
+    const { width, height, orientation } = shown.header;
+    const [x0, y0] = this.toScreen(-0.5, -0.5);
+    const [x1, y1] = this.toScreen(width - 0.5, height - 0.5);
+    pen.imageSmoothingEnabled = Math.abs(this.kx) < 3;
+    pen.drawImage(shown.image, x0, y0, x1 - x0, y1 - y0);
+    pen.fillStyle = MARK;
+    for (let line = 0; line < shown.stripe.length; line++) {
+      const across = shown.stripe[line];
+      if (Number.isNaN(across)) continue;
+      const [x, y] = orientation === "vertical" ? this.toScreen(across, line) : this.toScreen(line, across);
+      pen.fillRect(x - 0.75, y - 0.75, 1.5, 1.5);
+    }
+  }
+}

@@ -1,0 +1,58 @@
+"""From devices to a part: connect, look, scan, mend."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from tests.app.e2e.conftest import until
+
+
+def connect(page: Any) -> None:
+    page.get_by_role("button", name="Rig", exact=True).click()
+    for field in ("Camera", "Turntable", "Lasers"):
+        page.get_by_role("textbox", name=field).fill("sim:cup?steps=24&speckle=no")
+    page.get_by_role("button", name="Connect", exact=True).click()
+    page.get_by_role("button", name="Connect again").wait_for()
+
+
+def test_a_live_picture_shows_the_stripe_and_lasers_as_they_are(new_page):
+    page = new_page()
+    connect(page)
+    chip = page.locator(".chip", has_text="right")
+    assert "dark" in chip.inner_text()
+    page.get_by_role("checkbox", name="Laser right").check()
+    page.get_by_role("button", name="Look", exact=True).click()
+    page.get_by_text(re.compile(r"right lit · stripe in \d{2,3} lines")).wait_for()
+    page.get_by_role("button", name="End", exact=True).click()
+    page.locator(".chip", has_text="right: dark").wait_for()
+    page.get_by_role("button", name="Disconnect").click()
+    page.get_by_role("button", name="Connect", exact=True).wait_for()
+
+
+def test_a_scan_grows_pauses_goes_on_and_is_mended(new_page):
+    page = new_page()
+    connect(page)
+    page.get_by_role("button", name="Scan", exact=True).click()
+    page.get_by_role("textbox", name="Name").fill("grown")
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.get_by_text(re.compile(r"[1-9]\d* of 24 steps")).wait_for()
+    page.keyboard.press("Space")
+    page.get_by_text("Paused: lasers dark").wait_for()
+    page.get_by_role("button", name="Go on").click()
+    page.get_by_text("24 of 24 steps").wait_for()
+    points = page.get_by_role("region", name="Points").locator(".about")
+    assert int(points.inner_text().replace(" ", "").replace("\u2009", "")) > 3000
+    page.get_by_role("button", name="Mend it").click()
+    until(page, "turnscan.faces > 3000")
+    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("button", name="Disconnect").click()
+    page.get_by_role("button", name="Connect", exact=True).wait_for()
+
+
+def test_an_address_that_is_none_is_refused_in_words(new_page):
+    page = new_page()
+    page.get_by_role("button", name="Rig", exact=True).click()
+    page.get_by_role("textbox", name="Camera").fill("sim:nothing")
+    page.get_by_role("button", name="Connect", exact=True).click()
+    page.get_by_role("alert").filter(has_text="camera, turntable and lasers in one").wait_for()
