@@ -10,7 +10,7 @@ from turnscan import edit, points, surface
 from turnscan.detection import Sight, see
 from turnscan.edit import Entry
 from turnscan.findings import Finding
-from turnscan.points import RangeGrid, Spacing, Volume
+from turnscan.points import Between, RangeGrid, Spacing, Volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.stripes import StripeSettings
@@ -34,8 +34,12 @@ class Settings:
     """mm between points along a profile; None keeps one point per image line."""
     spacing_by: Spacing = "height"
     """arc is for the profiles alone: the mesh then keeps the points as measured."""
+    between: Between | None = None
+    """Spacing between profiles; None keeps those of the scan."""
     clean: Clean | None = field(default_factory=Clean)
     """What is taken away before points become a surface; None keeps all."""
+    denoise: float | None = None
+    """Points move along their rays, by at most this many sigma; None leaves them."""
     tears: Tears = field(default_factory=Tears)
     merge: How = "auto"
     """How several lasers become one surface."""
@@ -64,12 +68,12 @@ class Reconstruction:
     """The mesh before its gaps were closed and it was thinned; None when it is the same."""
     sought: tuple[Sought, ...] = ()
     """What each laser's scan could have found; empty for scans of other scanners."""
+    caps: Caps | None = None
+    """How its gaps were closed; None where they were not."""
 
     @cached_property
     def holes(self) -> list[Hole]:
         """The gaps of the surface as it was measured and edited, each with its cause."""
-    caps: Caps | None = None
-    """How its gaps were closed; None where they were not."""
         mesh = self.mesh if self.opened is None else self.opened
         return surface.explain(mesh, surface.holes(mesh), self.sought)
 
@@ -121,7 +125,11 @@ def to_grids(
             if s.clean is not None:
                 kept, taken = surface.clean(kept, s.clean)
                 findings += taken
+            if s.denoise is not None:
+                kept = surface.denoise(kept, s.denoise)
             sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation))
+            if s.between is not None:
+                kept = points.respace(kept, s.between)
             grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)
     return grids, sought, findings
 

@@ -21,8 +21,8 @@ from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in, rig_for
 
 _OF_PICTURES = (
-    "rig_path", "strategy", "choose", "threshold", "spacing", "spacing_by", "every", "radius",
-    "z_min", "z_max", "top",
+    "rig_path", "strategy", "choose", "threshold", "spacing", "spacing_by", "spacing_between",
+    "every", "radius", "z_min", "z_max", "top", "denoise", "outliers",
 )  # fmt: skip
 """Options about stripes, the table or the rig: range scans have none of these."""
 _OF_RANGES = ("unit",)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from typing import Any, TypeVar
 
 import click
 
+from turnscan.cli._between import BetweenType
 from turnscan.cli._caps import caps_options
 from turnscan.cli._decimation import Fewer, decimate_option
 from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
 from turnscan.pipeline import Settings
-from turnscan.points import Volume, working_volume
+from turnscan.points import Between, Volume, working_volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in
 from turnscan.stripes import StripeSettings
@@ -84,6 +85,12 @@ def settings_options(command: Command) -> Command:
         help="Points at common heights, or at equal length along each profile; the latter are for "
         "--dxf-form profiles, and the mesh keeps the points as measured.",
     )
+    @click.option(
+        "--spacing-between",
+        type=BetweenType(),
+        help="Between profiles, 2deg or 1.5mm (there where the part is widest); new ones lie "
+        "between two that were measured.  [default: the profiles of the scan]",
+    )
     @click.option("--every", type=click.IntRange(min=1), default=1, help="Use every N-th profile.")
     @click.option(
         "--radius", type=_length, help="mm from the axis; what is further out is dropped."
@@ -102,7 +109,17 @@ def settings_options(command: Command) -> Command:
         show_default=True,
         help="Points dropped where a run ends at a jump in depth or in one-sided light.",
     )
+    @click.option(
+        "--outliers",
+        type=_length,
+        help="Sigmas: points further off the surface of their neighbours are taken away.",
+    )
     @click.option("--keep-strays", is_flag=True, help="Keep points without a surface round them.")
+    @click.option(
+        "--denoise",
+        type=_length,
+        help="Sigmas, like 2: points move along their rays by no more, onto the surface there.",
+    )
     @click.option(
         "--merge",
         type=click.Choice(["auto", "grid", "tsdf", "paste"]),
@@ -124,26 +141,32 @@ def settings_options(command: Command) -> Command:
         threshold: float | None,
         spacing: float | None,
         spacing_by: Any,
+        spacing_between: Between | None,
         every: int,
         radius: float | None,
         z_min: float | None,
         z_max: float | None,
         island: int | None,
         edge: int,
+        outliers: float | None,
         keep_strays: bool,
+        denoise: float | None,
         merge: Any,
         voxel: float | None,
         caps: Caps | None,
         decimate: Fewer | None,
         **others: Any,
     ) -> Any:
+        usual = Clean(edge=edge, outlier=outliers)
         settings = Settings(
             stripes=StripeSettings(strategy=strategy, choose=choose, threshold=threshold),
             every=every,
             spacing=spacing,
             spacing_by=spacing_by,
+            between=spacing_between,
             island=island,
-            clean=Clean(edge=edge, support=0, piece=0.0) if keep_strays else Clean(edge=edge),
+            clean=replace(usual, support=0, piece=0.0) if keep_strays else usual,
+            denoise=denoise,
             merge=merge,
             voxel=voxel,
             caps=caps,

@@ -1,5 +1,6 @@
 """Stripe + Rig + angle → Profile → RangeGrid and PointCloud, with sigma and provenance."""
 
+from turnscan.points._between import Between, respace
 from turnscan.points._build import build_grid, every, goes_round, whole_turns
 from turnscan.points._findings import angle_findings, grid_findings, lost_frames, together_findings
 from turnscan.points._grid import PointCloud, RangeGrid
@@ -18,6 +19,7 @@ from turnscan.points._volume import (
 )
 
 __all__ = [
+    "Between",
     "PointCloud",
     "Profile",
     "RangeGrid",
@@ -39,6 +41,7 @@ __all__ = [
     "profiles",
     "range_scan_from_ply",
     "resample",
+    "respace",
     "systematic_sigma",
     "to_object",
     "together_findings",

@@ -6,6 +6,8 @@ from turnscan.surface._clean import Clean, clean
 from turnscan.surface._close import Caps, Top, close, closings
 from turnscan.surface._cut import Clip, Section, clip, cut, sections
 from turnscan.surface._decimate import decimate, decimation_findings
+from turnscan.surface._denoise import denoise
+from turnscan.surface._despike import despike
 from turnscan.surface._fill import FillHow, fill
 from turnscan.surface._findings import mesh_findings
 from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
@@ -14,6 +16,7 @@ from turnscan.surface._merge import How, Overlap, merge, overlaps
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces
+from turnscan.surface._smooth import smooth, spikes
 from turnscan.surface._soundness import crossings, soundness
 from turnscan.surface._topology import boundary_loops, cut_touching, fans_about, is_closed, twins
 from turnscan.surface._tsdf import fuse
@@ -40,13 +43,15 @@ __all__ = [
     "clean",
     "clip",
     "close",
+    "closings",
     "components",
     "crossings",
     "cut",
-    "closings",
     "cut_touching",
     "decimate",
     "decimation_findings",
+    "denoise",
+    "despike",
     "drop_islands",
     "explain",
     "fans_about",
@@ -63,7 +68,9 @@ __all__ = [
     "paste",
     "range_surfaces",
     "sections",
+    "smooth",
     "soundness",
+    "spikes",
     "submesh",
     "twins",
     "vertex_normals",

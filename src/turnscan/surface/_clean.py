@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid, without
 from turnscan.stripes import StripeFlag
+from turnscan.surface._despike import despike
+from turnscan.surface._noise import noise, spacing
 
 _BEND = float(np.cos(np.deg2rad(25.0)))
 """Two sides in a row go on alike where they bend by less than this."""
-_TRUSTED = 1.5
-"""A sigma above this many usual ones is a stray point's."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +26,9 @@ class Clean:
     support: int = 3
     """A point stays while at least this many of its eight neighbours in the grid lie on one surface
     with it; 0 keeps all."""
+    outlier: float | None = None
+    """Points further than this many sigma off the surface of their neighbours go; None keeps them.
+    Where a surface bends within a few points, as on a coarse scan, it bends by many sigma."""
     piece: float = 0.005
     """A patch of linked points stays when it has at least this share of the largest one's."""
     stretch: float = 3.0
@@ -50,10 +52,10 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
 
     Two neighbours in the grid are linked where they can be one surface (see `Clean`). First the
     last points of each run go where the light is one-sided (flag EDGE) or a jump in depth follows:
-    there the stripe falls on two surfaces and its centre on neither. Then points with too few
-    linked neighbours go, again and again: single strays, and spikes of one line's or one profile's
-    width. What is taken away is flagged EDGE or AMBIGUOUS. A grid of one profile or one line has no
-    neighbours to judge by and stays as it is.
+    there the stripe falls on two surfaces and its centre on neither. Then `despike`, where
+    ``outlier`` is given. Then points with too few linked neighbours go, again and again: single
+    strays, and spikes of one line's or one profile's width. What is taken away is flagged EDGE or
+    AMBIGUOUS. A grid of one profile or one line has no neighbours to judge by and stays as it is.
     """
     c = settings or Clean()
     s, n = grid.flags.shape
@@ -69,6 +71,9 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
             findings.append(
                 Finding("surface.edges", "note", text, where, "keep them with --edge 0")
             )
+    if c.outlier is not None:
+        out, taken = despike(out, c.outlier)
+        findings += taken
     drop = _strays(out, c)
     if drop.any():
         out = without(out, drop, StripeFlag.AMBIGUOUS)
@@ -147,45 +152,3 @@ def _links(grid: RangeGrid, c: Clean) -> tuple[Bools, Bools]:
         for u, steps in zip(usual, (True, False), strict=True)
     ]
     return both[0], both[1]
-
-
-def spacing(grid: RangeGrid) -> tuple[Floats, Floats]:
-    """Usual distance (s, n) of every point to the next step and to the next line, mm.
-
-    Between steps it is the arc that the table's turn makes of the point's radius, but not less
-    than a quarter of the median; along a profile, and where the angles do not turn (the scans of
-    another scanner), it is the median of the whole grid.
-    """
-    points = grid.points
-    along = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    across = np.linalg.norm(np.diff(points, axis=0), axis=2)
-    line = np.full(grid.flags.shape, _median(along))
-    step = np.full(grid.flags.shape, _median(across))
-    turn = np.abs(np.diff(np.unwrap(grid.angles)))
-    if len(turn) and turn.min() > 0:
-        turn = np.append(turn, np.median(turn))
-        arc = np.hypot(points[..., 0], points[..., 1]) * turn[:, None]
-        step = np.where(np.isnan(arc), step, np.maximum(arc, 0.25 * _median(arc)))
-    return step, line
-
-
-def noise(grid: RangeGrid) -> Floats:
-    """Standard uncertainty (s, n) mm of every point, as far as it is believed; 0 where not known.
-
-    No sigma is believed above three usual ones; and the usual one not above what the surface
-    itself shows: the second difference along the profiles, which curvature only makes larger.
-    """
-    sigma = np.nan_to_num(grid.sigma)
-    known = grid.sigma[~np.isnan(grid.sigma)]
-    if not len(known):
-        return sigma
-    usual = float(np.median(known))
-    bend = grid.points[:, 2:] - 2 * grid.points[:, 1:-1] + grid.points[:, :-2]
-    shown = _median(np.linalg.norm(bend, axis=2)) / np.sqrt(6.0)
-    believed: Floats = np.minimum(sigma, _TRUSTED * min(usual, max(shown, 1e-12)))
-    return believed
-
-
-def _median(values: npt.NDArray[np.float64]) -> float:
-    have = values[np.isfinite(values)]
-    return float(np.median(have)) if len(have) else 1.0

@@ -8,8 +8,8 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.points import RangeGrid
-from turnscan.surface._clean import noise, spacing
 from turnscan.surface._mesh import Mesh, Provenance
+from turnscan.surface._noise import noise, spacing
 
 _LEAST = 0.5
 """Part of the even spacing below which no local one is believed: what is denser is not torn."""

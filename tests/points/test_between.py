@@ -1,0 +1,119 @@
+"""Profiles at a spacing of the user's choice: where they lie, what they know, what stays open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from turnscan.errors import InputError, LimitExceeded
+from turnscan.points import Between, RangeGrid, goes_round, respace
+
+RADIUS, NOISE = 30.0, 0.05
+
+
+def tube(angles: np.ndarray, lines: int = 9, noise: float = 0.0) -> RangeGrid:
+    """A tube in the object's frame, scanned at these table angles by a camera that stands still."""
+    rng = np.random.default_rng(4)
+    out = np.stack([np.cos(angles), -np.sin(angles), 0 * angles], axis=-1)
+    r = RADIUS + rng.normal(0, noise, (len(angles), lines)) if noise else RADIUS
+    z = np.outer(0.5 * np.arange(lines), [0.0, 0.0, 1.0])
+    points = np.broadcast_to(np.asarray(r), (len(angles), lines))[..., None] * out[:, None] + z
+    shape = points.shape[:2]
+    return RangeGrid(
+        "L0", np.arange(len(angles)) + 5, angles, points, np.full(shape, NOISE), np.ones(shape),
+        np.zeros(shape, np.uint16), goes_round(angles), 400.0 * out + [0.0, 0.0, 50.0],
+    )  # fmt: skip
+
+
+TURN = np.arange(90) * np.deg2rad(4.0)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("between", "count"),
+    [
+        (Between(np.deg2rad(2.0), "rad"), 180),
+        (Between(np.deg2rad(10.0), "rad"), 36),
+        (Between(np.deg2rad(7.0), "rad"), 52),
+        (Between(RADIUS * np.deg2rad(5.0), "mm"), 72),
+    ],
+)
+def test_profiles_lie_at_even_angles_on_the_surface(between, count, way) -> None:
+    grid = tube(way * TURN)
+    out = respace(grid, between)
+    assert len(out.steps) == count
+    assert out.closed
+    assert np.allclose(np.diff(out.angles), way * between.angle(grid))
+    assert out.found.all()
+    r = np.hypot(out.points[..., 0], out.points[..., 1])
+    # A chord lies inside its arc by its sagitta, at most.
+    assert RADIUS * (1 - np.cos(np.deg2rad(2.0))) + 1e-9 > (RADIUS - r).max() > -1e-9
+    # Even where they are, and seen from where the camera stood then.
+    seen = np.arctan2(out.eyes[:, 1], out.eyes[:, 0]) + out.angles
+    assert np.abs(np.exp(1j * seen) - 1).max() < 1e-9
+    place = np.unwrap(np.arctan2(out.points[:, 0, 1], out.points[:, 0, 0]))
+    assert np.abs(place + out.angles).max() < 1e-4 * np.pi
+
+
+def test_the_angles_that_were_measured_keep_their_profiles() -> None:
+    grid = tube(TURN, noise=NOISE)
+    out = respace(grid, Between(np.deg2rad(2.0), "rad"))
+    assert np.array_equal(out.points[::2], grid.points)
+    assert np.array_equal(out.sigma[::2], grid.sigma)
+
+
+def test_sigma_is_that_of_the_noise_it_has() -> None:
+    """The middle of two points has 1/√2 of their noise, and says so."""
+    grid = tube(np.arange(1440) * np.deg2rad(0.25), noise=NOISE)
+    out = respace(grid, Between(np.deg2rad(0.125), "rad"))
+    middle = np.hypot(out.points[1::2, :, 0], out.points[1::2, :, 1])
+    assert np.allclose(out.sigma[1::2], NOISE / np.sqrt(2))
+    assert middle.std() == pytest.approx(NOISE / np.sqrt(2), rel=0.04)
+
+
+def test_gaps_and_jumps_stay_open() -> None:
+    grid = tube(TURN)
+    points, flags = grid.points.copy(), grid.flags.copy()
+    points[10, 3] = np.nan
+    flags[10, 3] = 4
+    points[40:, 5:, :2] *= 2.0
+    holed = replace(grid, points=points, flags=flags)
+    out = respace(holed, Between(np.deg2rad(1.0), "rad"))
+    assert np.isnan(out.points[37:44, 3, 0]).all()
+    assert (out.flags[38:44, 3] == 4).all()
+    assert out.found[36, 3]
+    assert out.found[44, 3]
+    r = np.hypot(out.points[..., 0], out.points[..., 1])[out.found]
+    assert (np.minimum(np.abs(r - 30), np.abs(r - 60)) < 0.1).all(), "nothing between the two"
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    pitch=st.floats(0.5, 30.0),
+    missing=st.floats(0.0, 0.9),
+    part=st.integers(2, 90),
+    seed=st.integers(0, 99),
+)
+def test_any_spacing_of_any_part_of_a_turn_gives_a_sound_grid(pitch, missing, part, seed) -> None:
+    grid = tube(TURN[:part])
+    gone = np.random.default_rng(seed).random(grid.flags.shape) < missing
+    grid = replace(grid, points=np.where(gone[..., None], np.nan, grid.points))
+    out = respace(grid, Between(np.deg2rad(pitch), "rad"))
+    r = np.hypot(out.points[..., 0], out.points[..., 1])[out.found]
+    assert (np.abs(r - RADIUS) < 0.1).all()
+    assert np.array_equal(out.found, ~np.isnan(out.sigma))
+    if grid.found.any():
+        assert abs(out.angles[-1] - out.angles[0]) <= (2 * np.pi if grid.closed else TURN[part - 1])
+
+
+def test_spacings_that_cannot_be_are_refused() -> None:
+    with pytest.raises(InputError, match="between profiles"):
+        Between(0.0, "mm")
+    with pytest.raises(LimitExceeded, match="profiles"):
+        respace(tube(TURN), Between(1e-5, "rad"))
+    with pytest.raises(InputError, match="to and fro"):
+        respace(tube(np.array([0.0, 0.2, 0.1])), Between(0.1, "rad"))
