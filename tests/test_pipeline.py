@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from tests.analytic import box, full_turn, make_rig, scan_shape
+from turnscan.detection import see
+from turnscan.edit import DeletePoints, Entry, ProfileOff, Redetect
 from turnscan.errors import InputError
-from turnscan.pipeline import Settings, reconstruct
+from turnscan.pipeline import Settings, build, reconstruct
 from turnscan.points import Volume, build_grid
-from turnscan.scan import Frame, Scan, ScanPlan
+from turnscan.scan import Frame, Scan, ScanPlan, rig_for
 from turnscan.stripes import StripeFlag, StripeSettings
 from turnscan.surface import Caps, is_closed
 
@@ -209,3 +211,33 @@ def test_a_second_pass_is_merged_with_the_first(rig, tmp_path):
     assert all(g.closed for g in done.grids)
     assert "surface.merge" in [f.code for f in done.findings]
     assert "points.second-turn" not in [f.code for f in done.findings]
+
+
+def test_frames_asked_again_show_the_same_and_edits_reach_the_grid(scan_path):
+    with Scan.open(scan_path) as scan:
+        seen = see(scan, rig_for(scan), StripeSettings())
+        plain = build(seen, Settings())
+        view = seen[0].view
+        step = seen[0].stripes.steps[5]
+        first = seen[0].stripes.stripes[5]
+        again = view.again(step, Redetect("L0", (0, 0), (0, 0)))
+        assert np.allclose(again.position, first.position, atol=1e-9, equal_nan=True)
+        found = view.candidates(step)
+        gap = np.abs(found.position - first.position[:, None])[first.found]
+        assert np.nanmin(gap, axis=1).max() < 1e-9
+        deaf = view.again(step, Redetect("L0", (0, 0), (0, 0), threshold=250.0))
+        assert not deaf.found.any()
+        edits = [
+            Entry(1, ProfileOff("L0", (3, 4))),
+            Entry(2, Redetect("L0", (8, 9), (0, 1000), threshold=250.0)),
+            Entry(3, DeletePoints("L1", 12, tuple(range(100, 110)))),
+        ]
+        done = build(seen, Settings(), edits)
+        whole = reconstruct(scan, edits=edits)
+    assert done.mesh.vertices.tobytes() == whole.mesh.vertices.tobytes()
+    assert set(plain.grids[0].steps) - set(done.grids[0].steps) == {3, 4}
+    assert not done.grids[0].found[np.isin(done.grids[0].steps, (8, 9))].any()
+    was, now = (g.found[np.flatnonzero(g.steps == 12)[0]] for g in (plain.grids[1], done.grids[1]))
+    assert was[100:110].all()
+    assert not now[100:110].any()
+    assert done.edits == tuple(edits)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from tests.edit.surfaces import around, sheet
 from turnscan.edit import (
     Body,
     Close,
+    Compact,
     Cut,
     Decimate,
     Delete,
+    Despike,
     Document,
     Edit,
     Fill,
@@ -24,12 +27,14 @@ from turnscan.edit import (
     ProfileOff,
     Region,
     Replace,
+    Smooth,
     action_to_json,
     history_from_log,
     is_grid_edit,
 )
 from turnscan.errors import InputError
 from turnscan.findings import Finding
+from turnscan.surface import holes
 
 SHEETS = [sheet(8, seed, 0.02 * seed, size=14.0) for seed in range(3)]
 
@@ -88,6 +93,17 @@ class Session(RuleBasedStateMachine):
     def cut(self, where: float, axis: int, cap: bool) -> None:
         normal = [(1.0, 0.0, 0.0), (-0.3, 1.0, 0.2)][axis]
         self.made(Cut(normal, where + [7.0, 6.0][axis], cap))
+
+    @rule(data=st.data())
+    def smooth(self, data: Any) -> None:
+        living = np.flatnonzero(self.document.body.alive)
+        if len(living):
+            faces = data.draw(st.lists(st.sampled_from(living.tolist()), min_size=1, max_size=20))
+            self.made(Smooth(Region.of(self.document.body, faces), rounds=2))
+
+    @rule(beyond=st.sampled_from([1.0, 3.0]))
+    def despike(self, beyond: float) -> None:
+        self.made(Despike(None, beyond, "flat"))
 
     @rule(faces=st.integers(20, 90))
     def decimate(self, faces: int) -> None:
@@ -209,3 +225,28 @@ def test_a_grid_edit_makes_another_surface_and_the_mesh_edits_follow_it() -> Non
     document, _ = document.undo()
     assert document.base.digest() == Body.of(SHEETS[0]).digest()
     assert (~document.body.alive).sum() == region.count
+
+
+def test_smoothing_moves_the_region_alone_and_a_spike_goes_without_a_hole() -> None:
+    mesh = sheet(30, 1, 0.1)
+    spiky = mesh.vertices.copy()
+    spiky[30 * 15 + 15, 2] += 5.0
+    mesh = replace(mesh, vertices=spiky)
+    document = Document.open(lambda _: (mesh, ()))
+    cured, change = document.add(Despike())
+    assert [type(p).__name__ for p in change.patches] == ["Alive", "Append"]
+    live = Compact.of(cured.body).mesh
+    assert live.vertices[:, 2].max() < 12.7
+    assert len(holes(live)) == 1
+    region = Region.of(cured.body, around(mesh, (10, 10), 5))
+    calm, change = cured.add(Smooth(region, rounds=10))
+    (moved,) = change.patches
+    centre = np.hypot(*(cured.body.mesh.vertices[moved.ids, :2] - (10, 10)).T)
+    assert centre.max() < 7.5
+    assert len(moved.ids) > 40
+    before, after = (
+        np.abs(b.mesh.vertices[moved.ids, 2] - sheet(30).vertices[moved.ids, 2]).mean()
+        for b in (cured.body, calm.body)
+    )
+    assert after < 0.8 * before
+    assert calm.undo()[0].body.digest() == cured.body.digest()

@@ -14,10 +14,12 @@ from turnscan.edit._edits import (
     Cut,
     Decimate,
     Delete,
+    Despike,
     Fill,
     GridEdit,
     HoleName,
     MeshEdit,
+    Smooth,
 )
 from turnscan.edit._history import Entry
 from turnscan.edit._measures import Measure, taken
@@ -35,6 +37,8 @@ from turnscan.surface import (
     fans_about,
     fill,
     holes,
+    smooth,
+    spikes,
 )
 
 _LIKE = 3.0
@@ -116,6 +120,40 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
             before = Compact.of(body)
             mesh = decimate(before.mesh, tolerance=edit.tolerance, faces=edit.faces)
             return difference(body, before, mesh)
+        case Smooth():
+            before = Compact.of(body)
+            return difference(body, before, _smoothed(body, before, edit))
+        case Despike():
+            return _despiked(body, edit)
+
+
+def _smoothed(body: Body, before: Compact, edit: Smooth) -> Mesh:
+    """Each vertex as much as its faces belong to the region."""
+    chosen = np.zeros(len(body.alive), dtype=np.bool_)
+    chosen[edit.where.find(body)] = True
+    faces = before.mesh.faces
+    size = len(before.mesh.vertices)
+    mine = np.bincount(faces[chosen[before.face_ids]].ravel(), minlength=size)
+    share = mine / np.maximum(np.bincount(faces.ravel(), minlength=size), 1)
+    return smooth(before.mesh, edit.strength * share, edit.rounds)
+
+
+def _despiked(body: Body, edit: Despike) -> tuple[Patch, ...]:
+    """The faces about spikes go, and the holes that leaves are filled."""
+    before = Compact.of(body)
+    about = spikes(before.mesh, edit.beyond)[before.mesh.faces].any(axis=1)
+    faces = before.face_ids[about]
+    if edit.where is not None:
+        faces = np.intersect1d(faces, edit.where.find(body))
+    if not len(faces):
+        return ()
+    gone = Alive(_with_what_hangs(body, faces), False)
+    without = gone.on(body)
+    after = Compact.of(without)
+    beside = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
+    beside[body.mesh.faces[gone.faces]] = True
+    made = [h for h in holes(after.mesh) if beside[after.vertex_ids[h.loop]].all()]
+    return gone, *difference(without, after, fill(after.mesh, made, edit.how))
 
 
 def _cut(body: Body, edit: Cut) -> tuple[Patch, ...]:

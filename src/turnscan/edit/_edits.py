@@ -188,8 +188,32 @@ class Decimate:
             raise FormatError("decimate: neither a tolerance nor a number of faces")
 
 
+@dataclass(frozen=True)
+class Smooth:
+    """Smooth a region, its border half as much as its inside; nothing else moves."""
+
+    __pydantic_config__ = STRICT
+    where: Region
+    rounds: Annotated[int, Field(ge=1, le=1000)] = 5
+    strength: Annotated[float, Field(gt=0, le=1)] = 1.0
+    kind: Literal["smooth"] = "smooth"
+
+
+@dataclass(frozen=True)
+class Despike:
+    """Take single vertices that stick out of the surface away, and fill where they were."""
+
+    __pydantic_config__ = STRICT
+    where: Region | None = None
+    """None looks everywhere."""
+    beyond: Annotated[float, Field(gt=0, le=1000)] = 6.0
+    """Times the usual roughness."""
+    how: FillHow = "tangent"
+    kind: Literal["despike"] = "despike"
+
+
 GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
-MeshEdit = Delete | Fill | Close | Cut | Decimate
+MeshEdit = Delete | Fill | Close | Cut | Decimate | Smooth | Despike
 Edit = GridEdit | MeshEdit | Measure
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])

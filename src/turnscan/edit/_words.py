@@ -9,6 +9,7 @@ from turnscan.edit._edits import (
     Decimate,
     Delete,
     DeletePoints,
+    Despike,
     Edit,
     Fill,
     GridEdit,
@@ -17,6 +18,7 @@ from turnscan.edit._edits import (
     ProfileOff,
     Redetect,
     SetPoint,
+    Smooth,
     Span,
 )
 from turnscan.edit._measures import (
@@ -81,6 +83,10 @@ def _of_mesh(edit: MeshEdit) -> str:
             many = "" if edit.faces is None else f"{edit.faces} faces"
             near = "" if edit.tolerance is None else f"{edit.tolerance:g} mm"
             return "decimate to " + " or ".join(w for w in (many, near) if w)
+        case Smooth():
+            return f"smooth {edit.where.count} faces"
+        case Despike():
+            return "remove spikes"
 
 
 def _of_measure(measure: Measure) -> str:
