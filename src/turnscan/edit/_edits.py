@@ -164,7 +164,7 @@ class Cut:
     normal: Vector
     """Towards the side that is kept; of any length but 0."""
     distance: Coordinate
-    """The plane is normal/|normal| · x = distance."""
+    """The plane is n·x = distance, n the unit normal."""
     cap: bool = True
     kind: Literal["cut"] = "cut"
 
@@ -252,7 +252,8 @@ def edit_from_json(text: str, source: str = "edit") -> Edit:
 def bad_key(e: ValidationError, source: str) -> FormatError:
     """The first thing that pydantic does not like, as one line."""
     first = e.errors(include_url=False, include_context=False)[0]
-    key = ".".join(str(p) for p in first["loc"])
+    key = ".".join(str(p) for p in first["loc"]) or "edit"
     value = repr(first.get("input"))
     shown = value if len(value) <= 60 else value[:57] + "…"
-    return FormatError(f"{source}: {key or 'edit'}: {first['msg']} (found {shown})", hint=_HINT)
+    said = "unknown kind" if first["type"] == "union_tag_invalid" else first["msg"]
+    return FormatError(f"{source}: {key}: {said} (found {shown})", hint=_HINT)
