@@ -102,6 +102,35 @@ def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:
         assert http.get("/api/scans/nothing/mesh").status_code == 404
 
 
+def test_measurements_are_kept_with_the_scan(folder: Path) -> None:
+    with serving(folder) as server, Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        one.open(scan)
+        _, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+        corners = mesh["positions"]
+        a, b = corners[0].tolist(), corners[-1].tolist()
+        told = one.ask("measure", scan=scan, what="distance", places=[a, b])
+        assert told["kind"] == "measures"
+        apart = float(np.linalg.norm(corners[0] - corners[-1]))
+        assert told["measures"][0]["value"] == pytest.approx(apart, abs=0.01)
+        faces = np.arange(len(mesh["faces"]), dtype="<u4")
+        told = one.ask("measure", {"faces": faces}, scan=scan, what="diameter")
+        ball = told["measures"][1]
+        assert 0 < ball["uncertainty"] < 0.1
+        radius = np.linalg.norm(corners - np.array(ball["places"][0], np.float32), axis=1)
+        assert ball["value"] == pytest.approx(2 * radius.mean(), rel=0.01)
+        refused = one.ask("measure", scan=scan, what="volume")
+        assert refused["text"] == "the surface is open, so it has no volume"
+        refused = one.ask("measure", scan=scan, what="distance", places=[a])
+        assert refused["text"] == "distance: 1 of 2 points"
+        left = one.ask("forget_measure", scan=scan, measure=told["measures"][0]["measure"])
+        assert [m["what"] for m in left["measures"]] == ["diameter"]
+        assert one.ask("forget_measure", scan=scan, measure="edit-99")["kind"] == "refused"
+    with serving(folder) as again, Browser(again) as late:
+        state = late.open(late.hello["scans"][0]["scan"])
+        assert state["measures"] == left["measures"]
+
+
 def test_an_export_is_a_job_and_reads_back(server: Running) -> None:
     with Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]

@@ -17,9 +17,11 @@ import numpy as np
 
 from turnscan import edit, surface
 from turnscan.app import _protocol as p
+from turnscan.app import _requests as q
 from turnscan.app._envelope import Array
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
+from turnscan.app._measuring import entry_of, measure_of, measures
 from turnscan.app._wire_grid import CAUSES, grid_arrays, picture_png, profile_arrays
 from turnscan.app._wire_mesh import (
     coarse_arrays,
@@ -128,7 +130,7 @@ class OpenScan:
             history=self._entries(state),
             cursor=state.document.history.cursor,
             findings=remarks(state.document.findings),
-            measures=[],
+            measures=measures(state.document),
         )
 
     def mesh(self) -> tuple[p.MeshHeader, dict[str, Array]]:
@@ -262,6 +264,31 @@ class OpenScan:
         shown = p.PreviewShown(id=id, figures=figures(document.body))
         return shown, preview_arrays(before, document.body, change.patches)
 
+    def measure(self, wish: q.TakeMeasure, arrays: Mapping[str, Array]) -> p.Measures:
+        """Measure, and keep it in the history. Raises InputError where it cannot be measured."""
+        with self._lock:
+            document = self.now.document
+            region = None
+            if "faces" in arrays:
+                region = edit.Region.of(document.body, arrays["faces"])
+            document, change = document.add(measure_of(wish.what, wish.places, region))
+            if change.findings:
+                raise InputError(change.findings[0].message, hint=change.findings[0].remedy)
+            self._keep(document, change)
+            return self.measures(wish.id)
+
+    def forget_measure(self, id: int, name: str) -> p.Measures:
+        """Switch a measurement off. Raises InputError where there is none of that name."""
+        with self._lock:
+            if name not in [m.measure for m in measures(self.now.document)]:
+                raise InputError("there is no such measurement")
+            self._keep(*self.now.document.switch(entry_of(name), False))
+            return self.measures(id)
+
+    def measures(self, id: int | None) -> p.Measures:
+        """What the measurements that count came to."""
+        return p.Measures(id=id, scan=self.name, measures=measures(self.now.document))
+
     def undo(self) -> None:
         """One edit back. Raises InputError where there is none."""
         with self._lock:
@@ -330,6 +357,8 @@ class OpenScan:
             ),
             arrays,
         )
+        if measures(before.document) != measures(document):
+            self._hub.tell(self.measures(None))
         for k, steps in _changed(before.grids, state.grids):
             self._hub.tell(p.GridChanged(scan=self.name, grid=k, steps=steps))
         self._hub.tell(

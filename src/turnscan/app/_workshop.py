@@ -89,6 +89,11 @@ class Workshop:
                 lambda call: self.opened(call.request.scan).defects(call.id),
                 False,
             ),
+            q.TakeMeasure: (
+                lambda call: self.opened(call.request.scan).measure(call.request, call.arrays),
+                True,
+            ),
+            q.ForgetMeasure: (self._forget_measure, True),
             q.FindDevices: (self._find_devices, True),
             q.Connect: (self._connect, True),
             q.Disconnect: (lambda call: self.rig.disconnect(), True),
@@ -186,6 +191,9 @@ class Workshop:
     def _refuse(self, call: Call, code: str, e: TurnscanError) -> None:
         text, hint = self.hub.hide(e.message), self.hub.hide(e.hint)
         self.hub.tell(p.Refused(id=call.id, code=code, text=text, hint=hint), to=call.client)
+
+    def _forget_measure(self, call: Call) -> Answer:
+        return self.opened(call.request.scan).forget_measure(call.id, call.request.measure)
 
     def _operator_may_light(self) -> bool:
         operator = self.hub.operator
