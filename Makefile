@@ -6,7 +6,7 @@ STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system drivers demo test check frontend frontend-check format bench accuracy docs clean
+.PHONY: help setup system drivers demo test check frontend frontend-check format bench bench-app accuracy docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
@@ -80,6 +80,9 @@ format: setup ## let ruff put the sources in order
 
 bench: setup ## benchmarks, as ratios within one run
 	$(BIN)/python -m bench
+
+bench-app: setup ## how long a person waits for the browser workshop, to a million triangles
+	$(BIN)/python -m bench.app --full
 
 accuracy: setup ## accuracy against truth, short version (by hand: python -m bench.accuracy --full)
 	$(BIN)/python -m bench.accuracy

@@ -65,7 +65,7 @@ const TEXT_FIELDS = 'input:not([type="checkbox"]):not([type="radio"]):not([type=
 export function onKey(event: KeyboardEvent): void {
   const stroke = strokeOf(event);
   const target = event.target as Element;
-  const writing = target.matches?.(TEXT_FIELDS) || target.closest?.("dialog") !== null;
+  const writing = target.matches?.(TEXT_FIELDS) || target.closest?.("dialog");
   if (writing && stroke !== "Ctrl+." && stroke !== "Ctrl+K") return;
   const command = allCommands().find(({ keys, enabled }) => keys?.split(" / ").includes(stroke) && (enabled?.() ?? true));
   if (!command) return;

@@ -5,7 +5,7 @@ import { notify } from "../state";
 import { count } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
 import type { Profile } from "../profile/data";
-import { chosenHoles, lines, preview, wholePiece } from "./state";
+import { chosenHoles, lines, preview, smoothing, wholePiece } from "./state";
 
 export type FillHow = "flat" | "tangent" | "curvature";
 
@@ -31,10 +31,16 @@ export async function deleteUnselected(): Promise<void> {
   await deleteSelected();
 }
 
-/** An edit of the selection, or of everything where nothing is selected. */
-export async function doOnSelection(edit: EditValue): Promise<void> {
+/** The selection as arrays of an edit; empty where nothing is selected, which means everywhere. */
+export function selectionArrays(): Faces {
   const selection = currentViewport()?.selection;
-  await doEdit(edit, selection?.count ? { faces: selection.numbers() } : {});
+  return selection?.count ? { faces: selection.numbers() } : {};
+}
+
+/** Smooth what the brush has passed over, or else the selection. */
+export async function smoothFaces(painted?: Uint32Array<ArrayBuffer>): Promise<void> {
+  const faces = painted ? { faces: painted } : selectedFaces();
+  if (faces) await doEdit({ kind: "smooth", ...smoothing.value }, faces);
 }
 
 function holeNames(which: readonly Hole[]) {

@@ -84,8 +84,10 @@ export function HolesPanel() {
   );
 }
 
+const SEVERITY = { error: 0, warning: 1, note: 2 };
+
 function DefectsPanel() {
-  const list = defects.value;
+  const list = defects.value?.toSorted((a, b) => SEVERITY[a.remark.severity] - SEVERITY[b.remark.severity]);
   return (
     <Section title="Remarks" count={list?.length ?? "…"}>
       {list?.length === 0 && <p class="quiet">Nothing to remark.</p>}

@@ -73,9 +73,9 @@ export function ProfilePane() {
 }
 
 const PICTURE_TOOLS = [
-  ["mark", "Mark"],
-  ["candidate", "Pick a candidate"],
-  ["place", "Move or add"],
+  ["mark", "point", "Mark the line"],
+  ["candidate", "peak", "Pick the candidate at a click"],
+  ["place", "move", "Move or add: put the stripe of a line here"],
 ] as const;
 
 export function PicturePane() {
@@ -101,7 +101,9 @@ export function PicturePane() {
       about={at && at.line >= 0 && `line ${at.line}`}
       tools={
         <>
-          <SelectField bare label="What a click in the picture does" value={pictureTool.value} options={PICTURE_TOOLS} onChange={(value) => (pictureTool.value = value)} />
+          {PICTURE_TOOLS.map(([name, icon, label]) => (
+            <Button key={name} kind="plain" small icon={icon} label={label} pressed={pictureTool.value === name} onClick={() => (pictureTool.value = name)} />
+          ))}
           <Button kind="plain" small icon="search" label="Zoom to the marked line" keys="Z" onClick={() => onPage.picture?.zoomToMark()} />
         </>
       }
@@ -112,7 +114,8 @@ export function PicturePane() {
   );
 }
 
-const GRID_OPTIONS = GRID_COLOURINGS.map((name) => [name, name] as const);
+const GRID_WORDS = { quality: "quality", sigma: "uncertainty", amplitude: "brightness", cause: "cause of gaps", edits: "edits" };
+const GRID_OPTIONS = GRID_COLOURINGS.map((name) => [name, GRID_WORDS[name]] as const);
 
 export function GridPane() {
   const canvas = useView(

@@ -95,7 +95,7 @@ function Candidates() {
   const own = shown.chosen[at.line] === -2;
   return (
     <Section title="Candidates in this line" count={list.length}>
-      {list.length === 0 && <p class="quiet">Nothing above the threshold. A point can be added in the picture (Move or add).</p>}
+      {list.length === 0 && <p class="quiet">Nothing above the threshold. A point can be added in the picture (the tool with four arrows).</p>}
       <ul class="list" aria-label="Candidates in this line">
         {list.map((candidate) => (
           <li key={candidate.position} class={candidate.chosen && !own ? "current" : ""}>

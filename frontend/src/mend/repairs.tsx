@@ -3,16 +3,58 @@ import { useSignal } from "@preact/signals";
 import { doEdit, figures, opened } from "../part";
 import { level } from "../state";
 import { Button, count, NumberField, Section, SelectField } from "../ui/controls";
-import { apply, type FillHow, show } from "./edits";
+import { selected, tool } from "../viewport/place";
+import { apply, type FillHow, selectionArrays, show, smoothFaces } from "./edits";
+import { smoothing } from "./state";
 
 export function RepairPanels() {
   return (
     <>
+      <SmoothPanel />
+      <SpikesPanel />
       <ClosePanel />
       <DecimatePanel />
       {level.value === "expert" && <SeamPanel />}
       <FiguresPanel />
     </>
+  );
+}
+
+function SmoothPanel() {
+  return (
+    <Section title="Smooth" open={tool.value === "smooth"}>
+      <NumberField label="Strength" value={smoothing.value.strength} min={0.01} max={1} step={0.01} onChange={(strength) => (smoothing.value = { ...smoothing.value, strength: strength ?? 1 })} />
+      <NumberField label="Rounds" value={smoothing.value.rounds} min={1} max={1000} step={1} onChange={(rounds) => (smoothing.value = { ...smoothing.value, rounds: rounds ?? 5 })} />
+      <div class="grid-2">
+        <Button pressed={tool.value === "smooth"} keys="G" label="Paint where the surface is to be smoothed" onClick={() => (tool.value = "smooth")}>
+          Brush
+        </Button>
+        <Button disabled={selected.value === 0} onClick={() => void smoothFaces()}>
+          Selection
+        </Button>
+      </div>
+    </Section>
+  );
+}
+
+function SpikesPanel() {
+  const beyond = useSignal(6);
+  const would = useSignal<number | null>(null);
+  const value = () => ({ kind: "despike", beyond: beyond.value });
+  return (
+    <Section title="Spikes" open={false}>
+      <NumberField label="Higher than" value={beyond.value} unit="×" min={0.1} max={1000} onChange={(times) => (beyond.value = times ?? 6)} />
+      <p class="quiet">times the usual roughness, {selected.value ? "in the selection" : "everywhere"}.</p>
+      {would.value !== null && (
+        <p class="quiet num" role="status">
+          {count(would.value)} triangles would go and be filled.
+        </p>
+      )}
+      <div class="grid-2">
+        <Button onClick={() => void show(value(), selectionArrays()).then((shown) => (would.value = shown?.dead.length ?? null))}>Preview</Button>
+        <Button onClick={() => void apply(value(), selectionArrays()).then(() => (would.value = null))}>Remove</Button>
+      </div>
+    </Section>
   );
 }
 

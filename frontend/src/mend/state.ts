@@ -20,6 +20,7 @@ export const lines = signal<readonly number[]>([]);
 /** Whether picking a candidate takes the whole piece of stripe, or one line. */
 export const wholePiece = signal(true);
 export const pictureTool = signal<PictureTool>("mark");
+export const smoothing = signal({ strength: 0.5, rounds: 5 });
 export const chosenHoles = signal<ReadonlySet<number>>(new Set());
 /** What an edit would do; shown until it is done or dropped. */
 export const preview = signal<(Preview & { of: string }) | null>(null);

@@ -4,6 +4,7 @@ import { useEffect } from "preact/hooks";
 import { COLOURINGS } from "../mesh/colours";
 import { commands, take, TOOL_NAMES } from "../mend/commands";
 import { CutPanel } from "../mend/cutting";
+import { smoothFaces } from "../mend/edits";
 import { HistoryPanel, HolesPanel } from "../mend/lists";
 import { Pane } from "../mend/pane";
 import { GridPane, PicturePane, ProfilePane } from "../mend/panes";
@@ -29,7 +30,8 @@ const TABS: readonly (readonly [Tab, string])[] = [
   ["holes", "Holes"],
   ["history", "History"],
 ];
-const COLOUR_OPTIONS = COLOURINGS.map((name) => [name, name] as const);
+const COLOUR_WORDS = { plain: "one colour", sigma: "uncertainty", laser: "laser", height: "height", measured: "what was measured" };
+const COLOUR_OPTIONS = COLOURINGS.map((name) => [name, COLOUR_WORDS[name]] as const);
 
 function Rail() {
   return (
@@ -138,10 +140,11 @@ function Mend() {
     hear.pick = (hit) => {
       if (tool.value === "navigate") markHit(hit);
     };
+    hear.smooth = (faces) => void smoothFaces(faces);
     const stops = [effect(() => currentViewport()?.setItems(markedItems())), effect(() => void (hint.value = TOOL_HINTS.value))];
     return () => {
       for (const stop of stops) stop();
-      hear.pick = () => {};
+      hear.pick = hear.smooth = () => {};
       hint.value = "";
       currentViewport()?.setItems([]);
     };

@@ -75,7 +75,7 @@ export function NumberField({ label, value, unit, min, max, step, placeholder, o
         <input
           id={id}
           type="number"
-          value={value === null ? "" : Number(value.toPrecision(7))}
+          value={value === null ? "" : Number(value.toFixed(4))}
           min={min}
           max={max}
           step={step ?? "any"}

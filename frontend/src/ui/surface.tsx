@@ -42,7 +42,7 @@ function Legend() {
     const ramp = `linear-gradient(90deg, ${[0, 0.25, 0.5, 0.75, 1].map((t) => css(cividis(t))).join(",")})`;
     return (
       <div class="legend">
-        {by} {range.low.toPrecision(3)}
+        {by === "sigma" ? "uncertainty" : by} {range.low.toPrecision(3)}
         <span class="ramp" style={{ background: ramp }} />
         {range.high.toPrecision(3)} {range.unit}
       </div>

@@ -51,6 +51,13 @@ export class Hands {
     this.off.abort();
   }
 
+  /** Another tool is in the hand: what the last one had begun is gone. */
+  dropped(): void {
+    this.polygon = [];
+    this.view.overlay.stroke = this.view.overlay.brush = null;
+    this.view.redraw();
+  }
+
   private at(event: MouseEvent): Point {
     const box = this.glass.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];

@@ -30,7 +30,7 @@ export class Viewport {
   readonly selection = new Selection();
   readonly overlay: Overlay;
   mesh: MeshModel | null = null;
-  tool: Tool = "navigate";
+  private inHand: Tool = "navigate";
   visibleOnly = true;
   /** CSS pixels */
   brushRadius = 24;
@@ -80,6 +80,15 @@ export class Viewport {
     clearTimeout(this.restTimer);
     this.painter.dispose();
     this.host.replaceChildren();
+  }
+
+  get tool(): Tool {
+    return this.inHand;
+  }
+
+  set tool(tool: Tool) {
+    this.inHand = tool;
+    this.hands.dropped();
   }
 
   /** Pictures drawn so far, for tests and benchmarks. */
