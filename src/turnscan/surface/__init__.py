@@ -1,5 +1,6 @@
 """RangeGrid(s) → Mesh: tears, seam, joining of lasers, islands, caps."""
 
+from turnscan.surface._bridge import bridge
 from turnscan.surface._cast import Caster
 from turnscan.surface._causes import Sought, explain
 from turnscan.surface._clean import Clean, clean
@@ -40,6 +41,7 @@ __all__ = [
     "Tears",
     "Top",
     "boundary_loops",
+    "bridge",
     "clean",
     "clip",
     "close",

@@ -84,7 +84,7 @@ def patches(mesh: Mesh, loops: Sequence[Ints], how: FillHow) -> list[Patch]:
     beyond[corners[lonely]] = far
     after = np.full(len(mesh.vertices), -1, dtype=np.int32)
     after[corners[lonely]] = corners[lonely // 3 * 3 + (lonely + 1) % 3]
-    scale = _side_lengths(mesh)
+    scale = side_lengths(mesh)
     chords = _Chords(mesh, loops)
     out = []
     for number, loop in enumerate(loops):
@@ -126,11 +126,18 @@ def _patch(
         beside = kernels.neighbours(faces)
         kernels.relax(points, faces, beside, len(faces), m, used)
         return Patch(ring, np.empty((0, 3)), faces)
+    return refined(ring, points, faces, scale, used)
+
+
+def refined(ring: Ints, points: Floats, faces: Ints, scale: Floats, used: Bools) -> Patch:
+    """A patch over the corners of its border, made as dense as the border's ``scale`` (m,) mm."""
+    from turnscan.surface import _patch_kernels as kernels
+
     area = float(np.linalg.norm(_normals(points[faces]), axis=1).sum() / 2)
     limit = int(min(_MOST, 6 * area / max(float(scale.min()), 1e-9) ** 2 + 8))
     scale = np.maximum(scale, np.sqrt(2 * area / _MOST))
     all_points, faces = kernels.refine(points, faces, scale, used, limit)
-    return Patch(ring, all_points[m:], faces)
+    return Patch(ring, all_points[len(ring) :], faces)
 
 
 def _spanned(points: Floats, outer: Floats, used: Bools) -> tuple[Ints, bool]:
@@ -242,7 +249,7 @@ def unmeasured(p: Provenance | None, more: int) -> Provenance | None:
     )
 
 
-def _side_lengths(mesh: Mesh) -> Floats:
+def side_lengths(mesh: Mesh) -> Floats:
     """(v,) mm: the mean length of the sides about each vertex."""
     a = mesh.faces[:, [0, 1, 2]].ravel()
     b = mesh.faces[:, [1, 2, 0]].ravel()

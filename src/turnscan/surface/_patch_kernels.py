@@ -120,6 +120,38 @@ def _unroll(apex: Any, faces: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
+def lace(a: Any, b: Any) -> Any:
+    """Two loops (n, 3), (k, 3), side by side and against each other → (n + k, 3) triangles of
+    least area between them; corners of the second count from n. Corners 0 are joined.
+    """
+    n, k = len(a), len(b)
+    cost = np.full((n + 1, k + 1), np.inf)
+    along = np.zeros((n + 1, k + 1), dtype=np.bool_)
+    out = np.empty(3)
+    cost[0, 0] = 0.0
+    for i in range(n + 1):
+        for j in range(k + 1):
+            if i > 0:
+                s = cost[i - 1, j] + _normal(a[i - 1], a[i % n], b[-j % k], out)
+                if s < cost[i, j]:
+                    cost[i, j], along[i, j] = s, True
+            if j > 0:
+                s = cost[i, j - 1] + _normal(b[-j % k], b[-(j - 1) % k], a[i % n], out)
+                if s < cost[i, j]:
+                    cost[i, j], along[i, j] = s, False
+    faces = np.empty((n + k, 3), dtype=np.int32)
+    i, j = n, k
+    for t in range(n + k - 1, -1, -1):
+        if along[i, j]:
+            faces[t, 0], faces[t, 1], faces[t, 2] = i - 1, i % n, n + (-j % k)
+            i -= 1
+        else:
+            faces[t, 0], faces[t, 1], faces[t, 2] = n + (-j % k), n + (-(j - 1) % k), i % n
+            j -= 1
+    return faces
+
+
+@njit(cache=True, nogil=True)
 def _cosine(p: Any, a: int, b: int, c: int) -> float:
     """Cosine of the angle at c between a and b; −1 where a side has no length."""
     dot, u, v = 0.0, 0.0, 0.0
