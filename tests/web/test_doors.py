@@ -137,9 +137,9 @@ def test_nothing_without_a_good_cookie(locked: Locked, method: str, path: str) -
         headers = {"Origin": server.base, "X-Turnscan": "1"}
         if bad is not None:
             headers["Cookie"] = bad
-        answer = httpx.request(method, server.base + path, headers=headers)
+        answer = _request(method, server.base + path, headers=headers)
         assert answer.status_code == 401, (bad, answer.text)
-    good = httpx.request(
+    good = _request(
         method, server.base + path,
         headers={"Origin": server.base, "X-Turnscan": "1", "Cookie": cookie},
     ) if path != "/api/logout" else None  # fmt: skip
@@ -186,7 +186,7 @@ def test_no_request_from_another_origin(locked: Locked, origin: str) -> None:
     text = origin.format(port=server.port)
     headers = {"Origin": text, "X-Turnscan": "1", "Cookie": cookie}
     for method, path in HTTP:
-        answer = httpx.request(method, server.base + path, headers=headers)
+        answer = _request(method, server.base + path, headers=headers)
         assert answer.status_code == 403, (method, path)
     for path in SOCKETS:
         assert _refused(server, path, text, {"Cookie": cookie}) == 403
@@ -197,7 +197,7 @@ def test_a_change_needs_an_origin_and_our_header(locked: Locked, method: str, pa
     server, cookie = locked
     for headers in ({}, {"Origin": server.base}, {"X-Turnscan": "1"},
                     {"Origin": server.base, "X-Turnscan": "0"}):  # fmt: skip
-        answer = httpx.request(method, server.base + path, headers={**headers, "Cookie": cookie})
+        answer = _request(method, server.base + path, headers={**headers, "Cookie": cookie})
         assert answer.status_code == 403
 
 
@@ -212,12 +212,10 @@ def test_pictures_and_scripts_of_other_pages_get_nothing(locked: Locked, site: s
     for dest, mode in (("image", "no-cors"), ("script", "no-cors"), ("iframe", "navigate")):
         for method, path in HTTP:
             headers = {"Sec-Fetch-Site": site, "Sec-Fetch-Dest": dest, "Sec-Fetch-Mode": mode}
-            answer = httpx.request(
-                method, server.base + path, headers={**headers, "Cookie": cookie}
-            )
+            answer = _request(method, server.base + path, headers={**headers, "Cookie": cookie})
             assert answer.status_code == 403, (path, dest)
     link = {"Sec-Fetch-Site": site, "Sec-Fetch-Dest": "document", "Sec-Fetch-Mode": "navigate"}
-    assert httpx.get(f"{server.base}/login", headers=link).status_code == 200
+    assert _request("GET", f"{server.base}/login", headers=link).status_code == 200
 
 
 # W3
@@ -357,7 +355,6 @@ def test_what_is_too_large_is_refused_soon(locked: Locked, monkeypatch: pytest.M
         f"Host: 127.0.0.1:{server.port}\r\nOrigin: {server.base}\r\nX-Turnscan: 1\r\n"
         f"Cookie: {cookie}\r\n"
     )
-    began = time.monotonic()
     for text in (
         f"GET /{'a' * 5000} HTTP/1.1\r\n{head}\r\n",
         f"GET / HTTP/1.1\r\n{head}X: {'a' * 20000}\r\n\r\n",
@@ -372,10 +369,11 @@ def test_what_is_too_large_is_refused_soon(locked: Locked, monkeypatch: pytest.M
     ):
         if "chunked" in text:
             text += ("10000\r\n" + "a" * 65536 + "\r\n") * 17
+        began = time.monotonic()
         answer = raw(server.port, text.encode())
         assert answer.split(b" ")[1][:1] == b"4", (text[:60], answer[:200])
-    assert time.monotonic() - began < 10
-    token = httpx.post(
+        assert time.monotonic() - began < 10
+    token = _request("POST",
         f"{server.base}/login", content=b"\x1f\x8b" + bytes(100),
         headers={"Origin": server.base, "X-Turnscan": "1", "Content-Encoding": "gzip"},
     )  # fmt: skip
@@ -438,13 +436,13 @@ def test_wrong_tokens_have_to_wait(folder: Path) -> None:
     with serving(folder) as server:
         headers = {"Origin": server.base, "X-Turnscan": "1"}
         said = [
-            httpx.post(f"{server.base}/login", json={"token": f"wrong{k}"}, headers=headers)
+            _request("POST", f"{server.base}/login", json={"token": f"wrong{k}"}, headers=headers)
             for k in range(FAILURES + 1)
         ]
         assert [a.status_code for a in said] == [401] * FAILURES + [429]
         assert int(said[-1].headers["retry-after"]) > 0
-        good = httpx.post(
-            f"{server.base}/login", json={"token": server.keys.invite()}, headers=headers
+        good = _request(
+            "POST", f"{server.base}/login", json={"token": server.keys.invite()}, headers=headers
         )
         assert good.status_code == 429
 
@@ -475,7 +473,7 @@ def test_every_answer_has_the_headers(locked: Locked, method: str, path: str) ->
     for own in (cookie, "x=y"):
         if path == "/api/logout" and own is cookie:
             continue
-        answer = httpx.request(
+        answer = _request(
             method, server.base + path,
             headers={"Origin": server.base, "X-Turnscan": "1", "Cookie": own},
         )  # fmt: skip
@@ -492,10 +490,12 @@ def test_every_answer_has_the_headers(locked: Locked, method: str, path: str) ->
 def test_forwarded_headers_make_nobody_local(locked: Locked) -> None:
     server, cookie = locked
     for header in ("X-Forwarded-For", "X-Real-IP", "Forwarded", "X-Forwarded-Host"):
-        answer = httpx.get(f"{server.base}/api/scans/x/mesh", headers={header: "127.0.0.1"})
+        answer = _request("GET", f"{server.base}/api/scans/x/mesh", headers={header: "127.0.0.1"})
         assert answer.status_code == 401
-        evil = httpx.get(
-            f"{server.base}/login", headers={"Host": "evil.com", header: f"127.0.0.1:{server.port}"}
+        evil = _request(
+            "GET",
+            f"{server.base}/login",
+            headers={"Host": "evil.com", header: f"127.0.0.1:{server.port}"},
         )
         assert evil.status_code == 421
     assert cookie
@@ -503,7 +503,8 @@ def test_forwarded_headers_make_nobody_local(locked: Locked) -> None:
 
 def test_the_cookie_is_for_this_server_alone(locked: Locked) -> None:
     server, _ = locked
-    answer = httpx.post(
+    answer = _request(
+        "POST",
         f"{server.base}/login",
         json={"token": server.keys.invite()},
         headers={"Origin": server.base, "X-Turnscan": "1"},
@@ -512,10 +513,13 @@ def test_the_cookie_is_for_this_server_alone(locked: Locked) -> None:
     assert "httponly" in cookie
     assert "samesite=strict" in cookie
     assert f"turnscan-{server.port}=" in cookie
-    page = httpx.get(f"{server.base}/login").text + httpx.get(f"{server.base}/login.js").text
-    assert "replaceState" in page
-    assert "innerHTML" not in page
-    assert 'location.replace("/")' in page
+    page = (
+        _request("GET", f"{server.base}/login").text
+        + _request("GET", f"{server.base}/login.js").text
+    )
+    assert "replaceState" in script
+    assert "innerHTML" not in page + script
+    assert 'location.replace("/")' in script
 
 
 def test_a_route_is_locked_by_birth(folder: Path) -> None:
@@ -557,7 +561,7 @@ def test_a_mistake_tells_and_logs_nothing(
         raise ZeroDivisionError("secret /root/path")
 
     monkeypatch.setattr(server.workshop, "opened", fail)
-    answer = httpx.get(f"{server.base}/api/scans/abcdefgh/mesh", headers={"Cookie": cookie})
+    answer = _request("GET", f"{server.base}/api/scans/abcdefgh/mesh", headers={"Cookie": cookie})
     assert answer.status_code == 500
     assert "secret" not in answer.text
     with Browser(server, cookie) as one:
@@ -570,6 +574,15 @@ def test_a_mistake_tells_and_logs_nothing(
     assert "secret" not in text
     assert "Traceback" not in text
     assert cookie.split("=")[1] not in text
+
+
+_CLIENT = httpx.Client(timeout=30)
+
+
+def _request(method: str, url: str, **more: Any) -> httpx.Response:
+    """A request with the cookies it is given and no others."""
+    _CLIENT.cookies.clear()
+    return _CLIENT.request(method, url, **more)
 
 
 def _close_code(browser: Browser, messages: list[str | bytes]) -> int | None:

@@ -111,7 +111,7 @@ def test_an_operator_who_does_nothing_counts_as_gone(
 def test_a_scan_goes_on_without_its_operator(server: Running, folder: Path) -> None:
     with Browser(server) as one:
         _connected(one)
-        one.ask("scan", plan={"name": "alone", "steps": 30})
+        one.ask("scan", plan={"name": "alone", "steps": 12})
         one.once("scanning")
     with Browser(server) as two:
         assert two.hello["operator"] == two.hello["client"]
