@@ -513,10 +513,8 @@ def test_the_cookie_is_for_this_server_alone(locked: Locked) -> None:
     assert "httponly" in cookie
     assert "samesite=strict" in cookie
     assert f"turnscan-{server.port}=" in cookie
-    page = (
-        _request("GET", f"{server.base}/login").text
-        + _request("GET", f"{server.base}/login.js").text
-    )
+    page = _request("GET", f"{server.base}/login").text
+    script = _request("GET", f"{server.base}/login.js").text
     assert "replaceState" in script
     assert "innerHTML" not in page + script
     assert 'location.replace("/")' in script

@@ -43,7 +43,7 @@ class Listening:
         if not self.allow_remote and self.host != "localhost" and not is_loopback(self.host):
             raise InputError(
                 f"--host {self.host}: other computers could connect",
-                hint="add --allow-remote if they may, and read docs/how-to/remote.md",
+                hint="add --allow-remote if they may, and read docs/how-to/workshop.md",
             )
 
 
