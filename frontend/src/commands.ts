@@ -1,6 +1,7 @@
 /** Everything the page can do, once: the palette, the key sheet and the keyboard read this list. */
 import { signal } from "@preact/signals";
 import { link } from "./bus";
+import { strokeOf } from "./keys";
 import { place, theme, level, ask, go, complain } from "./state";
 import { redo, undo } from "./part";
 
@@ -50,22 +51,13 @@ export function allCommands(): Command[] {
   return [...roomCommands.value, ...general()];
 }
 
-/** The name of a key stroke as the list writes it. */
-export function strokeOf(event: KeyboardEvent): string {
-  const named: Record<string, string> = { " ": "Space", ArrowUp: "Up", ArrowDown: "Down", ArrowLeft: "Left", ArrowRight: "Right", PageUp: "PgUp", PageDown: "PgDn", Delete: "Del", Escape: "Esc" };
-  const key = named[event.key] ?? (event.key.length === 1 ? event.key.toUpperCase() : event.key);
-  const letter = event.key.length === 1 && event.key.toUpperCase() === event.key.toLowerCase();
-  const parts = [event.ctrlKey || event.metaKey ? "Ctrl" : "", event.altKey ? "Alt" : "", event.shiftKey && !letter ? "Shift" : "", key];
-  return parts.filter(Boolean).join("+");
-}
-
 const TEXT_FIELDS = 'input:not([type="checkbox"]):not([type="radio"]):not([type="range"]), textarea, select';
 
 /** Run the command of a key stroke; keys belong to a text field while one is being filled in. */
 export function onKey(event: KeyboardEvent): void {
   const stroke = strokeOf(event);
   const target = event.target as Element;
-  const writing = target.matches?.(TEXT_FIELDS) || target.closest?.("dialog");
+  const writing = target.matches?.(TEXT_FIELDS) || target.closest?.("dialog[open]");
   if (writing && stroke !== "Ctrl+." && stroke !== "Ctrl+K") return;
   const command = allCommands().find(({ keys, enabled }) => keys?.split(" / ").includes(stroke) && (enabled?.() ?? true));
   if (!command) return;

@@ -3,6 +3,7 @@ import { render } from "preact";
 import { link } from "./bus";
 import { onKey, roomCommands, roomList } from "./commands";
 import { home, rooms } from "./rooms";
+import { addFiles } from "./rooms/projects";
 import { place } from "./state";
 import { expose } from "./testing";
 import "./theme.css";
@@ -35,8 +36,12 @@ effect(() => {
   roomCommands.value = room().commands;
 });
 window.addEventListener("keydown", onKey);
-// A file dropped beside its place must not replace the page.
-for (const kind of ["dragover", "drop"]) window.addEventListener(kind, (event) => event.preventDefault());
+// A scan file may be dropped anywhere.
+window.addEventListener("dragover", (event) => event.preventDefault());
+window.addEventListener("drop", (event) => {
+  event.preventDefault();
+  void addFiles(event.dataTransfer?.files ?? []);
+});
 render(<App />, document.getElementById("app")!);
 link.connect();
 expose();

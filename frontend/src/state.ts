@@ -22,6 +22,7 @@ export interface Notice {
 
 export const notices = signal<readonly Notice[]>([]);
 let nextNotice = 1;
+const LOST_MS = 5000;
 const NOTICE_MS = { note: 5000, warning: 9000, error: 15000 };
 
 export function notify(severity: Notice["severity"], text: string, hint = ""): void {
@@ -126,6 +127,15 @@ on("job", (message) => {
     }, 8000);
   }
 });
+let lostTimer: ReturnType<typeof setTimeout> | undefined;
 onConnection((state) => {
   connection.value = state;
+  if (state === "open") {
+    clearTimeout(lostTimer);
+    lostTimer = undefined;
+  } else {
+    lostTimer ??= setTimeout(() => {
+      notify("error", "There is no connection to turnscan.", "Look whether it still runs. Where it was started anew, open the link that it printed.");
+    }, LOST_MS);
+  }
 });

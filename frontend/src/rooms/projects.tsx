@@ -6,7 +6,8 @@ import { complain, connection, go, scans } from "../state";
 import { Button } from "../ui/controls";
 import type { Room } from ".";
 
-async function add(files: Iterable<File>): Promise<void> {
+/** Send scan files to the server, and open the last one. */
+export async function addFiles(files: Iterable<File>): Promise<void> {
   for (const file of files) {
     try {
       const response = await http(`api/scans?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
@@ -57,10 +58,7 @@ function Projects() {
           class={`drop ${over ? "over" : ""}`}
           onDragOver={() => setOver(true)}
           onDragLeave={() => setOver(false)}
-          onDrop={(event) => {
-            setOver(false);
-            void add(event.dataTransfer?.files ?? []);
-          }}
+          onDrop={() => setOver(false)}
         >
           {scans.value.length === 0 && connection.value === "open" && <p>There are no scans here yet.</p>}
           <p>Drop scan files (.turnscan) here</p>
@@ -72,7 +70,7 @@ function Projects() {
             multiple
             hidden
             aria-label="Scan files"
-            onChange={(event) => void add(event.currentTarget.files ?? [])}
+            onChange={(event) => void addFiles(event.currentTarget.files ?? [])}
           />
         </div>
       </div>

@@ -57,6 +57,8 @@ export class Viewport {
     const glass = host.appendChild(document.createElement("canvas"));
     canvas.className = "surface-canvas";
     glass.className = "glass-canvas";
+    this.painter = new Painter(canvas);
+    // After the painter's own listeners, which forget the colours.
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
       events.context("lost");
@@ -65,7 +67,6 @@ export class Viewport {
       this.restyle();
       events.context("restored");
     });
-    this.painter = new Painter(canvas);
     this.overlay = new Overlay(glass, this.camera);
     this.hands = new Hands(glass, this);
     this.watch = new ResizeObserver(() => this.resize());

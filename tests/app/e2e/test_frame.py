@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+
+import numpy as np
 import pytest
+from PIL import Image
 
 from tests.app.e2e.conftest import until
 
@@ -106,3 +110,33 @@ def test_no_file_and_an_old_link_are_told_in_words(new_page, server, folder):
     assert "scan file" in message.inner_text()
     page.goto(server.address + "#mend/nothing-of-the-kind")
     page.get_by_role("heading", name="Scans").wait_for()
+
+
+def test_picture_comes_back_after_the_graphics_card_was_taken_away(open_cup):
+    page = open_cup()
+    page.keyboard.press("l")
+    place = page.locator(".surface-host").bounding_box()
+    clip = {k: place[k] for k in ("x", "y", "width", "height")}
+    page.mouse.move(5, 5)
+    page.keyboard.press("Control+a")
+    until(page, "turnscan.selected > 0")
+    page.wait_for_timeout(300)
+    before = _pixels(page.screenshot(clip=clip))
+    assert before.std() > 20, "there is a cup to be seen"
+    page.evaluate(
+        """() => {
+        const gl = document.querySelector('.surface-canvas').getContext('webgl2');
+        const card = gl.getExtension('WEBGL_lose_context');
+        card.loseContext();
+        setTimeout(() => card.restoreContext(), 200);
+    }"""
+    )
+    page.get_by_text("The graphics card was taken away").wait_for()
+    until(page, "!document.querySelector('.surface-canvas').getContext('webgl2').isContextLost()")
+    page.wait_for_timeout(600)
+    after = _pixels(page.screenshot(clip=clip))
+    assert np.abs(after - before).max() <= 3
+
+
+def _pixels(png: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=float)

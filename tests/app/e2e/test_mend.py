@@ -58,7 +58,8 @@ def test_hole_is_filled_with_preview_undone_and_redone(open_cup):
     until(page, "turnscan.holes >= 3")
     holes = page.evaluate("turnscan.holes")
     # The black patch is about 14 mm by 18 mm.
-    row = page.get_by_role("listitem").filter(has_text=re.compile(r"2[34]\.\d+ mm"))
+    listed = page.get_by_role("list", name="Holes, the largest first")
+    row = listed.get_by_role("listitem").filter(has_text=re.compile(r"2[34]\.\d+ mm"))
     row.get_by_role("button").click()
     assert row.get_by_role("checkbox").is_checked()
     page.get_by_role("button", name="Preview", exact=True).click()
