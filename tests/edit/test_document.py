@@ -14,6 +14,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from tests.edit.surfaces import around, sheet
 from turnscan.edit import (
     Body,
+    BridgeHoles,
+    BridgeSides,
     Close,
     Compact,
     Cut,
@@ -250,3 +252,27 @@ def test_smoothing_moves_the_region_alone_and_a_spike_goes_without_a_hole() -> N
     )
     assert after < 0.8 * before
     assert calm.undo()[0].body.digest() == cured.body.digest()
+
+
+def test_bridges_part_a_hole_and_join_an_island() -> None:
+    mesh = sheet(40)
+    document = Document.open(lambda _: (mesh, ()))
+    c = mesh.triangles.mean(axis=1)[:, :2] - (20, 20)
+    ring = np.flatnonzero((np.hypot(*c.T) > 4) & (np.hypot(*c.T) < 9))
+    document, _ = document.add(Delete(Region.of(document.body, ring)))
+    assert len(holes(Compact.of(document.body).mesh)) == 3
+    around_it, island = (HoleName.of(h) for h in holes(Compact.of(document.body).mesh)[1:])
+    joined, change = document.add(BridgeHoles(around_it, island))
+    assert [type(p).__name__ for p in change.patches] == ["Append"]
+    assert len(holes(Compact.of(joined.body).mesh)) == 1
+    strip = BridgeSides((11.0, 20.0, 10.0), (16.0, 20.0, 10.0))
+    one, change = document.add(strip)
+    assert change.findings == ()
+    assert len(holes(Compact.of(one.body).mesh)) == 2, "two borders became one"
+    two, _ = one.add(BridgeSides((29.0, 20.0, 10.0), (24.0, 20.0, 10.0)))
+    assert len(holes(Compact.of(two.body).mesh)) == 3, "which a second bridge parts in two"
+    _, change = document.add(BridgeSides((200.0, 20.0, 10.0), (16.0, 20.0, 10.0)))
+    assert [f.code for f in change.findings] == ["edit.refused"]
+    assert "away from a bridge's end" in change.findings[0].message
+    _, change = document.add(BridgeHoles(around_it, HoleName((0.0, 0.0, 99.0), 3.0)))
+    assert [f.code for f in change.findings] == ["edit.nothing"]

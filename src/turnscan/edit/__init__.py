@@ -4,6 +4,8 @@ from turnscan.edit._apply import Done, apply, mend_mesh
 from turnscan.edit._body import Alive, Append, Body, Compact, Patch, Replace, Truncate, Verts
 from turnscan.edit._document import Build, Change, Document
 from turnscan.edit._edits import (
+    BridgeHoles,
+    BridgeSides,
     Close,
     CloseSeam,
     Cut,
@@ -74,6 +76,8 @@ __all__ = [
     "Alive",
     "Append",
     "Body",
+    "BridgeHoles",
+    "BridgeSides",
     "Build",
     "Change",
     "Close",

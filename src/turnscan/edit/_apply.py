@@ -10,6 +10,8 @@ import numpy as np
 from turnscan.arrays import Ints
 from turnscan.edit._body import Alive, Append, Body, Compact, Patch, difference
 from turnscan.edit._edits import (
+    BridgeHoles,
+    BridgeSides,
     Close,
     Cut,
     Decimate,
@@ -22,7 +24,7 @@ from turnscan.edit._edits import (
     Smooth,
 )
 from turnscan.edit._history import Entry
-from turnscan.edit._measures import Measure, taken
+from turnscan.edit._measures import REACH, Measure, Vector, taken
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding, Severity
 from turnscan.shapes import Measured
@@ -31,11 +33,13 @@ from turnscan.surface import (
     Hole,
     Mesh,
     Provenance,
+    bridge,
     clip,
     close,
     decimate,
     fans_about,
     fill,
+    half_edges,
     holes,
     smooth,
     spikes,
@@ -106,8 +110,20 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
             return (Alive(faces, False),) if len(faces) else ()
         case Fill():
             before = Compact.of(body)
-            wanted = _named(holes(before.mesh), edit, findings)
+            wanted = _to_fill(holes(before.mesh), edit, findings)
             return difference(body, before, fill(before.mesh, wanted, edit.how)) if wanted else ()
+        case BridgeSides():
+            before = Compact.of(body)
+            one, other = _side_at(before.mesh, edit.a), _side_at(before.mesh, edit.b)
+            return difference(body, before, bridge(before.mesh, one, other))
+        case BridgeHoles():
+            before = Compact.of(body)
+            there = holes(before.mesh)
+            found = [_called(there, name) for name in (edit.a, edit.b)]
+            if found[0] is None or found[1] is None:
+                findings.append(_no_hole(edit.a if found[0] is None else edit.b))
+                return ()
+            return difference(body, before, bridge(before.mesh, found[0], found[1], edit.how))
         case Close():
             before = Compact.of(body)
             caps = Caps(edit.floor, edit.reach, edit.top, edit.holes, edit.largest)
@@ -121,21 +137,20 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
             mesh = decimate(before.mesh, tolerance=edit.tolerance, faces=edit.faces)
             return difference(body, before, mesh)
         case Smooth():
-            before = Compact.of(body)
-            return difference(body, before, _smoothed(body, before, edit))
+            return _smoothed(body, edit)
         case Despike():
             return _despiked(body, edit)
 
 
-def _smoothed(body: Body, before: Compact, edit: Smooth) -> Mesh:
-    """Each vertex as much as its faces belong to the region."""
-    chosen = np.zeros(len(body.alive), dtype=np.bool_)
-    chosen[edit.where.find(body)] = True
-    faces = before.mesh.faces
-    size = len(before.mesh.vertices)
-    mine = np.bincount(faces[chosen[before.face_ids]].ravel(), minlength=size)
-    share = mine / np.maximum(np.bincount(faces.ravel(), minlength=size), 1)
-    return smooth(before.mesh, edit.strength * share, edit.rounds)
+def _smoothed(body: Body, edit: Smooth) -> tuple[Patch, ...]:
+    """Each vertex moves as much as its faces belong to the region; only they are looked at."""
+    chosen = edit.where.find(body)
+    faces, size = body.mesh.faces, len(body.mesh.vertices)
+    mine = np.bincount(faces[chosen].ravel(), minlength=size)
+    part = Compact.of(body, np.asarray((mine > 0)[faces].any(axis=1)))
+    all_of_them = np.bincount(part.mesh.faces.ravel(), minlength=len(part.mesh.vertices))
+    weight = edit.strength * np.minimum(mine[part.vertex_ids] / np.maximum(all_of_them, 1), 1.0)
+    return difference(body, part, smooth(part.mesh, weight, edit.rounds)) if len(chosen) else ()
 
 
 def _despiked(body: Body, edit: Despike) -> tuple[Patch, ...]:
@@ -197,24 +212,44 @@ def _with_what_hangs(body: Body, faces: Ints) -> Ints:
         touched[body.mesh.faces[hanging]] = True
 
 
-def _named(there: list[Hole], edit: Fill, findings: list[Finding]) -> list[Hole]:
-    """The holes that an edit means; each name takes the nearest one that is like it."""
+def _to_fill(there: list[Hole], edit: Fill, findings: list[Finding]) -> list[Hole]:
+    """The holes that an edit means."""
     left = [h for h in there if edit.largest is None or h.size <= edit.largest]
     if edit.holes is None:
         return left
     wanted = []
     for name in edit.holes:
-        like = [h for h in left if _away(h, name) <= name.size and _alike(h, name)]
-        if not like:
-            x, y, z = name.centre
-            findings.append(
-                _nothing(f"no hole of {name.size:.2f} mm near ({x:.2f}, {y:.2f}, {z:.2f})")
-            )
+        hole = _called(left, name)
+        if hole is None:
+            findings.append(_no_hole(name))
             continue
-        hole = min(like, key=lambda h: _away(h, name))
         wanted.append(hole)
         left = [h for h in left if h is not hole]
     return wanted
+
+
+def _called(there: list[Hole], name: HoleName) -> Hole | None:
+    """The nearest of the holes that are like the one that was named; None where none is."""
+    like = [h for h in there if _away(h, name) <= name.size and _alike(h, name)]
+    return min(like, key=lambda h: _away(h, name), default=None)
+
+
+def _no_hole(name: HoleName) -> Finding:
+    x, y, z = name.centre
+    return _nothing(f"no hole of {name.size:.2f} mm near ({x:.2f}, {y:.2f}, {z:.2f})")
+
+
+def _side_at(mesh: Mesh, at: Vector) -> tuple[int, int]:
+    """The side of a border whose middle is nearest to a point, and near."""
+    begin, end = half_edges(mesh.faces)
+    if not len(begin):
+        raise InputError("the surface has no border to bridge from")
+    middle = (mesh.vertices[begin] + mesh.vertices[end]) / 2
+    away = np.linalg.norm(middle - at, axis=1)
+    nearest = int(away.argmin())
+    if away[nearest] > REACH:
+        raise InputError(f"the nearest border is {away[nearest]:.1f} mm away from a bridge's end")
+    return int(begin[nearest]), int(end[nearest])
 
 
 def _away(hole: Hole, name: HoleName) -> float:

@@ -54,7 +54,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Compact:
-    """The living part of a body as a mesh of its own, and the numbers things have in the body."""
+    """Living faces of a body as a mesh of their own, and the numbers things have in the body."""
 
     mesh: Mesh
     vertex_ids: Ints
@@ -63,14 +63,18 @@ class Compact:
     """(f,) number in the body of each face."""
 
     @classmethod
-    def of(cls, body: Body) -> Compact:
-        """Living faces in their order, and the vertices they use in theirs."""
+    def of(cls, body: Body, part: Bools | None = None) -> Compact:
+        """Living faces in their order, and the vertices they use in theirs.
+
+        ``part`` (f,) takes the faces where it is True alone; None takes all.
+        """
+        chosen = body.alive if part is None else body.alive & part
         used = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
-        used[body.mesh.faces[body.alive]] = True
+        used[body.mesh.faces[chosen]] = True
         return cls(
-            submesh(body.mesh, body.alive),
+            submesh(body.mesh, chosen),
             np.flatnonzero(used).astype(np.int32),
-            np.flatnonzero(body.alive).astype(np.int32),
+            np.flatnonzero(chosen).astype(np.int32),
         )
 
 

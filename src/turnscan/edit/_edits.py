@@ -144,6 +144,27 @@ class Fill:
 
 
 @dataclass(frozen=True)
+class BridgeSides:
+    """Join two sides of borders by a strip: the sides whose middles are nearest to two points."""
+
+    __pydantic_config__ = STRICT
+    a: Vector
+    b: Vector
+    kind: Literal["bridge_sides"] = "bridge_sides"
+
+
+@dataclass(frozen=True)
+class BridgeHoles:
+    """Join two whole borders by a band, such as those of an island and of the hole round it."""
+
+    __pydantic_config__ = STRICT
+    a: HoleName
+    b: HoleName
+    how: FillHow = "tangent"
+    kind: Literal["bridge_holes"] = "bridge_holes"
+
+
+@dataclass(frozen=True)
 class Close:
     """Close every gap: the foot down to the floor, the top, then all holes (`surface.Caps`)."""
 
@@ -213,7 +234,7 @@ class Despike:
 
 
 GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
-MeshEdit = Delete | Fill | Close | Cut | Decimate | Smooth | Despike
+MeshEdit = Delete | Fill | BridgeSides | BridgeHoles | Close | Cut | Decimate | Smooth | Despike
 Edit = GridEdit | MeshEdit | Measure
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])

@@ -22,7 +22,7 @@ from turnscan.surface import Mesh, submesh
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
-_REACH = 5.0
+REACH = 5.0
 """mm from the surface within which a point that was picked on another scan still is on this one."""
 
 
@@ -167,7 +167,7 @@ def _spot(mesh: Mesh, at: Vector) -> Spot:
     near = (away[mesh.faces].min(axis=1) <= away.min() + sides).astype(np.bool_)
     found = shapes.deviation(place[None], submesh(mesh, near))
     gap = abs(float(found.distance[0]))
-    if gap > _REACH:
+    if gap > REACH:
         raise InputError(f"the surface is {gap:.1f} mm away from where a point was picked")
     on = found.closest[0]
     vertex = int(np.linalg.norm(mesh.vertices - on, axis=1).argmin())

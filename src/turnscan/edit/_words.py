@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from turnscan.edit._edits import (
+    BridgeHoles,
+    BridgeSides,
     Close,
     CloseSeam,
     Cut,
@@ -73,6 +75,10 @@ def _of_mesh(edit: MeshEdit) -> str:
                 many = f"a hole of {edit.holes[0].size:.1f} mm"
             limit = "" if edit.largest is None else f" up to {edit.largest:g} mm"
             return f"fill {many}{limit} ({edit.how})"
+        case BridgeSides():
+            return "bridge two sides"
+        case BridgeHoles():
+            return f"bridge two borders ({edit.how})"
         case Close():
             return "close all gaps"
         case Cut():
