@@ -185,11 +185,11 @@ def test_stops() -> None:
 
 
 def test_doctor_measures_and_finds() -> None:
-    done = cli("doctor", "--device", "sim:head?speckle=0&room=0.3", "--json")
+    done = cli("doctor", "--device", "sim:hexagon?x=6&lasers=2&speckle=0&room=0.3", "--json")
     assert done.exit_code == 0, done.output
     facts = json.loads(done.output)
     assert facts["table"]["degrees_per_turn"] == 360.0
-    assert facts["table"]["counter_clockwise"] is not False
+    assert facts["table"]["counter_clockwise"] is True
     assert facts["camera"]["seconds"] == 0.04
     assert 0.2 < facts["camera"]["noise"] < 2.0
     left, right = sorted(facts["lasers"], key=lambda x: x["name"])
@@ -202,7 +202,8 @@ def test_doctor_measures_and_finds() -> None:
     [("clockwise=1", "doctor.direction"), ("stuck_off=left", "doctor.no-stripe")],
 )
 def test_doctor_names_what_is_wrong(fault: str, code: str) -> None:
-    done = cli("doctor", "--device", f"sim:head?speckle=0&room=0.3&{fault}", "--json")
+    bench = f"sim:hexagon?x=6&lasers=2&speckle=0&room=0.3&{fault}"
+    done = cli("doctor", "--device", bench, "--json")
     assert done.exit_code == 1
     found = json.loads(done.output)["findings"]
     assert [f["code"] for f in found if f["severity"] != "note"] == [code]

@@ -168,8 +168,8 @@ def _sides(lasers: list[LaserFacts]) -> list[Finding]:
 
 
 def _table(look: Examination, found: list[Finding], tick: Callable[[], None]) -> TableFacts:
-    as_told = look.turns_as_told()
-    degrees, telling = look.full_turn(tick)
+    turn = look.turn(tick)
+    as_told, degrees, telling = turn.counter_clockwise, turn.degrees, turn.telling
     if as_told is None:
         found.append(
             Finding(
@@ -177,7 +177,7 @@ def _table(look: Examination, found: list[Finding], tick: Callable[[], None]) ->
                 "note",
                 "the direction of turning was not seen",
                 where="table",
-                remedy="put up something with a pattern, in more light",
+                remedy="put up something that is not round, or not in the middle, in more light",
             )
         )
     elif not as_told:

@@ -15,18 +15,21 @@ from turnscan.acquire import Exposure, Hardware, Plan, Shooter
 from turnscan.arrays import Floats, Image
 from turnscan.errors import DeviceTimeout
 from turnscan.scan import statistics
+from turnscan.station._turning import VIEWS, Witness, edges, sense
 from turnscan.stripes import Signal, Stripe, StripeFlag, detect, learn_colour
 
 Singles = npt.NDArray[np.float32]
 
 DARKS = 8
-_NUDGES = tuple(math.radians(a) for a in (3.0, 6.0, 9.0))
+_NUDGES_DEG = (3.0, 6.0, 9.0)
 _BRIGHTER = 8.0
 """Times the exposure, to see the part without the laser."""
 _LEAST_SHIFT = 0.03
 """px."""
 _LOOKS_DEG = (-14.4, -7.2, -3.6, -1.8, -0.9, 0.0, 0.9, 1.8, 3.6, 7.2, 14.4)
 _FAR = 20.0
+_SAME = 0.05
+"""Share of the largest difference that is none."""
 _TELLING = 0.4
 """A view that differs by less than this share of the largest difference is the same view."""
 _TURN_WITHIN_DEG = 2.0
@@ -67,6 +70,18 @@ class LaserFacts:
     """Share of the lines with a stripe that are clipped."""
 
 
+@dataclass(frozen=True)
+class Turn:
+    """What turning the table tells."""
+
+    counter_clockwise: bool | None
+    """Seen from above, when the angle told grows; None where it is not seen."""
+    degrees: float
+    """Told to the table until the view comes round; NaN where none near 360° does."""
+    telling: bool
+    """Whether views differ: a part that looks the same from everywhere tells nothing."""
+
+
 class Examination:
     """Takes pictures for a doctor; lasers are lit for an exposure alone."""
 
@@ -78,6 +93,7 @@ class Examination:
         self.shooter = Shooter(self.plan, hardware)
         self.accepted = self.shooter.configure(exposure)
         self.weights: tuple[float, float, float] | None = None
+        self._is_round = False
 
     def picture(self, *lit: str) -> Image:
         """Raises DeviceTimeout where none comes."""
@@ -117,20 +133,66 @@ class Examination:
             float(clipped.mean()),
         )
 
-    def turns_as_told(self) -> bool | None:
-        """Whether the front of the part moves right when the angle grows; None where unseen."""
+    def turn(self, tick: Callable[[], None] = lambda: None) -> Turn:
+        """Turn the table once and a little more, always forwards, and look on."""
+        laser = self.hardware.lasers.names[0]
+        self._turn_to(0.0)
+        start, again = self._line(laser), self._line(laser)
+        way = self._outlines(tick)
+        told, apart = [], []
+        for look in _LOOKS_DEG:
+            told.append(360.0 + look)
+            self._turn_to(told[-1])
+            apart.append(_distance(self._line(laser), start))
+            tick()
+        degrees, telling = _comes_round(told, apart, _distance(again, start))
+        if way is None and self._is_round:
+            way = self._drifts(told[-1])
+        return Turn(way, degrees, telling)
+
+    def _turn_to(self, degrees: float) -> None:
+        self.hardware.turntable.move_to(math.radians(degrees), self.shooter.move_timeout)
+
+    def _outlines(self, tick: Callable[[], None]) -> bool | None:
+        """The direction of turning, from the part's outline as lasers and edges tell it."""
+        lit: dict[str, list[Floats]] = {name: [] for name in self.hardware.lasers.names}
+        bright = []
+        for view in range(VIEWS):
+            self._turn_to(360.0 * view / VIEWS)
+            bright.append(self._bright())
+            dark = self.picture()
+            for name, lines in lit.items():
+                lines.append(self._stripe(self.picture(name), dark).position)
+            tick()
+        left, right, axis = edges(bright)
+        self._is_round = all(w.is_round for w in (left, right))
+        by_laser = []
+        for lines in lit.values():
+            columns = np.stack(lines)
+            if np.isfinite(columns).any():
+                side = 1 if np.nanmedian(columns) > axis else -1
+                by_laser.append(Witness(side * columns, side, False))
+        both = {w.side for w in by_laser} == {-1, 1}
+        return sense(by_laser if both else [*by_laser, left, right])
+
+    def _bright(self) -> Image:
+        """A picture without laser in which the part is seen."""
+        usual = self.plan.exposures[0]
+        self.shooter.configure(Exposure(min(_BRIGHTER * usual.seconds, 1.0), usual.gain))
+        picture = self.picture()
+        self.shooter.configure(usual)
+        return picture
+
+    def _drifts(self, start: float) -> bool | None:
+        """Whether what is in front moves right, on a part that is as wide from all sides."""
         import cv2
 
-        usual = self.plan.exposures[0]
-        bright = Exposure(min(_BRIGHTER * usual.seconds, 1.0), usual.gain)
-        self.shooter.configure(bright)
         views = []
-        for angle in (0.0, 0.0, *_NUDGES):
-            self.hardware.turntable.move_to(angle, self.shooter.move_timeout)
-            view = _grey(self.picture())
+        for nudge in (0.0, 0.0, *_NUDGES_DEG):
+            self._turn_to(start + nudge)
+            view = _grey(self._bright())
             middle = slice(view.shape[1] * 2 // 5, view.shape[1] * 3 // 5)
             views.append(np.ascontiguousarray(view[:, middle]))
-        self.shooter.configure(usual)
         window = cv2.createHanningWindow(views[0].shape[::-1], cv2.CV_32F)
         shifts = [cv2.phaseCorrelate(a, b, window)[0][0] for a, b in pairwise(views)]
         still, moved = abs(shifts[0]), shifts[1:]
@@ -141,30 +203,6 @@ class Examination:
         if all(m > 0 for m in moved):
             return True
         return False if all(m < 0 for m in moved) else None
-
-    def full_turn(self, tick: Callable[[], None] = lambda: None) -> tuple[float, bool]:
-        """Degrees told to the table for which the view comes round, NaN where none does.
-
-        And whether views differ at all: a part that looks the same from everywhere tells nothing.
-        """
-        table, timeout = self.hardware.turntable, self.shooter.move_timeout
-        laser = self.hardware.lasers.names[0]
-        table.move_to(0.0, timeout)
-        start, again = self._line(laser), self._line(laser)
-        table.move_to(math.radians(345.0), timeout)
-        told, apart = [], []
-        for look in _LOOKS_DEG:
-            table.move_to(math.radians(360.0 + look), timeout)
-            told.append(360.0 + look)
-            apart.append(_distance(self._line(laser), start))
-            tick()
-        most, least = max(apart), _distance(again, start)
-        best = int(np.argmin(apart))
-        if most < max(0.5, 5.0 * least):
-            return math.nan, False
-        if apart[best] - least > _TELLING * (most - least):
-            return math.nan, True
-        return (360.0 if abs(told[best] - 360.0) <= _TURN_WITHIN_DEG else told[best]), True
 
     def _line(self, laser: str) -> Floats:
         """Where the stripe is in each line, px."""
@@ -180,14 +218,30 @@ class Examination:
         return detect(signal.project(lit), signal.project(dark))
 
 
+def _comes_round(told: list[float], apart: list[float], least: float) -> tuple[float, bool]:
+    """Degrees told for which the view is that of the start again, and whether views differ."""
+    most, best = max(apart), int(np.argmin(apart))
+    if most < max(0.5, 5.0 * least):
+        return math.nan, False
+    if apart[best] - least > _TELLING * (most - least):
+        return math.nan, True
+    # Where the part changes little near there, several views are as good as the best.
+    alike = [t for t, a in zip(told, apart, strict=True) if a <= apart[best] + _SAME * most]
+    whole = min(alike) - _TURN_WITHIN_DEG <= 360.0 <= max(alike) + _TURN_WITHIN_DEG
+    return (360.0 if whole else told[best]), True
+
+
 def _distance(a: Floats, b: Floats) -> float:
-    """px between two lines, on the mean; one that only one of them has counts as far."""
+    """px between two lines, on the mean; where one of them has more, that counts as far.
+
+    Single lines that are found now and then, at the edge of the noise, cancel out.
+    """
     both = ~np.isnan(a) & ~np.isnan(b)
-    one = np.isnan(a) != np.isnan(b)
-    if not (both | one).any():
-        return 0.0
+    more = abs(int(np.isfinite(a).sum()) - int(np.isfinite(b).sum()))
+    if not both.any():
+        return _FAR if more else 0.0
     apart = np.minimum(np.abs(a[both] - b[both]), _FAR)
-    return float((apart.sum() + _FAR * one.sum()) / (both | one).sum())
+    return float((apart.sum() + _FAR * more) / (both.sum() + more))
 
 
 def _grey(picture: Image) -> Singles:
