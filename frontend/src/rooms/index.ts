@@ -2,6 +2,7 @@
 import type { ComponentType } from "preact";
 import type { Command } from "../commands";
 import { exporting } from "./export";
+import { measure } from "./measure";
 import { mend } from "./mend";
 import { projects } from "./projects";
 import { rig } from "./rig";
@@ -17,4 +18,4 @@ export interface Room {
 }
 
 export const home: Room = projects;
-export const rooms: readonly Room[] = [rig, scan, mend, exporting];
+export const rooms: readonly Room[] = [rig, scan, mend, measure, exporting];

@@ -156,7 +156,7 @@ def section_diameter(
         on_arc = loop.points + out * (np.sqrt(1.0 + loop.bulge / apart) - 1.0)[:, None]
         c = fit_circle(on_arc, normal, wide)
     shared = 1.0 if sigma is not None else _SHARED
-    text = f"circle through a section of {c.count} points, rms {c.rms:.3f} mm"
+    text = f"circle at z = {c.centre[2]:.2f} mm through {c.count} points, rms {c.rms:.3f} mm"
     return Measured(
         2 * c.radius, "mm", 2 * float(np.sqrt(shared * c.covariance[2, 2])), c.centre[None], text
     )

@@ -1,0 +1,253 @@
+/** Measure: distances, diameters, angles, areas and the volume, with their uncertainty; kept with the scan. */
+import { effect, signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { link } from "../bus";
+import type { AnyArray } from "../envelope";
+import { measures, opened } from "../part";
+import type { Measure, TakeMeasure } from "../protocol";
+import { complain, isOperator } from "../state";
+import { Button, Section } from "../ui/controls";
+import { hint } from "../ui/frame";
+import type { IconName } from "../ui/icons";
+import { SurfaceView } from "../ui/surface";
+import type { Item } from "../viewport/overlay";
+import type { Hit } from "../viewport/pick";
+import { currentViewport, hear, selected, tool } from "../viewport/place";
+import type { Tool } from "../viewport/viewport";
+import type { Vec } from "../viewport/camera";
+import type { Room } from ".";
+
+type What = TakeMeasure["what"];
+
+interface Kind {
+  what: What;
+  title: string;
+  keys: string;
+  /** Points that are to be clicked. */
+  places: number;
+  region: "none" | "may" | "must";
+  how: string;
+}
+
+const KINDS: readonly Kind[] = [
+  { what: "distance", title: "Distance", keys: "D", places: 2, region: "none", how: "Click two points." },
+  { what: "to_plane", title: "Point to plane", keys: "T", places: 1, region: "must", how: "Select the flat region, then click the point." },
+  { what: "diameter", title: "Diameter", keys: "C", places: 1, region: "may", how: "Click a height for the section there, or select a round region." },
+  { what: "angle", title: "Angle", keys: "G", places: 3, region: "none", how: "Click three points; the second is the corner." },
+  { what: "area", title: "Area", keys: "Q", places: 0, region: "may", how: "Of the selection, or of the whole surface." },
+  { what: "volume", title: "Volume", keys: "U", places: 0, region: "none", how: "Of the closed surface." },
+];
+const TOOLS: readonly (readonly [Tool, string, IconName])[] = [
+  ["navigate", "Look and click points", "navigate"],
+  ["box", "Box", "box"],
+  ["lasso", "Lasso", "lasso"],
+  ["brush", "Brush", "brush"],
+  ["angle", "Region up to an edge", "angle"],
+];
+const INK = "#f0691e";
+
+const kind = signal<Kind>(KINDS[0]);
+const places = signal<readonly Vec[]>([]);
+const busy = signal(false);
+
+function choose(next: Kind): void {
+  kind.value = next;
+  places.value = [];
+  tool.value = "navigate";
+}
+
+/** Whether there is enough for a measurement. */
+function enough(): boolean {
+  const { places: wanted, region } = kind.value;
+  const some = selected.value > 0;
+  if (kind.value.what === "diameter") return some || places.value.length === 1;
+  return places.value.length === wanted && (region !== "must" || some);
+}
+
+async function take(): Promise<void> {
+  const scan = opened.value?.scan;
+  if (!scan || !enough() || busy.value) return;
+  const region = kind.value.region !== "none" ? currentViewport()?.selection.numbers() : undefined;
+  const arrays: Record<string, AnyArray> = region?.length ? { faces: region } : {};
+  busy.value = true;
+  try {
+    await link.request({ kind: "measure", scan, what: kind.value.what, places: [...places.value] }, arrays);
+    places.value = [];
+  } catch (error) {
+    complain(error);
+  } finally {
+    busy.value = false;
+  }
+}
+
+function add(hit: Hit): void {
+  if (tool.value !== "navigate" || !kind.value.places) return;
+  const next = [...places.value, hit.point];
+  places.value = next.slice(-kind.value.places);
+  // A distance needs no more words; a region may still be wanted for the others.
+  if (enough() && kind.value.region === "none") void take();
+}
+
+async function forget(measure: string): Promise<void> {
+  try {
+    await link.request({ kind: "forget_measure", scan: opened.value?.scan ?? "", measure });
+  } catch (error) {
+    complain(error);
+  }
+}
+
+/** As many digits as the uncertainty leaves. */
+export function written({ value, unit, uncertainty }: Pick<Measure, "value" | "unit" | "uncertainty">): string {
+  if (uncertainty === null || !(uncertainty > 0)) return `${Number(value.toPrecision(5))} ${unit}`;
+  const digits = Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(uncertainty))));
+  return `${value.toFixed(digits)} ± ${uncertainty.toFixed(digits)} ${unit}`;
+}
+
+const WORDS = new Map<string, string>(KINDS.map(({ what, title }) => [what, title]));
+
+function csv(): string {
+  const quoted = (text: string) => `"${text.replaceAll('"', '""')}"`;
+  const rows = measures.value.map((m) => [m.what, m.value, m.uncertainty ?? "", m.unit, quoted(m.text)].join(","));
+  return ["what,value,uncertainty_k2,unit,text", ...rows].join("\r\n");
+}
+
+function save(): void {
+  const url = URL.createObjectURL(new Blob([csv()], { type: "text/csv" }));
+  const a = document.createElement("a");
+  a.href = url;
+  a.download = `${opened.value?.name ?? "part"}-measurements.csv`;
+  a.click();
+  URL.revokeObjectURL(url);
+}
+
+function items(): Item[] {
+  const out: Item[] = places.value.map((at, k) => ({ kind: "point", at: [...at], colour: INK, label: String(k + 1) }));
+  for (const measure of measures.value) {
+    const points = measure.places.map(([x, y, z]): Vec => [x, y, z]);
+    const label = written(measure);
+    if (points.length > 1) out.push({ kind: "line", points, colour: "#ffc24a", label, closed: measure.what === "diameter" });
+    else if (points.length) out.push({ kind: "point", at: points[0], colour: "#ffc24a", label });
+  }
+  return out;
+}
+
+function Rail() {
+  return (
+    <div class="rail" role="toolbar" aria-label="Tools" aria-orientation="vertical">
+      {TOOLS.map(([name, label, icon]) => (
+        <Button key={name} icon={icon} label={label} pressed={tool.value === name} onClick={() => (tool.value = name)} />
+      ))}
+    </div>
+  );
+}
+
+function KindPanel() {
+  const now = kind.value;
+  return (
+    <Section title="New measurement">
+      <div class="grid-2" role="group" aria-label="What to measure">
+        {KINDS.map((one) => (
+          <Button key={one.what} pressed={one === now} keys={one.keys} label={one.title} onClick={() => choose(one)}>
+            {one.title}
+          </Button>
+        ))}
+      </div>
+      <p class="quiet">{now.how}</p>
+      {now.places > 0 && (
+        <p class="num" role="status">
+          {places.value.length} of {now.places} points
+          {now.region !== "none" && ` · ${selected.value} faces selected`}
+        </p>
+      )}
+      <Button kind="primary" icon="ruler" keys="Enter" label="Measure it" disabled={!isOperator.value || busy.value || !enough()} onClick={() => void take()}>
+        Measure it
+      </Button>
+    </Section>
+  );
+}
+
+function ResultsPanel() {
+  const list = measures.value;
+  return (
+    <Section title="Measurements" count={list.length}>
+      {list.length === 0 && <p class="quiet">None yet. They are kept in the scan file.</p>}
+      <ul class="list" aria-label="Measurements">
+        {list.map((measure) => (
+          <li key={measure.measure}>
+            <button
+              type="button"
+              class="button plain grow"
+              title={measure.text}
+              onClick={() => measure.places.length && currentViewport()?.lookAt(measure.places[0], 40)}
+            >
+              <span>
+                <strong class="num">{written(measure)}</strong>
+                <br />
+                <span class="quiet">
+                  {WORDS.get(measure.what) ?? measure.what}: {measure.text}
+                </span>
+              </span>
+            </button>
+            <Button kind="plain" small icon="trash" label="Forget it" disabled={!isOperator.value} onClick={() => void forget(measure.measure)} />
+          </li>
+        ))}
+      </ul>
+      {list.length > 0 && <p class="quiet">± is the expanded uncertainty, k = 2, of the points' noise.</p>}
+      <Button disabled={!list.length} onClick={save}>
+        Save as CSV
+      </Button>
+    </Section>
+  );
+}
+
+function MeasureRoom() {
+  useEffect(() => {
+    hear.pick = add;
+    tool.value = "navigate";
+    const stops = [effect(() => currentViewport()?.setItems(items())), effect(() => void (hint.value = kind.value.how))];
+    return () => {
+      for (const stop of stops) stop();
+      hear.pick = () => {};
+      hint.value = "";
+      places.value = [];
+      currentViewport()?.setItems([]);
+    };
+  }, []);
+  return (
+    <div class="room">
+      <Rail />
+      <section class="pane surface" aria-label="Surface">
+        <header>
+          <h2>Surface</h2>
+        </header>
+        <div class="stage">
+          <SurfaceView />
+        </div>
+      </section>
+      <aside class="inspector" aria-label="Measure">
+        <KindPanel />
+        <ResultsPanel />
+      </aside>
+    </div>
+  );
+}
+
+export const measure: Room = {
+  id: "measure",
+  title: "Measure",
+  needsScan: true,
+  View: MeasureRoom,
+  commands: [
+    ...KINDS.map((one) => ({ title: one.title, group: "Measure", keys: one.keys, run: () => choose(one) })),
+    { title: "Measure it", group: "Measure", keys: "Enter", run: () => void take(), enabled: enough },
+    {
+      title: "Drop the points",
+      group: "Measure",
+      keys: "Esc",
+      run: () => {
+        places.value = [];
+        currentViewport()?.clearSelection();
+      },
+    },
+  ],
+};

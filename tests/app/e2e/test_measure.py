@@ -1,0 +1,66 @@
+"""Measuring by clicks: within its uncertainty, and kept with the scan."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+from tests.app.e2e.conftest import until
+
+
+def click_at(page: Any, x: float, y: float, z: float) -> None:
+    at = page.evaluate(f"turnscan.place([{x}, {y}, {z}])")
+    page.mouse.click(at["x"], at["y"])
+
+
+def towards_the_eye(page: Any, height: float) -> tuple[float, float, float]:
+    """A point of the cup's wall at this height that the camera sees, beside the hole."""
+    side = page.evaluate("turnscan.camera.azimuth") - 0.5
+    radius = 18.0 + 10.0 * height / 45.0
+    return (radius * math.cos(side), radius * math.sin(side), height)
+
+
+def rows(page: Any) -> Any:
+    return page.get_by_role("list", name="Measurements").get_by_role("listitem")
+
+
+def test_a_diameter_is_right_within_its_uncertainty_and_kept(open_cup):
+    page = open_cup()
+    page.get_by_role("button", name="Measure", exact=True).click()
+    page.get_by_role("button", name="Diameter").click()
+    until(page, "turnscan.pictures > 0")
+    click_at(page, *towards_the_eye(page, 30.0))
+    page.get_by_text("1 of 1 points").wait_for()
+    page.get_by_role("button", name="Measure it").click()
+    rows(page).first.wait_for()
+    text = rows(page).first.inner_text()
+    found = re.search(r"([\d.]+) ± ([\d.]+) mm", text)
+    height = re.search(r"z = ([\d.]+) mm", text)
+    assert found, text
+    assert height, text
+    value, uncertainty = float(found[1]), float(found[2])
+    truth = 2 * (18.0 + 10.0 * float(height[1]) / 45.0)
+    assert 0.001 < uncertainty < 0.3
+    assert abs(value - truth) < 1.5 * uncertainty
+    page.reload()
+    until(page, "'turnscan' in window && turnscan.faces > 0")
+    rows(page).filter(has_text=found[1]).wait_for()
+
+
+def test_a_distance_is_taken_with_the_second_click_and_forgotten(open_cup):
+    page = open_cup()
+    page.get_by_role("button", name="Measure", exact=True).click()
+    page.get_by_role("button", name="Distance").click()
+    until(page, "turnscan.pictures > 0")
+    low, high = towards_the_eye(page, 12.0), towards_the_eye(page, 32.0)
+    click_at(page, *low)
+    page.get_by_text("1 of 2 points").wait_for()
+    click_at(page, *high)
+    rows(page).first.wait_for()
+    found = re.search(r"([\d.]+) (?:± [\d.]+ )?mm", rows(page).first.inner_text())
+    assert found
+    # A click hits a pixel, of about a quarter of a millimetre.
+    assert abs(float(found[1]) - math.dist(low, high)) < 1.0
+    page.get_by_role("button", name="Forget it").click()
+    page.get_by_text("None yet.").wait_for()
