@@ -4,6 +4,7 @@ import { link } from "./bus";
 import { strokeOf } from "./keys";
 import { place, theme, level, ask, go, complain } from "./state";
 import { redo, undo } from "./part";
+import { invite } from "./ui/invite";
 
 export interface Command {
   title: string;
@@ -35,6 +36,7 @@ function general(): Command[] {
     { title: "Redo", group: "Everywhere", keys: "Ctrl+Shift+Z / Ctrl+Y", run: () => void redo() },
     { title: "Dark or light", group: "Everywhere", run: () => (theme.value = theme.value === "dark" ? "light" : "dark") },
     { title: "Beginner or expert panels", group: "Everywhere", run: () => (level.value = level.value === "beginner" ? "expert" : "beginner") },
+    { title: "Invite another browser", group: "Everywhere", run: () => void invite() },
     { title: "Take control", group: "Everywhere", run: () => void ask({ kind: "take_control" }) },
     { title: "All scans", group: "Rooms", run: () => go("projects", null) },
     ...roomList.value.map(({ id, title }, i) => ({

@@ -8,6 +8,7 @@ import { place } from "./state";
 import { expose } from "./testing";
 import "./theme.css";
 import { KeySheet, Notices, Palette, StatusLine } from "./ui/frame";
+import { InviteDialog } from "./ui/invite";
 import { TopBar } from "./ui/topbar";
 
 function room() {
@@ -27,6 +28,7 @@ function App() {
       <Notices />
       <Palette />
       <KeySheet />
+      <InviteDialog />
     </div>
   );
 }

@@ -6,7 +6,7 @@ import { TOOLS, type Tool } from "../viewport/viewport";
 import { deletePoints, deleteSelected, deleteUnselected } from "./edits";
 import { onPage } from "./panes";
 import { nudge } from "./point";
-import { large, lines, preview, stepMark, tab } from "./state";
+import { bridgeFrom, large, lines, preview, stepMark, tab } from "./state";
 
 export const TOOL_NAMES: Record<Tool, readonly [string, string]> = {
   navigate: ["Look and mark", "V"],
@@ -17,6 +17,7 @@ export const TOOL_NAMES: Record<Tool, readonly [string, string]> = {
   connected: ["Connected piece", "W"],
   angle: ["Region up to an edge", "A"],
   smooth: ["Smoothing brush", "G"],
+  bridge: ["Bridge between two borders", "J"],
   cut: ["Cut by a plane", "K"],
 };
 
@@ -28,12 +29,14 @@ const VIEW_KEYS: Record<ViewName, string> = { front: "1", back: "2", left: "3", 
 /** Take a tool in hand, and show the panel it belongs to. */
 export function take(name: Tool): void {
   tool.value = name;
+  bridgeFrom.value = null;
   if (name !== "navigate") tab.value = "repair";
 }
 
 /** Drop what is under way: a preview, the selection, the tool, in this order. */
 function escape(): void {
   if (preview.value) preview.value = null;
+  else if (bridgeFrom.value) bridgeFrom.value = null;
   else if (lines.value.length) lines.value = [];
   else if (some()) view()?.clearSelection();
   else tool.value = "navigate";

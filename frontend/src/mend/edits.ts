@@ -5,7 +5,7 @@ import { notify } from "../state";
 import { count } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
 import type { Profile } from "../profile/data";
-import { chosenHoles, lines, preview, smoothing, wholePiece } from "./state";
+import { bridgeFrom, chosenHoles, lines, preview, smoothing, wholePiece } from "./state";
 
 export type FillHow = "flat" | "tangent" | "curvature";
 
@@ -41,6 +41,19 @@ export function selectionArrays(): Faces {
 export async function smoothFaces(painted?: Uint32Array<ArrayBuffer>): Promise<void> {
   const faces = painted ? { faces: painted } : selectedFaces();
   if (faces) await doEdit({ kind: "smooth", ...smoothing.value }, faces);
+}
+
+/** The two ends of a bridge, one after the other. */
+export async function bridgeAt(point: [number, number, number]): Promise<void> {
+  const from = bridgeFrom.value;
+  bridgeFrom.value = from ? null : point;
+  if (from) await doEdit({ kind: "bridge_sides", a: from, b: point });
+}
+
+/** A band between the borders of two holes. */
+export function bridgeValue(which: readonly Hole[], how: FillHow): EditValue {
+  const [a, b] = holeNames(which);
+  return { kind: "bridge_holes", a, b, how };
 }
 
 function holeNames(which: readonly Hole[]) {

@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { cursor, defects, goTo, history, holes, type Hole, listDefects, listHoles, redo, switchEdit, undo, opened } from "../part";
 import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
-import { apply, chosenHoleList, type FillHow, fillValue, show } from "./edits";
+import { apply, bridgeValue, chosenHoleList, type FillHow, fillValue, show } from "./edits";
 import { chosenHoles, markPlace, preview } from "./state";
 
 const HOW: readonly (readonly [FillHow, string])[] = [
@@ -64,6 +64,11 @@ export function HolesPanel() {
             {chosen.length > 1 ? `Fill ${chosen.length} holes` : "Fill"}
           </Button>
         </div>
+        {chosen.length === 2 && (
+          <Button label="Join the borders of the two chosen holes by a band" onClick={() => void apply(bridgeValue(chosen, how.value))}>
+            Bridge the two
+          </Button>
+        )}
         <NumberField label="All up to a size of" value={below.value} unit="mm" min={0.01} placeholder="any" onChange={(value) => (below.value = value)} />
         <div class="grid-2">
           <Button disabled={!list?.length} onClick={() => void show(fillValue(null, how.value, below.value))}>

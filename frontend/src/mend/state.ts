@@ -17,6 +17,8 @@ export const gridColouring = signal<GridColouring>("quality");
 export const range = signal<Range | null>(null);
 /** Lines chosen in the profile. */
 export const lines = signal<readonly number[]>([]);
+/** The first end of a bridge that is being laid. */
+export const bridgeFrom = signal<[number, number, number] | null>(null);
 /** Whether picking a candidate takes the whole piece of stripe, or one line. */
 export const wholePiece = signal(true);
 export const pictureTool = signal<PictureTool>("mark");
@@ -98,6 +100,8 @@ export const TOOL_HINTS = computed(() => {
       return `Click a face: all up to an edge sharper than ${angleLimit.value}°`;
     case "smooth":
       return "Paint where the surface is to be smoothed";
+    case "bridge":
+      return bridgeFrom.value ? "Click the border at the other side" : "Click the surface beside a border";
     case "cut":
       return "Drag the disc to shift the plane, the ball to tilt it";
   }

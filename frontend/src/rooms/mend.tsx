@@ -4,14 +4,14 @@ import { useEffect } from "preact/hooks";
 import { COLOURINGS } from "../mesh/colours";
 import { commands, take, TOOL_NAMES } from "../mend/commands";
 import { CutPanel } from "../mend/cutting";
-import { smoothFaces } from "../mend/edits";
+import { bridgeAt, smoothFaces } from "../mend/edits";
 import { HistoryPanel, HolesPanel } from "../mend/lists";
 import { Pane } from "../mend/pane";
 import { GridPane, PicturePane, ProfilePane } from "../mend/panes";
 import { PointPanel } from "../mend/point";
 import { RepairPanels } from "../mend/repairs";
 import { SelectByPanel, SelectionPanel } from "../mend/selecting";
-import { chosenHoles, large, markHit, tab, type Tab, TOOL_HINTS } from "../mend/state";
+import { bridgeFrom, chosenHoles, large, markHit, tab, type Tab, TOOL_HINTS } from "../mend/state";
 import { cursor, figures, history, holes, mark, redo, undo } from "../part";
 import { level } from "../state";
 import { Button, count, SelectField } from "../ui/controls";
@@ -127,6 +127,7 @@ function turnTab(event: KeyboardEvent, id: Tab): void {
 function markedItems(): Item[] {
   const items: Item[] = [];
   if (mark.value?.point) items.push({ kind: "point", at: mark.value.point, colour: "#f0691e" });
+  if (bridgeFrom.value) items.push({ kind: "point", at: bridgeFrom.value, colour: "#3fb8f2" });
   for (const hole of holes.value ?? []) {
     if (!chosenHoles.value.has(hole.hole)) continue;
     const points = Array.from({ length: hole.loop.length / 3 }, (_, i) => [hole.loop[3 * i], hole.loop[3 * i + 1], hole.loop[3 * i + 2]] as [number, number, number]);
@@ -139,6 +140,7 @@ function Mend() {
   useEffect(() => {
     hear.pick = (hit) => {
       if (tool.value === "navigate") markHit(hit);
+      if (tool.value === "bridge") void bridgeAt(hit.point);
     };
     hear.smooth = (faces) => void smoothFaces(faces);
     const stops = [effect(() => currentViewport()?.setItems(markedItems())), effect(() => void (hint.value = TOOL_HINTS.value))];

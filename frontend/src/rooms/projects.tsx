@@ -4,6 +4,7 @@ import { http } from "../link";
 import type { Added } from "../protocol";
 import { complain, connection, go, scans } from "../state";
 import { Button } from "../ui/controls";
+import { invite } from "../ui/invite";
 import type { Room } from ".";
 
 /** Send scan files to the server, and open the last one. */
@@ -25,7 +26,12 @@ function Projects() {
   return (
     <div class="room single">
       <div class="projects">
-        <h1>Scans</h1>
+        <div class="row apart">
+          <h1>Scans</h1>
+          <Button label="A link that lets one more browser in" onClick={() => void invite()}>
+            Invite another browser
+          </Button>
+        </div>
         {scans.value.length > 0 && (
           <table>
             <thead>

@@ -1,9 +1,10 @@
 /** Status line, notices, palette and key sheet: what is the same in every room. */
 import { signal } from "@preact/signals";
-import { useLayoutEffect, useRef, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { allCommands, type Command, keysOpen, paletteOpen } from "../commands";
 import { ask, dismiss, jobs, notices } from "../state";
 import { Button } from "./controls";
+import { useDialog } from "./dialog";
 
 /** What the tool at hand does, for the status line. */
 export const hint = signal("");
@@ -44,19 +45,6 @@ export function Notices() {
       ))}
     </div>
   );
-}
-
-/** Open a native dialog while the component is there. */
-function useDialog(close: () => void) {
-  const ref = useRef<HTMLDialogElement>(null);
-  // Before the next key: what is typed at once belongs into the dialog.
-  useLayoutEffect(() => {
-    const dialog = ref.current!;
-    dialog.showModal();
-    dialog.addEventListener("close", close);
-    return () => dialog.removeEventListener("close", close);
-  }, []);
-  return ref;
 }
 
 export function Palette() {

@@ -11,7 +11,7 @@ import { type DepthPicture, Projection } from "./region";
 import { marked, type Mode, Selection } from "./selection";
 import { type CutPlane, Surface } from "./surface";
 
-export const TOOLS = ["navigate", "box", "lasso", "polygon", "brush", "connected", "angle", "smooth", "cut"] as const;
+export const TOOLS = ["navigate", "box", "lasso", "polygon", "brush", "connected", "angle", "smooth", "bridge", "cut"] as const;
 export type Tool = (typeof TOOLS)[number];
 
 export interface ViewportEvents {

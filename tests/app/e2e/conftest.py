@@ -133,6 +133,19 @@ def new_page(browser: Any, server: Server) -> Iterator[Callable[..., Any]]:
 
 
 @pytest.fixture
+def picture() -> Callable[[Any, str], None]:
+    """Write a picture for the docs, where TURNSCAN_PICTURES names the folder."""
+    folder = os.environ.get("TURNSCAN_PICTURES")
+
+    def write(page: Any, name: str) -> None:
+        if folder:
+            page.wait_for_timeout(800)
+            page.screenshot(path=f"{folder}/app-{name}.png")
+
+    return write
+
+
+@pytest.fixture
 def open_cup(
     new_page: Callable[..., Any], folder: Path, cup: Path, request: pytest.FixtureRequest
 ) -> Callable[..., Any]:

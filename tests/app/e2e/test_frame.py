@@ -101,6 +101,19 @@ def test_fits_its_window(open_cup, width, height):
     assert clipped == []
 
 
+def test_one_browser_invites_another(new_page, browser):
+    page = new_page()
+    page.get_by_role("button", name="Invite another browser").click()
+    link = page.get_by_role("textbox", name="Link").input_value()
+    context = browser.new_context()
+    other = context.new_page()
+    other.goto(link)
+    other.wait_for_url(lambda url: "login" not in url)
+    until(other, "'turnscan' in window && turnscan.connection === 'open'")
+    other.get_by_text("watching").wait_for()
+    context.close()
+
+
 def test_no_file_and_an_old_link_are_told_in_words(new_page, server, folder):
     (folder / "broken.turnscan").write_bytes(b"not a scan at all")
     page = new_page()

@@ -51,7 +51,7 @@ def settled(page: Any) -> None:
     page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
-def test_hole_is_filled_with_preview_undone_and_redone(open_cup):
+def test_hole_is_filled_with_preview_undone_and_redone(open_cup, picture):
     page = open_cup()
     scanned = state(page)
     page.keyboard.press("h")
@@ -65,6 +65,7 @@ def test_hole_is_filled_with_preview_undone_and_redone(open_cup):
     page.get_by_role("button", name="Preview", exact=True).click()
     page.get_by_role("button", name="Drop the preview").wait_for()
     assert state(page) == scanned, "a preview stores nothing"
+    picture(page, "fill")
     page.get_by_role("button", name="Fill", exact=True).click()
     until(page, "turnscan.edits === 1")
     until(page, f"turnscan.holes === {holes - 1}")
@@ -105,7 +106,7 @@ def test_lasso_takes_a_spike_and_nothing_behind_it(open_cup):
     until(page, f"turnscan.faces === {before[0]}")
 
 
-def test_ghost_leads_to_its_picture_and_the_other_candidate_is_picked(open_cup):
+def test_ghost_leads_to_its_picture_and_the_other_candidate_is_picked(open_cup, picture):
     page = open_cup()
     step, line = GHOST_STEPS[3], (GHOST_LINES.start + GHOST_LINES.stop) // 2
     ghost = mark(page, step, line)
@@ -116,6 +117,8 @@ def test_ghost_leads_to_its_picture_and_the_other_candidate_is_picked(open_cup):
     until(page, "turnscan.mark !== null")
     found = page.evaluate("turnscan.mark")
     assert (found["step"], found["line"]) == (step, line)
+    page.keyboard.press("z")
+    picture(page, "mend")
     radius = _radius(ghost["point"])
     assert radius > 33, "the ghost stands outside"
     faces = state(page)[0]
