@@ -29,6 +29,7 @@ from turnscan.surface import (
     join,
     mesh_findings,
     paste,
+    soundness,
     submesh,
 )
 
@@ -185,3 +186,20 @@ def test_real_range_scans(shared_data):
     assert max(alone) < area(mesh) < 0.85 * sum(alone)
     size = np.bincount(components(mesh))
     assert size.max() > 60_000
+
+
+def test_the_foot_goes_on_as_it_comes_down():
+    """A ball on the platter, seen from 3 mm up: its foot is led under it, not straight down."""
+    (grid,) = grids((0.4,), sphere(20.0, (0, 0, 20)), 90, 0.01, lift=20.0, elevation=0.2)
+    seen = np.where(grid.points[..., 2:] > 3.0, grid.points, np.nan)
+    mesh, said = close(paste([replace(grid, points=seen)]), Caps(holes="curvature"))
+    assert is_closed(mesh)
+    assert soundness(mesh) == []
+    true = 4 / 3 * np.pi * 20**3
+    straight = np.pi * 3 * (20**2 - 17**2) - np.pi * 9 * 57 / 3  # what a straight foot adds: 509
+    assert abs(mesh.volume - true) < 0.4 * straight
+    floor = mesh.area_of((mesh.triangles[..., 2] == 0.0).all(axis=1))
+    assert floor < 0.5 * np.pi * (20**2 - 17**2)
+    assert (
+        f"{floor:.0f} mm² at 0.0 mm" in next(f for f in said if f.code == "surface.floor").message
+    )

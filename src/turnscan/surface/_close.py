@@ -14,6 +14,7 @@ from turnscan.surface._fill import FillHow, Patch, patches, with_patches
 from turnscan.surface._holes import Hole, holes, vector_area
 from turnscan.surface._mend import mend
 from turnscan.surface._mesh import Mesh
+from turnscan.surface._range_surface import steady_normals
 from turnscan.surface._topology import cut_touching
 
 Top = Literal["plane", "fan", "smooth", "open"]
@@ -21,6 +22,10 @@ Top = Literal["plane", "fan", "smooth", "open"]
 
 _UP = 0.5
 """A gap looks up (or down) where its best plane is tilted by less than 60°."""
+_LEAN = 2.5
+"""mm to the side for each mm down, at most: a foot is not led further under the part."""
+_STEADY = 2.0
+"""mm along a border on either hand over which its normals are averaged."""
 _HIGH = 0.1
 """The top reaches into this share of the part's height."""
 
@@ -51,11 +56,11 @@ class Caps:
 def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
     """Close the gaps of a mesh, and say what was done; faces added are not ``measured``.
 
-    The part's foot is carried straight down to the floor; the faces in the floor's plane count as
-    measured, for they lie on the platter, whose place the calibration knows. Then the top is
-    closed, then all other holes (`fill`). Where parts of the surface merely touch in a vertex, the
-    faces of the smaller one go first: programs that join equal corners would find them joined.
-    Last, places where the surface cuts through itself are made anew (`mend`).
+    The part's foot is carried on in its tangent planes down to the floor; the faces in the
+    floor's plane count as measured, for they lie on the platter, whose place the calibration
+    knows. Then the top is closed, then all other holes (`fill`). Where parts of the surface
+    merely touch in a vertex, the faces of the smaller one go first: programs that join equal
+    corners would find them joined. Last, places where the surface cuts through itself are made anew (`mend`).
     Added vertices have provenance −1; those that are there do not move.
     """
     c = caps or Caps()
@@ -108,7 +113,7 @@ def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: Caps) -> list[Finding]
         text = f"{gaps} gaps closed; {share:.1%} of the surface was not measured"
         out.append(Finding("surface.caps", "warning" if share > 0.25 else "note", text))
     if foot:
-        area = sum(h.area for h in foot)
+        area = mesh.area_of((mesh.triangles[..., 2] == c.floor).all(axis=1))
         text = f"the part's foot is closed with the platter's plane, {area:.0f} mm² at {c.floor} mm"
         out.append(Finding("surface.floor", "note", text, "", "another plane: Caps.floor"))
     return out
@@ -137,8 +142,9 @@ def _is_foot(corners: Floats, floor: float, reach: float) -> bool:
 
 
 def _stood(mesh: Mesh, loops: Sequence[Ints], floor: float) -> Mesh:
-    """The mesh with borders carried straight down to the floor and closed there by its plane."""
-    done = with_patches(mesh, [_skirt(mesh, loop, floor) for loop in loops], "flat")
+    """The mesh with borders carried on down to the floor and closed there by its plane."""
+    normals = steady_normals(mesh)
+    done = with_patches(mesh, [_skirt(mesh, loop, floor, normals) for loop in loops], "flat")
     start, below = len(mesh.vertices), []
     for loop in loops:
         down = mesh.vertices[loop, 2] != floor
@@ -154,8 +160,8 @@ def _stood(mesh: Mesh, loops: Sequence[Ints], floor: float) -> Mesh:
     return replace(sewn, measured=known)
 
 
-def _skirt(mesh: Mesh, loop: Ints, floor: float) -> Patch:
-    """The wall between a border (m,) and its image on the floor."""
+def _skirt(mesh: Mesh, loop: Ints, floor: float, normals: Floats) -> Patch:
+    """The wall from a border (m,) to the floor, in the border's tangent planes."""
     m = len(loop)
     corners = mesh.vertices[loop]
     down = corners[:, 2] != floor
@@ -166,8 +172,31 @@ def _skirt(mesh: Mesh, loop: Ints, floor: float) -> Patch:
     lower = np.stack([after, ring, below], axis=-1)
     # A corner that stands on the floor already has no wall below it.
     faces = np.concatenate([upper[down], lower[np.roll(down, -1)]]).astype(np.int32)
-    image = np.column_stack([corners[down, :2], np.full(int(down.sum()), floor)])
+    height = corners[:, 2] - floor
+    foot = corners[:, :2] + _lean(corners, height, normals[loop]) * height[:, None]
+    image = np.column_stack([foot[down], np.full(int(down.sum()), floor)])
     return Patch(loop, image, faces)
+
+
+def _lean(corners: Floats, height: Floats, normals: Floats) -> Floats:
+    """(m, 2) mm to the side for each mm that the surface goes down from its border (m, 3).
+
+    ``height`` (m,) is the border's above the floor. The normals (m, 3) are averaged along the
+    border, since a mm of noise there would become several on the floor.
+    """
+    along = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+    width = max(1, round(_STEADY / max(float(along.mean()), 1e-9)))
+    reach = min(width, (len(corners) - 1) // 2)
+    shifted = [np.roll(normals, k, axis=0) for k in range(-reach, reach + 1)]
+    total: Floats = np.sum(shifted, axis=0)
+    level = np.hypot(total[:, 0], total[:, 1])
+    slope = np.clip(total[:, 2] / np.maximum(level, 1e-12), -_LEAN, _LEAN)
+    # A foot that is narrow, seen from above, must not be led beyond its own middle.
+    reached = float(along.sum() * np.abs(height).max())
+    room = abs(float(vector_area(corners)[2])) / max(reached, 1e-12)
+    slope = np.maximum(slope, -room)
+    out: Floats = total[:, :2] / np.maximum(level, 1e-12)[:, None] * slope[:, None]
+    return out
 
 
 def _fan(mesh: Mesh, loop: Ints) -> Patch:
