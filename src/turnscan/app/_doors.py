@@ -55,8 +55,7 @@ _log = logging.getLogger("turnscan.app")
 
 _STRANGER = """<!doctype html><html lang="en"><meta charset="utf-8"><title>turnscan</title>
 <link rel="stylesheet" href="/login.css"><main><h1>turnscan</h1>
-<p>This browser has no key. Open the link that turnscan printed when it was started, or ask a
-browser that is in for an invitation.</p></main></html>"""
+<p>This browser has no key. Open the link that turnscan printed last.</p></main></html>"""
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ class Doors:
         if path not in OPEN and not self._keys.known(self.cookie_of(headers)):
             if scope["type"] == "http" and "text/html" in headers.get("accept", ""):
                 return HTMLResponse(_STRANGER, 401)
-            hint = "open the link that turnscan printed when it was started"
+            hint = "open the link that turnscan printed last"
             return problem(401, "this browser has no key", hint)
         if scope["type"] == "websocket":
             return None if origins else problem(403, "a page names its origin", code="origin")

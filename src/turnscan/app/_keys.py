@@ -30,8 +30,13 @@ class Keys:
     Digests are compared in constant time, and all of them each time.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(
+        self,
+        clock: Callable[[], float] = time.monotonic,
+        spent: Callable[[], None] = lambda: None,
+    ) -> None:
+        """``spent`` is called when a token has let somebody in, and is good no more."""
+        self._clock, self._spent = clock, spent
         self._lock = threading.Lock()
         self._tokens: dict[bytes, float] = {}
         self._sessions: OrderedDict[bytes, float] = OrderedDict()
@@ -68,7 +73,8 @@ class Keys:
             self._sessions[_digest(cookie)] = now + SESSION_SECONDS
             while len(self._sessions) > _SESSIONS:
                 self._sessions.popitem(last=False)
-            return cookie
+        self._spent()
+        return cookie
 
     def known(self, cookie: str) -> bool:
         """Whether a cookie is one of ours and still good."""

@@ -94,7 +94,7 @@ def _enter(keys: Keys, cookie: str) -> Endpoint:
         body = await _body(request, q.LoginRequest)
         session = keys.enter(body.token, address)
         if session is None:
-            hint = "turnscan prints a new link when it is started; a browser that is in can invite"
+            hint = "open the link that turnscan printed last"
             return problem(401, "this link was used already, or is not from this server", hint)
         answer = Response(status_code=204)
         answer.set_cookie(cookie, session, httponly=True, samesite="strict", path="/")

@@ -176,22 +176,26 @@ def serve(
 ) -> None:
     """Listen until somebody ends it; lasers are dark and files closed when this returns.
 
-    ``say`` gets the link with the token. Raises InputError where the port cannot be had.
+    ``say`` gets a link for one browser, and another one each time one was used. Raises InputError where the port cannot be had.
     """
     logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
     opened = bind(where)
     port = int(opened.getsockname()[1])
-    keys = Keys()
-    app = application(workshop, keys, port, where.host, where.allow_remote)
     shown = where.host
     if shown in ("0.0.0.0", "::", ""):  # noqa: S104 compared, not bound
         shown = socket.gethostname()
-    link = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/login#{keys.invite()}"
+
+    def link() -> str:
+        return f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/login#{keys.invite()}"
+
+    keys = Keys(spent=lambda: say(link()))
+    app = application(workshop, keys, port, where.host, where.allow_remote)
 
     def listening() -> None:
-        say(link)
+        first = link()
+        say(first)
         if browser:
-            asyncio.get_running_loop().run_in_executor(None, _open_browser, link)
+            asyncio.get_running_loop().run_in_executor(None, _open_browser, first)
 
     Server(app, listening).run([opened])
 

@@ -99,23 +99,19 @@ def coarse_arrays(body: edit.Body, faces: int) -> dict[str, Array]:
 
 def figures(body: edit.Body) -> p.Figures:
     """What the living surface is like."""
-    faces = body.mesh.faces[body.alive]
-    used = np.unique(faces)
-    corners = body.mesh.vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    closed = len(faces) > 0 and _closed(faces, len(body.mesh.vertices))
-    volume = float(np.einsum("ij,ij->", corners[:, 0], cross) / 6.0) if closed else None
-    bounds = None
-    if len(used):
-        points = body.mesh.vertices[used]
-        bounds = (_vector(points.min(axis=0)), _vector(points.max(axis=0)))
+    from turnscan.app import _figure_kernels as kernels
+
+    mesh = body.mesh
+    faces, corners, area, volume, low, high, closed = kernels.figures(
+        mesh.vertices, mesh.faces, body.alive
+    )
     return p.Figures(
-        vertices=len(used),
-        faces=len(faces),
-        bounds=bounds,
+        vertices=corners,
+        faces=faces,
+        bounds=(_vector(low), _vector(high)) if faces else None,
         closed=closed,
-        area=float(np.linalg.norm(cross, axis=1).sum() / 2.0),
-        volume=volume,
+        area=area,
+        volume=volume if closed else None,
     )
 
 
@@ -141,14 +137,6 @@ def _numbered(mesh: Mesh, keep: Bools) -> tuple[Ints, Array]:
     faces = mesh.faces[keep]
     used, index = np.unique(faces, return_inverse=True)
     return used.astype(np.int32), index.reshape(-1, 3).astype("<u4")
-
-
-def _closed(faces: Ints, vertices: int) -> bool:
-    """Whether every edge has as many faces on its one side as on its other."""
-    a = faces[:, [0, 1, 2]].ravel().astype(np.int64)
-    b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
-    there, back = np.sort(a * vertices + b), np.sort(b * vertices + a)
-    return bool(np.array_equal(there, back))
 
 
 def _single(values: Floats) -> Array:

@@ -52,8 +52,12 @@ def run(folder: Path, only: Path | None, serving: dict[str, Any]) -> None:
     where = Listening(serving["host"], serving["port"], serving["remote"])
     workshop = Workshop(Library(folder, only), remote_lasers=serving["remote_lasers"])
 
+    said: list[str] = []
+
     def say(link: str) -> None:
-        click.echo(f"turnscan: {link}")
-        click.echo("the link is good for one browser; Ctrl-C ends", err=True)
+        click.echo(f"for another browser: {link}" if said else f"turnscan: {link}")
+        if not said:
+            click.echo("the link is good for one browser; Ctrl-C ends", err=True)
+        said.append(link)
 
     serve(workshop, where, say, serving["browser"])

@@ -6,7 +6,7 @@ history.replaceState(null, "", "/login");
 
 async function enter() {
   if (!token) {
-    said.textContent = "Open the link that turnscan printed when it was started.";
+    said.textContent = "Open the link that turnscan printed last.";
     return;
   }
   const answer = await fetch("/login", {
