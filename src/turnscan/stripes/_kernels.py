@@ -56,6 +56,8 @@ KIN_DISTANCE, KIN_WIDTH = 4.0, 8.0
 """Candidates of adjacent lines belong together within this many widths and this ratio of widths."""
 PEDESTAL_LIMIT = 0.1
 """Light beside the stripe above this part of its amplitude is a halo …"""
+GLOW_REACH, GLOW_SHARE = 60, 0.1
+"""Lines on either side, and the share of their stripes that glow from which all are said to."""
 LEAN_LIMIT = 0.3
 """… and so is a centre this many widths away from the middle of the half-height."""
 CLIPPED_PHASE = 0.11
@@ -251,6 +253,31 @@ def uncertainty(some: Any, i: int, terms: Any, floor: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def glows(some: Any, i: int, terms: Any) -> bool:
+    """Whether light spread beside a stripe."""
+    pedestal = some[i, PEDESTAL]
+    amplitude = max(some[i, HEIGHT] - pedestal, 1.0)
+    return pedestal > PEDESTAL_LIMIT * amplitude and pedestal > 4.0 * terms.noise
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def glowing_nearby(some: Any, n: int, terms: Any, lines: int) -> Any:
+    """(H,) True for lines about which many stripes glow."""
+    many = np.zeros((lines + 1, 2), np.int64)
+    for i in range(n):
+        v = int(some[i, ROW]) + 1
+        many[v, 0] += 1
+        many[v, 1] += glows(some, i, terms)
+    for v in range(lines):
+        many[v + 1] += many[v]
+    near = np.zeros(lines, np.bool_)
+    for v in range(lines):
+        a, b = max(0, v - GLOW_REACH), min(lines, v + GLOW_REACH + 1)
+        near[v] = many[b, 1] - many[a, 1] > GLOW_SHARE * (many[b, 0] - many[a, 0])
+    return near
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def write_down(
     lit: Any,
     dark: Any,
@@ -269,6 +296,7 @@ def write_down(
     paired = dark.shape[0] > 1
     factor = NOISE_FACTOR[terms.strategy]
     phase = PHASE_ERROR[terms.strategy]
+    nearby = glowing_nearby(some, n, terms, table.shape[1])
     row = -1
     j = 0
     for i in range(n):
@@ -295,7 +323,7 @@ def write_down(
         amplitude = some[i, HEIGHT] - some[i, PEDESTAL]
         halo = some[i, PEDESTAL] / max(amplitude, 1.0)
         lean = abs(some[i, CENTRE] + left - some[i, MIDDLE]) / some[i, WIDTH]
-        glow = halo > PEDESTAL_LIMIT and some[i, PEDESTAL] > 4.0 * terms.noise
+        glow = glows(some, i, terms)
         if glow or lean > LEAN_LIMIT:
             flags |= HALO
             spread += (HALO_BIAS * some[i, WIDTH] * min(1.0, halo + lean)) ** 2
@@ -305,8 +333,9 @@ def write_down(
                 1.0, terms.level / (0.2 * max(amplitude, 1.0))
             )
         strategy = terms.strategy
-        if strategy == WINDOW and glow:
+        if strategy == WINDOW and (glow or nearby[v]):
             # Light that spread beside the stripe drags the window along; its core stays in place.
+            # A line between glowing ones is measured as they are, lest the surface be stepped.
             strategy = BLAIS_RIOUX
         if strategy != WINDOW:
             fill(light, lit, dark, v, w, terms.base, left, right + 1)
