@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -238,3 +239,28 @@ def test_a_signal_that_compiled_code_wraps_is_still_an_interruption() -> None:
     assert was_interrupted(wrapped)
     assert was_interrupted(KeyboardInterrupt())
     assert not was_interrupted(ZeroDivisionError())
+
+
+def test_devices_tells_which_laser_is_which() -> None:
+    bench = "sim:hexagon?lasers=2&speckle=0"
+    done = cli("devices", "--device", bench)
+    assert done.exit_code == 0, done.output
+    assert re.search(r"laser right: stripe at \d+ px: right\nlaser left: .*: left\n", done.output)
+    assert "lasers=right,left" in done.output
+    dead = cli("devices", "--device", f"{bench}&stuck_off=right", "--json")
+    assert dead.exit_code == 1
+    assert [x["place"] for x in json.loads(dead.output)["lasers"]] == ["dark", "the only one"]
+
+
+def test_devices_finds_the_rate_at_which_a_board_talks() -> None:
+    from tests.devices.boards import firmware
+    from turnscan.devices import probe_port
+    from turnscan.simulate.controllers import Socket
+
+    with Socket(firmware("horus"), baud=19200) as socket:
+        wrong = probe_port(socket.path, (("horus", 115200),))
+        assert wrong.address == ""
+        found = probe_port(socket.path, (("horus", 115200), ("horus", 19200)))
+        assert found.address == f"horus:{socket.path}?baud=19200"
+    assert not [entry for entry in socket.firmware.log if entry.outputs]
+    assert socket.firmware.turns == 0

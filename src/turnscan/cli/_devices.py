@@ -5,24 +5,47 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 import click
 
+from turnscan.cli._hardware import addresses_of, device_options, ended_by_signals
+from turnscan.cli._numbers import Finite
 from turnscan.devices import camera_schemes, find_cameras, list_ports, probe_port
 from turnscan.findings import findings_json
+
+if TYPE_CHECKING:
+    from turnscan.station import Seen
 
 
 @click.command("devices")
 @click.argument("ports", nargs=-1, metavar="[PORT]…")
 @click.option("--probe", is_flag=True, help="Open the ports and ask which board is behind them.")
+@click.option("--exposure", type=Finite(), metavar="SECONDS", help="For --camera.  [default: 0.02]")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-def verb(ports: tuple[str, ...], probe: bool, as_json: bool) -> None:
+@device_options
+def verb(
+    ports: tuple[str, ...],
+    probe: bool,
+    exposure: float | None,
+    as_json: bool,
+    devices: dict[str, str | None],
+) -> None:
     """List serial ports and cameras. Nothing moves and nothing is lit.
 
     Without --probe no port is opened. With it, or with PORTs named, each is asked in the four
-    languages turnscan knows; only words for dark and questions are sent. Exit code 1 when a named
-    PORT does not answer.
+    languages and at the baud rates turnscan knows; only words for dark and questions are sent. Exit
+    code 1 when a named PORT does not answer.
+
+    With --camera and --turntable (and --lasers), or --device, it does something else: each laser is
+    lit for one picture, and the camera tells which is which.
     """
+    if any(devices.values()):
+        from turnscan.station import opened, which_laser
+
+        with ended_by_signals(), opened(addresses_of(devices)) as bench:
+            _tell_lasers(which_laser(bench, exposure), as_json)
+        return
     listed = list_ports()
     asked = list(ports) or ([p.path for p in listed] if probe else [])
     answers = [probe_port(path) for path in asked]
@@ -52,4 +75,19 @@ def verb(ports: tuple[str, ...], probe: bool, as_json: bool) -> None:
         if listed and not asked:
             click.echo("turnscan devices --probe asks which boards are behind the ports")
     if ports and not all(a.address for a in answers):
+        sys.exit(1)
+
+
+def _tell_lasers(lasers: list[Seen], as_json: bool) -> None:
+    """Which is which, and what to write so that their names say so."""
+    if as_json:
+        click.echo(json.dumps({"lasers": [asdict(laser) for laser in lasers]}, indent=1))
+    else:
+        for laser in lasers:
+            where = "no stripe" if laser.column is None else f"stripe at {laser.column:.0f} px"
+            click.echo(f"laser {laser.name}: {where}: {laser.place}")
+        places = [laser.place for laser in lasers]
+        if {"left", "right"} <= set(places) and "dark" not in places:
+            click.echo(f"in the board's address: lasers={','.join(places)}")
+    if any(laser.column is None for laser in lasers):
         sys.exit(1)

@@ -5,10 +5,17 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass
 
-from turnscan.devices._registry import open_turntable
+from turnscan.devices._link import Deadlines
+from turnscan.devices._registry import board
 from turnscan.errors import DeviceDisconnected, DeviceNotFound, SafetyError, TurnscanError
 
-DIALECTS = ("grbl", "horus", "sardauscan", "fabscan")
+ATTEMPTS = (
+    *((dialect, 115200) for dialect in ("grbl", "horus", "sardauscan", "fabscan")),
+    ("horus", 19200), ("fabscan", 14400), ("grbl", 57600), ("grbl", 9600),
+)  # fmt: skip
+"""What is spoken, and how fast: first what boards of today do, then Bluetooth and old ones."""
+PATIENCE = 4.0
+"""s for a board to boot and answer."""
 
 
 @dataclass(frozen=True)
@@ -38,23 +45,24 @@ def list_ports() -> list[Port]:
     return [Port(str(p.device), str(p.description or "")) for p in found]
 
 
-def probe_port(path: str, dialects: tuple[str, ...] = DIALECTS) -> Answer:
-    """Open a port and find out which board answers, one dialect after the other.
+def probe_port(path: str, attempts: tuple[tuple[str, int], ...] = ATTEMPTS) -> Answer:
+    """Open a port and find out which board answers, one dialect and baud rate after the other.
 
     The only things sent are each dialect's words for dark and its questions: nothing turns and
     nothing is lit. Raises nothing for a board that does not answer or a port that is not there.
     """
     why = ""
-    for dialect in dialects:
-        address = f"{dialect}:{path}"
+    usual = ATTEMPTS[0][1]
+    for dialect, baud in attempts:
+        address = f"{dialect}:{path}" + ("" if baud == usual else f"?baud={baud}")
         try:
-            board = open_turntable(address)
+            found = board(address, deadlines=Deadlines(connect=PATIENCE))
         except (DeviceNotFound, DeviceDisconnected) as e:
             return Answer(path, "", e.message)
         except TurnscanError as e:
             why = e.message
             continue
         with contextlib.suppress(SafetyError):
-            getattr(board, "close", lambda: None)()
+            found.close()
         return Answer(path, address, "")
     return Answer(path, "", why)

@@ -1,8 +1,9 @@
 """The station: devices opened by their addresses, looked over, and made ready for a scan."""
 
 from turnscan.station._doctor import Diagnosis, TableFacts, examine
-from turnscan.station._examine import CameraFacts, LaserFacts
+from turnscan.station._examine import CameraFacts, Examination, LaserFacts
 from turnscan.station._open import DEFAULT_DEVICE, Addresses, Opened, opened
+from turnscan.station._which import Seen, which_laser
 from turnscan.station._wishes import (
     USUAL_SECONDS,
     USUAL_STEPS,
@@ -21,9 +22,11 @@ __all__ = [
     "Addresses",
     "CameraFacts",
     "Diagnosis",
+    "Examination",
     "LaserFacts",
     "Opened",
     "Prepared",
+    "Seen",
     "TableFacts",
     "Wishes",
     "examine",
@@ -32,4 +35,5 @@ __all__ = [
     "plan_of",
     "prepare",
     "stops_of",
+    "which_laser",
 ]
