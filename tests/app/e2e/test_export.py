@@ -8,7 +8,7 @@ from tests.app.e2e.conftest import until
 from turnscan.export import read_mesh
 
 
-def test_dxf_is_written_and_read_back(open_cup, tmp_path: Path):
+def test_dxf_is_written_and_read_back(open_cup, picture, tmp_path: Path):
     page = open_cup()
     seen = page.evaluate("turnscan.faces")
     page.get_by_role("button", name="Export", exact=True).click()
@@ -16,6 +16,7 @@ def test_dxf_is_written_and_read_back(open_cup, tmp_path: Path):
     page.get_by_role("button", name="Write DXF").click()
     link = page.get_by_role("link", name="written_and_read_back.dxf")
     link.wait_for()
+    picture(page, "export")
     with page.expect_download() as download:
         link.click()
     target = tmp_path / "part.dxf"

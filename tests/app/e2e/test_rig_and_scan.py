@@ -16,7 +16,7 @@ def connect(page: Any) -> None:
     page.get_by_role("button", name="Connect again").wait_for()
 
 
-def test_a_live_picture_shows_the_stripe_and_lasers_as_they_are(new_page):
+def test_a_live_picture_shows_the_stripe_and_lasers_as_they_are(new_page, picture):
     page = new_page()
     connect(page)
     chip = page.locator(".chip", has_text="right")
@@ -24,21 +24,23 @@ def test_a_live_picture_shows_the_stripe_and_lasers_as_they_are(new_page):
     page.get_by_role("checkbox", name="Laser right").check()
     page.get_by_role("button", name="Look", exact=True).click()
     page.get_by_text(re.compile(r"right lit · stripe in \d{2,3} lines")).wait_for()
+    picture(page, "rig")
     page.get_by_role("button", name="End", exact=True).click()
     page.locator(".chip", has_text="right: dark").wait_for()
     page.get_by_role("button", name="Disconnect").click()
     page.get_by_role("button", name="Connect", exact=True).wait_for()
 
 
-def test_a_scan_grows_pauses_goes_on_and_is_mended(new_page):
+def test_a_scan_grows_pauses_goes_on_and_is_mended(new_page, picture):
     page = new_page()
     connect(page)
     page.get_by_role("button", name="Scan", exact=True).click()
     page.get_by_role("textbox", name="Name").fill("grown")
     page.get_by_role("button", name="Start", exact=True).click()
-    page.get_by_text(re.compile(r"[1-9]\d* of 24 steps")).wait_for()
+    page.get_by_text(re.compile(r"(9|1\d) of 24 steps")).wait_for()
     page.keyboard.press("Space")
     page.get_by_text("Paused: lasers dark").wait_for()
+    picture(page, "scan")
     page.get_by_role("button", name="Go on").click()
     page.get_by_text("24 of 24 steps").wait_for()
     points = page.get_by_role("region", name="Points").locator(".about")
