@@ -1,0 +1,316 @@
+"""Surfaces of simulated scans against truth: shadows, completeness, volume, holes and their causes.
+
+``python -m bench.surface_truth`` prints every figure on the modern and the paper rig; ``--quick``
+takes the paper rig alone, with few steps. ``--keep FOLDER`` keeps the simulated scans there and
+finds them again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import tempfile
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from bench import _hole_truth as truth
+from turnscan import shapes, surface
+from turnscan.arrays import Bools
+from turnscan.cli._simulated import plan_of, scan_into_file
+from turnscan.detection import see
+from turnscan.pipeline import Reconstruction, Settings, build
+from turnscan.scan import Scan
+from turnscan.simulate import (
+    Bench,
+    Material,
+    SimCamera,
+    SimLasers,
+    SimTurntable,
+    Simulated,
+    Wish,
+    World,
+    bench,
+)  # fmt: skip
+from turnscan.stripes import StripeFlag
+from turnscan.surface import Caps, Mesh
+
+NEAR = 0.2
+"""mm: so close to the mesh a place of the part counts as measured."""
+PRECISE = 0.3
+"""mm: further from the part a place of the mesh was invented."""
+SAMPLES = 20_000
+PLACES = 15_000
+"""Small triangles of the part that are asked."""
+TWO_LINES = math.radians(22.4)
+CAUSES = ("head", "cup", "bracket", "v-groove", "torus", "bust")
+SOLIDS = {"sphere": 0.0, "torus": 0.9, "bracket": 0.5, "v-groove": 0.5}
+"""Parts, and by how much they lean (rad), so that a camera that looks level sees all their faces: a
+volume of what was never seen would be an invention."""
+BLACK = 0.002
+"""Reflectance of the painted squares, over that of the rest."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulated scan, and what became of it."""
+
+    made: Bench
+    steps: int
+    both: Reconstruction
+    """With two lines."""
+    one: Reconstruction
+    """With the first line alone."""
+    closed: Reconstruction
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is simulated."""
+
+    rig: str
+    steps: int
+
+    @property
+    def near(self) -> float:
+        """mm: `NEAR` with a camera that resolves it, else two pixels on the part and the sagitta
+        of a step."""
+        return NEAR if self.rig == "modern" else 0.6
+
+
+def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Bench, Path]:
+    """A whole turn into a scan file, or the one that is there."""
+    made = bench(wish)
+    name = f"{wish.scene}-{wish.rig}-{wish.steps}"
+    if wish.theta is not None:
+        name += f"-{math.degrees(wish.theta):.0f}"
+    if any(wish.lean):
+        name += "-lean"
+    if paint is not None:
+        first = replace(made.scene.bodies[0], material=paint)
+        scene = replace(made.scene, bodies=(first, *made.scene.bodies[1:]))
+        made, name = replace(made, scene=scene), name + f"-painted-{paint.pattern}-{paint.halo:g}"
+    path = folder / f"{name}.turnscan"
+    if not path.exists():
+        world = World(made)
+        devices = Simulated(wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
+        scan_into_file(devices, plan_of(devices), path, "sparse", lambda: None)
+    return made, path
+
+
+def reconstructed(wish: Wish, folder: Path, paint: Material | None = None) -> Run:
+    """The scan of a wish with two lines, with one, and closed."""
+    made, path = scanned(wish, folder, paint)
+    with Scan.open(path) as scan:
+        seen = see(scan, made.rig, Settings().stripes)
+        both = build(seen, Settings())
+        one = build(seen[:1], Settings())
+        closed = build(seen, Settings(caps=Caps()))
+    return Run(made, wish.steps or 0, both, one, closed)
+
+
+@dataclass(frozen=True)
+class Visible:
+    """The places of a part that a scan could measure."""
+
+    patches: truth.Patches
+    either: Bools
+    """(f,) with two lines."""
+    first: Bools
+    """(f,) with the first line alone."""
+
+
+def visible(run: Run, grazing: float = truth.GRAZING[0]) -> Visible:
+    """Small triangles of the part that the camera sees lit, not too flatly, at some table angle."""
+    whole = truth.patches(run.made)
+    # Every so many in their own order, which keeps neighbours together: evenly over the part.
+    some = whole.some(np.arange(0, len(whole.area), max(1, len(whole.area) // PLACES)))
+    alone = replace(run.made, beams=run.made.beams[:1])
+    bits = [
+        truth.labels(m, some, run.steps, grazing) == truth.MEASURABLE for m in (run.made, alone)
+    ]
+    return Visible(some, bits[0], bits[1])
+
+
+def reference(run: Run, seen: Visible) -> str:
+    """That the reference is the whole part: its area, and that all measured points lie on it."""
+    from scipy.spatial import cKDTree
+
+    some = truth.labels(run.made, seen.patches, run.steps, truth.GRAZING[1]) == truth.MEASURABLE
+    area = float(truth.patches(run.made).area.sum())
+    tree = cKDTree(seen.patches.middle[some])
+    X = np.concatenate([g.points[g.found] for g in run.both.grids])
+    away = tree.query(X[:: max(1, len(X) // SAMPLES)])[0]
+    on = float((away < 4 * truth.FINE).mean())
+    whole = truth.made_mesh(run.made).area_of()
+    return f"{area:.0f} of {whole:.0f} mm², {on:.2%} of the measured points lie on what it shows"
+
+
+def covered(mesh: Mesh, some: truth.Patches, which: Bools, near: float) -> float:
+    """Share of the area of patches that has the mesh within ``near`` mm, turned the same way."""
+    at = some.some(np.flatnonzero(which).astype(np.int32))
+    if not len(at.area) or not len(mesh.faces):
+        return math.nan
+    found = shapes.deviation(at.middle, mesh)
+    t = mesh.triangles[found.face]
+    flat = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    good = (np.abs(found.distance) < near) & (np.einsum("ij,ij->i", flat, at.normal) > 0)
+    return float(at.area[good].sum() / at.area.sum())
+
+
+def precision(run: Run, mesh: Mesh, limit: float) -> float:
+    """Share of the mesh's area within ``limit`` mm of the part."""
+    at = shapes.sample_surface(mesh, SAMPLES)
+    return shapes.deviation(at, truth.made_mesh(run.made)).within(limit)
+
+
+def agreement(done: Reconstruction) -> tuple[float, int]:
+    """Share of the samples of two lasers' overlap within two combined sigma, and how many."""
+    parts = [s for g in done.grids for s in surface.range_surfaces(g, surface.Tears())]
+    ratios = np.concatenate([np.zeros(0), *(o.ratios for o in surface.overlaps(parts))])
+    return float((ratios <= 2).mean()), len(ratios)
+
+
+def two_lines(size: Size, folder: Path) -> None:
+    """The head with one line and with two."""
+    wish = Wish("head", size.rig, theta=TWO_LINES, lasers=2, seed=0, steps=size.steps)
+    wish = replace(wish, theta=None) if size.rig == "paper" else wish
+    run = reconstructed(wish, folder)
+    seen = visible(run)
+    # Counted as seen at up to 84° from face-on: what lies in a shadow is often seen flatly.
+    flat = visible(run, truth.GRAZING[1])
+    shadow = flat.either & ~flat.first
+    near = size.near
+    print(f"head, {size.rig}, {size.steps} steps, ±22.4°; reference: {reference(run, seen)}")
+    some = seen.patches
+    print(
+        f"  in the shadow of the first line {some.area[shadow].sum():.0f} mm²: one line covers "
+        f"{covered(run.one.mesh, some, shadow, near):.1%} at {near} mm, two "
+        f"{covered(run.both.mesh, some, shadow, near):.1%}"
+    )
+    whole = covered(run.both.mesh, some, seen.either, near)
+    print(f"  completeness at {near} mm of what either sees: {whole:.2%} (wanted: 99 %)")
+    share, count = agreement(run.both)
+    print(f"  two lasers within 2 sigma: {share:.1%} of {count} samples (wanted: 95 %)")
+
+
+def halo(size: Size, folder: Path) -> None:
+    """The bust, whose stone glows, beside the same stone without glow."""
+    for glow in (None, 0.0):
+        made = bench(Wish("bust", size.rig, lasers=2, steps=size.steps))
+        paint = None if glow is None else replace(made.scene.bodies[0].material, halo=glow)
+        run = reconstructed(Wish("bust", size.rig, lasers=2, steps=size.steps), folder, paint)
+        flags = np.concatenate([g.flags[g.found] for g in run.both.grids])
+        share = float(((flags & StripeFlag.HALO) != 0).mean())
+        limit = PRECISE if size.rig == "modern" else 2 * size.near
+        exact = precision(run, run.both.mesh, limit)
+        word = "with halo" if glow is None else "without"
+        print(
+            f"bust {word}, {size.rig}, {size.steps} steps: {share:.1%} of the points flagged HALO; "
+            f"precision at {limit} mm {exact:.2%} (wanted: 99.5 %)"
+        )
+
+
+def volumes(size: Size, folder: Path) -> None:
+    """Closed solids: sound, and their volume beside the part's and what sigma allows."""
+    for scene, lean in SOLIDS.items():
+        wish = Wish(scene, size.rig, lasers=2, steps=size.steps, lean=(lean, 0.8 * lean))
+        run = reconstructed(wish, folder)
+        print(f"{scene}, {size.rig}, {size.steps} steps: {volume_figures(run)}")
+
+
+def volume_figures(run: Run) -> str:
+    """Watertight or not; the volume's error by noise with what sigma predicts; the rest.
+
+    Noise: against the same mesh with each measured vertex moved to the nearest place of the part.
+    What is left is the part's between the profiles, and behind what was filled.
+    """
+    mesh, whole = run.closed.mesh, truth.made_mesh(run.made)
+    p = mesh.provenance
+    assert p is not None
+    known = p.laser >= 0
+    at = shapes.deviation(mesh.vertices[known], whole)
+    ideal = mesh.vertices.copy()
+    ideal[known] = at.closest
+    noise = mesh.volume - replace(mesh, vertices=ideal).volume
+    t = mesh.triangles
+    size = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 6
+    share = np.bincount(mesh.faces.ravel(), np.repeat(size, 3), len(mesh.vertices))
+    sigma = np.nan_to_num(p.sigma)
+    alone = float(np.sqrt(np.sum((share * sigma)[known] ** 2)))
+    true = whole.volume
+    return (
+        f"{'watertight' if surface.is_closed(mesh) else 'OPEN'}; volume {mesh.volume:.0f}, true "
+        f"{true:.0f} mm³ ({mesh.volume / true - 1:+.3%}); by noise {noise:+.1f} mm³, sigma "
+        f"predicts {alone:.1f} mm³ of independent points"
+    )
+
+
+def causes(size: Size, folder: Path) -> tuple[int, int]:
+    """The table of true causes against those named, one and two lines; right and known holes."""
+    table: Counter[tuple[str, str]] = Counter()
+    runs = [
+        (scene, reconstructed(Wish(scene, size.rig, lasers=2, steps=size.steps), folder))
+        for scene in CAUSES
+    ]
+    black = Material((0.6, 0.6, 0.6), pattern="checks", pitch=12.0, pattern_ratio=BLACK)
+    wish = Wish("sphere", size.rig, lasers=2, steps=size.steps)
+    runs.append(("sphere painted", reconstructed(wish, folder, black)))
+    for scene, run in runs:
+        for lines, done in ((1, run.one), (2, run.both)):
+            mine = hole_table(run, done, lines)
+            right, known = score(mine)
+            line = f"{lines} line" + "s" * (lines - 1)
+            print(f"  {scene}, {line}: {len(done.holes)} holes, {known} known, {right} right")
+            table += mine
+    right, known = score(table)
+    print(f"hole causes, {size.rig}, {size.steps} steps: {right} of {known} right "
+          f"({right / max(known, 1):.1%}; wanted: 95 %)")  # fmt: skip
+    for (true, named), n in sorted(table.items()):
+        print(f"  truly {true:<11} named {named:<10} {n:>5}")
+    return right, known
+
+
+def hole_table(run: Run, done: Reconstruction, lines: int) -> Counter[tuple[str, str]]:
+    """How often a true cause was called by each name; holes whose cause is not clear are left out.
+
+    ``lines`` is how many lasers the mesh was made with.
+    """
+    made = replace(run.made, beams=run.made.beams[:lines])
+    true = truth.true_causes(made, run.steps, done.mesh, done.holes)
+    return Counter(
+        (t, h.cause or "") for t, h in zip(true, done.holes, strict=True) if t is not None
+    )
+
+
+def score(table: Counter[tuple[str, str]]) -> tuple[int, int]:
+    """Right and known holes of a table."""
+    right = sum(n for (true, named), n in table.items() if named in truth.RIGHT[true])
+    return right, sum(table.values())
+
+
+def run(quick: bool = False, keep: Path | None = None) -> None:
+    """Print all figures."""
+    sizes = [Size("paper", 48)] if quick else [Size("modern", 120), Size("paper", 200)]
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = keep or Path(scratch)
+        for size in sizes:
+            two_lines(size, folder)
+            halo(size, folder)
+            volumes(size, folder)
+            causes(size, folder)
+
+
+def main() -> None:
+    """Parse the options."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="the paper rig with 48 steps")
+    parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    given = parser.parse_args()
+    run(given.quick, given.keep)
+
+
+if __name__ == "__main__":
+    main()
