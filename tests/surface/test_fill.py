@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +15,7 @@ from hypothesis import strategies as st
 from tests.surface.test_grid_mesh import random_grid
 from tests.surface.test_holes import plate
 from turnscan.errors import InputError
+from turnscan.pipeline import Settings, to_mesh
 from turnscan.surface import (
     Caps,
     Mesh,
@@ -143,11 +147,11 @@ def test_holes_of_another_mesh_are_refused():
 
 
 def test_a_long_border_is_spanned_too():
-    angle = np.linspace(0, 2 * np.pi, 1000, endpoint=False)
+    angle = np.linspace(0, 2 * np.pi, 500, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle), 0.1 * np.sin(2 * angle)], axis=1)
-    around = np.arange(1000)
-    band = np.stack([around, np.roll(around, -1), around + 1000], axis=1)
-    other = np.stack([np.roll(around, -1), np.roll(around, -1) + 1000, around + 1000], axis=1)
+    around = np.arange(500)
+    band = np.stack([around, np.roll(around, -1), around + 500], axis=1)
+    other = np.stack([np.roll(around, -1), np.roll(around, -1) + 500, around + 500], axis=1)
     tube = Mesh(
         np.concatenate([30 * ring, 30 * ring + [0, 0, -1.0]]), np.concatenate([band, other])
     )
@@ -194,3 +198,31 @@ def test_what_cuts_through_itself_is_mended():
     assert np.linalg.norm(done.vertices, axis=1).max() < 10.1
     assert done.volume == pytest.approx(mesh.volume, rel=0.005)
     assert done.area_of(~done.measured) < 0.05 * mesh.area_of()
+
+
+@pytest.mark.parametrize(("steps", "lines"), [(1, 9), (9, 1), (4, 6), (2, 2)])
+def test_a_grid_without_a_face_is_said_and_closing_it_does_nothing(steps, lines):
+    missing = 1.0 if (steps, lines) != (1, 9) else 0.0
+    grid = random_grid(3, steps, lines, missing, False, 0.0)
+    _, mesh, said = to_mesh([grid], Settings(caps=Caps()))
+    assert not len(mesh.faces)
+    assert [f.code for f in said if f.severity != "note"] == ["surface.none"]
+    assert holes(mesh) == []
+
+
+def test_the_same_mesh_gives_the_same_bytes_whatever_the_threads_and_hashes():
+    code = (
+        "import hashlib\n"
+        "from tests.surface.test_fill import *\n"
+        "mesh = opened(ball(24, 0.1, 5), [0.2, 0.1, 1.0], 0.8)\n"
+        "done, said = close(mesh, Caps(floor=-9.9, reach=2.0, holes='curvature'))\n"
+        "print(hashlib.sha256(done.vertices.tobytes() + done.faces.tobytes()).hexdigest(), said)\n"
+    )
+    seen = set()
+    for seed, threads in (("1", "1"), ("7", "2")):
+        threading = dict.fromkeys(("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), threads)
+        env = {**os.environ, "PYTHONHASHSEED": seed, **threading}
+        run = [sys.executable, "-c", code]
+        seen.add(subprocess.run(run, env=env, check=True, capture_output=True, text=True).stdout)
+    assert len(seen) == 1
+    assert "surface.caps" in seen.pop()

@@ -60,8 +60,8 @@ def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
     floor's plane count as measured, for they lie on the platter, whose place the calibration
     knows. Then the top is closed, then all other holes (`fill`). Where parts of the surface
     merely touch in a vertex, the faces of the smaller one go first: programs that join equal
-    corners would find them joined. Last, places where the surface cuts through itself are made anew (`mend`).
-    Added vertices have provenance −1; those that are there do not move.
+    corners would find them joined. Last, places where the surface cuts through itself are made
+    anew (`mend`). Added vertices have provenance −1; those that are there do not move.
     """
     c = caps or Caps()
     whole, remarks = cut_touching(mesh)

@@ -23,7 +23,7 @@ tangent planes. curvature: goes on with the border's curvature, too."""
 
 _LONGEST = 400
 """Corners of a loop that are spanned in one go: the time grows with their third power."""
-_MOST = 50_000
+_MOST = 20_000
 """New corners in one hole at most; a larger one is filled more coarsely."""
 
 
