@@ -32,11 +32,71 @@ export interface Append {
   kind: "append";
 }
 
+/**
+ * Begin a calibration anew; ``calibration`` tells from now on how far it is.
+ *
+ * ``board`` as ``chessboard:8x6:40`` (inner corners, mm) or ``charuco:7x5:25:19:DICT_4X4_50``;
+ * ``table`` says what rides on the table: ``markers:DICT_4X4_50:30``, or a board.
+ */
+export interface BeginCalibration {
+  id: number;
+  kind: "calibrate_begin";
+  board: string;
+  table: string;
+  /** Height of the lowest corner of the board on the table. */
+  lowest_mm?: number;
+}
+
+/** A calibration in the making, each time a picture has been looked at. */
+export interface Calibration {
+  kind: "calibration";
+  board: string;
+  views: CalibrationView[];
+  /** Share of the cells of the picture in which a corner of the board was seen. */
+  coverage: number;
+  columns: number;
+  rows: number;
+  /** Corners in each cell, row by row from the top left. */
+  cells: number[];
+  /** What is still wanted, in words. */
+  missing: string[];
+}
+
+/** A picture of a calibration. */
+export interface CalibrationView {
+  view: number;
+  stage: "camera" | "laser" | "table";
+  /** Lit in it; empty for none. */
+  laser: string;
+  name: string;
+  /** Why it cannot be used; empty where it can. */
+  failure: string;
+  corners: number;
+}
+
 /** End a job. */
 export interface Cancel {
   id: number;
   kind: "cancel";
   job: string;
+}
+
+/** Take a picture of the board as it is held now; with the stages laser, of each laser too. */
+export interface Capture {
+  id: number;
+  kind: "capture";
+  stage: "camera" | "laser";
+  seconds?: number | null;
+}
+
+/** Turn the table once round, a picture each step: a job. */
+export interface CaptureTable {
+  id: number;
+  kind: "capture_table";
+  steps?: number;
+  /** Lit for a second picture each, where the stripe on the platter is to be used. */
+  laser?: string | null;
+  seconds?: number | null;
 }
 
 /** Open devices by address; a simulated bench is one address for all three. */
@@ -91,6 +151,10 @@ export interface Devices {
   looking: boolean;
   /** Whether a rig (calibration) is known for them. */
   rig: boolean;
+  /** Of the file it is from; empty for that of a simulated bench. */
+  rig_name: string;
+  /** Rig files in the folder, for ``use_rig``. */
+  rigs: string[];
 }
 
 /** Lasers dark, and let the devices go. */
@@ -154,12 +218,30 @@ export interface FindDevices {
   probe?: boolean;
 }
 
+/**
+ * Calibrate with the pictures there are: a job whose findings name every picture not used.
+ *
+ * The rig is kept in the folder under this name, and used from now on.
+ */
+export interface FinishCalibration {
+  id: number;
+  kind: "calibrate_finish";
+  name: string;
+}
+
 /** Answered by ``measures``. */
 export interface ForgetMeasure {
   id: number;
   kind: "forget_measure";
   scan: string;
   measure: string;
+}
+
+/** Take a picture of the calibration away. */
+export interface ForgetView {
+  id: number;
+  kind: "forget_view";
+  view: number;
 }
 
 /** What is connected to the computer. */
@@ -623,6 +705,13 @@ export interface Undo {
   scan: string;
 }
 
+/** Take the rig of a file in the folder for the scans from now on. */
+export interface UseRig {
+  id: number;
+  kind: "use_rig";
+  name: string;
+}
+
 /** Vertices that moved: arrays ids u32 (k), positions f32 (k, 3). */
 export interface Verts {
   kind: "verts";
@@ -646,6 +735,7 @@ export type ServerMessage =
   | Measures
   | Found
   | Devices
+  | Calibration
   | Seen
   | Points
   | Scanning;
@@ -672,6 +762,12 @@ export type ClientMessage =
   | Look
   | Turn
   | Doctor
+  | UseRig
+  | BeginCalibration
+  | Capture
+  | CaptureTable
+  | ForgetView
+  | FinishCalibration
   | StartScan
   | Pause
   | GoOn

@@ -22,6 +22,7 @@ UPLOAD_BYTES = 2**30
 _RESERVE = 200_000_000
 """Bytes that stay free on the disk."""
 _LONGEST_NAME = 80
+_MOST_RIGS = 200
 _RESERVED = re.compile(r"(?i)^(con|prn|aux|nul|com\d|lpt\d)(\.|$)")
 
 
@@ -73,11 +74,15 @@ class Library:
         return out
 
     def new_path(self, wish: str) -> Path:
-        """Where a new scan of this name goes: a plain name in the folder, never one that is taken.
+        """Where a new scan of this name goes. Raises as `new_file`."""
+        return self.new_file(wish, SUFFIX)
+
+    def new_file(self, wish: str, suffix: str) -> Path:
+        """Where a new file of this name goes: a plain name in the folder, never one that is taken.
 
         Raises InputError where nothing of the name is left, or the name is taken.
         """
-        path = self.folder / (safe_name(wish) + SUFFIX)
+        path = self.folder / (safe_name(wish.removesuffix(suffix)) + suffix)
         if path.exists():
             raise InputError(f"{path.name}: exists already", hint="choose another name")
         return path
@@ -128,6 +133,30 @@ class Library:
             ):
                 left.unlink(missing_ok=True)
         return self.name_of(path)
+
+    def write(self, path: Path, data: bytes) -> None:
+        """Write a file that `new_file` named; its name appears when it is whole.
+
+        Raises InputError where the name has been taken meanwhile, StorageFull.
+        """
+        part = path.with_name(f".{secrets.token_hex(8)}.part")
+        try:
+            with part.open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            if path.exists():
+                raise InputError(f"{path.name}: exists already", hint="choose another name")
+            part.rename(path)
+        except OSError:
+            raise StorageFull("the file cannot be written", hint="check the disk") from None
+        finally:
+            part.unlink(missing_ok=True)
+
+    def rigs(self) -> dict[str, Path]:
+        """Files of the folder that may be rigs, by their plain names."""
+        found = sorted(self.folder.glob("*.json"), key=lambda p: p.name.lower())[:_MOST_RIGS]
+        return {p.name: p for p in found if p.is_file() and not p.is_symlink()}
 
     def hide(self, text: str) -> str:
         """Words without the paths of the folder: what is in it goes by its plain name."""

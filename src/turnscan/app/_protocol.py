@@ -168,6 +168,19 @@ class Figures(Model):
     """mm³; None where the surface is open."""
 
 
+class CalibrationView(Model):
+    """A picture of a calibration."""
+
+    view: Count
+    stage: Literal["camera", "laser", "table"]
+    laser: str
+    """Lit in it; empty for none."""
+    name: str
+    failure: str
+    """Why it cannot be used; empty where it can."""
+    corners: Count
+
+
 class FoundDevice(Model):
     """Something that can be connected."""
 
@@ -453,6 +466,26 @@ class Devices(Model):
     looking: bool
     rig: bool
     """Whether a rig (calibration) is known for them."""
+    rig_name: str
+    """Of the file it is from; empty for that of a simulated bench."""
+    rigs: list[str]
+    """Rig files in the folder, for ``use_rig``."""
+
+
+class Calibration(Model):
+    """A calibration in the making, each time a picture has been looked at."""
+
+    kind: Literal["calibration"] = "calibration"
+    board: str
+    views: list[CalibrationView]
+    coverage: float
+    """Share of the cells of the picture in which a corner of the board was seen."""
+    columns: Count
+    rows: Count
+    cells: list[int]
+    """Corners in each cell, row by row from the top left."""
+    missing: list[str]
+    """What is still wanted, in words."""
 
 
 class Seen(Model):
@@ -512,6 +545,7 @@ ServerMessage = Annotated[
     | Measures
     | Found
     | Devices
+    | Calibration
     | Seen
     | Points
     | Scanning,

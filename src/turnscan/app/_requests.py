@@ -8,6 +8,7 @@ from pydantic import Field, TypeAdapter
 
 from turnscan.app._protocol import Count, Model, Name, Opaque, Vector
 
+Stage = Literal["camera", "laser", "table"]
 Seconds = Annotated[float, Field(gt=0, le=60)]
 
 
@@ -184,6 +185,62 @@ class Doctor(Request):
     seconds: Seconds | None = None
 
 
+class UseRig(Request):
+    """Take the rig of a file in the folder for the scans from now on."""
+
+    kind: Literal["use_rig"] = "use_rig"
+    name: Name
+
+
+class BeginCalibration(Request):
+    """Begin a calibration anew; ``calibration`` tells from now on how far it is.
+
+    ``board`` as ``chessboard:8x6:40`` (inner corners, mm) or ``charuco:7x5:25:19:DICT_4X4_50``;
+    ``table`` says what rides on the table: ``markers:DICT_4X4_50:30``, or a board.
+    """
+
+    kind: Literal["calibrate_begin"] = "calibrate_begin"
+    board: Name
+    table: Name
+    lowest_mm: Annotated[float, Field(ge=-1000, le=1000)] = 0.0
+    """Height of the lowest corner of the board on the table."""
+
+
+class Capture(Request):
+    """Take a picture of the board as it is held now; with the stages laser, of each laser too."""
+
+    kind: Literal["capture"] = "capture"
+    stage: Literal["camera", "laser"]
+    seconds: Seconds | None = None
+
+
+class CaptureTable(Request):
+    """Turn the table once round, a picture each step: a job."""
+
+    kind: Literal["capture_table"] = "capture_table"
+    steps: Annotated[int, Field(ge=3, le=400)] = 24
+    laser: Name | None = None
+    """Lit for a second picture each, where the stripe on the platter is to be used."""
+    seconds: Seconds | None = None
+
+
+class ForgetView(Request):
+    """Take a picture of the calibration away."""
+
+    kind: Literal["forget_view"] = "forget_view"
+    view: Count
+
+
+class FinishCalibration(Request):
+    """Calibrate with the pictures there are: a job whose findings name every picture not used.
+
+    The rig is kept in the folder under this name, and used from now on.
+    """
+
+    kind: Literal["calibrate_finish"] = "calibrate_finish"
+    name: Name
+
+
 class ScanPlan(Model):
     """What a scan is to be; None leaves it to the server, which says what it chose."""
 
@@ -245,6 +302,12 @@ ClientMessage = Annotated[
     | Look
     | Turn
     | Doctor
+    | UseRig
+    | BeginCalibration
+    | Capture
+    | CaptureTable
+    | ForgetView
+    | FinishCalibration
     | StartScan
     | Pause
     | GoOn

@@ -14,10 +14,12 @@ from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, Jobs, Result, remarks
+from turnscan.app._library import Library
 from turnscan.app._live import see, stripe_of
 from turnscan.app._watched import WatchedLasers
 from turnscan.devices import burning, find_cameras, frame_deadline, list_ports, probe_port
 from turnscan.errors import InputError, TurnscanError
+from turnscan.rig import Rig
 from turnscan.station import DEFAULT_DEVICE, Addresses, Opened, examine, opened
 
 ALONE_SECONDS = 3.0
@@ -38,8 +40,13 @@ class RigRoom:
     nothing.
     """
 
-    def __init__(self, hub: Hub, jobs: Jobs, may_light: Callable[[], bool]) -> None:
-        self._hub, self._jobs, self._may_light = hub, jobs, may_light
+    def __init__(
+        self, hub: Hub, jobs: Jobs, library: Library, may_light: Callable[[], bool]
+    ) -> None:
+        self._hub, self._jobs, self._library, self._may_light = hub, jobs, library, may_light
+        self.rig: Rig | None = None
+        """That of a file or of a calibration; None takes that of a simulated bench."""
+        self._rig_name = ""
         self._using = threading.Lock()
         self._stack = ExitStack()
         self._bench: Opened | None = None
@@ -98,6 +105,11 @@ class RigRoom:
             self._let_go()
         self.tell()
 
+    def use_rig(self, rig: Rig, name: str) -> None:
+        """Take this rig for scans from now on."""
+        self.rig, self._rig_name = rig, name
+        self.tell()
+
     def turn(self, degrees: float) -> None:
         """Turn the table. Raises DeviceError."""
         with self.using() as bench:
@@ -153,7 +165,9 @@ class RigRoom:
                 angle_deg=self._angle,
                 lasers=[] if lasers is None else lasers.states,
                 looking=self._looking.is_set(),
-                rig=bench is not None and bench.rig is not None,
+                rig=self.rig is not None or (bench is not None and bench.rig is not None),
+                rig_name=self._rig_name,
+                rigs=list(self._library.rigs()),
             )
         )
 

@@ -98,7 +98,7 @@ class ScanRoom:
         bench: Opened,
         wishes: Wishes,
     ) -> Result:
-        ready = prepare(at, bench, wishes)
+        ready = prepare(at, bench, wishes, self._rig.rig)
         job.steps(ready.plan.steps)
         with ready.create(path) as scan:
             name = self._library.name_of(path)

@@ -176,7 +176,8 @@ def serve(
 ) -> None:
     """Listen until somebody ends it; lasers are dark and files closed when this returns.
 
-    ``say`` gets a link for one browser, and another one each time one was used. Raises InputError where the port cannot be had.
+    ``say`` gets a link for one browser, and another one each time one was used. Raises InputError
+    where the port cannot be had.
     """
     logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
     opened = bind(where)

@@ -13,6 +13,7 @@ from typing import Any
 from turnscan import __version__
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
+from turnscan.app._calibrate_room import CalibrateRoom
 from turnscan.app._doors import name_of
 from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
@@ -23,10 +24,12 @@ from turnscan.app._open_scan import OpenScan, Stale
 from turnscan.app._rig_room import RigRoom
 from turnscan.app._scan_room import ScanRoom
 from turnscan.errors import InputError, TurnscanError
+from turnscan.rig import rig_from_json
 
 _log = logging.getLogger("turnscan.app")
 _FILES = ("folder", "video")
 """Kinds of cameras that read files."""
+_RIG_BYTES = 16 * 2**20
 _OPEN_SCANS = 4
 """Documents that are held open at a time."""
 
@@ -67,8 +70,9 @@ class Workshop:
         self.hub.hide = library.hide
         self.jobs = Jobs(self.hub)
         self.downloads = Downloads()
-        self.rig = RigRoom(self.hub, self.jobs, self._operator_may_light)
+        self.rig = RigRoom(self.hub, self.jobs, library, self._operator_may_light)
         self.taking = ScanRoom(self.hub, self.jobs, library, self.rig)
+        self.calibration = CalibrateRoom(self.hub, self.jobs, library, self.rig)
         self._scans: dict[str, OpenScan] = {}
         self._opening: dict[str, Job] = {}
         self._lock = threading.RLock()
@@ -100,6 +104,12 @@ class Workshop:
             q.Look: (self._look, True),
             q.Turn: (lambda call: self.rig.turn(call.request.angle_deg), True),
             q.Doctor: (self._doctor, True),
+            q.UseRig: (self._use_rig, True),
+            q.BeginCalibration: (lambda call: self.calibration.begin(call.request), True),
+            q.Capture: (self._capture, True),
+            q.CaptureTable: (self._capture_table, True),
+            q.ForgetView: (lambda call: self.calibration.forget(call.request.view), True),
+            q.FinishCalibration: (self._finish_calibration, True),
             q.StartScan: (self._scan, True),
             q.Pause: (lambda call: self.taking.pause(), True),
             q.GoOn: (self._go_on, True),
@@ -232,6 +242,28 @@ class Workshop:
         self._check_lasers(call)
         job = self.rig.doctor(call.request.still, call.request.seconds)
         return p.StartedJob(id=call.id, job=job.id)
+
+    def _use_rig(self, call: Call) -> None:
+        path = self.library.rigs().get(call.request.name)
+        if path is None:
+            raise InputError("there is no such rig file", hint="reload the list")
+        if path.stat().st_size > _RIG_BYTES:
+            raise InputError(f"{path.name}: too large for a rig")
+        text = path.read_bytes().decode("utf-8", "replace")
+        self.rig.use_rig(rig_from_json(text, path.name), path.name)
+
+    def _capture(self, call: Call) -> None:
+        if call.request.stage == "laser":
+            self._check_lasers(call)
+        self.calibration.capture(call.request)
+
+    def _capture_table(self, call: Call) -> p.Model:
+        if call.request.laser is not None:
+            self._check_lasers(call)
+        return p.StartedJob(id=call.id, job=self.calibration.turn(call.request).id)
+
+    def _finish_calibration(self, call: Call) -> p.Model:
+        return p.StartedJob(id=call.id, job=self.calibration.finish(call.request).id)
 
     def _scan(self, call: Call) -> p.Model:
         self._check_lasers(call)

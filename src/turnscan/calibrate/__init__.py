@@ -9,7 +9,13 @@ from turnscan.calibrate._board import (
     detect_board,
     parse_board,
 )
-from turnscan.calibrate._figures import Figures, Measured, figures, measured_uncertainty
+from turnscan.calibrate._figures import (
+    Figures,
+    Measured,
+    coverage,
+    figures,
+    measured_uncertainty,
+)
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
@@ -43,6 +49,7 @@ __all__ = [
     "angle_model",
     "aruco_dictionary",
     "calibrate_rig",
+    "coverage",
     "detect_board",
     "detect_markers",
     "figures",
