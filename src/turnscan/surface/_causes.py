@@ -125,7 +125,7 @@ def _about(mesh: Mesh, found: Sequence[Hole]) -> Floats:
 def _votes(places: _Places, views: Sequence[Sought], caster: Caster) -> Ints:
     """(m,) for each place the cause that came nearest to a measurement."""
     m = len(places.at)
-    seen, lit, out = np.zeros((3, m), dtype=np.bool_)
+    seen, lit, out, turned = np.zeros((4, m), dtype=np.bool_)
     light = np.full(m, -1, dtype=np.int32)
     for view in views:
         within = view.volume.contains(places.at)
@@ -136,12 +136,16 @@ def _votes(places: _Places, views: Sequence[Sought], caster: Caster) -> Ints:
         s[ok] = _reached(caster, places, c.place[ok], c.eye[ok])
         b = np.zeros(len(c.place), dtype=np.bool_)
         b[ok] = _reached(caster, places, c.place[ok], c.source[ok])
+        near = _faces(places, c.place, c.eye) | _faces(places, c.place, c.source)
+        np.logical_or.at(turned, c.place, near)
         np.logical_or.at(seen, c.place, s)
         np.logical_or.at(lit, c.place, b)
         np.logical_or.at(out, c.place, ~c.inside)
         both = np.flatnonzero(s & b)
         why = _light(view.grid, c.step[both], c.line[both], places.at[c.place[both]])
         light[c.place[both]] = np.maximum(light[c.place[both]], why)
+    if not any(view.grid.closed for view in views):
+        out |= ~turned  # the scan ended before its turn came
     vote = np.full(m, LASER, dtype=np.int32)
     vote[out & ~seen & ~lit] = OUTSIDE
     vote[lit & ~seen] = CAMERA
@@ -195,15 +199,21 @@ def _crossings(view: Sought, places: _Places) -> _Crossings:
     )
 
 
+def _faces(places: _Places, which: Ints, end: Floats) -> Bools:
+    """(c,) True where a place is turned towards the end, and not too flatly."""
+    way = end - places.at[which]
+    up = np.einsum("ij,ij->i", way, places.normal[which])
+    return np.asarray(up > _GRAZING * np.linalg.norm(way, axis=1))
+
+
 def _reached(caster: Caster, places: _Places, which: Ints, end: Floats) -> Bools:
     """(c,) True where a place is turned towards the end and nothing stands between."""
-    X, n = places.at[which], places.normal[which]
-    way = end - X
-    far = np.linalg.norm(way, axis=1)
-    out = np.einsum("ij,ij->i", way, n) > _GRAZING * far
-    from_there = X + (places.start[which] / far)[:, None] * way
-    out[out] = caster.visible(from_there[out], n[out], end[out])
-    return np.asarray(out)
+    out = _faces(places, which, end)
+    at, end = which[out], end[out]
+    way = end - places.at[at]
+    skip = places.start[at] / np.linalg.norm(way, axis=1)
+    out[out] = caster.visible(places.at[at] + skip[:, None] * way, places.normal[at], end)
+    return out
 
 
 def _light(grid: RangeGrid, step: Ints, line: Ints, at: Floats) -> Ints:

@@ -1,0 +1,117 @@
+"""The cause of a hole: from the frame's flags where it could be seen, else from what hides it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.analytic import cylinder, full_turn, make_rig, scan_shape
+from turnscan import points, surface
+from turnscan.points import RangeGrid, Volume
+from turnscan.rig import Rig, rotation_z
+from turnscan.stripes import StripeFlag
+from turnscan.surface import Cause, Mesh, Sought
+
+STEPS = 60
+
+
+@pytest.fixture(scope="module")
+def scanned() -> tuple[Rig, RangeGrid]:
+    rig = make_rig(elevation=0.1, lift=20.0)
+    stripes = scan_shape(rig, cylinder(25, 0, 40), full_turn(STEPS))
+    return rig, points.build_grid(rig, "L0", stripes, np.arange(STEPS), full_turn(STEPS))
+
+
+def _cause(rig: Rig, grid: RangeGrid, volume: Volume, more: Mesh | None = None) -> Cause | None:
+    """Of the hole that looks sideways."""
+    mesh = surface.mesh_grid(grid)
+    whole = mesh if more is None else surface.join([mesh, more])
+    found = surface.holes(mesh)
+    named = surface.explain(whole, found, [Sought(rig, grid, volume)])
+    return next(h.cause for h in named if h.size < 40)
+
+
+def _window(grid: RangeGrid, flag: StripeFlag) -> RangeGrid:
+    """A window in the wall, five steps wide, missing for that reason."""
+    gone = np.zeros(grid.flags.shape, dtype=np.bool_)
+    lines = np.flatnonzero(grid.found[20])
+    gone[20:25, lines[len(lines) // 3] : lines[2 * len(lines) // 3]] = True
+    return points.without(grid, gone & grid.found, flag)
+
+
+@pytest.mark.parametrize(
+    ("flag", "cause"),
+    [
+        (StripeFlag.DARK, "dark"),
+        (StripeFlag.DARK | StripeFlag.AMBIGUOUS, "ambiguous"),
+        (StripeFlag.AMBIGUOUS, "removed"),
+        (StripeFlag.EDGE, "removed"),
+        (StripeFlag.SATURATED, "saturated"),
+    ],
+)
+def test_what_was_lit_and_seen_is_explained_by_the_frame(
+    scanned: tuple[Rig, RangeGrid], flag: StripeFlag, cause: Cause
+) -> None:
+    rig, grid = scanned
+    assert _cause(rig, _window(grid, flag), Volume()) == cause
+
+
+def test_what_the_volume_leaves_out_is_outside(scanned: tuple[Rig, RangeGrid]) -> None:
+    rig, grid = scanned
+    low, high = Volume(z_min=5.0), surface.holes(surface.mesh_grid(grid))
+    cut = points.clip(grid, low)
+    mesh = surface.mesh_grid(cut)
+    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, cut, low)])
+    foot = min(named, key=lambda h: h.centre[2])
+    assert foot.cause == "outside"
+    assert len(high) == len(named)
+
+
+@pytest.mark.parametrize("hider", ["laser", "camera"])
+def test_a_screen_before_one_of_them_hides_the_window(
+    scanned: tuple[Rig, RangeGrid], hider: Cause
+) -> None:
+    """A screen turns with the part and stands between the window and the laser or the camera."""
+    rig, grid = scanned
+    missing = _window(grid, StripeFlag.DARK)
+    window = min(surface.holes(surface.mesh_grid(missing)), key=lambda h: h.size)
+    T = rig.T_camera_table.inverse()
+    there = T.translation if hider == "camera" else T.apply(rig.light_source("L0"))
+    # The table angle at which the window passes the sheet, and the screen half way to there.
+    off = [
+        rig.sheet("L0").distance(rig.T_camera_table.apply(rotation_z(a) @ window.centre))
+        for a in grid.angles
+    ]
+    outward = [float((rotation_z(a) @ window.centre)[:2] @ T.translation[:2]) for a in grid.angles]
+    step = min((k for k in range(STEPS) if outward[k] > 0), key=lambda k: abs(off[k]))
+    end = rotation_z(-grid.angles[step]) @ there
+    middle = window.centre + 0.1 * (end - window.centre)
+    assert _cause(rig, missing, Volume(), _screen(middle, end - middle, 14.0)) == hider
+
+
+def _screen(at: np.ndarray, facing: np.ndarray, half: float) -> Mesh:
+    n = facing / np.linalg.norm(facing)
+    e1 = np.cross(n, [0.0, 0.0, 1.0])
+    e1 /= np.linalg.norm(e1)
+    e2 = np.cross(n, e1)
+    corners = [at + half * (a * e1 + b * e2) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+
+
+def test_without_a_rig_no_cause_is_named(scanned: tuple[Rig, RangeGrid]) -> None:
+    mesh = surface.mesh_grid(scanned[1])
+    found = surface.holes(mesh)
+    assert surface.explain(mesh, found, []) == found
+    assert all(h.cause is None for h in found)
+
+
+def test_an_open_turn_leaves_what_never_passed_the_sheet_outside(
+    scanned: tuple[Rig, RangeGrid],
+) -> None:
+    rig, grid = scanned
+    stripes = scan_shape(rig, cylinder(25, 0, 40), full_turn(STEPS)[: STEPS // 2])
+    half = points.build_grid(rig, "L0", stripes, np.arange(STEPS // 2), grid.angles[: STEPS // 2])
+    mesh = surface.mesh_grid(half)
+    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, half, Volume())])
+    assert [h.cause for h in named] == ["outside"]
+    assert named[0].loop.tolist() == surface.holes(mesh)[0].loop.tolist()
