@@ -30,7 +30,7 @@ const TABS: readonly (readonly [Tab, string])[] = [
   ["holes", "Holes"],
   ["history", "History"],
 ];
-const COLOUR_WORDS = { plain: "one colour", sigma: "uncertainty", laser: "laser", height: "height", measured: "what was measured" };
+const COLOUR_WORDS = { plain: "one colour", sigma: "uncertainty", laser: "laser", height: "height", measured: "measured" };
 const COLOUR_OPTIONS = COLOURINGS.map((name) => [name, COLOUR_WORDS[name]] as const);
 
 function Rail() {

@@ -32,6 +32,8 @@ FLAGS = [
 ]
 DEADLINE = 25.0
 """Seconds for anything that a person would wait for."""
+OPENING = 300.0
+"""Seconds to open a scan: on a new machine the kernels are compiled first."""
 
 
 def until(page: Any, expression: str, seconds: float = DEADLINE) -> Any:
@@ -146,11 +148,9 @@ def picture() -> Callable[[Any, str], None]:
 
 
 @pytest.fixture
-def open_cup(
-    new_page: Callable[..., Any], folder: Path, cup: Path, request: pytest.FixtureRequest
-) -> Callable[..., Any]:
+def open_cup(new_page: Callable[..., Any], folder: Path, cup: Path) -> Callable[..., Any]:
     """Open a copy of the cup of this test's own in the Mend room."""
-    name = request.node.name.removeprefix("test_")
+    name = f"cup-{sum(1 for _ in folder.iterdir()) + 1}"
 
     def make(**options: Any) -> Any:
         target = folder / f"{name}.turnscan"
@@ -158,7 +158,7 @@ def open_cup(
             shutil.copy(cup, target)
         page = new_page(**options)
         page.get_by_role("button", name=name, exact=True).click()
-        until(page, "turnscan.faces > 0")
+        until(page, "turnscan.faces > 0", OPENING)
         return page
 
     return make

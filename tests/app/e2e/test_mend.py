@@ -26,8 +26,12 @@ def state(page: Any) -> tuple[int, int, int]:
 
 def mark(page: Any, step: int, line: int) -> dict[str, Any]:
     """Click a place in the scan grid; the surface turns to it."""
-    until(page, f"turnscan.cell({step}, {line})")
-    at = page.evaluate(f"turnscan.cell({step}, {line})")
+    at = until(page, f"turnscan.cell({step}, {line})")
+    settled(page)
+    # The key under the grid takes room when it comes, and the grid moves.
+    while (now := page.evaluate(f"turnscan.cell({step}, {line})")) != at:
+        at = now
+        settled(page)
     page.mouse.click(at["x"], at["y"])
     until(page, f"turnscan.mark?.step === {step}")
     found: dict[str, Any] = page.evaluate("turnscan.mark")
