@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere, with_noise
+from tests.surface.test_grid_mesh import turned
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.points import Volume, build_grid, clip
 from turnscan.surface import _cubes as cubes
@@ -102,11 +106,40 @@ def test_two_lasers_become_one_surface_in_voxels(ball):
     assert np.quantile(gap, 0.99) < 2.0  # about the spacing of the points
 
 
-def test_the_order_of_lasers_does_not_matter(ball):
-    one, _ = merge(ball, how="tsdf")
-    two, _ = merge(ball[::-1], how="tsdf")
-    assert len(one.faces) == len(two.faces)
-    assert np.abs(one.vertices - two.vertices).max() < 1e-3
+def fluted(name, seed, noise):
+    """A fluted tube with noise of its own, seen all round by one laser."""
+    phi = np.arange(40) * 2 * np.pi / 40
+    rng = np.random.default_rng(seed)
+    grid = turned(phi, np.full(24, 20.0), sigma=noise)
+    out = np.stack([np.cos(phi), np.sin(phi), 0 * phi], axis=-1)
+    more = np.cos(4 * phi)[:, None] + rng.normal(0, noise, (40, 24))
+    return replace(grid, laser=name, points=grid.points + more[..., None] * out[:, None])
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    order=st.permutations(range(3)),
+    noise=st.lists(st.floats(0.01, 0.1), min_size=3, max_size=3),
+    how=st.sampled_from(["grid", "tsdf", "paste"]),
+)
+def test_the_order_of_lasers_does_not_matter(order, noise, how):
+    lasers = [fluted(name, k, noise[k]) for k, name in enumerate(("left", "right", "upper"))]
+    one, told = merge(lasers, how=how)
+    two, again = merge([lasers[k] for k in order], how=how)
+    assert one.vertices.tobytes() == two.vertices.tobytes()
+    assert one.faces.tobytes() == two.faces.tobytes()
+    assert np.array_equal(one.provenance.laser, two.provenance.laser)
+    assert one.provenance.lasers == two.provenance.lasers
+    assert [str(f) for f in told] == [str(f) for f in again]
+
+
+def test_several_threads_give_the_same_bytes(tube):
+    alone = [merge(tube, how=how)[0] for how in ("grid", "tsdf") * 2]
+    with ThreadPoolExecutor(4) as pool:
+        beside = list(pool.map(lambda how: merge(tube, how=how)[0], ("grid", "tsdf") * 2))
+    for one, two in zip(alone, beside, strict=True):
+        assert one.vertices.tobytes() == two.vertices.tobytes()
+        assert one.faces.tobytes() == two.faces.tobytes()
 
 
 def test_the_same_input_gives_the_same_bytes(ball):

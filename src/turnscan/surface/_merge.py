@@ -60,10 +60,15 @@ def merge(
     every measured point and averages nothing (`paste`). ``auto`` pastes a single grid, and merges
     several by ``grid`` where the part allows it and the table turned, else by ``tsdf``.
 
+    The order of the grids does not matter, to the last bit, as long as their lasers have names of
+    their own.
+
     Raises InputError where a merge needs what the grids do not know, LimitExceeded for voxels too
     small for the part.
     """
     t = tears or Tears()
+    # By name and place in the scan, so that the order in which they come changes nothing.
+    grids = sorted(grids, key=lambda g: (g.laser, *g.steps[:1], *g.angles[:1]))
     there = [g for g in grids if g.found.any()]
     if how == "paste" or (how == "auto" and len(there) < 2) or not there:
         return paste(grids, t), []
