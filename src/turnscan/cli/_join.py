@@ -11,8 +11,10 @@ import click
 import numpy as np
 
 from turnscan import poses
+from turnscan.arrays import Floats
 from turnscan.cli._edit_source import history_of
 from turnscan.cli._input import UNITS, read_rig_file
+from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_output, format_options
 from turnscan.cli._points_file import read_landmarks
 from turnscan.cli._progress import progress
@@ -25,13 +27,16 @@ from turnscan.errors import InputError
 from turnscan.export import ExportOptions, exporter_for
 from turnscan.findings import Finding
 from turnscan.pipeline import Reconstruction, Settings, to_grids, to_mesh
-from turnscan.points import RangeGrid, placed
+from turnscan.points import RangeGrid, placed, without
 from turnscan.poses import Alignment
 from turnscan.rig import Pose, Rig, rig_hash
 from turnscan.scan import Scan, lit_in, rig_for
+from turnscan.stripes import StripeFlag
 from turnscan.surface import range_surfaces
 
 _path = click.Path(path_type=Path)
+_CUT = 1.1
+"""Radii round a marker sphere's centre that are left out: its foot belongs to it."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,12 @@ class _Source:
     type=_path,
     help="Points picked in several poses: CSV `point,pose,x,y,z` or JSON, mm in each one's frame.",
 )
+@click.option(
+    "--markers",
+    "diameter",
+    type=Finite(min=0, min_open=True),
+    help="mm: diameter of three or more spheres fixed to the part; the result is without them.",
+)
 @click.option("--rig", "rig_path", type=_path, help="rig.json; without it each scan's own.")
 @settings_options
 @click.option(
@@ -81,6 +92,7 @@ def verb(
     sources: tuple[Path, ...],
     outputs: tuple[Path, ...],
     points_path: Path | None,
+    diameter: float | None,
     rig_path: Path | None,
     unit: str,
     report: Path | None,
@@ -91,9 +103,9 @@ def verb(
     """Bring several poses of one part together and write it as one surface.
 
     SOURCES are scan files (.turnscan), range scans of another scanner (.ply), or one .conf file
-    that says where its range scans lie, roughly. Without --points the poses find each other by
-    their shape. The first one gives the frame. Nothing is written where poses do not overlap, or
-    fit in several ways.
+    that says where its range scans lie, roughly. Without --points and --markers the poses find
+    each other by their shape. The first one gives the frame. Nothing is written where poses do not
+    overlap, or fit in several ways.
     """
     paths = _paths(sources, unit)
     inputs = [*sources, *paths, *(p for p in (rig_path, points_path) if p is not None)]
@@ -101,6 +113,8 @@ def verb(
         exporter_for(path.suffix)
         check_output(path, inputs=inputs)
     check_report(report, inputs)
+    if points_path is not None and diameter is not None:
+        raise InputError("--points and --markers: two ways to say the same", hint="give one")
     known = None if points_path is None else read_landmarks(points_path)
     rig = None if rig_path is None else read_rig_file(rig_path)
     names = _names(list(paths))
@@ -116,13 +130,18 @@ def verb(
     ]
     if known is not None:
         starts = poses.from_landmarks(names, known)
+    elif diameter is not None:
+        balls = [poses.marker_spheres(v, diameter) for v in views]
+        starts = poses.from_markers(names, balls, diameter)
+        read = [_without(s, b, diameter) for s, b in zip(read, balls, strict=True)]
     elif read[0].start is not None:
         starts = [read[0].start.inverse() @ s.start for s in read if s.start is not None]
     else:
         with progress("placing poses", len(views)) as tick:
             starts = poses.place(views, tick)
     found = poses.align(views, starts)
-    poses.check(found)
+    by_shape = known is None and diameter is None and read[0].start is None
+    poses.check(found, by_shape=by_shape)
     done = _merged(read, found, settings)
     told = {**about(sources[0], None, settings), "source": " + ".join(s.name for s in sources)}
     told["rig_sha256"] = {s.name: rig_hash(s.rig) for s in read if s.rig is not None} or None
@@ -200,6 +219,19 @@ def _check_different(read: Sequence[_Source]) -> None:
                 raise InputError(
                     f"{b.name} and {a.name}: the same scan twice", hint="give each pose once"
                 )
+
+
+def _without(source: _Source, balls: Floats, diameter: float) -> _Source:
+    """A pose without its marker spheres."""
+
+    def cut(grid: RangeGrid) -> RangeGrid:
+        away = np.full(grid.found.shape, np.inf)
+        for ball in balls:
+            away = np.fmin(away, np.linalg.norm(grid.points - ball, axis=2))
+        return without(grid, away < _CUT * diameter / 2, StripeFlag.OUTSIDE)
+
+    grids, meshed = ([cut(g) for g in gs] for gs in (source.grids, source.meshed))
+    return replace(source, grids=grids, meshed=meshed)
 
 
 def _merged(read: Sequence[_Source], found: Alignment, settings: Settings) -> Reconstruction:

@@ -4,6 +4,7 @@ from turnscan.poses._align import Alignment, Meeting, align, alignment_findings,
 from turnscan.poses._fit import Fit
 from turnscan.poses._freedom import Freedom
 from turnscan.poses._landmarks import Landmarks, from_landmarks, rigid
+from turnscan.poses._markers import from_markers, marker_spheres
 from turnscan.poses._place import place
 from turnscan.poses._view import View, view
 
@@ -18,6 +19,8 @@ __all__ = [
     "alignment_findings",
     "check",
     "from_landmarks",
+    "from_markers",
+    "marker_spheres",
     "place",
     "rigid",
     "view",

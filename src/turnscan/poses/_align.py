@@ -12,7 +12,7 @@ from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.poses._empty import empty
 from turnscan.poses._fit import AGREE, LEAST, THROUGH, Fit, fit
-from turnscan.poses._freedom import Freedom, covariance, freedoms, held_motions
+from turnscan.poses._freedom import Freedom, covariance, freedoms, held_motions, shifting
 from turnscan.poses._links import Links
 from turnscan.poses._refine import Equations, all_links, equations, refine, samples_of
 from turnscan.poses._view import View, coarse
@@ -138,9 +138,20 @@ def _meetings(views: Sequence[View], links: Sequence[Links]) -> list[Meeting]:
     return out
 
 
-def check(found: Alignment) -> None:
-    """Raise InputError for a view that does not lie on the others as noise allows."""
-    for name, f in zip(found.names, found.fits, strict=True):
+def check(found: Alignment, *, by_shape: bool = False) -> None:
+    """Raise InputError for a view that does not lie on the others as noise allows.
+
+    ``by_shape``: nothing but the surfaces told where the views belong, so that one that could be
+    shifted along the others is refused too.
+    """
+    for i, (name, f) in enumerate(zip(found.names, found.fits, strict=True)):
+        if by_shape and shifting(found.freedoms, i):
+            loose = next(str(k) for k in found.freedoms if k.view == i)
+            raise InputError(
+                f"{name}: its overlap with the other poses is too plain: {loose} is open",
+                hint="scan poses that overlap in more than flat or round sides, or pick point "
+                "pairs (--points)",
+            )
         if f.shared < LEAST:
             raise InputError(
                 f"{name}: {f.shared:.0%} of it lies on the other poses, at least {LEAST:.0%} must",

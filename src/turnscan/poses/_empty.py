@@ -13,6 +13,8 @@ from turnscan.poses._view import View
 _RAYS = 40_000
 _SIDE = 160
 """Cubes along the longest side of the box, at most."""
+_CRACK, _MARGIN = 1, 2
+"""Cubes by which cracks between rays are closed, and by which the border is kept clear of."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,10 @@ class Empty:
 def empty(v: View, step: float) -> Empty:
     """What a view saw to be empty, in cubes of about ``step``/2 mm, a step before its surface.
 
-    Nothing is empty within a cube of a measured point: rays that graze a surface pass it closely.
+    Nothing is empty within a cube of a measured point, nor within a step of the border of what
+    was seen: rays that graze a surface pass it closely. Cracks between rays are closed.
     """
-    from scipy.ndimage import binary_dilation
+    from scipy.ndimage import binary_dilation, binary_erosion
 
     from turnscan.poses import _kernels as kernels
 
@@ -52,5 +55,6 @@ def empty(v: View, step: float) -> Empty:
     cubes = kernels.seen_through(v.points[some], v.eyes[some], low, cell, shape, step)
     near: npt.NDArray[np.bool_] = np.zeros(tuple(shape), dtype=np.bool_)
     near[tuple(np.floor((v.points - low) / cell).astype(np.int64).T)] = True
-    near = binary_dilation(near, np.ones((3, 3, 3), dtype=np.bool_))
-    return Empty(low, cell, cubes & ~near)
+    round_it = np.ones((3, 3, 3), dtype=np.bool_)
+    clear = binary_dilation(cubes, round_it) & ~binary_dilation(near, round_it)
+    return Empty(low, cell, binary_erosion(clear, round_it, iterations=_CRACK + _MARGIN))

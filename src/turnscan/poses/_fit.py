@@ -17,12 +17,14 @@ _TIGHT = 1 / 16
 """Sample spacings within which two measurements of one surface lie, or …"""
 _NOISE = 4.0
 """… this many sigma."""
-AGREE = 0.7
+AGREE = 0.85
 """Part of the overlap that is so tight where a view belongs; elsewhere it is below a half."""
-LEAST = 0.05
-"""Part of a view that must lie on the others."""
-THROUGH = 0.1
-"""Part of it that may lie in space that another one saw to be empty."""
+LEAST = 0.1
+"""Part of a view that must lie on the others: a smaller one can agree by chance."""
+THROUGH = 0.03
+"""Part of it that may lie in space that another one saw to be empty; none does where it belongs."""
+_AGAINST = 5.0
+"""What speaks against a place outweighs as much that speaks for it by this factor."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,11 @@ class Fit:
     """Part of that which lies as close as noise allows."""
     through: float
     """Part of a view that stands in space another one saw to be empty, the worst of all pairs."""
+
+    @property
+    def score(self) -> float:
+        """What speaks for the place less what speaks against it, to tell places apart."""
+        return self.shared - _AGAINST * (self.through + self.shared * (1.0 - self.agree))
 
     @property
     def good(self) -> bool:

@@ -11,8 +11,8 @@ from turnscan.arrays import Floats, frozen
 from turnscan.poses._refine import SLIP, Equations
 from turnscan.rig import Pose
 
-_FLAT = 0.1
-"""mm of turning per mm of shift below which a motion is a shift."""
+_FLAT = 0.3
+"""mm of turning, in a motion of 1 mm, below which the motion is a shift."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class Freedom:
     """(3,) mm, with it."""
     slip: float
     """How much the surface rises, in parts of the motion."""
+    lever: float
+    """mm: rms distance of the overlap from the middle."""
 
     def __post_init__(self) -> None:
         for name in ("middle", "turn", "shift"):
@@ -36,7 +38,7 @@ class Freedom:
     def __str__(self) -> str:
         """In words, for findings."""
         size = float(np.linalg.norm(self.turn))
-        if size < _FLAT * float(np.linalg.norm(self.shift)) / 10:
+        if size * self.lever < _FLAT:
             return f"shifting along {_words(self.shift)}"
         foot = self.middle + np.cross(self.turn, self.shift) / size**2
         return (
@@ -94,8 +96,20 @@ def freedoms(e: Equations, middles: Floats, fixed: int = 1) -> list[Freedom]:
             slip = float(np.sqrt(max(value, 0.0)))
             if slip < SLIP:
                 v = v * np.sqrt(weight)
-                out.append(Freedom(i, middles[i], v[:3], v[3:], slip))
+                lever = float(np.sqrt(np.trace(M[:3, :3]) / (2 * weight)))
+                out.append(Freedom(i, middles[i], v[:3], v[3:], slip, lever))
     return out
+
+
+def shifting(found: Sequence[Freedom], i: int) -> bool:
+    """True where the freedoms of view i, together, hold a shift.
+
+    No part is the same all along a line: where a view may be shifted, its overlap says too little.
+    """
+    turns = np.array([f.turn * f.lever for f in found if f.view == i])
+    if not len(turns):
+        return False
+    return len(turns) > 3 or bool(np.linalg.svd(turns, compute_uv=False)[-1] < _FLAT)
 
 
 def held_motions(found: Sequence[Freedom], count: int) -> Floats:

@@ -12,9 +12,9 @@ from turnscan.arrays import Floats, Ints
 from turnscan.poses._view import View, thin
 from turnscan.rig import Pose
 
-_MOST = 1200
+_MOST = 700
 """Samples of a view at most; their pairs grow with the square."""
-_ASKED = 240
+_ASKED = 120
 """Samples of the other view whose pairs vote."""
 _BEST = 3
 """Placements kept of each of them."""

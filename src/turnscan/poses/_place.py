@@ -31,8 +31,10 @@ _SAME = 0.5
 """Placements whose points lie fewer sample spacings apart are one."""
 _VAGUE = 0.1
 """Noise leaves the direction of an undetermined motion uncertain by this part of it."""
-_RIVAL = 0.75
-"""A second placement with this much of the first one's overlap could be meant as well."""
+_SURE = 0.7
+"""Views with less than this part of the best score wait until more are placed."""
+_RIVAL = 0.85
+"""A second placement with this much of the first one's score could be meant as well."""
 
 
 Placed = dict[int, Pose]
@@ -121,7 +123,7 @@ def place(views: Sequence[View], tick: Callable[[], None] = lambda: None) -> lis
     tried: dict[tuple[int, int], list[Pose]] = {}
     tick()
     while len(placed) < len(views):
-        clear: Placed = {}
+        clear: dict[int, _Found] = {}
         unclear: list[int] = []
         for i in (k for k in range(len(views)) if k not in placed):
             starts = []
@@ -131,35 +133,35 @@ def place(views: Sequence[View], tick: Callable[[], None] = lambda: None) -> lis
                 starts += [placed[j] @ p for p in tried[i, j]]
             found = _distinct(desk, i, placed, starts)
             if len(found) == 1:
-                clear[i] = found[0].pose
-                tick()
+                clear[i] = found[0]
             elif found:
                 unclear.append(i)
         if not clear:
             raise _nowhere(views, placed, unclear)
-        placed |= clear
+        surest = max(f.fit.score for f in clear.values())
+        for i, one in clear.items():
+            if one.fit.score >= _SURE * surest:
+                placed[i] = one.pose
+                tick()
     return [placed[i] for i in range(len(views))]
 
 
 def _distinct(desk: Desk, i: int, placed: Placed, starts: Sequence[Pose]) -> list[_Found]:
-    """The good placements of view i that differ, the largest overlap first."""
+    """The good placements of view i that differ, the best first."""
     good: list[_Found] = []
     points, limit = desk.views[i].points[desk.few[i]], _SAME * desk.step
-    for k, start in enumerate(starts):
-        if any(_apart(start, o, points) < limit for o in starts[:k]):
-            continue
-        found = desk.trial(i, placed, start, fine=False)
-        if found.fit.good:
-            good.append(found)
-    good.sort(key=lambda f: -f.fit.shared)
+    for start in starts:
+        if all(_apart(start, o.pose, points) > limit for o in good):
+            found = desk.trial(i, placed, start, fine=True)
+            if found.fit.good:
+                good.append(found)
+    good.sort(key=lambda f: -f.fit.score)
     out: list[_Found] = []
     for one in good:
-        if out and one.fit.shared < _RIVAL * out[0].fit.shared:
+        if out and one.fit.score < _RIVAL * out[0].fit.score:
             break
         if not any(desk.same(i, placed, o.pose, one.pose) for o in out):
-            settled = desk.trial(i, placed, one.pose, fine=True)
-            if settled.fit.good:
-                out.append(settled)
+            out.append(one)
     return out
 
 

@@ -1,0 +1,136 @@
+"""Several poses of one part: the wall of a cup from outside and inside, and the bunny's ten scans.
+
+The bunny needs ../shared/data/bunny-range and is left out where it is not.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from turnscan import poses
+from turnscan.cli import turnscan
+from turnscan.cli._range_scans import placed_scans, read_range_scan
+from turnscan.pipeline import Settings, reconstruct
+from turnscan.points import RangeGrid
+from turnscan.rig import Pose, rotation_from_vector
+from turnscan.scan import Scan
+from turnscan.simulate import part
+from turnscan.surface import range_surfaces
+
+STEPS = 120
+WALL = part("cup").dimensions["wall"]
+BUNNY = Path(__file__).parents[2] / "shared" / "data" / "bunny-range"
+
+
+def view_of(name: str, grids: list[RangeGrid]) -> poses.View:
+    """The view of a pose."""
+    return poses.view(name, [s for g in grids for s in range_surfaces(g)])
+
+
+def cup_pose(folder: Path, name: str, tip: int, seed: int) -> poses.View:
+    """A cup scanned by the modern rig, tipped by so many degrees; with speckle, noise and halo."""
+    path = folder / f"{name}.turnscan"
+    options = f"--rig modern --steps {STEPS} --seed {seed} --tip-deg {tip} -o {path}"
+    turnscan(["simulate", "cup", *options.split()], standalone_mode=False)
+    with Scan.open(path) as scan:
+        return view_of(name, list(reconstruct(scan).grids))
+
+
+def wall(up: poses.View, side: poses.View, found: poses.Alignment) -> tuple[np.ndarray, np.ndarray]:
+    """mm: thickness where the lying cup shows its inside, and its standard uncertainty.
+
+    From each point of the inside straight through the wall to the outside that the standing cup
+    shows: the mean over 1 mm of it.
+    """
+    from scipy.spatial import cKDTree
+
+    x, n = found.poses[1].apply(side.points), found.poses[1].turn(side.normals)
+    inside = side.inner & (np.einsum("ij,ij->i", n[:, :2], x[:, :2]) < 0) & (abs(n[:, 2]) < 0.5)
+    x, n, sigma = x[inside], n[inside], side.sigma[inside]
+    near = cKDTree(up.points).query_ball_point(x - WALL * n, 1.0)
+    some = [k for k, at in enumerate(near) if len(at) >= 5]
+    outer = [np.einsum("ij,ij->i", up.normals[near[k]], up.points[near[k]] - x[k]) for k in some]
+    noise = [up.sigma[near[k]].mean() / len(near[k]) ** 0.5 for k in some]
+    pose = found.sigma(1, x[some], n[some])
+    return np.array([o.mean() for o in outer]), np.sqrt(
+        sigma[some] ** 2 + np.square(noise) + pose**2
+    )
+
+
+def cup() -> None:
+    """Wall thickness from two poses."""
+    with tempfile.TemporaryDirectory() as folder:
+        views = [cup_pose(Path(folder), "up", 0, 1), cup_pose(Path(folder), "side", 90, 2)]
+    start = time.process_time()
+    found = poses.align(views, poses.place(views))
+    spent = time.process_time() - start
+    poses.check(found)
+    m = found.meetings[0]
+    print(f"cup, 2 poses of {STEPS} profiles, modern rig with speckle: {spent:.1f} s of one core")
+    print(f"  overlap {m.points} places, {m.rms:.3f} mm rms, {m.sigmas:.2f} sigma")
+    for free in found.freedoms:
+        print(f"  not determined: {free}")
+    thick, sigma = wall(*views, found)
+    off = np.abs(thick - WALL) / sigma
+    print(
+        f"  wall at {len(thick)} places of the inside: {thick.mean():.3f} mm (true {WALL:.3f}), "
+        f"scatter {thick.std():.3f}, sigma {np.median(sigma):.3f} mm; "
+        f"{(off < 3).mean():.1%} within 3 sigma"
+    )
+
+
+def bunny() -> None:
+    """Ten range scans from perturbed placements, and from none."""
+    conf = placed_scans(BUNNY / "bun.conf", "m")
+    views, true = [], []
+    for path, pose in conf.items():
+        views.append(view_of(path.stem, [read_range_scan(path, Pose(), "m", Settings())[0]]))
+        true.append(pose)
+    true = [true[0].inverse() @ p for p in true]
+    best = poses.align(views, true)
+    rng = np.random.default_rng(0)
+    rough = [true[0], *(t @ nudge(v, rng) for t, v in zip(true[1:], views[1:], strict=True))]
+    for what, starts in (("5 mm and 5° off", lambda: rough), ("none", lambda: poses.place(views))):
+        start = time.process_time()
+        placed = starts()
+        found = poses.align(views, placed)
+        spent = time.process_time() - start
+        poses.check(found)
+        rms = np.array([m.rms for m in found.meetings if m.points > 1000])
+        print(
+            f"bunny, 10 scans, starts {what}: {spent:.0f} s; overlaps {np.median(rms):.3f} mm rms; "
+            f"worst view {worst(found.poses, best.poses, views):.3f} mm from where the given places"
+            f" lead, {worst(found.poses, true, views):.3f} mm from the given places themselves"
+        )
+
+
+def nudge(v: poses.View, rng: np.random.Generator) -> Pose:
+    """A turn by 5° about the view's middle and a shift by 5 mm."""
+    middle = v.points.mean(axis=0)
+    turn, shift = (x / np.linalg.norm(x) for x in rng.normal(size=(2, 3)))
+    R = rotation_from_vector(np.deg2rad(5.0) * turn)
+    return Pose(R, middle - R @ middle + 5.0 * shift)
+
+
+def worst(a: list[Pose], b: list[Pose], views: list[poses.View]) -> float:
+    """mm rms of the view that lies furthest apart in two sets of poses."""
+    pairs = zip(a, b, views, strict=True)
+    return max(
+        float(np.sqrt(((p.apply(v.points) - q.apply(v.points)) ** 2).sum(1).mean()))
+        for p, q, v in pairs
+    )
+
+
+def run() -> None:
+    """Print both."""
+    cup()
+    if BUNNY.is_dir():
+        bunny()
+
+
+if __name__ == "__main__":
+    run()
