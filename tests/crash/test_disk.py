@@ -192,6 +192,18 @@ def test_every_failing_call_ends_dark_and_resumable(
     assert failed > 0.5 * (calls["calls"] / stride)
 
 
+def test_errors_that_are_not_translated_would_be_noticed(failing_disk: Zygote) -> None:
+    """The mutant of C5: what the test above asserts of every failing call does not hold."""
+    unnamed = 0
+    for n in range(10, 90, 10):
+        path = failing_disk.new_folder("starved") / "a.turnscan"
+        said = failing_disk.ask(
+            "starve", path=str(path), n=n, errno=errno.ENOSPC, lasting=True, steps=3, mutant=True
+        )
+        unnamed += not said["named"]
+    assert unnamed >= 4
+
+
 def test_an_unreadable_folder_says_so(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such scan file"):
         Scan.resume(tmp_path / "no" / "a.turnscan")

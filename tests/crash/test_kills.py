@@ -79,6 +79,18 @@ def test_fifty_kills_lose_nothing_and_resume_to_the_byte(zygote: Zygote) -> None
     assert left["descriptors"] < 12
 
 
+def test_ten_frames_in_one_transaction_would_be_noticed(zygote: Zygote) -> None:
+    """The mutant of C1: what the test above asserts of a kill at a commit does not hold."""
+    rng = random.Random(SEED)
+    lost = 0
+    for _ in range(6):
+        path = zygote.new_folder("mutant") / "a.turnscan"
+        moment = a_kill(rng, 1.0, aimed=True)
+        zygote.ask("kill", path=str(path), steps=STEPS, mutant=True, **moment)
+        lost += frames_in(path) < moment["commit"] - 1
+    assert lost >= 3
+
+
 def test_killed_again_while_it_resumes(zygote: Zygote) -> None:
     steps = 150
     whole, seconds = reference(zygote, steps)

@@ -14,10 +14,11 @@ import os
 import random
 import select
 import signal
+import sqlite3
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,10 @@ from turnscan.acquire import FirstLook, Stored, look, run
 from turnscan.errors import TurnscanError
 from turnscan.scan import Scan
 from turnscan.scan import _database as database
+from turnscan.scan import _file as files
 
 STEPS = 400
+WAITING: list[None] = []
 rigs.picture_of = cache(rigs.picture_of)  # the simulated camera is not what is tested
 
 
@@ -114,7 +117,24 @@ def kill_edits(ask: dict[str, Any]) -> dict[str, Any]:
 
 def kill(ask: dict[str, Any]) -> dict[str, Any]:
     """Kill a scan after ``seconds``, or ``delay`` s after the beginning of commit ``commit``."""
-    return _killed(ask, lambda said: scan(Path(ask["path"]), ask["steps"], said))
+
+    def work(said: int) -> Any:
+        if ask.get("mutant"):
+            files.transaction = by_tens  # type: ignore[attr-defined]
+        return scan(Path(ask["path"]), ask["steps"], said)
+
+    return _killed(ask, work)
+
+
+@contextlib.contextmanager
+def by_tens(db: sqlite3.Connection) -> Iterator[None]:
+    """The mutant: ten frames in one transaction."""
+    if not db.in_transaction:
+        db.execute("BEGIN IMMEDIATE")
+    yield
+    WAITING.append(None)
+    if len(WAITING) % 10 == 0:
+        db.execute("COMMIT")
 
 
 def _killed(ask: dict[str, Any], work: Callable[[int], Any]) -> dict[str, Any]:
@@ -178,6 +198,8 @@ def starve(ask: dict[str, Any]) -> dict[str, Any]:
 
     def work() -> dict[str, Any]:
         disk = _disk()
+        if ask.get("mutant"):  # errors of the database come out as they are
+            files.storage = database.storage = contextlib.nullcontext  # type: ignore[assignment]
         disk.disk_fail(ask["n"], ask["errno"], int(ask["lasting"]))
         out = scan(path, ask["steps"])
         out["calls"] = disk.disk_calls()
