@@ -64,6 +64,39 @@ def test_a_scan_becomes_files_that_agree(scan_path, tmp_path):
     assert measured["closed"] is True
 
 
+def test_profiles_are_spaced_points_denoised_and_faces_thinned(scan_path, tmp_path):
+    ply, report = tmp_path / "can.ply", tmp_path / "can.json"
+
+    def made(*words):
+        result = run("reconstruct", scan_path, "-o", ply, "--report", report, *words)
+        return read_mesh(ply.read_bytes(), ".ply"), json.loads(report.read_text()), result
+
+    plain, _, _ = made()
+    between, told, _ = made("--spacing-between", "5deg")
+    assert told["lasers"][0]["profiles"] == 3 * STEPS
+    assert told["parameters"]["between"] == {"size": pytest.approx(np.deg2rad(5)), "unit": "rad"}
+    assert 2.8 < len(between.faces) / len(plain.faces) < 3.1
+    _, told, _ = made("--spacing-between", "13.2mm")
+    assert told["lasers"][0]["profiles"] == 12
+    calm, _, _ = made("--denoise", 2, "--outliers", 8)
+    assert len(calm.vertices) == len(plain.vertices)
+    off = np.linalg.norm(calm.vertices - plain.vertices, axis=1)
+    assert 0 < off.max() <= 2.0001 * plain.provenance.sigma.max()
+    few, _, result = made("--close", "--decimate", "0.02mm")
+    whole, _, _ = made("--close")
+    assert few.volume == pytest.approx(whole.volume, rel=1e-3)
+    assert len(few.faces) < 0.5 * len(whole.faces)
+    assert f"{len(few.faces)} of {len(whole.faces)} faces are left" in result.stderr
+
+
+@pytest.mark.parametrize("wish", ["5", "0deg", "-1mm", "nanmm", "5rad"])
+def test_a_spacing_that_is_none_is_refused(scan_path, tmp_path, wish):
+    out = tmp_path / "can.ply"
+    result = run("reconstruct", scan_path, "-o", out, "--spacing-between", wish, fails=2)
+    assert "--spacing-between" in str(result.exception) + result.output
+    assert not out.exists()
+
+
 def test_a_cylinder_is_measured(scan_path, tmp_path):
     part = tmp_path / "can.ply"
     run("reconstruct", scan_path, "-o", part, "--z-min", 5, "--z-max", 35, "--radius", 40)
