@@ -1,0 +1,111 @@
+"""``turnscan join``: two poses in scan files → one surface, or one clear line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tests.analytic import full_turn, with_noise
+from tests.poses.scenes import STANDS, STEPS, rig_for, stripes
+from turnscan.cli import turnscan
+from turnscan.errors import InputError
+from turnscan.export import read_mesh
+from turnscan.scan import Frame, Scan, ScanPlan
+
+NAMES = {"up": "knob", "down": "knob lying"}
+PICKS = np.array([[26.0, 12, 20], [-20, 14, 40], [0, -16, 5], [14, 8, 55]])
+
+
+def write_scan(path, name, seed):
+    plan = ScanPlan(320, 240, "uint8", 1, ("L0",), STEPS, 12.0)
+    u, angles = np.arange(320), full_turn(STEPS)
+    rng = np.random.default_rng(seed)
+    with Scan.create(path, plan, rig_for(name)) as scan:
+        for k, stripe in enumerate(with_noise(stripes(name), 0.05, seed)):
+            at = np.nan_to_num(stripe.position, nan=-1e3)[:, None]
+            light = 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2) + rng.normal(12, 1.0, (240, 320))
+            dark = rng.normal(12, 1.0, (240, 320))
+            as_u8 = [np.clip(np.rint(p), 0, 255).astype(np.uint8) for p in (light, dark)]
+            scan.add(Frame(k, "L0", *as_u8, commanded=float(angles[k])))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two poses, and points that a person picked in both to a millimetre."""
+    there = tmp_path_factory.mktemp("poses")
+    rng = np.random.default_rng(0)
+    rows = ["point,pose,x,y,z"]
+    for seed, (file, name) in enumerate(NAMES.items()):
+        write_scan(there / f"{file}.turnscan", name, seed)
+        for k, x in enumerate(STANDS[name].apply(PICKS) + rng.normal(0, 0.6, PICKS.shape)):
+            rows.append(f"p{k},{file}," + ",".join(f"{v:.2f}" for v in x))
+    (there / "picks.csv").write_text("\n".join(rows))
+    return there
+
+
+def join(folder, *words):
+    return CliRunner().invoke(
+        turnscan, ["join", *(str(folder / w) if "." in w and w[0] != "-" else w for w in words)]
+    )
+
+
+def test_two_scan_files_become_one_surface_of_the_whole_part(folder):
+    done = join(
+        folder, "up.turnscan", "down.turnscan", "--points", "picks.csv", "-o", "part.stl",
+        "--report", "part.json",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    told = json.loads((folder / "part.json").read_text())
+    assert told["source"] == "up.turnscan + down.turnscan"
+    assert set(told["rig_sha256"]) == {"up", "down"}
+    (overlap,) = told["overlaps"]
+    assert (overlap["first"], overlap["second"]) == ("up", "down")
+    assert 0.02 < overlap["rms"] < 0.25
+    assert told["poses"][1]["free"] == []
+    assert 0 < told["poses"][1]["sigma_shift_mm"] < 0.05
+    mesh = read_mesh((folder / "part.stl").read_bytes(), ".stl")
+    low, high = mesh.bounds
+    # The foot is only in the lying pose, and the platter in neither.
+    assert low[2] == pytest.approx(0.0, abs=0.3)
+    assert high[2] == pytest.approx(55.0, abs=0.3)
+    foot = mesh.vertices[np.abs(mesh.vertices[:, 2]) < 0.3]
+    assert len(foot) > 50
+    assert np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1]).max() < 35.0
+
+
+BAD = {
+    "one": (["up.turnscan"], "one pose, nothing to join it to → give two or more"),
+    "twice": (["up.turnscan", "up.turnscan"], "up.turnscan: given twice"),
+    "copy": (["up.turnscan", "copy.turnscan"], "up and copy: the same scan twice"),
+    "conf": (["up.turnscan", "x.conf"], "x.conf: a .conf stands alone"),
+    "few": (["up.turnscan", "down.turnscan", "--points", "few.csv"], "down: 2 points known"),
+    "line": (["up.turnscan", "down.turnscan", "--points", "line.json"], "lie on one line"),
+    "word": (["up.turnscan", "down.turnscan", "--points", "word.csv"], "word.csv, line 1: ['1'"),
+    "wrong": (
+        ["up.turnscan", "down.turnscan", "--points", "wrong.json"],
+        "lies on the other poses, at least 10% must",
+    ),
+    "balls": (["up.turnscan", "down.turnscan", "--markers", "18"], "marker spheres seen"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_clear_line_and_nothing_is_written(folder, case):
+    shutil.copy(folder / "up.turnscan", folder / "copy.turnscan")
+    rows = (folder / "picks.csv").read_text().splitlines()
+    (folder / "few.csv").write_text("\n".join(r for r in rows if r[:2] in ("p0", "p1")))
+    line = {f"p{k}": {n: [k * 10.0, 0, 0] for n in NAMES} for k in range(4)}
+    (folder / "line.json").write_text(json.dumps(line))
+    (folder / "word.csv").write_text("p0,up,1,2,x")
+    off = {f"p{k}": {"up": x.tolist(), "down": (x + 200).tolist()} for k, x in enumerate(PICKS)}
+    (folder / "wrong.json").write_text(json.dumps(off))
+    words, text = BAD[case]
+    done = join(folder, *words, "-o", "bad.stl")
+    assert isinstance(done.exception, InputError)
+    assert text in str(done.exception)
+    assert "\n" not in str(done.exception)
+    assert not (folder / "bad.stl").exists()
