@@ -190,6 +190,43 @@ def test_an_edit_that_finds_nothing_is_named_and_the_rest_is_done(mended: Path) 
         assert words in said
 
 
+def test_faces_are_chosen_and_edits_made_without_a_browser(
+    mended: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    def deleted(*wish: str) -> int:
+        words = run("edits", mended, *wish).splitlines()[-1]
+        run("edits", mended, "--undo")
+        return int(words.split("delete ")[1].split(" faces")[0])
+
+    run("edits", mended, "--undo")
+    whole = deleted("--delete", "laser=right")
+    some = deleted("--delete", "steps=3-5")
+    assert 0 < some < whole / 4
+    assert some < deleted("--delete", "steps=3-5", "--grow", "2") < 2 * some
+    assert some > deleted("--delete", "steps=3-5", "--grow", "-1")
+    over_the_seam = deleted("--delete", "steps=14-1")
+    assert some < over_the_seam < 2 * some
+    wall = deleted("--delete", "crease=30,0,40,70", "--delete", "sigma=50")
+    assert whole / 2 < wall <= deleted("--delete", "piece=30,0,40")
+    for rule, words in {
+        "sigma=99": "no face is like sigma=99",
+        "sigma=wide": "a number is wanted",
+        "steps=3": "2 numbers is wanted",
+        "cause=magic": "one of laser, camera",
+        "flag=ok": "one of dark",
+        "pieces=2": "no face is like",
+        "colour=red": "is no rule",
+    }.items():
+        assert words in refused(monkeypatch, capsys, "edits", mended, "--delete", rule)
+    section = {"kind": "measure_section", "normal": [0, 0, 1], "distance": 40}
+    run("edits", mended, "--make", '{"kind":"close"}', "--make", json.dumps(section))
+    _, said = mesh_of(mended)
+    told = next(line for line in said.splitlines() if "edit.measured" in line)
+    assert "mm, circle" in told
+    assert 60 < float(told.split("]: ")[1].split(" ")[0]) < 80
+    assert "kind" in refused(monkeypatch, capsys, "edits", mended, "--make", '{"kind":"warp"}')
+
+
 def test_bad_histories_are_refused_in_one_line(
     mended: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:

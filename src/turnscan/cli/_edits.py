@@ -11,12 +11,15 @@ import click
 
 from turnscan.cli._edit_source import history_of, read_history
 from turnscan.cli._output import check_output, write_atomically
+from turnscan.cli._select import RULES, region_where
 from turnscan.edit import (
     Action,
     Add,
+    Delete,
     History,
     action_from_json,
     action_to_json,
+    edit_from_json,
     history_to_json,
     in_words,
 )
@@ -25,12 +28,24 @@ from turnscan.scan import Scan
 _path = click.Path(path_type=Path)
 
 
-@click.command("edits")
+_HELP = f"""List the edits kept in SCAN, those undone too, after changing them as the options say.
+
+Nothing is forgotten: the file keeps every action, and the frames are never touched. --make takes
+the edits of docs/reference/edits.md; --delete faces of the surface with all edits before it:
+
+{RULES}
+"""
+
+
+@click.command("edits", help=_HELP)
 @click.argument("scan", type=_path)
 @click.option(
     "-o", "--output", type=_path, help="Write the edits that are done to this .json file."
 )
 @click.option("--add", "source", type=_path, help="Add the edits of another scan or .json file.")
+@click.option("--make", "texts", multiple=True, metavar="JSON", help="Make an edit, given as JSON.")
+@click.option("--delete", "rules", multiple=True, metavar="RULE", help="Delete faces; see below.")
+@click.option("--grow", type=int, default=0, help="Rounds to grow what is deleted; −N shrinks it.")
 @click.option("--off", type=int, multiple=True, metavar="N", help="Switch edit N off.")
 @click.option("--on", type=int, multiple=True, metavar="N", help="Switch edit N on again.")
 @click.option("--undo", is_flag=True, help="Take back the last edit.")
@@ -39,24 +54,28 @@ def verb(
     scan: Path,
     output: Path | None,
     source: Path | None,
+    texts: tuple[str, ...],
+    rules: tuple[str, ...],
+    grow: int,
     off: tuple[int, ...],
     on: tuple[int, ...],
     undo: bool,
     redo: bool,
 ) -> None:
-    """List the edits kept in SCAN, those undone too, after changing them as the options say.
-
-    Nothing is forgotten: the file keeps every action, and the frames are never touched.
-    """
+    """See `_HELP`."""
     if output is not None:
         check_output(output, (".json",), [scan, *([source] if source else [])])
     added = [] if source is None else [e.edit for e in read_history(source).enabled]
-    if source or off or on or undo or redo:
+    added += [edit_from_json(text, "--make") for text in texts]
+    if added or rules or off or on or undo or redo:
         with Scan.resume(scan) as opened:
             history = history_of(opened)
             actions: list[Action] = []
             for edit in added:
                 history = _then(actions, history, history.add(edit))
+            if rules:
+                region = region_where(opened, history, rules, grow)
+                history = _then(actions, history, history.add(Delete(region)))
             for number in (*off, *on):
                 history = _then(actions, history, history.switch(number, number in on))
             if undo:

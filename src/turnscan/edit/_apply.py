@@ -84,21 +84,23 @@ def apply(body: Body, entry: Entry) -> tuple[Body, Done]:
         body = patch.on(body)
     if not patches and measured is None and not findings:
         findings.append(_nothing("it found nothing to change"))
-    named = tuple(
-        Finding(f.code, f.severity, f.message, f"edit {entry.id} ({entry.edit.kind})", f.remedy)
-        for f in findings
-    )
+    named = tuple(Finding(f.code, f.severity, f.message, entry.place, f.remedy) for f in findings)
     return body, Done(entry, patches, tuple(back), named, measured)
 
 
 def mend_mesh(mesh: Mesh, entries: Iterable[Entry]) -> tuple[Mesh, list[Finding]]:
-    """A mesh with the mesh edits among these done, in their order."""
+    """A mesh with the mesh edits among these done, in their order.
+
+    What was measured is told among the findings.
+    """
     body, findings = Body.of(mesh), list[Finding]()
     done = 0
     for entry in entries:
         if not isinstance(entry.edit, GridEdit):
             body, step = apply(body, entry)
             findings += step.findings
+            if step.measured is not None:
+                findings.append(Finding("edit.measured", "note", str(step.measured), entry.place))
             done += 1
     return (Compact.of(body).mesh if done else mesh), findings
 

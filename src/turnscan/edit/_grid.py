@@ -121,7 +121,7 @@ def _nothing(entry: Entry, message: str) -> Finding:
         "edit.nothing",
         "warning",
         message,
-        f"edit {entry.id} ({entry.edit.kind})",
+        entry.place,
         "switch the edit off, or make it again here",
     )
 

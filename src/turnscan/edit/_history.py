@@ -66,6 +66,11 @@ class Entry:
     on: bool = True
     """False for one that was switched off."""
 
+    @property
+    def place(self) -> str:
+        """How findings name it."""
+        return f"edit {self.id} ({self.edit.kind})"
+
 
 @dataclass(frozen=True)
 class History:

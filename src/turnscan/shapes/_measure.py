@@ -38,6 +38,12 @@ class Measured:
     def __post_init__(self) -> None:
         object.__setattr__(self, "places", frozen(self.places, (None, 3), "Measured.places"))
 
+    def __str__(self) -> str:
+        """For people: the value with its standard uncertainty, angles in degrees."""
+        scale, unit = (np.degrees(1.0), "°") if self.unit == "rad" else (1.0, f" {self.unit}")
+        known = "" if np.isnan(self.sigma) else f" ± {scale * self.sigma:.3g}"
+        return f"{scale * self.value:.4f}{known}{unit}, {self.text}"
+
 
 @dataclass(frozen=True)
 class Spot:
@@ -135,8 +141,8 @@ def section_diameter(
 ) -> Measured:
     """The diameter of a circle through the section of a mesh with the plane n·x = ``distance``.
 
-    Of several loops the one that comes nearest to ``near`` (3,) counts, or the longest. Raises
-    InputError where the plane does not meet the mesh.
+    Of several loops the one that comes nearest to ``near`` (3,) counts, or the longest; points
+    that nobody measured are left out. Raises InputError where the plane does not meet the mesh.
     """
     loops = sections(mesh, normal, distance)
     if not loops:
@@ -145,16 +151,17 @@ def section_diameter(
     if near is not None:
         at = np.asarray(near, dtype=np.float64)
         loop = min(loops, key=lambda s: float(np.linalg.norm(s.points - at, axis=1).min()))
-    sigma = _sigma(mesh, loop.near)
+    seen = loop.measured
+    points, bulge = loop.points[seen], loop.bulge[seen]
+    sigma = _sigma(mesh, loop.near[seen])
     wide = None if sigma is None else sigma * np.sqrt(_SHARED)
-    c = fit_circle(loop.points, normal, wide)
+    c = fit_circle(points, normal, wide)
     for _ in range(2):
         # The points lie on chords of the circle that the vertices are on: move them out to it.
-        out = loop.points - c.centre
+        out = points - c.centre
         out -= np.outer(out @ c.normal, c.normal)
         apart = np.maximum((out**2).sum(axis=1), 1e-12)
-        on_arc = loop.points + out * (np.sqrt(1.0 + loop.bulge / apart) - 1.0)[:, None]
-        c = fit_circle(on_arc, normal, wide)
+        c = fit_circle(points + out * (np.sqrt(1.0 + bulge / apart) - 1.0)[:, None], normal, wide)
     shared = 1.0 if sigma is not None else _SHARED
     text = f"circle at z = {c.centre[2]:.2f} mm through {c.count} points, rms {c.rms:.3f} mm"
     return Measured(

@@ -90,6 +90,8 @@ class Section:
     """(m,) mm²: t(1 − t)e² for a point at share t of a side whose length, seen along the normal, is
     e. Where the ends of the side lie on a cylinder of radius r round the normal, the point's
     distance from the axis is √(r² − bulge): it lies on a chord."""
+    measured: Bools
+    """(m,) False for a point of the filling of a gap, which nobody measured."""
 
 
 def sections(mesh: Mesh, normal: npt.ArrayLike, distance: float) -> list[Section]:
@@ -108,8 +110,11 @@ def sections(mesh: Mesh, normal: npt.ArrayLike, distance: float) -> list[Section
     across = (along**2).sum(axis=1) - (along @ unit) ** 2
     bulge = np.zeros(len(vertices))
     bulge[len(mesh.vertices) :] = met.share * (1.0 - met.share) * across
+    known = np.zeros(len(vertices), dtype=np.bool_)
+    known[mesh.faces[measured(mesh)]] = True
+    known[len(mesh.vertices) :] = met.measured
     loops = _loops(vertices, np.concatenate([mesh.faces[above & ~below], faces]), side)
-    found = [Section(vertices[loop], index[loop], bulge[loop]) for loop in loops]
+    found = [Section(vertices[k], index[k], bulge[k], known[k]) for k in loops]
     return sorted(found, key=lambda s: -_length(s.points))
 
 
@@ -140,6 +145,8 @@ class _Met:
     share: Floats
     """Of the way from the first end to the second."""
     points: Floats
+    measured: Bools
+    """Whether one of the faces about the side was measured."""
 
     @property
     def near(self) -> Ints:
@@ -159,7 +166,9 @@ def _left(
     first, second = keys // max(v, 1), keys % max(v, 1)
     share = height[first] / (height[first] - height[second]) if len(keys) else np.zeros(0)
     start, end = mesh.vertices[first], mesh.vertices[second]
-    met = _Met(first, second, share, start + share[:, None] * (end - start))
+    known = np.zeros(len(keys), dtype=np.bool_)
+    known[number[np.broadcast_to(measured(mesh)[crossed][:, None], cuts.shape)[cuts]]] = True
+    met = _Met(first, second, share, start + share[:, None] * (end - start), known)
     on = np.full((len(faces), 3), -1, dtype=np.int64)
     on[cuts] = v + number
     # Round each face: its corners that stay, and the new vertex on each side that is cut.

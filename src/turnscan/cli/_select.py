@@ -1,0 +1,113 @@
+"""Selections on the command line: rules like ``sigma=0.2`` or ``piece=10,0,35`` → faces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from turnscan import edit, surface
+from turnscan.arrays import Bools
+from turnscan.cli._progress import progress
+from turnscan.detection import see
+from turnscan.edit import Entry, History, Region
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.pipeline import Reconstruction, Settings, build
+from turnscan.scan import Scan, rig_for
+from turnscan.stripes import StripeFlag
+from turnscan.surface import CAUSE_WORDS, Mesh
+
+RULES = """\b
+laser=NAME         seen by one laser
+steps=A-B          seen at these steps; A above B goes over the seam
+sigma=MM           less sure than this
+flag=NAME          stripes of a quality: saturated, halo, edge, multi, grazing, ambiguous
+cause=NAME         along holes of a cause: laser, camera, dark, saturated, outside, …
+pieces=N           loose pieces of fewer faces
+piece=X,Y,Z        the loose piece nearest to a point
+crease=X,Y,Z,DEG   what is reached from there without crossing an edge sharper than DEG"""
+
+
+def region_where(scan: Scan, history: History, rules: Sequence[str], rounds: int) -> Region:
+    """What any of the rules means on the surface of a scan with these edits, grown or shrunk.
+
+    Raises InputError for a rule that is none, and where nothing is like it.
+    """
+    settings = Settings()
+    made: list[Reconstruction] = []
+
+    def built(entries: Sequence[Entry]) -> tuple[Mesh, Sequence[Finding]]:
+        made.append(build(seen, settings, entries))
+        return made[-1].mesh, made[-1].findings
+
+    with progress("reconstructing", len(scan)) as tick:
+        seen = see(scan, rig_for(scan), settings.stripes, tick=tick)
+    body = edit.Document.open(built, history).body
+    live = edit.Compact.of(body)
+    chosen = np.zeros(len(live.mesh.faces), dtype=np.bool_)
+    for rule in rules:
+        chosen |= select(made[-1], live.mesh, rule)
+    if rounds:
+        near = edit.beside(live.mesh)
+        more = rounds > 0
+        chosen = edit.grow(chosen, near, rounds) if more else edit.shrink(chosen, near, -rounds)
+    if not chosen.any():
+        raise InputError(f"no face is like {' or '.join(rules)}", hint="choose another value")
+    return edit.Region.of(body, live.face_ids[chosen])
+
+
+def select(done: Reconstruction, mesh: Mesh, rule: str) -> Bools:
+    """The faces (f,) of the edited surface that a rule means.
+
+    Raises InputError for a rule that is none, or whose value is not what it must be.
+    """
+    name, _, value = rule.partition("=")
+    match name:
+        case "laser":
+            return edit.by_laser(mesh, value)
+        case "steps":
+            first, last = _numbers(rule, value.split("-"), 2)
+            return edit.by_steps(mesh, int(first), int(last))
+        case "sigma":
+            return edit.by_sigma(mesh, _numbers(rule, [value], 1)[0])
+        case "flag":
+            names = [name for name in StripeFlag.__members__ if name != "OK"]
+            if value.upper() not in names:
+                raise _odd(rule, "one of " + ", ".join(names).lower())
+            return edit.by_quality(mesh, done.grids, int(StripeFlag[value.upper()]))
+        case "cause":
+            if value not in CAUSE_WORDS:
+                raise _odd(rule, "one of " + ", ".join(CAUSE_WORDS))
+            borders = surface.explain(mesh, surface.holes(mesh), done.sought)
+            return edit.by_cause(mesh, borders, {c for c in CAUSE_WORDS if c == value})
+        case "pieces":
+            return edit.by_size(mesh, int(_numbers(rule, [value], 1)[0]))
+        case "piece":
+            seed = _nearest(mesh, _numbers(rule, value.split(","), 3))
+            return edit.connected(seed, edit.beside(mesh))
+        case "crease":
+            *place, degrees = _numbers(rule, value.split(","), 4)
+            seed = _nearest(mesh, place)
+            return edit.within_angle(seed, edit.beside(mesh), mesh, math.radians(degrees))
+    raise InputError(f"{rule!r} is no rule", hint="see turnscan edits --help")
+
+
+def _nearest(mesh: Mesh, place: list[float]) -> Bools:
+    away = np.linalg.norm(mesh.triangles.mean(axis=1) - place, axis=1)
+    return np.asarray(np.arange(len(away)) == (int(away.argmin()) if len(away) else -1))
+
+
+def _numbers(rule: str, words: list[str], count: int) -> list[float]:
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise _odd(rule, "a number" if count == 1 else f"{count} numbers")
+    return numbers
+
+
+def _odd(rule: str, wanted: str) -> InputError:
+    return InputError(f"{rule!r}: {wanted} is wanted after the =", hint="see turnscan edits --help")
