@@ -207,3 +207,72 @@ def test_cut_with_a_cap_leaves_less_and_closes_the_wound(open_cup):
     assert "37.5" not in holes, "the open foot, 37.6 mm wide, is closed by the cap"
     page.keyboard.press("Control+z")
     until(page, f"turnscan.faces === {faces}")
+
+
+def test_every_repair_is_an_edit_that_can_be_stepped_over(open_cup):
+    page = open_cup(script="localStorage.setItem('turnscan.level', 'expert')")
+    scanned = state(page)[0]
+
+    def edited(n: int) -> None:
+        until(page, f"turnscan.edits === {n} && turnscan.cursor === {n}")
+
+    def panel(title: str) -> Any:
+        section = page.locator("details", has=page.get_by_text(title, exact=True))
+        section.locator("summary").click()
+        return section
+
+    page.keyboard.press("Control+a")
+    panel("Smooth").get_by_role("button", name="Selection").click()
+    edited(1)
+    assert state(page)[0] == scanned, "smoothing moves vertices, and takes none"
+    page.keyboard.press("Escape")
+    panel("Spikes").get_by_role("button", name="Remove").click()
+    edited(2)
+    fewer = panel("Fewer triangles")
+    fewer.get_by_label("Tolerance").fill("")
+    fewer.get_by_label("Tolerance").press("Enter")
+    fewer.get_by_label("Down to").fill("6000")
+    fewer.get_by_label("Down to").press("Enter")
+    fewer.get_by_role("button", name="Decimate").click()
+    edited(3)
+    until(page, "turnscan.faces <= 6000")
+    panel("Close everything").get_by_role("button", name="Close", exact=True).click()
+    edited(4)
+    page.locator(".pane.surface").get_by_text("closed").wait_for()
+    page.keyboard.press("y")
+    page.get_by_role("checkbox", name=re.compile("fewer|decimate", re.IGNORECASE)).uncheck()
+    until(page, "turnscan.faces > 8000")
+    page.get_by_role("button", name="As scanned").click()
+    until(page, f"turnscan.cursor === 0 && turnscan.faces === {scanned}")
+    assert page.evaluate("turnscan.edits") == 4
+
+
+def test_selecting_by_what_is_known_of_the_faces(open_cup):
+    page = open_cup(script="localStorage.setItem('turnscan.level', 'expert')")
+    section = page.locator("details", has=page.get_by_text("Select by …", exact=True))
+    section.locator("summary").click()
+    by = section.get_by_label("By", exact=True)
+    select = section.get_by_role("button", name="Select")
+
+    by.select_option(label="steps")
+    section.get_by_label("From step").fill("20")
+    section.get_by_label("From step").press("Enter")
+    section.get_by_label("To step").fill("29")
+    section.get_by_label("To step").press("Enter")
+    select.click()
+    until(page, "turnscan.selected > 0")
+    steps = page.evaluate("turnscan.selected")
+    assert steps / state(page)[0] == pytest.approx(10 / 72, rel=0.15)
+    page.keyboard.press("+")
+    grown = page.evaluate("turnscan.selected")
+    page.keyboard.press("-")
+    assert grown > page.evaluate("turnscan.selected") >= steps
+    page.keyboard.press("Control+i")
+    inverted = page.evaluate("turnscan.selected")
+    assert 0 < inverted < state(page)[0] - steps + 1
+    by.select_option(label="quality mark")
+    section.get_by_label("Mark").select_option(label="several candidates")
+    select.click()
+    until(page, f"turnscan.selected !== {inverted} && turnscan.selected > 0")
+    ghost = (len(GHOST_STEPS) - 1) * 2 * (GHOST_LINES.stop - GHOST_LINES.start - 1)
+    assert 0.5 * ghost < page.evaluate("turnscan.selected") < 2 * ghost
