@@ -138,7 +138,7 @@ def test_an_export_is_a_job_and_reads_back(server: Running) -> None:
         started = http.post(f"/api/scans/{scan}/exports", json={"format": "dxf"})
         assert started.status_code == 202
         job = started.json()["job"]
-        done = one.until("job", lambda m: m["job"] == job and m["state"] == "done")
+        done = one.once("job", lambda m: m["job"] == job and m["state"] == "done")
         file = http.get(f"/api/downloads/{done['download']}")
         assert 'filename="ball.dxf"' in file.headers["content-disposition"]
         mesh = read_mesh(file.content, ".dxf")
@@ -237,16 +237,17 @@ def test_a_scan_pauses_goes_on_and_is_aborted(server: Running) -> None:
         one.ask("connect", camera=device, turntable=device, lasers=device)
         assert one.ask("pause")["text"] == "no scan is being taken"
         one.ask("scan", plan={"name": "long", "steps": 300})
-        one.until("scanning", lambda m: m["done"] >= 2)
+        one.once("scanning", lambda m: m["done"] >= 2)
         assert one.ask("pause")["kind"] == "done"
-        one.until("scanning", lambda m: m["state"] == "paused")
+        one.once("scanning", lambda m: m["state"] == "paused")
         assert one.ask("go_on")["kind"] == "done"
         one.until("scanning", lambda m: m["state"] == "running")
         assert one.ask("stop")["kind"] == "done"
-        one.until("scanning", lambda m: m["state"] == "aborted")
-        told = one.until("devices")
+        one.once("scanning", lambda m: m["state"] == "aborted")
+        done = one.once("job", lambda m: m["state"] == "done")
+        assert done["text"].endswith("takes the rest")
+        told = next(m for m in reversed(one.heard) if m["kind"] == "devices")
         assert all(laser["lit"] is False for laser in told["lasers"])
-        assert one.until("job", lambda m: m["state"] == "done")["text"].endswith("takes the rest")
 
 
 def test_the_doctor_is_a_job_with_findings(server: Running) -> None:
@@ -254,6 +255,6 @@ def test_the_doctor_is_a_job_with_findings(server: Running) -> None:
     with Browser(server) as one:
         one.ask("connect", camera=device, turntable=device, lasers=device)
         assert one.ask("doctor", still=True)["kind"] == "started"
-        done = one.until("job", lambda m: m["state"] != "running")
+        done = one.once("job", lambda m: m["state"] != "running")
         assert done["state"] == "done"
         assert done["text"] == "ready" or done["findings"]
