@@ -1,6 +1,7 @@
 """Draws the pictures of simulated benches for the docs: `python docs/make_pictures.py [NAME …]`.
 
-Names: galvanometer, two_lines, shadows, panned, off_centre, demo; without one, all (three minutes).
+Names: galvanometer, two_lines, shadows, panned, off_centre, demo, fills, poses; without one, all (ten
+minutes).
 """
 
 from __future__ import annotations
@@ -18,8 +19,11 @@ from PIL import Image as Pillow
 
 from turnscan.arrays import Floats, Image
 from turnscan.cli import turnscan
+from turnscan.cli._render import render
+from turnscan.export import read_mesh
 from turnscan.rig import design_preset
-from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of
+from turnscan.simulate import Bench, Renderer, Wish, bench, part, seconds_of
+from turnscan.surface import FillHow, cut_touching, decimate, fill, holes, submesh
 
 HERE = Path(__file__).parent / "pictures"
 SECONDS = seconds_of(Wish())
@@ -175,6 +179,48 @@ def demo() -> None:
     strip(rows, width=1100).save(HERE / "demo.png", optimize=True)
 
 
+def fills() -> None:
+    """The head with its crown and a cheek cut out, and filled in the three ways."""
+    whole = decimate(part("head").mesh, faces=40_000)
+    middle = whole.triangles.mean(axis=1)
+    cut = np.zeros(len(middle), dtype=np.bool_)
+    for centre, radius in (((0.0, 0.0, 112.0), 32.0), ((26.0, -32.0, 47.0), 14.0)):
+        cut |= np.linalg.norm(middle - centre, axis=1) < radius
+    torn, _ = cut_touching(submesh(whole, ~cut))
+    pictures = [render(torn, azimuth=0.9, elevation=0.5, size=(360, 400))]
+    ways: tuple[FillHow, ...] = ("flat", "tangent", "curvature")
+    for how in ways:
+        mesh = fill(torn, holes(torn), how)
+        assert mesh.measured is not None
+        colour = np.full((len(mesh.vertices), 3), (122.0, 158.0, 196.0))
+        colour[mesh.faces[~mesh.measured]] = (232.0, 150.0, 70.0)
+        pictures.append(render(mesh, azimuth=0.9, elevation=0.5, size=(360, 400), colour=colour))
+    row = tuple(Pillow.fromarray(p) for p in pictures)
+    strip([row], width=1100).save(HERE / "fills.png", optimize=True)
+
+
+def poses() -> None:
+    """A cup scanned standing and lying, and both as one surface, from above its rim."""
+    with tempfile.TemporaryDirectory() as folder:
+        at = Path(folder)
+        for name, tip, seed in (("up", 0, 1), ("side", 90, 2)):
+            words = f"simulate cup --rig modern --steps 120 --seed {seed} --tip-deg {tip}".split()
+            turnscan([*words, "-o", f"{at / name}.turnscan"], standalone_mode=False)
+        scans = [str(at / f"{n}.turnscan") for n in ("up", "side")]
+        for name, words in (
+            ("up", ["reconstruct", scans[0]]),
+            ("side", ["reconstruct", scans[1]]),
+            ("both", ["join", *scans]),
+        ):
+            turnscan([*words, "-o", f"{at / name}.ply"], standalone_mode=False)
+        row = []
+        for name, azimuth in (("up", 0.6), ("side", 2.6), ("both", 0.6)):
+            mesh = read_mesh((at / f"{name}.ply").read_bytes(), ".ply")
+            view = render(mesh, azimuth=azimuth, elevation=0.75, size=(480, 480))
+            row.append(Pillow.fromarray(view))
+    strip([tuple(row)], width=1100).save(HERE / "poses.png", optimize=True)
+
+
 def small(image: Pillow.Image, width: int) -> Pillow.Image:
     """Scaled down to this width, in few colours: a picture for a page."""
     scaled = image.resize((width, round(image.height * width / image.width)), Pillow.LANCZOS)
@@ -204,7 +250,8 @@ def strip(rows: list[tuple[Pillow.Image, ...]], width: int, gap: int = 8) -> Pil
 
 
 DRAWN: dict[str, Callable[[], None]] = {
-    f.__name__: f for f in (galvanometer, two_lines, shadows, panned, off_centre, demo)
+    f.__name__: f
+    for f in (galvanometer, two_lines, shadows, panned, off_centre, demo, fills, poses)
 }
 
 if __name__ == "__main__":

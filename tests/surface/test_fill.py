@@ -108,6 +108,16 @@ def test_a_ball_is_continued_by_its_curvature():
     assert off["curvature"] < 0.06
 
 
+def test_noise_at_the_border_does_not_swing_the_filling():
+    """A kink of its noise from corner to corner would be carried on as curvature: 4 mm off here."""
+    mesh = opened(ball(40, 0.02, 1), [0.3, 0.2, 1.0], 0.5)
+    for how, limit in (("tangent", 0.25), ("curvature", 0.1)):
+        done = fill(mesh, None, how)
+        new = done.triangles[~done.measured].mean(axis=1)
+        assert np.abs(np.linalg.norm(new, axis=1) - 10.0).max() < limit
+        assert same_measured(mesh, done)
+
+
 def test_new_vertices_say_that_nobody_measured_them():
     mesh = plate(10, {(i, j) for i in range(2, 7) for j in range(3, 8)})
     v = len(mesh.vertices)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -11,51 +12,85 @@ from turnscan.arrays import Bools, Floats, Ints
 Order = Literal[1, 2, 3]
 _STEEPEST = 20.0
 """A cotangent above this belongs to a sliver."""
+_RINGS = 6
+"""Rings about a hole from which its border's tangents and curvature are taken."""
+_STEADY = 8.0
+"""Waves of this length, in spacings of the measured vertices, count half as noise there."""
+_CALM = 2.0
+"""Waves of this length, in sizes of the hole, bend as much as they change their bending."""
 _LEAST = 1e-2
 """Share of the usual area about a vertex that every vertex has at least."""
 
 
-def fair(vertices: Floats, faces: Ints, free: Bools, order: Order) -> Floats:
+def fair(vertices: Floats, faces: Ints, free: Bools, order: Order, size: Floats) -> Floats:
     """(v, 3) with the ``free`` (v,) vertices placed so that Δᵏx = 0 there, k = ``order``.
 
-    All others stay. 1 is the membrane; 2 the thin plate, which continues the tangent planes at
-    the border; 3 changes its curvature least, which continues the curvature too (Botsch and
-    Kobbelt 2004). Δ is the cotangent Laplacian over the areas about the vertices; it is made
-    anew as the surface moves.
+    All others stay where they are; but so that the noise of the border is not carried on, its
+    tangents and curvature are those of a smoothing spline through a few rings about the hole.
+    1 is the membrane; 2 the thin plate, which continues the tangent planes at the border; 3
+    changes its curvature least, which continues the curvature too (Botsch and Kobbelt 2004). 3
+    has a share of 2, for else what noise is left in the curvature would grow with the way across
+    the hole: waves longer than `_CALM` times ``size`` (v,), mm, the hole's at every free vertex,
+    are kept low. Δ is the cotangent Laplacian over the areas about the vertices; it is made anew
+    as the surface moves.
     """
     if not free.any():
         return vertices
-    reach, near = free, np.zeros(len(faces), dtype=np.bool_)
-    for _ in range(order):
+    reach, near, band = free, np.zeros(len(faces), dtype=np.bool_), free
+    for ring in range(_RINGS + order):
         near = np.asarray(reach[faces].any(axis=1))
         reach = np.zeros_like(free)
         reach[faces[near]] = True
+        if ring == _RINGS - 1:
+            band = reach
     index = np.flatnonzero(reach)
     new = np.full(len(vertices), -1, dtype=np.int32)
     new[index] = np.arange(len(index), dtype=np.int32)
-    local, points, move = new[faces[near]], vertices[index], free[index]
+    region = _Region(new[faces[near]], free[index], band[index] & ~free[index], vertices[index])
+    points = vertices[index]
     plan: tuple[Order, ...] = (1, order, order)
     for k in plan if order > 1 else (1, 1):
-        points[move] = _solved(points, local, move, k)
+        points[region.free] = _solved(points, region, k, size[index])[region.free]
     out = vertices.copy()
     out[index] = points
     return out
 
 
-def _solved(points: Floats, faces: Ints, move: Bools, order: Order) -> Floats:
+@dataclass(frozen=True)
+class _Region:
+    """A hole's new vertices and the rings about it."""
+
+    faces: Ints
+    free: Bools
+    """(v,) New: they go where the surface wants them."""
+    band: Bools
+    """(v,) Measured: they may differ from their place by their noise, in this reckoning only."""
+    measured: Floats
+    """(v, 3) mm."""
+
+
+def _solved(points: Floats, region: _Region, order: Order, size: Floats) -> Floats:
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import splu
 
-    stiff, area = _laplacian(points, faces)
+    stiff, area = _laplacian(points, region.faces)
     inverse = diags_array(1.0 / area)
     system = stiff
     for _ in range(order - 1):
         system = (stiff @ inverse @ system).tocsr()
-    rows = system[np.flatnonzero(move)]
+    if order == 3:
+        bent = diags_array(np.where(region.free, (2 * np.pi / (_CALM * size)) ** 2, 0.0) / area)
+        system = (system + stiff @ bent @ stiff).tocsr()
+    wave = (2 * np.pi / _STEADY) ** (2 * order) * area ** (1 - order)
+    weight = np.where(region.band, wave, 0.0)
+    move = region.free | region.band
+    rows = (system + diags_array(weight)).tocsr()[np.flatnonzero(move)]
     inner = rows[:, np.flatnonzero(move)].tocsc()
-    push = -(rows[:, np.flatnonzero(~move)] @ points[~move])
+    push = (weight[:, None] * region.measured)[move]
+    push -= rows[:, np.flatnonzero(~move)] @ region.measured[~move]
     factors = splu(inner, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    solved: Floats = factors.solve(push)
+    solved = region.measured.copy()
+    solved[move] = factors.solve(push)
     return solved
 
 

@@ -47,10 +47,10 @@ def fill(
     """Fill holes of a mesh: all, or those given as values or as places in ``holes(mesh)``.
 
     Each border is spanned by the triangles that bend least (Liepa, Filling holes in meshes,
-    2003), refined to the density of the surroundings and faired (`fair`) with the measured
-    vertices fixed; ``flat`` adds no vertices and lies as near to one plane as the border does.
-    No vertex that is there moves. New faces are not ``measured``, new vertices have provenance
-    −1, and where the mesh is coloured, the mean colour of their border.
+    2003), refined to the density of the surroundings and faired (`fair`); ``flat`` adds no
+    vertices and lies as near to one plane as the border does. No vertex that is there moves. New
+    faces are not ``measured``, new vertices have provenance −1, and where the mesh is coloured,
+    the mean colour of their border.
 
     Raises InputError for a hole that is not one of this mesh.
     """
@@ -211,7 +211,9 @@ def with_patches(mesh: Mesh, done: Sequence[Patch], how: FillHow) -> Mesh:
     vertices, sewn = np.concatenate(points), np.concatenate(faces)
     if how != "flat":
         free = np.arange(count) >= len(mesh.vertices)
-        vertices = fair(vertices, sewn, free, 2 if how == "tangent" else 3)
+        size = np.ones(count)
+        size[free] = np.repeat([_across(mesh, p) for p in done], [len(p.points) for p in done])
+        vertices = fair(vertices, sewn, free, 2 if how == "tangent" else 3, size)
     more = [len(p.points) for p in done]
     return replace(
         mesh,
@@ -223,6 +225,13 @@ def with_patches(mesh: Mesh, done: Sequence[Patch], how: FillHow) -> Mesh:
             [measured(mesh), np.zeros(len(sewn) - len(mesh.faces), dtype=np.bool_)]
         ),
     )
+
+
+def _across(mesh: Mesh, patch: Patch) -> float:
+    """mm: how wide a hole is, the diameter of a circle of its perimeter."""
+    corners = mesh.vertices[patch.loop]
+    sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+    return max(float(sides.sum()) / np.pi, 1e-9)
 
 
 def _coloured(mesh: Mesh, done: Sequence[Patch]) -> npt.NDArray[np.uint8] | None:
