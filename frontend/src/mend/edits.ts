@@ -153,6 +153,6 @@ export interface Seeking {
 
 export async function detectAgain(how: Seeking): Promise<void> {
   if (await doEdit({ kind: "redetect", laser: laser(), ...how })) {
-    notify("note", `Detected again in ${count(how.steps[1] - how.steps[0] + 1)} profiles.`);
+    notify("note", `Detected again: ${count(how.steps[1] - how.steps[0] + 1)} of the profiles.`);
   }
 }

@@ -170,8 +170,20 @@ function layer(look: Parameters<typeof surfaceMaterial>[0]): Mesh {
   return new Mesh(new BufferGeometry(), surfaceMaterial(look));
 }
 
+/** Put another index in place, in the same buffer while it is large enough: a brush does it often. */
 function setIndex(geometry: BufferGeometry, index: Uint32Array): void {
-  const attribute = new BufferAttribute(index, 1);
+  geometry.setDrawRange(0, index.length);
+  const old = geometry.index;
+  if (old && old.array.length >= index.length) {
+    (old.array as Uint32Array).set(index);
+    old.clearUpdateRanges();
+    old.addUpdateRange(0, index.length);
+    old.needsUpdate = true;
+    return;
+  }
+  const room = old ? new Uint32Array(Math.max(index.length, 2 * old.array.length)) : index;
+  if (old) room.set(index);
+  const attribute = new BufferAttribute(room, 1);
   attribute.setUsage(DynamicDrawUsage);
   geometry.setIndex(attribute);
 }

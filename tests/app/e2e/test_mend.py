@@ -163,6 +163,14 @@ def test_profile_can_be_left_out_and_points_set_and_deleted(open_cup):
     page.get_by_role("button", name="Point", exact=True).click()
     until(page, "turnscan.cursor === 2")
     page.get_by_text("Missing because").wait_for()
+    again = page.locator("details", has=page.get_by_text("Detect again", exact=True).first)
+    again.locator("summary").click()
+    again.get_by_label("Threshold").fill("140")
+    again.get_by_label("Threshold").press("Enter")
+    again.get_by_label("Strategy").select_option("centroid")
+    again.get_by_role("button", name="Detect again").click()
+    until(page, "turnscan.cursor === 3")
+    page.get_by_text("Detected again: 1 of the profiles").wait_for()
 
 
 def test_everything_is_as_before_after_a_reload_and_seen_by_a_second_viewer(open_cup):
