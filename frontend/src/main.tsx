@@ -3,6 +3,7 @@ import { render } from "preact";
 import { link } from "./bus";
 import { onKey, roomCommands, roomList } from "./commands";
 import { home, rooms } from "./rooms";
+import { scanName } from "./part";
 import { addFiles } from "./rooms/projects";
 import { place } from "./state";
 import { expose } from "./testing";
@@ -36,6 +37,9 @@ function App() {
 roomList.value = rooms.map(({ id, title }) => ({ id, title }));
 effect(() => {
   roomCommands.value = room().commands;
+});
+effect(() => {
+  document.title = scanName.value ? `${scanName.value} · turnscan` : "turnscan";
 });
 window.addEventListener("keydown", onKey);
 // A scan file may be dropped anywhere.

@@ -15,6 +15,8 @@ export const history = signal<readonly HistoryEntry[]>([]);
 export const cursor = signal(0);
 export const holes = signal<readonly Hole[] | null>(null);
 export const defects = signal<readonly Defect[] | null>(null);
+/** The lists of holes and defects are of an earlier surface; who shows them asks again. */
+export const listsAreOld = signal(true);
 export const measures = signal<readonly Measure[]>([]);
 /** The mesh itself changes in place: `shape` counts when it does. */
 export const mesh = signal<MeshModel | null>(null);
@@ -80,6 +82,7 @@ async function show(message: Opened): Promise<void> {
     cursor.value = message.cursor;
     measures.value = message.measures;
     holes.value = defects.value = null;
+    listsAreOld.value = true;
     grids.value = message.grids.map(() => null);
     if (!same) mark.value = profile.value = null;
   });
@@ -140,8 +143,7 @@ function partsOf(message: Patch, arrays: Arrays): Part[] | null {
 
 async function patch(message: Patch, arrays: Arrays): Promise<void> {
   figures.value = message.figures;
-  if (holes.value) void listHoles();
-  if (defects.value) void listDefects();
+  listsAreOld.value = true;
   const parts = message.epoch === epoch && message.revision === revision + 1 ? partsOf(message, arrays) : null;
   if (!parts || !mesh.value) {
     await fetchMesh();

@@ -1,5 +1,4 @@
 import type { Command } from "../commands";
-import { listHoles } from "../part";
 import { VIEWS, type ViewName } from "../viewport/camera";
 import { bordersShown, brushRadius, currentViewport, selected, tool, visibleOnly } from "../viewport/place";
 import { TOOLS, type Tool } from "../viewport/viewport";
@@ -54,7 +53,7 @@ export const commands: readonly Command[] = [
   { title: "Drop preview, selection, tool", group: "Selection", keys: "Esc", run: escape },
   { title: "Delete the selection", group: "Repair", keys: "Del", run: () => void (some() ? deleteSelected() : deletePoints()) },
   { title: "Delete all but the selection", group: "Repair", keys: "Ctrl+Del", run: () => void deleteUnselected(), enabled: some },
-  { title: "Holes and remarks", group: "Repair", keys: "H", run: () => { tab.value = "holes"; void listHoles(); } },
+  { title: "Holes and remarks", group: "Repair", keys: "H", run: () => (tab.value = "holes") },
   { title: "History", group: "Repair", keys: "Y", run: () => (tab.value = "history") },
   { title: "See the selection", group: "View", keys: "F", run: () => view()?.fit(true) },
   { title: "See everything", group: "View", keys: "Shift+F", run: () => view()?.fit() },

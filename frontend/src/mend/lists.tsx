@@ -1,7 +1,6 @@
 /** Holes, defects and the history. */
-import { useEffect } from "preact/hooks";
-import { useSignal } from "@preact/signals";
-import { cursor, defects, goTo, history, holes, type Hole, listDefects, listHoles, redo, switchEdit, undo, opened } from "../part";
+import { useSignal, useSignalEffect } from "@preact/signals";
+import { cursor, defects, goTo, history, holes, type Hole, listDefects, listHoles, listsAreOld, redo, switchEdit, undo, opened } from "../part";
 import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
 import { apply, bridgeValue, chosenHoleList, type FillHow, fillValue, show } from "./edits";
@@ -28,11 +27,12 @@ function toggle(hole: Hole, on: boolean): void {
 export function HolesPanel() {
   const how = useSignal<FillHow>("tangent");
   const below = useSignal<number | null>(10);
-  const current = opened.value?.scan;
-  useEffect(() => {
+  useSignalEffect(() => {
+    if (!opened.value || !listsAreOld.value) return;
+    listsAreOld.value = false;
     void listHoles();
     void listDefects();
-  }, [current]);
+  });
   const list = holes.value;
   const chosen = chosenHoleList();
   return (

@@ -1,7 +1,7 @@
 /** What the Mend room has in hand. */
 import { computed, signal } from "@preact/signals";
 import type { GridColouring, Range } from "../grid/view";
-import { grids, lasers, loadGrid, type Mark, mark, mesh, opened, type Preview } from "../part";
+import { grids, lasers, loadGrid, type Mark, mark, mesh, onMesh, opened, type Preview } from "../part";
 import type { PictureTool } from "../profile/picture";
 import { angleLimit, brushRadius, currentViewport, tool, visibleOnly } from "../viewport/place";
 import type { Hit } from "../viewport/pick";
@@ -26,6 +26,11 @@ export const smoothing = signal({ strength: 0.5, rounds: 5 });
 export const chosenHoles = signal<ReadonlySet<number>>(new Set());
 /** What an edit would do; shown until it is done or dropped. */
 export const preview = signal<(Preview & { of: string }) | null>(null);
+// Another surface: holes have other numbers, and what was previewed is done or out of date.
+onMesh(() => {
+  preview.value = null;
+  chosenHoles.value = new Set();
+});
 preview.subscribe((shown) => currentViewport()?.showPreview(shown));
 
 export const markedGrid = computed(() => (mark.value ? (grids.value[mark.value.grid] ?? null) : null));
