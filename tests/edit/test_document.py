@@ -36,7 +36,7 @@ from turnscan.edit import (
 )
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.surface import holes
+from turnscan.surface import fill, holes
 
 SHEETS = [sheet(8, seed, 0.02 * seed, size=14.0) for seed in range(3)]
 
@@ -276,3 +276,17 @@ def test_bridges_part_a_hole_and_join_an_island() -> None:
     assert "away from a bridge's end" in change.findings[0].message
     _, change = document.add(BridgeHoles(around_it, HoleName((0.0, 0.0, 99.0), 3.0)))
     assert [f.code for f in change.findings] == ["edit.nothing"]
+
+
+@pytest.mark.parametrize("how", ["flat", "tangent", "curvature"])
+def test_a_hole_filled_by_itself_is_filled_as_on_the_whole_surface(how: Any) -> None:
+    mesh = sheet(60, 3, 0.05)
+    document = Document.open(lambda _: (mesh, ()))
+    document, _ = document.add(Delete(Region.of(document.body, around(mesh, (20, 20), 4))))
+    before = Compact.of(document.body).mesh
+    (hole,) = (h for h in holes(before) if h.size < 20)
+    whole = fill(before, [hole], how)
+    filled, _ = document.add(Fill((HoleName.of(hole),), how))
+    alone = Compact.of(filled.body).mesh
+    assert np.array_equal(alone.faces, whole.faces)
+    assert np.allclose(alone.vertices, whole.vertices, rtol=0, atol=1e-6)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,6 +45,8 @@ from turnscan.surface import (
     spikes,
 )
 
+_RINGS = 12
+"""Rings of faces round a hole; its filling goes on with the curvature of those next to it."""
 _LIKE = 3.0
 """A hole of a third to three times the size may be the one that was meant."""
 
@@ -111,9 +113,7 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
             faces = _with_what_hangs(body, edit.where.find(body))
             return (Alive(faces, False),) if len(faces) else ()
         case Fill():
-            before = Compact.of(body)
-            wanted = _to_fill(holes(before.mesh), edit, findings)
-            return difference(body, before, fill(before.mesh, wanted, edit.how)) if wanted else ()
+            return _filled(body, edit, findings)
         case BridgeSides():
             before = Compact.of(body)
             one, other = _side_at(before.mesh, edit.a), _side_at(before.mesh, edit.b)
@@ -212,6 +212,25 @@ def _with_what_hangs(body: Body, faces: Ints) -> Ints:
         hanging = near[np.isin(fan, rest).reshape(-1, 3).any(axis=1)]
         left[hanging] = False
         touched[body.mesh.faces[hanging]] = True
+
+
+def _filled(body: Body, edit: Fill, findings: list[Finding]) -> tuple[Patch, ...]:
+    """Holes filled; only what lies round them is looked at."""
+    whole = Compact.of(body)
+    wanted = _to_fill(holes(whole.mesh), edit, findings)
+    if not wanted:
+        return ()
+    loops = [whole.vertex_ids[h.loop] for h in wanted]
+    near = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
+    near[np.concatenate(loops)] = True
+    for _ in range(_RINGS):
+        near[body.mesh.faces[body.alive & near[body.mesh.faces].any(axis=1)]] = True
+    part = Compact.of(body, np.asarray(near[body.mesh.faces].all(axis=1)))
+    moved = [
+        replace(hole, loop=np.searchsorted(part.vertex_ids, loop).astype(np.int32))
+        for hole, loop in zip(wanted, loops, strict=True)
+    ]
+    return difference(body, part, fill(part.mesh, moved, edit.how))
 
 
 def _to_fill(there: list[Hole], edit: Fill, findings: list[Finding]) -> list[Hole]:
