@@ -123,3 +123,19 @@ def test_a_wrong_start_is_seen_after_the_refinement(knob):
     upside = truth("knob", "knob lying") @ Pose(np.diag([1.0, -1.0, -1.0]), np.array([0, 50, 50.0]))
     with pytest.raises(InputError, match=r"overlap agrees|saw through|lies on the other"):
         check(align(knob, [Pose(), upside]))
+
+
+def test_range_scans_of_another_scanner_find_each_other(shared_data):
+    """Three views of the bunny, 45° apart, from no placement at all."""
+    from turnscan.cli._range_scans import placed_scans, read_range_scan
+    from turnscan.pipeline import Settings
+    from turnscan.rig import Pose
+
+    known = placed_scans(shared_data / "bunny-range" / "bun.conf", "m")
+    paths = [p for p in known if p.stem in ("bun000", "bun045", "bun090")]
+    views = [seen(p.stem, read_range_scan(p, Pose(), "m", Settings())[0]) for p in paths]
+    found = align(views, place(views))
+    check(found, by_shape=True)
+    for path, pose, v in zip(paths, found.poses, views, strict=True):
+        assert apart(pose, known[paths[0]].inverse() @ known[path], v) < 0.5
+    assert max(m.rms for m in found.meetings) < 0.3
