@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import time
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +104,56 @@ def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:
         assert http.get("/api/scans/nothing/mesh").status_code == 404
 
 
+def test_a_profile_that_is_switched_off_is_gone_everywhere(server: Running) -> None:
+    with Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        state = one.open(scan)
+        laser = state["grids"][0]["laser"]
+        off = {"kind": "profile_off", "laser": laser, "steps": [3, 4]}
+        shown = one.ask("edit", scan=scan, base_revision=0, edit=off, preview=True)
+        assert shown["figures"]["faces"] < state["figures"]["faces"]
+        _, grid = unpack(http.get(f"/api/scans/{scan}/grid/0").content)
+        assert {3, 4} <= set(grid["steps"].tolist())  # a preview changes nothing
+        assert one.ask("edit", scan=scan, base_revision=0, edit=off)["kind"] == "done"
+        patch = one.once("patch")
+        assert patch["parts"] == [{"kind": "replace"}]
+        assert patch["epoch"] == 1
+        assert patch["figures"]["faces"] == shown["figures"]["faces"]
+        one.once("grid")
+        _, grid = unpack(http.get(f"/api/scans/{scan}/grid/0").content)
+        assert not {3, 4} & set(grid["steps"].tolist())
+        assert one.ask("undo", scan=scan)["kind"] == "done"
+        _, grid = unpack(http.get(f"/api/scans/{scan}/grid/0").content)
+        assert {3, 4} <= set(grid["steps"].tolist())
+        head, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+        assert head["epoch"] == 2
+        assert mesh["alive"].sum() == state["figures"]["faces"]
+
+
+def test_holes_and_defects_have_causes_and_places(server: Running) -> None:
+    with Browser(server) as one:
+        scan = one.hello["scans"][0]["scan"]
+        bounds = np.array(one.open(scan)["figures"]["bounds"])
+        holes = one.ask("list_holes", scan=scan)
+        assert holes["kind"] == "holes"
+        assert holes["holes"]
+        sizes = [h["size"] for h in holes["holes"]]
+        assert sizes == sorted(sizes, reverse=True)
+        for h in holes["holes"]:
+            loop = holes["arrays"][f"loop_{h['hole']}"]
+            assert len(loop) >= 3
+            assert (np.array(h["centre"]) > bounds[0] - 1).all()
+            assert h["cause_text"]
+        assert any(h["cause"] not in (None, "unknown") for h in holes["holes"])
+        defects = one.ask("list_defects", scan=scan)["defects"]
+        placed = [d for d in defects if d["place"] is not None]
+        assert len(placed) == len(sizes)
+        edit = {"kind": "fill", "holes": None, "how": "flat", "largest": None}
+        assert one.ask("edit", scan=scan, base_revision=0, edit=edit)["kind"] == "done"
+        assert one.ask("list_holes", scan=scan)["holes"] == []
+        assert one.once("patch")["figures"]["closed"]
+
+
 def test_measurements_are_kept_with_the_scan(folder: Path) -> None:
     with serving(folder) as server, Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]
@@ -177,6 +229,24 @@ def test_an_upload_that_is_no_scan_is_refused_and_leaves_nothing(
     assert answer.status_code in (400, 409), answer.text
     assert "other.turnscan" in answer.json()["text"]
     assert str(folder) not in answer.text
+    assert [p.name for p in folder.iterdir()] == ["ball.turnscan"]
+
+
+def test_an_upload_that_is_cut_off_leaves_nothing(server: Running, folder: Path) -> None:
+    cookie = server.login()
+    head = (
+        f"POST /api/scans?name=part HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n"
+        f"Origin: {server.base}\r\nX-Turnscan: 1\r\nCookie: {cookie}\r\n"
+        "Content-Length: 100000\r\n\r\n"
+    )
+    with socket.create_connection(("127.0.0.1", server.port)) as link:
+        link.sendall(head.encode() + bytes(50000))
+        until = time.monotonic() + 10
+        while len(list(folder.iterdir())) < 2 and time.monotonic() < until:
+            time.sleep(0.01)
+        assert len(list(folder.iterdir())) == 2
+    while len(list(folder.iterdir())) > 1 and time.monotonic() < until:
+        time.sleep(0.01)
     assert [p.name for p in folder.iterdir()] == ["ball.turnscan"]
 
 

@@ -18,6 +18,7 @@ from http.cookies import CookieError, SimpleCookie
 
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -139,6 +140,8 @@ class Doors:
         guarded = _Guarded(scope, receive, send, scope["path"] in self._uploads)
         try:
             await (refusal or self._app)(scope, guarded.receive, guarded.send)
+        except ClientDisconnect:
+            return  # nobody is there to be answered
         except _TooLate:
             await guarded.fail(problem(408, "the request did not come in time"))
         except _TooLarge:

@@ -33,7 +33,7 @@ from turnscan.app._wire_mesh import (
 from turnscan.detection import see
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.pipeline import Settings, build
+from turnscan.pipeline import Reconstruction, Settings, build
 from turnscan.points import RangeGrid
 from turnscan.scan import Scan, rig_for
 from turnscan.surface import Mesh
@@ -73,8 +73,7 @@ class OpenScan:
         self._looking = threading.Lock()
         self._found: tuple[int, Mesh, list[surface.Hole]] | None = None
         self._settings = Settings()
-        self._grids: tuple[RangeGrid, ...] = ()
-        self._sought: tuple[surface.Sought, ...] = ()
+        self._built: dict[tuple[edit.Entry, ...], Reconstruction] = {}
         self._times: dict[int, float] = {}
         self.scan = Scan.resume(path)
         try:
@@ -92,7 +91,7 @@ class OpenScan:
         except BaseException:
             self.scan.close()
             raise
-        self.now = State(document, self._grids, self._sought, 0, 0, figures(document.body))
+        self.now = self._state(document, 0, 0)
 
     def close(self) -> None:
         """Let the file go."""
@@ -268,9 +267,7 @@ class OpenScan:
         """Measure, and keep it in the history. Raises InputError where it cannot be measured."""
         with self._lock:
             document = self.now.document
-            region = None
-            if "faces" in arrays:
-                region = edit.Region.of(document.body, arrays["faces"])
+            region = _region(document.body, arrays)
             document, change = document.add(measure_of(wish.what, wish.places, region))
             if change.findings:
                 raise InputError(change.findings[0].message, hint=change.findings[0].remedy)
@@ -318,8 +315,9 @@ class OpenScan:
                 hint="look at it, then repeat",
             )
         wish = dict(value)
-        if "faces" in arrays:
-            wish["where"] = edit.Region.of(self.now.document.body, arrays["faces"])
+        region = _region(self.now.document.body, arrays)
+        if region is not None:
+            wish["where"] = region
         document, change = self.now.document.add(edit.edit_from_value(wish))
         refused = next((f for f in change.findings if f.severity == "error"), None)
         if refused is not None:
@@ -336,14 +334,7 @@ class OpenScan:
                 self._times[change.action.id] = now
         before = self.now
         replaced = any(isinstance(c, edit.Replace) for c in change.patches)
-        state = State(
-            document,
-            self._grids,
-            self._sought,
-            before.revision + 1,
-            before.epoch + replaced,
-            figures(document.body),
-        )
+        state = self._state(document, before.revision + 1, before.epoch + replaced)
         self.now = state
         parts, arrays = patch_parts(change.patches)
         self._hub.tell(
@@ -380,8 +371,25 @@ class OpenScan:
 
     def _build(self, entries: Sequence[edit.Entry]) -> tuple[Mesh, Sequence[Finding]]:
         done = build(self._seen, self._settings, entries)
-        self._grids, self._sought = done.grids, done.sought
+        self._built[tuple(entries)] = done
         return done.mesh, done.findings
+
+    def _state(self, document: edit.Document, revision: int, epoch: int) -> State:
+        """What stands now; of what was built, only this is kept, for a preview builds, too."""
+        entries = tuple(e for e in document.history.enabled if edit.is_grid_edit(e.edit))
+        done = self._built[entries]
+        self._built = {entries: done}
+        return State(document, done.grids, done.sought, revision, epoch, figures(document.body))
+
+
+def _region(body: edit.Body, arrays: Mapping[str, Array]) -> edit.Region | None:
+    """The faces that came with a request. Raises InputError where they are none of the surface."""
+    if "faces" not in arrays:
+        return None
+    faces = arrays["faces"]
+    if faces.dtype.kind != "u" or faces.ndim != 1:
+        raise InputError("faces: not a list of numbers")
+    return edit.Region.of(body, faces)
 
 
 def _defect(finding: Finding, grids: Sequence[RangeGrid]) -> p.Defect:
