@@ -13,7 +13,7 @@ from turnscan.points import RangeGrid, Volume
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Orientation, StripeFlag
 from turnscan.surface._cast import Caster
-from turnscan.surface._fill import FillHow, patches, with_patches
+from turnscan.surface._fill import patches, with_patches
 from turnscan.surface._grid_mesh import vertex_normals
 from turnscan.surface._holes import Cause, Hole
 from turnscan.surface._mesh import Mesh
@@ -22,9 +22,8 @@ _CAUSES: tuple[Cause, ...] = get_args(Cause)
 LASER, CAMERA, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN = range(len(_CAUSES))
 _GRAZING = float(np.cos(np.deg2rad(80.0)))
 """What is lit or seen further from face-on than this counts as hidden (as `Tears.grazing`)."""
-_HOW: FillHow = "flat"
-_SKIP = 3.0
 _SMALL = 6.0
+"""Usual sides of faces up to which a hole's patch has no direction of its own."""
 _SAMPLES = 48
 """Places in a hole that are asked, at most."""
 _ROOM = 4000
@@ -52,7 +51,7 @@ class _Places:
     normal: Floats
     """(m, 3) outward."""
     start: Floats
-    """(m,) mm: what is nearer than this hides nothing; it is the roughness of the border."""
+    """(m,) mm: what is nearer than this hides nothing."""
     hole: Ints
     """(m,)."""
 
@@ -65,14 +64,15 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[
 
     Each hole is closed by a flat patch, and places on it are followed through the scan (ALGORITHMS
     §5.3): at each table angle that carries a place through a laser's sheet, was it in the picture
-    and in the volume, did the camera see it and did the light reach it, past the measured surface
-    and the patches of the other holes? Where both did, the frame says what was wrong with the light
-    of that line. The place votes for what came nearest to a measurement; the most votes decide.
+    and in the volume, did the camera see it and did the light reach it, past the measured surface?
+    Where both did, the frame says what was wrong with the light of that line. The place votes for
+    what came nearest to a measurement; the most votes decide. What neither reached counts as
+    hidden from the laser.
     """
     if not found or not views:
         return list(found)
-    made = patches(mesh, [h.loop for h in found], _HOW)
-    closed = with_patches(mesh, made, _HOW)
+    made = patches(mesh, [h.loop for h in found], "flat")
+    closed = with_patches(mesh, made, "flat")
     owner = np.repeat(np.arange(len(found)), [len(p.faces) for p in made]).astype(np.int32)
     places = _places(mesh, closed, owner, found)
     caster = Caster(mesh.vertices, mesh.faces)
@@ -111,7 +111,10 @@ def _places(mesh: Mesh, closed: Mesh, owner: Ints, found: Sequence[Hole]) -> _Pl
     size = np.array([h.size for h in found])[hole]
     n = normal[face]
     lift = np.clip(0.05 * size, 0.25 * usual, usual)
-    start = np.clip(0.5 * size, usual, _SKIP * usual)
+    # A flat patch lies below a bulging surface, whose rim then stands before it: not as far off as
+    # half the hole's width, which is what a long narrow shadow has little of.
+    width = np.array([4 * h.area / max(h.perimeter, 1e-12) for h in found])[hole]
+    start = np.maximum(0.5 * width, usual)
     return _Places(X + lift[:, None] * n, n, start, hole)
 
 
