@@ -9,7 +9,7 @@ import pytest
 
 from tests.devices.boards import DIALECTS, OUTPUTS, firmware
 from turnscan.arrays import Image
-from turnscan.devices import open_devices
+from turnscan.devices import burning, open_devices
 from turnscan.simulate import SimCamera, simulated
 from turnscan.simulate.controllers import Firmware, GrblFirmware, Socket, drive
 
@@ -58,9 +58,8 @@ def test_pictures_through_the_wire(dialect: str, truth: dict[str, Image]) -> Non
         for angle in ANGLES:
             reached = devices.turntable.move_to(angle, 20.0)
             for name in names:
-                devices.lasers.light(frozenset({name}), 2.0)
-                pictures.append((reached, name, camera.grab(5.0)))
-                devices.lasers.light(frozenset(), 2.0)
+                with burning(devices.lasers, frozenset({name})):
+                    pictures.append((reached, name, camera.grab(5.0)))
             pictures.append((reached, "", camera.grab(5.0)))
     lit = [entry.outputs for entry in board.log if entry.outputs]
     assert lit == [frozenset({o}) for _ in ANGLES for o in outputs]

@@ -57,7 +57,7 @@ class VisaPort:
                 if e.error_code != self._silent:
                     self._gone = str(e)
                     raise OSError(self._gone) from None
-                with contextlib.suppress(self._error, NotImplementedError):
+                with contextlib.suppress(self._error, RuntimeError):  # some cannot be cleared
                     self._session.clear()
             except queue.Full:
                 continue
