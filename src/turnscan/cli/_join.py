@@ -118,11 +118,10 @@ def verb(
     known = None if points_path is None else read_landmarks(points_path)
     rig = None if rig_path is None else read_rig_file(rig_path)
     names = _names(list(paths))
-    with progress("reading poses", len(paths)) as tick:
-        read = []
-        for name, (path, start) in zip(names, paths.items(), strict=True):
-            read.append(_read(name, path, start, rig, unit, settings, limits))
-            tick()
+    read = [
+        _read(name, path, start, rig, unit, settings, limits)
+        for name, (path, start) in zip(names, paths.items(), strict=True)
+    ]
     _check_different(read)
     views = [
         poses.view(s.name, [r for g in s.meshed for r in range_surfaces(g, settings.tears)])
