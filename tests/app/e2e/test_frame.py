@@ -6,11 +6,10 @@ import io
 
 import numpy as np
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 
 from tests.app.e2e.conftest import until
-
-axe = pytest.importorskip("axe_playwright_python.sync_playwright")
 
 NO_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
@@ -21,7 +20,7 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
 
 
 def serious(page) -> list[str]:
-    found = axe.Axe().run(page).response["violations"]
+    found = Axe().run(page).response["violations"]
     return [
         f"{v['id']}: {v['nodes'][0]['html'][:160]}"
         for v in found
