@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from tests.web.running import Browser, Running, raw, serving
-from turnscan.app import Workshop, _doors
+from turnscan.app import Workshop, _doors, _server
 from turnscan.app._doors import OPEN, Doors, is_loopback, names
 from turnscan.app._keys import FAILURES, Keys
 from turnscan.app._library import Library, safe_name
@@ -378,6 +379,25 @@ def test_what_is_too_large_is_refused_soon(locked: Locked, monkeypatch: pytest.M
         headers={"Origin": server.base, "X-Turnscan": "1", "Content-Encoding": "gzip"},
     )  # fmt: skip
     assert token.status_code == 400
+
+
+# W7
+
+
+def test_connections_that_never_ask_are_hung_up_on(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_server, "HEADER_SECONDS", 2.0)
+    with serving(folder) as server, contextlib.ExitStack() as stack:
+        lazy = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=20))
+            for _ in range(200)
+        ]
+        for link in lazy:
+            link.sendall(b"GET / HTTP/1.1\r\nHost: ")
+        assert _request("GET", f"{server.base}/login").status_code == 200
+        assert [link.recv(1) for link in lazy] == [b""] * 200
+        assert _request("GET", f"{server.base}/login").status_code == 200
 
 
 # W8

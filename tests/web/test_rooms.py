@@ -11,6 +11,9 @@ import pytest
 
 from tests.web.running import Browser, Running, serving
 from turnscan.app._envelope import unpack
+from turnscan.app._hub import Hub
+from turnscan.app._jobs import Cancelled, Job
+from turnscan.app._open_scan import OpenScan
 from turnscan.export import read_mesh
 from turnscan.scan import Scan
 
@@ -102,6 +105,15 @@ def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:
         for wrong in ("grid/7", "grid/0?step=999", "profile/0/999", "picture/0/999.png"):
             assert http.get(f"/api/scans/{scan}/{wrong}").status_code == 400
         assert http.get("/api/scans/nothing/mesh").status_code == 404
+
+
+def test_opening_can_be_cancelled_and_lets_the_file_go(folder: Path) -> None:
+    path, hub = folder / "ball.turnscan", Hub()
+    job = Job(hub, "open", "Opening ball", "ball")
+    job.cancel()
+    with pytest.raises(Cancelled):
+        OpenScan("ball", path, hub, job)
+    OpenScan("ball", path, hub, Job(hub, "open", "Opening ball", "ball")).close()
 
 
 def test_a_profile_that_is_switched_off_is_gone_everywhere(server: Running) -> None:
