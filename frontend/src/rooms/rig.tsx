@@ -1,8 +1,10 @@
 /** Rig: what is connected, what the camera sees, and whether all of it is fit for a scan. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { FoundDevice, JobState, Remark } from "../protocol";
-import { ask, devices, isOperator, jobs, kept } from "../state";
+import type { FoundDevice } from "../protocol";
+import { CalibratePanel } from "../station/calibrate";
+import { RemarkLine, useLastJob } from "../station/remarks";
+import { ask, devices, isOperator, kept } from "../state";
 import { Button, Check, NumberField, Section, TextField } from "../ui/controls";
 import { findDevices, finding, found, isScanning } from "../station/live";
 import { LivePane } from "../station/views";
@@ -139,27 +141,8 @@ function TablePanel() {
   );
 }
 
-function RemarkLine({ remark }: { remark: Remark }) {
-  return (
-    <p class={`remark ${remark.severity}`}>
-      {remark.text}
-      {remark.remedy && <span class="quiet"> {remark.remedy}</span>}
-    </p>
-  );
-}
-
-/** The doctor's last report stays when its job is forgotten. */
-function useReport(): JobState | null {
-  const last = useSignal<JobState | null>(null);
-  const now = [...jobs.value.values()].findLast((job) => job.what === "doctor");
-  useEffect(() => {
-    if (now) last.value = now;
-  }, [now]);
-  return now ?? last.value;
-}
-
 function DoctorPanel() {
-  const report = useReport();
+  const report = useLastJob("doctor");
   if (!connected()) return null;
   return (
     <Section title="Doctor">
@@ -183,6 +166,7 @@ function Rig() {
         <LookPanel />
         <TablePanel />
         <DoctorPanel />
+        <CalibratePanel />
       </aside>
     </div>
   );
