@@ -1,4 +1,4 @@
-"""``turnscan check``: is a scan file whole, and what is in it?"""
+"""``turnscan check``: is a scan file whole, or a mesh sound, and what is in it?"""
 
 from __future__ import annotations
 
@@ -18,19 +18,27 @@ from turnscan.findings import Finding, findings_json
 from turnscan.rig import rig_hash
 from turnscan.scan import Scan
 
+_MESHES = (".stl", ".ply", ".obj", ".dxf")
 _UNEVEN = 0.5
 """A step that differs from the median one by more than this part of it is worth a word."""
 
 
 @click.command("check")
-@click.argument("scan", type=click.Path(path_type=Path))
+@click.argument("file", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-def verb(scan: Path, as_json: bool) -> None:
-    """Read all of SCAN, compare it with its checksums, and say what it holds.
+def verb(file: Path, as_json: bool) -> None:
+    """Read all of FILE and say what it holds, and whether it is whole.
 
-    Exit code 1 when there is a warning or an error among the findings.
+    FILE is a scan, compared with its checksums, or a mesh (STL, PLY, OBJ, DXF): closed, manifold,
+    oriented, cutting nowhere through itself. Exit code 1 when there is a warning or an error among
+    the findings.
     """
-    with Scan.open(scan) as opened:
+    if file.suffix.lower() in _MESHES:
+        from turnscan.cli._check_mesh import check_mesh
+
+        check_mesh(file, as_json)
+        return
+    with Scan.open(file) as opened:
         found = _damage(opened)
         lasers = {name: _laser(opened, name, found) for name in opened.plan.lasers}
         if opened.being_written:
