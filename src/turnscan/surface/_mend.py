@@ -44,17 +44,18 @@ def mend(mesh: Mesh) -> tuple[Mesh, int]:
 
 def _giving_way(mesh: Mesh, pairs: Ints, number: int) -> Bools:
     """(f,) True for the faces to be taken away in a round."""
-    known = measured(mesh)
+    known, gentle = measured(mesh), number < 2
     bad = np.zeros(len(mesh.faces), dtype=np.bool_)
     mixed = known[pairs[:, 0]] != known[pairs[:, 1]]
-    bad[pairs[~mixed]] = True
     bad[pairs[mixed]] = True
-    if number < 2:
-        bad[pairs[mixed][known[pairs[mixed]]]] = False
+    if gentle:
+        bad &= ~known
+    bad[pairs[~mixed]] = True
     for _ in range(1 + number // 2):
         near = np.zeros(len(mesh.vertices), dtype=np.bool_)
         near[mesh.faces[bad]] = True
-        bad |= near[mesh.faces].any(axis=1) & (~known | bool(number >= 2) | bad)
+        round_it = near[mesh.faces].any(axis=1)
+        bad |= round_it & ~known if gentle else round_it
     return bad
 
 
