@@ -56,7 +56,7 @@ KIN_DISTANCE, KIN_WIDTH = 4.0, 8.0
 """Candidates of adjacent lines belong together within this many widths and this ratio of widths."""
 PEDESTAL_LIMIT = 0.1
 """Light beside the stripe above this part of its amplitude is a halo …"""
-GLOW_REACH, GLOW_SHARE = 60, 0.1
+GLOW_REACH, GLOW_SHARE = 60, 0.2
 """Lines on either side, and the share of their stripes that glow from which all are said to."""
 LEAN_LIMIT = 0.3
 """… and so is a centre this many widths away from the middle of the half-height."""

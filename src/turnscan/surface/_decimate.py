@@ -63,6 +63,7 @@ def decimate(mesh: Mesh, *, tolerance: float | None = None, faces: int | None = 
         head=head,
         after=after,
         q=kernels.quadrics(mesh.vertices - middle, mesh.faces, border),
+        own=np.zeros(len(mesh.vertices)),
         locked=_locked(mesh, twin),
         chain=chain,
         rim=chain.copy(),

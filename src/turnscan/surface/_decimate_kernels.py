@@ -42,6 +42,8 @@ class Net(NamedTuple):
     after: Any
     q: Any
     """(v, 10) quadrics."""
+    own: Any
+    """(v,) what those cost at the vertex itself."""
     locked: Any
     """(v,) True for vertices that stay."""
     chain: Any
@@ -243,7 +245,7 @@ def _price(net: Any, v: int, ring: Any) -> tuple[float, int, int]:
         ring.costs[i] = np.inf
         # A border vertex moves along its border only.
         if net.rim[0, v] < 0 or ring.seen[i] == 1:
-            ring.costs[i] = _cost(net.q[v], net.points[u]) + _cost(net.q[u], net.points[u])
+            ring.costs[i] = _cost(net.q[v], net.points[u]) + net.own[u]
             least = min(least, ring.costs[i])
     return least, count, have
 
@@ -445,6 +447,7 @@ def _move(net: Any, v: int, u: int, ring: Any, count: int, held: Any, owner: Any
     for i in range(hang):
         net.follow[held[i]] = net.first[owner[i]]
         net.first[owner[i]] = held[i]
+    net.own[u] += _cost(net.q[v], net.points[u])
     for i in range(10):
         net.q[u, i] += net.q[v, i]
     if net.rim[0, v] >= 0:
