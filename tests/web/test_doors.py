@@ -119,6 +119,13 @@ def locked(
 Locked = tuple[Running, str]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _client() -> Iterator[None]:
+    """Nothing is left open."""
+    yield
+    _CLIENT.close()
+
+
 def test_the_list_of_routes_is_the_whole_list() -> None:
     assert len(HTTP) >= 13
     assert SOCKETS == ["/ws"]
