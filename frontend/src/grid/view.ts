@@ -120,7 +120,7 @@ export class GridView extends PlaneView {
       case "cause": {
         const used = new Set(grid.cause);
         return grid.header.causes
-          .map((text, i) => ({ colour: i ? PALETTE[(i - 1) % PALETTE.length] : ([52, 62, 74] as const), text, i }))
+          .map((text, i) => ({ colour: i ? PALETTE[(i - 1) % PALETTE.length] : ([52, 62, 74] as const), text: text || "measured", i }))
           .filter(({ i }) => used.has(i));
       }
       case "edits":

@@ -177,7 +177,7 @@ export class ProfilePlot extends PlaneView {
       pen.moveTo(x, 0);
       pen.lineTo(x, this.height);
       pen.stroke();
-      pen.fillText(words(r), x + 3, this.height - 5);
+      if (x < this.width - 76) pen.fillText(words(r), x + 3, this.height - 5);
     }
     for (let z = Math.ceil(seen.y0 / step) * step; z <= seen.y1; z += step) {
       const [, y] = this.toScreen(0, z);

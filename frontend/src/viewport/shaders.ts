@@ -1,7 +1,7 @@
 /** The few shaders of the viewport. Colours are taken as they are shown: no conversion anywhere. */
 import { DoubleSide, GLSL3, ShaderMaterial, Vector3, Vector4 } from "three";
 
-const KEY = new Vector3(-0.45, 0.6, 0.75).normalize();
+const KEY = new Vector3(-0.35, 0.35, 0.87).normalize();
 const FILL = new Vector3(0.7, -0.1, 0.5).normalize();
 
 const VERTEX = /* glsl */ `
