@@ -1,12 +1,15 @@
 """Draws the pictures of simulated benches for the docs: `python docs/make_pictures.py [NAME …]`.
 
-Names: galvanometer, two_lines, shadows, panned, off_centre, demo, fills, poses; without one, all (ten
-minutes).
+Names: galvanometer, two_lines, shadows, panned, off_centre, demo, fills, report, poses; without
+one, all (ten minutes).
 """
 
 from __future__ import annotations
 
+import base64
+import io
 import math
+import re
 import sys
 import tempfile
 from collections.abc import Callable
@@ -199,6 +202,26 @@ def fills() -> None:
     strip([row], width=1100).save(HERE / "fills.png", optimize=True)
 
 
+def report() -> None:
+    """What `turnscan reconstruct --report` draws of a bracket: coverage, noise, before, after.
+
+    A bracket has what a level camera does not see.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        scan, page = Path(name) / "bracket.turnscan", Path(name) / "report.html"
+        words = ["simulate", "bracket", "--lasers", "1", "--steps", "120", "-o", str(scan)]
+        turnscan(words, standalone_mode=False)
+        words = ["reconstruct", str(scan), "-o", str(scan.with_suffix(".stl")), "--close"]
+        turnscan([*words, "--report", str(page)], standalone_mode=False)
+        drawn = re.findall('data:image/png;base64,([^"]+)', page.read_text())
+    maps, views = drawn[:2], drawn[2:4]
+    rows = [
+        tuple(Pillow.open(io.BytesIO(base64.b64decode(text))).convert("RGB") for text in row)
+        for row in (maps, views)
+    ]
+    strip(rows, width=1100).save(HERE / "report.png", optimize=True)
+
+
 def poses() -> None:
     """A cup scanned standing and lying, and both as one surface, from above its rim."""
     with tempfile.TemporaryDirectory() as folder:
@@ -251,7 +274,7 @@ def strip(rows: list[tuple[Pillow.Image, ...]], width: int, gap: int = 8) -> Pil
 
 DRAWN: dict[str, Callable[[], None]] = {
     f.__name__: f
-    for f in (galvanometer, two_lines, shadows, panned, off_centre, demo, fills, poses)
+    for f in (galvanometer, two_lines, shadows, panned, off_centre, demo, fills, report, poses)
 }
 
 if __name__ == "__main__":
