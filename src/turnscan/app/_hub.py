@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import secrets
 import threading
 import time
@@ -154,8 +155,9 @@ class Hub:
                     client.unshown.add(number)
                 client.put(key, data)
 
-        if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(deliver)
+        if self._loop is not None:
+            with contextlib.suppress(RuntimeError):  # the server has ended: nobody listens
+                self._loop.call_soon_threadsafe(deliver)
 
     def tell_control(self) -> None:
         """Tell everybody who the operator is."""
