@@ -27,7 +27,7 @@ _BRIGHTER = 8.0
 _LEAST_SHIFT = 0.03
 """px."""
 _LOOKS_DEG = (-14.4, -7.2, -3.6, -1.8, -0.9, 0.0, 0.9, 1.8, 3.6, 7.2, 14.4)
-_FAR = 20.0
+_FAR = 5.0
 _SAME = 0.05
 """Share of the largest difference that is none."""
 _TELLING = 0.4
