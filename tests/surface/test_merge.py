@@ -229,3 +229,24 @@ def test_nothing_seen_gives_an_empty_mesh(tube):
     empty = [replace(g, points=np.full_like(g.points, np.nan)) for g in tube]
     for how in ("auto", "grid", "tsdf"):
         assert len(merge(empty, how=how)[0].faces) == 0
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_laser_with_anothers_sheet_is_named_in_one_line(mirrored: bool) -> None:
+    rig = make_rig(lasers=(0.4, -0.4), lift=20.0)
+    stripes = [scan_shape(rig, sphere(20, (8, 3, 22)), full_turn(40), s.name) for s in rig.sheets]
+    first, second = rig.sheets
+    if mirrored:
+        rig = replace(rig, sheets=(first, replace(first, name=second.name)))
+    grids = [
+        build_grid(rig, s.name, found, np.arange(40), full_turn(40))
+        for s, found in zip(rig.sheets, stripes, strict=True)
+    ]
+    _, findings = merge(grids)
+    apart = [f for f in findings if f.code == "surface.apart"]
+    assert len(apart) == mirrored
+    for f in apart:
+        assert f.severity == "warning"
+        assert f.where == "L0 and L1"
+        assert "mirrored" in f.message
+        assert "\n" not in str(f)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -23,6 +24,8 @@ How = Literal["auto", "grid", "tsdf", "paste"]
 _JUMP = 3.0
 _SHARE = 0.02
 """Share of an overlap beyond three sigma from which it is worth a word; noise alone gives 0.3 %."""
+_SAME_PART = 0.3
+"""Share of what one laser measured round a part that another must have measured, too."""
 _SAMPLES = 5_000
 _PAIRS = 3
 _ALIKE = 0.8
@@ -75,7 +78,8 @@ def merge(
     surfaces = [s for g in there for s in range_surfaces(g, t) if len(s.mesh.faces)]
     if not surfaces:
         return paste(grids, t), []
-    findings = overlap_findings(overlaps(surfaces))
+    found = overlaps(surfaces)
+    findings = [*apart_findings(there, surfaces, found), *overlap_findings(found)]
     turns = all(len(g.angles) > 2 and np.ptp(g.angles) > 0 for g in there)
     if how == "grid" and not turns:
         raise InputError(
@@ -162,6 +166,35 @@ def overlaps(surfaces: Sequence[RangeSurface]) -> list[Overlap]:
 def _name(s: RangeSurface) -> str:
     p = s.mesh.provenance
     return p.lasers[0] if p is not None else ""
+
+
+def apart_findings(
+    grids: Sequence[RangeGrid], surfaces: Sequence[RangeSurface], found: Sequence[Overlap]
+) -> list[Finding]:
+    """Findings on lasers that went round the same part and saw different ones.
+
+    Each measures most of what the other does; a sheet with its normal mirrored, or another laser's,
+    puts the part elsewhere or inside out.
+    """
+    round_it = list(dict.fromkeys(g.laser for g in grids if g.closed))
+    asked, met = Counter[str](), Counter[tuple[str, str]]()
+    for s in surfaces:
+        asked[_name(s)] += min(len(s.mesh.vertices), _SAMPLES)
+    for o in found:
+        met[o.first, o.second] += len(o.ratios)
+    out = []
+    for i, first in enumerate(round_it):
+        for second in round_it[i + 1 :]:
+            share = met[first, second] / max(asked[first], 1)
+            if share < _SAME_PART:
+                text = (
+                    f"only {share:.0%} of what the one measured is a surface of the other: one of "
+                    "the two sheets is mirrored, or belongs to another laser"
+                )
+                remedy = f"calibrate again; look at each alone to see which of {first}, {second}"
+                where = f"{first} and {second}"
+                out.append(Finding("surface.apart", "warning", text, where, remedy))
+    return out
 
 
 def overlap_findings(found: Sequence[Overlap]) -> list[Finding]:
