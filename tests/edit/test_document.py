@@ -170,7 +170,7 @@ class Session(RuleBasedStateMachine):
 
 Session.TestCase.settings = settings(
     max_examples=1000,
-    stateful_step_count=8,
+    stateful_step_count=6,
     deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
