@@ -236,3 +236,39 @@ def test_the_same_mesh_gives_the_same_bytes_whatever_the_threads_and_hashes():
         seen.add(subprocess.run(run, env=env, check=True, capture_output=True, text=True).stdout)
     assert len(seen) == 1
     assert "surface.caps" in seen.pop()
+
+
+@pytest.mark.parametrize("top", ["plane", "fan", "smooth", "open"])
+def test_the_top_is_closed_as_asked_for(top):
+    """A tapered tube about the axis, from 1 mm above the platter up, with a dent in its side."""
+    around, up = 60, 24
+    phi, z = np.meshgrid(2 * np.pi * np.arange(around) / around, 1 + np.arange(up) * 1.0)
+    radius = 12.0 - 0.2 * z
+    vertices = np.stack([radius * np.cos(phi), radius * np.sin(phi), z], axis=-1).reshape(-1, 3)
+    faces = []
+    for j in range(up - 1):
+        for i in range(around):
+            a, b = j * around + i, j * around + (i + 1) % around
+            if not (10 <= j < 13 and 5 <= i < 8):
+                faces += [[a, b, b + around], [a, b + around, a + around]]
+    tube = Mesh(vertices, np.array(faces))
+    done, said = close(tube, Caps(top=top))
+    assert soundness(done) == []
+    assert np.array_equal(done.vertices[: len(tube.vertices)], tube.vertices)
+    assert np.array_equal(done.faces[: len(tube.faces)], tube.faces)
+    assert done.measured[: len(tube.faces)].all()
+    assert len(holes(done)) == (1 if top == "open" else 0)
+    rim = 1 + (up - 1) * 1.0
+    lid = done.vertices[len(tube.vertices) :]
+    apex = lid[np.hypot(lid[:, 0], lid[:, 1]) < 1e-9]
+    if top == "fan":
+        assert apex.tolist() == [[0.0, 0.0, rim]]
+    if top == "smooth":
+        assert rim + 0.5 < done.bounds[1, 2] < rim + 30, "goes on inward and up, and comes round"
+    if top in ("plane", "fan"):
+        assert done.bounds[1, 2] == rim
+        # A frustum down to the platter, its foot led on outward.
+        n = around / 2 * np.sin(2 * np.pi / around)
+        low, high = 12.0, 12.0 - 0.2 * rim
+        assert done.volume == pytest.approx(n * rim / 3 * (low**2 + low * high + high**2), rel=2e-3)
+    assert "surface.floor" in [f.code for f in said]

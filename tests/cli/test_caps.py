@@ -1,0 +1,80 @@
+"""The options that close a surface, from the command line's side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from turnscan.cli._caps import caps_options
+from turnscan.cli._reconstruct import verb
+from turnscan.errors import InputError
+from turnscan.export import read_mesh
+from turnscan.surface import Caps, holes, is_closed
+
+
+def chosen(*words: str) -> Caps | None:
+    got: list[Caps | None] = []
+
+    @click.command()
+    @caps_options
+    def command(caps: Caps | None) -> None:
+        got.append(caps)
+
+    CliRunner().invoke(command, list(words), catch_exceptions=False)
+    return got[0]
+
+
+def test_what_is_asked_for_is_what_is_done() -> None:
+    assert chosen() is None
+    assert chosen("--close") == Caps()
+    assert chosen("--close", "--fill", "none", "--top", "open") == Caps(holes=None, top="open")
+    fine = chosen("--close", "--fill", "curvature", "--top", "fan", "--largest-hole", "4.5")
+    assert fine == Caps(holes="curvature", top="fan", largest=4.5)
+
+
+def test_options_that_do_nothing_are_refused() -> None:
+    with pytest.raises(InputError, match="--fill, --top: nothing is closed"):
+        chosen("--fill", "flat", "--top", "plane")
+
+
+def range_scan(folder: Path) -> Path:
+    """A wavy sheet of 30 × 40 points, 1 mm apart, with a small and a large hole."""
+    lines, index = [], []
+    for j in range(30):
+        for i in range(40):
+            if (10 <= i < 13 and 10 <= j < 12) or (20 <= i < 33 and 8 <= j < 20):
+                index.append("0")
+                continue
+            index.append(f"1 {len(lines)}")
+            lines.append(f"{i / 1e3} {j / 1e3} {np.sin(i / 9) / 1e3:.7f}")
+    head = (
+        "ply\nformat ascii 1.0\nobj_info num_cols 40\nobj_info num_rows 30\n"
+        f"element vertex {len(lines)}\nproperty float x\nproperty float y\nproperty float z\n"
+        "element range_grid 1200\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    (folder / "a.ply").write_text("\n".join([head.rstrip(), *lines, *index]) + "\n")
+    (folder / "a.conf").write_text("bmesh a.ply 0 0 0 0 0 0 1\n")
+    return folder / "a.conf"
+
+
+def test_only_small_holes_are_filled_and_the_marks_are_in_the_file(tmp_path: Path) -> None:
+    source, out = range_scan(tmp_path), tmp_path / "a.ply.out.ply"
+    words = [str(source), "-o", str(out), "--edge", "0", "--keep-strays"]
+    CliRunner().invoke(verb, words, catch_exceptions=False)
+    before = len(holes(read_mesh(out.read_bytes(), ".ply")))
+    assert before == 3
+    few = [*words, "--close", "--largest-hole", "8"]
+    result = CliRunner().invoke(verb, few, catch_exceptions=False)
+    assert "1 gaps closed" in result.stderr
+    mesh = read_mesh(out.read_bytes(), ".ply")
+    assert len(holes(mesh)) == before - 1
+    assert 0 < (~mesh.measured).sum() < 60
+    assert (mesh.provenance.step[mesh.faces[~mesh.measured]] >= 0).any(), "sewn to the measured"
+    CliRunner().invoke(verb, [*words, "--close"], catch_exceptions=False)
+    assert is_closed(read_mesh(out.read_bytes(), ".ply"))
+    with pytest.raises(InputError, match="--top: nothing to range scans"):
+        CliRunner().invoke(verb, [*words, "--close", "--top", "fan"], catch_exceptions=False)
