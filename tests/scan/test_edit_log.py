@@ -77,3 +77,19 @@ def test_a_text_beyond_all_measure_is_refused(path: Path) -> None:
         with pytest.raises(InputError, match="16777216 characters"):
             scan.append_edit("x" * ((16 << 20) + 1))
         assert len(scan.edits()) == 2
+
+
+def test_a_sound_row_of_another_scan_does_not_pass_for_one_of_this(
+    path: Path, tmp_path: Path
+) -> None:
+    write(tmp_path / "other.turnscan")
+    with Scan.resume(tmp_path / "other.turnscan") as scan:
+        scan.append_edit('{"n":7}', 5.0)
+    db = sqlite3.connect(path)
+    db.execute("ATTACH ? AS other", (str(tmp_path / "other.turnscan"),))
+    db.execute("DELETE FROM edits WHERE id = 1")
+    db.execute("INSERT INTO edits SELECT * FROM other.edits")
+    db.commit()
+    db.close()
+    with Scan.open(path) as scan, pytest.raises(ScanCorrupt, match=r"entry 2 .* checksum"):
+        scan.edits()
