@@ -26,6 +26,8 @@ from turnscan.points import RangeGrid
 from turnscan.stripes import Candidates, Stripe, StripeFlag
 
 LINES = 12
+SLANT = 2.0
+"""px a line by which the ghost leans: from end to end, further than a candidate is sought."""
 
 
 def stripe(at: float) -> Stripe:
@@ -47,7 +49,7 @@ class Frames:
     def candidates(self, step: int) -> Candidates:
         self.asked.append(step)
         true = stripe(100.0 + step).position
-        position = np.stack([true, true + 30.0], axis=-1)
+        position = np.stack([true, true + 30.0 + SLANT * np.arange(LINES)], axis=-1)
         position[7, 1] = np.nan
         one = np.where(np.isnan(position), np.nan, 1.0)
         flags = np.full((LINES, 2), StripeFlag.MULTI, np.uint16)
@@ -94,11 +96,11 @@ def test_the_order_of_edits_counts() -> None:
 
 
 def test_another_candidate_is_followed_along_the_stripe() -> None:
-    done, nothing, frames = mended(PickCandidate("left", 2, (2, 9), 131.0))
+    done, nothing, frames = mended(PickCandidate("left", 2, (2, 9), 135.0))
     assert (nothing, frames.asked) == ([], [2])
     true = SEEN.stripes[1].position
     picked = [2, 3, 5, 6, 8, 9]
-    assert np.allclose(done[2].position[picked], true[picked] + 30.0)
+    assert np.allclose(done[2].position[picked], true[picked] + 30.0 + SLANT * np.array(picked))
     assert done[2].sigma[2] == 0.2
     assert done[2].flags[2] == StripeFlag.MULTI
     # Line 4 shows nothing, line 7 has no ghost within reach: they stay as they were.

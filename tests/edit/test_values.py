@@ -168,3 +168,15 @@ def test_histories_and_logs() -> None:
         history_from_log(['{"version":2,"do":"go","cursor":0}'])
     with pytest.raises(FormatError, match="version"):
         history_from_log(['{"do":"go","cursor":0}'])
+
+
+def test_undo_and_redo_pass_over_what_is_switched_off() -> None:
+    history = History()
+    for sample in SAMPLES[:3]:
+        history = history.after(history.add(sample))
+    history = history.after(history.switch(3, False))
+    undone = history.after(history.undo())
+    assert [e.id for e in undone.enabled] == [1]
+    assert [e.id for e in undone.after(undone.redo()).enabled] == [1, 2]
+    with pytest.raises(InputError, match="nothing to redo"):
+        undone.after(undone.redo()).redo()
