@@ -1,0 +1,69 @@
+"""A simulated scan with two lines, speckle and noise, from pictures to a closed surface."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench import _hole_truth as truth
+from bench.surface_truth import (
+    Run,
+    agreement,
+    covered,
+    hole_table,
+    precision,
+    reconstructed,
+    score,
+    visible,
+)
+
+from turnscan.simulate import Wish
+from turnscan.surface import is_closed
+
+STEPS, RADIUS = 32, 20.0
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder: Path = tmp_path_factory.mktemp("scans")
+    return reconstructed(Wish("sphere", "paper", lasers=2, steps=STEPS, seed=1), folder)
+
+
+def test_what_could_be_seen_was_measured_and_nothing_else(run: Run) -> None:
+    usual = float(np.median(np.concatenate([g.sigma[g.found] for g in run.both.grids])))
+    # Chords of the steps lie this far below the ball.
+    sagitta = RADIUS * (1 - np.cos(np.pi / STEPS))
+    seen = visible(run)
+    near = 3 * usual + sagitta
+    assert 0.2 < near < 0.6
+    # The clean-up takes the last row of the light above the working volume's floor.
+    inner = seen.either & (seen.patches.middle[:, 2] > 3.5)
+    assert inner.sum() > 0.9 * seen.either.sum()
+    assert covered(run.both.mesh, seen.patches, inner, near) > 0.99
+    # A tolerance below the noise must fail, or the measure is blind.
+    assert covered(run.both.mesh, seen.patches, inner, 0.1 * usual) < 0.5
+    assert precision(run, run.both.mesh, near) > 0.995
+
+
+def test_two_lasers_agree_as_their_sigma_says(run: Run) -> None:
+    share, count = agreement(run.both)
+    assert count > 1000
+    # 95 % of Gaussian differences lie within two sigma; a tenth more noise than said leaves 93 %.
+    assert share > 0.93
+
+
+def test_the_closed_surface_is_watertight_and_as_large_as_the_part(run: Run) -> None:
+    mesh = run.closed.mesh
+    assert is_closed(mesh)
+    true = truth.made_mesh(run.made).volume
+    # Chords of 32 steps lose 0.64 % of a round part; the foot of 2 mm, carried straight down, adds.
+    assert mesh.volume == pytest.approx(true, rel=0.02)
+
+
+def test_both_ends_are_holes_with_the_right_cause(run: Run) -> None:
+    table = hole_table(run, run.both, 2)
+    right, known = score(table)
+    assert known >= 1
+    assert right == known
+    assert {h.cause for h in run.both.holes} <= {"laser", "camera", "outside", "removed"}
