@@ -1,18 +1,22 @@
-"""Run every benchmark of this folder, or the named ones: ``python -m bench [NAME …]``.
+"""Run every benchmark of this folder, or the named ones: ``python -m bench [NAME …] [--quick]``.
 
-A benchmark is a module here with a function ``run()`` that prints its figures.
+A benchmark is a module here with a function ``run()`` that prints its figures. Some take ``quick``:
+it is asked for with ``--quick``, and where all of them run.
 """
 
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 import sys
 from pathlib import Path
 
 
-def main(wanted: list[str]) -> int:
+def main(words: list[str]) -> int:
     """Run the benchmarks; returns the exit code."""
+    wanted = [w for w in words if w != "--quick"]
+    quick = "--quick" in words or not wanted
     there = [m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)])]
     names = [name for name in there if not name.startswith("_")]
     unknown = sorted(set(wanted) - set(names))
@@ -23,7 +27,8 @@ def main(wanted: list[str]) -> int:
         module = importlib.import_module(f"bench.{name}")
         if hasattr(module, "run"):
             print(f"== {name}", flush=True)
-            module.run()
+            asked = {"quick": quick} if "quick" in inspect.signature(module.run).parameters else {}
+            module.run(**asked)
     return 0
 
 

@@ -1,8 +1,8 @@
 """Surfaces of simulated scans against truth: shadows, completeness, volume, holes and their causes.
 
-``python -m bench.surface_truth`` prints every figure on the modern and the paper rig; ``--quick``
-takes the paper rig alone, with few steps. ``--keep FOLDER`` keeps the simulated scans there and
-finds them again.
+``python -m bench surface_truth`` prints every figure on the modern and the paper rig; ``--quick``
+takes the paper rig alone, with few steps. ``python -m bench.surface_truth --keep FOLDER`` keeps the
+simulated scans there and finds them again.
 """
 
 from __future__ import annotations
