@@ -14,10 +14,11 @@ import numpy as np
 from turnscan import poses
 from turnscan.cli import turnscan
 from turnscan.cli._range_scans import placed_scans, read_range_scan
-from turnscan.pipeline import Settings, reconstruct
+from turnscan.pipeline import reconstruct
 from turnscan.points import RangeGrid
 from turnscan.rig import Pose, rotation_from_vector
 from turnscan.scan import Scan
+from turnscan.settings import Settings
 from turnscan.simulate import part
 from turnscan.surface import range_surfaces
 

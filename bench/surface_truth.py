@@ -21,8 +21,9 @@ from turnscan import shapes, surface
 from turnscan.arrays import Bools
 from turnscan.cli._simulated import plan_of, scan_into_file
 from turnscan.detection import see
-from turnscan.pipeline import Reconstruction, Settings, build
+from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan
+from turnscan.settings import Settings
 from turnscan.simulate import (
     Bench,
     Material,

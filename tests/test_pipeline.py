@@ -9,9 +9,10 @@ from tests.analytic import box, full_turn, make_rig, scan_shape
 from turnscan.detection import see
 from turnscan.edit import DeletePoints, Entry, ProfileOff, Redetect
 from turnscan.errors import InputError
-from turnscan.pipeline import Settings, build, reconstruct
+from turnscan.pipeline import build, reconstruct
 from turnscan.points import Volume, build_grid
 from turnscan.scan import Frame, Scan, ScanPlan, rig_for
+from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag, StripeSettings
 from turnscan.surface import Caps, is_closed
 

@@ -31,8 +31,9 @@ from turnscan.edit import (
     action_to_json,
 )
 from turnscan.export import read_mesh
-from turnscan.pipeline import Settings, build
+from turnscan.pipeline import build
 from turnscan.scan import Scan, rig_for
+from turnscan.settings import Settings
 from turnscan.surface import Mesh, holes, is_closed
 
 STEPS = "16"

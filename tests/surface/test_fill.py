@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from tests.surface.test_grid_mesh import random_grid
 from tests.surface.test_holes import plate
 from turnscan.errors import InputError
-from turnscan.pipeline import Settings, to_mesh
+from turnscan.pipeline import to_mesh
+from turnscan.settings import Settings
 from turnscan.surface import (
     Caps,
     Mesh,

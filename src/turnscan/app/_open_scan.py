@@ -33,9 +33,10 @@ from turnscan.app._wire_mesh import (
 from turnscan.detection import see
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, Settings, build
+from turnscan.pipeline import Reconstruction, build
 from turnscan.points import RangeGrid
 from turnscan.scan import Scan, rig_for
+from turnscan.settings import Settings
 from turnscan.surface import Mesh
 
 MOST_HOLES = 1000

@@ -22,9 +22,10 @@ from turnscan.cli._simulated import plan_of, scan_into_file, truth, write_png
 from turnscan.devices import burning
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
-from turnscan.pipeline import Reconstruction, Settings, reconstruct
+from turnscan.pipeline import Reconstruction, reconstruct
 from turnscan.rig import rig_to_json
 from turnscan.scan import Scan
+from turnscan.settings import Settings
 from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, Wish, simulated
 from turnscan.surface import Caps, close

@@ -26,11 +26,12 @@ from turnscan.edit import is_grid_edit
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions, exporter_for
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, Settings, to_grids, to_mesh
+from turnscan.pipeline import Reconstruction, to_grids, to_mesh
 from turnscan.points import RangeGrid, placed, without
 from turnscan.poses import Alignment
 from turnscan.rig import Pose, Rig, rig_hash
 from turnscan.scan import Scan, lit_in, rig_for
+from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag
 from turnscan.surface import range_surfaces
 

@@ -12,9 +12,10 @@ from turnscan.cli._input import UNITS, read_bytes
 from turnscan.cli._progress import progress
 from turnscan.errors import FormatError, InputError, UnsafePath
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, Settings, to_mesh
+from turnscan.pipeline import Reconstruction, to_mesh
 from turnscan.points import RangeGrid, placements_from_conf, range_scan_from_ply
 from turnscan.rig import Pose
+from turnscan.settings import Settings
 from turnscan.surface import clean
 
 _CONF_BYTES = 2**20

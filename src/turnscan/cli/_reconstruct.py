@@ -16,9 +16,10 @@ from turnscan.cli._reconstruct_report import about, check_report, finish
 from turnscan.cli._settings import Limits, settings_options
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions, exporter_for
-from turnscan.pipeline import Settings, reconstruct
+from turnscan.pipeline import reconstruct
 from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in, rig_for
+from turnscan.settings import Settings
 
 _OF_PICTURES = (
     "rig_path", "strategy", "choose", "threshold", "spacing", "spacing_by", "spacing_between",

@@ -18,9 +18,10 @@ from turnscan.cli._output import check_output, write_atomically, write_results
 from turnscan.cli._surface_report import holes_line, surface_figures, surface_parts
 from turnscan.edit import Entry, edit_to_value, in_words
 from turnscan.export import ExportOptions, Profiles
-from turnscan.pipeline import Reconstruction, Settings
+from turnscan.pipeline import Reconstruction
 from turnscan.points import profiles, systematic_sigma
 from turnscan.rig import Rig, rig_hash
+from turnscan.settings import Settings
 from turnscan.surface import is_closed
 
 _OF_PICTURES = (

@@ -14,8 +14,9 @@ from turnscan.detection import see
 from turnscan.edit import Entry, History, Region
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, Settings, build
+from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan, rig_for
+from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag
 from turnscan.surface import CAUSE_WORDS, Mesh
 

@@ -14,10 +14,10 @@ from turnscan.cli._caps import caps_options
 from turnscan.cli._decimation import Fewer, decimate_option
 from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
-from turnscan.pipeline import Settings
 from turnscan.points import Between, Volume, working_volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in
+from turnscan.settings import Settings
 from turnscan.stripes import StripeSettings
 from turnscan.surface import Caps, Clean
 

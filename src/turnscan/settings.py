@@ -1,0 +1,45 @@
+"""Settings: what a user may choose about a reconstruction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from turnscan.points import Between, Spacing, Volume
+from turnscan.stripes import StripeSettings
+from turnscan.surface import Caps, Clean, How, Tears
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything a user may choose about a reconstruction."""
+
+    stripes: StripeSettings = field(default_factory=StripeSettings)
+    volume: Volume | None = None
+    """What to keep; None takes what the rig can measure above the platter."""
+    shortest: int = 3
+    """Runs of fewer points in a profile are specks."""
+    every: int = 1
+    """Use every n-th profile."""
+    spacing: float | None = None
+    """mm between points along a profile; None keeps one point per image line."""
+    spacing_by: Spacing = "height"
+    """arc is for the profiles alone: the mesh then keeps the points as measured."""
+    between: Between | None = None
+    """Spacing between profiles; None keeps those of the scan."""
+    clean: Clean | None = field(default_factory=Clean)
+    """What is taken away before points become a surface; None keeps all."""
+    denoise: float | None = None
+    """Points move along their rays, by at most this many sigma; None leaves them."""
+    tears: Tears = field(default_factory=Tears)
+    merge: How = "auto"
+    """How several lasers become one surface."""
+    voxel: float | None = None
+    """mm: voxels of the volumetric merge; None takes the usual spacing of the points."""
+    island: int | None = None
+    """Loose pieces of fewer faces are taken away; None takes 1 % of the largest piece."""
+    caps: Caps | None = None
+    """How to close the surface; None leaves its borders open."""
+    tolerance: float | None = None
+    """mm: how far faces may be thinned out in the end; None: not at all, or to ``faces``."""
+    faces: int | None = None
+    """Faces to be left in the end, as far as ``tolerance`` allows; None: as few as it does."""
