@@ -22,6 +22,7 @@ export function LivePane({ empty }: { empty: string }) {
     };
   }, []);
   const now = picture.value;
+  const failed = [devices.value?.camera, devices.value?.table].find((device) => device?.state === "failed");
   const seen = now ? now.stripe.reduce((n, at) => n + Number(!Number.isNaN(at)), 0) : 0;
   return (
     <section class="pane live" aria-label="Camera">
@@ -39,9 +40,19 @@ export function LivePane({ empty }: { empty: string }) {
       </header>
       <div class="stage">
         <canvas ref={canvas} aria-label="Live picture with the stripe that was found" role="img" />
-        {!now && <div class="empty">{empty}</div>}
+        {failed ? <Failed text={failed.text} /> : !now && <div class="empty">{empty}</div>}
       </div>
     </section>
+  );
+}
+
+/** A device that is gone, over the last picture it gave. */
+function Failed({ text }: { text: string }) {
+  return (
+    <div class="empty failed" role="alert">
+      <strong>{text}</strong>
+      <span>The lasers were switched off. Look at cable and power, then connect again.</span>
+    </div>
   );
 }
 

@@ -63,6 +63,17 @@ def test_an_address_that_is_none_is_refused_in_words(new_page):
     page.get_by_role("alert").filter(has_text="camera, turntable and lasers in one").wait_for()
 
 
+def test_a_camera_that_goes_while_previewing_is_told_and_the_laser_is_dark(new_page):
+    page = new_page()
+    connect(page, "sim:cup?drop=1")
+    page.get_by_role("checkbox", name="Laser right").check()
+    page.get_by_role("button", name="Look", exact=True).click()
+    gone = page.get_by_role("region", name="Camera").get_by_role("alert")
+    gone.filter(has_text="picture").wait_for()
+    page.locator(".chip", has_text="right: dark").wait_for()
+    disconnect(page)
+
+
 def test_calibration_shows_what_is_covered_and_why_a_picture_is_not_used(new_page, picture):
     page = new_page()
     connect(page, "sim:charuco?seed=3")
