@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from turnscan.errors import InputError
+from turnscan.errors import DidNotConverge, InputError
 from turnscan.rig import rotation_from_vector
 from turnscan.shapes import fit_cylinder, fit_plane, fit_sphere
 
@@ -93,3 +93,13 @@ def test_too_little_is_refused():
         fit_cylinder(np.full((9, 3), np.nan))
     with pytest.raises(InputError, match="positive"):
         fit_plane(np.eye(3), 0.0)
+
+
+@pytest.mark.parametrize("bumps", [0.0, 1e-4, 1e-3, 1e-2])
+def test_points_about_in_a_plane_are_a_vast_sphere_or_none(bumps):
+    flat = np.stack(np.meshgrid(np.arange(6.0), np.arange(6.0), [0.0]), axis=-1).reshape(-1, 3)
+    flat[:, 2] += bumps * np.random.default_rng(1).normal(size=36)
+    try:
+        assert fit_sphere(flat).radius > 50
+    except (DidNotConverge, InputError):
+        return

@@ -69,7 +69,7 @@ def _fitted(v: View, start: Floats, r: float) -> Floats | None:
             return None
         try:
             ball = fit_sphere(v.points[on], v.sigma[on])
-        except (InputError, DidNotConverge, np.linalg.LinAlgError):
+        except (InputError, DidNotConverge):
             return None
         centre = ball.centre
     out = (v.points[on] - centre) / ball.radius

@@ -245,7 +245,7 @@ def fit_cylinder(
     for direction in sorted(starts, key=lambda a: _circle(d, a / np.linalg.norm(a))[2])[:3]:
         try:
             found = _cylinder_from(d, w, direction / np.linalg.norm(direction), sigma is not None)
-        except (DidNotConverge, np.linalg.LinAlgError):
+        except DidNotConverge:
             continue
         if best is None or found.rms < best.rms:
             best = found
@@ -324,10 +324,14 @@ def _settle(
     for _ in range(_ROUNDS):
         residual, J = model(p)
         N = (J * w[:, None]).T @ J
-        step = np.linalg.solve(N, J.T @ (w * -residual))
+        try:
+            step = np.linalg.solve(N, J.T @ (w * -residual))
+        except np.linalg.LinAlgError:  # the points leave a direction open
+            break
         p = p + step
         if np.abs(step).max() < 1e-12 * max(1.0, float(np.abs(p).max())):
             return p, residual, N
-    if np.abs(step).max() < 1e-7 * max(1.0, float(np.abs(p).max())):
-        return p, residual, N
+    else:
+        if np.abs(step).max() < 1e-7 * max(1.0, float(np.abs(p).max())):
+            return p, residual, N
     raise DidNotConverge(f"{what}: the fit does not settle", hint="choose a rounder region")
