@@ -95,8 +95,9 @@ class Scan:
 @pytest.mark.parametrize(("dialect", "kind", "steps"), CASES)
 def test_every_fault_at_every_step(dialect: str, kind: str, steps: int) -> None:
     named = 0
-    with Socket(firmware(dialect), scale=SCALE) as socket:
+    with Socket(firmware(dialect), scale=SCALE) as socket, contextlib.ExitStack() as at_the_end:
         scan, board_ = Scan(dialect, socket), socket.firmware
+        at_the_end.callback(lambda: scan.device.close())  # the one it has by then
         expected = EXPECTED[kind]
         if dialect == "fabscan":
             expected = FABSCAN.get(kind, expected)
@@ -127,7 +128,6 @@ def test_every_fault_at_every_step(dialect: str, kind: str, steps: int) -> None:
                 scan.device._lines.clear()
             assert not [f for f in board_.faults if f is fault], "the fault did not happen"
             scan.step()  # and now it goes on
-        scan.device.close()
     assert named == steps or kind in ("slow", "doubled"), f"{named} of {steps} named"
     if kind == "doubled":
         assert named >= 0.9 * steps
