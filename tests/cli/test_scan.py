@@ -160,6 +160,36 @@ def test_what_cannot_be_done_is_one_line_and_leaves_nothing(
     assert (tmp_path / "there.turnscan").read_text() == "precious"
 
 
+def test_the_exposure_is_found_on_the_stripe(tmp_path: Path) -> None:
+    bench = "sim:cup?speckle=no&room=0.02"
+    path = tmp_path / "auto.turnscan"
+    said = cli("scan", path, "--device", bench, "--steps", "1", "--auto-exposure")
+    assert said.exit_code == 0, said.output
+    found = re.search(r"exposure ([\d.]+) ms: the stripe reaches (\d+)% of the scale", said.output)
+    assert found
+    assert 60 <= int(found[2]) <= 80
+    with Scan.open(path) as scan:
+        frame = scan.frame(0, "right")
+    assert float(frame.settings["seconds"]) == pytest.approx(float(found[1]) / 1000, rel=0.01)
+    assert 100 < frame.lit.max() < 255
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--exposure", "0.1"], "an exposure, and one to be found"),
+        (["--device", "sim:cup?speckle=no&stuck_off=right"], "no stripe is seen"),
+    ],
+)
+def test_an_exposure_that_cannot_be_found(more: list[str], said: str, tmp_path: Path) -> None:
+    path = tmp_path / "auto.turnscan"
+    words = ["--device", "sim:cup?speckle=no", "--steps", "1", "--auto-exposure", *more]
+    result = cli("scan", path, *words)
+    assert isinstance(result.exception, InputError)
+    assert said in str(result.exception)
+    assert not path.exists()
+
+
 def test_an_import_cannot_be_resumed(tmp_path: Path) -> None:
     from tests.scan.test_file import write
 

@@ -70,6 +70,7 @@ class _Range(click.ParamType[tuple[Fraction, Fraction]]):
 @click.option("--together", is_flag=True, help="All lasers in one picture.")
 @click.option("--exposure", "exposures", type=Finite(), multiple=True, metavar="SECONDS",
               help="May be given several times.  [default: the bench's, or 0.02]")  # fmt: skip
+@click.option("--auto-exposure", is_flag=True, help="Found on the stripe at the first stop.")
 @click.option("--gain", type=Finite(), default=1.0, show_default=True)
 @click.option("--dark-every", type=int, default=1, show_default=True, metavar="STEPS",
               help="A picture without laser each so many steps; 0: none.")  # fmt: skip
@@ -115,6 +116,8 @@ def verb(
                 how = first.threshold_reason
                 if wanted.threshold is not None:
                     how = f"threshold {wanted.threshold:g}"
+                if ready.exposure_reason:
+                    how = f"{ready.exposure_reason}; {how}"
                 size = f"about {ready.size / 1e6:.1f} MB"
                 click.echo(f"{plan.steps} steps × {', '.join(plan.sets)}; {how}; {size}")
                 with ready.create(name) as scan:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,14 +10,18 @@ from turnscan.acquire import (
     Acquisition,
     Exposure,
     FirstLook,
+    FoundExposure,
     Plan,
     Texture,
     acquisition_to_json,
+    auto_exposure,
     check_room,
     estimate,
     look,
+    stripe_peak,
 )
 from turnscan.arrays import Image
+from turnscan.devices import burning, frame_deadline
 from turnscan.errors import InputError
 from turnscan.rig import Rig
 from turnscan.scan import Keep, Scan, ScanPlan
@@ -29,6 +33,10 @@ USUAL_STEPS = 400
 USUAL_SECONDS = 0.02
 """Of an exposure, likewise."""
 _SETTLE = 0.1
+_FIRST_MOVE = 120.0
+"""s that the way to the first stop may take."""
+_NOTHING = 0.1
+"""Of the scale: what a stripe has at least more than the picture without laser."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,8 @@ class Wishes:
     together: bool = False
     exposures: tuple[float, ...] = ()
     """s; none takes what suits the bench."""
+    auto_exposure: bool = False
+    """Find one exposure that suits the brightest stripe at the first stop."""
     gain: float = 1.0
     dark_every: int = 1
     texture: float | None = None
@@ -70,6 +80,8 @@ class Prepared:
     """Bytes, about."""
     acquisition: str
     """For the scan file, to resume by."""
+    exposure_reason: str = ""
+    """Why the exposure is what it is, in words, where it was found."""
 
     def create(self, path: Path) -> Scan:
         """The scan file, to be filled. Raises InputError, ScanError, StorageFull for no room."""
@@ -85,7 +97,9 @@ def prepare(
     ``rig`` None takes that of a simulated bench. Raises InputError where wishes, devices and rig do
     not go together, and DeviceError and SafetyError as the devices do.
     """
-    plan = plan_of(wishes, bench)
+    plan, reason = plan_of(wishes, bench), ""
+    if wishes.auto_exposure:
+        plan, reason = _exposed(plan, bench, wishes)
     first = look(
         plan, bench.hardware, keep=wishes.keep, orientation=wishes.orientation, source=at.camera,
         weigh=laser_colour, threshold=wishes.threshold,
@@ -94,7 +108,29 @@ def prepare(
     if used is not None:
         _check_rig(used, plan, first.scan_plan, rig_name)
     how = acquisition_to_json(Acquisition(plan, at.camera, at.turntable, at.lasers))
-    return Prepared(plan, first, used, estimate(plan, first), how)
+    return Prepared(plan, first, used, estimate(plan, first), how, reason)
+
+
+def _exposed(plan: Plan, bench: Opened, wishes: Wishes) -> tuple[Plan, str]:
+    """The plan with the exposure at which no laser's stripe clips, and how that came about."""
+    if wishes.exposures:
+        raise InputError("an exposure, and one to be found", hint="give one of them")
+    hardware, gain = bench.hardware, plan.exposures[0].gain
+    seconds, found = plan.exposures[0].seconds, list[FoundExposure]()
+    hardware.turntable.move_to(plan.angle(0), _FIRST_MOVE)
+    for lit in plan.sets.values():
+        with burning(hardware.lasers, lit):
+            found.append(auto_exposure(hardware.camera, seconds, gain=gain))
+    best = min(found, key=lambda f: f.seconds)
+    hardware.camera.configure(best.seconds, gain)
+    dark = hardware.camera.grab(frame_deadline(best.seconds))
+    if best.peak - stripe_peak(dark) < _NOTHING:
+        raise InputError(
+            "no stripe is seen at the first stop, however long the exposure",
+            hint="turn the part into the laser, or give --exposure",
+        )
+    text = f"exposure {1000 * best.seconds:.3g} ms: the stripe reaches {best.peak:.0%} of the scale"
+    return replace(plan, exposures=(Exposure(best.seconds, gain),)), text
 
 
 def plan_of(wishes: Wishes, bench: Opened) -> Plan:
