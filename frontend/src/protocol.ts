@@ -545,7 +545,10 @@ export interface Redo {
 export interface Refused {
   kind: "refused";
   id: number | null;
-  /** ``stale``, ``not-operator``, ``no-lasers``, ``busy``, ``bad-request`` or the error's name. */
+  /**
+   * ``stale``, ``cancelled``, ``not-operator``, ``no-lasers``, ``busy``, ``bad-request`` or the
+   * error's name.
+   */
   code: string;
   text: string;
   hint: string;

@@ -35,9 +35,11 @@ export function dismiss(id: number): void {
   notices.value = notices.value.filter((notice) => notice.id !== id);
 }
 
+const SEVERITY: Record<string, Notice["severity"]> = { stale: "warning", cancelled: "note" };
+
 /** Show why something did not happen. */
 export function complain(error: unknown): void {
-  if (error instanceof RefusedError) notify(error.code === "stale" ? "warning" : "error", error.message, error.hint);
+  if (error instanceof RefusedError) notify(SEVERITY[error.code] ?? "error", error.message, error.hint);
   else if (error instanceof DOMException && error.name === "TimeoutError") notify("error", "The server did not answer in time.");
   else throw error;
 }
@@ -118,7 +120,8 @@ on("job", (message) => {
   const next = new Map(jobs.value);
   next.set(message.job, message);
   jobs.value = next;
-  if (message.state === "failed") notify("error", `${message.title}: ${message.text}`, message.hint);
+  // Why an edit failed is said by the answer to its request.
+  if (message.state === "failed" && message.what !== "edit") notify("error", `${message.title}: ${message.text}`, message.hint);
   if (message.state !== "running") {
     setTimeout(() => {
       const rest = new Map(jobs.value);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import threading
 import time
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from turnscan.app._envelope import unpack
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Cancelled, Job
 from turnscan.app._open_scan import OpenScan
+from turnscan.edit import Change, Document, Edit
 from turnscan.export import read_mesh
 from turnscan.scan import Scan
 
@@ -114,6 +116,63 @@ def test_opening_can_be_cancelled_and_lets_the_file_go(folder: Path) -> None:
     with pytest.raises(Cancelled):
         OpenScan("ball", path, hub, job)
     OpenScan("ball", path, hub, Job(hub, "open", "Opening ball", "ball")).close()
+
+
+def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
+    server: Running, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go, add = threading.Event(), Document.add
+
+    def slow(document: Document, edit: Edit) -> tuple[Document, Change]:
+        assert go.wait(30)
+        return add(document, edit)
+
+    with Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        one.open(scan)
+        before = http.get(f"/api/scans/{scan}/mesh").content
+        monkeypatch.setattr(Document, "add", slow)
+        wish = {"scan": scan, "base_revision": 0, "edit": {"kind": "delete"}}
+        chosen = {"faces": np.arange(10, 60, dtype="<u4")}
+
+        def begun() -> tuple[int, str]:
+            go.clear()
+            number = one.send("edit", chosen, **wish)
+            job = one.until("job", lambda m: m["what"] == "edit", 10)
+            assert (job["state"], job["scan"]) == ("running", scan)
+            assert job["title"] == "delete 50 faces"
+            return number, job["job"]
+
+        number, job = begun()
+        assert one.ask("cancel", job=job)["kind"] == "done"
+        go.set()
+        assert one.until("job", lambda m: m["job"] == job, 10)["state"] == "cancelled"
+        refused = one.until("refused", lambda m: m["id"] == number, 10)
+        assert refused["code"] == "cancelled"
+        assert not any(m["kind"] in ("patch", "history") for m in one.heard)
+        assert http.get(f"/api/scans/{scan}/mesh").content == before
+        with Scan.open(folder / "ball.turnscan") as file:
+            assert file.edits() == ()
+
+        number, job = begun()  # the next one is not cancelled, and happens
+        go.set()
+        assert one.until("patch", seconds=10)["revision"] == 1
+        assert one.until("job", lambda m: m["job"] == job, 10)["state"] == "done"
+        assert one.until("done", lambda m: m["id"] == number, 10)
+        assert one.ask("cancel", job=job)["kind"] == "done"
+        with Scan.open(folder / "ball.turnscan") as file:
+            assert len(file.edits()) == 1
+
+
+def test_what_is_stored_can_no_longer_be_cancelled() -> None:
+    job = Job(Hub(), "edit", "Editing", "ball")
+    job.commit()
+    job.cancel()
+    job.check()
+    late = Job(Hub(), "edit", "Editing", "ball")
+    late.cancel()
+    with pytest.raises(Cancelled):
+        late.commit()
 
 
 def test_a_profile_that_is_switched_off_is_gone_everywhere(server: Running) -> None:

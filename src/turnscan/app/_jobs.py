@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import secrets
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,6 +18,8 @@ from turnscan.findings import Finding
 
 What = Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
 _TELL_EVERY = 0.1
+_SOON = 0.5
+"""s that a request may take before it is shown as a job."""
 _KEPT = 32
 """Jobs that are over and still known."""
 
@@ -80,8 +83,17 @@ class Job:
 
     def cancel(self) -> None:
         """End it at its next tick."""
-        self._cancelled.set()
+        with self._lock:
+            if self.over:
+                return
+            self._cancelled.set()
         self.on_cancel()
+
+    def commit(self) -> None:
+        """From here on it cannot be cancelled. Raises Cancelled where it was before."""
+        with self._lock:
+            self.check()
+            self.over = True
 
     def tell(
         self,
@@ -119,21 +131,63 @@ class Jobs:
         """Begin a piece of work in a thread of its own."""
         job = Job(self._hub, what, title, scan)
         thread = threading.Thread(target=self._run, args=(job, work), name=f"job {what}")
+        self._list(job)
         with self._lock:
-            over = [name for name, j in self._jobs.items() if j.over]
-            for name in over[: max(0, len(over) - _KEPT)]:
-                del self._jobs[name]
-            self._jobs[job.id] = job
             self._threads.add(thread)
         job.tell("running")
         thread.start()
         return job
 
+    def _list(self, job: Job) -> None:
+        with self._lock:
+            over = [name for name, j in self._jobs.items() if j.over]
+            for name in over[: max(0, len(over) - _KEPT)]:
+                del self._jobs[name]
+            self._jobs[job.id] = job
+
+    @contextlib.contextmanager
+    def perhaps(self, what: What, title: str, scan: str) -> Iterator[Job]:
+        """A request in the caller's thread, which is shown as a job only once it takes long."""
+        job = Job(self._hub, what, title, scan)
+        telling, shown, ended = threading.Lock(), False, False
+
+        def show() -> None:
+            nonlocal shown
+            with telling:
+                if not ended:
+                    shown = True
+                    self._list(job)
+                    job.tell("running")
+
+        def end(state: Literal["done", "failed", "cancelled"]) -> None:
+            nonlocal ended
+            job.over = True
+            with telling:
+                ended = True
+                if shown:
+                    job.tell(state)
+
+        timer = threading.Timer(_SOON, show)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield job
+        except Cancelled:
+            end("cancelled")
+            raise
+        except BaseException:
+            end("failed")
+            raise
+        else:
+            end("done")
+        finally:
+            timer.cancel()
+
     def cancel(self, name: str) -> bool:
         """End a job; False where there is none of that name."""
         with self._lock:
             job = self._jobs.get(name)
-        if job is not None and not job.over:
+        if job is not None:
             job.cancel()
         return job is not None
 
@@ -142,8 +196,7 @@ class Jobs:
         with self._lock:
             jobs, threads = list(self._jobs.values()), list(self._threads)
         for job in jobs:
-            if not job.over:
-                job.cancel()
+            job.cancel()
         until = time.monotonic() + seconds
         for thread in threads:
             thread.join(max(0.0, until - time.monotonic()))

@@ -240,15 +240,18 @@ class OpenScan:
         """The stored picture of a step as PNG. Raises InputError, ScanCorrupt."""
         return picture_png(self._views[_numbered(self.now, number).laser], step)
 
-    # Mending
+    # Mending: until its result is stored, each may be cancelled, and then nothing has happened
 
-    def make(self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
+    def make(
+        self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array], job: Job
+    ) -> None:
         """Make an edit: it is in the file when this returns.
 
-        Raises `Stale` where the surface is not that of revision ``base`` any more, InputError.
+        Raises `Stale` where the surface is not that of revision ``base`` any more, InputError,
+        Cancelled.
         """
         with self._lock:
-            self._keep(*self._tried(base, value, arrays))
+            self._keep(*self._tried(base, value, arrays, job), job)
 
     def preview(
         self,
@@ -256,15 +259,17 @@ class OpenScan:
         value: Mapping[str, Any],
         arrays: Mapping[str, Array],
         id: int,
+        job: Job,
     ) -> tuple[p.PreviewShown, dict[str, Array]]:
         """What an edit would do; nothing is kept. Raises as `make`."""
         with self._lock:
             before = self.now.document.body
-            document, change = self._tried(base, value, arrays)
+            document, change = self._tried(base, value, arrays, job)
+        job.commit()
         shown = p.PreviewShown(id=id, figures=figures(document.body))
         return shown, preview_arrays(before, document.body, change.patches)
 
-    def measure(self, wish: q.TakeMeasure, arrays: Mapping[str, Array]) -> p.Measures:
+    def measure(self, wish: q.TakeMeasure, arrays: Mapping[str, Array], job: Job) -> p.Measures:
         """Measure, and keep it in the history. Raises InputError where it cannot be measured."""
         with self._lock:
             document = self.now.document
@@ -272,44 +277,45 @@ class OpenScan:
             document, change = document.add(measure_of(wish.what, wish.places, region))
             if change.findings:
                 raise InputError(change.findings[0].message, hint=change.findings[0].remedy)
-            self._keep(document, change)
+            self._keep(document, change, job)
             return self.measures(wish.id)
 
-    def forget_measure(self, id: int, name: str) -> p.Measures:
+    def forget_measure(self, id: int, name: str, job: Job) -> p.Measures:
         """Switch a measurement off. Raises InputError where there is none of that name."""
         with self._lock:
             if name not in [m.measure for m in measures(self.now.document)]:
                 raise InputError("there is no such measurement")
-            self._keep(*self.now.document.switch(entry_of(name), False))
+            self._keep(*self.now.document.switch(entry_of(name), False), job)
             return self.measures(id)
 
     def measures(self, id: int | None) -> p.Measures:
         """What the measurements that count came to."""
         return p.Measures(id=id, scan=self.name, measures=measures(self.now.document))
 
-    def undo(self) -> None:
+    def undo(self, job: Job) -> None:
         """One edit back. Raises InputError where there is none."""
         with self._lock:
-            self._keep(*self.now.document.undo())
+            self._keep(*self.now.document.undo(), job)
 
-    def redo(self) -> None:
+    def redo(self, job: Job) -> None:
         """One edit on again. Raises InputError where there is none."""
         with self._lock:
-            self._keep(*self.now.document.redo())
+            self._keep(*self.now.document.redo(), job)
 
-    def go(self, cursor: int) -> None:
+    def go(self, cursor: int, job: Job) -> None:
         """To the state after the first ``cursor`` edits. Raises InputError."""
         with self._lock:
-            self._keep(*self.now.document.go(cursor))
+            self._keep(*self.now.document.go(cursor), job)
 
-    def switch(self, id: int, on: bool) -> None:
+    def switch(self, id: int, on: bool, job: Job) -> None:
         """One edit off, or on again. Raises InputError where there is none of that number."""
         with self._lock:
-            self._keep(*self.now.document.switch(id, on))
+            self._keep(*self.now.document.switch(id, on), job)
 
     def _tried(
-        self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array]
+        self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array], job: Job
     ) -> tuple[edit.Document, edit.Change]:
+        job.check()  # while it waited for the edit before it
         if base != self.now.revision:
             raise Stale(
                 f"the surface has changed since: this is revision {self.now.revision}, not {base}",
@@ -319,14 +325,17 @@ class OpenScan:
         region = _region(self.now.document.body, arrays)
         if region is not None:
             wish["where"] = region
-        document, change = self.now.document.add(edit.edit_from_value(wish))
+        wanted = edit.edit_from_value(wish)
+        job.title = edit.in_words(wanted)
+        document, change = self.now.document.add(wanted)
         refused = next((f for f in change.findings if f.severity == "error"), None)
         if refused is not None:
             raise InputError(refused.message, hint=refused.remedy)
         return document, change
 
-    def _keep(self, document: edit.Document, change: edit.Change) -> None:
-        """Into the file first, then to everybody."""
+    def _keep(self, document: edit.Document, change: edit.Change, job: Job) -> None:
+        """Into the file first, then to everybody. Raises Cancelled, and then into neither."""
+        job.commit()
         self.used = time.monotonic()
         if change.action is not None:
             now = time.time()

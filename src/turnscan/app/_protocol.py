@@ -17,6 +17,10 @@ One WebSocket at ``/ws`` carries everything that happens; plain GETs carry what 
 - An edit names the ``base_revision`` it was made on. Where that is not the latest one it is
   refused with the code ``stale``, and nothing has happened. When an edit is answered by ``done``
   it is in the scan file.
+- An edit (preview, undo, measurement …) that takes longer than half a second is also told as a job
+  of the kind ``edit``, until its request is answered. Cancelled before its result is stored, the
+  request is refused with the code ``cancelled``, and nothing has happened: what is being computed
+  is computed to its end, and dropped. Once it is stored, ``cancel`` does nothing.
 - Faces and vertices in an edit are numbers of the document's own, in arrays of the envelope.
 - Lengths are mm, angles in names that say so degrees, else rad; times s; pixels as (u, v).
 
@@ -272,7 +276,8 @@ class Refused(Model):
     kind: Literal["refused"] = "refused"
     id: Count | None
     code: str
-    """``stale``, ``not-operator``, ``no-lasers``, ``busy``, ``bad-request`` or the error's name."""
+    """``stale``, ``cancelled``, ``not-operator``, ``no-lasers``, ``busy``, ``bad-request`` or the
+    error's name."""
     text: str
     hint: str
 

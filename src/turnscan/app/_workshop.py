@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ from turnscan.app._doors import name_of
 from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
 from turnscan.app._hub import Client, Hub
-from turnscan.app._jobs import Job, Jobs, Result
+from turnscan.app._jobs import Cancelled, Job, Jobs, Result
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan, Stale
 from turnscan.app._rig_room import RigRoom
@@ -93,10 +94,7 @@ class Workshop:
                 lambda call: self.opened(call.request.scan).defects(call.id),
                 False,
             ),
-            q.TakeMeasure: (
-                lambda call: self.opened(call.request.scan).measure(call.request, call.arrays),
-                True,
-            ),
+            q.TakeMeasure: (self._take_measure, True),
             q.ForgetMeasure: (self._forget_measure, True),
             q.FindDevices: (self._find_devices, True),
             q.Connect: (self._connect, True),
@@ -188,6 +186,8 @@ class Workshop:
             self._refuse(call, e.code, e)
         except Stale as e:
             self._refuse(call, "stale", e)
+        except Cancelled:
+            self._refuse(call, "cancelled", InputError("cancelled: nothing has changed"))
         except TurnscanError as e:
             self._refuse(call, name_of(e), e)
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
@@ -202,8 +202,20 @@ class Workshop:
         text, hint = self.hub.hide(e.message), self.hub.hide(e.hint)
         self.hub.tell(p.Refused(id=call.id, code=code, text=text, hint=hint), to=call.client)
 
+    @contextlib.contextmanager
+    def _mending(self, call: Call, title: str) -> Iterator[tuple[OpenScan, Job]]:
+        """The open scan of a request that may take long, and what can be cancelled of it."""
+        scan = self.opened(call.request.scan)
+        with self.jobs.perhaps("edit", title, scan.name) as job:
+            yield scan, job
+
+    def _take_measure(self, call: Call) -> Answer:
+        with self._mending(call, "Measuring") as (scan, job):
+            return scan.measure(call.request, call.arrays, job)
+
     def _forget_measure(self, call: Call) -> Answer:
-        return self.opened(call.request.scan).forget_measure(call.id, call.request.measure)
+        with self._mending(call, "Forgetting a measurement") as (scan, job):
+            return scan.forget_measure(call.id, call.request.measure, job)
 
     def _operator_may_light(self) -> bool:
         operator = self.hub.operator
@@ -319,23 +331,27 @@ class Workshop:
 
     def _edit(self, call: Call) -> Answer:
         r: q.EditRequest = call.request
-        scan = self.opened(r.scan)
-        if r.preview:
-            return scan.preview(r.base_revision, r.edit, call.arrays, call.id)
-        scan.make(r.base_revision, r.edit, call.arrays)
+        with self._mending(call, "Editing") as (scan, job):
+            if r.preview:
+                return scan.preview(r.base_revision, r.edit, call.arrays, call.id, job)
+            scan.make(r.base_revision, r.edit, call.arrays, job)
         return None
 
     def _undo(self, call: Call) -> None:
-        self.opened(call.request.scan).undo()
+        with self._mending(call, "Undo") as (scan, job):
+            scan.undo(job)
 
     def _redo(self, call: Call) -> None:
-        self.opened(call.request.scan).redo()
+        with self._mending(call, "Redo") as (scan, job):
+            scan.redo(job)
 
     def _go_to(self, call: Call) -> None:
-        self.opened(call.request.scan).go(call.request.cursor)
+        with self._mending(call, "Going through the history") as (scan, job):
+            scan.go(call.request.cursor, job)
 
     def _switch(self, call: Call) -> None:
-        self.opened(call.request.scan).switch(call.request.edit, call.request.on)
+        with self._mending(call, "Switching an edit") as (scan, job):
+            scan.switch(call.request.edit, call.request.on, job)
 
     def _list_holes(self, call: Call) -> Answer:
         return self.opened(call.request.scan).holes(call.id)
