@@ -10,7 +10,7 @@ from turnscan.detection import see
 from turnscan.edit import DeletePoints, Entry, ProfileOff, Redetect
 from turnscan.errors import InputError
 from turnscan.pipeline import build, reconstruct
-from turnscan.points import Volume, build_grid
+from turnscan.points import Between, Volume, build_grid
 from turnscan.scan import Frame, Scan, ScanPlan, rig_for
 from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag, StripeSettings
@@ -88,6 +88,16 @@ def test_choices_of_the_user_are_obeyed(scan_path, rig):
         "points.none",
         "surface.none",
     ]
+
+
+def test_points_by_arc_length_are_meshed_with_the_profiles_that_were_asked_for(scan_path):
+    with Scan.open(scan_path) as scan:
+        seen = see(scan, rig_for(scan), StripeSettings(), Volume(60, 5, 25))[:1]
+    wide = Between(float(np.deg2rad(18)), "rad")
+    done = build(seen, Settings(spacing=2.0, spacing_by="arc", between=wide))
+    assert len(done.grids[0].steps) == 20
+    # Steps are numbered anew, from 0 to 19; those of the scan run to 39.
+    assert done.mesh.provenance.step.max() == 19
 
 
 def test_a_rig_that_does_not_fit_is_refused(scan_path, tmp_path):

@@ -61,9 +61,7 @@ def reconstruct(
 
 def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Reconstruction:
     """Stripes → grids → mesh, with these edits. Raises InputError where no angle is known."""
-    grids, sought, findings = to_grids(seen, s, edits)
-    # Points at equal arc length have no neighbours at the same place of the next profile.
-    meshed = [k.grid for k in sought] if s.spacing_by == "arc" else grids
+    grids, meshed, sought, findings = to_grids(seen, s, edits)
     opened, mesh, remarks = to_mesh(meshed, s, edits)
     told = (*findings, *remarks)
     return Reconstruction(tuple(grids), mesh, told, tuple(edits), opened, tuple(sought), s.caps)
@@ -71,9 +69,9 @@ def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Re
 
 def to_grids(
     seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()
-) -> tuple[list[RangeGrid], list[Sought], list[Finding]]:
-    """Stripes → grids as wanted, the same as they were cleaned, and what there is to know."""
-    grids, sought = list[RangeGrid](), list[Sought]()
+) -> tuple[list[RangeGrid], list[RangeGrid], list[Sought], list[Finding]]:
+    """Stripes → grids as wanted, those to mesh, as they were cleaned, and what there is to know."""
+    grids, meshed, sought = list[RangeGrid](), list[RangeGrid](), list[Sought]()
     findings = edit.lost_edits(edits, [sight.view.laser for sight in seen])
     for sight in seen:
         v = sight.view
@@ -95,7 +93,9 @@ def to_grids(
             if s.between is not None:
                 kept = points.respace(kept, s.between)
             grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)
-    return grids, sought, findings
+            # Points at equal arc length have no neighbours at the same place of the next profile.
+            meshed.append(kept if s.spacing_by == "arc" else grids[-1])
+    return grids, meshed, sought, findings
 
 
 def to_mesh(

@@ -197,8 +197,7 @@ def _read(
         looks = sum(len(lit_in(n, mine)) * len(scan.steps(n)) for n in scan.plan.lasers)
         with progress(f"reading {name}", looks) as tick:
             sights = see(scan, mine, settings.stripes, volume, tick)
-            grids, sought, findings = to_grids(sights, settings, edits)
-    meshed = [k.grid for k in sought] if settings.spacing_by == "arc" else grids
+            grids, meshed, _, findings = to_grids(sights, settings, edits)
     idle = sum(not is_grid_edit(e.edit) for e in edits)
     if idle:
         text = (
