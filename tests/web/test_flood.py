@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from tests.web.running import Browser, Running
-from turnscan.devices import Camera
 from turnscan.arrays import Image
+from turnscan.devices import Camera
 
 PAUSE = 0.05
 """s that the camera takes for a picture."""
