@@ -130,9 +130,8 @@ def _spacings(surfaces: Sequence[RangeSurface]) -> tuple[float, float]:
 def overlaps(surfaces: Sequence[RangeSurface]) -> list[Overlap]:
     """How every two surfaces lie to each other where both were measured, by samples.
 
-    A point is compared with the nearest vertex of the other surface along the mean of their two
-    normals, where that is no further to the side than half the longest side of its faces (which
-    may be many times the spacing along a profile) and the normals are alike.
+    A point is compared with the tangent plane of the nearest vertex of the other surface, where
+    that is no further along the plane than its faces reach and the normals are alike.
     """
     from scipy.spatial import cKDTree
 
@@ -140,41 +139,27 @@ def overlaps(surfaces: Sequence[RangeSurface]) -> list[Overlap]:
     sigmas = [s.sigma for s in surfaces]
     trees = [cKDTree(s.mesh.vertices, compact_nodes=False, balanced_tree=False) for s in surfaces]
     spacing = _spacings(surfaces)[1]
-    reaches = [np.maximum(_longest_sides(s.mesh) / 2, spacing) for s in surfaces]
     out = []
     for i, one in enumerate(surfaces):
         X = one.mesh.vertices
         some = np.linspace(0, len(X) - 1, min(len(X), _SAMPLES)).astype(np.intp)
         for j in range(i + 1, len(surfaces)):
             other = surfaces[j]
-            wide = max(3 * spacing, float(np.quantile(reaches[j], 0.99)))
-            reach = wide + 10 * float(np.median(sigmas[j]))
+            reach = 3 * spacing + 10 * float(np.median(sigmas[j]))
             away, near = trees[j].query(X[some], distance_upper_bound=reach)
             hit = np.flatnonzero(np.isfinite(away))
             a, b = some[hit], np.asarray(near)[hit]
             gap = X[a] - other.mesh.vertices[b]
-            # Between two points of one arc the mean of their normals is upright on the chord.
-            mean = normals[i][a] + normals[j][b]
-            mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
-            off = np.einsum("ij,ij->i", gap, mean)
+            off = np.einsum("ij,ij->i", gap, normals[j][b])
             beside = np.sqrt(np.maximum(np.einsum("ij,ij->i", gap, gap) - off**2, 0.0))
             alike = np.einsum("ij,ij->i", normals[i][a], normals[j][b]) > _ALIKE
-            good = alike & (beside <= reaches[j][b])
+            good = alike & (beside <= spacing)
             if not good.any():
                 continue
             a, b, off = a[good], b[good], off[good]
             combined = np.hypot(sigmas[i][a], sigmas[j][b])
             ratio = np.abs(off) / np.maximum(combined, 1e-12)
             out.append(Overlap(_name(one), _name(other), off, ratio, X[a]))
-    return out
-
-
-def _longest_sides(mesh: Mesh) -> Floats:
-    """(v,) mm: the longest side of each vertex's faces; 0 without faces."""
-    t = mesh.triangles
-    longest = np.linalg.norm(t - np.roll(t, 1, axis=1), axis=2).max(axis=1)
-    out = np.zeros(len(mesh.vertices))
-    np.maximum.at(out, mesh.faces, longest[:, None])
     return out
 
 
