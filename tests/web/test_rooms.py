@@ -13,10 +13,11 @@ import pytest
 from tests.web.running import Browser, Running, serving
 from turnscan.app._envelope import unpack
 from turnscan.app._hub import Hub
-from turnscan.app._jobs import Cancelled, Job
+from turnscan.app._jobs import Cancelled, Job, remarks
 from turnscan.app._open_scan import OpenScan
 from turnscan.edit import Change, Document, Edit
 from turnscan.export import read_mesh
+from turnscan.findings import Finding
 from turnscan.scan import Scan
 
 
@@ -399,3 +400,13 @@ def test_the_doctor_is_a_job_with_findings(server: Running) -> None:
         done = one.once("job", lambda m: m["state"] != "running")
         assert done["state"] == "done"
         assert done["text"] == "ready" or done["findings"]
+
+
+def test_a_remark_does_not_advise_to_type_options() -> None:
+    told = remarks(
+        [
+            Finding("a", "note", "points went", "", "keep them with --edge 0"),
+            Finding("b", "warning", "a hole", "", "scan again"),
+        ]
+    )
+    assert [r.remedy for r in told] == ["", "scan again"]

@@ -222,8 +222,14 @@ class Jobs:
 
 
 def remarks(findings: Sequence[Finding]) -> list[Remark]:
-    """Findings as they are told."""
+    """Findings as they are told; what is to be typed on a command line helps nobody here."""
     return [
-        Remark(code=f.code, severity=f.severity, text=f.message, where=f.where, remedy=f.remedy)
+        Remark(
+            code=f.code,
+            severity=f.severity,
+            text=f.message,
+            where=f.where,
+            remedy="" if "--" in f.remedy else f.remedy,
+        )
         for f in findings
     ]
