@@ -583,7 +583,7 @@ def test_a_mistake_tells_and_logs_nothing(
     server, cookie = locked
 
     def fail(*_: object) -> None:
-        raise ZeroDivisionError("secret /root/path")
+        raise ZeroDivisionError("secret /srv/path")
 
     monkeypatch.setattr(server.workshop, "opened", fail)
     answer = _request("GET", f"{server.base}/api/scans/abcdefgh/mesh", headers={"Cookie": cookie})
