@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from tests.export.parts import torus
 from turnscan.cli import turnscan
-from turnscan.cli._output import check_output
+from turnscan.cli._output import check_apart, check_output
 from turnscan.errors import ExportError, FormatError, InputError, TurnscanError
 from turnscan.export import export
 from turnscan.rig import Camera, LaserSheet, Pose, Rig, rig_to_json, rotation_about
@@ -93,3 +93,9 @@ def test_a_link_to_an_input_is_that_input(tmp_path: Path) -> None:
     check_output(tmp_path / "c.PLY", (".ply",), [tmp_path / "a.ply"])
     with pytest.raises(ExportError, match="no folder"):
         check_output(tmp_path / "no" / "c.ply", (".ply",))
+
+
+def test_two_files_with_one_name_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="written twice"):
+        check_apart([tmp_path / "a.stl", tmp_path / "b.stl", tmp_path / "o" / ".." / "a.stl"])
+    check_apart([tmp_path / "a.stl", tmp_path / "a.ply"])

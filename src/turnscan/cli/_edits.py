@@ -23,6 +23,7 @@ from turnscan.edit import (
     history_to_json,
     in_words,
 )
+from turnscan.errors import InputError
 from turnscan.scan import Scan
 
 _path = click.Path(path_type=Path)
@@ -45,7 +46,12 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
 @click.option("--add", "source", type=_path, help="Add the edits of another scan or .json file.")
 @click.option("--make", "texts", multiple=True, metavar="JSON", help="Make an edit, given as JSON.")
 @click.option("--delete", "rules", multiple=True, metavar="RULE", help="Delete faces; see below.")
-@click.option("--grow", type=int, default=0, help="Rounds to grow what is deleted; −N shrinks it.")
+@click.option(
+    "--grow",
+    type=click.IntRange(-1000, 1000),
+    default=0,
+    help="Rounds to grow what is deleted; −N shrinks it.",
+)
 @click.option("--off", type=int, multiple=True, metavar="N", help="Switch edit N off.")
 @click.option("--on", type=int, multiple=True, metavar="N", help="Switch edit N on again.")
 @click.option("--undo", is_flag=True, help="Take back the last edit.")
@@ -63,8 +69,7 @@ def verb(
     redo: bool,
 ) -> None:
     """See `_HELP`."""
-    if output is not None:
-        check_output(output, (".json",), [scan, *([source] if source else [])])
+    _check(scan, output, source, rules, grow)
     added = [] if source is None else [e.edit for e in read_history(source).enabled]
     added += [edit_from_json(text, "--make") for text in texts]
     if added or rules or off or on or undo or redo:
@@ -94,6 +99,16 @@ def verb(
         click.echo(line)
     if output is not None:
         click.echo(f"{output}: {history.cursor} edits")
+
+
+def _check(
+    scan: Path, output: Path | None, source: Path | None, rules: tuple[str, ...], grow: int
+) -> None:
+    """Raise InputError for what cannot be meant, before anything is opened."""
+    if grow and not rules:
+        raise InputError(f"--grow {grow}: there is nothing to grow", hint="add --delete RULE")
+    if output is not None:
+        check_output(output, (".json",), [scan, *([source] if source else [])])
 
 
 def _then(actions: list[Action], history: History, action: Action) -> History:

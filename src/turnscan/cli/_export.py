@@ -10,7 +10,7 @@ import click
 from turnscan import surface
 from turnscan.cli._decimation import Fewer, decimate_option
 from turnscan.cli._input import read_mesh_file
-from turnscan.cli._output import check_output, format_options, write_results
+from turnscan.cli._output import check_apart, check_output, format_options, write_results
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions, exporter_for
 
@@ -36,6 +36,7 @@ def verb(
         raise InputError(
             "a mesh file holds no profiles", hint="use turnscan reconstruct --dxf-form profiles"
         )
+    check_apart(outputs)
     for path in outputs:
         exporter_for(path.suffix)
         check_output(path, inputs=[source])

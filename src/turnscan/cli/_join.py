@@ -15,7 +15,7 @@ from turnscan.arrays import Floats
 from turnscan.cli._edit_source import history_of
 from turnscan.cli._input import UNITS, read_rig_file
 from turnscan.cli._numbers import Finite
-from turnscan.cli._output import check_output, format_options
+from turnscan.cli._output import check_apart, check_output, format_options
 from turnscan.cli._points_file import read_landmarks
 from turnscan.cli._progress import progress
 from turnscan.cli._range_scans import placed_scans, read_range_scan
@@ -110,6 +110,7 @@ def verb(
     """
     paths = _paths(sources, unit)
     inputs = [*sources, *paths, *(p for p in (rig_path, points_path) if p is not None)]
+    check_apart(outputs)
     for path in outputs:
         exporter_for(path.suffix)
         check_output(path, inputs=inputs)

@@ -85,6 +85,15 @@ def write_results(
     return remarks
 
 
+def check_apart(paths: Sequence[Path]) -> None:
+    """Raise InputError where two files to be written are one."""
+    seen = set[Path]()
+    for path in paths:
+        if path.resolve() in seen:
+            raise InputError(f"{path}: is to be written twice", hint="give each -o another name")
+        seen.add(path.resolve())
+
+
 def check_output(path: Path, suffixes: Sequence[str] = (), inputs: Iterable[Path] = ()) -> None:
     """Check the name of a file to be written, before work is spent.
 

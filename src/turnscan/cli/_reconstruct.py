@@ -10,7 +10,7 @@ from click.core import ParameterSource
 
 from turnscan.cli._edit_source import wanted_history
 from turnscan.cli._input import read_rig_file
-from turnscan.cli._output import check_output, format_options
+from turnscan.cli._output import check_apart, check_output, format_options
 from turnscan.cli._progress import progress
 from turnscan.cli._reconstruct_report import about, check_report, finish
 from turnscan.cli._settings import Limits, settings_options
@@ -86,6 +86,7 @@ def verb(
 
         placed = placed_scans(source, unit)
         inputs += placed
+    check_apart(outputs)
     for path in outputs:
         exporter_for(path.suffix)
         check_output(path, inputs=inputs)

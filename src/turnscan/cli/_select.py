@@ -111,4 +111,4 @@ def _numbers(rule: str, words: list[str], count: int) -> list[float]:
 
 
 def _odd(rule: str, wanted: str) -> InputError:
-    return InputError(f"{rule!r}: {wanted} is wanted after the =", hint="see turnscan edits --help")
+    return InputError(f"{rule!r}: expected {wanted} after the =", hint="see turnscan edits --help")

@@ -117,7 +117,7 @@ def settings_options(command: Command) -> Command:
     @click.option("--keep-strays", is_flag=True, help="Keep points without a surface round them.")
     @click.option(
         "--denoise",
-        type=_length,
+        type=Finite(min=0, min_open=True, max=10),
         help="Sigmas, like 2: points move along their rays by no more, onto the surface there.",
     )
     @click.option(

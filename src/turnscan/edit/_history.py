@@ -191,7 +191,8 @@ def history_from_json(text: str, source: str = "edits") -> History:
     body = strict_json(text, source)
     if not isinstance(body, dict) or body.get("format") != "turnscan-edits":
         raise FormatError(
-            f"{source}: format: not a file of edits", hint="make one with turnscan edits --export"
+            f"{source}: format: not a file of edits",
+            hint="make one with turnscan edits SCAN -o FILE.json",
         )
     body = _versioned(body, source)
     edits = body.get("edits")

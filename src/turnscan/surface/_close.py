@@ -115,7 +115,7 @@ def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: Caps) -> list[Finding]
     if foot:
         area = mesh.area_of((mesh.triangles[..., 2] == c.floor).all(axis=1))
         text = f"the part's foot is closed with the platter's plane, {area:.0f} mm² at {c.floor} mm"
-        out.append(Finding("surface.floor", "note", text, "", "another plane: Caps.floor"))
+        out.append(Finding("surface.floor", "note", text, "", ""))
     return out
 
 
