@@ -130,7 +130,7 @@ def _heights(
     if n.shape != (3,) or not np.isfinite(n).all() or not np.linalg.norm(n) > 0:
         raise InputError(f"a plane with the normal {n.tolist()}", hint="give three numbers")
     unit = n / np.linalg.norm(n)
-    size = float(np.ptp(mesh.vertices, axis=0).max(initial=0.0))
+    size = float(np.ptp(mesh.vertices, axis=0).max()) if len(mesh.vertices) else 0.0
     height = mesh.vertices @ unit - distance
     side = np.where(np.abs(height) <= _ON_PLANE * size, 0, np.sign(height)).astype(np.int8)
     return unit, height, side
