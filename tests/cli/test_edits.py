@@ -211,8 +211,8 @@ def test_faces_are_chosen_and_edits_made_without_a_browser(
     assert whole / 2 < wall <= deleted("--delete", "piece=30,0,40")
     for rule, words in {
         "sigma=99": "no face is like sigma=99",
-        "sigma=wide": "a number is wanted",
-        "steps=3": "2 numbers is wanted",
+        "sigma=wide": "expected a number after the =",
+        "steps=3": "expected 2 numbers after the =",
         "cause=magic": "one of laser, camera",
         "flag=ok": "one of dark",
         "pieces=2": "no face is like",
