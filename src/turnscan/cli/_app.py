@@ -22,6 +22,8 @@ def verb(folder: Path | None, serving: dict[str, Any]) -> None:
     --allow-remote-lasers. Ends with Ctrl-C, lasers dark.
     """
     place = folder or Path()
+    if place.is_file():
+        raise InputError(f"{place}: a file", hint="name its folder, or open it with turnscan edit")
     if not place.is_dir():
         raise InputError(f"{place}: no such folder", hint="make it, or name another one")
     run(place, None, serving)

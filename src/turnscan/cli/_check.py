@@ -13,7 +13,7 @@ import numpy as np
 
 from turnscan.cli._edit_source import history_of
 from turnscan.cli._progress import progress
-from turnscan.errors import InputError, ScanCorrupt, ScanNewer
+from turnscan.errors import FormatError, InputError, ScanCorrupt, ScanNewer
 from turnscan.findings import Finding, findings_json
 from turnscan.rig import rig_hash
 from turnscan.scan import Scan
@@ -38,7 +38,7 @@ def verb(file: Path, as_json: bool) -> None:
 
         check_mesh(file, as_json)
         return
-    with Scan.open(file) as opened:
+    with _opened(file) as opened:
         found = _damage(opened)
         lasers = {name: _laser(opened, name, found) for name in opened.plan.lasers}
         if opened.being_written:
@@ -63,6 +63,14 @@ def verb(file: Path, as_json: bool) -> None:
     click.echo(json.dumps(report, indent=1, allow_nan=False) if as_json else _text(report, found))
     if any(f.severity != "note" for f in found):
         sys.exit(1)
+
+
+def _opened(file: Path) -> Scan:
+    try:
+        return Scan.open(file)
+    except FormatError as e:
+        known = ", ".join(_MESHES)
+        raise FormatError(e.message, hint=f"name a scan file, or a mesh ({known})") from None
 
 
 def _damage(scan: Scan) -> list[Finding]:

@@ -63,7 +63,8 @@ def verb(
         for port in listed:
             click.echo(f"port {port.path}: {port.description}")
         for answer in answers:
-            click.echo(f"{answer.path}: {answer.address or f'no board ({answer.why_not})'}")
+            why = answer.why_not.removeprefix(f"{answer.path}: ")
+            click.echo(f"{answer.path}: {answer.address or f'no board ({why})'}")
         for camera in cameras:
             click.echo(f"camera {camera}")
         for finding in findings:

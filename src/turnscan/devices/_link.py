@@ -369,8 +369,10 @@ def _port_error(port: str, word: str, text: str) -> DeviceError:
     if word == "busy":
         return DeviceRefused(f"{port}: in use by another program", hint="close that program")
     if word == "absent":
+        # pyserial says it twice, with the name of the port: the end says why.
+        why = "there is no such port" if "[Errno 2]" in text else text
         return DeviceNotFound(
-            f"{port}: cannot be opened: {text}", hint="look at the cable and the port's name"
+            f"{port}: cannot be opened: {why}", hint="look at the cable and the port's name"
         )
     return DeviceDisconnected(f"{port}: gone: {text}", hint="plug it in again, then resume")
 
