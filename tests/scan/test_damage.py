@@ -257,7 +257,7 @@ def test_a_payload_bomb_is_refused_before_it_is_unpacked(tmp_path: Path) -> None
             "lit", Frame(0, "left", stripe_pair(0)[0]), "none", bomb, "{}", 1.0, 0.0
         )
         database.insert(scan._db, row, bomb)
-        scan._rows["left", 0, 0] = row
+        scan._index.add(row)
     with Scan.open(path) as scan, pytest.raises(LimitExceeded, match="268435456 bytes"):
         scan.frame(0, "left")
 

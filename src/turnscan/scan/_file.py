@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from itertools import product
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Any, Self, TypeVar
@@ -34,6 +32,7 @@ from turnscan.scan._codec import (
 )
 from turnscan.scan._database import Row, storage, transaction
 from turnscan.scan._edit_log import LogEntry
+from turnscan.scan._index import Index, form_of
 from turnscan.scan._lock import WriterLock, being_written
 from turnscan.scan._plan import (
     Frame,
@@ -44,11 +43,9 @@ from turnscan.scan._plan import (
     settings_from_json,
     settings_to_json,
 )
-from turnscan.scan._stored import DARKS, Stored, dark_of
+from turnscan.scan._stored import Stored, dark_of
 
 T = TypeVar("T")
-_WHOLE = ("background", "texture")
-"""Kinds of rows that are whole pictures."""
 
 
 class Scan:
@@ -78,9 +75,7 @@ class Scan:
         self.sealed = False
         """Whether the file was closed properly, with all the frames it had then."""
         self._db = db
-        self._rows: dict[tuple[str, int, int], Row] = {}
-        self._textures: dict[int, Row] = {}
-        self._backgrounds: dict[str, Row] = {}
+        self._index = Index(path, self.plan)
         self._pictures: dict[str, Image] = {}
         self._shared: tuple[str, Project | None, Background] | None = None
         self._scales: tuple[Project, float] | None = None
@@ -165,7 +160,7 @@ class Scan:
                 if self.writing:
                     with storage(self.path):
                         with transaction(self._db):
-                            database.write_meta(self._db, "seal", self._seal())
+                            database.write_meta(self._db, "seal", self._index.seal())
                         database.seal(self._db)
             finally:
                 self._db.close()
@@ -181,7 +176,7 @@ class Scan:
         ``level`` are measured where they are NaN. Raises InputError where the frame does not fit
         the plan or is there already, StorageFull, ScanError.
         """
-        self._fits(frame.laser, frame.step, frame.exposure)
+        self._index.free(frame.laser, frame.step, frame.exposure)
         self._check_picture(frame.lit, f"lit picture of step {frame.step}")
         background = self.background(frame.laser)
         dark: Dark = "own" if frame.dark is not None else "background"
@@ -198,21 +193,19 @@ class Scan:
             "lit", frame, dark, payload, settings_to_json(frame.settings), seen.noise, seen.level
         )
         self._insert(row, payload)
-        self._rows[row.laser, row.step, row.exposure] = row
         return share
 
     def add_missing(
         self, step: int, laser: str, cause: str, commanded: float = math.nan, exposure: int = 0
     ) -> None:
         """Record that there is no frame here, and why. Raises InputError like `add`."""
-        self._fits(laser, step, exposure)
+        self._index.free(laser, step, exposure)
         nothing = Frame(
             step, laser, np.zeros((1, 1), np.uint8), exposure=exposure, commanded=commanded
         )
         text = settings_to_json({"cause": cause})
         row = self._new_row("missing", nothing, "none", b"", text, math.nan, math.nan)
         self._insert(row, b"")
-        self._rows[laser, step, exposure] = row
 
     def add_texture(
         self,
@@ -226,7 +219,7 @@ class Scan:
 
         Raises InputError where it does not fit the plan, or where there is one already.
         """
-        if not 0 <= step < self.plan.steps or step in self._textures:
+        if not 0 <= step < self.plan.steps or step in self._index.textures:
             raise InputError(f"{self.path}: no (second) texture for step {step}")
         self._check_picture(picture, f"texture of step {step}")
         whole = _whole(self.plan)
@@ -235,25 +228,24 @@ class Scan:
         text = settings_to_json(settings)
         row = self._new_row("texture", frame, "none", payload, text, math.nan, math.nan)
         self._insert(row, payload)
-        self._textures[step] = row
 
     def forget(self, laser: str, step: int, exposure: int = 0) -> None:
         """Take a frame, or the record that there is none, away, to be taken again.
 
         Raises InputError where there is nothing of the kind.
         """
-        row = self._rows.get((laser, step, exposure))
+        row = self._index.row(laser, step, exposure)
         if row is None:
             raise InputError(f"{self.path}: there is no step {step} of laser {laser!r} to forget")
         self._write(lambda: database.delete(self._db, row))
-        del self._rows[laser, step, exposure]
+        self._index.remove(row)
 
     def add_background(self, laser: str, picture: Image) -> None:
         """Store the picture without the laser that later frames of this laser refer to.
 
         Raises InputError where it does not fit the plan, or where there is one already.
         """
-        if laser not in self.plan.lasers or laser in self._backgrounds:
+        if laser not in self.plan.lasers or laser in self._index.backgrounds:
             raise InputError(f"{self.path}: no (second) background for laser {laser!r}")
         self._check_picture(picture, f"background of laser {laser}")
         whole = _whole(self.plan)
@@ -261,7 +253,6 @@ class Scan:
         frame = Frame(0, laser, picture)
         row = self._new_row("background", frame, "none", payload, "{}", math.nan, math.nan)
         self._insert(row, payload)
-        self._backgrounds[laser] = row
         self._pictures[laser] = _read_only(picture.copy())
 
     def append_edit(self, text: str, time: float = math.nan) -> LogEntry:
@@ -301,15 +292,14 @@ class Scan:
 
     def stored(self, laser: str | None = None, project: Project | None = None) -> Iterator[Stored]:
         """Like `frames`, not yet unpacked: give these to a pool of threads."""
-        self._known(laser)
-        for row in self._in_order(laser):
+        for row in self._index.in_order(laser):
             yield self._stored(row, project)
 
     def frame(
         self, step: int, laser: str, exposure: int = 0, project: Project | None = None
     ) -> Frame:
         """One frame. Raises InputError where there is none."""
-        row = self._rows.get((laser, step, exposure))
+        row = self._index.row(laser, step, exposure)
         if row is None or row.kind != "lit":
             cause = self.missing(laser).get(step, "it was never taken")
             raise InputError(f"{self.path}: no frame at step {step} of laser {laser!r} ({cause})")
@@ -317,39 +307,30 @@ class Scan:
 
     def angles(self, laser: str | None = None) -> Floats:
         """(n,) rad, the table's angle of each frame in the order of `frames`; NaN where unknown."""
-        rows = self._in_order(laser)
+        rows = self._index.in_order(laser)
         return np.array(
             [r.commanded if math.isnan(r.measured) else r.measured for r in rows], np.float64
         )
 
     def steps(self, laser: str | None = None) -> list[int]:
         """Step number of each frame in the order of `frames`."""
-        return [r.step for r in self._in_order(laser)]
+        return [r.step for r in self._index.in_order(laser)]
 
     def missing(self, laser: str) -> dict[int, str]:
         """Steps of a laser that have no frame of any exposure, with the cause."""
-        self._known(laser)
-        out: dict[int, str] = {}
-        for step in range(self.plan.steps):
-            rows = [self._rows.get((laser, step, k)) for k in range(self.plan.exposures)]
-            there = [row for row in rows if row is not None]
-            if any(row.kind == "lit" for row in there):
-                continue
-            causes = [settings_from_json(row.settings, str(row)).get("cause", "") for row in there]
-            out[step] = "; ".join(dict.fromkeys(map(str, causes))) or "it was never taken"
-        return out
+        return self._index.missing(laser)
 
     def has(self, laser: str, step: int, exposure: int = 0) -> bool:
         """Whether there is a frame, or a record of why there is none."""
-        return (laser, step, exposure) in self._rows
+        return self._index.row(laser, step, exposure) is not None
 
     def has_texture(self, step: int) -> bool:
         """Whether there is a picture without laser light of this step."""
-        return step in self._textures
+        return step in self._index.textures
 
     def texture(self, step: int) -> Frame:
         """The picture without laser light of a step. Raises InputError where there is none."""
-        row = self._textures.get(step)
+        row = self._index.textures.get(step)
         if row is None:
             raise InputError(f"{self.path}: no texture at step {step}")
         where = f"{self.path}: {row}"
@@ -359,7 +340,7 @@ class Scan:
 
     def damaged(self) -> list[tuple[str, int, int]]:
         """Laser, step and exposure of every frame whose pixels are not what was stored."""
-        rows = self._in_order(None)
+        rows = self._index.in_order(None)
         return [(r.laser, r.step, r.exposure) for r in rows if _trouble(partial(self._decode, r))]
 
     @property
@@ -370,16 +351,15 @@ class Scan:
     @property
     def last_angle(self) -> float:
         """rad, where the table was at the last frame stored; NaN where that is unknown."""
-        rows = [*self._rows.values(), *self._textures.values()]
-        last = max(rows, key=lambda r: r.id, default=None)
+        last = self._index.last
         if last is None:
             return math.nan
         return last.commanded if math.isnan(last.measured) else last.measured
 
     def background(self, laser: str) -> Image | None:
         """(H, W) or (H, W, 3): what the frames of a laser refer to as dark, or None."""
-        self._known(laser)
-        row = self._backgrounds.get(laser)
+        self._index.known(laser)
+        row = self._index.backgrounds.get(laser)
         if row is not None and laser not in self._pictures:
             where = f"{self.path}: {row}"
             payload = self._payload(row)
@@ -390,23 +370,21 @@ class Scan:
     @property
     def complete(self) -> bool:
         """Whether every exposure of every step and laser is there, or a record of why it is not."""
-        plan = self.plan
-        wanted = product(plan.lasers, range(plan.steps), range(plan.exposures))
-        return all(key in self._rows for key in wanted)
+        return self._index.complete
 
     def __len__(self) -> int:
         """Number of frames."""
-        return sum(r.kind == "lit" for r in self._rows.values())
+        return len(self._index)
 
     def verify(self) -> Iterator[tuple[str, ScanError | None]]:
         """Read and check everything there is: the name of each part, and what is wrong with it."""
         with self._thread:
             yield "the file's pages", _trouble(lambda: database.quick_check(self._db, self.path))
-        for laser, row in self._backgrounds.items():
+        for laser, row in self._index.backgrounds.items():
             yield str(row), _trouble(partial(self.background, laser))
-        for row in self._in_order(None):
+        for row in self._index.in_order(None):
             yield str(row), _trouble(partial(self._decode, row))
-        for step, row in sorted(self._textures.items()):
+        for step, row in sorted(self._index.textures.items()):
             yield str(row), _trouble(partial(self.texture, step))
         yield "the log of edits", _trouble(self.edits)
 
@@ -447,28 +425,6 @@ class Scan:
         with self._thread:
             return database.read_payload(self._db, row, self.path)
 
-    def _in_order(self, laser: str | None) -> list[Row]:
-        self._known(laser)
-        rows = [r for r in self._rows.values() if r.kind == "lit" and laser in (None, r.laser)]
-        order = {name: i for i, name in enumerate(self.plan.lasers)}
-        return sorted(rows, key=lambda r: (order[r.laser], r.step, r.exposure))
-
-    def _known(self, laser: str | None) -> None:
-        if laser is not None and laser not in self.plan.lasers:
-            raise InputError(
-                f"{self.path}: no laser {laser!r}", hint=f"it has {', '.join(self.plan.lasers)}"
-            )
-
-    def _fits(self, laser: str, step: int, exposure: int) -> None:
-        self._known(laser)
-        if not 0 <= step < self.plan.steps:
-            raise InputError(f"{self.path}: step {step} is not one of 0 … {self.plan.steps - 1}")
-        if not 0 <= exposure < self.plan.exposures:
-            last = self.plan.exposures - 1
-            raise InputError(f"{self.path}: exposure {exposure} is not one of 0 … {last}")
-        if (laser, step, exposure) in self._rows:
-            raise InputError(f"{self.path}: step {step} of laser {laser!r} is there already")
-
     def _check_picture(self, picture: Image, what: str) -> None:
         if picture.shape != self.plan.shape or picture.dtype != self.plan.dtype:
             raise InputError(
@@ -487,7 +443,6 @@ class Scan:
         noise: float,
         level: float,
     ) -> Row:
-        form = "full" if kind in _WHOLE or self.plan.keep == "full" else "runs"
         return Row(
             id=0,
             kind=kind,
@@ -503,13 +458,14 @@ class Scan:
             settings=settings,
             width=self.plan.width,
             height=self.plan.height,
-            codec=f"{form}.{dark}",
+            codec=f"{form_of(kind, self.plan)}.{dark}",
             payload_sha256=hashlib.sha256(payload).digest(),
         )
 
     def _insert(self, row: Row, payload: bytes) -> None:
         number = self._write(lambda: database.insert(self._db, row, payload))
         object.__setattr__(row, "id", number)
+        self._index.add(row)
 
     def _write(self, change: Callable[[], T]) -> T:
         """One transaction; the file is no longer what it was closed with."""
@@ -529,40 +485,15 @@ class Scan:
         itemsize = np.dtype(self.plan.dtype).itemsize
         most = 2 * self.plan.width * self.plan.height * (self.plan.channels * itemsize + 8) + 4096
         for row in database.read_rows(self._db, self.path, most):
-            self._believe(row)
-            if row.kind == "background":
-                self._backgrounds[row.laser] = row
-            elif row.kind == "texture":
-                self._textures[row.step] = row
-            else:
-                self._rows[row.laser, row.step, row.exposure] = row
+            self._index.believe(row)
+            self._index.add(row)
         if seal is not None:
-            if seal != self._seal():
+            if seal != self._index.seal():
                 raise ScanCorrupt(
                     f"{self.path}: damaged: it does not hold the frames it was closed with",
                     hint="take a copy from a backup, or scan or import again",
                 )
             self.sealed = True
-
-    def _believe(self, row: Row) -> None:
-        """A row with a right checksum can still be a stranger's: does it fit the plan?"""
-        plan = self.plan
-        form = "full" if row.kind in _WHOLE or plan.keep == "full" else "runs"
-        good = (
-            row.kind in ("lit", "missing", *_WHOLE)
-            and (row.laser in plan.lasers if row.kind != "texture" else row.laser == "")
-            and 0 <= row.step < plan.steps
-            and 0 <= row.exposure < plan.exposures
-            and (row.width, row.height) == (plan.width, plan.height)
-            and row.codec in [f"{form}.{dark}" for dark in DARKS]
-            and not any(math.isinf(v) for v in (row.commanded, row.measured, row.sigma))
-        )
-        if not good:
-            raise ScanCorrupt(f"{self.path}: damaged: {row} does not fit the plan of the scan")
-
-    def _seal(self) -> str:
-        rows = [*self._rows.values(), *self._backgrounds.values(), *self._textures.values()]
-        return json.dumps({"frames": len(rows), "sha256": database.digest_of_rows(rows)})
 
 
 def _trouble(check: Callable[[], object]) -> ScanError | None:
