@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
-from turnscan.stripes import Signal, StripeSettings, detect
+from turnscan.stripes import Signal, StripeFlag, StripeSettings, detect
 
 
 def pictures(dtype, gain=1.0):
@@ -59,3 +60,37 @@ def test_grey_pictures_pass_through():
     a, b = Signal(None).detect(lit, dark, StripeSettings()), detect(lit, dark)
     assert np.array_equal(a.position, b.position, equal_nan=True)
     assert np.array_equal(a.sigma, b.sigma, equal_nan=True)
+
+
+def broken_off(line: int, away: int = 0):
+    """A picture of a stripe, from ``line`` on ``away`` px further (0: it goes on)."""
+    lit, dark = (p[..., 1].copy() for p in pictures("uint8"))
+    lit[line:] = np.roll(lit[line:], away, axis=1)
+    return lit, dark
+
+
+def ends_of(lit, dark, inside):
+    mask = maximum_filter(inside, 49)
+    stripe = Signal(None).detect(lit, dark, StripeSettings(mask=mask), inside=inside)
+    assert not stripe.found[~inside.any(axis=1)].any()
+    return np.flatnonzero(stripe.found & ((stripe.flags & StripeFlag.EDGE) != 0)).tolist()
+
+
+def test_a_stripe_goes_on_beyond_what_counts():
+    inside = np.zeros((120, 200), bool)
+    inside[30:80] = True
+    whole = broken_off(80)
+    assert ends_of(*whole, inside) == []
+    assert ends_of(*whole, np.ones_like(inside)) == []
+    # By columns too: below line 80 the stripe is seen where it does not count.
+    inside[80:, 120:] = True
+    assert ends_of(*broken_off(80, 3), inside) == []
+
+
+def test_a_stripe_that_ends_where_the_volume_ends_has_an_edge():
+    inside = np.zeros((120, 200), bool)
+    inside[:80] = True
+    lit, dark = broken_off(80, 20)
+    assert ends_of(lit, dark, inside) == [79], "what goes on is another surface"
+    lit[80:] = dark[80:]
+    assert ends_of(lit, dark, inside) == [79], "nothing goes on"

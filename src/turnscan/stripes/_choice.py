@@ -172,8 +172,11 @@ def path_choice(table: Any, bits: Any, chosen: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def gather(table: Any, bits: Any, chosen: Any, out: Any, flags: Any) -> None:
-    """Copy the chosen candidates into ``out`` (4, lines), and flag where the stripe ends."""
+def gather(table: Any, bits: Any, chosen: Any, beyond: Any, out: Any, flags: Any) -> None:
+    """Copy the chosen candidates into ``out`` (4, lines), and flag where the stripe ends.
+
+    It goes on where a centre of the next line is near, be it one ``beyond`` the region that counts.
+    """
     lines = chosen.size
     for v in range(lines):
         j = chosen[v]
@@ -191,11 +194,11 @@ def gather(table: Any, bits: Any, chosen: Any, out: Any, flags: Any) -> None:
             continue
         for w in (v - 1, v + 1):
             if 0 <= w < lines:
-                ends = chosen[w] < 0
-                if not ends:
-                    reach = EDGE_JUMP * max(out[3, v], 1.0)
-                    ends = abs(out[0, w] - out[0, v]) > reach
-                if ends:
+                reach = EDGE_JUMP * max(out[3, v], 1.0)
+                goes_on = abs(out[0, w] - out[0, v]) <= reach
+                for j in range(beyond.shape[1]):
+                    goes_on |= abs(beyond[w, j] - out[0, v]) <= reach
+                if not goes_on:
                     flags[v] |= EDGE
 
 
@@ -253,17 +256,20 @@ def unexplained(out: Any, flags: Any, lag: int, clean: bool, least: float) -> An
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def choose_lines(table: Any, bits: Any, how: int, with_scatter: bool, out: Any, flags: Any) -> None:
+def choose_lines(
+    table: Any, bits: Any, how: int, with_scatter: bool, beyond: Any, out: Any, flags: Any
+) -> None:
     """From all candidates to ``out`` (4, lines) and ``flags`` (lines): choose, gather, flag.
 
-    ``with_scatter`` raises the sigmas to the scatter of the centres along the stripe.
+    ``with_scatter`` raises the sigmas to the scatter of the centres along the stripe; ``beyond``
+    (lines, J) are the centres outside the region that counts.
     """
     chosen = np.empty(flags.size, np.int32)
     if how == NEAREST:
         path_choice(table, bits, chosen)
     else:
         simple_choice(table, bits, how, chosen)
-    gather(table, bits, chosen, out, flags)
+    gather(table, bits, chosen, beyond, out, flags)
     if with_scatter:
         per_width = scatter(out, flags)
         for v in range(flags.size):

@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Image
+from turnscan.arrays import Floats, Image
 from turnscan.errors import InputError
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
@@ -50,7 +50,7 @@ def choose(candidates: Candidates, settings: StripeSettings | None = None) -> St
     settings = settings or StripeSettings()
     c = candidates
     table = np.stack([c.position, c.sigma, c.amplitude, c.width])
-    return _stripe(table, c.flags.copy(), c.orientation, settings)
+    return _stripe(table, c.flags.copy(), c.orientation, settings, c.beyond)
 
 
 def detect(lit: Image, dark: Image | None = None, settings: StripeSettings | None = None) -> Stripe:
@@ -179,13 +179,20 @@ def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSett
     )
 
 
-def _stripe(table: Table, bits: Bits, orientation: Orientation, settings: StripeSettings) -> Stripe:
+def _stripe(
+    table: Table,
+    bits: Bits,
+    orientation: Orientation,
+    settings: StripeSettings,
+    beyond: Floats | None = None,
+) -> Stripe:
     """Choose, gather, and let the scatter along the stripe have its say about sigma."""
     from turnscan.stripes._choice import choose_lines
 
     lines = table.shape[1]
+    outside = np.empty((lines, 0)) if beyond is None else np.array(beyond)
     out = np.empty((4, lines))
     flags = np.empty(lines, np.uint16)
     how = get_args(Choice).index(settings.choose)
-    choose_lines(table, bits, how, settings.electrons_per_dn is None, out, flags)
+    choose_lines(table, bits, how, settings.electrons_per_dn is None, outside, out, flags)
     return Stripe.made_of(out, flags, orientation)

@@ -237,7 +237,10 @@ class _Ready:
 
 
 def restrict(candidates: Candidates, inside: Bools) -> Candidates:
-    """The candidates at pixels where ``inside`` (H, W) is True; lines that lose all are OUTSIDE."""
+    """The candidates at pixels where ``inside`` (H, W) is True; lines that lose all are OUTSIDE.
+
+    The places of the others are kept as ``beyond``, so that no stripe seems to end at the border.
+    """
     c = candidates
     picture = inside if c.orientation == "vertical" else inside.T
     line = np.arange(len(c.position))[:, None]
@@ -259,4 +262,5 @@ def restrict(candidates: Candidates, inside: Bools) -> Candidates:
         kept(c.width),
         flags.astype(np.uint16),
         c.orientation,
+        np.where(keep, np.nan, c.position),
     )

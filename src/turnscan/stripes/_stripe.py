@@ -111,6 +111,9 @@ class Candidates:
     flags: Flags
     """(n, K) bits of `StripeFlag`."""
     orientation: Orientation = "vertical"
+    beyond: Floats | None = None
+    """(n, J) px, NaN where there is none: centres outside the region that counts. None of them can
+    be chosen; they tell where a stripe goes on across the region's border."""
 
     def __post_init__(self) -> None:
         shape = self.position.shape
@@ -120,3 +123,6 @@ class Candidates:
             values = frozen(getattr(self, name), shape, f"Candidates.{name}", nan=True)
             object.__setattr__(self, name, values)
         object.__setattr__(self, "flags", frozen(self.flags, shape, "Candidates.flags", np.uint16))
+        if self.beyond is not None:
+            beyond = frozen(self.beyond, (shape[0], None), "Candidates.beyond", nan=True)
+            object.__setattr__(self, "beyond", beyond)
