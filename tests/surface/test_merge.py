@@ -21,7 +21,6 @@ from turnscan.surface import (
     clean,
     fuse,
     merge,
-    overlaps,
     range_surfaces,
 )
 
@@ -166,15 +165,6 @@ def test_a_tube_is_merged_in_angle_and_height_and_its_seam_closes(tube):
 
 def test_a_ball_is_too_level_for_angle_and_height(ball):
     assert "voxels" in merge(ball)[1][-1].message
-
-
-def test_surfaces_of_two_lasers_agree_as_their_sigma_says(ball):
-    found = overlaps([range_surfaces(g)[0] for g in ball])
-    ratios = np.concatenate([o.ratios for o in found])
-    assert len(ratios) > 1000
-    # The median of |normal| is 0.67; interpolation is not in it, the weights of a plane are.
-    assert 0.2 < np.median(ratios) < 1.0
-    assert (ratios < 2.0).mean() > 0.95
 
 
 def test_a_disagreement_is_a_finding_with_place_and_size(tube):

@@ -13,8 +13,9 @@ from turnscan.surface._fill import FillHow, fill
 from turnscan.surface._findings import mesh_findings
 from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
 from turnscan.surface._holes import CAUSE_WORDS, Cause, Hole, holes
-from turnscan.surface._merge import How, Overlap, merge, overlaps
+from turnscan.surface._merge import How, merge
 from turnscan.surface._mesh import Mesh, Provenance
+from turnscan.surface._overlap import Overlap, overlaps
 from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces
 from turnscan.surface._smooth import smooth, spikes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,11 +10,16 @@ import numpy as np
 from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
+from turnscan.rig import rotation_z
 from turnscan.surface._grid_mesh import Tears, mesh_grid, vertex_normals
 from turnscan.surface._mesh import Mesh
 
 _ROUNDS = 4
 """Rings of neighbours that a normal is averaged over."""
+_SHEET = 2_000
+"""Points that are enough to tell a laser's sheet …"""
+_FLAT = 0.05
+"""… which they lie in where they scatter this much less across it than along it."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,8 @@ class RangeSurface:
     """(v, 3) mm."""
     normals: Floats
     """(v, 3) unit normals, steady against noise (`steady_normals`)."""
+    moves: Floats
+    """(v, 3) unit: the way along which sigma moves each vertex."""
 
     @property
     def cosine(self) -> Floats:
@@ -92,4 +100,51 @@ def _surface(grid: RangeGrid, keep: Bools, tears: Tears | None) -> RangeSurface:
         raise TypeError("the mesh of a grid knows its steps")
     order = np.argsort(grid.steps, kind="stable")
     at = order[np.searchsorted(grid.steps[order], mesh.provenance.step)]
-    return RangeSurface(mesh, grid.eyes[at], steady_normals(mesh))
+    eyes = grid.eyes[at]
+    sheet = _sheet_normals(grid)
+    ray = eyes - mesh.vertices
+    moves = ray if sheet is None else _along(sheet[at], ray, eyes)
+    moves = moves / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-12)
+    return RangeSurface(mesh, eyes, steady_normals(mesh), moves)
+
+
+def _sheet_normals(grid: RangeGrid) -> Floats | None:
+    """(s, 3) normal of the laser's sheet at each step; None where the points lie in no sheet.
+
+    Turned back to where the table stood, all points of a laser lie in its sheet; those of another
+    scanner do not.
+    """
+    step, line = np.nonzero(grid.found)
+    some = np.unique(np.linspace(0, len(step) - 1, _SHEET).astype(np.intp))
+    X = grid.points[step[some], line[some]]
+    table = np.einsum("vij,vj->vi", rotation_z(grid.angles[step[some]]), X)
+    size, axes = np.linalg.svd(table - table.mean(axis=0), full_matrices=False)[1:]
+    if size[-1] >= _FLAT * size[-2]:
+        return None
+    return np.asarray(rotation_z(-grid.angles) @ axes[-1])
+
+
+def _along(sheet: Floats, ray: Floats, eyes: Floats) -> Floats:
+    """(v, 3) the way along which the error of a stripe's centre moves its point, any length.
+
+    It stays in the laser's sheet and, in the picture, in its row of pixels, which is level in
+    space: across the axis and the way to the camera.
+    """
+    row = np.cross(ray, np.cross((0.0, 0.0, 1.0), eyes))
+    return np.asarray(np.cross(sheet, row))
+
+
+def spacings(surfaces: Sequence[RangeSurface]) -> tuple[float, float]:
+    """The usual distance in height between points of a profile, and that between points, mm."""
+    from turnscan.surface import _face_kernels as kernels
+
+    rises, areas = [], []
+    for s in surfaces:
+        p, X, faces = s.mesh.provenance, s.mesh.vertices, s.mesh.faces
+        if p is not None:
+            rises.append(kernels.rises(X, faces, p.step))
+        size = np.linalg.norm(kernels.crosses(X, faces), axis=1)
+        areas.append(size[size > 0])
+    area = float(np.median(np.concatenate(areas)))
+    rise = np.concatenate([np.zeros(0), *rises])
+    return float(np.median(rise)) if len(rise) else np.sqrt(area), float(np.sqrt(area))

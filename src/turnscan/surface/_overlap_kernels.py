@@ -1,0 +1,179 @@
+"""Compiled kernels of the comparison of surfaces; imported only when they are used."""
+# mypy: disable-error-code="untyped-decorator,no-any-return"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+_SLACK = 1e-6
+"""A line through a side meets one of its two faces, whatever the rounding."""
+
+
+@njit(cache=True, nogil=True)
+def about(faces: Any, count: int) -> Any:
+    """The faces about each of ``count`` vertices: where they begin (v + 1,), and their numbers."""
+    start = np.zeros(count + 1, dtype=np.int64)
+    for f in range(len(faces)):
+        for c in range(3):
+            start[faces[f, c] + 1] += 1
+    for v in range(count):
+        start[v + 1] += start[v]
+    fill = start[:-1].copy()
+    numbers = np.empty(3 * len(faces), dtype=np.int32)
+    for f in range(len(faces)):
+        for c in range(3):
+            v = faces[f, c]
+            numbers[fill[v]] = f
+            fill[v] += 1
+    return start, numbers
+
+
+@njit(cache=True, nogil=True)
+def inner(faces: Any, count: int) -> Any:
+    """(v,) True where faces go all the way round a vertex.
+
+    Round it each face leads from one neighbour to the next; the sum of all that leads nowhere.
+    """
+    lead = np.zeros(count, dtype=np.int64)
+    have = np.zeros(count, dtype=np.bool_)
+    for f in range(len(faces)):
+        for c in range(3):
+            v = faces[f, c]
+            have[v] = True
+            lead[v] += faces[f, (c + 2) % 3] - faces[f, (c + 1) % 3]
+    return have & (lead == 0)
+
+
+@njit(cache=True, nogil=True)
+def next_profile(faces: Any, rank: Any, line: Any) -> Any:
+    """(v,) the vertices that faces join to each on the same line of the profile before and after.
+
+    ``rank`` (v,) counts the profiles; −1 where there is none. The turn closes where faces close it.
+    """
+    count = len(rank)
+    before = np.full(count, -1, dtype=np.int32)
+    after = np.full(count, -1, dtype=np.int32)
+    last = rank.max() if count else 0
+    for f in range(len(faces)):
+        for c in range(3):
+            a, b = faces[f, c], faces[f, (c + 1) % 3]
+            if line[a] != line[b]:
+                continue
+            ahead = rank[b] - rank[a]
+            if ahead == 1 or ahead == -last != -1:
+                after[a], before[b] = b, a
+            elif ahead == -1 or ahead == last != 1:
+                after[b], before[a] = a, b
+    return before, after
+
+
+@njit(cache=True, nogil=True)
+def differences(values: Any, before: Any, after: Any) -> Any:
+    """(v, 3) second differences of ``values`` from profile to profile; NaN where one is missing."""
+    out = np.full(values.shape, np.nan)
+    for v in range(len(values)):
+        a, b = before[v], after[v]
+        if a >= 0 and b >= 0:
+            for i in range(3):
+                out[v, i] = values[a, i] - 2.0 * values[v, i] + values[b, i]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _met(X: Any, n: Any, points: Any, face: Any, weights: Any) -> float:
+    """Where the line X + t·n meets a triangle: t and, in ``weights``, the place; NaN: nowhere."""
+    a, b, c = points[face[0]], points[face[1]], points[face[2]]
+    u, v, s = b - a, c - a, X - a
+    p = np.cross(n, v)
+    det = (u * p).sum()
+    if abs(det) < 1e-15:
+        return np.nan
+    q = np.cross(s, u)
+    weights[1] = (s * p).sum() / det
+    weights[2] = (n * q).sum() / det
+    weights[0] = 1.0 - weights[1] - weights[2]
+    return (v * q).sum() / det if weights.min() >= -_SLACK else np.nan
+
+
+@njit(cache=True, nogil=True)
+def feet(X: Any, normals: Any, near: Any, points: Any, faces: Any, start: Any, numbers: Any) -> Any:
+    """Where lines along ``normals`` from X (m, 3) meet the faces round their nearest vertex.
+
+    Returns the face (m,), −1 for none, the weights of its corners (m, 3) and the distance (m,)
+    from that place to X along the normal. Faces of the second ring count, too.
+    """
+    m = len(X)
+    which = np.full(m, -1, dtype=np.int32)
+    weights = np.zeros((m, 3))
+    off = np.full(m, np.nan)
+    here = np.empty(3)
+    for i in range(m):
+        for ring in range(2):
+            for j in range(start[near[i]], start[near[i] + 1]):
+                for c in range(3):
+                    # The second ring: the faces round the corners of the first.
+                    v = faces[numbers[j], c]
+                    low, high = (start[v], start[v + 1]) if ring else (j, j + 1)
+                    for k in range(low, high):
+                        t = _met(X[i], normals[i], points, faces[numbers[k]], here)
+                        if t == t and not abs(off[i]) <= abs(t):
+                            off[i], which[i] = -t, numbers[k]
+                            weights[i] = here
+                    if not ring:
+                        break
+            if which[i] >= 0:
+                break
+    return which, weights, off
+
+
+@njit(cache=True, nogil=True)
+def between(
+    which: Any,
+    weights: Any,
+    normals: Any,
+    faces: Any,
+    rank: Any,
+    before: Any,
+    after: Any,
+    smooth: Any,
+    second: Any,
+    sigma: Any,
+) -> Any:
+    """What lies between profiles at a foot (`feet`): bulge and sigma (m,) mm along the normal.
+
+    The bulge is how far the cubic through four profiles lies above the chord of the middle two,
+    sigma what the noise of the four makes of it; ``sigma`` (v, 3) is the noise of each vertex as a
+    vector. NaN where one of the face's corners is not ``smooth``.
+    """
+    m = len(which)
+    bulge = np.full(m, np.nan)
+    spread = np.full(m, np.nan)
+    for i in range(m):
+        face, n = faces[which[i]], normals[i]
+        if not (smooth[face[0]] and smooth[face[1]] and smooth[face[2]]):
+            continue
+        for c in range(3):
+            a = face[c]
+            b = after[a]
+            if b != face[0] and b != face[1] and b != face[2]:
+                continue
+            t = 0.0
+            for d in range(3):
+                t += weights[i, d] if rank[face[d]] == rank[b] else 0.0
+            t = min(max(t, 0.0), 1.0)
+            bend = (2.0 - t) * second[a] + (1.0 + t) * second[b]
+            bulge[i] = -t * (1.0 - t) / 6.0 * (n * bend).sum()
+            share = (
+                -t * (1.0 - t) * (2.0 - t) / 6.0,
+                (1.0 - t * t) * (2.0 - t) / 2.0,
+                t * (1.0 + t) * (2.0 - t) / 2.0,
+                -t * (1.0 - t * t) / 6.0,
+            )
+            total = 0.0
+            for k, v in enumerate((before[a], a, b, after[b])):
+                total += (share[k] * (n * sigma[v]).sum()) ** 2
+            spread[i] = np.sqrt(total)
+    return bulge, spread
