@@ -1,12 +1,32 @@
 """Why a simulated scan has the holes it has: from the part's own triangles, lamp and lens.
 
-Nothing of the reconstruction is asked but where its mesh ends. The part's surface is cut into small
-triangles; those that the mesh does not cover are asked, at each table angle that carries them
-through a laser's sheet, whether the light reaches them and whether the camera sees them.
+Nothing of the reconstruction is asked but where its mesh ends. What the true cause is, and when it
+counts as known, follows from geometry and light alone:
+
+1. The part's surface is cut into triangles no longer than `FINE`. Those that the mesh does not
+   cover and that hang together up to a border of the mesh are the **gap** of the hole there.
+2. A place of the part passes a laser's sheet at some table angles. There it is *inside* in the
+   picture and in the working volume; *seen* where the camera looks at it less flatly than
+   `GRAZING` and nothing of the scene stands between; *lit* where it lies in the laser's fan and the
+   same holds for the laser; and its stripe is as *bright* as Lambert's and the microfacets' law
+   say, against the threshold of detection (`threshold`) below and the camera's white above.
+3. A place that is seen, lit, bright enough and not clipped at one such moment is **measurable**.
+   Otherwise it is **saturated** where it would be measurable but for clipping, **dark** where it
+   was seen and lit and never bright enough. Never both at once, it is hidden: from the **laser**
+   where it was seen, from the **camera** where it was lit, and from both where both came about, or
+   neither. **Outside** is what never was inside, and what the working volume leaves out.
+4. A mesh has corners only where there are samples. It ends up to one sample before the place where
+   the light ends, and the clean-up takes one more, whatever ended the light. So what is measurable
+   and no further than `SAMPLES` from what is not belongs to the cause beside it, and has no say.
+   Where all of the gap is measurable, or most of what has a say, it was **removed**.
+5. The cause is known where `SURE` of the area that has a say bears one name; where it bears two
+   (hidden from both), either is right. It must do so with both limits of what is too flat and of
+   what is too faint: a cause that hangs on where exactly the limit lies is not known.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -21,33 +41,38 @@ from turnscan.simulate._solids import bisected
 from turnscan.surface import Caster, Hole, Mesh
 
 COVERED = 0.3
-"""mm: a triangle no further than this from the mesh was measured."""
+"""mm: a triangle no further than this from the mesh was measured; with coarse pixels, no further
+than half a pixel across the stripe moves a point in depth (`depth_of_a_pixel`)."""
 FINE = 1.0
 """mm: longest side of the triangles that are asked."""
 GRAZING = (float(np.cos(np.deg2rad(76.0))), float(np.cos(np.deg2rad(84.0))))
-"""A surface lit or seen further from face-on counts as hidden. Where it makes a difference which of
-the two limits is taken, the cause is not known."""
+"""Cosines of the angle off face-on from which a surface counts as hidden: by definition 80°, as
+`Tears.grazing`; up to 4° to either side it hangs on a facet's tilt, and is not known."""
+SAMPLES = 2.0
+"""Steps or picture lines: one for the sampling, one that the clean-up takes."""
 SURE = 2 / 3
-"""Share of a hole's area that must have one cause for the cause to be known."""
-FAINT = 0.01
-"""Share of the grey scale below which no stripe is seen."""
-
-CLIPPED = 1.5
-"""Share of the grey scale from which a stripe is clipped in more than its very middle."""
+"""Share of the area that must bear one name for the cause to be known."""
+FAINT = (2.0, 0.5)
+"""Times the threshold: from twice on a speckled stripe surely shows, below half surely not."""
+CLIPPED = (1.5, 1.0)
+"""Times white: at 1.5 a stripe is clipped in more than its very middle, below 1 at most there."""
+PEAK = 0.45
+"""Share of the grey scale that the stripe reaches on plain grey of `GREY`, face-on (presets)."""
+GREY = 0.6
 
 LABELS = ("measurable", "dark", "saturated", "laser", "camera", "hidden", "outside")
 MEASURABLE, DARK, SATURATED, LASER, CAMERA, HIDDEN, OUTSIDE = range(len(LABELS))
+NAMES = ("removed", "dark", "saturated", "laser", "camera", "outside")
 RIGHT: Mapping[str, tuple[str, ...]] = {
     "measurable": ("removed",),
     "dark": ("dark",),
     "saturated": ("saturated",),
     "laser": ("laser",),
     "camera": ("camera",),
-    # Neither ever reaches it: both names are true.
     "hidden": ("laser", "camera"),
     "outside": ("outside",),
 }
-"""For each true cause, what the reconstruction may call it."""
+"""For each true label, the names that are right."""
 
 
 @dataclass(frozen=True)
@@ -94,44 +119,89 @@ def patches(made: Bench) -> Patches:
     )
 
 
-def labels(made: Bench, some: Patches, steps: int, grazing: float, peak: float = 0.45) -> Ints:
+def threshold(made: Bench) -> float:
+    """Share of the grey scale that a stripe must reach to be found, as the detector documents it.
+
+    The larger of four grey levels and seven times the noise of a picture with the laser less one
+    without: readout and rounding, in both.
+    """
+    s = made.sensor
+    readout = s.read_noise / s.gain * s.levels / s.converter_levels
+    noise = math.sqrt(2.0) * math.hypot(readout, math.sqrt(1.0 / 12.0))
+    return max(4.0, 7.0 * noise) / s.levels
+
+
+def labels(
+    made: Bench,
+    some: Patches,
+    steps: int,
+    grazing: float,
+    faint: float = 1.0,
+    clipped: float = math.inf,
+) -> Ints:
     """(f,) for each patch what hinders it, index into `LABELS`, in a turn of ``steps``.
 
-    ``peak`` is the share of the grey scale that the stripe reaches on plain grey, face-on.
+    ``grazing`` is the cosine off face-on below which it is hidden, ``faint`` the light below which
+    there is no stripe, in `threshold`, ``clipped`` that from which there is none, in white.
     """
+    faint *= threshold(made)
     whole = triangles(made.scene.bodies)
     caster = Caster(whole.vertices, whole.faces)
     T = made.rig.T_camera_table
     size = (made.rig.camera.width - 0.5, made.rig.camera.height - 0.5)
-    both, seen, lit, bright, clipped, out = np.zeros((6, len(some.middle)), dtype=np.bool_)
+    good, white, dark, seen, lit, inside = np.zeros((6, len(some.middle)), dtype=np.bool_)
     for beam in made.beams:
         within = points.working_volume(made.rig, beam.name).contains(some.middle)
-        for at, angle in crossings(made, beam.name, some.middle, steps):
-            X, n = some.middle[at], some.normal[at]
+        for place, angle in crossings(made, beam.name, some.middle, steps):
+            X, n = some.middle[place], some.normal[place]
             turn = rotation_z(-angle)
             camera = T.apply(np.einsum("mji,mj->mi", turn, X))
             uv = made.rig.camera.project(camera)
             with np.errstate(invalid="ignore"):
-                inside = ((uv > -0.5) & (uv < size)).all(axis=1) & within[at]
-            apex = turn @ T.inverse().apply(beam.apex)
-            s = inside & _reached(caster, X, n, turn @ T.inverse().translation, grazing)
-            b = inside & _in_fan(made, beam.name, camera) & _reached(caster, X, n, apex, grazing)
-            light = peak * _cosine(X, n, apex) * _albedo(made, X) / 0.6
+                ok = ((uv > -0.5) & (uv < size)).all(axis=1) & within[place]
+            eye, apex = turn @ T.inverse().translation, turn @ T.inverse().apply(beam.apex)
+            s = ok & _reached(caster, X, n, eye, grazing)
+            b = ok & _in_fan(made, beam.name, camera) & _reached(caster, X, n, apex, grazing)
+            light = brightness(made, X, n, eye, apex)
+            both = s & b
             for hit, what in (
-                (s, seen), (b, lit), (s & b, both), (s & b & (light > FAINT), bright),
-                (s & b & (light > CLIPPED), clipped), (~inside, out),
+                (ok, inside), (s, seen), (b, lit), (both & (light <= faint), dark),
+                (both & (light >= clipped), white),
+                (both & (light > faint) & (light < clipped), good),
             ):  # fmt: skip
-                what[at[hit]] = True
+                what[place[hit]] = True
     label = np.full(len(some.middle), HIDDEN, dtype=np.int32)
     for what, name in (
-        (out & ~seen & ~lit, OUTSIDE), (lit, CAMERA), (seen, LASER), (both, DARK),
-        (bright, MEASURABLE), (clipped, SATURATED),
+        (~inside, OUTSIDE), (seen & ~lit, LASER), (lit & ~seen, CAMERA), (dark, DARK),
+        (white, SATURATED), (good, MEASURABLE),
     ):  # fmt: skip
         label[what] = name
-    # What lies below the working volume is not looked for, whatever is seen of it.
-    low = min(points.working_volume(made.rig, b.name).z_min for b in made.beams)
-    label[some.middle[:, 2] < low] = OUTSIDE
     return label
+
+
+def brightness(made: Bench, X: Floats, n: Floats, eye: Floats, apex: Floats) -> Floats:
+    """(m,) share of the grey scale that the stripe reaches in the mean, in its middle.
+
+    Lambert and the microfacets of Walter et al. (2007), as in `Material`.
+    """
+    m = made.scene.bodies[0].material
+    nl, nv = _cosine(X, n, apex), _cosine(X, n, eye)
+    to_lamp, to_eye = (
+        (end - X) / np.linalg.norm(end - X, axis=1, keepdims=True) for end in (apex, eye)
+    )
+    half = to_lamp + to_eye
+    half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)
+    nh, vh = np.einsum("ij,ij->i", n, half), np.einsum("ij,ij->i", to_eye, half)
+    a2 = m.roughness**2
+    spread = a2 / (math.pi * (nh * nh * (a2 - 1.0) + 1.0) ** 2)
+    light, view = np.maximum(nl, 1e-3), np.maximum(nv, 1e-3)
+    shadow = 1.0
+    for c in (light, view):
+        shadow = shadow * 2.0 * c / (c + np.sqrt(a2 + (1.0 - a2) * c * c))
+    fresnel = m.specular + (1.0 - m.specular) * (1.0 - np.clip(vh, 0.0, 1.0)) ** 5
+    shine = spread * shadow * fresnel / (4.0 * light * view) if m.specular > 0.0 else 0.0
+    share = _albedo(made, X) + math.pi * shine
+    return np.asarray(PEAK * np.maximum(nl, 0.0) * share / GREY)
 
 
 def crossings(made: Bench, laser: str, X: Floats, steps: int) -> list[tuple[Ints, Floats]]:
@@ -179,25 +249,74 @@ def _albedo(made: Bench, X: Floats) -> Floats:
     return np.asarray(out)
 
 
-def true_causes(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> list[str | None]:
-    """For each hole of an open mesh the name of its true cause; None where it is not clear.
+def true_causes(
+    made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]
+) -> list[tuple[str, ...]]:
+    """For each hole of an open mesh the right names of its cause; none where it is not clear."""
+    from scipy.spatial import cKDTree
 
-    Triangles further than `COVERED` from the mesh are missing. Those that hang together and come to
-    a border of the mesh belong to its holes: each to the one whose border is nearest, and no
-    further than that hole is large.
+    true = patches(made)
+    gone, owner = gaps(made, true, mesh, holes)
+    some = true.some(gone)
+    found = np.ones((len(holes), len(NAMES)), dtype=np.bool_)
+    right = np.array([[name in RIGHT[label] for name in NAMES] for label in LABELS], np.float64)
+    reach = SAMPLES * spacing(made, some.middle, steps) + FINE
+    for limits in zip(GRAZING, FAINT, CLIPPED, strict=True):
+        label = labels(made, some, steps, *limits)
+        lost = label != MEASURABLE
+        say = lost.copy()
+        if lost.any():
+            say |= cKDTree(some.middle[lost]).query(some.middle)[0] > reach
+        else:
+            say[:] = True
+        votes = np.zeros((len(holes), len(NAMES)))
+        total = np.bincount(owner[say], some.area[say], len(holes))
+        np.add.at(votes, owner[say], some.area[say, None] * right[label[say]])
+        found &= (votes >= SURE * total[:, None]) & (total > 0)[:, None]
+    return [tuple(n for n, ok in zip(NAMES, row, strict=True) if ok) for row in found]
+
+
+def spacing(made: Bench, X: Floats, steps: int) -> Floats:
+    """(m,) mm between samples at places (m, 3): of a step or of a picture line, the larger."""
+    step = np.hypot(X[:, 0], X[:, 1]) * 2.0 * np.pi / steps
+    return np.asarray(np.maximum(step, _pixels(made).max()))
+
+
+def depth_of_a_pixel(made: Bench) -> float:
+    """mm that a pixel across the stripe moves a point towards the camera, at the axis."""
+    T, sheet = made.rig.T_camera_table, made.rig.sheets[0]
+    ray = T.translation / np.linalg.norm(T.translation)
+    return float(_pixels(made)[0] / abs(float(sheet.normal @ ray)))
+
+
+def _pixels(made: Bench) -> Floats:
+    """(2,) mm: width and height of a pixel at the axis."""
+    depth = float(np.linalg.norm(made.rig.T_camera_table.translation))
+    return np.asarray(depth / np.diag(made.rig.camera.matrix)[:2])
+
+
+def gaps(made: Bench, true: Patches, mesh: Mesh, holes: Sequence[Hole]) -> tuple[Ints, Ints]:
+    """Numbers of the patches that are missing beside a hole, and which hole they belong to.
+
+    Missing patches that hang together and come to a border of the mesh belong to its holes: each
+    to the one whose border is nearest, and no further than that hole is large. A border that does
+    not lie on the part is that of an artefact and not of a hole in it: it gets none.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    true = patches(made)
+    none = np.zeros(0, np.int32)
+    if not holes:
+        return none, none
     near = shapes.deviation(true.middle, mesh)
     t = mesh.triangles[near.face]
     flat = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
     alike = np.einsum("ij,ij->i", flat, true.normal) > 0
-    gone = np.flatnonzero(~((np.abs(near.distance) < COVERED) & alike))
-    if not len(gone) or not holes:
-        return [None] * len(holes)
+    pixel = depth_of_a_pixel(made)
+    gone = np.flatnonzero(~((np.abs(near.distance) < max(COVERED, pixel / 2)) & alike))
+    if not len(gone):
+        return none, none
     corner = true.corners[gone]
     v = int(true.corners.max()) + 1
     pairs = np.concatenate([corner[:, [0, 1]], corner[:, [1, 2]]])
@@ -205,22 +324,13 @@ def true_causes(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> l
     piece = connected_components(graph, directed=False)[1][corner[:, 0]]
     edge = np.concatenate([h.loop for h in holes])
     owner = np.repeat(np.arange(len(holes)), [len(h.loop) for h in holes])
-    tree = cKDTree(mesh.vertices[edge])
-    away, which = tree.query(true.middle[gone])
+    away, which = cKDTree(mesh.vertices[edge]).query(true.middle[gone])
     touch = np.full(int(piece.max()) + 1, np.inf)
     np.minimum.at(touch, piece, away)
     size = np.array([h.size for h in holes])
-    keep = (touch[piece] < 2 * FINE) & (away < size[owner[which]])
-    # A border that does not lie on the part is that of an artefact, and not of a hole in it.
-    stray = np.abs(shapes.deviation(mesh.vertices[edge], made_mesh(made)).distance) > COVERED
+    # Where the light is cut, the stripe's centre is off by as much as the stripe is wide: a pixel.
+    off = np.abs(shapes.deviation(mesh.vertices[edge], made_mesh(made)).distance)
+    stray = off > max(COVERED, pixel)
     alien = np.bincount(owner, stray, len(holes)) > 0.5 * np.bincount(owner)
-    some = true.some(gone[keep])
-    found = []
-    for grazing in GRAZING:
-        votes = np.zeros((len(holes), len(LABELS)))
-        np.add.at(votes, (owner[which[keep]], labels(made, some, steps, grazing)), some.area)
-        total = votes.sum(axis=1)
-        sure = (total > 0) & (votes.max(axis=1) >= SURE * total)
-        found.append(np.where(sure, votes.argmax(axis=1), -1))
-    agreed = np.where((found[0] == found[1]) & ~alien, found[0], -1)
-    return [LABELS[k] if k >= 0 else None for k in agreed]
+    keep = (touch[piece] < 2 * FINE) & (away < size[owner[which]]) & ~alien[owner[which]]
+    return gone[keep].astype(np.int32), owner[which[keep]].astype(np.int32)

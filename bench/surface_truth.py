@@ -2,7 +2,7 @@
 
 ``python -m bench surface_truth`` prints every figure on the modern and the paper rig; ``--quick``
 takes the paper rig alone, with few steps. ``python -m bench.surface_truth --keep FOLDER`` keeps the
-simulated scans there and finds them again.
+simulated scans there and finds them again, ``--only PART`` prints one part's figures.
 """
 
 from __future__ import annotations
@@ -87,12 +87,15 @@ def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Be
     name = f"{wish.scene}-{wish.rig}-{wish.steps}"
     if wish.theta is not None:
         name += f"-{math.degrees(wish.theta):.0f}"
-    if any(wish.lean):
-        name += "-lean"
+    if any(wish.lean) or wish.tip or any(wish.shift):
+        turns = (math.degrees(a) for a in (wish.tip, *wish.lean))
+        name += "-posed-" + ",".join(f"{v:.0f}" for v in (*turns, *wish.shift))
     if paint is not None:
         first = replace(made.scene.bodies[0], material=paint)
         scene = replace(made.scene, bodies=(first, *made.scene.bodies[1:]))
         made, name = replace(made, scene=scene), name + f"-painted-{paint.pattern}-{paint.halo:g}"
+    if wish.seed:
+        name += f"-seed-{wish.seed}"
     path = folder / f"{name}.turnscan"
     if not path.exists():
         world = World(made)
@@ -270,7 +273,7 @@ def causes(size: Size, folder: Path) -> tuple[int, int]:
     print(f"hole causes, {size.rig}, {size.steps} steps: {right} of {known} right "
           f"({right / max(known, 1):.1%}; wanted: 95 %)")  # fmt: skip
     for (true, named), n in sorted(table.items()):
-        print(f"  truly {true:<11} named {named:<10} {n:>5}")
+        print(f"  truly {true:<12} named {named:<10} {n:>5}")
     return right, known
 
 
@@ -281,27 +284,28 @@ def hole_table(run: Run, done: Reconstruction, lines: int) -> Counter[tuple[str,
     """
     made = replace(run.made, beams=run.made.beams[:lines])
     true = truth.true_causes(made, run.steps, done.mesh, done.holes)
-    return Counter(
-        (t, h.cause or "") for t, h in zip(true, done.holes, strict=True) if t is not None
-    )
+    return Counter(("/".join(t), h.cause or "") for t, h in zip(true, done.holes, strict=True) if t)
 
 
 def score(table: Counter[tuple[str, str]]) -> tuple[int, int]:
     """Right and known holes of a table."""
-    right = sum(n for (true, named), n in table.items() if named in truth.RIGHT[true])
+    right = sum(n for (true, named), n in table.items() if named in true.split("/"))
     return right, sum(table.values())
 
 
-def run(quick: bool = False, keep: Path | None = None) -> None:
-    """Print all figures."""
+PARTS = {"lines": two_lines, "halo": halo, "volumes": volumes, "causes": causes}
+"""What is measured, by name."""
+
+
+def run(quick: bool = False, keep: Path | None = None, only: str | None = None) -> None:
+    """Print all figures, or those of one part."""
     sizes = [Size("paper", 48)] if quick else [Size("modern", 120), Size("paper", 200)]
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch)
         for size in sizes:
-            two_lines(size, folder)
-            halo(size, folder)
-            volumes(size, folder)
-            causes(size, folder)
+            for name, part in PARTS.items():
+                if only in (None, name):
+                    part(size, folder)
 
 
 def main() -> None:
@@ -309,8 +313,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="the paper rig with 48 steps")
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--only", choices=list(PARTS), help="this part alone")
     given = parser.parse_args()
-    run(given.quick, given.keep)
+    run(given.quick, given.keep, given.only)
 
 
 if __name__ == "__main__":

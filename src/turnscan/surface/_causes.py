@@ -20,12 +20,20 @@ from turnscan.surface._mesh import Mesh
 
 _CAUSES: tuple[Cause, ...] = get_args(Cause)
 LASER, CAMERA, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN = range(len(_CAUSES))
+_BOTH = len(_CAUSES)
+"""Hidden from the laser and from the camera: counts for either."""
 _GRAZING = float(np.cos(np.deg2rad(80.0)))
 """What is lit or seen further from face-on than this counts as hidden (as `Tears.grazing`)."""
+_HINT = 1e-3
+"""Weight of a place whose own sample was measured: it says something where no other does."""
+_MARGIN = 2.0
+"""Usual sides of faces by which a surface ends before the volume does: a sample, and clean-up."""
 _SMALL = 6.0
 """Usual sides of faces up to which a hole's patch has no direction of its own."""
 _SAMPLES = 48
 """Places in a hole that are asked, at most."""
+_RIM = 100
+"""Corners of a rim that tell how the surface goes on, about."""
 _ROOM = 4000
 """Places that are asked at once, which bounds the memory."""
 
@@ -43,6 +51,14 @@ class Sought:
 
 
 @dataclass(frozen=True)
+class _Scene:
+    """What was measured, and rays against it."""
+
+    mesh: Mesh
+    caster: Caster
+
+
+@dataclass(frozen=True)
 class _Places:
     """Places on the flat patches that close the holes."""
 
@@ -53,10 +69,14 @@ class _Places:
     start: Floats
     """(m,) mm: what is nearer than this hides nothing."""
     hole: Ints
-    """(m,)."""
+    """(m,), ascending."""
+    margin: float
+    """mm: what is nearer to a sample may be it, and what is nearer to the end of the volume lies
+    beyond what is measured of it."""
 
     def part(self, which: slice) -> _Places:
-        return _Places(self.at[which], self.normal[which], self.start[which], self.hole[which])
+        at, normal = self.at[which], self.normal[which]
+        return _Places(at, normal, self.start[which], self.hole[which], self.margin)
 
 
 def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[Hole]:
@@ -75,14 +95,15 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[
     closed = with_patches(mesh, made, "flat")
     owner = np.repeat(np.arange(len(found)), [len(p.faces) for p in made]).astype(np.int32)
     places = _places(mesh, closed, owner, found)
-    caster = Caster(mesh.vertices, mesh.faces)
-    best = np.full(len(places.at), UNKNOWN, dtype=np.int32)
-    for start in range(0, len(best), _ROOM):
-        part = slice(start, start + _ROOM)
-        best[part] = _votes(places.part(part), views, caster)
-    count = np.zeros((len(found), len(_CAUSES)))
-    np.add.at(count, (places.hole, best), 1.0)
-    return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, count.argmax(axis=1), strict=True)]
+    scene = _Scene(mesh, Caster(mesh.vertices, mesh.faces))
+    count = np.zeros((len(found), _BOTH + 1))
+    for start in range(0, len(places.at), _ROOM):
+        part = places.part(slice(start, start + _ROOM))
+        best, weight = _votes(part, views, scene)
+        np.add.at(count, (part.hole, best), weight)
+    count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
+    best = count[:, :_BOTH].argmax(axis=1)
+    return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
 
 
 def _places(mesh: Mesh, closed: Mesh, owner: Ints, found: Sequence[Hole]) -> _Places:
@@ -114,8 +135,49 @@ def _places(mesh: Mesh, closed: Mesh, owner: Ints, found: Sequence[Hole]) -> _Pl
     # A flat patch lies below a bulging surface, whose rim then stands before it: not as far off as
     # half the hole's width, which is what a long narrow shadow has little of.
     width = np.array([4 * h.area / max(h.perimeter, 1e-12) for h in found])[hole]
+    rise, rim = _rims(mesh, found, X, n, hole)
+    at = X + (lift + np.clip(rise, 0.0, 0.25 * width))[:, None] * n
     start = np.maximum(0.5 * width, usual)
-    return _Places(X + lift[:, None] * n, n, start, hole)
+    # The border of an island bounds what is about it: a patch over it would lie on the island.
+    normals, outward = _about_rims(mesh, found)
+    island = np.einsum("ij,ij->i", n, normals[rim]) < -0.5
+    beyond = mesh.vertices[rim] + _MARGIN * usual * outward[rim] + 0.25 * usual * normals[rim]
+    at[island], n[island], start[island] = beyond[island], normals[rim][island], usual
+    return _Places(at, n, start, hole, _MARGIN * usual)
+
+
+def _rims(
+    mesh: Mesh, found: Sequence[Hole], X: Floats, n: Floats, hole: Ints
+) -> tuple[Floats, Ints]:
+    """How far (m,) mm the surface about a hole would rise over places on its patch; nearest corner.
+
+    A cap rises half as high as the tangent planes of its rim, here weighted by their inverse
+    squared distance. Rims that turn down by more than 60° are edges and say nothing.
+    """
+    normals = np.nan_to_num(vertex_normals(mesh))
+    rise, rim = np.zeros(len(X)), np.zeros(len(X), dtype=np.int32)
+    ends = np.searchsorted(hole, np.arange(len(found) + 1))
+    for h, begin, end in zip(found, ends[:-1], ends[1:], strict=True):
+        loop = h.loop[:: max(1, len(h.loop) // _RIM)]
+        way = mesh.vertices[loop] - X[begin:end, None]
+        tilt = n[begin:end] @ normals[loop].T
+        near = 1.0 / np.maximum(np.einsum("mli,mli->ml", way, way), 1e-12)
+        up = np.einsum("mli,li->ml", way, normals[loop]) / np.maximum(tilt, 0.5)
+        rise[begin:end] = 0.5 * np.sum(near * up * (tilt > 0.5), axis=1) / near.sum(axis=1)
+        rim[begin:end] = loop[near.argmax(axis=1)]
+    return rise, rim
+
+
+def _about_rims(mesh: Mesh, found: Sequence[Hole]) -> tuple[Floats, Floats]:
+    """Normals (v, 3) of the vertices, and (v, 3) along the surface away from it at the borders."""
+    normals = np.nan_to_num(vertex_normals(mesh))
+    along = np.zeros_like(mesh.vertices)
+    for h in found:
+        corners = mesh.vertices[h.loop]
+        along[h.loop] = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
+    outward = np.cross(along, normals)
+    length = np.linalg.norm(outward, axis=1, keepdims=True)
+    return normals, np.asarray(outward / np.maximum(length, 1e-12))
 
 
 def _about(mesh: Mesh, found: Sequence[Hole]) -> Floats:
@@ -125,35 +187,48 @@ def _about(mesh: Mesh, found: Sequence[Hole]) -> Floats:
     return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-12)[:, None])
 
 
-def _votes(places: _Places, views: Sequence[Sought], caster: Caster) -> Ints:
-    """(m,) for each place the cause that came nearest to a measurement."""
+def _votes(places: _Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints, Floats]:
+    """(m,) for each place the cause that came nearest to a measurement, and its weight."""
     m = len(places.at)
-    seen, lit, out, turned = np.zeros((4, m), dtype=np.bool_)
+    seen, lit, out, turned, measured, faint = np.zeros((6, m), dtype=np.bool_)
     light = np.full(m, -1, dtype=np.int32)
     for view in views:
         within = view.volume.contains(places.at)
-        out |= ~within
+        out |= ~_inner(view.volume, places.margin).contains(places.at)
         c = _crossings(view, places)
         ok = c.inside & within[c.place]
         s = np.zeros(len(c.place), dtype=np.bool_)
-        s[ok] = _reached(caster, places, c.place[ok], c.eye[ok])
+        s[ok] = _reached(scene.caster, places, c.place[ok], c.eye[ok])
         b = np.zeros(len(c.place), dtype=np.bool_)
-        b[ok] = _reached(caster, places, c.place[ok], c.source[ok])
-        near = _faces(places, c.place, c.eye) | _faces(places, c.place, c.source)
-        np.logical_or.at(turned, c.place, near)
+        b[ok] = _reached(scene.caster, places, c.place[ok], c.source[ok])
+        faces = _faces(places, c.place, c.eye) | _faces(places, c.place, c.source)
+        np.logical_or.at(turned, c.place, faces)
         np.logical_or.at(seen, c.place, s)
         np.logical_or.at(lit, c.place, b)
         np.logical_or.at(out, c.place, ~c.inside)
-        both = np.flatnonzero(s & b)
-        why = _light(view.grid, c.step[both], c.line[both], places.at[c.place[both]])
-        light[c.place[both]] = np.maximum(light[c.place[both]], why)
+        both = np.flatnonzero(s & b).astype(np.int32)
+        faint[c.place[both]] = True
+        near = _sampled(view.grid, places.at[c.place[both]], c.step[both], c.line[both])
+        np.logical_or.at(measured, c.place[both], near < places.margin)
+        both = both[~_in_air(view, places, scene, c.part(both))]
+        why = _light(view.grid, c.step[both], c.line[both])
+        np.maximum.at(light, c.place[both], why)
     if not any(view.grid.closed for view in views):
         out |= ~turned  # the scan ended before its turn came
-    vote = np.full(m, LASER, dtype=np.int32)
+    vote = np.full(m, _BOTH, dtype=np.int32)
     vote[out & ~seen & ~lit] = OUTSIDE
     vote[lit & ~seen] = CAMERA
-    vote[seen] = LASER
-    return np.where(light >= 0, light, vote)
+    vote[seen & ~lit] = LASER
+    vote[measured] = REMOVED
+    known = light >= 0
+    return np.where(known, light, vote), np.where(faint & ~known, _HINT, 1.0)
+
+
+def _inner(volume: Volume, margin: float) -> Volume:
+    """What is left of a volume behind a margin; at least its middle."""
+    half = min(margin, (volume.z_max - volume.z_min) / 4)
+    r = max(volume.r_max - margin, volume.r_max / 2)
+    return Volume(r, volume.z_min + half, volume.z_max - half)
 
 
 @dataclass(frozen=True)
@@ -173,6 +248,11 @@ class _Crossings:
     source: Floats
     """(c, 3) mm: laser, object's frame."""
 
+    def part(self, which: Ints) -> _Crossings:
+        place, step, line = self.place[which], self.step[which], self.line[which]
+        eye, source = self.eye[which], self.source[which]
+        return _Crossings(place, step, line, self.inside[which], eye, source)
+
 
 def _crossings(view: Sought, places: _Places) -> _Crossings:
     grid, rig = view.grid, view.rig
@@ -189,17 +269,22 @@ def _crossings(view: Sought, places: _Places) -> _Crossings:
     uv = camera.project(X)
     with np.errstate(invalid="ignore"):
         inside = ((uv > -0.5) & (uv < (camera.width - 0.5, camera.height - 0.5))).all(axis=1)
-    across = 1 if view.orientation == "vertical" else 0
-    line = np.clip(np.nan_to_num(np.rint(uv[:, across])), 0, grid.flags.shape[1] - 1)
     from_table = T.inverse()
     return _Crossings(
         place.astype(np.int32),
         ((k + (share > 0.5)) % len(grid.steps)).astype(np.int32),
-        line.astype(np.int32),
+        _line_of(view, uv),
         np.asarray(inside),
         back @ from_table.translation,
         back @ from_table.apply(rig.light_source(grid.laser)),
     )
+
+
+def _line_of(view: Sought, uv: Floats) -> Ints:
+    """(c,) the picture's line of pixels (c, 2); the nearest one where they lie outside."""
+    line = np.rint(uv[:, 1 if view.orientation == "vertical" else 0])
+    kept = np.clip(np.nan_to_num(line), 0, view.grid.flags.shape[1] - 1)
+    return np.asarray(kept, dtype=np.int32)
 
 
 def _faces(places: _Places, which: Ints, end: Floats) -> Bools:
@@ -219,12 +304,55 @@ def _reached(caster: Caster, places: _Places, which: Ints, end: Floats) -> Bools
     return out
 
 
-def _light(grid: RangeGrid, step: Ints, line: Ints, at: Floats) -> Ints:
-    """(c,) what was wrong with the light where the camera saw a lit place."""
-    flags = grid.flags[step, line]
-    out = np.full(len(step), DARK, dtype=np.int32)
-    missing = (flags & (StripeFlag.DARK | StripeFlag.OUTSIDE)) != 0
-    out[~missing] = REMOVED
-    out[missing & ((flags & StripeFlag.AMBIGUOUS) != 0)] = AMBIGUOUS
-    out[(flags & StripeFlag.SATURATED) != 0] = SATURATED
-    return out
+def _in_air(view: Sought, places: _Places, scene: _Scene, c: _Crossings) -> Bools:
+    """(c,) True where the patch lies off the part, as a lid does on a pocket or round a corner.
+
+    Light that went through the place was measured beyond it, or would meet no back of the surface:
+    through a part it would have to leave on the other side.
+    """
+    X = places.at[c.place]
+    way = X - c.source
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+    face = scene.caster.first_hits_between(X + places.start[c.place, None] * way, way)
+    corners = scene.mesh.vertices[scene.mesh.faces[face]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    slope = np.einsum("ij,ij->i", way, normal)
+    out = face < 0
+    k = np.flatnonzero(~out & (slope < 0))
+    reach = np.einsum("ij,ij->i", corners[k, 0] - X[k], normal[k]) / slope[k]
+    Y = X[k] + reach[:, None] * way[k]
+    turned = np.einsum("cij,cj->ci", rotation_z(view.grid.angles[c.step[k]]), Y)
+    line = _line_of(view, view.rig.camera.project(view.rig.T_camera_table.apply(turned)))
+    out[k] = _sampled(view.grid, Y, c.step[k], line) < places.margin
+    return np.asarray(out)
+
+
+def _sampled(grid: RangeGrid, X: Floats, step: Ints, line: Ints) -> Floats:
+    """(c,) mm from places (c, 3) to the samples of a grid; infinite where there is none."""
+    away = np.linalg.norm(grid.points[step, line] - X, axis=1)
+    return np.asarray(np.nan_to_num(away, nan=np.inf))
+
+
+def _light(grid: RangeGrid, step: Ints, line: Ints) -> Ints:
+    """(c,) what was wrong with the light where the camera saw a lit place; −1 where nothing was.
+
+    One sample is not enough: where the light ends, the clean-up takes the last one, and a stray one
+    may be found in the dark. What is missing beside the dark is missing for the dark.
+    """
+    flags = grid.flags
+    missing = ~grid.found
+    nothing = missing & ((flags & (StripeFlag.DARK | StripeFlag.OUTSIDE)) != 0)
+    why = np.full(flags.shape, -1, dtype=np.int32)
+    why[missing] = REMOVED
+    why[missing & _beside(nothing, grid.closed)] = DARK
+    why[nothing & ((flags & StripeFlag.AMBIGUOUS) != 0)] = AMBIGUOUS
+    why[missing & ((flags & StripeFlag.SATURATED) != 0)] = SATURATED
+    return np.asarray(why[step, line])
+
+
+def _beside(cells: Bools, closed: bool) -> Bools:
+    """(s, n) True in the cells (s, n) of a grid and in the eight about each."""
+    padded = np.pad(cells, ((1, 1), (0, 0)), mode="wrap" if closed else "constant")
+    padded = np.pad(padded, ((0, 0), (1, 1)))
+    rows = padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:]
+    return np.asarray(rows[:-2] | rows[1:-1] | rows[2:])
