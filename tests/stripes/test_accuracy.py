@@ -140,3 +140,18 @@ def test_a_halo_does_not_drag_the_window() -> None:
     everything = (glow + light(centre, 1.8, 170.0, 300)) * u
     dragged = everything.sum(axis=1) / (glow + light(centre, 1.8, 170.0, 300)).sum(axis=1)
     assert np.abs(dragged - centre).min() > 10  # what a plain centre of gravity would do
+
+
+@pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0.0, 0.05), (0.06, 0.9, 1.0)])
+def test_speckle_in_the_tails_is_no_halo_and_a_faint_glow_is(
+    share: float, least: float, most: float
+) -> None:
+    """Grains of a pixel on a stripe of 1.7 px, beside it a glow of a share of its height."""
+    rng = np.random.default_rng(4)
+    grains, centre = speckled(rng, 1.1, 1.7, 300, 121)
+    clean = 1500.0 * 1.7 * np.sqrt(2 * np.pi) / 121 * grains
+    away = np.abs(np.arange(121) - centre)
+    stripe = detect(picture(rng, clean + 1500.0 * share * np.exp(-away / 25.0)))
+    flagged = (stripe.flags[stripe.found] & StripeFlag.HALO) != 0
+    assert stripe.found.mean() > 0.95
+    assert least <= flagged.mean() <= most

@@ -13,6 +13,7 @@ from turnscan.stripes._choice import drop_glow
 from turnscan.stripes._measure import (
     BLAIS_RIOUX,
     CENTROID,
+    FLANK,
     HALF_WINDOW,
     MEDIAN,
     NOISE_FACTOR,
@@ -60,6 +61,13 @@ GLOW_REACH, GLOW_SHARE = 60, 0.2
 """Lines on either side, and the share of their stripes that glow from which all are said to."""
 LEAN_LIMIT = 0.3
 """… and so is a centre this many widths away from the middle of the half-height."""
+HALO_LIMIT = 0.02
+"""Tails of a stripe with less than this part of its light's amplitude are clean (ALGORITHMS §2.3):
+under a window of five widths such a pedestal holds 4 % of the light, and all on one side it would
+move the centre by a fiftieth of a width (`HALO_BIAS`)."""
+HALO_REACH = 15
+"""Lines on either side over which a halo is the same and speckle is not: the mean of some thirty
+grains of a pixel varies by a sixth of itself."""
 CLIPPED_PHASE = 0.11
 """Error from the phase of the pixels on a clipped stripe, px·px² (÷ width²)."""
 HALO_BIAS = 0.24
@@ -278,6 +286,34 @@ def glowing_nearby(some: Any, n: int, terms: Any, lines: int) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def haloed(some: Any, n: int, terms: Any, lines: int) -> Any:
+    """(H,) the highest of each line, and True where light has spread beside the stripe there.
+
+    A grain of speckle in the tail of one line looks like a halo. But grains differ from line to
+    line and light that spread in the material does not, so the sums over many lines decide: of the
+    pedestal beside the highest candidates, and of how far they lean, weighted by their light.
+    """
+    sums = np.zeros((lines + 1, 5))
+    highest = np.zeros(lines)
+    for i in range(n):
+        v = int(some[i, ROW])
+        row = sums[v + 1]
+        if some[i, HEIGHT] > highest[v]:
+            highest[v] = some[i, HEIGHT]
+            amplitude = max(some[i, HEIGHT] - some[i, PEDESTAL], 1.0)
+            lean = (some[i, CENTRE] + some[i, START] - some[i, MIDDLE]) / some[i, WIDTH]
+            row[:] = (some[i, PEDESTAL], amplitude, lean * some[i, FLUX], some[i, FLUX], 1.0)
+    for v in range(lines):
+        sums[v + 1] += sums[v]
+    out = np.zeros(lines, np.bool_)
+    for v in range(lines):
+        part = sums[min(lines, v + HALO_REACH + 1)] - sums[max(0, v - HALO_REACH)]
+        noise = 4.0 * terms.noise * math.sqrt(part[4] / (2.0 * FLANK))
+        out[v] = part[0] > max(HALO_LIMIT * part[1], noise) or abs(part[2]) > LEAN_LIMIT * part[3]
+    return highest, out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def write_down(
     lit: Any,
     dark: Any,
@@ -297,6 +333,7 @@ def write_down(
     factor = NOISE_FACTOR[terms.strategy]
     phase = PHASE_ERROR[terms.strategy]
     nearby = glowing_nearby(some, n, terms, table.shape[1])
+    highest, halos = haloed(some, n, terms, table.shape[1])
     row = -1
     j = 0
     for i in range(n):
@@ -324,8 +361,10 @@ def write_down(
         halo = some[i, PEDESTAL] / max(amplitude, 1.0)
         lean = abs(some[i, CENTRE] + left - some[i, MIDDLE]) / some[i, WIDTH]
         glow = glows(some, i, terms)
-        if glow or lean > LEAN_LIMIT:
+        if halos[v] or (glow and some[i, HEIGHT] < highest[v]):
+            # A weaker peak that stands in light may be that light's alone.
             flags |= HALO
+        if glow or lean > LEAN_LIMIT:
             spread += (HALO_BIAS * some[i, WIDTH] * min(1.0, halo + lean)) ** 2
         if terms.strategy in (CENTROID, MEDIAN):
             # Their phase error comes from what the threshold cuts off.
