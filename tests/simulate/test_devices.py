@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from turnscan.calibrate import detect_board, parse_board
 from turnscan.devices import Camera, Lasers, Turntable
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
 from turnscan.simulate import Simulated, Wish, bench, simulated, wish_of
@@ -173,3 +174,48 @@ def test_a_part_tipped_over_lies_on_the_platter_with_its_middle_over_the_axis() 
     assert np.allclose((low + high)[:2] / 2, [3.0, -2.0])
     assert low[2] == pytest.approx(0.0)
     assert high[1] - low[1] == pytest.approx(84.0, abs=0.5), "it lies: its height runs along y"
+
+
+def test_a_hand_holds_the_board_another_way_each_time_and_puts_it_on_the_table() -> None:
+    board = parse_board("charuco:9x6:12:9:DICT_5X5_100")
+
+    def poses(devices: Simulated, times: int) -> list[np.ndarray]:
+        seen = []
+        for _ in range(times):
+            devices.camera.configure(devices.seconds, 1.0)
+            view = detect_board(devices.camera.grab(1.0), board)
+            assert len(view.corners) >= 6
+            seen.append(view.corners)
+        return seen
+
+    d = simulated("sim:cylinder?seed=3&hand=charuco")
+    plain = simulated("sim:cylinder?seed=3")
+    assert d.world.bench.rig.T_camera_table.translation == pytest.approx(
+        plain.world.bench.rig.T_camera_table.translation
+    )
+    first = poses(d, 2)
+    again = poses(simulated("sim:cylinder?seed=3&hand=charuco"), 1)
+    assert (first[0] == again[0]).all()
+    assert np.abs(first[0].mean(axis=0) - first[1].mean(axis=0)).max() > 10.0
+    d.turntable.move_to(0.0, 1.0)
+    standing = detect_board(d.camera.grab(1.0), board)
+    d.turntable.move_to(0.3, 1.0)
+    turned = detect_board(d.camera.grab(1.0), board)
+    truth = d.world.bench
+    for view, angle in ((standing, 0.0), (turned, 0.3)):
+        own = board.points[view.ids]
+        # Its first corner is one square in from the print's own, which has 10 mm of margin above.
+        body = np.stack([np.zeros(len(own)), own[:, 0] - 42.0, 70.0 - own[:, 1]], axis=1)
+        T = truth.rig.T_camera_table @ truth.motion.pose(angle) @ truth.scene.bodies[0].T_table_part
+        away = truth.rig.camera.project(T.apply(body)) - view.corners
+        assert np.abs(away).max() < 0.5
+    with pytest.raises(InputError, match="no board 'cup'"):
+        simulated("sim:cylinder?hand=cup")
+
+
+def test_the_back_of_a_board_is_blank() -> None:
+    d = simulated("sim:charuco?room=0.3")
+    d.camera.configure(d.seconds, 1.0)
+    front, back = shot(d, 0.0), shot(d, math.pi)
+    middle = (slice(200, 280), slice(280, 360))
+    assert front[middle].std() > 4 * back[middle].std()

@@ -23,40 +23,63 @@ def _connect(browser: Browser, device: str) -> None:
     assert answer["kind"] == "done", answer
 
 
+def _capture(browser: Browser, **wish: object) -> str:
+    """Take pictures to their end; what the job says of it."""
+    job = browser.ask("capture", **wish)["job"]
+    done = browser.once("job", lambda m: m["job"] == job and m["state"] != "running")
+    assert done["state"] == "done", done
+    return str(done["text"])
+
+
 def test_pictures_are_counted_or_say_why_not(server: Running, folder: Path) -> None:
     with Browser(server) as one:
         assert one.ask("capture", stage="camera")["text"] == "no calibration was begun"
         bad = one.ask("calibrate_begin", board="chessboard:2x2:1", table=BOARD)
         assert "expected 3 to 200" in bad["text"]
         assert one.ask("calibrate_begin", board=BOARD, table=BOARD)["kind"] == "done"
+        assert one.ask("capture", stage="laser")["text"] == "no devices are connected"
         _connect(one, "sim:sphere?seed=3")
-        assert one.ask("capture", stage="camera")["kind"] == "done"
+        assert _capture(one, stage="camera") == "0 of 1 pictures can be used"
         told = one.once("calibration", lambda m: len(m["views"]) == 1)
         assert told["views"][0]["failure"] == "none of its DICT_5X5_100 markers is readable"
         assert told["coverage"] == 0
         assert len(told["missing"]) == 3
-        _connect(one, "sim:charuco?seed=3")
-        assert one.ask("capture", stage="camera", seconds=4.0)["kind"] == "done"
-        assert one.ask("capture", stage="laser", seconds=4.0)["kind"] == "done"
-        told = one.once("calibration", lambda m: len(m["views"]) >= 3)
-        good = [v for v in told["views"] if not v["failure"]]
-        assert {v["stage"] for v in good} == {"camera", "laser"}
+        _connect(one, "sim:sphere?seed=3&hand=charuco")
+        assert _capture(one, stage="camera") == "1 of 1 pictures can be used"
+        text = _capture(one, stage="laser", count=3)
+        told = one.once("calibration", lambda m: len(m["views"]) == 5)
+        seen = [v for v in told["views"] if v["stage"] == "laser"]
+        missed = [v for v in seen if v["failure"]]
+        assert text == f"{3 - len(missed)} of 3 pictures can be used"
+        assert len(missed) < 3
+        assert all(v["failure"] == "no stripe of laser right on the board" for v in missed)
+        good = [v for v in told["views"] if v["corners"]]
         assert all(6 <= v["corners"] <= CORNERS for v in good)
         assert sum(told["cells"]) == sum(v["corners"] for v in good)
         assert 0 < told["coverage"] < 1
         assert len(told["cells"]) == told["columns"] * told["rows"]
         assert one.ask("forget_view", view=told["views"][0]["view"])["kind"] == "done"
         assert one.ask("forget_view", view=999)["kind"] == "refused"
-        assert one.ask("capture_table", steps=6, seconds=4.0)["kind"] == "started"
-        done = one.once("job", lambda m: m["state"] == "done")
-        found = re.fullmatch(r"(\d) of 6 pictures can be used", done["text"])
-        assert found
-        assert 2 <= int(found[1]) <= 4  # its back is white
+        text = _capture(one, stage="table", count=4, range_deg=(0, 360))
+        assert text == "1 of 4 pictures can be used"  # its back is white
         assert one.ask("calibrate_finish", name="mine")["kind"] == "started"
         failed = one.once("job", lambda m: m["state"] == "failed")
         assert failed["text"]
         assert failed["hint"]
         assert not list(folder.glob("*.json"))
+
+
+def test_a_series_is_cancelled_between_two_pictures_lasers_dark(server: Running) -> None:
+    with Browser(server) as one:
+        one.ask("calibrate_begin", board=BOARD, table=BOARD)
+        _connect(one, "sim:cylinder?seed=3")
+        job = one.ask("capture", stage="laser", count=400, every=0.5)["job"]
+        busy = one.ask("capture", stage="camera")["job"]
+        waiting = one.once("job", lambda m: m["job"] == busy and m["state"] == "failed")
+        assert waiting["text"] == "pictures for a calibration are being taken"
+        assert one.ask("cancel", job=job)["kind"] == "done"
+        one.once("job", lambda m: m["job"] == job and m["state"] == "cancelled")
+        assert server.workshop.rig.connected[1].hardware.lasers.states[0].lit is False
 
 
 def test_a_calibration_becomes_the_rig_in_use(server: Running, folder: Path) -> None:

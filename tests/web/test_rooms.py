@@ -387,9 +387,44 @@ def test_a_scan_pauses_goes_on_and_is_aborted(server: Running) -> None:
         assert one.ask("stop")["kind"] == "done"
         one.once("scanning", lambda m: m["state"] == "aborted")
         done = one.once("job", lambda m: m["state"] == "done")
-        assert done["text"].endswith("takes the rest")
+        assert done["text"].endswith("what is missing can be taken later")
         told = next(m for m in reversed(one.heard) if m["kind"] == "devices")
         assert all(laser["lit"] is False for laser in told["lasers"])
+
+
+def test_an_interrupted_scan_is_listed_and_taken_to_its_end(server: Running, folder: Path) -> None:
+    device = "sim:sphere?seed=3&speckle=no"
+    with Browser(server) as one:
+        one.ask("connect", camera=device, turntable=device, lasers=device)
+        plan = {"name": "broken", "steps": 6, "texture": 0.5, "texture_every": 3}
+        one.ask("scan", plan=plan)
+        one.once("scanning", lambda m: m["done"] >= 2)
+        one.ask("abort")
+        one.once("scanning", lambda m: m["state"] == "aborted")
+        listed = one.until("scans", lambda m: any(s["missing"] for s in m["scans"]))
+        entry = next(s for s in listed["scans"] if s["name"] == "broken")
+        assert 1 <= entry["missing"] <= 4
+        assert next(s for s in listed["scans"] if s["name"] == "ball")["missing"] == 0
+        one.open(entry["scan"])  # a document that is open does not stand in the way
+        job = one.ask("resume", scan=entry["scan"])["job"]
+        done = one.once("job", lambda m: m["job"] == job and m["state"] in ("done", "failed"))
+        assert done["text"] == f"broken: {entry['missing']} frames taken; whole"
+        told = [m for m in one.heard if m["kind"] == "scanning"][-1]
+        assert (told["state"], told["done"], told["total"]) == (
+            "complete", entry["missing"], entry["missing"],
+        )  # fmt: skip
+        listed = one.once("scans", lambda m: all(not s["missing"] for s in m["scans"][-2:]))
+        with Scan.open(folder / "broken.turnscan") as scan:
+            assert scan.complete
+            assert [scan.has_texture(k) for k in range(6)] == [True, False, False] * 2
+            scan.texture(3)
+        again = one.ask("resume", scan=entry["scan"])["job"]
+        done = one.once("job", lambda m: m["job"] == again and m["state"] in ("done", "failed"))
+        assert done["text"] == "broken: 0 frames taken; whole"
+        ball = next(s["scan"] for s in listed["scans"] if s["name"] == "ball")
+        failed = one.ask("resume", scan=ball)["job"]
+        why = one.once("job", lambda m: m["job"] == failed and m["state"] == "failed")
+        assert "nobody knows how to go on" in why["text"]
 
 
 def test_the_doctor_is_a_job_with_findings(server: Running) -> None:

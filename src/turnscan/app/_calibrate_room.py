@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -14,6 +15,7 @@ from turnscan.app import _requests as q
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._library import Library
+from turnscan.app._live import see, stripe_of
 from turnscan.app._rig_room import RigRoom
 from turnscan.arrays import Floats, Image
 from turnscan.calibrate import (
@@ -36,12 +38,20 @@ from turnscan.calibrate import (
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.rig import rig_to_json
-from turnscan.station import USUAL_SECONDS, Examination
+from turnscan.station import Series, Shot, exact_degrees, photograph
+from turnscan.stripes import Orientation
 
 COLUMNS, ROWS = 8, 6
 """Cells of the picture in which corners are counted."""
 WANTED = {"camera": 8, "laser": 5, "table": 8}
-"""Pictures of each kind that are worth a calibration."""
+"""Pictures of each kind, and with each laser, that are worth a calibration."""
+_FEWEST_LINES = 20
+"""Lines of the picture in which the board shows the stripe."""
+_TITLES: dict[q.Stage, str] = {
+    "camera": "Taking pictures of the board",
+    "laser": "Taking pictures of the lasers on the board",
+    "table": "Taking pictures of the table",
+}
 
 
 class CalibrateRoom:
@@ -53,6 +63,7 @@ class CalibrateRoom:
         self._board: Board | None = None
         self._settings = CalibrationSettings()
         self._text = ""
+        self._shown = 0
         self._clear()
 
     def _clear(self) -> None:
@@ -68,60 +79,66 @@ class CalibrateRoom:
         if kind == "markers":
             name, _, side = rest.partition(":")
             aruco_dictionary(name)
-            settings = CalibrationSettings(dictionary=name, marker_side=_length(side))
+            settings = CalibrationSettings(name, _length(side), orientation=wish.orientation)
         else:
             table = parse_board(wish.table)
-            settings = CalibrationSettings(table_board=table, lowest=wish.lowest_mm)
+            settings = CalibrationSettings(
+                table_board=table, lowest=wish.lowest_mm, orientation=wish.orientation
+            )
         with self._lock:
             self._board, self._settings, self._text = board, settings, wish.board
             self._clear()
         self.tell()
 
-    def capture(self, wish: q.Capture) -> None:
-        """Take a picture of the board, and for ``laser`` one with each laser, too."""
-        board = self._begun()
-        self._rig.look_off()
-        with self._rig.using("a picture is being taken") as bench:
-            look = Examination(bench.hardware, wish.seconds or bench.seconds or USUAL_SECONDS, 1.0)
-            with look.shooter.dark_at_the_end():
-                dark = look.picture()
-                view = detect_board(dark, board, f"{wish.stage} {self._next}")
-                if wish.stage == "camera":
-                    self._keep_camera(view)
-                else:
-                    for name in bench.hardware.lasers.names:
-                        lit = dark if view.failure else look.picture(name)
-                        self._keep_laser(name, view, lit, dark)
-        self.tell()
+    def capture(self, wish: q.Capture) -> Job:
+        """Take pictures, and look at each as it comes, as a job; those of the table replace others.
 
-    def turn(self, wish: q.CaptureTable) -> Job:
-        """Turn what rides on the table once round, a picture each step, as a job."""
+        Raises InputError where there is no calibration, or the pictures cannot be.
+        """
         self._begun()
+        lasers: tuple[str, ...] = () if wish.laser is None else (wish.laser,)
+        _, bench = self._rig.connected
+        if wish.stage == "laser":
+            lasers = bench.hardware.lasers.names
+        series = Series(
+            count=wish.count,
+            range_deg=None if wish.range_deg is None else exact_degrees(*wish.range_deg),
+            every=wish.every,
+            lasers=lasers,
+            seconds=wish.seconds,
+        )
         self._rig.look_off()
 
         def work(job: Job) -> Result:
-            job.steps(wish.steps)
-            with self._rig.using("the table is being turned") as bench:
-                seconds = wish.seconds or bench.seconds or USUAL_SECONDS
-                look = Examination(bench.hardware, seconds, 1.0)
-                with self._lock:
-                    self.table.clear()
-                with look.shooter.dark_at_the_end():
-                    for k in range(wish.steps):
-                        angle = 2 * math.pi * k / wish.steps
-                        bench.hardware.turntable.move_to(angle, look.shooter.move_timeout)
-                        dark = look.picture()
-                        light: dict[str, Floats] = {}
-                        if wish.laser is not None:
-                            lit = look.picture(wish.laser)
-                            light[wish.laser] = stripe_candidates(lit, dark, _channel(lit, dark))
-                        self._keep_table(dark, light, k)
-                        job.tick()
-                        self.tell()
-            seen = sum(not _why_not(t) for t in self.table.values())
-            return Result(f"{seen} of {wish.steps} pictures can be used")
+            shots = len(series.angles_deg()) * max(len(lasers), 1)
+            job.steps(shots)
+            good = 0
+            with self._rig.using("pictures for a calibration are being taken") as bench:
+                if wish.stage == "table":
+                    with self._lock:
+                        self.table.clear()
 
-        return self._jobs.start("calibrate", "Turning the table", work)
+                def keep(shot: Shot) -> None:
+                    nonlocal good
+                    self._show(shot)
+                    good += self._keep(wish.stage, shot)
+                    self.tell()
+                    job.tick()
+
+                photograph(bench, series, keep, job.wait)
+            return Result(f"{good} of {shots} pictures can be used")
+
+        return self._jobs.start("calibrate", _TITLES[wish.stage], work)
+
+    def _show(self, shot: Shot) -> None:
+        """Tell everybody the picture that was just taken."""
+        self._shown += 1
+        if shot.lit is None:
+            see(self._hub, self._shown, shot.dark, frozenset(), None)
+        else:
+            way = self._settings.orientation
+            stripe = stripe_of(shot.lit, shot.dark, way)
+            see(self._hub, self._shown, shot.lit, frozenset({shot.laser}), stripe, None, way)
 
     def forget(self, view: int) -> None:
         """Take a picture away. Raises InputError for one there is not."""
@@ -197,36 +214,39 @@ class CalibrateRoom:
             raise InputError("no calibration was begun", hint="say which board there is")
         return self._board
 
-    def _number(self) -> int:
-        number = self._next
-        self._next += 1
-        return number
-
-    def _keep_camera(self, view: BoardView) -> None:
+    def _keep(self, stage: q.Stage, shot: Shot) -> bool:
+        """Look at a picture and keep what was found; whether it can be used."""
+        board = self._begun()
         with self._lock:
-            self.camera[self._number()] = view
-
-    def _keep_laser(self, name: str, view: BoardView, lit: Image, dark: Image) -> None:
-        light: Floats = np.zeros((0, 2))
-        if not view.failure:
-            weights = None
-            if lit.ndim == 3:
-                excess = laser_weights(lit, dark, view.corners)
-                weights = None if excess is None else np.eye(3)[int(excess.argmax())]
-            light = stripe_candidates(lit, dark, weights)
+            number = self._next
+            self._next += 1
+        name = f"{stage} {number}"
+        if stage == "table":
+            turned = self._table_picture(shot, name)
+            with self._lock:
+                self.table[number] = turned
+            return not _why_not(turned)
+        view = detect_board(shot.dark, board, name)
+        if stage == "camera":
+            with self._lock:
+                self.camera[number] = view
+            return not view.failure
+        light = _light(shot, view, self._settings.orientation)
         with self._lock:
-            self.lasers[self._number()] = name, LaserPicture(view, light)
+            self.lasers[number] = shot.laser, LaserPicture(view, light)
+        return bool(len(light))
 
-    def _keep_table(self, dark: Image, light: dict[str, Floats], step: int) -> None:
-        name, board = f"table {step + 1}", self._settings.table_board
-        if board is None:
-            seen = TablePicture(
-                detect_markers(dark, self._settings.dictionary), light, name, float(step)
-            )
-        else:
-            seen = TablePicture(detect_board(dark, board, name), light, name, float(step))
-        with self._lock:
-            self.table[self._number()] = seen
+    def _table_picture(self, shot: Shot, name: str) -> TablePicture:
+        light: dict[str, Floats] = {}
+        if shot.lit is not None:
+            channel = _channel(shot.lit, shot.dark)
+            way = self._settings.orientation
+            light[shot.laser] = stripe_candidates(shot.lit, shot.dark, channel, way)
+        board, step = self._settings.table_board, float(shot.stop)
+        if board is not None:
+            return TablePicture(detect_board(shot.dark, board, name), light, name, step)
+        markers = detect_markers(shot.dark, self._settings.dictionary)
+        return TablePicture(markers, light, name, step)
 
 
 def _view(
@@ -235,6 +255,22 @@ def _view(
     return p.CalibrationView(
         view=number, stage=stage, laser=laser, name=name, failure=failure, corners=corners
     )
+
+
+def _light(shot: Shot, view: BoardView, orientation: Orientation) -> Floats:
+    """(n, 2) px: the stripe's candidates of a picture; none where it misses the board."""
+    nothing: Floats = np.zeros((0, 2))
+    if view.failure or shot.lit is None:
+        return nothing
+    weights = None
+    if shot.lit.ndim == 3:
+        excess = laser_weights(shot.lit, shot.dark, view.corners)
+        weights = None if excess is None else np.eye(3)[int(excess.argmax())]
+    light = stripe_candidates(shot.lit, shot.dark, weights, orientation)
+    mask = np.zeros(shot.lit.shape[:2], np.uint8)
+    cv2.fillConvexPoly(mask, cv2.convexHull(view.corners.round().astype(np.int32)), 1)
+    u, v = light.round().astype(int).T
+    return light if np.count_nonzero(mask[v, u]) >= _FEWEST_LINES else nothing
 
 
 def _why_not(picture: TablePicture) -> str:
@@ -249,11 +285,13 @@ def _missing(views: list[p.CalibrationView]) -> list[str]:
     out = []
     words = {
         "camera": "pictures of the board held in other ways, tilted and in every corner",
-        "laser": "pictures of the board with the stripe on it, near and far",
+        "laser": "pictures of the board with each stripe on it, near and far",
         "table": "pictures of what rides on the table: turn it",
     }
     for stage, wanted in WANTED.items():
-        have = len({v.name for v in views if v.stage == stage and not v.failure})
+        ours = [v for v in views if v.stage == stage]
+        lasers = {v.laser for v in ours} or {""}
+        have = min(sum(v.laser == name and not v.failure for v in ours) for name in lasers)
         if have < wanted:
             out.append(f"{wanted - have} more {words[stage]}")
     return out

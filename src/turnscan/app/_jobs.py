@@ -81,6 +81,11 @@ class Job:
         if self._cancelled.is_set():
             raise Cancelled
 
+    def wait(self, seconds: float) -> None:
+        """Let time pass. Raises Cancelled as soon as somebody cancels it."""
+        if self._cancelled.wait(seconds):
+            raise Cancelled
+
     def cancel(self) -> None:
         """End it at its next tick."""
         with self._lock:

@@ -14,8 +14,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from turnscan.app._protocol import ScanEntry
-from turnscan.errors import InputError, LimitExceeded, ScanError, StorageFull
+from turnscan.errors import InputError, LimitExceeded, ScanError, StorageFull, TurnscanError
 from turnscan.scan import Scan
+from turnscan.station import acquisition_of, steps_left
 
 SUFFIX = ".turnscan"
 UPLOAD_BYTES = 2**30
@@ -37,6 +38,8 @@ class Library:
         self.folder = folder.resolve()
         self._only = None if only is None else {only.resolve()}
         self._names: dict[Path, str] = {}
+        self._left: dict[Path, tuple[list[tuple[int, int]], int]] = {}
+        """Steps still to be taken, of files that were last changed then and are so large."""
         self._lock = threading.Lock()
 
     def paths(self) -> dict[str, Path]:
@@ -69,9 +72,24 @@ class Library:
                         megabytes=status.st_size / 1e6,
                         modified=at.isoformat(timespec="seconds"),
                         open=name in is_open,
+                        missing=self._missing(path),
                     )
                 )
         return out
+
+    def _missing(self, path: Path) -> int:
+        """Steps that an interrupted scan lacks; 0 for any other file."""
+        files = [f for f in (path, path.with_name(path.name + "-wal")) if f.exists()]
+        state = [(f.stat().st_mtime_ns, f.stat().st_size) for f in files]
+        known = self._left.get(path)
+        if known is not None and known[0] == state:
+            return known[1]
+        left = 0
+        with contextlib.suppress(TurnscanError), Scan.open(path) as scan:
+            if scan.acquisition:
+                left = steps_left(acquisition_of(scan).plan, scan)
+        self._left[path] = state, left
+        return left
 
     def new_path(self, wish: str) -> Path:
         """Where a new scan of this name goes. Raises as `new_file`."""

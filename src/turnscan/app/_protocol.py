@@ -92,6 +92,8 @@ class ScanEntry(Model):
     modified: str
     """ISO time, UTC."""
     open: bool
+    missing: Count
+    """Steps that ``resume`` would take; 0 where the scan is whole, or nobody knows how to go on."""
 
 
 class LaserState(Model):

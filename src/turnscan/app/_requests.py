@@ -7,9 +7,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter
 
 from turnscan.app._protocol import Count, Model, Name, Opaque, Vector
+from turnscan.station import LONGEST_PAUSE, MOST_PICTURES
 
+Orientation = Literal["vertical", "horizontal"]
 Stage = Literal["camera", "laser", "table"]
 Seconds = Annotated[float, Field(gt=0, le=60)]
+Angle = Annotated[float, Field(ge=-36000, le=36000)]
+"""Degrees."""
 
 
 class Request(Model):
@@ -168,13 +172,14 @@ class Look(Request):
     lit: tuple[Name, ...] = ()
     seconds: Seconds = 0.02
     gain: Annotated[float, Field(gt=0, le=1000)] = 1.0
+    orientation: Orientation = "vertical"
 
 
 class Turn(Request):
     """Turn the table to an angle."""
 
     kind: Literal["turn"] = "turn"
-    angle_deg: Annotated[float, Field(ge=-36000, le=36000)]
+    angle_deg: Angle
 
 
 class Doctor(Request):
@@ -204,23 +209,23 @@ class BeginCalibration(Request):
     table: Name
     lowest_mm: Annotated[float, Field(ge=-1000, le=1000)] = 0.0
     """Height of the lowest corner of the board on the table."""
+    orientation: Orientation = "vertical"
 
 
 class Capture(Request):
-    """Take a picture of the board as it is held now; with the stages laser, of each laser too."""
+    """Take pictures for the calibration, of its board or of what rides on the table: a job.
+
+    With a range the table turns, a picture at each stop; without, it rests, and ``every`` s before
+    each picture a hand has time to move the board. ``laser`` names the laser that is lit for a
+    second picture; the stage laser takes one with each there is.
+    """
 
     kind: Literal["capture"] = "capture"
-    stage: Literal["camera", "laser"]
-    seconds: Seconds | None = None
-
-
-class CaptureTable(Request):
-    """Turn the table once round, a picture each step: a job."""
-
-    kind: Literal["capture_table"] = "capture_table"
-    steps: Annotated[int, Field(ge=3, le=400)] = 24
+    stage: Stage
+    count: Annotated[int, Field(ge=1, le=MOST_PICTURES)] = 1
+    every: Annotated[float, Field(ge=0, le=LONGEST_PAUSE)] = 0.0
+    range_deg: tuple[Angle, Angle] | None = None
     laser: Name | None = None
-    """Lit for a second picture each, where the stripe on the platter is to be used."""
     seconds: Seconds | None = None
 
 
@@ -253,6 +258,12 @@ class ScanPlan(Model):
     gain: Annotated[float, Field(gt=0, le=1000)] = 1.0
     keep: Literal["sparse", "full"] = "sparse"
     threshold: Annotated[float, Field(ge=0, le=65535)] | None = None
+    orientation: Orientation = "vertical"
+    """Of the stripe in the picture."""
+    texture: Seconds | None = None
+    """Exposure of a whole picture without laser, taken too; None for none."""
+    texture_every: Annotated[int, Field(ge=1, le=100000)] = 1
+    """Steps."""
 
 
 class StartScan(Request):
@@ -260,6 +271,17 @@ class StartScan(Request):
 
     kind: Literal["scan"] = "scan"
     plan: ScanPlan
+
+
+class Resume(Request):
+    """Take what an interrupted scan is missing, with the devices that are connected: a job."""
+
+    kind: Literal["resume"] = "resume"
+    scan: Opaque
+    retake: bool = False
+    """Also frames that are damaged or recorded as missing."""
+    at_deg: Angle | None = None
+    """The table stands at this angle of the scan now, says a person."""
 
 
 class Pause(Request):
@@ -305,10 +327,10 @@ ClientMessage = Annotated[
     | UseRig
     | BeginCalibration
     | Capture
-    | CaptureTable
     | ForgetView
     | FinishCalibration
     | StartScan
+    | Resume
     | Pause
     | GoOn
     | Abort,

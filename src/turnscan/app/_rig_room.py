@@ -77,6 +77,9 @@ class RigRoom:
             found.append(p.FoundDevice(address=address or port.path, text=text[:200], role="board"))
         text = "a simulated bench: camera, table and lasers in one"
         found.append(p.FoundDevice(address=DEFAULT_DEVICE, text=text, role="board"))
+        text = "the same, with a hand that holds a board for calibration"
+        address = f"{DEFAULT_DEVICE}&hand=charuco"
+        found.append(p.FoundDevice(address=address, text=text, role="board"))
         return p.Found(id=id, devices=found, notes=remarks(notes))
 
     def connect(self, camera: str, turntable: str, lasers: str) -> None:
@@ -205,8 +208,9 @@ class RigRoom:
                         with burning(hardware.lasers, lit):
                             picture = hardware.camera.grab(wait)
                         number += 1
-                        stripe = stripe_of(picture, None) if lit else None
-                        see(self._hub, number, picture, lit, stripe)
+                        stripe = stripe_of(picture, None, wish.orientation) if lit else None
+                        way = wish.orientation
+                        see(self._hub, number, picture, lit, stripe, orientation=way)
                         time.sleep(max(0.0, 1 / 30 - (time.monotonic() - began)))
                 finally:
                     hardware.lasers.off()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import threading
-from collections.abc import Iterator
-from fractions import Fraction
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -18,7 +19,19 @@ from turnscan.app._library import Library
 from turnscan.app._live import Growing, Taken
 from turnscan.app._rig_room import RigRoom
 from turnscan.errors import InputError
-from turnscan.station import Addresses, Opened, Prepared, Wishes, prepare
+from turnscan.rig import Rig
+from turnscan.scan import Scan
+from turnscan.station import (
+    Opened,
+    Wishes,
+    acquisition_of,
+    check_space,
+    exact_degrees,
+    forget_bad,
+    hardware_to_resume,
+    prepare,
+    steps_left,
+)
 
 State = Literal["running", "paused", "complete", "aborted", "failed"]
 
@@ -26,8 +39,16 @@ State = Literal["running", "paused", "complete", "aborted", "failed"]
 class ScanRoom:
     """At most one scan at a time. All methods may be called from any thread."""
 
-    def __init__(self, hub: Hub, jobs: Jobs, library: Library, rig: RigRoom) -> None:
+    def __init__(
+        self,
+        hub: Hub,
+        jobs: Jobs,
+        library: Library,
+        rig: RigRoom,
+        open_scans: Callable[[], frozenset[str]],
+    ) -> None:
         self._hub, self._jobs, self._library, self._rig = hub, jobs, library, rig
+        self._open_scans = open_scans
         self._lock = threading.Lock()
         self._control: acquire.Control | None = None
         rig.on_stop(self._abort)
@@ -40,6 +61,39 @@ class ScanRoom:
         """
         at, _ = self._rig.connected
         path, wishes = self._library.new_path(wish.name), _wishes(wish)
+
+        def take(taking: _Taking, bench: Opened) -> acquire.Outcome:
+            ready = prepare(at, bench, wishes, self._rig.rig)
+            with ready.create(path) as scan:
+                return taking.run(scan, ready.plan, bench.hardware, ready.rig, ready.first)
+
+        return self._begin(f"Scanning {path.stem}", path, take)
+
+    def resume(self, path: Path, wish: q.Resume) -> Job:
+        """Take what an interrupted scan is missing, as a job, which fails where nobody knows how.
+
+        Raises InputError where nothing is connected or another scan is under way.
+        """
+        _ = self._rig.connected
+        at = None if wish.at_deg is None else math.radians(wish.at_deg)
+
+        def take(taking: _Taking, bench: Opened) -> acquire.Outcome:
+            with Scan.resume(path) as scan:
+                plan = acquisition_of(scan).plan
+                if wish.retake:
+                    forget_bad(scan)
+                left = steps_left(plan, scan)
+                if not left:
+                    return acquire.Outcome(complete=True, frames=0, missing=0)
+                check_space(scan, plan, left)
+                hardware = hardware_to_resume(plan, scan, bench.hardware, at)
+                return taking.run(scan, plan, hardware, scan.rig)
+
+        return self._begin(f"Going on with {path.stem}", path, take)
+
+    def _begin(
+        self, title: str, path: Path, take: Callable[[_Taking, Opened], acquire.Outcome]
+    ) -> Job:
         control = acquire.Control()
         with self._lock:
             if self._control is not None:
@@ -51,12 +105,16 @@ class ScanRoom:
             job.on_cancel = control.abort
             try:
                 with self._rig.using("a scan is being taken") as bench, self._told():
-                    return self._take(job, control, path, at, bench, wishes)
+                    outcome = take(_Taking(self._hub, self._library, job, control), bench)
             finally:
                 self._control = None
                 self._rig.tell()
+                self._hub.tell(p.Scans(scans=self._library.entries(self._open_scans())))
+            lost = f", {outcome.missing} missing" if outcome.missing else ""
+            end = "whole" if outcome.complete else "aborted; what is missing can be taken later"
+            return Result(f"{path.stem}: {outcome.frames} frames taken{lost}; {end}")
 
-        return self._jobs.start("scan", f"Scanning {path.stem}", work)
+        return self._jobs.start("scan", title, work)
 
     def pause(self) -> None:
         """Wait after the picture that is being taken. Raises InputError for no scan."""
@@ -89,51 +147,56 @@ class ScanRoom:
         finally:
             self._rig.busy = False
 
-    def _take(
+
+@dataclass(frozen=True)
+class _Taking:
+    """A scan that is being taken, and whom to tell of it."""
+
+    hub: Hub
+    library: Library
+    job: Job
+    control: acquire.Control
+
+    def run(
         self,
-        job: Job,
-        control: acquire.Control,
-        path: Path,
-        at: Addresses,
-        bench: Opened,
-        wishes: Wishes,
-    ) -> Result:
-        ready = prepare(at, bench, wishes, self._rig.rig)
-        job.steps(ready.plan.steps)
-        with ready.create(path) as scan:
-            name = self._library.name_of(path)
-            story = _Story(self._hub, name, ready, job)
-            growing = Growing(self._hub, name, ready.rig, ready.first.scan_plan.orientation)
-            growing.colour(ready.first.scan_plan.weights)
+        scan: Scan,
+        plan: acquire.Plan,
+        hardware: acquire.Hardware,
+        rig: Rig | None,
+        first: acquire.FirstLook | None = None,
+    ) -> acquire.Outcome:
+        """Take every frame that the file does not have, with live pictures and points."""
+        left = steps_left(plan, scan)
+        self.job.steps(left)
+        name = self.library.name_of(scan.path)
+        reason = "" if first is None else first.threshold_reason
+        story = _Story(self.hub, name, left, self.job, reason)
+        growing = Growing(self.hub, name, rig, scan.plan.orientation)
+        growing.colour(scan.plan.weights)
 
-            def listen(event: acquire.Event) -> None:
-                if isinstance(event, acquire.Taken):
-                    angle = ready.plan.angle(event.step)
-                    growing.put(Taken(event.step, event.laser, angle, event.lit, event.dark))
-                else:
-                    story.tell(event)
+        def listen(event: acquire.Event) -> None:
+            if isinstance(event, acquire.Taken):
+                angle = plan.angle(event.step)
+                growing.put(Taken(event.step, event.laser, angle, event.lit, event.dark))
+            else:
+                story.tell(event)
 
-            try:
-                outcome = acquire.run(
-                    ready.plan, bench.hardware, scan,
-                    first=ready.first, listener=listen, control=control,
-                )  # fmt: skip
-            finally:
-                growing.close()
-        self._hub.tell(p.Scans(scans=self._library.entries(frozenset())))
-        lost = f", {outcome.missing} missing" if outcome.missing else ""
-        end = "whole" if outcome.complete else "aborted; turnscan resume takes the rest"
-        return Result(f"{path.stem}: {outcome.frames} frames taken{lost}; {end}")
+        try:
+            return acquire.run(
+                plan, hardware, scan, first=first, listener=listen, control=self.control
+            )
+        finally:
+            growing.close()
 
 
 class _Story:
     """What is told of a scan that is being taken."""
 
-    def __init__(self, hub: Hub, name: str, ready: Prepared, job: Job) -> None:
+    def __init__(self, hub: Hub, name: str, steps: int, job: Job, reason: str) -> None:
         self._hub, self._name, self._job = hub, name, job
-        self._total, self._done, self._missing = ready.plan.steps, 0, 0
+        self._total, self._done, self._missing = steps, 0, 0
         self._left: float | None = None
-        self._say("running", ready.first.threshold_reason)
+        self._say("running", reason)
 
     def tell(self, event: acquire.Event) -> None:
         """Tell an event, where anybody would want to know."""
@@ -171,17 +234,15 @@ class _Story:
 
 
 def _wishes(wish: q.ScanPlan) -> Wishes:
-    """Degrees as exact fractions, to a ten-thousandth."""
-    ends = (
-        Fraction(round(wish.from_deg * 10000), 10000),
-        Fraction(round(wish.to_deg * 10000), 10000),
-    )
     return Wishes(
         steps=wish.steps,
-        range_deg=ends,
+        range_deg=exact_degrees(wish.from_deg, wish.to_deg),
         lasers=wish.lasers,
         exposures=wish.seconds,
         gain=wish.gain,
         keep=wish.keep,
         threshold=wish.threshold,
+        orientation=wish.orientation,
+        texture=wish.texture,
+        texture_every=wish.texture_every,
     )

@@ -72,7 +72,7 @@ class Workshop:
         self.jobs = Jobs(self.hub)
         self.downloads = Downloads()
         self.rig = RigRoom(self.hub, self.jobs, library, self._operator_may_light)
-        self.taking = ScanRoom(self.hub, self.jobs, library, self.rig)
+        self.taking = ScanRoom(self.hub, self.jobs, library, self.rig, self._open_names)
         self.calibration = CalibrateRoom(self.hub, self.jobs, library, self.rig)
         self._scans: dict[str, OpenScan] = {}
         self._opening: dict[str, Job] = {}
@@ -105,10 +105,10 @@ class Workshop:
             q.UseRig: (self._use_rig, True),
             q.BeginCalibration: (lambda call: self.calibration.begin(call.request), True),
             q.Capture: (self._capture, True),
-            q.CaptureTable: (self._capture_table, True),
             q.ForgetView: (lambda call: self.calibration.forget(call.request.view), True),
             q.FinishCalibration: (self._finish_calibration, True),
             q.StartScan: (self._scan, True),
+            q.Resume: (self._resume, True),
             q.Pause: (lambda call: self.taking.pause(), True),
             q.GoOn: (self._go_on, True),
             q.Abort: (lambda call: self.taking.abort(), True),
@@ -152,8 +152,11 @@ class Workshop:
 
     def entries(self) -> list[p.ScanEntry]:
         """The list of scan files."""
+        return self.library.entries(self._open_names())
+
+    def _open_names(self) -> frozenset[str]:
         with self._lock:
-            return self.library.entries(frozenset(self._scans))
+            return frozenset(self._scans)
 
     def opened(self, name: str) -> OpenScan:
         """A scan that is open. Raises InputError where it is not."""
@@ -264,15 +267,10 @@ class Workshop:
         text = path.read_bytes().decode("utf-8", "replace")
         self.rig.use_rig(rig_from_json(text, path.name), path.name)
 
-    def _capture(self, call: Call) -> None:
-        if call.request.stage == "laser":
+    def _capture(self, call: Call) -> p.Model:
+        if call.request.stage == "laser" or call.request.laser is not None:
             self._check_lasers(call)
-        self.calibration.capture(call.request)
-
-    def _capture_table(self, call: Call) -> p.Model:
-        if call.request.laser is not None:
-            self._check_lasers(call)
-        return p.StartedJob(id=call.id, job=self.calibration.turn(call.request).id)
+        return p.StartedJob(id=call.id, job=self.calibration.capture(call.request).id)
 
     def _finish_calibration(self, call: Call) -> p.Model:
         return p.StartedJob(id=call.id, job=self.calibration.finish(call.request).id)
@@ -280,6 +278,17 @@ class Workshop:
     def _scan(self, call: Call) -> p.Model:
         self._check_lasers(call)
         return p.StartedJob(id=call.id, job=self.taking.start(call.request.plan).id)
+
+    def _resume(self, call: Call) -> p.Model:
+        self._check_lasers(call)
+        name = call.request.scan
+        path = self.library.path(name)
+        _ = self.rig.connected  # before the document is closed
+        with self._lock:
+            document = self._scans.pop(name, None)
+        if document is not None:
+            document.close()  # a scan file has one writer
+        return p.StartedJob(id=call.id, job=self.taking.resume(path, call.request).id)
 
     def _go_on(self, call: Call) -> None:
         self._check_lasers(call)

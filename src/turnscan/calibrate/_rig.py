@@ -469,9 +469,21 @@ def _angles(
 
 
 def _finished_rig(fit: Fit[State], network: RigNetwork, settings: CalibrationSettings) -> Rig:
-    rig = fit.state.rig
+    rig, layout = fit.state.rig, fit.state.layout
     p = len(rig.parameter_names)
+    covariance: Floats = fit.covariance[:p, :p]
     markers: tuple[Marker, ...] = ()
-    if isinstance(fit.state.layout, MarkerLayout):
-        markers = fit.state.layout.markers(settings.dictionary)
-    return replace(rig, markers=markers, covariance=fit.covariance[:p, :p])
+    if isinstance(layout, MarkerLayout):
+        markers = layout.markers(settings.dictionary)
+    elif layout is not None:
+        # The fit holds the height of the board's first corner; a person has measured the lowest.
+        corners, by = layout.points(np.arange(len(layout.board.points), dtype=np.int32))
+        low = int(corners[:, 2].argmin())
+        T, up = rig.T_camera_table, rig.T_camera_table.rotation[:, 2]
+        shift = up * (float(corners[low, 2]) - settings.lowest)
+        rig = replace(rig, T_camera_table=Pose(T.rotation, T.translation + shift))
+        n = by.shape[2]
+        carried = np.eye(p, p + n)
+        carried[p - 3 : p, p:] = np.outer(up, by[low, 2])
+        covariance = carried @ fit.covariance[: p + n, : p + n] @ carried.T
+    return replace(rig, markers=markers, covariance=covariance)

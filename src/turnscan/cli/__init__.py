@@ -14,6 +14,7 @@ from turnscan.errors import TurnscanError
 _VERBS = {
     "app": "the workshop in a browser: scan, see, mend, measure, export",
     "calibrate": "pictures of boards and of the empty table → rig.json with its uncertainty",
+    "capture": "pictures of a board with what is connected, for calibrate",
     "check": "is a scan file whole, and what is in it?",
     "compare": "how far a measured mesh lies from a reference, and how much of it was measured",
     "demo": "scan a part that isn't there, and write it as DXF, STL and a report",

@@ -86,7 +86,7 @@ Orientation = Literal["vertical", "horizontal"]
     "--table-board-mm",
     type=Finite(),
     default=0.0,
-    help="Height of its lowest corner above the table.",
+    help="Height of its lowest corner between squares above the table.",
 )
 @click.option(
     "--table-step-deg", type=Finite(), help="Nominal step between pictures; compared only."

@@ -15,10 +15,11 @@ from turnscan.cli import _html as html
 from turnscan.cli._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
 from turnscan.cli._deviation_map import deviation_figure
 from turnscan.cli._output import write_atomically, write_results
+from turnscan.cli._png import write_png
 from turnscan.cli._progress import progress
 from turnscan.cli._reconstruct_report import about, summary
 from turnscan.cli._render import render
-from turnscan.cli._simulated import plan_of, scan_into_file, truth, write_png
+from turnscan.cli._simulated import plan_of, scan_into_file, truth
 from turnscan.devices import burning
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import click
 
-from turnscan.acquire import Acquisition, acquisition_from_json, check_angle, check_room, reindexed
 from turnscan.cli._hardware import (
     addresses_of,
     device_options,
@@ -17,10 +15,17 @@ from turnscan.cli._hardware import (
     was_interrupted,
 )
 from turnscan.cli._numbers import Finite
-from turnscan.cli._scanning import steps_left, take
-from turnscan.errors import InputError
+from turnscan.cli._scanning import take
 from turnscan.scan import Scan
-from turnscan.station import Addresses, opened
+from turnscan.station import (
+    Addresses,
+    acquisition_of,
+    check_space,
+    forget_bad,
+    hardware_to_resume,
+    opened,
+    steps_left,
+)
 
 
 @click.command("resume")
@@ -48,42 +53,19 @@ def verb(name: Path, devices: dict[str, str | None], at_deg: float | None, retak
 
 
 def _resume(scan: Scan, devices: dict[str, str | None], at_deg: float | None, retake: bool) -> None:
-    how = _acquisition(scan)
+    how = acquisition_of(scan)
     if retake:
-        _forget(scan)
+        gone = forget_bad(scan)
+        if gone:
+            click.echo(f"{gone} damaged or missing frames will be taken again")
     left = steps_left(how.plan, scan)
     if not left:
         click.echo(f"{scan.path}: complete already, all {how.plan.steps} steps are there")
         return
-    if len(scan):
-        check_room(scan.path, int(scan.path.stat().st_size * left / how.plan.steps))
+    check_space(scan, how.plan, left)
     known = Addresses(how.camera, how.turntable, how.lasers)
     with opened(addresses_of(devices, known)) as bench:
-        hardware = bench.hardware
-        if at_deg is None:
-            check_angle(how.plan, scan, hardware.turntable)
-        else:
-            table = reindexed(hardware.turntable, math.radians(at_deg))
-            hardware = replace(hardware, turntable=table)
+        at = None if at_deg is None else math.radians(at_deg)
+        hardware = hardware_to_resume(how.plan, scan, bench.hardware, at)
         click.echo(f"{left} of {how.plan.steps} steps to take")
         take(how.plan, hardware, scan, None)
-
-
-def _acquisition(scan: Scan) -> Acquisition:
-    if not scan.acquisition:
-        raise InputError(
-            f"{scan.path}: was not made by turnscan scan, so nobody knows how to go on",
-            hint="resume works for scans, not for imported pictures",
-        )
-    return acquisition_from_json(scan.acquisition, f"{scan.path}: acquisition")
-
-
-def _forget(scan: Scan) -> None:
-    """Take away what is damaged or recorded as missing, so that it is taken again."""
-    gone = scan.damaged()
-    for laser in scan.plan.lasers:
-        gone += [(laser, step, 0) for step in scan.missing(laser) if scan.has(laser, step)]
-    for laser, step, exposure in gone:
-        scan.forget(laser, step, exposure)
-    if gone:
-        click.echo(f"{len(gone)} damaged or missing frames will be taken again")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import click
 
+from turnscan.cli._degrees import Degrees, DegreesRange
 from turnscan.cli._hardware import (
     addresses_of,
     device_options,
@@ -22,49 +22,13 @@ from turnscan.cli._scanning import take
 from turnscan.errors import InputError
 from turnscan.station import USUAL_STEPS, Wishes, opened, prepare
 
-_LONGEST_NUMBER = 40
-
-
-class _Degrees(click.ParamType[Fraction]):
-    """Decimal or fraction, exact."""
-
-    name = "degrees"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> Fraction:
-        if isinstance(value, Fraction):
-            return value
-        try:
-            text = str(value)
-            if len(text) > _LONGEST_NUMBER or "e" in text.lower():
-                raise ValueError
-            return Fraction(text)
-        except (ValueError, ZeroDivisionError):
-            self.fail(f"{value!r} is not a number of degrees, as 0.9 or 360/400", param, ctx)
-
-
-class _Range(click.ParamType[tuple[Fraction, Fraction]]):
-    name = "range"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[Fraction, Fraction]:
-        if isinstance(value, tuple):
-            return value
-        a, colon, b = str(value).partition(":")
-        if not colon:
-            self.fail(f"{value!r} is not a range, as 0:180", param, ctx)
-        one = _Degrees()
-        return one.convert(a, param, ctx), one.convert(b, param, ctx)
-
 
 @click.command("scan")
 @click.argument("name", metavar="NAME.turnscan", type=click.Path(path_type=Path))
 @device_options
 @click.option("--steps", type=int, help=f"Stops.  [default: the bench's, or {USUAL_STEPS} a turn]")
-@click.option("--step-deg", type=_Degrees(), help="Angle between stops, instead of --steps.")
-@click.option("--range-deg", type=_Range(), default="0:360", show_default=True, metavar="A:B")
+@click.option("--step-deg", type=Degrees(), help="Angle between stops, instead of --steps.")
+@click.option("--range-deg", type=DegreesRange(), default="0:360", show_default=True, metavar="A:B")
 @click.option("--passes", type=int, default=1, show_default=True, help="The same stops again.")
 @click.option("--laser-names", metavar="A,B", help="Which to use.  [default: all there are]")
 @click.option("--together", is_flag=True, help="All lasers in one picture.")

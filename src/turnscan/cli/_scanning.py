@@ -14,6 +14,7 @@ from turnscan.cli._hardware import was_interrupted
 from turnscan.cli._progress import progress
 from turnscan.errors import TurnscanError
 from turnscan.scan import Scan
+from turnscan.station import steps_left
 
 
 @dataclass
@@ -34,8 +35,8 @@ class _Line:
 def take(plan: Plan, hardware: Hardware, scan: Scan, first: FirstLook | None) -> None:
     """Run the plan, with progress; say how to go on when it ends early."""
     line = _Line()
-    total = sum(_wanted(plan, scan, step) for step in range(plan.steps))
-    with _said_how_to_go_on(plan, scan), progress("scanning", total) as tick:
+    left = steps_left(plan, scan)
+    with _said_how_to_go_on(plan, scan), progress("scanning", left) as tick:
 
         def listen(event: Event) -> None:
             if isinstance(event, StepDone):
@@ -49,16 +50,6 @@ def take(plan: Plan, hardware: Hardware, scan: Scan, first: FirstLook | None) ->
         outcome = run(plan, hardware, scan, first=first, listener=listen)
     lost = f", {outcome.missing} missing" if outcome.missing else ""
     click.echo(f"{scan.path}: {outcome.frames} frames taken{lost}; whole")
-
-
-def _wanted(plan: Plan, scan: Scan, step: int) -> bool:
-    frames = (scan.has(name, step, k) for name in plan.sets for k in range(len(plan.exposures)))
-    return not all(frames) or (plan.has_texture(step) and not scan.has_texture(step))
-
-
-def steps_left(plan: Plan, scan: Scan) -> int:
-    """Steps that something is still to be taken at."""
-    return sum(_wanted(plan, scan, step) for step in range(plan.steps))
 
 
 @contextmanager

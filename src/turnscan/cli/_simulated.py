@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from turnscan.acquire import Event, FirstLook, Hardware, Plan, StepDone, look, run, turn_of
 from turnscan.arrays import Image
 from turnscan.cli._output import write_atomically
+from turnscan.cli._png import write_png
 from turnscan.errors import InputError
 from turnscan.rig import rig_to_json
 from turnscan.scan import Frame, Keep, ScanPlan, Setting, replacing_scan
@@ -120,14 +118,3 @@ class _Folder:
         """Write the picture."""
         (self.folder / "texture").mkdir(exist_ok=True)
         write_png(self.folder / "texture" / f"step_{step:04d}.png", picture)
-
-
-def write_png(path: Path, picture: Image) -> None:
-    """Write a picture, red first when it has colours, as PNG of 8 or 16 bits."""
-    import cv2
-
-    page = picture if picture.ndim == 2 else np.ascontiguousarray(picture[..., ::-1])
-    _, data = cv2.imencode(".png", page)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_bytes(data.tobytes())
-    part.replace(path)

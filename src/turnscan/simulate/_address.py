@@ -10,6 +10,7 @@ from urllib.parse import parse_qsl, unquote
 
 from turnscan.errors import InputError
 from turnscan.simulate._devices import Faults, SimCamera, SimLasers, SimTurntable, World
+from turnscan.simulate._hand import Hand
 from turnscan.simulate._motion import Motion
 from turnscan.simulate._presets import Wish, bench, seconds_of, steps_of
 
@@ -53,6 +54,7 @@ def _yes(text: str) -> bool:
 _Change = Callable[[Any], dict[str, Any]]
 _WISH: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
     "rig": (str, lambda x: {"rig": x}),
+    "hand": (str, lambda x: {"hand": x}),
     "seed": (int, lambda x: {"seed": x}),
     "steps": (int, lambda x: {"steps": x}),
     "theta_deg": (_angle, lambda x: {"theta": x}),
@@ -119,7 +121,8 @@ def simulated(address: str | Wish, faults: Faults | None = None) -> Simulated:
     if isinstance(wish, str):
         wish, from_address = wish_of(wish)
         faults = faults or from_address
-    world = World(bench(wish), faults)
+    made = bench(wish)
+    world = World(made, faults, None if wish.hand is None else Hand(made, wish.hand))
     return Simulated(wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
 
 

@@ -12,6 +12,7 @@ from turnscan.arrays import Image
 from turnscan.devices import CameraTraits
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
 from turnscan.simulate._bench import Bench
+from turnscan.simulate._hand import Hand
 from turnscan.simulate._random import seed64
 from turnscan.simulate._render import Renderer
 
@@ -36,12 +37,22 @@ class Faults:
 
 
 class World:
-    """What camera, turntable and lasers share: where the table is and which lasers are lit."""
+    """What camera, turntable and lasers share: where the table is and which lasers are lit.
 
-    def __init__(self, bench: Bench, faults: Faults | None = None) -> None:
+    A ``hand`` holds its board another way each time the camera is set up, and puts it on the table
+    as soon as that is told to move: so whoever takes pictures for a calibration needs no more
+    than one address.
+    """
+
+    def __init__(
+        self, bench: Bench, faults: Faults | None = None, hand: Hand | None = None
+    ) -> None:
         self.bench = bench
         self.faults = faults or Faults()
-        self.renderer = Renderer(bench)
+        self._hand, self._held = hand, 0
+        self._renderer: Renderer | None = None
+        self._on_table: Renderer | None = None
+        self.put_down()
         self.commanded = 0.0
         self.moves = 0
         self.forward = True
@@ -52,6 +63,26 @@ class World:
         """The table's true angle, rad."""
         b = self.bench
         return b.motion.angle(self.commanded, self.moves, self.forward, b.seed)
+
+    @property
+    def renderer(self) -> Renderer:
+        """Of what there is to be seen now."""
+        if self._renderer is None:
+            self._renderer = Renderer(self.bench)
+        return self._renderer
+
+    def take_up(self) -> None:
+        """The hand, if there is one, holds the board another way."""
+        if self._hand is not None:
+            self._held += 1
+            self.bench, self._renderer = self._hand.holding(self._held, self.angle), None
+
+    def put_down(self) -> None:
+        """The hand, if there is one, puts the board on the table."""
+        if self._hand is not None:
+            if self._on_table is None:
+                self._on_table = Renderer(self._hand.standing())
+            self.bench, self._renderer = self._on_table.bench, self._on_table
 
     @property
     def burning(self) -> frozenset[str]:
@@ -81,6 +112,7 @@ class SimCamera:
                 f"simulated camera: gain {gain:g}", hint="give a gain of 0.1 to 100"
             )
         self._seconds, self._gain = max(round(seconds, 5), 1e-5), gain
+        self._world.take_up()
         return self._seconds, self._gain
 
     def grab(self, timeout: float) -> Image:
@@ -128,6 +160,7 @@ class SimTurntable:
             self._world.forward = angle > self._world.commanded
             self._world.moves += 1
         self._world.commanded = angle
+        self._world.put_down()
         return angle
 
     def stop(self) -> None:

@@ -67,6 +67,9 @@ class Wish:
     motion: Motion = field(default_factory=Motion)
     galvo: float | None = None
     """Frequency of the mirror, Hz; None for the preset's."""
+    hand: str | None = None
+    """A board that a hand holds before the camera of the rig that is set up for the scene, with the
+    room's light on; None for the scene itself."""
 
     def __post_init__(self) -> None:
         if self.rig not in PRESET_NAMES:
@@ -77,6 +80,8 @@ class Wish:
                 "and the stripe would say nothing about depth",
                 hint="take 10° to 60°",
             )
+        if self.hand is not None and self.hand not in BOARDS:
+            raise InputError(f"no board {self.hand!r}", hint=f"take one of {', '.join(BOARDS)}")
         if self.lasers not in (None, 1, 2):
             raise InputError(f"{self.lasers} lasers", hint="take 1 or 2")
         if self.steps is not None and not 1 <= self.steps <= 1_000_000:
@@ -116,6 +121,8 @@ _MATERIALS: Mapping[str, Material] = {
 }
 _TWO_LINES = ("head", "bust")
 _PLATTER = Material((0.04, 0.04, 0.04))
+_LIGHT_ON = 0.3
+"""Room light, as `Wish.room`, where a board is to be seen."""
 
 
 def design_of(wish: Wish) -> Design:
@@ -229,7 +236,8 @@ def _lit(made: Bench, design: Design, kit: _Kit, wish: Wish) -> Bench:
     sheets = tuple(replace(s, source=known[s.name]) for s in made.rig.sheets)
     made = replace(made, rig=replace(made.rig, sheets=sheets), beams=beams)
     white = made.electrons_per_radiance(550e-6, kit.seconds) * made.sensor.efficiency / math.pi
-    sky = wish.room * made.sensor.saturation / white
+    room = wish.room if wish.hand is None else max(wish.room, _LIGHT_ON)
+    sky = room * made.sensor.saturation / white
     scene = replace(made.scene, sky=0.6 * sky, lamp=0.6 * sky, background=0.05)
     return replace(made, scene=scene)
 

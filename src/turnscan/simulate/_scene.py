@@ -21,6 +21,8 @@ PatternKind = Literal["none", "bars", "rings", "checks"]
 PATTERNS: tuple[PatternKind, ...] = ("none", "bars", "rings", "checks")
 _CREASE = np.cos(np.deg2rad(25.0))
 _LONGEST_EDGE = 8.0
+_INK_DEEP = 0.1
+"""mm from the print's plane."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +90,13 @@ class Texture:
             put(self, name, frozen(getattr(self, name), (3,), f"Texture.{name}"))
 
     def at(self, points: Floats) -> Floats:
-        """Reflectance (n,) at points (n, 3) in the body's frame; 1 off the print."""
+        """Reflectance (n,) at points (n, 3) in the body's frame; 1 off the print and behind it."""
         import cv2
 
         h, w = self.picture.shape
         d = points - self.corner
+        normal = np.cross(self.right, self.down)
+        off = np.abs(d @ (normal / np.linalg.norm(normal))) > _INK_DEEP
         x = (d @ self.right / (self.right @ self.right) * w - 0.5).astype(np.float32)
         y = (d @ self.down / (self.down @ self.down) * h - 0.5).astype(np.float32)
         paper = self.picture.astype(np.float32)
@@ -103,7 +107,7 @@ class Texture:
                 borderMode=cv2.BORDER_CONSTANT, borderValue=1.0,
             )  # fmt: skip
             out[i : i + 16384] = part[:, 0]
-        return out
+        return np.where(off, 1.0, out)
 
 
 @dataclass(frozen=True)

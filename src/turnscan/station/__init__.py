@@ -3,12 +3,27 @@
 from turnscan.station._doctor import Diagnosis, TableFacts, examine
 from turnscan.station._examine import CameraFacts, Examination, LaserFacts
 from turnscan.station._open import DEFAULT_DEVICE, Addresses, Opened, opened
+from turnscan.station._photograph import (
+    LONGEST_PAUSE,
+    MOST_PICTURES,
+    Series,
+    Shot,
+    photograph,
+)
+from turnscan.station._resume import (
+    acquisition_of,
+    check_space,
+    forget_bad,
+    hardware_to_resume,
+    steps_left,
+)
 from turnscan.station._which import Seen, which_laser
 from turnscan.station._wishes import (
     USUAL_SECONDS,
     USUAL_STEPS,
     Prepared,
     Wishes,
+    exact_degrees,
     laser_colour,
     plan_of,
     prepare,
@@ -17,6 +32,8 @@ from turnscan.station._wishes import (
 
 __all__ = [
     "DEFAULT_DEVICE",
+    "LONGEST_PAUSE",
+    "MOST_PICTURES",
     "USUAL_SECONDS",
     "USUAL_STEPS",
     "Addresses",
@@ -27,13 +44,22 @@ __all__ = [
     "Opened",
     "Prepared",
     "Seen",
+    "Series",
+    "Shot",
     "TableFacts",
     "Wishes",
+    "acquisition_of",
+    "check_space",
+    "exact_degrees",
     "examine",
+    "forget_bad",
+    "hardware_to_resume",
     "laser_colour",
     "opened",
+    "photograph",
     "plan_of",
     "prepare",
+    "steps_left",
     "stops_of",
     "which_laser",
 ]

@@ -32,7 +32,8 @@ USUAL_STEPS = 400
 """Of a turn, where neither a person nor a simulated bench says otherwise."""
 USUAL_SECONDS = 0.02
 """Of an exposure, likewise."""
-_SETTLE = 0.1
+SETTLE = 0.1
+"""s from rest to picture, likewise."""
 _FIRST_MOVE = 120.0
 """s that the way to the first stop may take."""
 _NOTHING = 0.1
@@ -145,7 +146,7 @@ def plan_of(wishes: Wishes, bench: Opened) -> Plan:
         shown = Texture(Exposure(w.texture, w.gain), w.texture_every, w.lamps)
     settle = w.settle
     if settle is None:
-        settle = 0.0 if bench.steps else _SETTLE
+        settle = 0.0 if bench.steps else SETTLE
     return Plan(
         step_deg=step,
         stops=stops,
@@ -161,6 +162,11 @@ def plan_of(wishes: Wishes, bench: Opened) -> Plan:
         settle=settle,
         blind_steps=w.blind_steps,
     )
+
+
+def exact_degrees(first: float, last: float) -> tuple[Fraction, Fraction]:
+    """A range as exact numbers, to a ten-thousandth of a degree."""
+    return Fraction(round(first * 10000), 10000), Fraction(round(last * 10000), 10000)
 
 
 def stops_of(
