@@ -122,6 +122,20 @@ def test_the_platter_disappears_and_the_part_stays():
     assert (kept.found == (on_part & (grid.points[..., 2] >= 1.0))).all()
 
 
+def test_what_may_as_well_lie_on_the_platter_is_platter():
+    points = np.array([[[20.0, 0.0, z] for z in (1.9, 2.1, 2.9, 3.1)]])
+    unsure, sure = plain_grid(points, sigma=0.6), plain_grid(points, sigma=0.4)
+    floor = Volume(z_min=2.0)
+    assert clip(unsure, floor).found.tolist() == [[False, False, False, True]]
+    assert clip(sure, floor).found.tolist() == [[False, True, True, True]]
+    assert (clip(unsure, floor).flags[0, :3] == StripeFlag.OUTSIDE).all()
+    # Where the platter is to be seen, nothing of it goes; where sigma is not known, nothing more.
+    assert clip(unsure, Volume(z_min=-1.0)).found.all()
+    assert clip(plain_grid(points, sigma=np.nan), floor).found.tolist() == [
+        [False, True, True, True]
+    ]
+
+
 def test_the_automatic_volume_knows_what_the_rig_sees():
     rig = make_rig()
     reach = working_volume(rig, "L0")

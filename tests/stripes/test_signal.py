@@ -94,3 +94,26 @@ def test_a_stripe_that_ends_where_the_volume_ends_has_an_edge():
     assert ends_of(lit, dark, inside) == [79], "what goes on is another surface"
     lit[80:] = dark[80:]
     assert ends_of(lit, dark, inside) == [79], "nothing goes on"
+
+
+@pytest.mark.parametrize(
+    ("away", "pedestal", "kept"), [(12, 60.0, False), (12, 0.0, True), (60, 60.0, True)]
+)
+def test_the_glow_of_what_does_not_count_is_no_stripe(away, pedestal, kept):
+    """Beside a stripe that left the region: a weaker one counts where it is not haloed, or far."""
+    u = np.arange(200)
+    lit = 150 * np.exp(-0.5 * ((u - 60.3) / 1.7) ** 2) + 60 * np.exp(
+        -0.5 * ((u - 60 - away) / 3.0) ** 2
+    )
+    lit += pedestal * np.exp(-0.5 * ((u - 60 - away) / 9.0) ** 2)
+    lit = np.tile(lit.round().astype(np.uint8), (60, 1))
+    inside = np.zeros_like(lit, bool)
+    inside[:, 66:] = True
+    look = StripeSettings(mask=maximum_filter(inside, 49), threshold=20.0)
+    stripe = Signal(None).detect(lit, None, look, inside=inside)
+    assert stripe.found.all() == kept
+    assert stripe.found.any() == kept
+    assert kept or (stripe.flags == StripeFlag.OUTSIDE).all()
+    # Seen whole, it is the weaker of two.
+    both = Signal(None).detect(lit, None, look)
+    assert np.abs(both.position - 60.3).max() < 1.0

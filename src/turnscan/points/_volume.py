@@ -16,6 +16,8 @@ from turnscan.stripes import StripeFlag
 
 _BORDER = 64
 """Pixels cast along each side of the picture to find how far the camera sees."""
+_APART = 5.0
+"""Sigma between two surfaces (ALGORITHMS 5.1)."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +109,17 @@ def view_mask(
 
 
 def clip(grid: RangeGrid, volume: Volume) -> RangeGrid:
-    """The grid with every point outside ``volume`` missing, flagged OUTSIDE."""
-    return without(grid, grid.found & ~volume.contains(grid.points), StripeFlag.OUTSIDE)
+    """The grid with every point outside ``volume`` missing, flagged OUTSIDE.
+
+    Where the volume leaves the platter out (``z_min`` above 0), a point that may as well lie on it
+    is outside: one less than `_APART` of its sigma above it. At a part's foot the light that goes
+    to and fro between part and platter leads a stripe from the one to the other.
+    """
+    keep = volume.contains(grid.points)
+    if volume.z_min > 0:
+        with np.errstate(invalid="ignore"):
+            keep &= ~(grid.points[..., 2] < _APART * grid.sigma)
+    return without(grid, grid.found & ~keep, StripeFlag.OUTSIDE)
 
 
 def without(grid: RangeGrid, drop: Bools, cause: StripeFlag) -> RangeGrid:

@@ -24,6 +24,8 @@ _FULL_WELL = 10_000.0
 """Electrons at the top of the scale where nobody knows; it only weighs exposures."""
 _FINE = 60_000.0
 """Levels of a fused picture that the range of its shortest exposure is spread over."""
+_GLOW = 4.0
+"""Own widths from a brighter centre within which a haloed one is that one's glow."""
 
 
 @dataclass(frozen=True)
@@ -237,16 +239,18 @@ class _Ready:
 
 
 def restrict(candidates: Candidates, inside: Bools) -> Candidates:
-    """The candidates at pixels where ``inside`` (H, W) is True; lines that lose all are OUTSIDE.
+    """The candidates at pixels where ``inside`` (H, W) is True, without the glow of the others.
 
-    The places of the others are kept as ``beyond``, so that no stripe seems to end at the border.
+    Lines that lose all are OUTSIDE. The places of the others are kept as ``beyond``, so that no
+    stripe seems to end at the border.
     """
     c = candidates
     picture = inside if c.orientation == "vertical" else inside.T
     line = np.arange(len(c.position))[:, None]
     there = ~np.isnan(c.position)
     pixel = np.clip(np.rint(np.where(there, c.position, 0.0)), 0, picture.shape[1] - 1)
-    keep = there & picture[line, pixel.astype(np.intp)]
+    others = there & ~picture[line, pixel.astype(np.intp)]
+    keep = there & ~others & ~_glow_of(c, others)
     order = np.argsort(~keep, axis=1, kind="stable")
 
     def kept(values: Floats) -> Floats:
@@ -262,5 +266,22 @@ def restrict(candidates: Candidates, inside: Bools) -> Candidates:
         kept(c.width),
         flags.astype(np.uint16),
         c.orientation,
-        np.where(keep, np.nan, c.position),
+        np.where(others, c.position, np.nan),
     )
+
+
+def _glow_of(c: Candidates, others: Bools) -> Bools:
+    """(n, K) True for the haloed centres near a brighter one of ``others`` (n, K): its glow.
+
+    Where a stripe leaves the region that counts, as at the foot of a part for the platter, the
+    light it spreads shines on in the region, and would be the brightest there is.
+    """
+    out = np.zeros_like(others)
+    lines = np.flatnonzero(others.any(axis=1))
+    at, height = c.position[lines], c.amplitude[lines]
+    with np.errstate(invalid="ignore"):
+        near = np.abs(at[:, :, None] - at[:, None]) <= _GLOW * c.width[lines][:, :, None]
+        brighter = height[:, None] > height[:, :, None]
+    spread = (c.flags[lines] & StripeFlag.HALO) != 0
+    out[lines] = spread & (near & brighter & others[lines][:, None]).any(axis=2)
+    return out
