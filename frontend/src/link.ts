@@ -32,6 +32,8 @@ interface Waiting {
 export class Link {
   private socket: WebSocket | null = null;
   private readonly waiting = new Map<number, Waiting>();
+  /** Jobs that the server has said to be running, and not yet that they are over. */
+  private readonly living = new Set<string>();
   private nextId = 1;
   private attempt = 0;
 
@@ -53,6 +55,7 @@ export class Link {
     socket.onmessage = (event) => this.receive(event.data);
     socket.onclose = () => {
       this.onState("lost");
+      this.living.clear();
       for (const [id] of this.waiting) {
         this.settle(id)?.reject(new RefusedError("lost", "The connection to turnscan was lost.", "It comes back by itself while the server runs."));
       }
@@ -65,14 +68,20 @@ export class Link {
   request(request: Request, arrays: Record<string, AnyArray> = {}): Promise<Received> {
     const id = this.nextId++;
     return new Promise((resolve, reject) => {
-      const timer = setTimeout(() => {
-        this.settle(id)?.reject(new RefusedError("late", "The server did not answer.", "Look at the window it runs in."));
-      }, REQUEST_SECONDS * 1000);
-      this.waiting.set(id, { resolve, reject, timer });
+      this.waiting.set(id, { resolve, reject, timer: this.patience(id) });
       if (!this.send({ ...request, id }, arrays)) {
         this.settle(id)?.reject(new RefusedError("lost", "There is no connection to turnscan.", "It comes back by itself while the server runs."));
       }
     });
+  }
+
+  /** Give up on a request that takes long, unless the server says that it is at work. */
+  private patience(id: number): ReturnType<typeof setTimeout> {
+    return setTimeout(() => {
+      const waiting = this.waiting.get(id);
+      if (waiting && this.living.size) waiting.timer = this.patience(id);
+      else this.settle(id)?.reject(new RefusedError("late", "The server did not answer.", "Look at the window it runs in."));
+    }, REQUEST_SECONDS * 1000);
   }
 
   /** Send without waiting for an answer; false when there is no connection. */
@@ -89,6 +98,10 @@ export class Link {
     // Patches come before the answer to the edit that made them: everybody hears first.
     this.onMessage(message);
     const { header } = message;
+    if (header.kind === "job") {
+      if (header.state === "running") this.living.add(header.job);
+      else this.living.delete(header.job);
+    }
     if (!("id" in header) || header.id === null) return;
     const waiting = this.settle(header.id);
     if (header.kind === "refused") waiting?.reject(refusal(header));

@@ -45,6 +45,7 @@ export interface BeginCalibration {
   table: string;
   /** Height of the lowest corner of the board on the table. */
   lowest_mm?: number;
+  orientation?: "vertical" | "horizontal";
 }
 
 /** A calibration in the making, each time a picture has been looked at. */
@@ -81,20 +82,20 @@ export interface Cancel {
   job: string;
 }
 
-/** Take a picture of the board as it is held now; with the stages laser, of each laser too. */
+/**
+ * Take pictures for the calibration, of its board or of what rides on the table: a job.
+ *
+ * With a range the table turns, a picture at each stop; without, it rests, and ``every`` s before
+ * each picture a hand has time to move the board. ``laser`` names the laser that is lit for a
+ * second picture; the stage laser takes one with each there is.
+ */
 export interface Capture {
   id: number;
   kind: "capture";
-  stage: "camera" | "laser";
-  seconds?: number | null;
-}
-
-/** Turn the table once round, a picture each step: a job. */
-export interface CaptureTable {
-  id: number;
-  kind: "capture_table";
-  steps?: number;
-  /** Lit for a second picture each, where the stripe on the platter is to be used. */
+  stage: "camera" | "laser" | "table";
+  count?: number;
+  every?: number;
+  range_deg?: [number, number] | null;
   laser?: string | null;
   seconds?: number | null;
 }
@@ -415,6 +416,7 @@ export interface Look {
   lit?: string[];
   seconds?: number;
   gain?: number;
+  orientation?: "vertical" | "horizontal";
 }
 
 /** A measurement that is kept with the scan. */
@@ -574,6 +576,17 @@ export interface Replace {
   kind: "replace";
 }
 
+/** Take what an interrupted scan is missing, with the devices that are connected: a job. */
+export interface Resume {
+  id: number;
+  kind: "resume";
+  scan: string;
+  /** Also frames that are damaged or recorded as missing. */
+  retake?: boolean;
+  /** The table stands at this angle of the scan now, says a person. */
+  at_deg?: number | null;
+}
+
 /** A scan file in the list. */
 export interface ScanEntry {
   scan: string;
@@ -582,6 +595,8 @@ export interface ScanEntry {
   /** ISO time, UTC. */
   modified: string;
   open: boolean;
+  /** Steps that ``resume`` would take; 0 where the scan is whole, or nobody knows how to go on. */
+  missing: number;
 }
 
 /** What a scan is to be; None leaves it to the server, which says what it chose. */
@@ -595,6 +610,12 @@ export interface ScanPlan {
   gain?: number;
   keep?: "sparse" | "full";
   threshold?: number | null;
+  /** Of the stripe in the picture. */
+  orientation?: "vertical" | "horizontal";
+  /** Exposure of a whole picture without laser, taken too; None for none. */
+  texture?: number | null;
+  /** Steps. */
+  texture_every?: number;
 }
 
 /** A scan that is being taken. */
@@ -768,10 +789,10 @@ export type ClientMessage =
   | UseRig
   | BeginCalibration
   | Capture
-  | CaptureTable
   | ForgetView
   | FinishCalibration
   | StartScan
+  | Resume
   | Pause
   | GoOn
   | Abort;

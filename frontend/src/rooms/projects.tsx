@@ -2,7 +2,9 @@
 import { useRef, useState } from "preact/hooks";
 import { http } from "../link";
 import type { Added } from "../protocol";
-import { complain, connection, go, scans } from "../state";
+import { complain, connection, go, isOperator, scans } from "../state";
+import { isScanning } from "../station/live";
+import { resume } from "../station/resume";
 import { Button } from "../ui/controls";
 import { invite } from "../ui/invite";
 import type { Room } from ".";
@@ -45,7 +47,7 @@ function Projects() {
               </tr>
             </thead>
             <tbody>
-              {scans.value.map(({ scan, name, modified, megabytes, open }) => (
+              {scans.value.map(({ scan, name, modified, megabytes, open, missing }) => (
                 <tr key={scan}>
                   <td>
                     <button type="button" class="link" onClick={() => go("mend", scan)}>
@@ -54,7 +56,17 @@ function Projects() {
                   </td>
                   <td class="quiet num">{new Date(modified).toLocaleString("sv").slice(0, 16)}</td>
                   <td class="num right">{megabytes.toFixed(1)} MB</td>
-                  <td class="quiet">{open ? "open" : ""}</td>
+                  <td class="quiet">
+                    {open && "open "}
+                    {missing > 0 && (
+                      <>
+                        {missing} steps missing{" "}
+                        <Button small disabled={!isOperator.value || isScanning()} label={`Take what ${name} is missing`} onClick={() => void resume(scan)}>
+                          Resume
+                        </Button>
+                      </>
+                    )}
+                  </td>
                 </tr>
               ))}
             </tbody>

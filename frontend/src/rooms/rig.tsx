@@ -6,7 +6,8 @@ import { CalibratePanel } from "../station/calibrate";
 import { RemarkLine, useLastJob } from "../station/remarks";
 import { ask, devices, isOperator, kept } from "../state";
 import { Button, Check, NumberField, Section, TextField } from "../ui/controls";
-import { findDevices, finding, found, isScanning } from "../station/live";
+import { findDevices, finding, found, isScanning, orientation } from "../station/live";
+import { StripeField } from "../station/stripe";
 import { LivePane } from "../station/views";
 import type { Room } from ".";
 
@@ -86,7 +87,7 @@ function LookPanel() {
   const gain = useSignal(1);
   const now = devices.value;
   if (!now || !connected()) return null;
-  const look = (on: boolean) => void ask({ kind: "look", on, lit: [...lit.value], seconds: ms.value / 1000, gain: gain.value });
+  const look = (on: boolean) => void ask({ kind: "look", on, lit: [...lit.value], seconds: ms.value / 1000, gain: gain.value, orientation: orientation.value });
   const changed = () => {
     if (now.looking) look(true);
   };
@@ -102,6 +103,7 @@ function LookPanel() {
       ))}
       <NumberField label="Exposure" value={ms.value} unit="ms" min={0.01} onChange={(value) => { ms.value = value ?? 20; changed(); }} />
       <NumberField label="Gain" value={gain.value} min={0.1} onChange={(value) => { gain.value = value ?? 1; changed(); }} />
+      <StripeField />
       <div class="grid-2">
         <Button kind={now.looking ? undefined : "primary"} icon="camera" disabled={!ready || now.looking} onClick={() => look(true)}>
           Look

@@ -4,7 +4,9 @@ import type { ScanPlan } from "../protocol";
 import { ask, devices, go, isOperator, jobs, kept } from "../state";
 import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import { left } from "../ui/frame";
-import { isScanning, scanning } from "../station/live";
+import { isScanning, orientation, scanning } from "../station/live";
+import { InterruptedPanel } from "../station/resume";
+import { StripeField } from "../station/stripe";
 import { CloudPane, LivePane } from "../station/views";
 import type { Room } from ".";
 
@@ -15,6 +17,9 @@ const to = signal(360);
 const exposures = signal("");
 const keep = signal<"sparse" | "full">("sparse");
 const threshold = signal<number | null>(null);
+/** ms of a picture without laser; null takes none. */
+const texture = signal<number | null>(null);
+const textureEvery = signal(1);
 const unused = signal<ReadonlySet<string>>(new Set());
 
 /** Milliseconds, one or several: "5" or "5, 40". */
@@ -34,6 +39,9 @@ function plan(): ScanPlan {
     seconds: seconds(),
     keep: keep.value,
     threshold: threshold.value,
+    orientation: orientation.value,
+    texture: texture.value === null ? null : texture.value / 1000,
+    texture_every: textureEvery.value,
   };
 }
 
@@ -81,6 +89,11 @@ function PlanPanel() {
         <NumberField label="From" value={from.value} unit="°" onChange={(value) => (from.value = value ?? 0)} />
         <NumberField label="To" value={to.value} unit="°" onChange={(value) => (to.value = value ?? 360)} />
         <NumberField label="Threshold" value={threshold.value} min={0} placeholder="chosen" onChange={(value) => (threshold.value = value)} />
+        <NumberField label="Plain picture" value={texture.value} unit="ms" min={0.01} placeholder="none" onChange={(value) => (texture.value = value)} />
+        {texture.value !== null && (
+          <NumberField label="Each so many stops" value={textureEvery.value} min={1} step={1} onChange={(value) => (textureEvery.value = value ?? 1)} />
+        )}
+        <StripeField />
         <SelectField
           label="Keep"
           value={keep.value}
@@ -153,6 +166,7 @@ function Scan() {
       <aside class="inspector" aria-label="Scan">
         <CoursePanel />
         {!isScanning() && <PlanPanel />}
+        {!isScanning() && <InterruptedPanel />}
       </aside>
     </div>
   );

@@ -2,7 +2,7 @@
 import { effect, signal } from "@preact/signals";
 import { link, on } from "../bus";
 import type { Found, Scanning, Seen } from "../protocol";
-import { complain, devices } from "../state";
+import { complain, devices, kept } from "../state";
 
 export interface LivePicture {
   header: Seen;
@@ -11,6 +11,8 @@ export interface LivePicture {
   stripe: Float32Array;
 }
 
+/** Of the stripe in the picture. */
+export const orientation = kept<Seen["orientation"]>("orientation", "vertical", ["vertical", "horizontal"]);
 export const picture = signal<LivePicture | null>(null);
 export const scanning = signal<Scanning | null>(null);
 export const found = signal<Found | null>(null);

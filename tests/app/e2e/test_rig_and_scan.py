@@ -5,15 +5,26 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
+
 from tests.app.e2e.conftest import until
+from turnscan.calibrate import measured_uncertainty
+from turnscan.rig import Rig, rig_from_json
+from turnscan.scan import Scan
+from turnscan.simulate import Simulated, simulated
+
+WORKING = 300_000.0
+"""ms that pictures of a board may take to be made and looked at, on a slow machine."""
 
 
-def connect(page: Any, address: str = "sim:cup?steps=24&speckle=no") -> None:
+def connect(
+    page: Any, address: str = "sim:cup?steps=24&speckle=no", *, again: bool = False
+) -> None:
     page.get_by_role("button", name="Rig", exact=True).click()
     for field in ("Camera", "Turntable", "Lasers"):
         page.get_by_role("textbox", name=field).fill(address)
-    page.get_by_role("button", name="Connect", exact=True).click()
-    page.get_by_role("button", name="Connect again").wait_for()
+    page.get_by_role("button", name="Connect again" if again else "Connect", exact=True).click()
+    page.get_by_role("button", name="Connect again").wait_for(timeout=WORKING)
 
 
 def disconnect(page: Any) -> None:
@@ -74,22 +85,93 @@ def test_a_camera_that_goes_while_previewing_is_told_and_the_laser_is_dark(new_p
     disconnect(page)
 
 
-def test_calibration_shows_what_is_covered_and_why_a_picture_is_not_used(new_page, picture):
+def test_a_new_user_calibrates_with_what_is_there_and_scans_with_it(new_page, picture, folder):
+    """From an empty folder to a rig that is right within what it says of itself."""
+    bench = "sim:cylinder?seed=7&speckle=no"
     page = new_page()
-    connect(page, "sim:charuco?seed=3")
-    page.locator("summary", has_text="Calibration").click()
-    page.get_by_role("button", name="Begin", exact=True).click()
+    connect(page, bench + "&hand=charuco")
     calibration = page.locator("details", has=page.locator("summary", has_text="Calibration"))
-    calibration.get_by_role("spinbutton", name="Exposure").fill("4000")
-    page.get_by_role("button", name="Picture of the board").click()
-    views = page.get_by_role("list", name="Pictures of the calibration").get_by_role("listitem")
-    views.filter(has_text=re.compile(r"board \d+ corners")).wait_for()
+    page.locator("summary", has_text="Calibration").click()
+
+    def fill(**fields: object) -> None:
+        for label, value in fields.items():
+            field = calibration.get_by_role("spinbutton", name=label.replace("_", " "), exact=True)
+            field.fill(str(value))
+            field.press("Enter")
+
+    def take(name: str, said: str) -> None:
+        calibration.get_by_role("button", name=name).click()
+        calibration.get_by_role("status").filter(has_text=re.compile(said)).wait_for(
+            timeout=WORKING
+        )
+
+    fill(Lowest_corner=22.2)  # the simulated board stands 10 mm up, leans, and has squares of 12 mm
+    calibration.get_by_role("button", name="Begin", exact=True).click()
+    fill(Pictures=8, One_every=0)
+    take("Take pictures of the board", r"^8 of 8 pictures can be used")
     covered = page.get_by_role("img", name="of the picture has seen the board")
-    assert int(covered.get_attribute("aria-label").split()[0]) > 5
+    assert int(covered.get_attribute("aria-label").split()[0]) > 30
     assert page.get_by_role("button", name="Calibrate", exact=True).is_disabled()
+    fill(Pictures=10)  # each second time the hand holds the board into the light
+    take("Take pictures with each laser", r"^([5-9]|10) of 10 pictures can be used")
+    views = page.get_by_role("list", name="Pictures of the calibration").get_by_role("listitem")
+    views.filter(has_text="no stripe of laser right on the board").first.wait_for()
+    fill(Stops=9)
+    take("Turn the table and take", r"^9 of 9 pictures can be used")
     picture(page, "calibrate")
+    take(
+        "Calibrate", r"rig\.json: camera 0\.\d+ px rms, coverage \d+ %; at .* ± 0\.\d+ mm \(k = 2\)"
+    )
+    check_rig(rig_from_json((folder / "rig.json").read_text(), "rig"), simulated(bench))
+    connect(page, bench + "&steps=8", again=True)
+    page.get_by_role("combobox", name="In use").filter(has_text="rig.json").wait_for()
+    page.get_by_role("button", name="Scan", exact=True).click()
+    page.get_by_role("textbox", name="Name").fill("calibrated")
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.get_by_text("8 of 8 steps").wait_for(timeout=WORKING)
+    page.get_by_text("Whole").wait_for()
+    with Scan.open(folder / "calibrated.turnscan") as scan:
+        assert scan.rig is not None
+        assert scan.rig.covariance is not None
+    page.get_by_role("button", name="Rig", exact=True).click()
+    disconnect(page)
+
+
+def check_rig(found: Rig, bench: Simulated) -> None:
+    """Places on the sheet come out where they are, within three of the uncertainties told."""
+    true = bench.world.bench.rig
+    sheet, T = true.sheet("right"), true.T_camera_table
+    normal, centre = T.inverse().turn(sheet.normal), T.inverse().apply(sheet.centre)
+    towards = np.cross(normal, (0.0, 0.0, 1.0))
+    towards *= np.sign(towards[0]) / np.linalg.norm(towards)
+    for radius in (15.0, 40.0):
+        for height in (10.0, 60.0):
+            at = centre + radius * towards
+            at[2] = height
+            assert abs(normal @ (at - centre)) < 1e-9
+            pixel = true.camera.project(T.apply(at))[None]
+            seen = found.sheet("right").intersect(found.camera.rays(pixel))
+            x, y, z = found.T_camera_table.inverse().apply(seen)[0]
+            sigma_radius, sigma_height = measured_uncertainty(found, "right", radius, height)
+            assert sigma_radius < 0.3
+            assert sigma_height < 0.1
+            assert abs(np.hypot(x, y) - np.hypot(at[0], at[1])) < 3 * sigma_radius
+            assert abs(z - height) < 3 * sigma_height
+
+
+def test_calibration_says_why_a_picture_is_not_used_and_ends_when_cancelled(new_page):
+    page = new_page()
+    connect(page, "sim:cylinder?hand=charuco")
+    page.locator("summary", has_text="Calibration").click()
     page.get_by_role("textbox", name="Board").fill("chessboard:9x7:10")
-    page.get_by_role("button", name="Begin anew").click()
-    page.get_by_role("button", name="Picture of the board").click()
-    views.filter(has_text="no chessboard of 9x7 inner corners").wait_for()
+    page.get_by_role("button", name=re.compile("^Begin")).click()
+    page.get_by_role("spinbutton", name="One every").fill("1")
+    page.get_by_role("spinbutton", name="One every").press("Enter")
+    page.get_by_role("button", name="Take pictures of the board").click()
+    views = page.get_by_role("list", name="Pictures of the calibration").get_by_role("listitem")
+    views.filter(has_text="no chessboard of 9x7 inner corners").first.wait_for()
+    calibration = page.locator("details", has=page.locator("summary", has_text="Calibration"))
+    calibration.get_by_role("button", name="Cancel").click()
+    calibration.get_by_role("button", name="Cancel").wait_for(state="detached")
+    assert views.count() < 8
     disconnect(page)
