@@ -102,7 +102,8 @@ def to_mesh(
     grids: Sequence[RangeGrid], s: Settings, edits: Sequence[Entry] = ()
 ) -> tuple[Mesh, Mesh, list[Finding]]:
     """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for."""
-    merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel)
+    sewn = s.caps is not None and s.caps.holes is not None
+    merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel, sewn=sewn)
     mesh, touching = surface.cut_touching(merged)
     mesh, islands, faces = surface.drop_islands(mesh, s.island)
     opened, mending = edit.mend_mesh(mesh, edits)

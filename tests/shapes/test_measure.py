@@ -57,7 +57,7 @@ def rounds(mesh: Mesh, measure) -> tuple[np.ndarray, np.ndarray]:
     [
         (lambda m: shapes.region_diameter(m, wall_of(m)), 20.0, 1.3),
         (lambda m: shapes.section_diameter(m, (0, 0, 1), 7.3), 20.0, 2.2),
-        (lambda m: shapes.volume(m), None, 2.0),
+        (lambda m: replace(shapes.volume(m), sigma=shapes.volume_sigma(m).noise), None, 2.0),
         (lambda m: shapes.area(m), None, 6.0),
         (
             lambda m: shapes.distance(

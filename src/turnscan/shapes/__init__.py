@@ -25,6 +25,7 @@ from turnscan.shapes._measure import (
     volume,
 )
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
+from turnscan.shapes._volume import VolumeSigma, mean_curvature, volume_sigma
 
 __all__ = [
     "Circle",
@@ -36,6 +37,7 @@ __all__ = [
     "PlaneRegion",
     "Sphere",
     "Spot",
+    "VolumeSigma",
     "area",
     "corner_angle",
     "deviation",
@@ -45,6 +47,7 @@ __all__ = [
     "fit_cylinder",
     "fit_plane",
     "fit_sphere",
+    "mean_curvature",
     "plane_angles",
     "plane_of",
     "planes_angle",
@@ -53,4 +56,5 @@ __all__ = [
     "section_diameter",
     "to_plane",
     "volume",
+    "volume_sigma",
 ]

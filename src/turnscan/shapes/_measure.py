@@ -1,6 +1,7 @@
 """Measurements on a surface: a value and its standard uncertainty.
 
-The uncertainty is that of the points' own noise. What the calibration of the rig leaves open is
+The uncertainty is that of the points' own noise, and for volumes also of what lies between the
+points and was filled. What the calibration of the rig leaves open is
 common to all points and comes on top (`turnscan.points.systematic_sigma`).
 """
 
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, frozen
 from turnscan.errors import DidNotConverge, InputError
 from turnscan.shapes._fit import Plane, fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._volume import volume_sigma
 from turnscan.surface import Mesh, is_closed, sections
 
 Unit = Literal["mm", "mm²", "mm³", "rad"]
@@ -194,20 +196,19 @@ def area(mesh: Mesh, faces: Bools | None = None) -> Measured:
 
 
 def volume(mesh: Mesh) -> Measured:
-    """The volume within a closed mesh. Raises InputError for an open one."""
+    """The volume within a closed mesh, with the parts of its uncertainty that `volume_sigma` knows.
+
+    Raises InputError for an open one.
+    """
     if not is_closed(mesh):
         raise InputError("the surface is open, so it has no volume", hint="close it first")
     t = mesh.triangles
-    twice = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    sigma = np.nan
-    if mesh.provenance is not None:
-        slope = np.repeat(twice[:, None] / 6, 3, axis=1)
-        noise = _gathered(slope, mesh.faces, len(mesh.vertices))
-        sigma = float(np.sqrt((noise**2).sum(axis=1) @ np.nan_to_num(mesh.provenance.sigma) ** 2))
-    everything = np.ones(len(mesh.faces), dtype=np.bool_)
-    text = "within the surface"
-    text += _unmeasured(mesh, everything, np.linalg.norm(twice, axis=1) / 2)
-    return Measured(mesh.volume, "mm³", sigma, _middle(t), text)
+    each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+    known = volume_sigma(mesh)
+    text = "within the surface" + _unmeasured(mesh, np.ones(len(t), dtype=np.bool_), each)
+    if not np.isnan(known.total):
+        text += f"; the uncertainty is mostly {known.mostly}"
+    return Measured(mesh.volume, "mm³", known.total, _middle(t), text)
 
 
 def _gathered(slope: Floats, corners: npt.NDArray[np.int32], count: int) -> Floats:

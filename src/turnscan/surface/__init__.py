@@ -17,7 +17,7 @@ from turnscan.surface._merge import How, merge
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._overlap import Overlap, overlaps
 from turnscan.surface._paste import components, drop_islands, join, paste
-from turnscan.surface._range_surface import RangeSurface, range_surfaces
+from turnscan.surface._range_surface import RangeSurface, range_surfaces, steady_normals
 from turnscan.surface._smooth import smooth, spikes
 from turnscan.surface._soundness import crossings, soundness
 from turnscan.surface._topology import boundary_loops, cut_touching, fans_about, is_closed, twins
@@ -74,6 +74,7 @@ __all__ = [
     "smooth",
     "soundness",
     "spikes",
+    "steady_normals",
     "submesh",
     "twins",
     "vertex_normals",

@@ -19,6 +19,10 @@ from turnscan.surface._range_surface import range_surfaces, spacings
 from turnscan.surface._tsdf import fuse
 
 How = Literal["auto", "grid", "tsdf", "paste"]
+_SEAM = 3
+"""Voxels, of the size of the usual spacing, by which a surface may end before it meets the next:
+one point is cleaned away at the edge, up to one spacing is left before it, and a cube needs all
+its corners."""
 
 
 def merge(
@@ -26,13 +30,16 @@ def merge(
     tears: Tears | None = None,
     how: How = "auto",
     voxel: float | None = None,
+    *,
+    sewn: bool = False,
 ) -> tuple[Mesh, list[Finding]]:
     """One mesh from the grids of several lasers or scans, and what there is to know about it.
 
     ``grid`` averages in cells of angle and height (parts with one radius at each); ``tsdf`` in
     voxels of ``voxel`` mm (None: the usual spacing of the points), for all parts; ``paste`` keeps
     every measured point and averages nothing (`paste`). ``auto`` pastes a single grid, and merges
-    several by ``grid`` where the part allows it and the table turned, else by ``tsdf``.
+    several by ``grid`` where the part allows it and the table turned, else by ``tsdf``. ``sewn``:
+    the narrow gaps that ``tsdf`` leaves between surfaces are closed by faces not ``measured``.
 
     The order of the grids does not matter, to the last bit, as long as their lasers have names of
     their own.
@@ -73,7 +80,7 @@ def merge(
     ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
     text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
     findings.append(Finding("surface.merge", "note", text, "", "other ways: --merge grid|paste"))
-    return fuse(surfaces, size, ramp), findings
+    return fuse(surfaces, size, ramp, _SEAM if sewn else 0), findings
 
 
 def _steps(grids: Sequence[RangeGrid]) -> int:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.surface import _cubes
-from turnscan.surface._grid_mesh import half_edges
+from turnscan.surface._fair import fair
+from turnscan.surface._grid_mesh import half_edges, submesh
 from turnscan.surface._mesh import Mesh, Provenance
-from turnscan.surface._paste import joined_provenance
+from turnscan.surface._paste import components, joined_provenance
 from turnscan.surface._range_surface import RangeSurface
 
 _GRAZING = float(np.cos(np.deg2rad(75.0)))
@@ -23,9 +25,15 @@ _POOL = 2_000_000
 """Blocks near a surface that are held at most (10 kB each)."""
 _BORDER = (0.1, 0.5)
 """Weight of vertices on a border of their range surface, and of those beside it."""
+_RIM = 6
+"""Rings of faces along a border that count along their normals, too."""
+_FAINT = 0.01
+"""Weight of that: it decides only where nothing else is known."""
+_RELAXED = 8
+"""Sweeps of relaxation for each voxel that a surface is carried on by."""
 
 
-def fuse(surfaces: Sequence[RangeSurface], voxel: float, ramp: float) -> Mesh:
+def fuse(surfaces: Sequence[RangeSurface], voxel: float, ramp: float, seam: int = 0) -> Mesh:
     """One surface from several that were measured (Curless & Levoy 1996).
 
     Each range surface adds its signed distance, along the camera's ray and times the cosine of
@@ -34,6 +42,12 @@ def fuse(surfaces: Sequence[RangeSurface], voxel: float, ramp: float) -> Mesh:
     surface is where the mean is zero. It ends where no surface was seen. Each vertex has the
     provenance of the measured vertex nearest to it. The result does not depend on the order of
     the surfaces, up to rounding.
+
+    ``seam``: gaps between surfaces of up to twice so many voxels are closed by carrying the
+    distances on (volumetric diffusion; Davis et al., Filling holes in complex surfaces, 2002);
+    faces there are not ``measured``, and lie as a membrane does. What meets nothing is taken away
+    again. Rays at an angle would part from a surface before its border: along it, faces then count
+    along their normals, too.
 
     Raises InputError for a ramp below two voxels, LimitExceeded where the volume is too large.
     """
@@ -59,10 +73,14 @@ def fuse(surfaces: Sequence[RangeSurface], voxel: float, ramp: float) -> Mesh:
             hint="give larger voxels with --voxel",
         )
     used = np.zeros(tuple(shape), dtype=np.bool_)
-    for s in parts:
-        kernels.mark(
-            s.mesh.vertices, s.mesh.faces, s.eyes, s.cosine, origin, voxel, ramp, _GRAZING, used
-        )
+    looks = [(_look(s), _rim(s)) if seam else (_look(s),) for s in parts]
+    for s, both in zip(parts, looks, strict=True):
+        for k in both:
+            kernels.mark(
+                s.mesh.vertices, k.faces, k.eyes, k.cosine, origin, voxel, ramp, _GRAZING, used
+            )
+    if seam:
+        used = _dilated(used)
     blocks = np.argwhere(used)
     if len(blocks) > _POOL:
         raise LimitExceeded(
@@ -72,16 +90,86 @@ def fuse(surfaces: Sequence[RangeSurface], voxel: float, ramp: float) -> Mesh:
     index = np.full(tuple(shape), -1, dtype=np.int32)
     index[used] = np.arange(len(blocks))
     del used
-    value, near, source = _filled(parts, origin, voxel, ramp, index, len(blocks))
+    value, near, source = _filled(parts, looks, origin, voxel, ramp, index, len(blocks))
+    made = kernels.grow(index, blocks, value, seam, _RELAXED * seam)
     table, sizes = _cubes.table()
-    vertices, faces, origins = kernels.march(
-        index, blocks, value, near, source, _cubes.CORNERS, _cubes.EDGES, table, sizes
+    vertices, faces, origins, known = kernels.march(
+        index, blocks, value, near, source, _cubes.CORNERS, _cubes.EDGES, made, table, sizes
     )
-    return Mesh(origin + voxel * vertices, faces, _provenance(parts, origins))
+    mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, origins))
+    return mesh if known.all() else _taut(_without_flaps(replace(mesh, measured=known), seam))
+
+
+@dataclass(frozen=True)
+class _Look:
+    """How faces of a range surface are carried into the volume."""
+
+    faces: Ints
+    eyes: Floats
+    cosine: Floats
+    weight: float
+
+
+def _look(s: RangeSurface) -> _Look:
+    """All of them, along the camera's rays."""
+    return _Look(s.mesh.faces, s.eyes, s.cosine, 1.0)
+
+
+def _rim(s: RangeSurface) -> _Look:
+    """Those near a border, along their normals."""
+    near = _rings(s, _RIM)[s.mesh.faces].any(axis=1)
+    near &= s.cosine[s.mesh.faces].mean(axis=1) > _GRAZING
+    known = np.linalg.norm(s.normals, axis=1) > 0.5
+    return _Look(s.mesh.faces[near], s.mesh.vertices + s.normals, known.astype(np.float64), _FAINT)
+
+
+def _rings(s: RangeSurface, count: int) -> Bools:
+    """(v,) True for vertices no further than so many sides from a border of their surface."""
+    near = np.zeros(len(s.mesh.vertices), dtype=np.bool_)
+    near[np.concatenate(half_edges(s.mesh.faces))] = True
+    for _ in range(count):
+        near[s.mesh.faces[near[s.mesh.faces].any(axis=1)]] = True
+    return near
+
+
+def _dilated(used: Bools) -> Bools:
+    """The blocks used, and all next to them."""
+    from scipy.ndimage import binary_dilation
+
+    wide: Bools = binary_dilation(used, np.ones((3, 3, 3), dtype=np.bool_))
+    return wide
+
+
+def _without_flaps(mesh: Mesh, seam: int) -> Mesh:
+    """The mesh without what was carried on from a border and met nothing."""
+    if mesh.measured is None:
+        return mesh
+    faces, known = mesh.faces, mesh.measured
+    for _ in range(seam + 1):
+        border = np.zeros(len(mesh.vertices), dtype=np.bool_)
+        border[np.concatenate(half_edges(faces))] = True
+        keep = known | ~border[faces].any(axis=1)
+        faces, known = faces[keep], known[keep]
+    left = replace(mesh, faces=faces, measured=known)
+    label = components(left)
+    return submesh(left, np.bincount(label, known)[label] > 0)
+
+
+def _taut(mesh: Mesh) -> Mesh:
+    """The mesh with its seams spanned as membranes between what was measured.
+
+    What is carried on takes the noise of a ragged border with it, and stands off like coral.
+    """
+    if mesh.measured is None:
+        return mesh
+    free = np.ones(len(mesh.vertices), dtype=np.bool_)
+    free[mesh.faces[mesh.measured]] = False
+    return replace(mesh, vertices=fair(mesh.vertices, mesh.faces, free, 1, np.ones(len(free))))
 
 
 def _filled(
     parts: Sequence[RangeSurface],
+    looks: Sequence[tuple[_Look, ...]],
     origin: Floats,
     voxel: float,
     ramp: float,
@@ -96,11 +184,13 @@ def _filled(
     source = np.full(shape, -1, dtype=np.int32)
     usual = float(np.median(np.concatenate([s.sigma for s in parts]))) or 1.0
     first = 0
-    for s in parts:
-        kernels.add(
-            s.mesh.vertices, s.mesh.faces, s.eyes, s.cosine, _weights(s, usual), first,
-            origin, voxel, ramp, _GRAZING, index, distance, total, near, source,
-        )  # fmt: skip
+    for s, both in zip(parts, looks, strict=True):
+        weights = _weights(s, usual)
+        for k in both:
+            kernels.add(
+                s.mesh.vertices, k.faces, k.eyes, k.cosine, k.weight * weights, first,
+                origin, voxel, ramp, _GRAZING, index, distance, total, near, source,
+            )  # fmt: skip
         first += len(s.mesh.vertices)
     with np.errstate(invalid="ignore", divide="ignore"):
         distance /= total
@@ -121,7 +211,8 @@ def _provenance(parts: Sequence[RangeSurface], origins: Ints) -> Provenance | No
     whole = joined_provenance([s.mesh for s in parts])
     if whole is None:
         return None
-    return Provenance(
-        whole.sigma[origins], whole.laser[origins], whole.step[origins], whole.line[origins],
-        whole.lasers,
-    )  # fmt: skip
+    none = origins < 0
+    laser, step, line = (
+        np.where(none, -1, k[origins]) for k in (whole.laser, whole.step, whole.line)
+    )
+    return Provenance(np.where(none, np.nan, whole.sigma[origins]), laser, step, line, whole.lasers)

@@ -212,6 +212,75 @@ def _corners_of(
 
 
 @njit(cache=True, nogil=True)
+def _mean_round(index: Any, value: Any, x: int, y: int, z: int) -> float:
+    """Mean of the known ones of the six values next to a voxel; NaN where none is."""
+    total, count = 0.0, 0
+    for i in range(6):
+        step = 1 if i % 2 else -1
+        a, b, c = x, y, z
+        if i < 2:
+            a += step
+        elif i < 4:
+            b += step
+        else:
+            c += step
+        if min(a, b, c) < 0:
+            continue
+        block, cell = _value(index, a, b, c)
+        if block >= 0 and not np.isnan(value[block, cell]):
+            total += value[block, cell]
+            count += 1
+    return total / count if count else np.nan
+
+
+@njit(cache=True, nogil=True)
+def grow(index: Any, blocks: Any, value: Any, rounds: int, sweeps: int) -> Any:
+    """Give ``value`` to voxels up to ``rounds`` away from known ones; (blocks, cells) True there.
+
+    New values are harmonic: each the mean of those next to it, as ``sweeps`` of relaxation leave
+    them. Known ones stay.
+    """
+    made = np.zeros(value.shape, dtype=np.bool_)
+    where = np.empty((1 << 16, 5), dtype=np.int32)
+    count = 0
+    for _ in range(rounds):
+        first = count
+        for block in range(len(blocks)):
+            bx, by, bz = blocks[block] * SIDE
+            for cell in range(CELLS):
+                if not np.isnan(value[block, cell]):
+                    continue
+                x, y, z = bx + cell // (SIDE * SIDE), by + cell // SIDE % SIDE, bz + cell % SIDE
+                if np.isnan(_mean_round(index, value, x, y, z)):
+                    continue
+                if count == len(where):
+                    where = np.concatenate((where, np.empty_like(where)))
+                where[count, 0], where[count, 1] = block, cell
+                where[count, 2], where[count, 3], where[count, 4] = x, y, z
+                count += 1
+        new = np.empty(count - first)
+        for k in range(first, count):
+            new[k - first] = _mean_round(index, value, where[k, 2], where[k, 3], where[k, 4])
+        for k in range(first, count):
+            value[where[k, 0], where[k, 1]] = new[k - first]
+            made[where[k, 0], where[k, 1]] = True
+    for _ in range(sweeps):
+        for k in range(count):
+            mean = _mean_round(index, value, where[k, 2], where[k, 3], where[k, 4])
+            value[where[k, 0], where[k, 1]] = mean
+    return made
+
+
+@njit(cache=True, nogil=True)
+def _seen(made: Any, at: Any) -> bool:
+    """True where none of a cube's corners was made by `grow`."""
+    count = 0
+    for c in range(8):
+        count += made[at[c, 0], at[c, 1]]
+    return count == 0
+
+
+@njit(cache=True, nogil=True)
 def march(
     index: Any,
     blocks: Any,
@@ -220,20 +289,23 @@ def march(
     source: Any,
     corners: Any,
     ends: Any,
+    made: Any,
     table: Any,
     sizes: Any,
-) -> tuple[Any, Any, Any]:
+) -> tuple[Any, Any, Any, Any]:
     """Marching cubes over the blocks: vertices (v, 3) in voxels, faces (f, 3), sources (v,).
 
     ``value`` (blocks, cells) is the signed distance, NaN where nothing is known: no cube with such
-    a corner makes a face. A vertex takes the source of the nearer end of its edge.
+    a corner makes a face. A vertex takes the source of the nearer end of its edge. Last (f,) False
+    for the faces of cubes with a corner that `grow` ``made``.
     """
     number = np.full((len(blocks), CELLS, 3), -1, dtype=np.int32)
     room = 1 << 16
     vertices = np.empty((room, 3))
     origin = np.empty(room, dtype=np.int64)
     faces = np.empty((room, 3), dtype=np.int32)
-    made, count = 0, 0
+    known = np.empty(room, dtype=np.bool_)
+    total, count = 0, 0
     d = np.empty(8)
     at = np.empty((8, 2), dtype=np.int64)
     ids = np.empty(12, dtype=np.int64)
@@ -246,11 +318,12 @@ def march(
             case = _corners_of(index, value, x, y, z, corners, d, at)
             if sizes[case] == 0:
                 continue
-            if made + 12 > len(vertices):
+            if total + 12 > len(vertices):
                 vertices = np.concatenate((vertices, np.empty_like(vertices)))
                 origin = np.concatenate((origin, np.empty_like(origin)))
             if count + 12 > len(faces):
                 faces = np.concatenate((faces, np.empty_like(faces)))
+                known = np.concatenate((known, np.empty_like(known)))
             for e in range(12):
                 a, b = ends[e, 0], ends[e, 1]
                 if (d[a] < 0.0) == (d[b] < 0.0):
@@ -258,18 +331,25 @@ def march(
                 axis = ends[e, 2]
                 low, high = at[a], at[b]
                 if number[low[0], low[1], axis] < 0:
-                    number[low[0], low[1], axis] = made
-                    vertices[made, 0] = x + corners[a, 0]
-                    vertices[made, 1] = y + corners[a, 1]
-                    vertices[made, 2] = z + corners[a, 2]
+                    number[low[0], low[1], axis] = total
+                    vertices[total, 0] = x + corners[a, 0]
+                    vertices[total, 1] = y + corners[a, 1]
+                    vertices[total, 2] = z + corners[a, 2]
                     part = d[a] / (d[a] - d[b])
-                    vertices[made, axis] += min(max(part, _APART), 1.0 - _APART)
+                    vertices[total, axis] += min(max(part, _APART), 1.0 - _APART)
                     nearer = low if near[low[0], low[1]] <= near[high[0], high[1]] else high
-                    origin[made] = source[nearer[0], nearer[1]]
-                    made += 1
+                    origin[total] = source[nearer[0], nearer[1]]
+                    total += 1
                 ids[e] = number[low[0], low[1], axis]
+            seen = _seen(made, at)
             for t in range(sizes[case]):
                 for i in range(3):
                     faces[count, i] = ids[table[case, t, i]]
+                known[count] = seen
                 count += 1
-    return vertices[:made].copy(), faces[:count].copy(), origin[:made].copy()
+    return (
+        vertices[:total].copy(),
+        faces[:count].copy(),
+        origin[:total].copy(),
+        known[:count].copy(),
+    )

@@ -1,0 +1,218 @@
+"""Volumes of four parts, each scanned in two or three poses: joined, closed, beside the truth.
+
+``python -m bench volumes`` takes the modern rig, ``--quick`` the paper rig; ``python -m
+bench.volumes --keep FOLDER`` keeps the simulated scans there and finds them again, ``--parts
+sphere,torus`` takes some alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench import _hole_truth as truth
+from bench.surface_truth import Size, scanned
+from turnscan import poses, shapes, surface
+from turnscan.arrays import Floats
+from turnscan.detection import see
+from turnscan.pipeline import to_grids, to_mesh
+from turnscan.points import RangeGrid, placed
+from turnscan.rig import Pose
+from turnscan.scan import Scan
+from turnscan.settings import Settings
+from turnscan.simulate import Bench, Wish
+from turnscan.surface import Caps, Mesh, range_surfaces
+
+PICKED = 1.0
+"""mm: how well a place is picked by hand, in each direction."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a part is scanned."""
+
+    stands: Sequence[Mapping[str, object]]
+    """How it stands in each pose (fields of `Wish`): so that, over all, every face is met by the
+    sheets, which all hold the axis, at less than 75° from face-on."""
+    picks: bool
+    """True where nothing but points picked by hand tells how the poses lie: a ball, a ring, and a
+    block whose ends only one of the poses sees."""
+
+
+def _stand(
+    tip: float = 0.0, lean: tuple[float, float] = (0.0, 0.0), shift: tuple[float, float] = (0, 0)
+) -> Mapping[str, object]:
+    a, b = lean
+    return {
+        "tip": math.radians(tip), "lean": (math.radians(a), math.radians(b)), "shift": shift
+    }  # fmt: skip
+
+
+PLANS: Mapping[str, Plan] = {
+    # Rolled over, so that the poles of the one pose are on the equator of the other.
+    "sphere": Plan([_stand(), _stand(tip=90)], picks=True),
+    # On its rim beside the axis: the sheets go through the hole to the inside. Once each side.
+    "torus": Plan(
+        [_stand(tip=90, shift=(0, 30)), _stand(tip=90, lean=(0, 90), shift=(0, -30))], picks=True
+    ),
+    # Leaning, so that each pose sees sides, ends and bore, and knows where it lies to the others.
+    "bracket": Plan(
+        [
+            _stand(lean=(0, -60), shift=(40, 0)),
+            _stand(lean=(0, -45), shift=(35, -30)),
+            _stand(lean=(0, 30), shift=(-20, 0)),
+        ],
+        picks=False,
+    ),
+    # The groove looks at the axis, from which the light comes; leaning to show both its ends.
+    "v-groove": Plan(
+        [_stand(lean=(-45, 0), shift=(-45, -40)), _stand(lean=(45, 0), shift=(-45, 40))],
+        picks=True,
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Joined:
+    """A part joined from its poses."""
+
+    made: Bench
+    """Of the first pose, whose frame counts."""
+    found: poses.Alignment
+    opened: Mesh
+    closed: Mesh
+
+
+def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
+    """Scan, bring together, merge and close a part, as ``turnscan join --close`` does."""
+    plan, s = PLANS[scene], Settings(caps=Caps(floor=None, top=None))
+    benches, grids = list[Bench](), list[list[RangeGrid]]()
+    for how in plan.stands:
+        wish = Wish(scene=scene, rig=size.rig, lasers=2, steps=size.steps, **how)  # type: ignore
+        made, path = scanned(wish, folder)
+        with Scan.open(path) as scan:
+            grids.append(to_grids(see(scan, made.rig, s.stripes), s)[1])
+        benches.append(made)
+    names = [f"pose {k + 1}" for k in range(len(grids))]
+    views = [
+        poses.view(n, [r for g in gs for r in range_surfaces(g, s.tears)])
+        for n, gs in zip(names, grids, strict=True)
+    ]
+    starts = picked(benches, names, seed) if plan.picks else poses.place(views)
+    found = poses.align(views, starts)
+    poses.check(found, by_shape=not plan.picks)
+    pairs = zip(names, grids, found.poses, strict=True)
+    opened, closed, _ = to_mesh(
+        [placed(g, p, f"{n} {g.laser}") for n, gs, p in pairs for g in gs], s
+    )
+    return Joined(benches[0], found, opened, closed)
+
+
+def picked(benches: Sequence[Bench], names: Sequence[str], seed: int) -> list[Pose]:
+    """Where four places of the part, picked by hand in each pose, put the poses."""
+    rng = np.random.default_rng(seed)
+    v = benches[0].scene.bodies[0].part.mesh.vertices
+    four = v[[int(np.argmax(v @ d)) for d in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]]
+    known = {
+        f"place {k}": {
+            n: b.scene.bodies[0].T_table_part.apply(x) + rng.normal(0.0, PICKED, 3)
+            for n, b in zip(names, benches, strict=True)
+        }
+        for k, x in enumerate(four)
+    }
+    return poses.from_landmarks(names, known)
+
+
+def sheet_sigma(made: Bench, mesh: Mesh) -> float:
+    """mm³: what the thickness of the light does, common to all points.
+
+    A sheet of rms thickness σ shows a surface of curvature k lower by 3/2 σ²k
+    (docs/explain/accuracy.md). Over all of it that is 3/2 σ² times the integral of the mean
+    curvature, half the sum of length times angle over the sides (Steiner), edges included.
+    """
+    thick = max(b.waist for b in made.beams) / 2
+    return 1.5 * thick**2 * abs(shapes.mean_curvature(mesh))
+
+
+def pose_sigma(found: poses.Alignment, mesh: Mesh) -> float:
+    """mm³: what the uncertainty of the poses does, each moving what it measured as a whole."""
+    p, t = mesh.provenance, mesh.triangles
+    assert p is not None
+    sixth = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) / 6
+    count = len(mesh.vertices)
+    share: Floats = np.stack(
+        [np.bincount(mesh.faces.ravel(), np.repeat(sixth[:, k], 3), count) for k in range(3)], -1
+    )
+    variance = 0.0
+    for i, name in enumerate(found.names):
+        mine = np.isin(p.laser, [k for k, n in enumerate(p.lasers) if n.startswith(f"{name} ")])
+        turn = np.cross(mesh.vertices[mine] - found.middles[i], share[mine])
+        g = np.concatenate([turn.sum(axis=0), share[mine].sum(axis=0)])
+        variance += float(g @ found.covariance[i] @ g)
+    return math.sqrt(variance)
+
+
+def figures(scene: str, size: Size, folder: Path) -> float:
+    """Print a part's volume and its uncertainty; the error over it."""
+    start = time.process_time()
+    done = joined(scene, size, folder)
+    mesh, true = done.closed, truth.made_mesh(done.made).volume
+    known = shapes.volume_sigma(mesh)
+    parts = {
+        "noise": known.noise,
+        "poses": pose_sigma(done.found, mesh),
+        "between the points": known.between,
+        "filled": known.filled,
+        "sheet": sheet_sigma(done.made, mesh),
+    }
+    u = math.sqrt(sum(v * v for v in parts.values()))
+    off = mesh.volume - true
+    sound = "watertight" if surface.is_closed(mesh) else "OPEN"
+    crossings, pieces = len(surface.crossings(mesh)), len(np.unique(surface.components(mesh)))
+    print(
+        f"{scene}, {size.rig}, {len(PLANS[scene].stands)} poses of {size.steps} steps "
+        f"({time.process_time() - start:.0f} s of a core): {sound}, {pieces} piece(s), {crossings} "
+        f"faces cut through others\n  volume {mesh.volume:.0f} mm³, true {true:.0f}: "
+        f"{off / true:+.2%}; u {u:.0f} mm³ ({u / true:.2%}), error {abs(off) / u:.2f} u (wanted: "
+        f"2 at most)\n  u: " + ", ".join(f"{k} {v:.0f}" for k, v in parts.items()),
+        flush=True,
+    )
+    return off / u
+
+
+def volumes(size: Size, folder: Path, scenes: Sequence[str] = tuple(PLANS)) -> None:
+    """All parts; that u is not too wide is seen where all errors stay below half of it."""
+    ratios = [abs(figures(scene, size, folder)) for scene in scenes]
+    print(
+        f"volumes, {size.rig}: errors {min(ratios):.2f} to {max(ratios):.2f} u, rms "
+        f"{math.sqrt(sum(r * r for r in ratios) / len(ratios)):.2f} u (honest: 0.3 to 2)"
+    )
+
+
+def run(
+    quick: bool = False, keep: Path | None = None, scenes: Sequence[str] = tuple(PLANS)
+) -> None:
+    """Print all figures."""
+    with tempfile.TemporaryDirectory() as scratch:
+        volumes(Size("paper", 100) if quick else Size("modern", 80), keep or Path(scratch), scenes)
+
+
+def main() -> None:
+    """Parse the options."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="the paper rig")
+    parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--parts", default=",".join(PLANS), help="parts, with commas between them")
+    given = parser.parse_args()
+    run(given.quick, given.keep, given.parts.split(","))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""The volume within a surface, and how well it is known.
+
+The parts of the uncertainty are derived in ``docs/explain/accuracy.md``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.surface import Mesh, steady_normals, twins
+
+
+@dataclass(frozen=True)
+class VolumeSigma:
+    """Standard uncertainties of a volume, mm³, by their causes."""
+
+    noise: float
+    """Of the points, independent from one to the next; NaN where their sigma is not known."""
+    between: float
+    """By what the surface bulges between its points."""
+    filled: float
+    """By what was filled and never measured."""
+
+    @property
+    def total(self) -> float:
+        """All together; NaN where the noise is not known."""
+        return float(np.sqrt(self.noise**2 + self.between**2 + self.filled**2))
+
+    @property
+    def mostly(self) -> str:
+        """What the largest part comes from, in words."""
+        parts = {
+            "the points' noise": np.nan_to_num(self.noise),
+            "what bulges between the points": self.between,
+            "what was filled": self.filled,
+        }
+        return max(parts, key=lambda k: parts[k])
+
+
+def volume_sigma(mesh: Mesh) -> VolumeSigma:
+    """How well the volume within a closed mesh is known; what the rig leaves open is not in it.
+
+    - noise: √Σ(aᵢσᵢ)² over the vertices, aᵢ a third of the vector area of the faces about i.
+    - between: Σ |e| θ w²/12 over the sides e, θ the angle between the faces there, positive where
+      they make a ridge, w the mean of their heights over e, the usual one at most: a surface of
+      curvature k stands w²k/12 above its chords of length w on average, and ½ Σ |e| θ is the
+      integral of its mean curvature (Steiner), sharp edges included. Ridges and valleys make up for
+      each other.
+    - filled: Σ A δ over the faces that were not measured, δ the distance of a face's middle from
+      the tangent plane of the measured vertex nearest to it.
+    """
+    return VolumeSigma(_noise(mesh), abs(_bulge(mesh)), _filled(mesh))
+
+
+def _noise(mesh: Mesh) -> float:
+    if mesh.provenance is None:
+        return float("nan")
+    shares = np.repeat(_twice(mesh)[:, None] / 6, 3, axis=1).reshape(-1, 3)
+    count = len(mesh.vertices)
+    total = [np.bincount(mesh.faces.ravel(), shares[:, k], minlength=count) for k in range(3)]
+    sigma = np.nan_to_num(mesh.provenance.sigma)
+    return float(np.sqrt(np.square(total).sum(axis=0) @ sigma**2))
+
+
+def mean_curvature(mesh: Mesh) -> float:
+    """mm: the integral of the mean curvature of a closed mesh, ridges positive (Steiner).
+
+    Half the sum of length times angle over its sides; 4πR for a ball.
+    """
+    length, angle, _ = _sides(mesh)
+    return float((length * angle).sum() / 2)
+
+
+def _bulge(mesh: Mesh) -> float:
+    """mm³ by which a smooth surface through the vertices of a closed mesh holds more than it."""
+    length, angle, wide = _sides(mesh)
+    return float((length * angle * np.minimum(wide, np.median(wide)) ** 2).sum() / 12)
+
+
+def _sides(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
+    """(s,) for each side its length, the angle of the faces there, and their mean height over it.
+
+    Sides of faces without area are left out.
+    """
+    other = twins(mesh.faces)
+    here = np.flatnonzero(other > np.arange(len(other)))
+    there = other[here] // 3
+    f, corner = here // 3, here % 3
+    t = mesh.triangles
+    side = t[f, (corner + 1) % 3] - t[f, corner]
+    length = np.linalg.norm(side, axis=1)
+    twice = _twice(mesh)
+    size = np.linalg.norm(twice, axis=1)
+    good = (size[f] > 0) & (size[there] > 0)
+    f, there, side, length = f[good], there[good], side[good], length[good]
+    n = twice / np.maximum(size, 1e-300)[:, None]
+    turned = np.einsum("ij,ij->i", np.cross(n[f], n[there]), side / length[:, None])
+    angle = np.arctan2(turned, np.einsum("ij,ij->i", n[f], n[there]))
+    return length, angle, (size[f] + size[there]) / (2 * length)
+
+
+def _filled(mesh: Mesh) -> float:
+    from scipy.spatial import cKDTree
+
+    if mesh.measured is None or mesh.measured.all():
+        return 0.0
+    if not mesh.measured.any():
+        return abs(mesh.volume)
+    seen = np.unique(mesh.faces[mesh.measured])
+    middle = mesh.triangles[~mesh.measured].mean(axis=1)
+    near = seen[cKDTree(mesh.vertices[seen]).query(middle)[1]]
+    away = np.einsum("ij,ij->i", middle - mesh.vertices[near], steady_normals(mesh)[near])
+    area = np.linalg.norm(_twice(mesh)[~mesh.measured], axis=1) / 2
+    return float(area @ np.abs(away))
+
+
+def _twice(mesh: Mesh) -> Floats:
+    """(f, 3) normals of the faces, as long as twice their area."""
+    t = mesh.triangles
+    twice: Floats = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    return twice

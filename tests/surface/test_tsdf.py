@@ -1,0 +1,83 @@
+"""The volumetric merge at the borders of surfaces: what is kept, sewn together, and left open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from turnscan.surface import Mesh, Provenance, RangeSurface, boundary_loops, fuse
+
+VOXEL = 0.5
+RAMP = 1.25
+
+
+def sheet(begin: float, end: float, ray: tuple[float, float, float], name: str) -> RangeSurface:
+    """A level rectangle at z = 0.1, 10 mm wide, seen along ``ray`` from above."""
+    x, y = np.linspace(begin, end, round((end - begin) / VOXEL) + 1), np.arange(0, 10.1, VOXEL)
+    points = np.stack(np.meshgrid(x, y, [0.1], indexing="ij"), axis=-1).reshape(-1, 3)
+    cell = np.arange(len(points)).reshape(len(x), len(y))
+    a, b, c, d = (k.ravel() for k in (cell[:-1, :-1], cell[1:, :-1], cell[1:, 1:], cell[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).astype(np.int32)
+    some = np.zeros(len(points), np.int32)
+    p = Provenance(np.full(len(points), 0.02), some, some, some, (name,))
+    up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    return RangeSurface(
+        Mesh(points, faces, p),
+        points + 500.0 * np.array(ray) / np.linalg.norm(ray),
+        up,
+        up,
+    )
+
+
+def reached(mesh: Mesh) -> tuple[float, float]:
+    """mm: from where to where a mesh lies in x."""
+    return float(mesh.vertices[:, 0].min()), float(mesh.vertices[:, 0].max())
+
+
+@pytest.mark.parametrize("slant", [0.0, 2.0, -2.0])
+def test_a_surface_to_be_sewn_is_kept_up_to_its_border_at_any_angle(slant: float) -> None:
+    low, high = reached(fuse([sheet(0.0, 12.0, (slant, 0.0, 1.0), "one")], VOXEL, RAMP, seam=1))
+    # A cube needs all its corners: up to a voxel is lost, and what the slack of a face adds.
+    assert 0.0 - VOXEL <= low <= VOXEL
+    assert 12.0 - VOXEL <= high <= 12.0 + VOXEL
+
+
+def test_a_narrow_gap_between_surfaces_is_sewn_and_marked() -> None:
+    parts = [sheet(0.0, 8.0, (1.0, 0.0, 1.0), "one"), sheet(10.0, 18.0, (-1.0, 0.0, 1.0), "two")]
+    apart, sewn = fuse(parts, VOXEL, RAMP), fuse(parts, VOXEL, RAMP, seam=3)
+    assert len(boundary_loops(apart)) == 2
+    assert apart.measured is None
+    assert len(boundary_loops(sewn)) == 1
+    assert sewn.measured is not None
+    assert sewn.provenance is not None
+    x = sewn.triangles[..., 0]
+    made = ~sewn.measured
+    assert made[(x.min(axis=1) > 8.0 + VOXEL) & (x.max(axis=1) < 10.0 - VOXEL)].all()
+    assert not made[(x.max(axis=1) < 8.0 - VOXEL) | (x.min(axis=1) > 10.0 + VOXEL)].any()
+    assert sewn.area_of(made) == pytest.approx(20.0, rel=0.6), "the gap and a voxel on each hand"
+    assert np.abs(sewn.vertices[:, 2] - 0.1).max() < VOXEL / 3, "level as what it joins"
+    nowhere = sewn.provenance.laser < 0
+    assert nowhere.any()
+    assert np.isnan(sewn.provenance.sigma[nowhere]).all()
+    assert reached(sewn) == pytest.approx((0.0, 18.0), abs=VOXEL), (
+        "nothing hangs over the outer border"
+    )
+
+
+def test_a_wide_gap_stays_open() -> None:
+    parts = [sheet(0.0, 8.0, (0.0, 0.0, 1.0), "one"), sheet(13.0, 18.0, (0.0, 0.0, 1.0), "two")]
+    left = fuse(parts, VOXEL, RAMP, seam=3)
+    assert len(boundary_loops(left)) == 2
+    assert left.area_of() == pytest.approx(fuse(parts, VOXEL, RAMP).area_of(), rel=0.05)
+
+
+def test_surfaces_one_far_behind_the_other_are_not_joined() -> None:
+    low, high = sheet(0.0, 8.0, (0.0, 0.0, 1.0), "low"), sheet(8.5, 16.0, (0.0, 0.0, 1.0), "high")
+    up = np.array([0.0, 0.0, 6.0])
+    high = RangeSurface(
+        Mesh(high.mesh.vertices + up, high.mesh.faces, high.mesh.provenance),
+        high.eyes + up,
+        high.normals,
+        high.moves,
+    )
+    assert len(boundary_loops(fuse([low, high], VOXEL, RAMP, seam=3))) == 2
