@@ -12,15 +12,16 @@ import math
 import tempfile
 from collections import Counter
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from bench import _hole_truth as truth
 from turnscan import shapes, surface
-from turnscan.arrays import Bools
+from turnscan.arrays import Bools, Floats
 from turnscan.cli._simulated import plan_of, scan_into_file
-from turnscan.detection import see
+from turnscan.detection import Sight, see
 from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan
 from turnscan.settings import Settings
@@ -36,7 +37,7 @@ from turnscan.simulate import (
     bench,
 )  # fmt: skip
 from turnscan.stripes import StripeFlag
-from turnscan.surface import Caps, Mesh
+from turnscan.surface import Caps, Mesh, Tears
 
 NEAR = 0.2
 """mm: so close to the mesh a place of the part counts as measured."""
@@ -46,6 +47,9 @@ SAMPLES = 20_000
 PLACES = 15_000
 """Small triangles of the part that are asked."""
 TWO_LINES = math.radians(22.4)
+FLAT, EDGE = math.cos(Tears().grazing), math.cos(math.radians(89.5))
+"""Cosines off face-on beyond which a place does not count as seen: by the rule of the tears, where a
+pixel of the picture spans six on the part; and only where it cannot be seen at all."""
 CAUSES = ("head", "cup", "bracket", "v-groove", "torus", "bust")
 SOLIDS = {"sphere": 0.0, "torus": 0.9, "bracket": 0.5, "v-groove": 0.5}
 """Parts, and by how much they lean (rad), so that a camera that looks level sees all their faces: a
@@ -56,29 +60,49 @@ BLACK = 0.002
 
 @dataclass(frozen=True)
 class Run:
-    """One simulated scan, and what became of it."""
+    """One simulated scan, and what becomes of it, once it is asked for."""
 
     made: Bench
     steps: int
-    both: Reconstruction
-    """With two lines."""
-    one: Reconstruction
-    """With the first line alone."""
-    closed: Reconstruction
+    seen: tuple[Sight, ...]
+
+    @cached_property
+    def both(self) -> Reconstruction:
+        """With two lines."""
+        return build(self.seen, Settings())
+
+    @cached_property
+    def one(self) -> Reconstruction:
+        """With the first line alone."""
+        return build(self.seen[:1], Settings())
+
+    @cached_property
+    def closed(self) -> Reconstruction:
+        """With two lines, and its gaps closed."""
+        return build(self.seen, Settings(caps=Caps()))
+
+    @property
+    def near(self) -> float:
+        """mm: so close to the mesh a place of the part counts as measured: `NEAR`, or what the rig
+        can tell.
+
+        A centre that is right to half a pixel puts a point within half of what a pixel across the
+        stripe is worth in depth, and between two profiles the chord lies inside the part by up to
+        R (1 − cos(α/2)), with R its largest radius and α the step.
+        """
+        X = truth.made_mesh(self.made).vertices
+        chord = float(np.hypot(X[:, 0], X[:, 1]).max()) * (1.0 - math.cos(math.pi / self.steps))
+        return max(NEAR, 0.5 * truth.depth_of_a_pixel(self.made) + chord)
 
 
 @dataclass(frozen=True)
 class Size:
-    """How much is simulated."""
+    """How much is simulated: table positions, of the head and the bust more than of the rest."""
 
     rig: str
     steps: int
-
-    @property
-    def near(self) -> float:
-        """mm: `NEAR` with a camera that resolves it, else two pixels on the part and the sagitta
-        of a step."""
-        return NEAR if self.rig == "modern" else 0.6
+    head: int = 100
+    bust: int = 100
 
 
 def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Bench, Path]:
@@ -105,46 +129,34 @@ def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Be
 
 
 def reconstructed(wish: Wish, folder: Path, paint: Material | None = None) -> Run:
-    """The scan of a wish with two lines, with one, and closed."""
+    """The scan of a wish, and what its stripes are."""
     made, path = scanned(wish, folder, paint)
     with Scan.open(path) as scan:
         seen = see(scan, made.rig, Settings().stripes)
-        both = build(seen, Settings())
-        one = build(seen[:1], Settings())
-        closed = build(seen, Settings(caps=Caps()))
-    return Run(made, wish.steps or 0, both, one, closed)
+    return Run(made, wish.steps or 0, tuple(seen))
 
 
-@dataclass(frozen=True)
-class Visible:
-    """The places of a part that a scan could measure."""
-
-    patches: truth.Patches
-    either: Bools
-    """(f,) with two lines."""
-    first: Bools
-    """(f,) with the first line alone."""
+def places(made: Bench) -> truth.Patches:
+    """Small triangles of the part, every so many in their own order: evenly over all of it."""
+    whole = truth.patches(made)
+    return whole.some(np.arange(0, len(whole.area), max(1, len(whole.area) // PLACES)))
 
 
-def visible(run: Run, grazing: float = truth.GRAZING[0]) -> Visible:
-    """Small triangles of the part that the camera sees lit, not too flatly, at some table angle."""
-    whole = truth.patches(run.made)
-    # Every so many in their own order, which keeps neighbours together: evenly over the part.
-    some = whole.some(np.arange(0, len(whole.area), max(1, len(whole.area) // PLACES)))
-    alone = replace(run.made, beams=run.made.beams[:1])
-    bits = [
-        truth.labels(m, some, run.steps, grazing) == truth.MEASURABLE for m in (run.made, alone)
-    ]
-    return Visible(some, bits[0], bits[1])
+def visible(run: Run, some: truth.Patches, grazing: float, lines: int = 2) -> Bools:
+    """(f,) which places the camera sees lit by one of the lines, at some table angle.
+
+    What is seen or lit at less than the cosine ``grazing`` from face-on does not count.
+    """
+    made = replace(run.made, beams=run.made.beams[:lines])
+    return np.asarray(truth.labels(made, some, run.steps, grazing) == truth.MEASURABLE)
 
 
-def reference(run: Run, seen: Visible) -> str:
+def reference(run: Run, some: truth.Patches) -> str:
     """That the reference is the whole part: its area, and that all measured points lie on it."""
     from scipy.spatial import cKDTree
 
-    some = truth.labels(run.made, seen.patches, run.steps, truth.GRAZING[1]) == truth.MEASURABLE
     area = float(truth.patches(run.made).area.sum())
-    tree = cKDTree(seen.patches.middle[some])
+    tree = cKDTree(some.middle[visible(run, some, truth.GRAZING[1])])
     X = np.concatenate([g.points[g.found] for g in run.both.grids])
     away = tree.query(X[:: max(1, len(X) // SAMPLES)])[0]
     on = float((away < 4 * truth.FINE).mean())
@@ -170,51 +182,62 @@ def precision(run: Run, mesh: Mesh, limit: float) -> float:
     return shapes.deviation(at, truth.made_mesh(run.made)).within(limit)
 
 
-def agreement(done: Reconstruction) -> tuple[float, int]:
-    """Share of the samples of two lasers' overlap within two combined sigma, and how many."""
+def agreement(done: Reconstruction) -> Floats:
+    """(m,) combined sigma between two lasers, at places that both measured."""
     parts = [s for g in done.grids for s in surface.range_surfaces(g, surface.Tears())]
-    ratios = np.concatenate([np.zeros(0), *(o.ratios for o in surface.overlaps(parts))])
-    return float((ratios <= 2).mean()), len(ratios)
+    return np.concatenate([np.zeros(0), *(o.ratios for o in surface.overlaps(parts))])
+
+
+def agreed(done: Reconstruction) -> str:
+    """How many of these places lie within 1, 2, 3 combined sigma."""
+    ratios = agreement(done)
+    shares = ", ".join(f"{np.mean(ratios <= k):.1%}" for k in (1, 2, 3))
+    return (
+        f"two lasers within 1, 2, 3 sigma: {shares} of {len(ratios)} places "
+        "(Gauss: 68, 95, 99.7 %; wanted at 2: 90 to 99 %)"
+    )
 
 
 def two_lines(size: Size, folder: Path) -> None:
-    """The head with one line and with two."""
-    wish = Wish("head", size.rig, theta=TWO_LINES, lasers=2, seed=0, steps=size.steps)
-    wish = replace(wish, theta=None) if size.rig == "paper" else wish
-    run = reconstructed(wish, folder)
-    seen = visible(run)
-    # Counted as seen at up to 84° from face-on: what lies in a shadow is often seen flatly.
-    flat = visible(run, truth.GRAZING[1])
-    shadow = flat.either & ~flat.first
-    near = size.near
-    print(f"head, {size.rig}, {size.steps} steps, ±22.4°; reference: {reference(run, seen)}")
-    some = seen.patches
-    print(
-        f"  in the shadow of the first line {some.area[shadow].sum():.0f} mm²: one line covers "
-        f"{covered(run.one.mesh, some, shadow, near):.1%} at {near} mm, two "
-        f"{covered(run.both.mesh, some, shadow, near):.1%}"
-    )
-    whole = covered(run.both.mesh, some, seen.either, near)
-    print(f"  completeness at {near} mm of what either sees: {whole:.2%} (wanted: 99 %)")
-    share, count = agreement(run.both)
-    print(f"  two lasers within 2 sigma: {share:.1%} of {count} samples (wanted: 95 %)")
+    """The heads with one line and with two."""
+    for scene, steps in (("head", size.head), ("mannequin", size.steps)):
+        theta = TWO_LINES if size.rig == "modern" else None
+        run = reconstructed(Wish(scene, size.rig, theta=theta, lasers=2, steps=steps), folder)
+        some, near = places(run.made), run.near
+        total = float(truth.patches(run.made).area.sum())
+        print(f"{scene}, {size.rig}, {steps} steps, ±22.4°; reference: {reference(run, some)}")
+        either = visible(run, some, FLAT)
+        for limit, word in ((FLAT, "beyond 80° for the first line"), (EDGE, "hidden from it")):
+            shadow = either & ~visible(run, some, limit, lines=1)
+            area = total * some.area[shadow].sum() / some.area.sum()
+            one, two = (covered(r.mesh, some, shadow, near) for r in (run.one, run.both))
+            print(
+                f"  {word}, though not for the second: {area:.0f} mm²: one line covers {one:.1%} "
+                f"at {near:.2f} mm, two {two:.1%}"
+            )
+        whole = covered(run.both.mesh, some, either, near)
+        print(f"  completeness at {near:.2f} mm of what either sees: {whole:.2%} (wanted: 99 %)")
+        print(f"  {agreed(run.both)}")
 
 
 def halo(size: Size, folder: Path) -> None:
-    """The bust, whose stone glows, beside the same stone without glow."""
-    for glow in (None, 0.0):
-        made = bench(Wish("bust", size.rig, lasers=2, steps=size.steps))
-        paint = None if glow is None else replace(made.scene.bodies[0].material, halo=glow)
-        run = reconstructed(Wish("bust", size.rig, lasers=2, steps=size.steps), folder, paint)
+    """The bust, whose stone glows, beside the same stone without glow in half the steps."""
+    for glow, steps in ((None, size.bust), (0.0, size.bust // 2)):
+        wish = Wish("bust", size.rig, lasers=2, steps=steps)
+        paint = None
+        if glow is not None:
+            paint = replace(bench(wish).scene.bodies[0].material, halo=glow)
+        run = reconstructed(wish, folder, paint)
         flags = np.concatenate([g.flags[g.found] for g in run.both.grids])
         share = float(((flags & StripeFlag.HALO) != 0).mean())
-        limit = PRECISE if size.rig == "modern" else 2 * size.near
+        limit = PRECISE / NEAR * run.near
         exact = precision(run, run.both.mesh, limit)
         word = "with halo" if glow is None else "without"
         print(
-            f"bust {word}, {size.rig}, {size.steps} steps: {share:.1%} of the points flagged HALO; "
-            f"precision at {limit} mm {exact:.2%} (wanted: 99.5 %)"
+            f"bust {word}, {size.rig}, {steps} steps: {share:.1%} of the points flagged HALO; "
+            f"precision at {limit:.2f} mm {exact:.2%} (wanted: 99.5 %)"
         )
+        print(f"  {agreed(run.both)}")
 
 
 def volumes(size: Size, folder: Path) -> None:
@@ -299,7 +322,8 @@ PARTS = {"lines": two_lines, "halo": halo, "volumes": volumes, "causes": causes}
 
 def run(quick: bool = False, keep: Path | None = None, only: str | None = None) -> None:
     """Print all figures, or those of one part."""
-    sizes = [Size("paper", 48)] if quick else [Size("modern", 120), Size("paper", 200)]
+    sizes = [Size("modern", 120, 400, 200), Size("paper", 200, 200, 200)]
+    sizes = [Size("paper", 48, 100, 48)] if quick else sizes
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch)
         for size in sizes:

@@ -26,7 +26,9 @@ def test_every_part_is_closed_outward_and_stands_on_the_table(name: str) -> None
     assert mesh.bounds[0, 2] == pytest.approx(0.0, abs=CHORD)
 
 
-@pytest.mark.parametrize("name", [n for n in sorted(PARTS) if n not in ("mug", "head", "bust")])
+@pytest.mark.parametrize(
+    "name", [n for n in sorted(PARTS) if n not in ("mug", "head", "mannequin", "bust")]
+)
 def test_triangles_lie_on_the_true_surface(name: str) -> None:
     made = part(name)
     assert made.distance is not None

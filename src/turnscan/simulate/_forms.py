@@ -40,11 +40,20 @@ def handle_path() -> Floats:
 
 
 def _bump(
-    z: Floats, turn: Floats, at: tuple[float, float], size: tuple[float, float], rise: float
+    z: Floats,
+    turn: Floats,
+    at: tuple[float, float],
+    size: tuple[float, float],
+    rise: float,
+    steep: int = 1,
 ) -> Floats:
-    """A smooth hill of ``rise`` mm at (height mm, azimuth rad), of rms ``size`` in the same."""
+    """A smooth hill of ``rise`` mm at (height mm, azimuth rad), of rms ``size`` in the same.
+
+    ``steep`` 2 gives it a flat top and sides twice as steep.
+    """
     away = np.angle(np.exp(1j * (turn - at[1])))
-    hill: Floats = rise * np.exp(-0.5 * (((z - at[0]) / size[0]) ** 2 + (away / size[1]) ** 2))
+    along, across = ((z - at[0]) / size[0]) ** 2, (away / size[1]) ** (2 * steep)
+    hill: Floats = rise * np.exp(-0.5 * (along + across))
     return hill
 
 
@@ -65,8 +74,11 @@ def _mesh(radius: Callable[[Floats, Floats], Floats], top: float) -> Mesh:
     return solids.radial(radius, top * np.sin(t * np.pi / 2) ** 0.9, 540)
 
 
-def head() -> Mesh:
-    """Mannequin's head; the face looks along +x."""
+def head(steep: int = 1) -> Mesh:
+    """Mannequin's head; the face looks along +x.
+
+    The nose's sides lean by up to 60°, or 73° where it is twice as ``steep`` (2).
+    """
     depth = [(0, 27), (14, 24), (28, 25), (36, 37), (60, 43), (80, 45), (96, 36), (104, 22)]
     width = [(0, 27), (14, 23), (28, 24), (36, 27), (60, 34), (80, 36), (96, 29), (104, 17)]
 
@@ -92,8 +104,10 @@ def head() -> Mesh:
             ((58, np.pi / 2), (7.0, 0.10), 6.0),  # ears
             ((58, -np.pi / 2), (7.0, 0.10), 6.0),
         ]
-        for at, size, rise in hills:
-            r = r + _bump(z, turn, at, size, rise)
+        nose, *others = hills
+        r = r + _bump(z, turn, *nose, steep)
+        for hill in others:
+            r = r + _bump(z, turn, *hill)
         return r
 
     return _mesh(radius, 108.0)
