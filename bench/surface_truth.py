@@ -48,8 +48,8 @@ PLACES = 15_000
 """Small triangles of the part that are asked."""
 TWO_LINES = math.radians(22.4)
 FLAT, EDGE = math.cos(Tears().grazing), math.cos(math.radians(89.5))
-"""Cosines off face-on beyond which a place does not count as seen: by the rule of the tears, where a
-pixel of the picture spans six on the part; and only where it cannot be seen at all."""
+"""Cosines off face-on beyond which a place does not count as seen: by the rule of the tears, where
+a pixel of the picture spans six on the part; and only where it cannot be seen at all."""
 CAUSES = ("head", "cup", "bracket", "v-groove", "torus", "bust")
 SOLIDS = {"sphere": 0.0, "torus": 0.9, "bracket": 0.5, "v-groove": 0.5}
 """Parts, and by how much they lean (rad), so that a camera that looks level sees all their faces: a
