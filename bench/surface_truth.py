@@ -1,4 +1,4 @@
-"""Surfaces of simulated scans against truth: shadows, completeness, volume, holes and their causes.
+"""Surfaces of simulated scans against truth: shadows, completeness, holes and their causes.
 
 ``python -m bench surface_truth`` prints every figure on the modern and the paper rig; ``--quick``
 takes the paper rig alone, with few steps. ``python -m bench.surface_truth --keep FOLDER`` keeps the
@@ -51,9 +51,6 @@ FLAT, EDGE = math.cos(Tears().grazing), math.cos(math.radians(89.5))
 """Cosines off face-on beyond which a place does not count as seen: by the rule of the tears, where
 a pixel of the picture spans six on the part; and only where it cannot be seen at all."""
 CAUSES = ("head", "cup", "bracket", "v-groove", "torus", "bust")
-SOLIDS = {"sphere": 0.0, "torus": 0.9, "bracket": 0.5, "v-groove": 0.5}
-"""Parts, and by how much they lean (rad), so that a camera that looks level sees all their faces: a
-volume of what was never seen would be an invention."""
 BLACK = 0.002
 """Reflectance of the painted squares, over that of the rest."""
 
@@ -111,6 +108,8 @@ def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Be
     name = f"{wish.scene}-{wish.rig}-{wish.steps}"
     if wish.theta is not None:
         name += f"-{math.degrees(wish.theta):.0f}"
+    if wish.lasers == 1:
+        name += "-one"
     if any(wish.lean) or wish.tip or any(wish.shift):
         turns = (math.degrees(a) for a in (wish.tip, *wish.lean))
         name += "-posed-" + ",".join(f"{v:.0f}" for v in (*turns, *wish.shift))
@@ -240,41 +239,6 @@ def halo(size: Size, folder: Path) -> None:
         print(f"  {agreed(run.both)}")
 
 
-def volumes(size: Size, folder: Path) -> None:
-    """Closed solids: sound, and their volume beside the part's and what sigma allows."""
-    for scene, lean in SOLIDS.items():
-        wish = Wish(scene, size.rig, lasers=2, steps=size.steps, lean=(lean, 0.8 * lean))
-        run = reconstructed(wish, folder)
-        print(f"{scene}, {size.rig}, {size.steps} steps: {volume_figures(run)}")
-
-
-def volume_figures(run: Run) -> str:
-    """Watertight or not; the volume's error by noise with what sigma predicts; the rest.
-
-    Noise: against the same mesh with each measured vertex moved to the nearest place of the part.
-    What is left is the part's between the profiles, and behind what was filled.
-    """
-    mesh, whole = run.closed.mesh, truth.made_mesh(run.made)
-    p = mesh.provenance
-    assert p is not None
-    known = p.laser >= 0
-    at = shapes.deviation(mesh.vertices[known], whole)
-    ideal = mesh.vertices.copy()
-    ideal[known] = at.closest
-    noise = mesh.volume - replace(mesh, vertices=ideal).volume
-    t = mesh.triangles
-    size = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 6
-    share = np.bincount(mesh.faces.ravel(), np.repeat(size, 3), len(mesh.vertices))
-    sigma = np.nan_to_num(p.sigma)
-    alone = float(np.sqrt(np.sum((share * sigma)[known] ** 2)))
-    true = whole.volume
-    return (
-        f"{'watertight' if surface.is_closed(mesh) else 'OPEN'}; volume {mesh.volume:.0f}, true "
-        f"{true:.0f} mm³ ({mesh.volume / true - 1:+.3%}); by noise {noise:+.1f} mm³, sigma "
-        f"predicts {alone:.1f} mm³ of independent points"
-    )
-
-
 def causes(size: Size, folder: Path) -> tuple[int, int]:
     """The table of true causes against those named, one and two lines; right and known holes."""
     table: Counter[tuple[str, str]] = Counter()
@@ -316,7 +280,7 @@ def score(table: Counter[tuple[str, str]]) -> tuple[int, int]:
     return right, sum(table.values())
 
 
-PARTS = {"lines": two_lines, "halo": halo, "volumes": volumes, "causes": causes}
+PARTS = {"lines": two_lines, "halo": halo, "causes": causes}
 """What is measured, by name."""
 
 
