@@ -290,3 +290,33 @@ def test_a_hole_filled_by_itself_is_filled_as_on_the_whole_surface(how: Any) -> 
     alone = Compact.of(filled.body).mesh
     assert np.array_equal(alone.faces, whole.faces)
     assert np.allclose(alone.vertices, whole.vertices, rtol=0, atol=1e-6)
+
+
+def test_the_share_done_is_told_and_an_end_there_changes_nothing() -> None:
+    mesh = sheet(40, 3, 0.05)
+    document = Document.open(lambda _: (mesh, ()))
+    for at in ((10, 10), (30, 10), (10, 30)):
+        region = Region.of(document.body, around(mesh, at, 2))
+        document, _ = document.add(Delete(region))
+    shares = list[float]()
+    filled, _ = document.add(Fill(None, "flat", largest=20.0), shares.append)
+    assert shares[0] == 0
+    assert np.allclose(sorted(set(shares)), [0, 1 / 3, 2 / 3])
+    shares.clear()
+    filled.add(Smooth(Region.of(filled.body, around(mesh, (20, 20), 4)), rounds=4), shares.append)
+    assert shares == [0, 0, 0.25, 0.5, 0.75]
+    shares.clear()
+    document.switch(document.history.entries[0].id, False, shares.append)
+    assert shares == [0, 0.5]  # the two behind it are done again
+
+    class Enough(Exception):
+        pass
+
+    def end(share: float) -> None:
+        if share > 0.5:
+            raise Enough
+
+    before = document.body.digest()
+    with pytest.raises(Enough):
+        document.add(Fill(None, "flat", largest=20.0), end)
+    assert document.body.digest() == before

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -122,11 +123,16 @@ def test_opening_can_be_cancelled_and_lets_the_file_go(folder: Path) -> None:
 def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
     server: Running, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    go, add = threading.Event(), Document.add
+    go, gone_on, add = threading.Event(), threading.Event(), Document.add
 
-    def slow(document: Document, edit: Edit) -> tuple[Document, Change]:
+    def slow(
+        document: Document, edit: Edit, told: Callable[[float], None]
+    ) -> tuple[Document, Change]:
+        told(0.25)
         assert go.wait(30)
-        return add(document, edit)
+        told(0.5)
+        gone_on.set()
+        return add(document, edit, told)
 
     with Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]
@@ -142,6 +148,7 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
             job = one.until("job", lambda m: m["what"] == "edit", 10)
             assert (job["state"], job["scan"]) == ("running", scan)
             assert job["title"] == "delete 50 faces"
+            assert (job["done"], job["total"]) == (250, 1000)
             return number, job["job"]
 
         number, job = begun()
@@ -150,6 +157,7 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
         assert one.until("job", lambda m: m["job"] == job, 10)["state"] == "cancelled"
         refused = one.until("refused", lambda m: m["id"] == number, 10)
         assert refused["code"] == "cancelled"
+        assert not gone_on.is_set()  # it ended where it was told next
         assert not any(m["kind"] in ("patch", "history") for m in one.heard)
         assert http.get(f"/api/scans/{scan}/mesh").content == before
         with Scan.open(folder / "ball.turnscan") as file:

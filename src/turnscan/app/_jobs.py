@@ -20,6 +20,8 @@ What = Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
 _TELL_EVERY = 0.1
 _SOON = 0.5
 """s that a request may take before it is shown as a job."""
+_SHARES = 1000
+"""Steps of work that is told in shares."""
 _KEPT = 32
 """Jobs that are over and still known."""
 
@@ -42,7 +44,9 @@ class Result:
 class Job:
     """One piece of work; `tick` and `check` are for its own thread, `cancel` for any."""
 
-    def __init__(self, hub: Hub, what: What, title: str, scan: str | None) -> None:
+    def __init__(
+        self, hub: Hub, what: What, title: str, scan: str | None, *, shown: bool = True
+    ) -> None:
         self.id = secrets.token_urlsafe(9)
         self.what, self.title, self.scan = what, title, scan
         self.on_cancel: Callable[[], None] = lambda: None
@@ -54,6 +58,8 @@ class Job:
         self._told = 0.0
         self._lock = threading.Lock()
         self.over = False
+        self.shown = shown
+        """Whether anybody is told how far it is."""
 
     def steps(self, total: int | None) -> None:
         """How many ticks there will be."""
@@ -64,6 +70,12 @@ class Job:
         self._done = done
         self._tell_now_and_then()
 
+    def share(self, done: float) -> None:
+        """So much is done, 0 to 1, from the work's own thread. Raises Cancelled."""
+        self._total, self._done = _SHARES, round(_SHARES * done)
+        self.check()
+        self._tell_now_and_then()
+
     def tick(self) -> None:
         """One step further, from any thread of the work. Raises Cancelled."""
         with self._lock:
@@ -72,7 +84,7 @@ class Job:
         self._tell_now_and_then()
 
     def _tell_now_and_then(self) -> None:
-        if time.monotonic() - self._told > _TELL_EVERY:
+        if self.shown and time.monotonic() - self._told > _TELL_EVERY:
             self._told = time.monotonic()
             self.tell("running")
 
@@ -153,14 +165,13 @@ class Jobs:
     @contextlib.contextmanager
     def perhaps(self, what: What, title: str, scan: str) -> Iterator[Job]:
         """A request in the caller's thread, which is shown as a job only once it takes long."""
-        job = Job(self._hub, what, title, scan)
-        telling, shown, ended = threading.Lock(), False, False
+        job = Job(self._hub, what, title, scan, shown=False)
+        telling, ended = threading.Lock(), False
 
         def show() -> None:
-            nonlocal shown
             with telling:
                 if not ended:
-                    shown = True
+                    job.shown = True
                     self._list(job)
                     job.tell("running")
 
@@ -169,7 +180,7 @@ class Jobs:
             job.over = True
             with telling:
                 ended = True
-                if shown:
+                if job.shown:
                     job.tell(state)
 
         timer = threading.Timer(_SOON, show)

@@ -295,22 +295,22 @@ class OpenScan:
     def undo(self, job: Job) -> None:
         """One edit back. Raises InputError where there is none."""
         with self._lock:
-            self._keep(*self.now.document.undo(), job)
+            self._keep(*self.now.document.undo(job.share), job)
 
     def redo(self, job: Job) -> None:
         """One edit on again. Raises InputError where there is none."""
         with self._lock:
-            self._keep(*self.now.document.redo(), job)
+            self._keep(*self.now.document.redo(job.share), job)
 
     def go(self, cursor: int, job: Job) -> None:
         """To the state after the first ``cursor`` edits. Raises InputError."""
         with self._lock:
-            self._keep(*self.now.document.go(cursor), job)
+            self._keep(*self.now.document.go(cursor, job.share), job)
 
     def switch(self, id: int, on: bool, job: Job) -> None:
         """One edit off, or on again. Raises InputError where there is none of that number."""
         with self._lock:
-            self._keep(*self.now.document.switch(id, on), job)
+            self._keep(*self.now.document.switch(id, on, job.share), job)
 
     def _tried(
         self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array], job: Job
@@ -327,7 +327,7 @@ class OpenScan:
             wish["where"] = region
         wanted = edit.edit_from_value(wish)
         job.title = edit.in_words(wanted)
-        document, change = self.now.document.add(wanted)
+        document, change = self.now.document.add(wanted, job.share)
         refused = next((f for f in change.findings if f.severity == "error"), None)
         if refused is not None:
             raise InputError(refused.message, hint=refused.remedy)

@@ -19,8 +19,9 @@ One WebSocket at ``/ws`` carries everything that happens; plain GETs carry what 
   it is in the scan file.
 - An edit (preview, undo, measurement …) that takes longer than half a second is also told as a job
   of the kind ``edit``, until its request is answered. Cancelled before its result is stored, the
-  request is refused with the code ``cancelled``, and nothing has happened: what is being computed
-  is computed to its end, and dropped. Once it is stored, ``cancel`` does nothing.
+  request is refused with the code ``cancelled``, and nothing has happened: filling, smoothing and
+  replaying end between two holes, rounds and edits, all else is computed to its end and dropped.
+  Once it is stored, ``cancel`` does nothing.
 - Faces and vertices in an edit are numbers of the document's own, in arrays of the envelope.
 - Lengths are mm, angles in names that say so degrees, else rad; times s; pixels as (u, v).
 

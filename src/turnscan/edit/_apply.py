@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,10 +45,16 @@ from turnscan.surface import (
     spikes,
 )
 
+Told = Callable[[float], None]
+"""Hears the share that is done, 0 to 1. What it raises ends the work, and nothing has happened."""
 _RINGS = 12
 """Rings of faces round a hole; its filling goes on with the curvature of those next to it."""
 _LIKE = 3.0
 """A hole of a third to three times the size may be the one that was meant."""
+
+
+def silent(share: float) -> None:
+    """Tell nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +71,11 @@ class Done:
     """The result of a measurement."""
 
 
-def apply(body: Body, entry: Entry) -> tuple[Body, Done]:
-    """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding."""
+def apply(body: Body, entry: Entry, told: Told = silent) -> tuple[Body, Done]:
+    """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding.
+
+    ``told`` hears of filling and smoothing how much of it is done.
+    """
     findings: list[Finding] = []
     assert not isinstance(entry.edit, GridEdit), "grid edits are done before there is a body"
     patches: tuple[Patch, ...] = ()
@@ -75,7 +84,7 @@ def apply(body: Body, entry: Entry) -> tuple[Body, Done]:
         if isinstance(entry.edit, Measure):
             measured = taken(body, entry.edit)
         else:
-            patches = _patches(body, entry.edit, findings)
+            patches = _patches(body, entry.edit, findings, told)
     except (InputError, CalibrationError) as e:
         # A part is none the worse for a measurement that cannot be taken.
         severity: Severity = "warning" if isinstance(entry.edit, Measure) else "error"
@@ -107,13 +116,13 @@ def mend_mesh(mesh: Mesh, entries: Iterable[Entry]) -> tuple[Mesh, list[Finding]
     return (Compact.of(body).mesh if done else mesh), findings
 
 
-def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch, ...]:
+def _patches(body: Body, edit: MeshEdit, findings: list[Finding], told: Told) -> tuple[Patch, ...]:
     match edit:
         case Delete():
             faces = _with_what_hangs(body, edit.where.find(body))
             return (Alive(faces, False),) if len(faces) else ()
         case Fill():
-            return _filled(body, edit, findings)
+            return _filled(body, edit, findings, told)
         case BridgeSides():
             before = Compact.of(body)
             one, other = _side_at(before.mesh, edit.a), _side_at(before.mesh, edit.b)
@@ -139,12 +148,12 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding]) -> tuple[Patch
             mesh = decimate(before.mesh, tolerance=edit.tolerance, faces=edit.faces)
             return difference(body, before, mesh)
         case Smooth():
-            return _smoothed(body, edit)
+            return _smoothed(body, edit, told)
         case Despike():
-            return _despiked(body, edit)
+            return _despiked(body, edit, told)
 
 
-def _smoothed(body: Body, edit: Smooth) -> tuple[Patch, ...]:
+def _smoothed(body: Body, edit: Smooth, told: Told) -> tuple[Patch, ...]:
     """Each vertex moves as much as its faces belong to the region; only they are looked at."""
     chosen = edit.where.find(body)
     faces, size = body.mesh.faces, len(body.mesh.vertices)
@@ -152,10 +161,12 @@ def _smoothed(body: Body, edit: Smooth) -> tuple[Patch, ...]:
     part = Compact.of(body, np.asarray((mine > 0)[faces].any(axis=1)))
     all_of_them = np.bincount(part.mesh.faces.ravel(), minlength=len(part.mesh.vertices))
     weight = edit.strength * np.minimum(mine[part.vertex_ids] / np.maximum(all_of_them, 1), 1.0)
-    return difference(body, part, smooth(part.mesh, weight, edit.rounds)) if len(chosen) else ()
+    return (
+        difference(body, part, smooth(part.mesh, weight, edit.rounds, told)) if len(chosen) else ()
+    )
 
 
-def _despiked(body: Body, edit: Despike) -> tuple[Patch, ...]:
+def _despiked(body: Body, edit: Despike, told: Told) -> tuple[Patch, ...]:
     """The faces about spikes go, and the holes that leaves are filled."""
     before = Compact.of(body)
     about = spikes(before.mesh, edit.beyond)[before.mesh.faces].any(axis=1)
@@ -170,7 +181,7 @@ def _despiked(body: Body, edit: Despike) -> tuple[Patch, ...]:
     beside = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
     beside[body.mesh.faces[gone.faces]] = True
     made = [h for h in holes(after.mesh) if beside[after.vertex_ids[h.loop]].all()]
-    return gone, *difference(without, after, fill(after.mesh, made, edit.how))
+    return gone, *difference(without, after, fill(after.mesh, made, edit.how, told))
 
 
 def _cut(body: Body, edit: Cut) -> tuple[Patch, ...]:
@@ -214,7 +225,7 @@ def _with_what_hangs(body: Body, faces: Ints) -> Ints:
         touched[body.mesh.faces[hanging]] = True
 
 
-def _filled(body: Body, edit: Fill, findings: list[Finding]) -> tuple[Patch, ...]:
+def _filled(body: Body, edit: Fill, findings: list[Finding], told: Told) -> tuple[Patch, ...]:
     """Holes filled; only what lies round them is looked at."""
     whole = Compact.of(body)
     wanted = _to_fill(holes(whole.mesh), edit, findings)
@@ -230,7 +241,7 @@ def _filled(body: Body, edit: Fill, findings: list[Finding]) -> tuple[Patch, ...
         replace(hole, loop=np.searchsorted(part.vertex_ids, loop).astype(np.int32))
         for hole, loop in zip(wanted, loops, strict=True)
     ]
-    return difference(body, part, fill(part.mesh, moved, edit.how))
+    return difference(body, part, fill(part.mesh, moved, edit.how, told))
 
 
 def _to_fill(there: list[Hole], edit: Fill, findings: list[Finding]) -> list[Hole]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
-from turnscan.edit._apply import Done, apply
+from turnscan.edit._apply import Done, Told, apply, silent
 from turnscan.edit._body import Body, Patch, Replace
 from turnscan.edit._edits import Edit, is_grid_edit
 from turnscan.edit._history import Action, Entry, Go, History
@@ -73,37 +74,42 @@ class Document:
         """The measurements that count and could be taken, in their order."""
         return tuple((d.entry, d.measured) for d in self.done if d.measured is not None)
 
-    def add(self, edit: Edit) -> tuple[Document, Change]:
+    def add(self, edit: Edit, told: Told = silent) -> tuple[Document, Change]:
         """Make an edit. One that finds nothing to act on is a finding of the change."""
-        return self.after(self.history.add(edit))
+        return self.after(self.history.add(edit), told)
 
-    def undo(self) -> tuple[Document, Change]:
+    def undo(self, told: Told = silent) -> tuple[Document, Change]:
         """Take back the last edit that counts. Raises InputError where there is none."""
-        return self.after(self.history.undo())
+        return self.after(self.history.undo(), told)
 
-    def redo(self) -> tuple[Document, Change]:
+    def redo(self, told: Told = silent) -> tuple[Document, Change]:
         """Do the next undone edit again. Raises InputError where there is none."""
-        return self.after(self.history.redo())
+        return self.after(self.history.redo(), told)
 
-    def go(self, cursor: int) -> tuple[Document, Change]:
+    def go(self, cursor: int, told: Told = silent) -> tuple[Document, Change]:
         """Let the first ``cursor`` edits count. Raises InputError where there are fewer."""
-        return self.after(Go(cursor))
+        return self.after(Go(cursor), told)
 
-    def switch(self, id: int, on: bool) -> tuple[Document, Change]:
+    def switch(self, id: int, on: bool, told: Told = silent) -> tuple[Document, Change]:
         """Switch one edit on or off. Raises InputError where there is none of that number."""
-        return self.after(self.history.switch(id, on))
+        return self.after(self.history.switch(id, on), told)
 
-    def after(self, action: Action) -> tuple[Document, Change]:
-        """The document after an action, and what it changed. Raises InputError."""
-        document, patches, findings = self._to(self.history.after(action))
+    def after(self, action: Action, told: Told = silent) -> tuple[Document, Change]:
+        """The document after an action, and what it changed. Raises InputError.
+
+        ``told`` hears how much of the work is done; an exception of its own ends it.
+        """
+        document, patches, findings = self._to(self.history.after(action), told)
         return document, Change(action, patches, findings)
 
-    def _to(self, history: History) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
+    def _to(
+        self, history: History, told: Told = silent
+    ) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
         """Undo down to what both histories share, then apply the rest."""
         wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
         seen = [e.id for e in history.enabled if is_grid_edit(e.edit)]
         if seen != [e.id for e in self.history.enabled if is_grid_edit(e.edit)]:
-            return self._rebuilt(history, wanted)
+            return self._rebuilt(history, wanted, told)
         shared = 0
         for entry, known in zip(wanted, self.chain, strict=False):
             if entry.id != known.entry.id:
@@ -119,22 +125,32 @@ class Document:
             body = patch.on(body)
         chain = self.chain
         if len(wanted) > shared:
-            for entry in wanted[shared:]:
-                body, new = apply(body, entry)
-                fresh.append(new)
-                patches += new.forward
+            body, made = _applied(body, wanted[shared:], told)
+            fresh += made
+            patches += [patch for new in made for patch in new.forward]
             chain = (*chain[: min(shared, self.count)], *fresh)
         document = replace(self, history=history, body=body, chain=chain, count=len(wanted))
         return document, tuple(patches), tuple(f for d in fresh for f in d.findings)
 
     def _rebuilt(
-        self, history: History, wanted: list[Entry]
+        self, history: History, wanted: list[Entry], told: Told
     ) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
         mesh, remarks = self.build([e for e in history.enabled if is_grid_edit(e.edit)])
-        body = base = Body.of(mesh)
-        done = []
-        for entry in wanted:
-            body, new = apply(body, entry)
-            done.append(new)
+        base = Body.of(mesh)
+        body, done = _applied(base, wanted, told)
         document = Document(self.build, history, base, tuple(remarks), body, tuple(done), len(done))
         return document, (Replace(body),), document.findings
+
+
+def _applied(body: Body, entries: Sequence[Entry], told: Told) -> tuple[Body, list[Done]]:
+    """A body after edits, each done on what the one before left."""
+    done = list[Done]()
+    for k, entry in enumerate(entries):
+        told(k / len(entries))
+        body, new = apply(body, entry, partial(_within, told, k, len(entries)))
+        done.append(new)
+    return body, done
+
+
+def _within(told: Told, first: int, count: int, share: float) -> None:
+    told((first + share) / count)

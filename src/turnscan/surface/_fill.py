@@ -15,6 +15,7 @@ from turnscan.surface._fair import fair
 from turnscan.surface._holes import Hole, holes, vector_area
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import measured
+from turnscan.surface._told import Told, silent
 from turnscan.surface._topology import twins
 
 FillHow = Literal["flat", "tangent", "curvature"]
@@ -43,6 +44,7 @@ def fill(
     mesh: Mesh,
     which: Sequence[Hole] | Sequence[int] | None = None,
     how: FillHow = "tangent",
+    told: Told = silent,
 ) -> Mesh:
     """Fill holes of a mesh: all, or those given as values or as places in ``holes(mesh)``.
 
@@ -50,11 +52,11 @@ def fill(
     2003), refined to the density of the surroundings and faired (`fair`); ``flat`` adds no
     vertices and lies as near to one plane as the border does. No vertex that is there moves. New
     faces are not ``measured``, new vertices have provenance −1, and where the mesh is coloured,
-    the mean colour of their border.
+    the mean colour of their border. ``told`` hears of each hole.
 
     Raises InputError for a hole that is not one of this mesh.
     """
-    return with_patches(mesh, patches(mesh, _chosen(mesh, which), how), how)
+    return with_patches(mesh, patches(mesh, _chosen(mesh, which), how, told), how)
 
 
 def _chosen(mesh: Mesh, which: Sequence[Hole] | Sequence[int] | None) -> list[Ints]:
@@ -70,7 +72,7 @@ def _chosen(mesh: Mesh, which: Sequence[Hole] | Sequence[int] | None) -> list[In
     return out
 
 
-def patches(mesh: Mesh, loops: Sequence[Ints], how: FillHow) -> list[Patch]:
+def patches(mesh: Mesh, loops: Sequence[Ints], how: FillHow, told: Told = silent) -> list[Patch]:
     """A patch for each border of a mesh (its winding that of the faces it bounds); not yet faired.
 
     Raises InputError where a loop is no border of this mesh.
@@ -88,6 +90,7 @@ def patches(mesh: Mesh, loops: Sequence[Ints], how: FillHow) -> list[Patch]:
     chords = _Chords(mesh, loops)
     out = []
     for number, loop in enumerate(loops):
+        told(number / len(loops))
         if len(loop) < 3 or (after[loop] != np.roll(loop, -1)).any():
             raise InputError(
                 f"hole {number}: its {len(loop)} corners are no border of this mesh",

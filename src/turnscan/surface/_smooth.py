@@ -11,17 +11,19 @@ from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError
 from turnscan.surface._grid_mesh import half_edges, vertex_normals
 from turnscan.surface._mesh import Mesh
+from turnscan.surface._told import Told, silent
 
 _GIVE, _TAKE = 0.5, -0.53
 """Parts of the way to the neighbours' middle: there, and a little more back (Taubin 1995)."""
 
 
-def smooth(mesh: Mesh, where: npt.ArrayLike, rounds: int = 5) -> Mesh:
+def smooth(mesh: Mesh, where: npt.ArrayLike, rounds: int = 5, told: Told = silent) -> Mesh:
     """The mesh smoothed where ``where`` (v,), 0 to 1, says, and as much as it says.
 
     Vertices move along their normals towards the middle of their neighbours and a little less
     back (Taubin 1995), so that bumps go and the whole does not shrink. Where ``where`` is 0, and on
     borders, nothing moves. This is a person's doing: it does not ask for sigma, as denoising does.
+    ``told`` hears of each round.
 
     Raises InputError for weights that do not fit or lie outside 0 to 1, or rounds below 1.
     """
@@ -37,7 +39,8 @@ def smooth(mesh: Mesh, where: npt.ArrayLike, rounds: int = 5) -> Mesh:
         raise InputError(f"smooth: {rounds} rounds", hint="give 1 or more")
     weight[_edge(mesh)] = 0.0
     points = mesh.vertices.copy()
-    for _ in range(rounds):
+    for done in range(rounds):
+        told(done / rounds)
         for part in (_GIVE, _TAKE):
             moved = Mesh(points, mesh.faces)
             off = np.nan_to_num(kernels.off_ring(points, mesh.faces))

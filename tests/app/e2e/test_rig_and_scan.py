@@ -129,7 +129,7 @@ def test_a_new_user_calibrates_with_what_is_there_and_scans_with_it(new_page, pi
     page.get_by_role("textbox", name="Name").fill("calibrated")
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_text("8 of 8 steps").wait_for(timeout=WORKING)
-    page.get_by_text("Whole").wait_for()
+    page.get_by_text("Whole", exact=True).wait_for()
     with Scan.open(folder / "calibrated.turnscan") as scan:
         assert scan.rig is not None
         assert scan.rig.covariance is not None
