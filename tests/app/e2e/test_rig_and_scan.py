@@ -169,9 +169,10 @@ def test_calibration_says_why_a_picture_is_not_used_and_ends_when_cancelled(new_
     page.get_by_role("spinbutton", name="One every").press("Enter")
     page.get_by_role("button", name="Take pictures of the board").click()
     views = page.get_by_role("list", name="Pictures of the calibration").get_by_role("listitem")
-    views.filter(has_text="no chessboard of 9x7 inner corners").first.wait_for()
+    why = views.filter(has_text="no chessboard of 9x7 inner corners").first
+    why.wait_for(timeout=WORKING)
     calibration = page.locator("details", has=page.locator("summary", has_text="Calibration"))
     calibration.get_by_role("button", name="Cancel").click()
-    calibration.get_by_role("button", name="Cancel").wait_for(state="detached")
+    calibration.get_by_role("button", name="Cancel").wait_for(state="detached", timeout=WORKING)
     assert views.count() < 8
     disconnect(page)
