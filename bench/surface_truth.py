@@ -50,6 +50,8 @@ TWO_LINES = math.radians(22.4)
 FLAT, EDGE = math.cos(Tears().grazing), math.cos(math.radians(89.5))
 """Cosines off face-on beyond which a place does not count as seen: by the rule of the tears, where
 a pixel of the picture spans six on the part; and only where it cannot be seen at all."""
+BESIDE = 3.0
+"""mm."""
 CAUSES = ("head", "cup", "bracket", "v-groove", "torus", "bust")
 BLACK = 0.002
 """Reflectance of the painted squares, over that of the rest."""
@@ -199,24 +201,45 @@ def agreed(done: Reconstruction) -> str:
 
 def two_lines(size: Size, folder: Path) -> None:
     """The heads with one line and with two."""
-    for scene, steps in (("head", size.head), ("mannequin", size.steps)):
+    for scene in ("head", "mannequin"):
         theta = TWO_LINES if size.rig == "modern" else None
-        run = reconstructed(Wish(scene, size.rig, theta=theta, lasers=2, steps=steps), folder)
+        run = reconstructed(Wish(scene, size.rig, theta=theta, lasers=2, steps=size.head), folder)
         some, near = places(run.made), run.near
         total = float(truth.patches(run.made).area.sum())
-        print(f"{scene}, {size.rig}, {steps} steps, ±22.4°; reference: {reference(run, some)}")
+        print(f"{scene}, {size.rig}, {size.head} steps, ±22.4°; reference: {reference(run, some)}")
         either = visible(run, some, FLAT)
-        for limit, word in ((FLAT, "beyond 80° for the first line"), (EDGE, "hidden from it")):
-            shadow = either & ~visible(run, some, limit, lines=1)
+        # What looks up or down is seen flatly for that, and from whichever side.
+        wall = np.abs(some.normal[:, 2]) < 0.5
+        for limit, word in (
+            (FLAT, "seen beyond 80° from face-on by the first line"),
+            (EDGE, "not to be seen by the first line at all"),
+        ):
+            shadow = either & wall & ~visible(run, some, limit, lines=1)
             area = total * some.area[shadow].sum() / some.area.sum()
-            one, two = (covered(r.mesh, some, shadow, near) for r in (run.one, run.both))
+            if area == 0.0:
+                print(f"  {word}, though not by the second: nothing")
+                continue
+            one, two = (
+                f"{covered(done.mesh, some, shadow, near):.1%} and leaves holes of "
+                f"{holes_beside(done, some.middle[shadow]):.0f} mm²"
+                for done in (run.one, run.both)
+            )
             print(
-                f"  {word}, though not for the second: {area:.0f} mm²: one line covers {one:.1%} "
-                f"at {near:.2f} mm, two {two:.1%}"
+                f"  {word}, though not by the second: {area:.0f} mm²: one line covers {one} "
+                f"there at {near:.2f} mm, two {two}"
             )
         whole = covered(run.both.mesh, some, either, near)
         print(f"  completeness at {near:.2f} mm of what either sees: {whole:.2%} (wanted: 99 %)")
         print(f"  {agreed(run.both)}")
+
+
+def holes_beside(done: Reconstruction, X: Floats) -> float:
+    """Area, mm², of the holes most of whose border lies within `BESIDE` of places X (m, 3)."""
+    from scipy.spatial import cKDTree
+
+    mesh, tree = done.opened or done.mesh, cKDTree(X)
+    near = [(tree.query(mesh.vertices[h.loop])[0] < BESIDE).mean() > 0.5 for h in done.holes]
+    return sum(h.area for h, there in zip(done.holes, near, strict=True) if there)
 
 
 def halo(size: Size, folder: Path) -> None:
