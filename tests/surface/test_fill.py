@@ -22,10 +22,12 @@ from turnscan.surface import (
     Mesh,
     Provenance,
     close,
+    closings,
     cut_touching,
     fill,
     holes,
     is_closed,
+    join,
     mesh_grid,
     soundness,
     submesh,
@@ -209,6 +211,32 @@ def test_what_cuts_through_itself_is_mended():
     assert np.linalg.norm(done.vertices, axis=1).max() < 10.1
     assert done.volume == pytest.approx(mesh.volume, rel=0.005)
     assert done.area_of(~done.measured) < 0.05 * mesh.area_of()
+
+
+@pytest.mark.parametrize("how", WAYS)
+def test_a_hole_that_something_stands_in_stays_open(how):
+    """A ball with a mouth and a small hole below; a hundred needles stand in the mouth."""
+    mouth = opened(opened(ball(24), (0, 0, 1), 0.8), (0, 0, -1), 0.2)
+    x, y = np.mgrid[-5.5:6, -5.5:6].reshape(2, -1)
+    places = np.stack([x, y, 0 * x + 7.5], axis=-1)[np.hypot(x, y) < 6]
+    assert len(places) > 100
+    needles = [Mesh(p + 0.02 * ball(3).vertices * (1, 1, 12), ball(3).faces) for p in places]
+    wishes = Caps(floor=None, top=None, holes=how)
+    for mesh, refused in ((mouth, False), (join([mouth, *needles]), True)):
+        done, said = close(mesh, wishes)
+        assert soundness(done) == []
+        assert same_measured(mesh, done)
+        assert is_closed(done) != refused
+        found = holes(mesh)
+        words = zip(
+            (h.centre[2] > 0 for h in found), closings(mesh, found, wishes, done), strict=True
+        )
+        assert dict(words) == {True: "open" if refused else how, False: how}
+        told = [f for f in said if f.code == "surface.unfilled"]
+        assert len(told) == refused
+    assert told[0].message.startswith("1 gap(s) up to")
+    assert told[0].where.endswith(" mm")
+    assert "1 gaps closed" in said[-1].message
 
 
 @pytest.mark.parametrize(("steps", "lines"), [(1, 9), (9, 1), (4, 6), (2, 2)])

@@ -178,7 +178,7 @@ def _before(done: Reconstruction) -> Mesh:
 
 
 def _filled(done: Reconstruction) -> list[str]:
-    return closings(_before(done), done.holes, done.caps)
+    return closings(_before(done), done.holes, done.caps, done.mesh)
 
 
 def _angle_deg(hole: Hole) -> float:

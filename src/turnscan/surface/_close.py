@@ -15,6 +15,7 @@ from turnscan.surface._holes import Hole, holes, vector_area
 from turnscan.surface._mend import mend
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._range_surface import steady_normals
+from turnscan.surface._sound_fill import fill_soundly, unfilled
 from turnscan.surface._topology import cut_touching
 
 Top = Literal["plane", "fan", "smooth", "open"]
@@ -26,6 +27,8 @@ _LEAN = 2.5
 """mm to the side for each mm down, at most: a foot is not led further under the part."""
 _STEADY = 2.0
 """mm along a border on either hand over which its normals are averaged."""
+_ALIKE = 0.05
+"""Of a hole's size, by which it may differ before and after."""
 _HIGH = 0.1
 """The top reaches into this share of the part's height."""
 
@@ -58,17 +61,18 @@ def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
 
     The part's foot is carried on in its tangent planes down to the floor; the faces in the
     floor's plane count as measured, for they lie on the platter, whose place the calibration
-    knows. Then the top is closed, then all other holes (`fill`). Where parts of the surface
-    merely touch in a vertex, the faces of the smaller one go first: programs that join equal
-    corners would find them joined. Last, places where the surface cuts through itself are made
-    anew (`mend`). Added vertices have provenance −1; those that are there do not move.
+    knows. Then the top is closed, then all other holes (`fill`). Where parts of the surface merely
+    touch in a vertex, the faces of the smaller one go first: programs that join equal corners would
+    find them joined. Last, places where the surface cuts through itself are made anew (`mend`);
+    where that does not do, holes whose patches cut through the surface stay open (`fill_soundly`).
+    Added vertices have provenance −1; those that are there do not move.
     """
     c = caps or Caps()
     whole, remarks = cut_touching(mesh)
     foot, top, others = _sorted(whole, c)
     skip = [h for h in others if c.holes is None or (c.largest is not None and h.size > c.largest)]
     fillable = [h for h in others if not any(h is s for s in skip)]
-    done = whole
+    done, left = whole, list[Ints]()
     if foot and c.floor is not None:
         done = _stood(done, [h.loop for h in foot], c.floor)
     if top is not None and c.top == "fan":
@@ -76,23 +80,33 @@ def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
     elif top is not None and c.top in ("plane", "smooth"):
         how: FillHow = "flat" if c.top == "plane" else "curvature"
         done = with_patches(done, patches(done, [top.loop], how), how)
-    if fillable and c.holes is not None:
-        done = with_patches(done, patches(done, [h.loop for h in fillable], c.holes), c.holes)
-    gaps = len(foot) + (top is not None and c.top != "open") + len(fillable)
-    done, replaced = mend(done)
+    stood, loops = done, [h.loop for h in fillable]
+    if loops and c.holes is not None:
+        done = with_patches(stood, patches(stood, loops, c.holes), c.holes)
+    done, replaced, crossed = mend(done)
+    if crossed and loops and c.holes is not None:
+        sound, left = fill_soundly(stood, loops, c.holes)
+        if left:
+            done, replaced, _ = mend(sound)
+            remarks.append(unfilled([stood.vertices[k] for k in left], c.holes))
+    gaps = len(foot) + (top is not None and c.top != "open") + len(fillable) - len(left)
     if replaced:
         text = f"{replaced} faces about places where the surface cut through itself were made anew"
         remarks.append(Finding("surface.mended", "note", text))
     return done, remarks + _said(done, gaps, foot, c)
 
 
-def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None) -> list[str]:
-    """In a word for each hole of a mesh how `close` deals with it: "open" where it does not."""
+def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None, closed: Mesh) -> list[str]:
+    """In a word for each hole of a mesh how `close` dealt with it: "open" where it did not.
+
+    ``closed`` is what became of the mesh; it may have been thinned out.
+    """
     if caps is None:
         return ["open"] * len(found)
     feet, top, _ = _sorted(mesh, caps)
     standing = {h.loop.tobytes() for h in feet} if caps.floor is not None else set()
     above = b"" if top is None else top.loop.tobytes()
+    left = [(h.centre, h.size) for h in holes(closed)]
     out = []
     for hole in found:
         loop = hole.loop.tobytes()
@@ -102,8 +116,15 @@ def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None) -> list[str]:
             out.append(str(caps.top))
         else:
             large = caps.largest is not None and hole.size > caps.largest
-            out.append("open" if large or caps.holes is None else caps.holes)
+            refused = any(_same(hole, centre, size) for centre, size in left)
+            out.append("open" if large or refused or caps.holes is None else caps.holes)
     return out
+
+
+def _same(hole: Hole, centre: Floats, size: float) -> bool:
+    """Whether a gap of this centre and size is the hole: thinning out moves both a little."""
+    away = float(np.linalg.norm(hole.centre - centre))
+    return max(away, abs(hole.size - size)) <= _ALIKE * hole.size
 
 
 def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: Caps) -> list[Finding]:

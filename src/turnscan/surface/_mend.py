@@ -22,8 +22,9 @@ _PIECE = 0.01
 """A piece of less than this share of the faces goes where its connection was taken away."""
 
 
-def mend(mesh: Mesh) -> tuple[Mesh, int]:
-    """The mesh with small self-intersections mended, and how many faces were replaced.
+def mend(mesh: Mesh) -> tuple[Mesh, int, int]:
+    """The mesh with small self-intersections mended, how many faces were replaced, and how many
+    pairs of faces still cut through each other.
 
     Where a measured face and a filled one cut through each other, the filled one gives way. The
     faces go with those round them, and what was open before stays open. Where more than 10 % of
@@ -39,7 +40,8 @@ def mend(mesh: Mesh) -> tuple[Mesh, int]:
         if len(left) <= len(pairs):
             replaced += len(mesh.faces) - kept
             mesh, pairs = done, left
-    return (submesh(mesh, np.ones(len(mesh.faces), dtype=np.bool_)) if replaced else mesh), replaced
+    whole = np.ones(len(mesh.faces), dtype=np.bool_)
+    return (submesh(mesh, whole) if replaced else mesh), replaced, len(pairs)
 
 
 def _giving_way(mesh: Mesh, pairs: Ints, number: int) -> Bools:
