@@ -81,3 +81,31 @@ def test_surfaces_one_far_behind_the_other_are_not_joined() -> None:
         high.moves,
     )
     assert len(boundary_loops(fuse([low, high], VOXEL, RAMP, seam=3))) == 2
+
+
+def arc(step: float, radius: float = 10.0) -> RangeSurface:
+    """A third of a cylinder about the y axis in steps of an angle, looked at from all round."""
+    phi, y = np.arange(-1.0, 1.0 + step / 2, step), np.arange(0, 10.1, VOXEL)
+    one = sheet(0.0, (len(phi) - 1) * VOXEL, (0.0, 0.0, 1.0), "one")
+    out = np.repeat(np.stack([np.sin(phi), 0 * phi, np.cos(phi)], -1), len(y), axis=0)
+    points = radius * out + np.tile(y, len(phi))[:, None] * (0.0, 1.0, 0.0)
+    mesh = Mesh(points, one.mesh.faces, one.mesh.provenance)
+    return RangeSurface(mesh, points + 500.0 * out, out, out)
+
+
+def test_a_round_part_in_coarse_steps_is_not_cut_short_by_its_chords() -> None:
+    step = 0.25
+    lost = 10.0 * (1 - np.cos(step / 2)) * 2 / 3
+    x = fuse([arc(step)], VOXEL, RAMP).vertices
+    off = np.hypot(x[:, 0], x[:, 2]) - 10.0
+    assert abs(off.mean()) < 0.15 * lost
+    assert np.abs(off).max() < lost
+
+
+def test_nothing_bulges_over_an_edge() -> None:
+    flat = sheet(0.0, 12.0, (0.0, 0.0, 1.0), "one")
+    turned = flat.normals.copy()
+    far = flat.mesh.vertices[:, 0] > 6.0
+    turned[far] = (np.sin(1.0), 0.0, np.cos(1.0))
+    done = fuse([RangeSurface(flat.mesh, flat.eyes, turned, flat.moves)], VOXEL, RAMP)
+    assert np.abs(done.vertices[:, 2] - 0.1).max() < 1e-3

@@ -188,7 +188,7 @@ def _filled(
         weights = _weights(s, usual)
         for k in both:
             kernels.add(
-                s.mesh.vertices, k.faces, k.eyes, k.cosine, k.weight * weights, first,
+                s.mesh.vertices, k.faces, k.eyes, s.normals, k.cosine, k.weight * weights, first,
                 origin, voxel, ramp, _GRAZING, index, distance, total, near, source,
             )  # fmt: skip
         first += len(s.mesh.vertices)

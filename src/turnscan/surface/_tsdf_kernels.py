@@ -13,6 +13,8 @@ SIDE = 8
 CELLS = SIDE**3
 _SLACK = 0.02
 """Part of a face by which its shadow is widened, so that rays that fan out leave no cracks."""
+_BENT = float(np.cos(np.deg2rad(45.0)))
+"""Cosine of the angle between normals of neighbours beyond which there is an edge between them."""
 _APART = 0.02
 """Voxels that a vertex keeps from the corners of its cube: the vertices on several sides of one
 corner would else fall on one place in the 32-bit numbers of an STL."""
@@ -99,10 +101,25 @@ def _solve(e1: Any, e2: Any, r: Any, inverse: Any) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def _rise(points: Any, normals: Any, a: int, b: int) -> float:
+    """mm: four times the height of a surface over the middle of the chord from a to b.
+
+    By its normals at both ends (a circle's, to the second order); none where they differ by more
+    than 45°, for that is an edge.
+    """
+    dot, rise = 0.0, 0.0
+    for i in range(3):
+        dot += normals[a, i] * normals[b, i]
+        rise += (normals[b, i] - normals[a, i]) * (points[b, i] - points[a, i])
+    return rise / 2.0 if dot > _BENT else 0.0
+
+
+@njit(cache=True, nogil=True)
 def add(
     points: Any,
     faces: Any,
     eyes: Any,
+    normals: Any,
     cosines: Any,
     weight: Any,
     first: int,
@@ -118,11 +135,12 @@ def add(
 ) -> None:
     """Add one range surface to the volume.
 
-    Every voxel that a face shadows, seen along the camera's ray through the face, within ``ramp``
-    mm of the surface, gets its signed distance (along the ray, times the cosine of incidence;
-    positive on the camera's side) with the weight of the corners times that cosine. ``near`` and
-    ``source`` keep the least
-    distance seen and the number (from ``first``) of the vertex that it belongs to.
+    Between its corners a face bulges as the normals there say: profiles that are far apart would
+    else cut a round part short by the sagitta. Every voxel that a face shadows, seen along the
+    camera's ray through the face, within ``ramp`` mm of the surface, gets its signed distance
+    (along the ray, times the cosine of incidence; positive on the camera's side) with the weight
+    of the corners times that cosine. ``near`` and ``source`` keep the least distance seen and the
+    number (from ``first``) of the vertex that it belongs to.
     """
     inverse = np.empty((3, 3))
     e1, e2, r = np.empty(3), np.empty(3), np.empty(3)
@@ -134,6 +152,9 @@ def add(
         if not cosine > least_cos or not _solve(e1, e2, r, inverse):
             continue
         far = ramp / cosine
+        ab = _rise(points, normals, a, b)
+        bc = _rise(points, normals, b, c)
+        ca = _rise(points, normals, c, a)
         for x in range(low[0], high[0] + 1):
             vx = origin[0] + x * voxel - p[0]
             for y in range(low[1], high[1] + 1):
@@ -155,8 +176,9 @@ def add(
                 z0, z1 = _within(t, st, -far, far, z0, z1)
                 for z in range(z0, z1 + 1):
                     u, v = b1 + s1 * z, b2 + s2 * z
-                    d = (t + st * z) * cosine
-                    w = (1.0 - u - v) * weight[a] + u * weight[b] + v * weight[c]
+                    rest = 1.0 - u - v
+                    d = (t + st * z) * cosine - (rest * (u * ab + v * ca) + u * v * bc)
+                    w = rest * weight[a] + u * weight[b] + v * weight[c]
                     w *= cosine
                     block = index[x // SIDE, y // SIDE, z // SIDE]
                     cell = ((x % SIDE) * SIDE + y % SIDE) * SIDE + z % SIDE
@@ -166,9 +188,9 @@ def add(
                     if abs(d) < near[block, cell]:
                         near[block, cell] = abs(d)
                         nearest = a
-                        if u >= v and u >= 1.0 - u - v:
+                        if u >= v and u >= rest:
                             nearest = b
-                        elif v >= u and v >= 1.0 - u - v:
+                        elif v >= u and v >= rest:
                             nearest = c
                         source[block, cell] = first + nearest
 
