@@ -211,13 +211,13 @@ def two_lines(size: Size, folder: Path) -> None:
         # What looks up or down is seen flatly for that, and from whichever side.
         wall = np.abs(some.normal[:, 2]) < 0.5
         for limit, word in (
-            (FLAT, "seen beyond 80° from face-on by the first line"),
-            (EDGE, "not to be seen by the first line at all"),
+            (FLAT, "seen by the second line, by the first beyond 80° from face-on at best"),
+            (EDGE, "seen by the second line, by the first not at all"),
         ):
             shadow = either & wall & ~visible(run, some, limit, lines=1)
             area = total * some.area[shadow].sum() / some.area.sum()
             if area == 0.0:
-                print(f"  {word}, though not by the second: nothing")
+                print(f"  {word}: nothing")
                 continue
             one, two = (
                 f"{covered(done.mesh, some, shadow, near):.1%} and leaves holes of "
@@ -225,8 +225,7 @@ def two_lines(size: Size, folder: Path) -> None:
                 for done in (run.one, run.both)
             )
             print(
-                f"  {word}, though not by the second: {area:.0f} mm²: one line covers {one} "
-                f"there at {near:.2f} mm, two {two}"
+                f"  {word}: {area:.0f} mm²: one line covers {one} there at {near:.2f} mm, two {two}"
             )
         whole = covered(run.both.mesh, some, either, near)
         print(f"  completeness at {near:.2f} mm of what either sees: {whole:.2%} (wanted: 99 %)")
