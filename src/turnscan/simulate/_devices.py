@@ -50,7 +50,7 @@ class World:
         self.bench = bench
         self.faults = faults or Faults()
         self._hand, self._held = hand, 0
-        self._renderer: Renderer | None = None
+        self._renderer = Renderer(bench) if hand is None else None
         self._on_table: Renderer | None = None
         self.put_down()
         self.commanded = 0.0
