@@ -39,7 +39,8 @@ def test_a_live_picture_shows_the_stripe_and_lasers_as_they_are(new_page, pictur
     assert "dark" in chip.inner_text()
     page.get_by_role("checkbox", name="Laser right").check()
     page.get_by_role("button", name="Look", exact=True).click()
-    page.get_by_text(re.compile(r"right lit · stripe in \d{2,3} lines")).wait_for()
+    seen = page.get_by_text(re.compile(r"right lit · stripe in \d{2,3} lines"))
+    seen.wait_for(timeout=WORKING)  # on a new machine the kernels are compiled first
     picture(page, "rig")
     page.get_by_role("button", name="End", exact=True).click()
     page.locator(".chip", has_text="right: dark").wait_for()
