@@ -29,7 +29,7 @@ def connect(
 
 def disconnect(page: Any) -> None:
     page.get_by_role("button", name="Disconnect").click()
-    page.get_by_role("button", name="Connect", exact=True).wait_for()
+    page.get_by_role("button", name="Connect", exact=True).wait_for(timeout=WORKING)
 
 
 def test_a_live_picture_shows_the_stripe_and_lasers_as_they_are(new_page, picture):
