@@ -18,7 +18,9 @@ counts as known, follows from geometry and light alone:
 4. A mesh has corners only where there are samples. It ends up to one sample before the place where
    the light ends, and the clean-up takes one more, whatever ended the light. So what is measurable
    and no further than `SAMPLES` from what is not belongs to the cause beside it, and has no say.
-   Where all of the gap is measurable, or most of what has a say, it was **removed**.
+   Where all of the gap is measurable, or most of what has a say, it was **removed**. A hole so
+   narrow that all within it counts as covered has no gap of its own: it was removed where all
+   within `SAMPLES` of its border is measurable, and else its cause is not known.
 5. The cause is known where `SURE` of the area that has a say bears one name; where it bears two
    (hidden from both), either is right. It must do so with both limits of what is too flat and of
    what is too faint: a cause that hangs on where exactly the limit lies is not known.
@@ -50,6 +52,8 @@ GRAZING = (float(np.cos(np.deg2rad(76.0))), float(np.cos(np.deg2rad(84.0))))
 `Tears.grazing`; up to 4° to either side it hangs on a facet's tilt, and is not known."""
 SAMPLES = 2.0
 """Steps or picture lines: one for the sampling, one that the clean-up takes."""
+ASKED = 20_000
+"""Missing triangles that are asked, about."""
 SURE = 2 / 3
 """Share of the area that must bear one name for the cause to be known."""
 FAINT = (2.0, 0.5)
@@ -257,6 +261,13 @@ def true_causes(
 
     true = patches(made)
     gone, owner = gaps(made, true, mesh, holes)
+    narrow = np.array([2 * h.area <= h.perimeter * covered(made) for h in holes], dtype=np.bool_)
+    beside, near = surroundings(made, true, mesh, holes, narrow, steps)
+    wide = ~narrow[owner]
+    gone, owner = np.append(gone[wide], beside), np.append(owner[wide], near)
+    # Evenly some of them, in their own order, stand for all.
+    few = np.arange(0, len(gone), max(1, len(gone) // ASKED))
+    gone, owner = gone[few], owner[few]
     some = true.some(gone)
     found = np.ones((len(holes), len(NAMES)), dtype=np.bool_)
     right = np.array([[name in RIGHT[label] for name in NAMES] for label in LABELS], np.float64)
@@ -269,10 +280,12 @@ def true_causes(
             say |= cKDTree(some.middle[lost]).query(some.middle)[0] > reach
         else:
             say[:] = True
+        say |= narrow[owner]
         votes = np.zeros((len(holes), len(NAMES)))
         total = np.bincount(owner[say], some.area[say], len(holes))
         np.add.at(votes, owner[say], some.area[say, None] * right[label[say]])
-        found &= (votes >= SURE * total[:, None]) & (total > 0)[:, None]
+        share = np.where(narrow, 1.0 - 1e-9, SURE)
+        found &= (votes >= (share * total)[:, None]) & (total > 0)[:, None]
     return [tuple(n for n, ok in zip(NAMES, row, strict=True) if ok) for row in found]
 
 
@@ -280,6 +293,27 @@ def spacing(made: Bench, X: Floats, steps: int) -> Floats:
     """(m,) mm between samples at places (m, 3): of a step or of a picture line, the larger."""
     step = np.hypot(X[:, 0], X[:, 1]) * 2.0 * np.pi / steps
     return np.asarray(np.maximum(step, _pixels(made).max()))
+
+
+def surroundings(
+    made: Bench, true: Patches, mesh: Mesh, holes: Sequence[Hole], narrow: Bools, steps: int
+) -> tuple[Ints, Ints]:
+    """The patches within `SAMPLES` of the borders of narrow holes, and whose they are."""
+    from scipy.spatial import cKDTree
+
+    which = [k for k, h in enumerate(holes) if narrow[k]]
+    if not which:
+        return np.zeros(0, np.int32), np.zeros(0, np.int32)
+    edge = np.concatenate([holes[k].loop for k in which])
+    owner = np.repeat(which, [len(holes[k].loop) for k in which]).astype(np.int32)
+    away, nearest = cKDTree(mesh.vertices[edge]).query(true.middle)
+    at = np.flatnonzero(away < SAMPLES * spacing(made, true.middle, steps) + FINE)
+    return at.astype(np.int32), owner[nearest[at]]
+
+
+def covered(made: Bench) -> float:
+    """mm: a triangle no further than this from the mesh was measured."""
+    return max(COVERED, depth_of_a_pixel(made) / 2)
 
 
 def depth_of_a_pixel(made: Bench) -> float:
@@ -298,9 +332,10 @@ def _pixels(made: Bench) -> Floats:
 def gaps(made: Bench, true: Patches, mesh: Mesh, holes: Sequence[Hole]) -> tuple[Ints, Ints]:
     """Numbers of the patches that are missing beside a hole, and which hole they belong to.
 
-    Missing patches that hang together and come to a border of the mesh belong to its holes: each
-    to the one whose border is nearest, and no further than that hole is large. A border that does
-    not lie on the part is that of an artefact and not of a hole in it: it gets none.
+    Missing patches that hang together and come to a border of the mesh belong to its hole; where
+    they come to several, each to the one whose border is nearest, and no further than it is large.
+    A border that does not lie on the part is that of an artefact and not of a hole in it: it gets
+    none.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -314,7 +349,7 @@ def gaps(made: Bench, true: Patches, mesh: Mesh, holes: Sequence[Hole]) -> tuple
     flat = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
     alike = np.einsum("ij,ij->i", flat, true.normal) > 0
     pixel = depth_of_a_pixel(made)
-    gone = np.flatnonzero(~((np.abs(near.distance) < max(COVERED, pixel / 2)) & alike))
+    gone = np.flatnonzero(~((np.abs(near.distance) < covered(made)) & alike))
     if not len(gone):
         return none, none
     corner = true.corners[gone]
@@ -325,12 +360,15 @@ def gaps(made: Bench, true: Patches, mesh: Mesh, holes: Sequence[Hole]) -> tuple
     edge = np.concatenate([h.loop for h in holes])
     owner = np.repeat(np.arange(len(holes)), [len(h.loop) for h in holes])
     away, which = cKDTree(mesh.vertices[edge]).query(true.middle[gone])
-    touch = np.full(int(piece.max()) + 1, np.inf)
-    np.minimum.at(touch, piece, away)
+    # The inside of a cup may be nearer to the cup's foot than to its rim, where it ends.
+    meets = np.zeros((int(piece.max()) + 1, len(holes)), dtype=np.bool_)
+    meets[piece[away < 2 * FINE], owner[which[away < 2 * FINE]]] = True
+    mine = owner[which]
+    mine = np.where(meets.sum(axis=1)[piece] == 1, meets.argmax(axis=1)[piece], mine)
     size = np.array([h.size for h in holes])
     # Where the light is cut, the stripe's centre is off by as much as the stripe is wide: a pixel.
     off = np.abs(shapes.deviation(mesh.vertices[edge], made_mesh(made)).distance)
     stray = off > max(COVERED, pixel)
     alien = np.bincount(owner, stray, len(holes)) > 0.5 * np.bincount(owner)
-    keep = (touch[piece] < 2 * FINE) & (away < size[owner[which]]) & ~alien[owner[which]]
-    return gone[keep].astype(np.int32), owner[which[keep]].astype(np.int32)
+    keep = meets[piece, mine] & (away < size[mine]) & ~alien[mine]
+    return gone[keep].astype(np.int32), mine[keep].astype(np.int32)

@@ -115,3 +115,47 @@ def test_an_open_turn_leaves_what_never_passed_the_sheet_outside(
     named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, half, Volume())])
     assert [h.cause for h in named] == ["outside"]
     assert named[0].loop.tolist() == surface.holes(mesh)[0].loop.tolist()
+
+
+def test_what_is_missing_beside_the_dark_is_missing_for_the_dark(
+    scanned: tuple[Rig, RangeGrid],
+) -> None:
+    """The clean-up takes the last points round a dark patch, be they most of the hole."""
+    rig, grid = scanned
+    lines = np.flatnonzero(grid.found[20])
+    middle = lines[len(lines) // 2]
+    gone, dark = np.zeros((2, *grid.flags.shape), dtype=np.bool_)
+    gone[19:26, middle - 4 : middle + 5] = True
+    dark[20:25, middle - 3 : middle + 4 : 2] = True
+    cut = points.without(grid, gone & ~dark & grid.found, StripeFlag.EDGE)
+    assert gone.sum() > 2 * dark.sum()
+    assert _cause(rig, cut, Volume()) == "removed"
+    assert _cause(rig, points.without(cut, dark, StripeFlag.DARK), Volume()) == "dark"
+
+
+def test_the_border_of_an_island_is_explained_by_what_is_about_it(
+    scanned: tuple[Rig, RangeGrid],
+) -> None:
+    rig, grid = scanned
+    lines = np.flatnonzero(grid.found[20])
+    low, high = lines[len(lines) // 4], lines[3 * len(lines) // 4]
+    ring = np.zeros(grid.flags.shape, dtype=np.bool_)
+    ring[12:36, low:high] = True
+    ring[19:29, low + 15 : high - 15] = False
+    ringed = points.without(grid, ring & grid.found, StripeFlag.DARK)
+    mesh = surface.mesh_grid(ringed)
+    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, ringed, Volume())])
+    assert len(named) == 4  # both ends, and the ring's two sides
+    island = min(named, key=lambda h: h.perimeter)
+    assert island.cause == "dark"
+
+
+def test_the_same_holes_get_the_same_causes(scanned: tuple[Rig, RangeGrid]) -> None:
+    rig, grid = scanned
+    missing = _window(grid, StripeFlag.DARK)
+    mesh = surface.mesh_grid(missing)
+    found = surface.holes(mesh)
+    first, second = (
+        surface.explain(mesh, found, [Sought(rig, missing, Volume())]) for _ in range(2)
+    )
+    assert [h.cause for h in first] == [h.cause for h in second]

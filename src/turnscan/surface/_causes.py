@@ -13,8 +13,7 @@ from turnscan.points import RangeGrid, Volume
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Orientation, StripeFlag
 from turnscan.surface._cast import Caster
-from turnscan.surface._fill import patches, with_patches
-from turnscan.surface._grid_mesh import vertex_normals
+from turnscan.surface._hole_places import Places, places_in
 from turnscan.surface._holes import Cause, Hole
 from turnscan.surface._mesh import Mesh
 
@@ -24,16 +23,9 @@ _BOTH = len(_CAUSES)
 """Hidden from the laser and from the camera: counts for either."""
 _GRAZING = float(np.cos(np.deg2rad(80.0)))
 """What is lit or seen further from face-on than this counts as hidden (as `Tears.grazing`)."""
-_HINT = 1e-3
-"""Weight of a place whose own sample was measured: it says something where no other does."""
-_MARGIN = 2.0
-"""Usual sides of faces by which a surface ends before the volume does: a sample, and clean-up."""
-_SMALL = 6.0
-"""Usual sides of faces up to which a hole's patch has no direction of its own."""
-_SAMPLES = 48
-"""Places in a hole that are asked, at most."""
-_RIM = 100
-"""Corners of a rim that tell how the surface goes on, about."""
+_SAMPLED, _LID = 0.2, 0.02
+"""Weights of a place that lies between samples, and of one that is no place of the part: they say
+something where few others do."""
 _ROOM = 4000
 """Places that are asked at once, which bounds the memory."""
 
@@ -58,43 +50,19 @@ class _Scene:
     caster: Caster
 
 
-@dataclass(frozen=True)
-class _Places:
-    """Places on the flat patches that close the holes."""
-
-    at: Floats
-    """(m, 3) mm, lifted off the patch."""
-    normal: Floats
-    """(m, 3) outward."""
-    start: Floats
-    """(m,) mm: what is nearer than this hides nothing."""
-    hole: Ints
-    """(m,), ascending."""
-    margin: float
-    """mm: what is nearer to a sample may be it, and what is nearer to the end of the volume lies
-    beyond what is measured of it."""
-
-    def part(self, which: slice) -> _Places:
-        at, normal = self.at[which], self.normal[which]
-        return _Places(at, normal, self.start[which], self.hole[which], self.margin)
-
-
 def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[Hole]:
     """The holes of an open mesh with their cause; without views, as they are.
 
-    Each hole is closed by a flat patch, and places on it are followed through the scan (ALGORITHMS
+    Places on the surface that is missing (`places_in`) are followed through the scan (ALGORITHMS
     §5.3): at each table angle that carries a place through a laser's sheet, was it in the picture
     and in the volume, did the camera see it and did the light reach it, past the measured surface?
     Where both did, the frame says what was wrong with the light of that line. The place votes for
-    what came nearest to a measurement; the most votes decide. What neither reached counts as
-    hidden from the laser.
+    what came nearest to a measurement; the most votes decide. What neither reached counts for
+    hidden from either.
     """
     if not found or not views:
         return list(found)
-    made = patches(mesh, [h.loop for h in found], "flat")
-    closed = with_patches(mesh, made, "flat")
-    owner = np.repeat(np.arange(len(found)), [len(p.faces) for p in made]).astype(np.int32)
-    places = _places(mesh, closed, owner, found)
+    places = places_in(mesh, found)
     scene = _Scene(mesh, Caster(mesh.vertices, mesh.faces))
     count = np.zeros((len(found), _BOTH + 1))
     for start in range(0, len(places.at), _ROOM):
@@ -106,91 +74,10 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[
     return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
 
 
-def _places(mesh: Mesh, closed: Mesh, owner: Ints, found: Sequence[Hole]) -> _Places:
-    """Places spread evenly over the patches, which ``closed`` adds; more in a larger hole."""
-    t = closed.triangles[len(mesh.faces) :]
-    cross = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    area = np.linalg.norm(cross, axis=1) / 2
-    total = np.bincount(owner, area, len(found))
-    sides = mesh.triangles[:, 0] - mesh.triangles[:, 1]
-    usual = float(np.median(np.linalg.norm(sides, axis=1)))
-    wanted = np.clip(np.ceil(4 * total / usual**2), 4, _SAMPLES).astype(np.int64)
-    # Faces laid end to end, each hole of length `wanted`: a place at every half.
-    share = area / np.maximum(total, 1e-30)[owner] * wanted[owner]
-    ends = np.cumsum(share)
-    at = np.arange(int(wanted.sum())) + 0.5
-    face = np.minimum(np.searchsorted(ends, at), len(t) - 1)
-    order = np.arange(1, len(at) + 1)
-    plastic = 1.3247179572447460
-    r1, r2 = np.sqrt((order / plastic) % 1.0), (order / plastic**2) % 1.0
-    weights = np.stack([1.0 - r1, r1 * (1.0 - r2), r1 * r2], axis=-1)
-    X = np.einsum("ni,nij->nj", weights, t[face])
-    normal = cross / np.maximum(2 * area, 1e-30)[:, None]
-    hole = owner[face].astype(np.int32)
-    small = np.array([h.size for h in found]) < _SMALL * usual
-    normal = np.where(small[owner, None], _about(mesh, found)[owner], normal)
-    size = np.array([h.size for h in found])[hole]
-    n = normal[face]
-    lift = np.clip(0.05 * size, 0.25 * usual, usual)
-    # A flat patch lies below a bulging surface, whose rim then stands before it: not as far off as
-    # half the hole's width, which is what a long narrow shadow has little of.
-    width = np.array([4 * h.area / max(h.perimeter, 1e-12) for h in found])[hole]
-    rise, rim = _rims(mesh, found, X, n, hole)
-    at = X + (lift + np.clip(rise, 0.0, 0.25 * width))[:, None] * n
-    start = np.maximum(0.5 * width, usual)
-    # The border of an island bounds what is about it: a patch over it would lie on the island.
-    normals, outward = _about_rims(mesh, found)
-    island = np.einsum("ij,ij->i", n, normals[rim]) < -0.5
-    beyond = mesh.vertices[rim] + _MARGIN * usual * outward[rim] + 0.25 * usual * normals[rim]
-    at[island], n[island], start[island] = beyond[island], normals[rim][island], usual
-    return _Places(at, n, start, hole, _MARGIN * usual)
-
-
-def _rims(
-    mesh: Mesh, found: Sequence[Hole], X: Floats, n: Floats, hole: Ints
-) -> tuple[Floats, Ints]:
-    """How far (m,) mm the surface about a hole would rise over places on its patch; nearest corner.
-
-    A cap rises half as high as the tangent planes of its rim, here weighted by their inverse
-    squared distance. Rims that turn down by more than 60° are edges and say nothing.
-    """
-    normals = np.nan_to_num(vertex_normals(mesh))
-    rise, rim = np.zeros(len(X)), np.zeros(len(X), dtype=np.int32)
-    ends = np.searchsorted(hole, np.arange(len(found) + 1))
-    for h, begin, end in zip(found, ends[:-1], ends[1:], strict=True):
-        loop = h.loop[:: max(1, len(h.loop) // _RIM)]
-        way = mesh.vertices[loop] - X[begin:end, None]
-        tilt = n[begin:end] @ normals[loop].T
-        near = 1.0 / np.maximum(np.einsum("mli,mli->ml", way, way), 1e-12)
-        up = np.einsum("mli,li->ml", way, normals[loop]) / np.maximum(tilt, 0.5)
-        rise[begin:end] = 0.5 * np.sum(near * up * (tilt > 0.5), axis=1) / near.sum(axis=1)
-        rim[begin:end] = loop[near.argmax(axis=1)]
-    return rise, rim
-
-
-def _about_rims(mesh: Mesh, found: Sequence[Hole]) -> tuple[Floats, Floats]:
-    """Normals (v, 3) of the vertices, and (v, 3) along the surface away from it at the borders."""
-    normals = np.nan_to_num(vertex_normals(mesh))
-    along = np.zeros_like(mesh.vertices)
-    for h in found:
-        corners = mesh.vertices[h.loop]
-        along[h.loop] = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
-    outward = np.cross(along, normals)
-    length = np.linalg.norm(outward, axis=1, keepdims=True)
-    return normals, np.asarray(outward / np.maximum(length, 1e-12))
-
-
-def _about(mesh: Mesh, found: Sequence[Hole]) -> Floats:
-    """(h, 3) the mean normal of the surface about each hole: a small patch's own is chance."""
-    normals = np.nan_to_num(vertex_normals(mesh))
-    mean = np.stack([normals[h.loop].mean(axis=0) for h in found])
-    return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-12)[:, None])
-
-
-def _votes(places: _Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints, Floats]:
+def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints, Floats]:
     """(m,) for each place the cause that came nearest to a measurement, and its weight."""
     m = len(places.at)
-    seen, lit, out, turned, measured, faint = np.zeros((6, m), dtype=np.bool_)
+    seen, lit, out, turned, measured, reached = np.zeros((6, m), dtype=np.bool_)
     light = np.full(m, -1, dtype=np.int32)
     for view in views:
         within = view.volume.contains(places.at)
@@ -207,9 +94,9 @@ def _votes(places: _Places, views: Sequence[Sought], scene: _Scene) -> tuple[Int
         np.logical_or.at(lit, c.place, b)
         np.logical_or.at(out, c.place, ~c.inside)
         both = np.flatnonzero(s & b).astype(np.int32)
-        faint[c.place[both]] = True
-        near = _sampled(view.grid, places.at[c.place[both]], c.step[both], c.line[both])
-        np.logical_or.at(measured, c.place[both], near < places.margin)
+        reached[c.place[both]] = True
+        near = _between_samples(view.grid, places, c.part(both))
+        np.logical_or.at(measured, c.place[both], near)
         both = both[~_in_air(view, places, scene, c.part(both))]
         why = _light(view.grid, c.step[both], c.line[both])
         np.maximum.at(light, c.place[both], why)
@@ -221,7 +108,8 @@ def _votes(places: _Places, views: Sequence[Sought], scene: _Scene) -> tuple[Int
     vote[seen & ~lit] = LASER
     vote[measured] = REMOVED
     known = light >= 0
-    return np.where(known, light, vote), np.where(faint & ~known, _HINT, 1.0)
+    weak = np.where(measured, _SAMPLED, _LID)
+    return np.where(known, light, vote), np.where(known | ~reached, 1.0, weak)
 
 
 def _inner(volume: Volume, margin: float) -> Volume:
@@ -254,7 +142,7 @@ class _Crossings:
         return _Crossings(place, step, line, self.inside[which], eye, source)
 
 
-def _crossings(view: Sought, places: _Places) -> _Crossings:
+def _crossings(view: Sought, places: Places) -> _Crossings:
     grid, rig = view.grid, view.rig
     sheet, T, camera = rig.sheet(grid.laser), rig.T_camera_table, rig.camera
     closed = grid.closed and len(grid.steps) >= 3
@@ -287,44 +175,52 @@ def _line_of(view: Sought, uv: Floats) -> Ints:
     return np.asarray(kept, dtype=np.int32)
 
 
-def _faces(places: _Places, which: Ints, end: Floats) -> Bools:
+def _faces(places: Places, which: Ints, end: Floats) -> Bools:
     """(c,) True where a place is turned towards the end, and not too flatly."""
     way = end - places.at[which]
     up = np.einsum("ij,ij->i", way, places.normal[which])
     return np.asarray(up > _GRAZING * np.linalg.norm(way, axis=1))
 
 
-def _reached(caster: Caster, places: _Places, which: Ints, end: Floats) -> Bools:
+def _reached(caster: Caster, places: Places, which: Ints, end: Floats) -> Bools:
     """(c,) True where a place is turned towards the end and nothing stands between."""
     out = _faces(places, which, end)
     at, end = which[out], end[out]
-    way = end - places.at[at]
-    skip = places.start[at] / np.linalg.norm(way, axis=1)
-    out[out] = caster.visible(places.at[at] + skip[:, None] * way, places.normal[at], end)
+    out[out] = caster.visible(places.at[at], places.normal[at], end)
     return out
 
 
-def _in_air(view: Sought, places: _Places, scene: _Scene, c: _Crossings) -> Bools:
+def _in_air(view: Sought, places: Places, scene: _Scene, c: _Crossings) -> Bools:
     """(c,) True where the patch lies off the part, as a lid does on a pocket or round a corner.
 
-    Light that went through the place was measured beyond it, or would meet no back of the surface:
-    through a part it would have to leave on the other side.
+    Light that went through the place was measured beyond it; or, under a patch that turns off from
+    the surface about it, would meet nothing more of the part, and so never was in it.
     """
     X = places.at[c.place]
     way = X - c.source
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-    face = scene.caster.first_hits_between(X + places.start[c.place, None] * way, way)
+    face = scene.caster.first_hits_between(X, way)
     corners = scene.mesh.vertices[scene.mesh.faces[face]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     slope = np.einsum("ij,ij->i", way, normal)
-    out = face < 0
-    k = np.flatnonzero(~out & (slope < 0))
+    out = (face < 0) & places.bent[c.place]
+    k = np.flatnonzero((face >= 0) & (slope < 0))
     reach = np.einsum("ij,ij->i", corners[k, 0] - X[k], normal[k]) / slope[k]
     Y = X[k] + reach[:, None] * way[k]
     turned = np.einsum("cij,cj->ci", rotation_z(view.grid.angles[c.step[k]]), Y)
     line = _line_of(view, view.rig.camera.project(view.rig.T_camera_table.apply(turned)))
     out[k] = _sampled(view.grid, Y, c.step[k], line) < places.margin
     return np.asarray(out)
+
+
+def _between_samples(grid: RangeGrid, places: Places, c: _Crossings) -> Bools:
+    """(c,) True where a place is as near to its sample as the steps leave the samples apart."""
+    X, n = places.at[c.place], places.normal[c.place]
+    way = c.source - X
+    slope = np.einsum("ij,ij->i", way, n) / np.linalg.norm(way, axis=1)
+    turn = float(np.median(np.abs(np.diff(np.unwrap(grid.angles))))) if len(grid.steps) > 1 else 0.0
+    apart = np.hypot(X[:, 0], X[:, 1]) * turn / np.maximum(slope, _GRAZING)
+    return np.asarray(_sampled(grid, X, c.step, c.line) < np.maximum(places.margin, apart))
 
 
 def _sampled(grid: RangeGrid, X: Floats, step: Ints, line: Ints) -> Floats:

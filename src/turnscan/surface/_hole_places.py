@@ -1,0 +1,145 @@
+"""Where to ask why a hole is there: places on the surface that it lacks, as far as can be told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.surface._fill import patches, with_patches
+from turnscan.surface._grid_mesh import vertex_normals
+from turnscan.surface._holes import Hole
+from turnscan.surface._mesh import Mesh
+
+_MARGIN = 2.0
+"""Usual sides of faces by which a surface ends before the volume does: a sample, and clean-up."""
+_SMALL = 6.0
+"""Usual sides of faces up to which a hole's patch has no direction of its own."""
+_SAMPLES = 48
+"""Places in a hole that are asked, at most."""
+_RIM = 100
+"""Corners of a rim that tell how the surface goes on, about."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Places on the flat patches that close the holes."""
+
+    at: Floats
+    """(m, 3) mm, lifted off the patch."""
+    normal: Floats
+    """(m, 3) outward."""
+    hole: Ints
+    """(m,), ascending."""
+    margin: float
+    """mm: what is nearer to a sample may be it, and what is nearer to the end of the volume lies
+    beyond what is measured of it."""
+
+    bent: Bools
+    """(m,) True where the patch turns off from the surface about it by more than 60°."""
+
+    def part(self, which: slice) -> Places:
+        at, normal, bent = self.at[which], self.normal[which], self.bent[which]
+        return Places(at, normal, self.hole[which], self.margin, bent)
+
+
+def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
+    """Places spread evenly over flat patches in the holes, more in a larger hole.
+
+    They are lifted to where the surface about the hole would bulge to, lest its rim stand before
+    them, and clear of its noise. The border of an island bounds what is about it, and a patch over
+    it would lie on the island: the places are beyond its border.
+    """
+    sides = mesh.triangles[:, 0] - mesh.triangles[:, 1]
+    usual = float(np.median(np.linalg.norm(sides, axis=1)))
+    size = np.array([h.size for h in found])
+    width = np.array([4 * h.area / max(h.perimeter, 1e-12) for h in found])
+    X, own, hole = _spread(mesh, found, usual)
+    rims = _Rims.of(mesh, found)
+    n = np.where((width < _SMALL * usual)[hole, None], rims.mean[hole], own)
+    rise, rim = rims.beside(X, n, hole)
+    lift = np.clip(0.05 * size, 0.25 * usual, usual)[hole]
+    lift += np.clip(rise, 0.0, 0.25 * width[hole])
+    at = X + lift[:, None] * n
+    island = np.einsum("ij,ij->i", own, rims.normals[rim]) < -0.5
+    over = rims.normals[rim[island]]
+    at[island] = mesh.vertices[rim[island]] + _MARGIN * usual * rims.outward[rim[island]]
+    at[island] += 0.25 * usual * over
+    n[island] = over
+    bent = np.einsum("ij,ij->i", n, rims.normals[rim]) < 0.5
+    return Places(at, n, hole, _MARGIN * usual, bent)
+
+
+def _spread(mesh: Mesh, found: Sequence[Hole], usual: float) -> tuple[Floats, Floats, Ints]:
+    """Places (m, 3) on flat patches, the patches' normals (m, 3) there, and whose they are (m,)."""
+    made = patches(mesh, [h.loop for h in found], "flat")
+    closed = with_patches(mesh, made, "flat")
+    owner = np.repeat(np.arange(len(found)), [len(p.faces) for p in made]).astype(np.int32)
+    t = closed.triangles[len(mesh.faces) :]
+    cross = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    area = np.linalg.norm(cross, axis=1) / 2
+    total = np.bincount(owner, area, len(found))
+    wanted = np.clip(np.ceil(4 * total / usual**2), 4, _SAMPLES).astype(np.int64)
+    # Faces laid end to end, each hole of length `wanted`: a place at every half.
+    share = area / np.maximum(total, 1e-30)[owner] * wanted[owner]
+    ends = np.cumsum(share)
+    at = np.arange(int(wanted.sum())) + 0.5
+    face = np.minimum(np.searchsorted(ends, at), len(t) - 1)
+    order = np.arange(1, len(at) + 1)
+    plastic = 1.3247179572447460
+    r1, r2 = np.sqrt((order / plastic) % 1.0), (order / plastic**2) % 1.0
+    weights = np.stack([1.0 - r1, r1 * (1.0 - r2), r1 * r2], axis=-1)
+    X = np.einsum("ni,nij->nj", weights, t[face])
+    normal = cross / np.maximum(2 * area, 1e-30)[:, None]
+    return X, normal[face], owner[face]
+
+
+@dataclass(frozen=True)
+class _Rims:
+    """The borders of a mesh, and how its surface goes on beyond them."""
+
+    corners: Floats
+    """(v, 3) the mesh's vertices."""
+    normals: Floats
+    """(v, 3) of the vertices."""
+    outward: Floats
+    """(v, 3) along the surface and away from it, at the borders."""
+    loops: tuple[Ints, ...]
+    """Corners of each hole, about `_RIM` of them."""
+    mean: Floats
+    """(h, 3) normal of the surface about each hole: a small patch's own is chance."""
+
+    @staticmethod
+    def of(mesh: Mesh, found: Sequence[Hole]) -> _Rims:
+        normals = np.nan_to_num(vertex_normals(mesh))
+        along = np.zeros_like(mesh.vertices)
+        for h in found:
+            corners = mesh.vertices[h.loop]
+            along[h.loop] = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
+        mean = np.stack([normals[h.loop].mean(axis=0) for h in found])
+        loops = tuple(h.loop[:: max(1, len(h.loop) // _RIM)] for h in found)
+        outward = _unit(np.cross(along, normals))
+        return _Rims(mesh.vertices, normals, outward, loops, _unit(mean))
+
+    def beside(self, X: Floats, n: Floats, hole: Ints) -> tuple[Floats, Ints]:
+        """How far (m,) mm the surface would rise over places on a patch, and the nearest corners.
+
+        A cap rises half as high as the tangent planes of its rim, here weighted by their inverse
+        squared distance. Rims that turn down by more than 60° are edges and say nothing.
+        """
+        rise, rim = np.zeros(len(X)), np.zeros(len(X), dtype=np.int32)
+        ends = np.searchsorted(hole, np.arange(len(self.loops) + 1))
+        for loop, begin, end in zip(self.loops, ends[:-1], ends[1:], strict=True):
+            way = self.corners[loop] - X[begin:end, None]
+            tilt = n[begin:end] @ self.normals[loop].T
+            near = 1.0 / np.maximum(np.einsum("mli,mli->ml", way, way), 1e-12)
+            up = np.einsum("mli,li->ml", way, self.normals[loop]) / np.maximum(tilt, 0.5)
+            rise[begin:end] = 0.5 * np.sum(near * up * (tilt > 0.5), axis=1) / near.sum(axis=1)
+            rim[begin:end] = loop[near.argmax(axis=1)]
+        return rise, rim
+
+
+def _unit(v: Floats) -> Floats:
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12))
