@@ -70,7 +70,9 @@ def test_two_scan_files_become_one_surface_of_the_whole_part(folder):
     mesh = read_mesh((folder / "part.stl").read_bytes(), ".stl")
     low, high = mesh.bounds
     # The foot is only in the lying pose, and the platter in neither.
-    assert low[2] == pytest.approx(0.0, abs=0.3)
+    # Single vertices at an open border stand off by up to half a voxel of 1.22 mm.
+    assert low[2] == pytest.approx(0.0, abs=0.61)
+    assert (mesh.vertices[:, 2] < -0.3).sum() <= 3
     assert high[2] == pytest.approx(55.0, abs=0.3)
     foot = mesh.vertices[np.abs(mesh.vertices[:, 2]) < 0.3]
     assert len(foot) > 50
