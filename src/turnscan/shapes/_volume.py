@@ -44,11 +44,11 @@ def volume_sigma(mesh: Mesh) -> VolumeSigma:
     """How well the volume within a closed mesh is known; what the rig leaves open is not in it.
 
     - noise: √Σ(aᵢσᵢ)² over the vertices, aᵢ a third of the vector area of the faces about i.
-    - between: Σ l θ w²/12 over the sides, l their length, θ the angle between the faces there, positive
-      where they make a ridge, w the mean of their heights over it, the usual one at most: a surface
-      of curvature k stands w²k/12 above its chords of length w on average, and ½ Σ l θ is the
-      integral of its mean curvature (Steiner), sharp edges included. Ridges and valleys make up for
-      each other.
+    - between: Σ l θ w²/12 over the sides, l their length, θ the angle between the faces there,
+      positive where they make a ridge, w the mean of their heights over it, the usual one at most:
+      a surface of curvature k stands w²k/12 above its chords of length w on average, and ½ Σ l θ is
+      the integral of its mean curvature (Steiner), sharp edges included. Ridges and valleys make up
+      for each other.
     - filled: Σ A δ over the faces that were not measured, δ the distance of a face's middle from
       the tangent plane of the measured vertex nearest to it.
     """
