@@ -159,3 +159,24 @@ def test_the_same_holes_get_the_same_causes(scanned: tuple[Rig, RangeGrid]) -> N
         surface.explain(mesh, found, [Sought(rig, missing, Volume())]) for _ in range(2)
     )
     assert [h.cause for h in first] == [h.cause for h in second]
+
+
+@pytest.mark.parametrize(("wide", "cause"), [(1, "removed"), (5, "dark")])
+def test_a_slit_no_wider_than_a_face_lacks_no_sample(
+    scanned: tuple[Rig, RangeGrid], wide: int, cause: Cause
+) -> None:
+    """The dark about a slit at an edge is what lies beside the part, and not a dark patch."""
+    rig, grid = scanned
+    whole = surface.mesh_grid(grid)
+    corners = whole.vertices[whole.faces]
+    turn = np.angle(np.exp(1j * (np.arctan2(corners[..., 1], corners[..., 0]) - 1.0)))
+    high = np.abs(corners[..., 2] - 20.0) < 12.0
+    step = 2 * np.pi / STEPS
+    start = turn[turn > 0].min()
+    strip = (turn > start - 1e-6) & (turn < start + (wide + 1e-3) * step) & high
+    mesh = surface.submesh(whole, ~strip.all(axis=1))
+    lines = np.zeros(grid.found.shape, dtype=np.bool_)
+    lines |= np.abs(grid.points[..., 2] - 20.0) < 13.0
+    dark = points.without(grid, lines & grid.found, StripeFlag.DARK)
+    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, dark, Volume())])
+    assert next(h.cause for h in named if h.size < 40) == cause

@@ -71,7 +71,16 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[
         np.add.at(count, (part.hole, best), weight)
     count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
     best = count[:, :_BOTH].argmax(axis=1)
+    # A slit or a pinprick no wider than a face lacks no sample: what is dark about it is what lies
+    # beside an edge of the part.
+    slit = np.array([_lacks_nothing(h, places.face) for h in found])
+    best[slit & (best == DARK)] = REMOVED
     return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
+
+
+def _lacks_nothing(hole: Hole, face: float) -> bool:
+    slender = hole.size < face or 4 * hole.area < hole.size**2
+    return slender and hole.area < hole.size * face
 
 
 def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints, Floats]:

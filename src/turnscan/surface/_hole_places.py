@@ -33,6 +33,8 @@ class Places:
     """(m, 3) outward."""
     hole: Ints
     """(m,), ascending."""
+    face: float
+    """mm: usual length of a face, its longest side: what two samples are apart."""
     margin: float
     """mm: what is nearer to a sample may be it, and what is nearer to the end of the volume lies
     beyond what is measured of it."""
@@ -42,7 +44,7 @@ class Places:
 
     def part(self, which: slice) -> Places:
         at, normal, bent = self.at[which], self.normal[which], self.bent[which]
-        return Places(at, normal, self.hole[which], self.margin, bent)
+        return Places(at, normal, self.hole[which], self.face, self.margin, bent)
 
 
 def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
@@ -52,8 +54,8 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     them, and clear of its noise. The border of an island bounds what is about it, and a patch over
     it would lie on the island: the places are beyond its border.
     """
-    sides = mesh.triangles[:, 0] - mesh.triangles[:, 1]
-    usual = float(np.median(np.linalg.norm(sides, axis=1)))
+    sides = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, axis=1), axis=2)
+    usual, face = float(np.median(sides[:, 1])), float(np.median(sides.max(axis=1)))
     size = np.array([h.size for h in found])
     width = np.array([4 * h.area / max(h.perimeter, 1e-12) for h in found])
     X, own, hole = _spread(mesh, found, usual)
@@ -69,7 +71,7 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     at[island] += 0.25 * usual * over
     n[island] = over
     bent = np.einsum("ij,ij->i", n, rims.normals[rim]) < 0.5
-    return Places(at, n, hole, _MARGIN * usual, bent)
+    return Places(at, n, hole, face, _MARGIN * usual, bent)
 
 
 def _spread(mesh: Mesh, found: Sequence[Hole], usual: float) -> tuple[Floats, Floats, Ints]:
