@@ -71,10 +71,12 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[
         np.add.at(count, (part.hole, best), weight)
     count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
     best = count[:, :_BOTH].argmax(axis=1)
-    # A slit or a pinprick no wider than a face lacks no sample: what is dark about it is what lies
-    # beside an edge of the part.
-    slit = np.array([_lacks_nothing(h, places.face) for h in found])
-    best[slit & (best == DARK)] = REMOVED
+    for k, h in enumerate(found):
+        # Between three or four samples none is missing: the surface was torn or a face taken out.
+        # A slit or a pinprick no wider than a face lacks none either: what is dark about it is what
+        # lies beside an edge of the part.
+        if len(h.loop) <= 4 or (best[k] == DARK and _lacks_nothing(h, places.face)):
+            best[k] = REMOVED
     return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
 
 
