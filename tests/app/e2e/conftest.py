@@ -44,6 +44,19 @@ def until(page: Any, expression: str, seconds: float = DEADLINE) -> Any:
     return said
 
 
+def steady(page: Any, expression: str) -> Any:
+    """What the page says once it says it twice: a place moves until the layout has settled."""
+    before = until(page, expression)
+    end = time.monotonic() + DEADLINE
+    while True:
+        time.sleep(0.3)
+        said = page.evaluate(expression)
+        if said and said == before:
+            return said
+        assert time.monotonic() < end, f"does not settle: {expression}"
+        before = said
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     if CHROMIUM is None:

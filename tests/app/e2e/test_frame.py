@@ -9,7 +9,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 
-from tests.app.e2e.conftest import until
+from tests.app.e2e.conftest import steady, until
 
 NO_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
@@ -47,8 +47,7 @@ def test_nothing_serious_is_wrong_for_screen_readers(open_cup):
 def test_without_webgl_the_rest_of_the_room_works(open_cup):
     page = open_cup(script=NO_WEBGL)
     page.get_by_role("alert").get_by_text("cannot draw in 3-D").wait_for()
-    until(page, "turnscan.cell(20, 110)")
-    at = page.evaluate("turnscan.cell(20, 110)")
+    at = steady(page, "turnscan.cell(20, 110)")
     page.mouse.click(at["x"], at["y"])
     until(page, "turnscan.profile?.step === 20")
     page.get_by_role("button", name="Profile off").click()

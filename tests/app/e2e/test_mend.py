@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.app.e2e.conftest import until
+from tests.app.e2e.conftest import steady, until
 from tests.app.e2e.cup import (
     GHOST_LINES,
     GHOST_STEPS,
@@ -26,12 +26,9 @@ def state(page: Any) -> tuple[int, int, int]:
 
 def mark(page: Any, step: int, line: int) -> dict[str, Any]:
     """Click a place in the scan grid; the surface turns to it."""
-    at = until(page, f"turnscan.cell({step}, {line})")
     settled(page)
     # The key under the grid takes room when it comes, and the grid moves.
-    while (now := page.evaluate(f"turnscan.cell({step}, {line})")) != at:
-        at = now
-        settled(page)
+    at = steady(page, f"turnscan.cell({step}, {line})")
     page.mouse.click(at["x"], at["y"])
     until(page, f"turnscan.mark?.step === {step}")
     found: dict[str, Any] = page.evaluate("turnscan.mark")
