@@ -102,6 +102,7 @@ class Size:
     steps: int
     head: int = 100
     bust: int = 100
+    mannequin: int = 100
 
 
 def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Bench, Path]:
@@ -201,12 +202,12 @@ def agreed(done: Reconstruction) -> str:
 
 def two_lines(size: Size, folder: Path) -> None:
     """The heads with one line and with two."""
-    for scene in ("head", "mannequin"):
+    for scene, steps in (("head", size.head), ("mannequin", size.mannequin)):
         theta = TWO_LINES if size.rig == "modern" else None
-        run = reconstructed(Wish(scene, size.rig, theta=theta, lasers=2, steps=size.head), folder)
+        run = reconstructed(Wish(scene, size.rig, theta=theta, lasers=2, steps=steps), folder)
         some, near = places(run.made), run.near
         total = float(truth.patches(run.made).area.sum())
-        print(f"{scene}, {size.rig}, {size.head} steps, ±22.4°; reference: {reference(run, some)}")
+        print(f"{scene}, {size.rig}, {steps} steps, ±22.4°; reference: {reference(run, some)}")
         either = visible(run, some, FLAT)
         # What looks up or down is seen flatly for that, and from whichever side.
         wall = np.abs(some.normal[:, 2]) < 0.5
@@ -308,8 +309,8 @@ PARTS = {"lines": two_lines, "halo": halo, "causes": causes}
 
 def run(quick: bool = False, keep: Path | None = None, only: str | None = None) -> None:
     """Print all figures, or those of one part."""
-    sizes = [Size("modern", 120, 400, 200), Size("paper", 200, 200, 200)]
-    sizes = [Size("paper", 48, 100, 48)] if quick else sizes
+    sizes = [Size("modern", 120, 400, 200, 120), Size("paper", 200, 200, 200, 200)]
+    sizes = [Size("paper", 48, 100, 48, 100)] if quick else sizes
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch)
         for size in sizes:

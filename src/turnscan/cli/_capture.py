@@ -22,7 +22,6 @@ from turnscan.cli._png import write_png
 from turnscan.errors import InputError
 from turnscan.station import Series, Shot, opened, photograph
 
-Stage = str
 _STAGES = ("camera", "laser", "table")
 
 
@@ -44,7 +43,7 @@ _STAGES = ("camera", "laser", "table")
 @click.option("--board", metavar="SPEC", help="Look for it in each picture, as in calibrate.")
 def verb(
     folder: Path,
-    stage: Stage,
+    stage: str,
     devices: dict[str, str | None],
     count: int,
     every: float,
@@ -87,7 +86,7 @@ def verb(
 class _Album:
     """A folder of pictures, and what is seen in them."""
 
-    def __init__(self, folder: Path, stage: Stage, board: Board | None) -> None:
+    def __init__(self, folder: Path, stage: str, board: Board | None) -> None:
         self._folder, self._stage, self._board = folder, stage, board
         self._first = 1 + max((_number(p) for p in folder.glob(f"{stage}*/*.png")), default=0)
         self._corners: list[Floats] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,7 @@ from turnscan.surface import (
     Hole,
     Mesh,
     Provenance,
+    Told,
     bridge,
     clip,
     close,
@@ -41,20 +42,15 @@ from turnscan.surface import (
     fill,
     half_edges,
     holes,
+    silent,
     smooth,
     spikes,
 )
 
-Told = Callable[[float], None]
-"""Hears the share that is done, 0 to 1. What it raises ends the work, and nothing has happened."""
 _RINGS = 12
 """Rings of faces round a hole; its filling goes on with the curvature of those next to it."""
 _LIKE = 3.0
 """A hole of a third to three times the size may be the one that was meant."""
-
-
-def silent(share: float) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from turnscan.edit._apply import Done, Told, apply, silent
+from turnscan.edit._apply import Done, apply
 from turnscan.edit._body import Body, Patch, Replace
 from turnscan.edit._edits import Edit, is_grid_edit
 from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.findings import Finding
 from turnscan.shapes import Measured
-from turnscan.surface import Mesh
+from turnscan.surface import Mesh, Told, silent
 
 Build = Callable[[Sequence[Entry]], tuple[Mesh, Sequence[Finding]]]
 """Grid edits → the surface with them, before any mesh edit, and what is to be said about it."""

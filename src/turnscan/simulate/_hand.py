@@ -26,7 +26,8 @@ _FACING = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 class Hand:
     """One board on one bench; how it is held follows from the bench's seed and how often it was.
 
-    Each second time it is held into the light of a laser, one after the other; else anywhere.
+    The first time and each second one after it is held into the light of a laser, one after the
+    other; else anywhere.
     """
 
     def __init__(self, bench: Bench, name: str) -> None:
@@ -50,7 +51,7 @@ class Hand:
         axis = float(np.linalg.norm(bench.rig.T_camera_table.translation))
         depth = axis * float(np.interp(u[5], (-1.0, 1.0), _DEPTHS))
         place = camera.rays(at) * depth
-        if time % 2 == 0:
+        if time % 2 == 1:
             sheets = bench.rig.sheets
             sheet = sheets[time // 2 % len(sheets)]
             place[0] -= float(sheet.distance(place)) / sheet.normal[0] + _BESIDE * u[3]
