@@ -49,7 +49,7 @@ def _took(work: Callable[[], Result]) -> tuple[Result, float]:
 
 def _line(mesh: Mesh) -> None:
     print(f"{len(mesh.faces)} faces, ms of CPU")
-    document, opening = _took(lambda: Document.open(lambda _: (mesh, ())))
+    document, opening = _took(lambda: Document.open(lambda *_: (mesh, ())))
     print(f"  open {opening:8.1f}")
     away = np.linalg.norm(mesh.triangles.mean(axis=1) - (40, 0, 60), axis=1)
     faces = np.flatnonzero(away < 18)
@@ -68,12 +68,12 @@ def _line(mesh: Mesh) -> None:
     ]
     for name, edit in edits[: 5 if len(mesh.faces) < 500_000 else 4]:
         document = _told(document, name, edit)
-    _, again = _took(lambda: Document.open(lambda _: (mesh, ()), document.history))
+    _, again = _took(lambda: Document.open(lambda *_: (mesh, ()), document.history))
     _, back = _took(document.undo)
     print(
         f"  all again {again:.1f}; undo of the last is {again / max(back, 1e-3):.0f} times faster"
     )
-    other = Document.open(lambda _: (tube(*_shape(mesh, 0.97)), ()))
+    other = Document.open(lambda *_: (tube(*_shape(mesh, 0.97)), ()))
     _, found = _took(lambda: region.find(other.body))
     print(f"  the region by place on another mesh {found:.1f}")
 

@@ -243,8 +243,13 @@ def test_frames_asked_again_show_the_same_and_edits_reach_the_grid(scan_path):
             Entry(2, Redetect("L0", (8, 9), (0, 1000), threshold=250.0)),
             Entry(3, DeletePoints("L1", 12, tuple(range(100, 110)))),
         ]
-        done = build(seen, Settings(), edits)
-        whole = reconstruct(scan, edits=edits)
+        shares = list[float]()
+        done = build(seen, Settings(denoise=2.0), edits, shares.append)
+        whole = reconstruct(scan, settings=Settings(denoise=2.0), edits=edits)
+    assert shares == sorted(shares)
+    assert shares[0] == 0
+    assert len(set(shares)) > 8  # edits, profiles sought again, grids denoised, merging
+    assert shares[-1] == pytest.approx(0.7)
     assert done.mesh.vertices.tobytes() == whole.mesh.vertices.tobytes()
     assert set(plain.grids[0].steps) - set(done.grids[0].steps) == {3, 4}
     assert not done.grids[0].found[np.isin(done.grids[0].steps, (8, 9))].any()

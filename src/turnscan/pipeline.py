@@ -14,9 +14,12 @@ from turnscan.points import RangeGrid
 from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
-from turnscan.surface import Caps, Hole, Mesh, Sought
+from turnscan.surface import Caps, Hole, Mesh, Sought, Told, part, silent
 
 Tick = Callable[[], None]
+
+_GRIDS = 0.7
+"""Of the work of a reconstruction, until there are grids."""
 
 
 @dataclass(frozen=True)
@@ -59,27 +62,38 @@ def reconstruct(
     return build(see(scan, rig_for(scan, rig), s.stripes, s.volume, tick), s, edits)
 
 
-def build(seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()) -> Reconstruction:
-    """Stripes → grids → mesh, with these edits. Raises InputError where no angle is known."""
-    grids, meshed, sought, findings = to_grids(seen, s, edits)
-    opened, mesh, remarks = to_mesh(meshed, s, edits)
-    told = (*findings, *remarks)
-    return Reconstruction(tuple(grids), mesh, told, tuple(edits), opened, tuple(sought), s.caps)
+def build(
+    seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
+) -> Reconstruction:
+    """Stripes → grids → mesh, with these edits. Raises InputError where no angle is known.
+
+    ``told`` hears how much of it is done.
+    """
+    grids, meshed, sought, findings = to_grids(seen, s, edits, part(told, 0, _GRIDS))
+    opened, mesh, remarks = to_mesh(meshed, s, edits, part(told, _GRIDS, 1))
+    said = (*findings, *remarks)
+    return Reconstruction(tuple(grids), mesh, said, tuple(edits), opened, tuple(sought), s.caps)
 
 
 def to_grids(
-    seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = ()
+    seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
 ) -> tuple[list[RangeGrid], list[RangeGrid], list[Sought], list[Finding]]:
-    """Stripes → grids as wanted, those to mesh, as they were cleaned, and what there is to know."""
+    """Stripes → grids as wanted, those to mesh, as they were cleaned, and what there is to know.
+
+    ``told`` hears of the profiles that an edit wants to be sought again, and of each grid.
+    """
     grids, meshed, sought = list[RangeGrid](), list[RangeGrid](), list[Sought]()
     findings = edit.lost_edits(edits, [sight.view.laser for sight in seen])
-    for sight in seen:
+    for k, sight in enumerate(seen):
         v = sight.view
-        mended, nothing = edit.mend_stripes(sight.stripes, edits, v)
+        mine = part(told, k / len(seen), (k + 1) / len(seen))
+        mended, nothing = edit.mend_stripes(sight.stripes, edits, v, part(mine, 0, 0.5))
         whole = points.build_grid(v.rig, v.laser, mended.stripes, mended.steps, mended.angles)
         turns, again = points.whole_turns(points.every(whole, s.every))
         findings += [*sight.findings, *nothing, *points.angle_findings(turns[0], again)]
-        for turn in turns:
+        for i, turn in enumerate(turns):
+            now = part(part(mine, 0.5, 1), i / len(turns), (i + 1) / len(turns))
+            now(0)
             seamed = edit.mend_grid(turn, edits)
             kept = points.drop_specks(points.clip(seamed, v.volume), s.shortest)
             findings += points.grid_findings(turn, kept, v.volume)
@@ -88,7 +102,7 @@ def to_grids(
                 kept, taken = surface.clean(kept, s.clean)
                 findings += taken
             if s.denoise is not None:
-                kept = surface.denoise(kept, s.denoise)
+                kept = surface.denoise(kept, s.denoise, now)
             sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation))
             if s.between is not None:
                 kept = points.respace(kept, s.between)
@@ -99,9 +113,13 @@ def to_grids(
 
 
 def to_mesh(
-    grids: Sequence[RangeGrid], s: Settings, edits: Sequence[Entry] = ()
+    grids: Sequence[RangeGrid], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
 ) -> tuple[Mesh, Mesh, list[Finding]]:
-    """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for."""
+    """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for.
+
+    ``told`` hears of merging and thinning out.
+    """
+    told(0)
     sewn = s.caps is not None and s.caps.holes is not None
     merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel, sewn=sewn)
     mesh, touching = surface.cut_touching(merged)
@@ -111,7 +129,8 @@ def to_mesh(
     if s.caps is not None:
         mesh, closing = surface.close(mesh, s.caps)
     if s.tolerance is not None or s.faces is not None:
-        dense, mesh = mesh, surface.decimate(mesh, tolerance=s.tolerance, faces=s.faces)
+        dense, thinning = mesh, part(told, 0.6, 1)
+        mesh = surface.decimate(dense, tolerance=s.tolerance, faces=s.faces, told=thinning)
         closing += surface.decimation_findings(dense, mesh, s.faces)
     remarks = surface.mesh_findings(mesh, islands, faces, closed=s.caps is not None)
     return opened, mesh, findings + touching + mending + closing + remarks

@@ -34,7 +34,7 @@ from turnscan.export import read_mesh
 from turnscan.pipeline import build
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
-from turnscan.surface import Mesh, holes, is_closed
+from turnscan.surface import Mesh, Told, holes, is_closed
 
 STEPS = "16"
 
@@ -63,8 +63,8 @@ class Worker:
         self.seen: list[Sight] = see(self.scan, rig_for(self.scan), Settings().stripes)
         self.document = Document.open(self.build)
 
-    def build(self, edits: Any) -> Any:
-        done = build(self.seen, Settings(), edits)
+    def build(self, edits: Any, told: Told) -> Any:
+        done = build(self.seen, Settings(), edits, told)
         return done.mesh, done.findings
 
     def make(self, edit: Edit) -> None:

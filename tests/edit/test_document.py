@@ -36,12 +36,12 @@ from turnscan.edit import (
 )
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.surface import fill, holes
+from turnscan.surface import Told, fill, holes
 
 SHEETS = [sheet(8, seed, 0.02 * seed, size=14.0) for seed in range(3)]
 
 
-def build(edits: Any) -> Any:
+def build(edits: Any, _: Told) -> Any:
     """A surface that depends on the grid edits, as a reconstruction does."""
     return SHEETS[len(edits) % 3], [Finding("grid", "note", f"{len(edits)} grid edits")]
 
@@ -179,7 +179,7 @@ TestSession = Session.TestCase
 
 def test_undo_and_redo_of_a_delete_touch_its_faces_alone() -> None:
     mesh = sheet(40)
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     faces = around(mesh, (20, 20), 6)
     deleted, change = document.add(Delete(Region.of(document.body, faces)))
     assert [p.faces.tolist() for p in change.patches] == [faces.tolist()]
@@ -193,7 +193,7 @@ def test_undo_and_redo_of_a_delete_touch_its_faces_alone() -> None:
 
 def test_a_preview_changes_nothing() -> None:
     mesh = sheet(20)
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     before = document.body.digest()
     shown, change = document.add(Delete(Region.of(document.body, around(mesh, (20, 20), 6))))
     assert len(change.patches) == 1
@@ -203,7 +203,7 @@ def test_a_preview_changes_nothing() -> None:
 
 def test_what_an_edit_cannot_do_is_said_and_the_rest_is_done() -> None:
     mesh = sheet(20)
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     document, change = document.add(Fill((HoleName((500.0, 0.0, 0.0), 2.0),)))
     assert [(f.code, f.severity, f.where) for f in change.findings] == [
         ("edit.nothing", "warning", "edit 1 (fill)")
@@ -234,7 +234,7 @@ def test_smoothing_moves_the_region_alone_and_a_spike_goes_without_a_hole() -> N
     spiky = mesh.vertices.copy()
     spiky[30 * 15 + 15, 2] += 5.0
     mesh = replace(mesh, vertices=spiky)
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     cured, change = document.add(Despike())
     assert [type(p).__name__ for p in change.patches] == ["Alive", "Append"]
     live = Compact.of(cured.body).mesh
@@ -256,7 +256,7 @@ def test_smoothing_moves_the_region_alone_and_a_spike_goes_without_a_hole() -> N
 
 def test_bridges_part_a_hole_and_join_an_island() -> None:
     mesh = sheet(40)
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     c = mesh.triangles.mean(axis=1)[:, :2] - (20, 20)
     ring = np.flatnonzero((np.hypot(*c.T) > 4) & (np.hypot(*c.T) < 9))
     document, _ = document.add(Delete(Region.of(document.body, ring)))
@@ -281,7 +281,7 @@ def test_bridges_part_a_hole_and_join_an_island() -> None:
 @pytest.mark.parametrize("how", ["flat", "tangent", "curvature"])
 def test_a_hole_filled_by_itself_is_filled_as_on_the_whole_surface(how: Any) -> None:
     mesh = sheet(60, 3, 0.05)
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     document, _ = document.add(Delete(Region.of(document.body, around(mesh, (20, 20), 4))))
     before = Compact.of(document.body).mesh
     (hole,) = (h for h in holes(before) if h.size < 20)
@@ -294,7 +294,7 @@ def test_a_hole_filled_by_itself_is_filled_as_on_the_whole_surface(how: Any) -> 
 
 def test_the_share_done_is_told_and_an_end_there_changes_nothing() -> None:
     mesh = sheet(40, 3, 0.05)
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     for at in ((10, 10), (30, 10), (10, 30)):
         region = Region.of(document.body, around(mesh, at, 2))
         document, _ = document.add(Delete(region))

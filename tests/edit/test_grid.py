@@ -89,6 +89,22 @@ def test_points_go_move_and_come() -> None:
     assert done[0] is SEEN.stripes[0]
 
 
+def test_each_profile_that_is_sought_again_is_told_of() -> None:
+    shares, frames = list[float](), Frames()
+    again = Redetect("left", (0, 3), (0, LINES), threshold=9.0)
+    entries = [Entry(1, ProfileOff("left", (9, 9))), Entry(2, again)]
+
+    def hear(share: float) -> None:
+        shares.append(share)
+        if len(frames.asked) == 2:
+            raise TimeoutError  # what hears of it may end it
+
+    with pytest.raises(TimeoutError):
+        mend_stripes(SEEN, entries, frames, hear)
+    assert shares == pytest.approx([0, 0.5, 0.5, 4 / 6, 5 / 6])
+    assert frames.asked == [(0, 9.0), (2, 9.0)]
+
+
 def test_the_order_of_edits_counts() -> None:
     first, second = SetPoint("left", 0, 5, 60.0), DeletePoints("left", 0, (5,))
     assert np.isnan(mended(first, second)[0][0].position[5])

@@ -28,7 +28,7 @@ from turnscan.edit import (
 def session(seed: int) -> tuple[Document, list[str]]:
     """A cylinder, measured in every way there is."""
     mesh = noisy(cylinder(10.0, 30.0), np.random.default_rng(seed))
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     n = len(mesh.vertices)
     wall = Region.of(document.body, np.flatnonzero(wall_of(mesh)))
     ends = [np.flatnonzero((mesh.faces == k).any(axis=1)) for k in (n - 1, n - 2)]
@@ -57,7 +57,7 @@ def session(seed: int) -> tuple[Document, list[str]]:
 def test_every_measurement_is_near_the_truth_here_and_on_another_scan() -> None:
     document, log = session(0)
     other = noisy(cylinder(10.0, 30.0, n=44, m=17), np.random.default_rng(9))
-    replayed = Document.open(lambda _: (other, ()), history_from_log(log))
+    replayed = Document.open(lambda *_: (other, ()), history_from_log(log))
     assert [f for f in replayed.findings if f.code.startswith("edit.")] == []
     side = 2 * np.pi * 10 * 30
     truth = [20, 20, 30, -30, np.pi, np.pi / 2, side, side + 2 * np.pi * 100]
@@ -85,7 +85,7 @@ def test_they_follow_undo_and_their_place_in_the_history() -> None:
 
 def test_one_that_cannot_be_taken_is_a_remark_and_no_error() -> None:
     mesh = noisy(cylinder(10.0, 30.0), np.random.default_rng(2))
-    document = Document.open(lambda _: (mesh, ()))
+    document = Document.open(lambda *_: (mesh, ()))
     gone = Region.of(document.body, [0, 1, 2])
     document, _ = document.add(Delete(gone))
     for edit, words in (

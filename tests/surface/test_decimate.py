@@ -193,3 +193,35 @@ def test_the_same_input_gives_the_same_bytes_and_little_stays_as_it_is() -> None
 def test_wishes_that_cannot_be_are_refused(wish, words) -> None:
     with pytest.raises(InputError, match=words):
         decimate(cube(2), **wish)
+
+
+def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mesh = column()
+    for wish in ({"tolerance": TOLERANCE}, {"faces": 2000}, {"tolerance": 0.2, "faces": 800}):
+        shares = list[float]()
+        monkeypatch.undo()
+        once = decimate(mesh, **wish)  # type: ignore[arg-type]
+        monkeypatch.setattr("turnscan.surface._decimate._AT_A_TIME", 97)
+        often = decimate(mesh, **wish, told=shares.append)  # type: ignore[arg-type]
+        assert np.array_equal(once.vertices, often.vertices)
+        assert np.array_equal(once.faces, often.faces)
+        assert len(shares) > 20
+        assert shares == sorted(shares)
+        assert shares[0] == 0
+        assert 0.8 < shares[-1] < 1
+
+
+def test_it_ends_where_who_is_told_wants_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("turnscan.surface._decimate._AT_A_TIME", 97)
+    heard = list[float]()
+
+    def end(share: float) -> None:
+        heard.append(share)
+        if share > 0.5:
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        decimate(column(), tolerance=TOLERANCE, told=end)
+    assert [share > 0.5 for share in heard].count(True) == 1

@@ -169,3 +169,16 @@ def test_wishes_that_cannot_be_are_refused() -> None:
         smooth(mesh, np.full(len(mesh.vertices), 1.5))
     with pytest.raises(InputError, match="rounds"):
         smooth(mesh, np.ones(len(mesh.vertices)), 0)
+
+
+def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, grid = relief(SHAPES["ridge of 90°"], size=40)
+    grid = replace(grid, closed=True)  # the first profile's neighbours are the last ones
+    monkeypatch.setattr("turnscan.surface._denoise._AT_A_TIME", 40)
+    once = denoise(grid)
+    monkeypatch.setattr("turnscan.surface._denoise._AT_A_TIME", 7)
+    shares = list[float]()
+    assert np.array_equal(denoise(grid, told=shares.append).points, once.points)
+    assert shares == [first / 40 for first in range(0, 40, 7)]

@@ -88,7 +88,7 @@ class OpenScan:
                 action = edit.action_from_json(entry.text)
                 if isinstance(action, edit.Add):
                     self._times[action.id] = entry.time
-            document = edit.Document.open(self._build, history)
+            document = edit.Document.open(self._build, history, lambda _: job.check())
         except BaseException:
             self.scan.close()
             raise
@@ -379,8 +379,10 @@ class OpenScan:
             for k, e in enumerate(state.document.history.entries)
         ]
 
-    def _build(self, entries: Sequence[edit.Entry]) -> tuple[Mesh, Sequence[Finding]]:
-        done = build(self._seen, self._settings, entries)
+    def _build(
+        self, entries: Sequence[edit.Entry], told: surface.Told
+    ) -> tuple[Mesh, Sequence[Finding]]:
+        done = build(self._seen, self._settings, entries, told)
         self._built[tuple(entries)] = done
         return done.mesh, done.findings
 

@@ -18,7 +18,7 @@ from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag
-from turnscan.surface import CAUSE_WORDS, Mesh
+from turnscan.surface import CAUSE_WORDS, Mesh, Told
 
 RULES = """\b
 laser=NAME         seen by one laser
@@ -39,8 +39,8 @@ def region_where(scan: Scan, history: History, rules: Sequence[str], rounds: int
     settings = Settings()
     made: list[Reconstruction] = []
 
-    def built(entries: Sequence[Entry]) -> tuple[Mesh, Sequence[Finding]]:
-        made.append(build(seen, settings, entries))
+    def built(entries: Sequence[Entry], told: Told) -> tuple[Mesh, Sequence[Finding]]:
+        made.append(build(seen, settings, entries, told))
         return made[-1].mesh, made[-1].findings
 
     with progress("reconstructing", len(scan)) as tick:

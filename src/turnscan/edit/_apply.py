@@ -70,7 +70,7 @@ class Done:
 def apply(body: Body, entry: Entry, told: Told = silent) -> tuple[Body, Done]:
     """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding.
 
-    ``told`` hears of filling and smoothing how much of it is done.
+    ``told`` hears of filling, smoothing and thinning out how much of it is done.
     """
     findings: list[Finding] = []
     assert not isinstance(entry.edit, GridEdit), "grid edits are done before there is a body"
@@ -141,7 +141,7 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding], told: Told) ->
             return _cut(body, edit)
         case Decimate():
             before = Compact.of(body)
-            mesh = decimate(before.mesh, tolerance=edit.tolerance, faces=edit.faces)
+            mesh = decimate(before.mesh, tolerance=edit.tolerance, faces=edit.faces, told=told)
             return difference(body, before, mesh)
         case Smooth():
             return _smoothed(body, edit, told)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from turnscan.edit._apply import Done, apply
 from turnscan.edit._body import Body, Patch, Replace
@@ -12,9 +11,9 @@ from turnscan.edit._edits import Edit, is_grid_edit
 from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.findings import Finding
 from turnscan.shapes import Measured
-from turnscan.surface import Mesh, Told, silent
+from turnscan.surface import Mesh, Told, part, silent
 
-Build = Callable[[Sequence[Entry]], tuple[Mesh, Sequence[Finding]]]
+Build = Callable[[Sequence[Entry], Told], tuple[Mesh, Sequence[Finding]]]
 """Grid edits → the surface with them, before any mesh edit, and what is to be said about it."""
 
 
@@ -51,13 +50,16 @@ class Document:
     """How many of the chain count."""
 
     @classmethod
-    def open(cls, build: Build, history: History | None = None) -> Document:
-        """The surface with everything in the history that counts."""
+    def open(cls, build: Build, history: History | None = None, told: Told = silent) -> Document:
+        """The surface with everything in the history that counts; ``told`` as for `after`."""
         history = history or History()
-        mesh, remarks = build([e for e in history.enabled if is_grid_edit(e.edit)])
+        seen = [e for e in history.enabled if is_grid_edit(e.edit)]
+        wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
+        built = 1 / (1 + len(wanted))
+        mesh, remarks = build(seen, part(told, 0, built))
         base = Body.of(mesh)
-        bare = cls(build, History(), base, tuple(remarks), base, (), 0)
-        return bare._to(history)[0] if history.entries else bare
+        body, done = _applied(base, wanted, part(told, built, 1))
+        return cls(build, history, base, tuple(remarks), body, tuple(done), len(done))
 
     @property
     def done(self) -> tuple[Done, ...]:
@@ -103,13 +105,14 @@ class Document:
         return document, Change(action, patches, findings)
 
     def _to(
-        self, history: History, told: Told = silent
+        self, history: History, told: Told
     ) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
         """Undo down to what both histories share, then apply the rest."""
         wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
         seen = [e.id for e in history.enabled if is_grid_edit(e.edit)]
         if seen != [e.id for e in self.history.enabled if is_grid_edit(e.edit)]:
-            return self._rebuilt(history, wanted, told)
+            document = Document.open(self.build, history, told)
+            return document, (Replace(document.body),), document.findings
         shared = 0
         for entry, known in zip(wanted, self.chain, strict=False):
             if entry.id != known.entry.id:
@@ -132,25 +135,12 @@ class Document:
         document = replace(self, history=history, body=body, chain=chain, count=len(wanted))
         return document, tuple(patches), tuple(f for d in fresh for f in d.findings)
 
-    def _rebuilt(
-        self, history: History, wanted: list[Entry], told: Told
-    ) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
-        mesh, remarks = self.build([e for e in history.enabled if is_grid_edit(e.edit)])
-        base = Body.of(mesh)
-        body, done = _applied(base, wanted, told)
-        document = Document(self.build, history, base, tuple(remarks), body, tuple(done), len(done))
-        return document, (Replace(body),), document.findings
-
 
 def _applied(body: Body, entries: Sequence[Entry], told: Told) -> tuple[Body, list[Done]]:
     """A body after edits, each done on what the one before left."""
     done = list[Done]()
     for k, entry in enumerate(entries):
         told(k / len(entries))
-        body, new = apply(body, entry, partial(_within, told, k, len(entries)))
+        body, new = apply(body, entry, part(told, k / len(entries), (k + 1) / len(entries)))
         done.append(new)
     return body, done
-
-
-def _within(told: Told, first: int, count: int, share: float) -> None:
-    told((first + share) / count)

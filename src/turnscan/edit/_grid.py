@@ -23,6 +23,7 @@ from turnscan.edit._history import Entry
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid
 from turnscan.stripes import Candidates, Stripe, StripeFlag
+from turnscan.surface import Told, part, silent
 
 HAND_SIGMA = 0.5
 """px: standard uncertainty of a centre that a person set."""
@@ -64,27 +65,29 @@ class Stripes:
 
 
 def mend_stripes(
-    seen: Stripes, entries: Iterable[Entry], eyes: Eyes
+    seen: Stripes, entries: Iterable[Entry], eyes: Eyes, told: Told = silent
 ) -> tuple[Stripes, list[Finding]]:
     """The stripes of a laser with the edits of it done, in their order.
 
     ``eyes`` is asked where an edit needs what a frame shows. An edit that names a step, or a line
-    with a candidate, that is not there is a finding and changes nothing.
+    with a candidate, that is not there is a finding and changes nothing. ``told`` hears of each
+    edit, and of each profile that is sought again.
     """
+    mine = [e for e in entries if isinstance(e.edit, GridEdit) and e.edit.laser == seen.laser]
     stripes = dict(zip(seen.steps, seen.stripes, strict=True))
     off: set[int] = set()
     findings: list[Finding] = []
-    for entry in entries:
-        edit = entry.edit
-        if not isinstance(edit, GridEdit) or edit.laser != seen.laser:
-            continue
-        match edit:
+    for k, entry in enumerate(mine):
+        told(k / len(mine))
+        match edit := entry.edit:
             case ProfileOff():
                 gone = _steps(stripes, edit.steps)
                 off.update(gone)
                 acted = bool(gone)
             case Redetect():
-                changed = _redetected(stripes, edit, eyes)
+                changed = _redetected(
+                    stripes, edit, eyes, part(told, k / len(mine), (k + 1) / len(mine))
+                )
                 stripes.update(changed)
                 acted = bool(changed)
             case DeletePoints() | SetPoint() | PickCandidate():
@@ -130,9 +133,13 @@ def _steps(stripes: dict[int, Stripe], span: Span) -> list[int]:
     return [step for step in stripes if span[0] <= step <= span[1]]
 
 
-def _redetected(stripes: dict[int, Stripe], edit: Redetect, eyes: Eyes) -> dict[int, Stripe]:
+def _redetected(
+    stripes: dict[int, Stripe], edit: Redetect, eyes: Eyes, told: Told
+) -> dict[int, Stripe]:
     changed = {}
-    for step in _steps(stripes, edit.steps):
+    steps = _steps(stripes, edit.steps)
+    for k, step in enumerate(steps):
+        told(k / len(steps))
         old = stripes[step]
         first, last = edit.lines[0], min(edit.lines[1], len(old.position) - 1)
         if first <= last:

@@ -20,7 +20,7 @@ from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces, steady_normals
 from turnscan.surface._smooth import smooth, spikes
 from turnscan.surface._soundness import crossings, soundness
-from turnscan.surface._told import Told, silent
+from turnscan.surface._told import Told, part, silent
 from turnscan.surface._topology import boundary_loops, cut_touching, fans_about, is_closed, twins
 from turnscan.surface._tsdf import fuse
 
@@ -70,6 +70,7 @@ __all__ = [
     "mesh_findings",
     "mesh_grid",
     "overlaps",
+    "part",
     "paste",
     "range_surfaces",
     "sections",

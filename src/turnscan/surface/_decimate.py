@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,15 +14,24 @@ from turnscan.findings import Finding
 from turnscan.surface._grid_mesh import submesh
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._paste import measured
+from turnscan.surface._told import Told, silent
 from turnscan.surface._topology import fans_about, twins
 
 _HELD = 2 / 3
 """Part of the tolerance to which the places compared are held; what lies between may be more."""
+_AT_A_TIME = 10_000
+"""Vertices looked at from one word about the progress to the next."""
 _FEWEST = 4
 """Faces of the smallest closed surface."""
 
 
-def decimate(mesh: Mesh, *, tolerance: float | None = None, faces: int | None = None) -> Mesh:
+def decimate(
+    mesh: Mesh,
+    *,
+    tolerance: float | None = None,
+    faces: int | None = None,
+    told: Told = silent,
+) -> Mesh:
     """The mesh with fewer faces: at most ``faces``, and never further than ``tolerance`` mm off.
 
     Vertices move into a neighbour one after the other, those first that lie nearest to the planes
@@ -33,7 +43,8 @@ def decimate(mesh: Mesh, *, tolerance: float | None = None, faces: int | None = 
 
     With a tolerance no place of either surface lies further than that from the other one, and no
     border vertex from the new border: both are compared at vertices, sides and insides of faces,
-    which are held to two thirds of it. Where ``faces`` cannot be reached more are left.
+    which are held to two thirds of it. Where ``faces`` cannot be reached more are left. ``told``
+    hears now and then how much of it is done.
 
     Raises InputError where neither is given, or one is not positive.
     """
@@ -75,9 +86,23 @@ def decimate(mesh: Mesh, *, tolerance: float | None = None, faces: int | None = 
         old_after=after.copy(),
         limit=np.inf if tolerance is None else (_HELD * tolerance) ** 2,
     )
-    kernels.collapse(net, faces or 0)
+    _collapse(net, faces or 0, told)
     kept = own[:, 0] >= 0
     return submesh(replace(mesh, faces=np.where(kept[:, None], own, 0)), kept)
+
+
+def _collapse(net: Any, wanted: int, told: Told) -> None:
+    """Move vertices until ``wanted`` faces are left or no move is allowed."""
+    from turnscan.surface import _decimate_kernels as kernels
+
+    line, waiting = kernels.queue(net)
+    size, first = waiting, len(net.faces)
+    left, share = first, 0.0
+    while size > 0 and left > wanted:
+        # A vertex whose neighbour moved waits once more: the share may not go back for that.
+        share = max(share, 1 - size / waiting, (first - left) / (first - wanted))
+        told(share)
+        size, left = kernels.collapse(net, line, size, left, wanted, _AT_A_TIME)
 
 
 def decimation_findings(before: Mesh, after: Mesh, wanted: int | None) -> list[Finding]:

@@ -65,6 +65,14 @@ class Net(NamedTuple):
     faces from the first surface."""
 
 
+class Queue(NamedTuple):
+    """Vertices by what their cheapest move costs (`_heap_kernels`)."""
+
+    heap: Any
+    place: Any
+    key: Any
+
+
 class Ring(NamedTuple):
     """Room for what is about one vertex: its corners, neighbours and their sides' faces, costs."""
 
@@ -458,23 +466,34 @@ def _move(net: Any, v: int, u: int, ring: Any, count: int, held: Any, owner: Any
 
 
 @njit(cache=True, nogil=True)
-def collapse(net: Any, wanted: int) -> int:
-    """Move vertices into their neighbours, the cheapest first; the arrays of ``net`` change.
-
-    It ends at ``wanted`` faces or when no move is allowed. Returns how many faces are left.
-    """
-    mine, theirs = _room(), _room()
-    held, owner = np.empty(1 << 14, dtype=np.int32), np.empty(1 << 14, dtype=np.int32)
-    n, m = np.empty(3), np.empty(3)
+def queue(net: Any) -> tuple[Any, int]:
+    """All vertices that may move, the cheapest first, and how many."""
+    mine = _room()
     total = len(net.points)
     heap = np.empty(total, dtype=np.int32)
     place, key = np.full(total, -1, dtype=np.int32), np.full(total, np.inf)
-    size, left = 0, len(net.faces)
+    size = 0
     for v in range(total):
         key[v], _, _ = _price(net, v, mine)
         if key[v] < np.inf:
             size = put(heap, place, key, size, v)
-    while size > 0 and left > wanted:
+    return Queue(heap, place, key), size
+
+
+@njit(cache=True, nogil=True)
+def collapse(net: Any, line: Any, size: int, left: int, wanted: int, most: int) -> tuple[int, int]:
+    """Move vertices into their neighbours, the cheapest first; the arrays of ``net`` change.
+
+    ``size`` vertices stand in ``line`` and ``left`` faces are there. It ends at ``wanted`` faces,
+    when no move is allowed, or after ``most`` vertices. Returns the new size and faces left.
+    """
+    mine, theirs = _room(), _room()
+    held, owner = np.empty(1 << 14, dtype=np.int32), np.empty(1 << 14, dtype=np.int32)
+    n, m = np.empty(3), np.empty(3)
+    heap, place, key = line
+    for _ in range(most):
+        if size == 0 or left <= wanted:
+            break
         v = heap[0]
         size = drop(heap, place, key, size, v)
         _, count, have = _price(net, v, mine)
@@ -508,4 +527,4 @@ def collapse(net: Any, wanted: int) -> int:
                 else:
                     size = drop(heap, place, key, size, w)
             break
-    return left
+    return size, left

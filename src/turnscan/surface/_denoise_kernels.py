@@ -187,23 +187,23 @@ def _settle(
 @njit(cache=True, nogil=True)
 def offsets(
     points: Any, side: Any, eyes: Any, noise: Any, closed: bool, reach: float, scale: float,
-    alone: bool,
-) -> tuple[Any, Any]:  # fmt: skip
-    """For every point how far along its ray, towards the camera, the surface about it lies, mm.
+    alone: bool, first: int, last: int, out: Any, rest: Any,
+) -> None:  # fmt: skip
+    """For each point how far along its ray, towards the camera, the surface about it lies, mm.
 
     The surface is a plane or a gentle bend, fitted to the points within two ``reach`` (steps and
     lines) with weights that fall with their distance in the grid and with their residual in
-    ``scale`` noises. ``alone`` leaves the point itself out. Gives also the rms residual about it,
-    in noises; both NaN where there are too few neighbours.
+    ``scale`` noises. ``alone`` leaves the point itself out. Of the profiles from ``first`` to
+    before ``last`` it writes that to ``out`` (s, n), and to ``rest`` the rms residual about the
+    point, in noises; neither where there are too few neighbours.
     """
-    s, n, _ = points.shape
-    out, rest = np.full((s, n), np.nan), np.full((s, n), np.nan)
+    _, n, _ = points.shape
     most = int(np.ceil(2.0 * reach))
     room = (2 * most + 1) ** 2
     near, base, weight = np.empty((room, 7)), np.empty(room), np.empty(room)
     A, x, best = np.empty((_TERMS, _TERMS)), np.empty(_TERMS), np.empty(_TERMS)
     ray = np.empty(3)
-    for k in range(s):
+    for k in range(first, last):
         for j in range(n):
             if np.isnan(points[k, j, 0]):
                 continue
@@ -225,4 +225,3 @@ def offsets(
             ):
                 out[k, j] = x[0]
                 rest[k, j] = np.sqrt(_spread(near, have, weight, x, _TERMS))
-    return out, rest

@@ -10,3 +10,12 @@ Told = Callable[[float], None]
 
 def silent(share: float) -> None:
     """Tell nobody."""
+
+
+def part(told: Told, begin: float, end: float) -> Told:
+    """What hears of a part of the work, from ``begin`` to ``end`` of the whole."""
+
+    def hear(share: float) -> None:
+        told(begin + (end - begin) * share)
+
+    return hear
