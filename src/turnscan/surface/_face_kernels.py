@@ -26,6 +26,33 @@ def crosses(points: Any, faces: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
+def doubles(points: Any, faces: Any) -> Any:
+    """(f,) twice the area of every face."""
+    out = np.empty(len(faces))
+    cross = crosses(points, faces)
+    for f in range(len(faces)):
+        x, y, z = cross[f, 0], cross[f, 1], cross[f, 2]
+        out[f] = np.sqrt(x * x + y * y + z * z)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def level(points: Any, faces: Any, normals: Any, least: float) -> tuple[float, float]:
+    """Twice the area of all faces, and of those whose corners' normals (v, 3) point up or down.
+
+    Those do, whose vertical parts are more than ``least`` in the mean.
+    """
+    double = doubles(points, faces)
+    total, flat = 0.0, 0.0
+    for f in range(len(faces)):
+        total += double[f]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if (abs(normals[a, 2]) + abs(normals[b, 2]) + abs(normals[c, 2])) / 3.0 > least:
+            flat += double[f]
+    return total, flat
+
+
+@njit(cache=True, nogil=True)
 def _made_unit(vectors: Any, without: float) -> None:
     for v in range(len(vectors)):
         x, y, z = vectors[v, 0], vectors[v, 1], vectors[v, 2]

@@ -38,6 +38,21 @@ def edges(points: Any, side: Any, closed: bool) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
+def bends(points: Any) -> Any:
+    """(s, n) lengths of the second differences along the profiles; NaN at their ends."""
+    s, n, _ = points.shape
+    out = np.full((s, n), np.nan)
+    for k in range(s):
+        for j in range(1, n - 1):
+            total = 0.0
+            for i in range(3):
+                bend = points[k, j + 1, i] - 2.0 * points[k, j, i] + points[k, j - 1, i]
+                total += bend * bend
+            out[k, j] = np.sqrt(total)
+    return out
+
+
+@njit(cache=True, nogil=True)
 def usual(
     lengths: Any, nominal: Any, along_steps: bool, wraps: bool, least: float, most: float
 ) -> Any:
@@ -102,8 +117,8 @@ def triangulate(
     ks, js = np.empty(4, dtype=np.int64), np.empty(4, dtype=np.int64)
     q, spread, ratio = np.empty((4, 3)), np.empty((4, 2)), np.empty(4)
     # Triangles of diagonal 0-2, then of diagonal 1-3, and the two sides of the quad in each.
-    corners = ((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3))
-    sides = ((0, 1), (2, 3), (0, 3), (1, 2))
+    corners = np.array(((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3)))
+    sides = np.array(((0, 1), (2, 3), (0, 3), (1, 2)))
     for k in range(quads):
         k1 = (k + 1) % s
         for j in range(n - 1):
@@ -127,23 +142,13 @@ def triangulate(
             ratio[1] = to_step[k, j + 1] / usual_step[k, j + 1]
             ratio[2] = to_line[k1, j] / usual_line[k1, j]
             ratio[3] = to_step[k, j] / usual_step[k, j]
-            whole = 0
-            for t in range(4):
-                diagonal = (first if t < 2 else second) / across
-                # A NaN, where a corner is missing or beyond the axis, is no face either.
-                span = ratio[sides[t][0]] + ratio[sides[t][1]] + diagonal
-                if span == span and _sound(
-                    q, spread, eyes[ks[corners[t][0]]], corners[t],
-                    max(ratio[sides[t][0]], ratio[sides[t][1]], diagonal) > stretch,
-                    jump, cos_grazing,
-                ):  # fmt: skip
-                    whole |= 1 << t
-            one = (whole & 1) + (whole >> 1 & 1)
-            two = (whole >> 2 & 1) + (whole >> 3 & 1)
-            pick = 2 if two > one or (two == one and second < first) else 0
+            pick, whole = _cut_along(
+                q, spread, eyes, ks, ratio, first, second, across, corners, sides,
+                stretch, jump, cos_grazing,
+            )  # fmt: skip
             for t in range(pick, pick + 2):
                 if whole >> t & 1:
-                    a, b, c = corners[t]
+                    a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
                     if side[ks[a], js[a]]:
                         b, c = c, b
                     faces[made, 0] = ks[a] * n + js[a]
@@ -154,11 +159,85 @@ def triangulate(
 
 
 @njit(cache=True, nogil=True)
+def _cut_along(
+    q: Any,
+    spread: Any,
+    eyes: Any,
+    ks: Any,
+    ratio: Any,
+    first: float,
+    second: float,
+    across: float,
+    corners: Any,
+    sides: Any,
+    stretch: float,
+    jump: float,
+    cos_grazing: float,
+) -> tuple[int, int]:
+    """The first of the two triangles that a quad is cut into, and which of them are sound, as bits.
+
+    It is cut along its shorter diagonal; along the other one where that makes more faces.
+    """
+    pick, most, whole = 0, -1, 0
+    for turn in range(2):
+        way = 2 * ((second < first) != (turn == 1))
+        sound, count = 0, 0
+        for t in range(way, way + 2):
+            diagonal = (first if t < 2 else second) / across
+            # A NaN, where a corner is missing or beyond the axis, is no face either.
+            span = ratio[sides[t, 0]] + ratio[sides[t, 1]] + diagonal
+            if span == span and _sound(
+                q, spread, eyes, ks[corners[t, 0]], corners, t,
+                max(ratio[sides[t, 0]], ratio[sides[t, 1]], diagonal) > stretch,
+                jump, cos_grazing,
+            ):  # fmt: skip
+                sound |= 1 << t
+                count += 1
+        if count > most:
+            pick, most, whole = way, count, sound
+        if most == 2:
+            break
+    return pick, whole
+
+
+@njit(cache=True, nogil=True)
+def compact(faces: Any, count: int) -> tuple[Any, Any]:
+    """Those of ``count`` points that faces use, in order, and the faces (f, 3) in their numbers."""
+    new = np.full(count, -1, dtype=np.int32)
+    for f in range(len(faces)):
+        for i in range(3):
+            new[faces[f, i]] = 0
+    used = np.empty(count, dtype=np.int32)
+    have = 0
+    for p in range(count):
+        if new[p] == 0:
+            new[p] = have
+            used[have] = p
+            have += 1
+    out = np.empty((len(faces), 3), dtype=np.int32)
+    for f in range(len(faces)):
+        for i in range(3):
+            out[f, i] = new[faces[f, i]]
+    return used[:have].copy(), out
+
+
+@njit(cache=True, nogil=True)
 def _sound(
-    q: Any, spread: Any, eye: Any, face: Any, stretched: bool, jump: float, cos_grazing: float
+    q: Any,
+    spread: Any,
+    eyes: Any,
+    k: int,
+    corners: Any,
+    t: int,
+    stretched: bool,
+    jump: float,
+    cos_grazing: float,
 ) -> bool:
-    """Whether three corners ``face`` of a quad (4, 3) are one surface (ALGORITHMS §5.1)."""
-    a, b, c = face
+    """Whether three ``corners[t]`` of a quad (4, 3), seen from ``eyes[k]``, are one surface.
+
+    ALGORITHMS §5.1.
+    """
+    a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
     u0, u1, u2 = q[b, 0] - q[a, 0], q[b, 1] - q[a, 1], q[b, 2] - q[a, 2]
     v0, v1, v2 = q[c, 0] - q[b, 0], q[c, 1] - q[b, 1], q[c, 2] - q[b, 2]
     w0, w1, w2 = q[a, 0] - q[c, 0], q[a, 1] - q[c, 1], q[a, 2] - q[c, 2]
@@ -172,9 +251,9 @@ def _sound(
     most = jump * np.sqrt(2.0) * max(spread[a, 0], spread[b, 0], spread[c, 0])
     if stretched and longest > most * most:
         return False
-    if np.isnan(eye[0]):
+    if np.isnan(eyes[k, 0]):
         return True
-    r0, r1, r2 = eye[0] - q[a, 0], eye[1] - q[a, 1], eye[2] - q[a, 2]
+    r0, r1, r2 = eyes[k, 0] - q[a, 0], eyes[k, 1] - q[a, 1], eyes[k, 2] - q[a, 2]
     length = np.sqrt(r0 * r0 + r1 * r1 + r2 * r2)
     if abs(n0 * r0 + n1 * r1 + n2 * r2) >= cos_grazing * area * length:
         return True

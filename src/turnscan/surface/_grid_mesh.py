@@ -87,12 +87,9 @@ def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints]:
     )
     points = grid.points.reshape(s * n, 3)
     if _inward(points, faces, eyes, n) < 0:
-        faces = faces[:, ::-1]
-    used = np.zeros(s * n, dtype=np.bool_)
-    used[faces] = True
-    flat = np.flatnonzero(used).astype(np.int32)
-    new = np.cumsum(used, dtype=np.int32) - 1
-    return points[flat], new[faces].astype(np.int32).reshape(-1, 3), flat
+        faces = np.ascontiguousarray(faces[:, ::-1])
+    flat, faces = kernels.compact(faces, s * n)
+    return points[flat], faces, flat
 
 
 def _median(values: Floats) -> float:
@@ -105,14 +102,14 @@ def _inward(points: Floats, faces: Ints, eyes: Floats, n: int) -> float:
 
     The faces of a grid wind alike, so one sign holds for all of them.
     """
+    from turnscan.surface import _face_kernels as kernels
+
     if not len(faces):
         return 1.0
     some = faces[:: max(1, len(faces) // 20_000)]
-    t = points[some]
-    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    eye = eyes[some[:, 0] // n]
-    outward = np.where(np.isnan(eye), t[:, 0] * (1.0, 1.0, 0.0), eye - t[:, 0])
-    return float(np.einsum("ij,ij->", normal, outward))
+    first, eye = points[some[:, 0]], eyes[some[:, 0] // n]
+    outward = np.where(np.isnan(eye), first * (1.0, 1.0, 0.0), eye - first)
+    return float(np.einsum("ij,ij->", kernels.crosses(points, some), outward))
 
 
 def half_edges(faces: Ints) -> tuple[Ints, Ints]:

@@ -15,7 +15,7 @@ from turnscan.surface._mesh import Mesh
 from turnscan.surface._overlap import apart_findings, overlap_findings, overlaps
 from turnscan.surface._paste import paste
 from turnscan.surface._polar import merge_polar, polar_grid
-from turnscan.surface._range_surface import range_surfaces, spacings
+from turnscan.surface._range_surface import range_surfaces, rise, spacing
 from turnscan.surface._tsdf import fuse
 
 How = Literal["auto", "grid", "tsdf", "paste"]
@@ -64,7 +64,7 @@ def merge(
             "scans without a turning table have no angle to merge by", hint="use --merge tsdf"
         )
     if turns and how != "tsdf":
-        cells = polar_grid(surfaces, _steps(there), spacings(surfaces)[0])
+        cells = polar_grid(surfaces, _steps(there), rise(surfaces))
         why = f"{cells.several:.1%} of the cells have several radii, {cells.flat:.0%} is level"
         if how == "grid" or cells.fits:
             mesh, off = merge_polar(cells, surfaces, t)
@@ -75,7 +75,7 @@ def merge(
             ]
     else:
         why = "asked for" if how == "tsdf" else "the scans have no common axis"
-    size = spacings(surfaces)[1] if voxel is None else voxel
+    size = spacing(surfaces) if voxel is None else voxel
     sigma = float(np.median(np.concatenate([s.sigma for s in surfaces])))
     ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
     text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"

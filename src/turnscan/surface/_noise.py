@@ -19,9 +19,10 @@ def spacing(grid: RangeGrid) -> tuple[Floats, Floats]:
     than a quarter of the median; along a profile, and where the angles do not turn (the scans of
     another scanner), it is the median of the whole grid.
     """
+    from turnscan.surface import _grid_kernels as kernels
+
     points = grid.points
-    along = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    across = np.linalg.norm(np.diff(points, axis=0), axis=2)
+    across, along = kernels.edges(points, np.zeros(grid.flags.shape, dtype=np.bool_), False)
     line = np.full(grid.flags.shape, _median(along))
     step = np.full(grid.flags.shape, _median(across))
     turn = np.abs(np.diff(np.unwrap(grid.angles)))
@@ -38,17 +39,18 @@ def noise(grid: RangeGrid) -> Floats:
     No sigma is believed above three usual ones; and the usual one not above what the surface
     itself shows: the second difference along the profiles, which curvature only makes larger.
     """
+    from turnscan.surface import _grid_kernels as kernels
+
     sigma = np.nan_to_num(grid.sigma)
     known = grid.sigma[~np.isnan(grid.sigma)]
     if not len(known):
         return sigma
     usual = float(np.median(known))
-    bend = grid.points[:, 2:] - 2 * grid.points[:, 1:-1] + grid.points[:, :-2]
-    shown = _median(np.linalg.norm(bend, axis=2)) / np.sqrt(6.0)
+    shown = _median(kernels.bends(grid.points)) / np.sqrt(6.0)
     believed: Floats = np.minimum(sigma, _TRUSTED * min(usual, max(shown, 1e-12)))
     return believed
 
 
 def _median(values: npt.NDArray[np.float64]) -> float:
     have = values[np.isfinite(values)]
-    return float(np.median(have)) if len(have) else 1.0
+    return float(np.median(have, overwrite_input=True)) if len(have) else 1.0

@@ -11,7 +11,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid
-from turnscan.surface._range_surface import RangeSurface, spacings
+from turnscan.surface._range_surface import RangeSurface, spacing
 
 _JUMP = 3.0
 _SHARE = 0.02
@@ -60,17 +60,20 @@ def overlaps(surfaces: Sequence[RangeSurface]) -> list[Overlap]:
     """
     from scipy.spatial import cKDTree
 
-    spacing = spacings(surfaces)[1]
+    usual = spacing(surfaces)
     woven = [_Woven.of(s) for s in surfaces]
-    trees = [cKDTree(s.mesh.vertices, compact_nodes=False, balanced_tree=False) for s in surfaces]
+    # Nothing is looked for in the first.
+    trees = [
+        cKDTree(s.mesh.vertices, compact_nodes=False, balanced_tree=False) for s in surfaces[1:]
+    ]
     out = []
     for i, one in enumerate(surfaces):
         X = one.mesh.vertices
         some = np.linspace(0, len(X) - 1, min(len(X), _SAMPLES)).astype(np.intp)
         for j in range(i + 1, len(surfaces)):
             other = surfaces[j]
-            reach = 3 * spacing + 10 * float(np.median(other.sigma))
-            away, near = trees[j].query(X[some], distance_upper_bound=reach)
+            reach = 3 * usual + 10 * float(np.median(other.sigma))
+            away, near = trees[j - 1].query(X[some], distance_upper_bound=reach)
             hit = np.flatnonzero(np.isfinite(away))
             a, b = some[hit], np.asarray(near)[hit].astype(np.int32)
             alike = np.einsum("ij,ij->i", one.normals[a], other.normals[b]) > _ALIKE

@@ -85,17 +85,29 @@ def differences(values: Any, before: Any, after: Any) -> Any:
 @njit(cache=True, nogil=True)
 def _met(X: Any, n: Any, points: Any, face: Any, weights: Any) -> float:
     """Where the line X + t·n meets a triangle: t and, in ``weights``, the place; NaN: nowhere."""
-    a, b, c = points[face[0]], points[face[1]], points[face[2]]
-    u, v, s = b - a, c - a, X - a
-    p = np.cross(n, v)
-    det = (u * p).sum()
+    a, b, c = face[0], face[1], face[2]
+    u0, u1, u2 = (
+        points[b, 0] - points[a, 0],
+        points[b, 1] - points[a, 1],
+        points[b, 2] - points[a, 2],
+    )
+    v0, v1, v2 = (
+        points[c, 0] - points[a, 0],
+        points[c, 1] - points[a, 1],
+        points[c, 2] - points[a, 2],
+    )
+    s0, s1, s2 = X[0] - points[a, 0], X[1] - points[a, 1], X[2] - points[a, 2]
+    p0, p1, p2 = n[1] * v2 - n[2] * v1, n[2] * v0 - n[0] * v2, n[0] * v1 - n[1] * v0
+    det = u0 * p0 + u1 * p1 + u2 * p2
     if abs(det) < 1e-15:
         return np.nan
-    q = np.cross(s, u)
-    weights[1] = (s * p).sum() / det
-    weights[2] = (n * q).sum() / det
+    q0, q1, q2 = s1 * u2 - s2 * u1, s2 * u0 - s0 * u2, s0 * u1 - s1 * u0
+    weights[1] = (s0 * p0 + s1 * p1 + s2 * p2) / det
+    weights[2] = (n[0] * q0 + n[1] * q1 + n[2] * q2) / det
     weights[0] = 1.0 - weights[1] - weights[2]
-    return (v * q).sum() / det if weights.min() >= -_SLACK else np.nan
+    if min(weights[0], weights[1], weights[2]) < -_SLACK:
+        return np.nan
+    return (v0 * q0 + v1 * q1 + v2 * q2) / det
 
 
 @njit(cache=True, nogil=True)

@@ -79,10 +79,8 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
             radius[i], weight[i], sigma[i], source[i],
         )  # fmt: skip
         met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
-        size = np.linalg.norm(faces.crosses(X, s.mesh.faces), axis=1)
-        area += float(size.sum())
-        tilt = np.abs(s.normals[:, 2])[s.mesh.faces].mean(axis=1)
-        level += float(size[tilt > _FLAT].sum())
+        both = faces.level(X, s.mesh.faces, s.normals, _FLAT)
+        area, level = area + both[0], level + both[1]
     clashes += _unlike(radius, apart)
     several, flat = clashes / max(met, 1), level / max(area, 1e-300)
     return PolarGrid(radius, weight, sigma, source, bottom, rise, several, flat)

@@ -31,8 +31,9 @@ def raster(
     """
     s, n = radius.shape
     met, clashes = 0, 0
+    away = np.hypot(points[:, 0], points[:, 1])
     for f in range(faces.shape[0]):
-        a, b, c = faces[f]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         xa, xb, xc = around[a], around[b], around[c]
         # The face lies where its corners are nearest to the first, across the seam too.
         xb -= s * np.round((xb - xa) / s)
@@ -43,9 +44,7 @@ def raster(
         area = (xb - xa) * (zc - za) - (xc - xa) * (zb - za)
         if area == 0.0 or max(xa, xb, xc) - min(xa, xb, xc) > s / 4:
             continue
-        ra = np.hypot(points[a, 0], points[a, 1])
-        rb = np.hypot(points[b, 0], points[b, 1])
-        rc = np.hypot(points[c, 0], points[c, 1])
+        ra, rb, rc = away[a], away[b], away[c]
         low = max(0, int(np.ceil(min(za, zb, zc) - 1e-9)))
         high = min(n - 1, int(np.floor(max(za, zb, zc) + 1e-9)))
         for x in range(int(np.ceil(min(xa, xb, xc) - 1e-9)), int(max(xa, xb, xc) + 1e-9) + 1):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -42,7 +43,7 @@ class RangeSurface:
         cosine: Floats = np.nan_to_num(np.einsum("ij,ij->i", self.normals, ray))
         return cosine
 
-    @property
+    @cached_property
     def sigma(self) -> Floats:
         """(v,) mm; where it is not known, the usual noise of the surface itself."""
         p = self.mesh.provenance
@@ -94,8 +95,10 @@ def _surface(grid: RangeGrid, keep: Bools, tears: Tears | None) -> RangeSurface:
         raise InputError(
             f"{grid.laser}: where the camera stood is not known", hint="merge with --merge paste"
         )
-    points = np.where(keep[..., None], grid.points, np.nan)
-    mesh = mesh_grid(replace(grid, points=points), tears)
+    part = grid
+    if (grid.found & ~keep).any():
+        part = replace(grid, points=np.where(keep[..., None], grid.points, np.nan))
+    mesh = mesh_grid(part, tears)
     if mesh.provenance is None:
         raise TypeError("the mesh of a grid knows its steps")
     order = np.argsort(grid.steps, kind="stable")
@@ -134,17 +137,19 @@ def _along(sheet: Floats, ray: Floats, eyes: Floats) -> Floats:
     return np.asarray(np.cross(sheet, row))
 
 
-def spacings(surfaces: Sequence[RangeSurface]) -> tuple[float, float]:
-    """The usual distance in height between points of a profile, and that between points, mm."""
+def spacing(surfaces: Sequence[RangeSurface]) -> float:
+    """The usual distance between points, mm: the root of twice the area of the usual face."""
     from turnscan.surface import _face_kernels as kernels
 
-    rises, areas = [], []
-    for s in surfaces:
-        p, X, faces = s.mesh.provenance, s.mesh.vertices, s.mesh.faces
-        if p is not None:
-            rises.append(kernels.rises(X, faces, p.step))
-        size = np.linalg.norm(kernels.crosses(X, faces), axis=1)
-        areas.append(size[size > 0])
-    area = float(np.median(np.concatenate(areas)))
-    rise = np.concatenate([np.zeros(0), *rises])
-    return float(np.median(rise)) if len(rise) else np.sqrt(area), float(np.sqrt(area))
+    double = [kernels.doubles(s.mesh.vertices, s.mesh.faces) for s in surfaces]
+    return float(np.sqrt(np.median(np.concatenate([d[d > 0] for d in double]))))
+
+
+def rise(surfaces: Sequence[RangeSurface]) -> float:
+    """The usual distance in height between points of a profile, mm."""
+    from turnscan.surface import _face_kernels as kernels
+
+    known = [(s.mesh, s.mesh.provenance) for s in surfaces]
+    rises = [kernels.rises(m.vertices, m.faces, p.step) for m, p in known if p is not None]
+    usual = np.concatenate([np.zeros(0), *rises])
+    return float(np.median(usual, overwrite_input=True)) if len(usual) else spacing(surfaces)
