@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from turnscan.points import (
     resample,
     view_mask,
     whole_turns,
+    without,
     working_volume,
 )
 from turnscan.rig import Marker, Rig
@@ -172,6 +174,17 @@ def test_specks_go_and_runs_stay():
     assert list(np.flatnonzero(kept.found[0])) == [5, 6, 7]
     assert kept.found[1].all()
     assert kept.flags[0, 0] == StripeFlag.AMBIGUOUS
+
+
+def test_what_is_taken_away_keeps_what_was_known_of_its_light_and_gets_a_new_cause():
+    grid = plain_grid(np.ones((1, 3, 3)))
+    flags = [[StripeFlag.SATURATED | StripeFlag.HALO | StripeFlag.AMBIGUOUS, StripeFlag.HALO, 0]]
+    grid = replace(grid, flags=np.array(flags, np.uint16))
+    left = without(grid, np.array([[True, False, True]]), StripeFlag.OUTSIDE)
+    assert left.flags[0, 0] == StripeFlag.SATURATED | StripeFlag.HALO | StripeFlag.OUTSIDE
+    assert left.flags[0, 1] == StripeFlag.HALO
+    assert left.flags[0, 2] == StripeFlag.OUTSIDE
+    assert list(left.found[0]) == [False, True, False]
 
 
 def test_the_cloud_keeps_its_provenance():

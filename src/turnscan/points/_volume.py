@@ -18,6 +18,8 @@ _BORDER = 64
 """Pixels cast along each side of the picture to find how far the camera sees."""
 _APART = 5.0
 """Sigma between two surfaces (ALGORITHMS 5.1)."""
+_ABSENT = StripeFlag.DARK | StripeFlag.OUTSIDE | StripeFlag.AMBIGUOUS
+"""Why a point is missing; the other flags tell about the light, which was there."""
 
 
 @dataclass(frozen=True)
@@ -123,12 +125,16 @@ def clip(grid: RangeGrid, volume: Volume) -> RangeGrid:
 
 
 def without(grid: RangeGrid, drop: Bools, cause: StripeFlag) -> RangeGrid:
-    """The grid with the points where ``drop`` (s, n) is True missing, flagged with the cause."""
+    """The grid with the points where ``drop`` (s, n) is True missing, flagged with the cause.
+
+    What was known about their light (clipped, haloed …) stays known.
+    """
 
     def gone(values: Floats) -> Floats:
         return np.where(drop, np.nan, values)
 
-    flags: Flags = np.where(drop, np.uint16(cause), grid.flags).astype(np.uint16)
+    why = (grid.flags & np.uint16(~_ABSENT & 0xFFFF)) | np.uint16(cause)
+    flags: Flags = np.where(drop, why, grid.flags).astype(np.uint16)
     return replace(
         grid,
         points=np.where(drop[..., None], np.nan, grid.points),
