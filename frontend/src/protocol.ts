@@ -616,6 +616,8 @@ export interface ScanPlan {
   texture?: number | null;
   /** Steps. */
   texture_every?: number;
+  /** Outputs of the laser board that are lamps: never lit as lasers, but for those pictures. */
+  lamps?: string[];
 }
 
 /** A scan that is being taken. */

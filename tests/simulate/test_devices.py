@@ -12,6 +12,7 @@ from turnscan.calibrate import detect_board, parse_board
 from turnscan.devices import Camera, Lasers, Turntable
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
 from turnscan.simulate import Simulated, Wish, bench, simulated, wish_of
+from turnscan.simulate._render import Renderer
 
 CUP = "sim:cylinder?seed=3&steps=8"
 
@@ -158,13 +159,26 @@ def test_a_laser_that_never_hits_the_axis_is_named() -> None:
 def test_every_key_of_an_address_arrives() -> None:
     wish, faults = wish_of(
         "sim:head?rig=modern&theta_deg=25&lasers=1&seed=9&steps=12&speckle=0&room=0.1&x=2&y=-3"
-        "&lean_x_deg=5&tip_deg=90&galvo=105&stale=0.25"
+        "&lean_x_deg=5&tip_deg=90&galvo=105&lying=1&stale=0.25"
     )
     assert wish == Wish(
         "head", "modern", math.radians(25), 1, 9, 12, "diffraction", False, 0.1, (2.0, -3.0),
-        (math.radians(5), 0.0), math.radians(90), galvo=105.0,
+        (math.radians(5), 0.0), math.radians(90), galvo=105.0, lying=True,
     )  # fmt: skip
     assert faults.stale == 0.25
+
+
+def test_a_camera_that_lies_on_its_side_sees_the_same_turned_by_a_quarter() -> None:
+    upright, lying = (
+        Renderer(simulated(f"sim:cup?speckle=no&lying={how}").world.bench) for how in ("no", "yes")
+    )
+    one, other = (r.electrons(0.3, {"right"}, 0.04) for r in (upright, lying))
+    assert one.shape == (480, 640)
+    # A pixel's rays are spread more finely across its rows than along them: the light is the same
+    # within what that leaves.
+    assert np.abs(np.rot90(one) - other).sum() < 0.01 * one.sum()
+    camera = lying.bench.rig.camera
+    assert (camera.width, camera.height) == (480, 640)
 
 
 def test_a_part_tipped_over_lies_on_the_platter_with_its_middle_over_the_axis() -> None:

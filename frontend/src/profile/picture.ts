@@ -58,7 +58,8 @@ export class PictureView extends PlaneView {
     const position = profile.position[line];
     if (!Number.isNaN(position)) return profile.pixel(line, position);
     const [first] = profile.of(line);
-    return first ? profile.pixel(line, first.position) : profile.pixel(line, profile.header.width / 2);
+    const { orientation, width, height } = profile.header;
+    return profile.pixel(line, first ? first.position : (orientation === "vertical" ? width : height) / 2);
   }
 
   protected content(): Box | null {

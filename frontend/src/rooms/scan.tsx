@@ -1,5 +1,5 @@
 /** Scan: a plan, the camera and the points while it runs, and the way to the Mend room. */
-import { signal } from "@preact/signals";
+import { type Signal, signal } from "@preact/signals";
 import type { ScanPlan } from "../protocol";
 import { ask, devices, go, isOperator, jobs, kept } from "../state";
 import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
@@ -21,6 +21,11 @@ const threshold = signal<number | null>(null);
 const texture = signal<number | null>(null);
 const textureEvery = signal(1);
 const unused = signal<ReadonlySet<string>>(new Set());
+/** Outputs of the laser board that are lamps, for plain pictures. */
+const lamps = signal<ReadonlySet<string>>(new Set());
+
+const outputs = () => devices.value?.lasers.map((output) => output.name) ?? [];
+const lasers = () => outputs().filter((name) => !lamps.value.has(name));
 
 /** Milliseconds, one or several: "5" or "5, 40". */
 function seconds(): number[] {
@@ -28,20 +33,20 @@ function seconds(): number[] {
 }
 
 function plan(): ScanPlan {
-  const all = devices.value?.lasers.map((laser) => laser.name) ?? [];
-  const lasers = all.filter((laser) => !unused.value.has(laser));
+  const used = lasers().filter((laser) => !unused.value.has(laser));
   return {
     name: name.value,
     steps: steps.value,
     from_deg: from.value,
     to_deg: to.value,
-    lasers: lasers.length === all.length ? null : lasers,
+    lasers: used.length === lasers().length ? null : used,
     seconds: seconds(),
     keep: keep.value,
     threshold: threshold.value,
     orientation: orientation.value,
     texture: texture.value === null ? null : texture.value / 1000,
     texture_every: textureEvery.value,
+    lamps: outputs().filter((name) => lamps.value.has(name)),
   };
 }
 
@@ -56,11 +61,11 @@ function toggle(): void {
   else if (scanning.value?.state === "paused") void ask({ kind: "go_on" });
 }
 
-function use(laser: string, on: boolean): void {
-  const next = new Set(unused.value);
-  if (on) next.delete(laser);
-  else next.add(laser);
-  unused.value = next;
+function put(set: Signal<ReadonlySet<string>>, name: string, on: boolean): void {
+  const next = new Set(set.value);
+  if (on) next.add(name);
+  else next.delete(name);
+  set.value = next;
 }
 
 function PlanPanel() {
@@ -80,8 +85,8 @@ function PlanPanel() {
       <Section title="Plan">
         <TextField label="Name" value={name.value} onChange={(value) => (name.value = value)} />
         <NumberField label="Stops in the turn" value={steps.value} min={1} step={1} placeholder="usual" onChange={(value) => (steps.value = value)} />
-        {now.lasers.map((laser) => (
-          <Check key={laser.name} label={`Laser ${laser.name}`} checked={!unused.value.has(laser.name)} onChange={(on) => use(laser.name, on)} />
+        {lasers().map((name) => (
+          <Check key={name} label={`Laser ${name}`} checked={!unused.value.has(name)} onChange={(on) => put(unused, name, !on)} />
         ))}
         <TextField label="Exposures" unit="ms" value={exposures.value} placeholder="usual" onChange={(value) => (exposures.value = value)} />
       </Section>
@@ -93,6 +98,8 @@ function PlanPanel() {
         {texture.value !== null && (
           <NumberField label="Each so many stops" value={textureEvery.value} min={1} step={1} onChange={(value) => (textureEvery.value = value ?? 1)} />
         )}
+        {outputs().length > 1 &&
+          outputs().map((name) => <Check key={name} label={`${name} is a lamp for plain pictures`} checked={lamps.value.has(name)} onChange={(on) => put(lamps, name, on)} />)}
         <StripeField />
         <SelectField
           label="Keep"

@@ -264,6 +264,8 @@ class ScanPlan(Model):
     """Exposure of a whole picture without laser, taken too; None for none."""
     texture_every: Annotated[int, Field(ge=1, le=100000)] = 1
     """Steps."""
+    lamps: Annotated[tuple[Name, ...], Field(max_length=64)] = ()
+    """Outputs of the laser board that are lamps: never lit as lasers, but for those pictures."""
 
 
 class StartScan(Request):

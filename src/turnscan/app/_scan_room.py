@@ -245,4 +245,5 @@ def _wishes(wish: q.ScanPlan) -> Wishes:
         orientation=wish.orientation,
         texture=wish.texture,
         texture_every=wish.texture_every,
+        lamps=wish.lamps,
     )

@@ -13,6 +13,7 @@ from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.rig import (
     PRESET_NAMES,
+    Camera,
     Design,
     LaserSheet,
     Pose,
@@ -67,6 +68,8 @@ class Wish:
     motion: Motion = field(default_factory=Motion)
     galvo: float | None = None
     """Frequency of the mirror, Hz; None for the preset's."""
+    lying: bool = False
+    """The camera lies on its side: the stripe runs along the rows of its picture."""
     hand: str | None = None
     """A board that a hand holds before the camera of the rig that is set up for the scene, with the
     room's light on; None for the scene itself."""
@@ -175,6 +178,9 @@ def bench(wish: Wish) -> Bench:
         sensor = replace(sensor, bits=16, adc_bits=0, gamma=1.0, jpeg_quality=0, bayer="")
     up = top / 2 + design.distance * math.tan(kit.look_down)
     rig = design.rig(height=up, look_down=kit.look_down, both=both)
+    if wish.lying:
+        rig = _on_its_side(rig)
+        sensor = replace(sensor, pitch_x=sensor.pitch_y, pitch_y=sensor.pitch_x)
     focal = design.focal * design.distance / (design.distance + design.focal)
     stop = 1e4 if wish.perfect else design.f_number
     lens = Lens(focal, stop, design.distance, kit.transmission)
@@ -193,6 +199,17 @@ def bench(wish: Wish) -> Bench:
     made = _lit(made, design, kit, wish)
     check_view(made)
     return made
+
+
+def _on_its_side(rig: Rig) -> Rig:
+    """The same with its camera, which has no distortion, a quarter turn about its optical axis."""
+    c = rig.camera
+    camera = Camera(c.height, c.width, c.fy, c.fx, c.cy, c.width - 1 - c.cx)
+    roll = Pose(np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    sheets = [
+        replace(s, normal=roll.turn(s.normal), centre=roll.apply(s.centre)) for s in rig.sheets
+    ]
+    return Rig(camera, tuple(sheets), roll @ rig.T_camera_table)
 
 
 def check_view(made: Bench) -> None:

@@ -83,7 +83,11 @@ class Server:
     """``turnscan app`` as a process of its own, and the cookie of one browser."""
 
     def __init__(self, folder: Path) -> None:
-        command = [sys.executable, "-m", "turnscan", "app", str(folder), "--no-browser"]
+        self._folder = folder
+        self._start()
+
+    def _start(self) -> None:
+        command = [sys.executable, "-m", "turnscan", "app", str(self._folder), "--no-browser"]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         link = self.process.stdout.readline() if self.process.stdout else ""
         if not link.startswith("turnscan: http://127.0.0.1:"):
@@ -93,16 +97,24 @@ class Server:
         self.address = self.link.split("/login")[0] + "/"
         self.cookies: Any = None
 
+    def power_cut(self) -> None:
+        """Die without a word, and start anew."""
+        self.process.kill()
+        self._ended()
+        self._start()
+
+    def _ended(self) -> None:
+        self.process.wait(30)
+        if self.process.stdout:
+            self.process.stdout.close()
+
     def end(self) -> None:
         self.process.terminate()
         try:
-            self.process.wait(10)
+            self.process.wait(30)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            self.process.wait(10)
-        finally:
-            if self.process.stdout:
-                self.process.stdout.close()
+        self._ended()
 
 
 @pytest.fixture(scope="module")

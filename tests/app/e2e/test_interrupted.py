@@ -1,0 +1,116 @@
+"""Scans that are interrupted and taken to their end; one of a camera that lies on its side."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.app.e2e.conftest import OPENING, Server, until
+from tests.app.e2e.test_mend import mark
+from tests.app.e2e.test_rig_and_scan import WORKING, connect, disconnect
+from turnscan.scan import Scan, rig_for
+
+BENCH = "sim:cup?seed=7&speckle=no"
+STEPS = 16
+SOME = re.compile(r"([2-9]|1[0-2]) of 16 steps")
+
+
+def begin(page: Any, name: str) -> None:
+    page.get_by_role("button", name="Scan", exact=True).click()
+    page.get_by_role("textbox", name="Name").fill(name)
+    page.get_by_role("button", name="Start", exact=True).click()
+
+
+def resume(page: Any, name: str) -> None:
+    """Take what is missing, and see that the list of what is interrupted is empty after that."""
+    interrupted = page.get_by_role("list", name="Interrupted scans")
+    row = interrupted.get_by_role("listitem").filter(has_text=name)
+    row.get_by_role("button", name="Resume").click()
+    page.get_by_text("Whole", exact=True).wait_for(timeout=WORKING)
+    interrupted.wait_for(state="detached", timeout=WORKING)
+    page.get_by_role("button", name="Mend it").click()
+    until(page, "turnscan.faces > 3000", OPENING)
+
+
+def check_whole(path: Path) -> None:
+    """Each step is there once, at its own angle."""
+    with Scan.open(path) as scan:
+        assert scan.complete
+        angles = [scan.frame(k, "right").commanded for k in range(STEPS)]
+    assert np.allclose(angles, 2 * np.pi * np.arange(STEPS) / STEPS)
+
+
+def test_a_scan_that_was_aborted_is_taken_to_its_end(new_page, folder):
+    page = new_page()
+    connect(page, f"{BENCH}&steps={STEPS}")
+    begin(page, "halved")
+    page.get_by_text(SOME).wait_for(timeout=WORKING)
+    page.get_by_role("button", name="Abort").click()
+    page.get_by_text("Ended early").wait_for(timeout=WORKING)
+    with Scan.open(folder / "halved.turnscan") as scan:
+        assert 2 <= len(scan) < STEPS
+    page.get_by_role("list", name="Interrupted scans").get_by_text("steps missing").wait_for()
+    resume(page, "halved")
+    check_whole(folder / "halved.turnscan")
+    page.get_by_role("button", name="Rig", exact=True).click()
+    disconnect(page)
+
+
+def test_a_scan_whose_server_was_killed_is_taken_to_its_end(new_page, server: Server, folder):
+    page = new_page()
+    connect(page, f"{BENCH}&steps={STEPS}")
+    begin(page, "killed")
+    page.get_by_text(SOME).wait_for(timeout=WORKING)
+    page.context.close()  # its link breaks, which is no mistake of the page
+    server.power_cut()
+    page = new_page()
+    listed = page.get_by_role("row").filter(has_text="killed")
+    listed.get_by_text(re.compile(r"\d+ steps missing")).wait_for()
+    listed.get_by_role("button", name="Resume").click()
+    page.get_by_role("button", name="Connect", exact=True).wait_for()  # first the devices
+    connect(page, f"{BENCH}&steps={STEPS}")
+    page.get_by_role("button", name="Scan", exact=True).click()
+    resume(page, "killed")
+    check_whole(folder / "killed.turnscan")
+    page.get_by_role("button", name="Rig", exact=True).click()
+    disconnect(page)
+
+
+def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_page, folder):
+    page = new_page()
+    connect(page, f"{BENCH}&steps=12&lying=yes&lasers=2")
+    page.get_by_role("combobox", name="Stripe").select_option("lying")
+    page.get_by_role("checkbox", name="Laser right").check()
+    page.get_by_role("button", name="Look", exact=True).click()
+    # The cup is 240 columns high in a picture of 480: upright lines would find the platter's rim.
+    seen = page.get_by_text(re.compile(r"480 × 640 · right lit · stripe in [23]\d\d lines"))
+    seen.wait_for(timeout=WORKING)
+    page.get_by_role("button", name="End", exact=True).click()
+    page.get_by_role("button", name="Scan", exact=True).click()
+    page.locator("summary", has_text="More").click()
+    page.get_by_role("spinbutton", name="Plain picture").fill("20")
+    page.get_by_role("spinbutton", name="Plain picture").press("Enter")
+    page.get_by_role("checkbox", name="left is a lamp").check()
+    page.get_by_role("checkbox", name="Laser left").wait_for(state="detached")
+    begin(page, "lying")
+    page.get_by_text("12 of 12 steps").wait_for(timeout=WORKING)
+    page.get_by_text("Whole", exact=True).wait_for(timeout=WORKING)
+    with Scan.open(folder / "lying.turnscan") as scan:
+        assert scan.plan.orientation == "horizontal"
+        assert scan.plan.lasers == ("right",)
+        dark = scan.frame(0, "right").dark
+        assert dark is not None
+        assert scan.texture(0).lit.max() > dark.max() + 30, "the lamp burns in the plain picture"
+        camera, T = rig_for(scan).camera, rig_for(scan).T_camera_table
+    page.get_by_role("button", name="Mend it").click()
+    until(page, "turnscan.faces > 3000", OPENING)
+    found = mark(page, 3, 240)
+    turned = np.array(found["point"]) @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    u, _ = camera.project(T.apply(turned[None]))[0]
+    assert u == pytest.approx(found["line"], abs=1), "a line is a column of the picture"
+    page.get_by_role("button", name="Rig", exact=True).click()
+    disconnect(page)
