@@ -9,6 +9,7 @@ import pytest
 
 from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape, sphere, with_noise
 from turnscan.points import (
+    RangeGrid,
     RangeScan,
     Volume,
     build_grid,
@@ -49,14 +50,21 @@ def area(mesh: Mesh) -> float:
     return float(np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1).sum() / 2)
 
 
+def assert_sound_and_measured(mesh: Mesh, of: list[RangeGrid]) -> None:
+    """Manifold but for corners that touch, oriented, nothing cuts through; no vertex was moved."""
+    assert {f.code for f in soundness(mesh)} <= {"surface.touching"}
+    measured = {tuple(p) for g in of for p in g.points[g.found]}
+    assert {tuple(v) for v in mesh.vertices} <= measured
+
+
 def test_two_lasers_on_one_surface_are_kept_once():
     one, two = grids((0.4, -0.4), cylinder(25.0, 0.0, 40.0), 48, lift=20.0, elevation=0.1)
     single, both = paste([one]), paste([one, two])
     double = paste([one, two], keep_double=True)
     assert both.provenance.lasers[0] == "L0"
     assert area(double) == pytest.approx(2 * area(single), rel=0.05)
-    # Beyond the first one's border nothing is known, so the second keeps a strip of it.
-    assert area(single) < area(both) < 1.1 * area(single)
+    assert area(both) == pytest.approx(area(single), rel=0.02)
+    assert_sound_and_measured(both, [one, two])
 
 
 def test_a_second_laser_fills_what_the_first_did_not_see():
@@ -66,8 +74,9 @@ def test_a_second_laser_fills_what_the_first_did_not_see():
     torn = replace(one, points=points)
     whole, both = paste([one]), paste([torn, two])
     assert area(paste([torn])) < 0.95 * area(whole)
-    assert area(both) > 0.98 * area(whole)
-    assert area(both) < 1.12 * area(whole)
+    assert area(both) == pytest.approx(area(whole), rel=0.02)
+    assert_sound_and_measured(both, [torn, two])
+    assert components(both).max() == 0, "joined across the gap between the patches"
     p = both.provenance
     assert set(p.laser[p.laser >= 0]) == {0, 1}
     assert p.lasers == ("L0", "L1")
@@ -77,6 +86,8 @@ def test_the_top_seen_before_and_beyond_the_axis_is_there_once():
     (grid,) = grids((0.4,), box((20, 15, 15), (2, 1, 15), 0.3), 48, lift=15.0, elevation=0.5)
     assert grid.behind[grid.found].any()
     mesh = paste([grid])
+    assert_sound_and_measured(mesh, [grid])
+    assert np.bincount(components(mesh)).max() > 0.99 * len(mesh.faces), "front and back are joined"
     top = np.abs(mesh.vertices[mesh.faces][..., 2] - 30.0).max(axis=1) < 0.2
     # Faces that cross the top's edges are not counted.
     assert 0.85 * 40 * 30 < area(submesh(mesh, top)) < 1.02 * 40 * 30
@@ -110,8 +121,8 @@ def test_a_box_closes_to_its_volume():
     # Steps of 3° cut the corners: a little less than the truth, never more than noise allows.
     assert 0.97 * 40 * 30 * 30 < mesh.volume < 1.002 * 40 * 30 * 30
     assert mesh.bounds[0, 2] == 0.0
-    # Near the axis the points are denser than their noise: the few faces there are made anew.
-    assert [f.code for f in said] == ["surface.mended", "surface.caps", "surface.floor"]
+    # What was measured before and beyond the axis is joined: nothing has to be mended.
+    assert [f.code for f in said] == ["surface.caps", "surface.floor"]
     new = mesh.provenance.step == -1
     there = {tuple(v) for v in open_mesh.vertices.tolist()}
     assert all(tuple(v) in there for v in mesh.vertices[~new].tolist()), "nothing moved"

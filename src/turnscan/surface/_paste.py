@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Ints
 from turnscan.points import RangeGrid
-from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
+from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh
 from turnscan.surface._mesh import Mesh, Provenance
+from turnscan.surface._zip import trimmed, zip_up
 
-_ALIKE = 0.5
-"""Two surfaces are the same one where their normals are within 60°."""
 _ISLAND = 0.01
 """Part of the largest piece below which a piece is an island."""
-_NOISE = 3.0
-"""Sigmas that two measurements of one surface may lie apart, on top of their spacing."""
 
 
 def paste(
@@ -28,10 +24,9 @@ def paste(
     """Mesh every grid and join them as one mesh with the provenance of each vertex.
 
     What was measured twice is kept once: grids come in their order, what the sheet met beyond the
-    rotation axis comes last, and a face is left out where all its corners lie on a surface already
-    there (nearer than its own spacing plus three sigma, inside its border, normals within 60°).
-    ``keep_double`` keeps all. The patches overlap by at most a face at their borders and are not
-    sewn together; measurements of two lasers are not averaged.
+    rotation axis comes last, and faces that lie on a surface already there are left out
+    (`trimmed`). The patches are joined across the gaps between them (`zip_up`); measurements of two
+    lasers are not averaged. ``keep_double`` keeps all, side by side.
     """
     fronts, backs = [], []
     for grid in grids:
@@ -42,62 +37,16 @@ def paste(
     parts = [m for m in fronts + backs if len(m.faces)]
     if not parts:
         return fronts[0] if fronts else Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
-    return join(parts if keep_double else _once(parts))
+    if keep_double or len(parts) == 1:
+        return join(parts)
+    left = trimmed(parts)
+    sizes = [len(m.vertices) for m in left]
+    return zip_up(join(left), np.repeat(np.arange(len(left), dtype=np.int32), sizes))
 
 
 def _part(grid: RangeGrid, keep: Bools, tears: Tears | None) -> Mesh:
     points = np.where(keep[..., None], grid.points, np.nan)
     return mesh_grid(replace(grid, points=points), tears)
-
-
-def _once(parts: Sequence[Mesh]) -> list[Mesh]:
-    from scipy.spatial import cKDTree
-
-    done = [parts[0]]
-    if len(parts) == 1:
-        return done
-    known = [_Cover(cKDTree(parts[0].vertices), vertex_normals(parts[0]), _reach(parts[0]))]
-    for mesh in parts[1:]:
-        normals, noise = vertex_normals(mesh), _noise(mesh)
-        covered = np.zeros(len(mesh.vertices), dtype=np.bool_)
-        for cover in known:
-            near, which = cover.tree.query(mesh.vertices)
-            alike = np.einsum("ij,ij->i", normals, cover.normals[which]) > _ALIKE
-            covered |= alike & (near <= cover.reach[which] + noise)
-        left = submesh(mesh, np.asarray(~covered[mesh.faces].all(axis=1)))
-        if len(left.faces):
-            done.append(left)
-            known.append(_Cover(cKDTree(left.vertices), vertex_normals(left), _reach(left)))
-    return done
-
-
-@dataclass(frozen=True)
-class _Cover:
-    tree: Any
-    normals: Floats
-    reach: Floats
-
-
-def _reach(mesh: Mesh) -> Floats:
-    """(v,) mm: how far from each vertex the surface is known: its longest side and three sigma.
-
-    Minus infinity on a border, beyond which nothing is known.
-    """
-    reach = np.zeros(len(mesh.vertices))
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        ends = mesh.faces[:, [a, b]]
-        length = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
-        np.maximum.at(reach, ends[:, 0], length)
-        np.maximum.at(reach, ends[:, 1], length)
-    reach += _noise(mesh)
-    reach[np.concatenate(half_edges(mesh.faces))] = -np.inf
-    return reach
-
-
-def _noise(mesh: Mesh) -> Floats:
-    if mesh.provenance is None:
-        return np.zeros(len(mesh.vertices))
-    return _NOISE * np.nan_to_num(mesh.provenance.sigma)
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:

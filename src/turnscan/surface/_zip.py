@@ -1,0 +1,269 @@
+"""Zip: patches that measured one surface, trimmed where they lie on each other, and joined.
+
+After Turk & Levoy 1994 (Zippered polygon meshes from range images), without their clipping: every
+vertex stays the measured point that it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.surface._grid_mesh import half_edges, submesh
+from turnscan.surface._mesh import Mesh
+from turnscan.surface._range_surface import steady_normals
+from turnscan.surface._soundness import crossings
+
+_ALIKE = 0.5
+"""Two surfaces are the same one where their normals are within 60°."""
+_NOISE = 3.0
+"""Sigmas that two measurements of one surface may lie apart, on top of their spacing."""
+_NEAR = 24
+"""Corners of borders near a side that are tried for a face on it."""
+
+Keys = npt.NDArray[np.int64]
+
+
+def trimmed(patches: Sequence[Mesh]) -> list[Mesh]:
+    """The patches (s) in their order, each without the faces that lie on one before it.
+
+    Two faces lie on each other where a corner of one is over the other, along the normal: nearer
+    than the longest side there plus three sigma of both, and with normals within 60°. So the
+    borders that are left face each other across a gap. What still cuts through an earlier patch,
+    as faces beside an edge of the part may, goes too.
+    """
+    done = [_Patch.of(patches[0])]
+    for mesh in patches[1:]:
+        patch = _Patch.of(mesh)
+        drop = np.zeros(len(mesh.faces), dtype=np.bool_)
+        for known in done:
+            drop |= (patch.faces_of(known) >= 0)[mesh.faces].any(axis=1)
+            hit = known.faces_of(patch)
+            drop[hit[hit >= 0]] = True
+        left = _clear(submesh(mesh, ~drop), [p.mesh for p in done])
+        if len(left.faces):
+            done.append(_Patch.of(left))
+    return [p.mesh for p in done]
+
+
+def zip_up(mesh: Mesh, patch: Ints) -> Mesh:
+    """Join patches (``patch`` (v,) names that of each vertex) by faces between their borders.
+
+    A face stands on a side of a border and has its third corner on another: the smallest first,
+    again and again, so that the gap closes from where it is narrowest. A side that leads from one
+    patch to another is at most as long as the longest sides of both at its ends; normals are within
+    60°; no side has more than two faces, and no new face cuts through another. No vertex moves and
+    none is added. What lies further apart stays open.
+    """
+    zipper = _Zipper.of(mesh, patch)
+    if zipper is None:
+        return mesh
+    while zipper.round():
+        pass
+    return replace(mesh, faces=np.concatenate([mesh.faces, zipper.made.astype(np.int32)]))
+
+
+@dataclass(frozen=True)
+class _Patch:
+    """A mesh, and how far and which way each vertex of it looks."""
+
+    mesh: Mesh
+    normals: Floats
+    reach: Floats
+    """(v,) mm: longest side."""
+    noise: Floats
+    """(v,) mm: three sigma."""
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> _Patch:
+        p = mesh.provenance
+        noise = np.zeros(len(mesh.vertices)) if p is None else _NOISE * np.nan_to_num(p.sigma)
+        return cls(mesh, steady_normals(mesh), longest_sides(mesh), noise)
+
+    def faces_of(self, other: _Patch) -> Ints:
+        """(v,) the face of the other patch that each vertex of this one lies on; −1 for none."""
+        from scipy.spatial import cKDTree
+
+        from turnscan.surface import _overlap_kernels as kernels
+
+        X, there = self.mesh.vertices, other.mesh
+        near = cKDTree(there.vertices).query(X)[1].astype(np.int32)
+        start, numbers = kernels.about(there.faces, len(there.vertices))
+        face, _, off = kernels.feet(
+            X, other.normals[near], near, there.vertices, there.faces, start, numbers
+        )
+        alike = np.einsum("ij,ij->i", self.normals, other.normals[near]) > _ALIKE
+        most = other.reach[near] + other.noise[near] + self.noise
+        with np.errstate(invalid="ignore"):
+            found: Ints = np.where(alike & (np.abs(off) <= most), face, -1).astype(np.int32)
+        return found
+
+
+def longest_sides(mesh: Mesh) -> Floats:
+    """(v,) mm: the longest side at each vertex."""
+    reach = np.zeros(len(mesh.vertices))
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        ends = mesh.faces[:, [a, b]]
+        length = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
+        np.maximum.at(reach, ends[:, 0], length)
+        np.maximum.at(reach, ends[:, 1], length)
+    return reach
+
+
+def _clear(mesh: Mesh, others: Sequence[Mesh]) -> Mesh:
+    """The mesh without faces that cut through others."""
+    starts = np.cumsum([0, *(len(m.vertices) for m in (*others, mesh))])
+    faces = [m.faces + k for m, k in zip((*others, mesh), starts, strict=False)]
+    both = Mesh(
+        np.concatenate([m.vertices for m in (*others, mesh)]), np.concatenate(faces, dtype=np.int32)
+    )
+    first = len(both.faces) - len(mesh.faces)
+    cut = crossings(both, np.arange(len(both.faces)) >= first)
+    between = cut[cut[:, 0] < first]
+    keep = np.ones(len(mesh.faces), dtype=np.bool_)
+    keep[between[:, 1] - first] = False
+    return submesh(mesh, keep)
+
+
+@dataclass
+class _Zipper:
+    """What is known about the gap while it closes."""
+
+    vertices: Floats
+    normals: Floats
+    reach: Floats
+    patch: Ints
+    near: Ints
+    """(n, 3) the faces that may be in the way of new ones."""
+    sides: Keys
+    """Sides (keys) of faces between corners that take part, as they wind, sorted."""
+    border: npt.NDArray[np.int64]
+    """(m, 2) sides that have one face only."""
+    made: npt.NDArray[np.int64]
+    """(k, 3) the faces so far."""
+    refused: Keys
+    """Faces (keys) that would have cut through another, sorted."""
+
+    @classmethod
+    def of(cls, mesh: Mesh, patch: Ints) -> _Zipper | None:
+        """None where no two patches have borders near each other."""
+        from scipy.spatial import cKDTree
+
+        begin, end = half_edges(mesh.faces)
+        reach, X = longest_sides(mesh), mesh.vertices
+        corners = np.unique(np.concatenate([begin, end]))
+        takes_part = np.zeros(len(X), dtype=np.bool_)
+        for name in np.unique(patch[corners]):
+            own, foreign = corners[patch[corners] == name], corners[patch[corners] != name]
+            if len(foreign):
+                away, which = cKDTree(X[foreign]).query(X[own])
+                takes_part[own] |= away <= reach[own] + reach[foreign[which]]
+        # The ends of a border's sides come along, so that a face can stand on each of them.
+        joined = takes_part[begin] | takes_part[end]
+        takes_part[begin[joined]] = takes_part[end[joined]] = True
+        if not joined.any():
+            return None
+        some = X[takes_part]
+        far = 2 * float(reach[takes_part].max())
+        close = np.asarray(cKDTree(some).query(X, distance_upper_bound=far)[0] <= far)
+        near = mesh.faces[close[mesh.faces].any(axis=1)]
+        zipper = cls(
+            X, steady_normals(mesh), reach, patch, near, np.empty(0, np.int64),
+            np.stack([begin[joined], end[joined]], axis=1).astype(np.int64),
+            np.empty((0, 3), np.int64), np.empty(0, np.int64),
+        )  # fmt: skip
+        ends = np.concatenate([near[:, [0, 1]], near[:, [1, 2]], near[:, [2, 0]]])
+        zipper.sides = np.unique(zipper._key(ends[takes_part[ends].all(axis=1)]))
+        return zipper
+
+    def round(self) -> bool:
+        """Add the faces that no smaller one competes with; whether there were any to try."""
+        faces = self._candidates()
+        if not len(faces):
+            return False
+        new = faces[_uncontested(self._sides_of(faces))]
+        cut = self._cutting(new)
+        self.refused = np.union1d(self.refused, self._face_key(new[cut]))
+        new = new[~cut]
+        self.made = np.concatenate([self.made, new])
+        added = np.concatenate([new[:, [0, 1]], new[:, [1, 2]], new[:, [2, 0]]])
+        self.sides = np.union1d(self.sides, self._key(added))
+        ends = np.concatenate([self.border, added])
+        self.border = ends[~np.isin(self._key(ends[:, ::-1]), self.sides)]
+        return True
+
+    def _candidates(self) -> npt.NDArray[np.int64]:
+        """(c, 3) the faces that could be added, the one with the shortest way round first."""
+        from scipy.spatial import cKDTree
+
+        X, ends = self.vertices, self.border
+        corners = np.unique(ends)
+        if len(corners) < 2:
+            return np.empty((0, 3), np.int64)
+        count = min(_NEAR, len(corners))
+        _, which = cKDTree(X[corners]).query(X[ends].mean(axis=1), k=count)
+        third = corners[which].ravel()
+        first, second = np.repeat(ends, count, axis=0).T
+        faces = np.stack([second, first, third], axis=1)
+        faces = faces[self._may_be(faces)]
+        keys = self._face_key(faces)
+        faces, keys = faces[~np.isin(keys, self.refused)], keys[~np.isin(keys, self.refused)]
+        _, once = np.unique(keys, return_index=True)
+        faces = faces[once]
+        sides = X[faces] - np.roll(X[faces], 1, axis=1)
+        return faces[np.argsort(np.linalg.norm(sides, axis=2).sum(axis=1), kind="stable")]
+
+    def _may_be(self, faces: npt.NDArray[np.int64]) -> Bools:
+        """(c,) True for faces that lead from patch to patch, are short, look the right way and
+        have sides that no other face has."""
+        b, a, c = faces.T
+        X, patch = self.vertices, self.patch
+        good = (a != c) & (b != c) & ((patch[a] != patch[c]) | (patch[b] != patch[c]))
+        for end in (a, b):
+            away = np.linalg.norm(X[end] - X[c], axis=1)
+            good &= away <= self.reach[end] + self.reach[c]
+        normal = np.cross(X[a] - X[b], X[c] - X[b])
+        size = np.linalg.norm(normal, axis=1)
+        for v in (a, b, c):
+            good &= np.einsum("ij,ij->i", normal, self.normals[v]) > _ALIKE * size
+        return np.asarray(good & ~np.isin(self._sides_of(faces), self.sides).any(axis=1))
+
+    def _cutting(self, new: npt.NDArray[np.int64]) -> Bools:
+        """(n,) True for new faces that cut through another; of two new ones, the larger."""
+        old = np.concatenate([self.near, self.made])
+        trial = Mesh(self.vertices, np.concatenate([old, new]).astype(np.int32))
+        cut = crossings(trial, np.arange(len(trial.faces)) >= len(old))
+        out = np.zeros(len(new), dtype=np.bool_)
+        out[cut[:, 1] - len(old)] = True
+        return out
+
+    def _key(self, ends: npt.NDArray[np.integer]) -> Keys:
+        pair: Keys = ends.astype(np.int64)
+        return pair[:, 0] * len(self.vertices) + pair[:, 1]
+
+    def _sides_of(self, faces: npt.NDArray[np.int64]) -> Keys:
+        """(f, 3)."""
+        return np.stack([self._key(faces[:, pair]) for pair in ([0, 1], [1, 2], [2, 0])], axis=1)
+
+    def _face_key(self, faces: npt.NDArray[np.int64]) -> Keys:
+        """(f,) the same for a face with any of its corners first."""
+        start = faces.argmin(axis=1)[:, None]
+        turned = np.take_along_axis(faces, (start + np.arange(3)) % 3, axis=1)
+        size = len(self.vertices)
+        return (turned[:, 0] * size + turned[:, 1]) * size + turned[:, 2]
+
+
+def _uncontested(sides: Keys) -> Bools:
+    """(f,) True for faces (in order of preference) that want none of the sides of an earlier one.
+
+    ``sides`` (f, 3) are keys.
+    """
+    names, which = np.unique(sides, return_inverse=True)
+    rank = np.arange(len(sides))
+    first = np.full(len(names), len(sides))
+    np.minimum.at(first, which.ravel(), np.repeat(rank, 3))
+    return np.asarray((first[which.reshape(-1, 3)] == rank[:, None]).all(axis=1))
