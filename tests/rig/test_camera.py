@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -132,14 +133,19 @@ def test_ray_derivatives(tilt: tuple[float, float]) -> None:
 
 @pytest.mark.parametrize("distortion", [WEBCAM, [-0.9, 0.1, 1e-3, -1e-3, 0.0]])
 def test_half_a_video_frame_of_rays_is_quick(distortion: list[float]) -> None:
+    """In multiples of what the tangent of as many numbers takes: no loop over pixels in Python."""
     camera = _camera(distortion)
     pixels = np.stack(np.meshgrid(np.arange(320) * 2.0, np.arange(480.0)), axis=-1)
-    times = []
-    for _ in range(3):
-        start = time.perf_counter()
-        camera.normalised(pixels)
-        times.append(time.perf_counter() - start)
-    assert min(times) < 0.3
+
+    def seconds(work: Callable[[np.ndarray], object]) -> float:
+        times = []
+        for _ in range(5):
+            start = time.perf_counter()
+            work(pixels)
+            times.append(time.perf_counter() - start)
+        return min(times)
+
+    assert seconds(camera.normalised) < 1000 * seconds(np.tan)
 
 
 @pytest.mark.parametrize(

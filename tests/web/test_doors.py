@@ -380,7 +380,7 @@ def test_what_is_too_large_is_refused_soon(locked: Locked, monkeypatch: pytest.M
         began = time.monotonic()
         answer = raw(server.port, text.encode())
         assert answer.split(b" ")[1][:1] == b"4", (text[:60], answer[:200])
-        assert time.monotonic() - began < 10
+        assert time.monotonic() - began < 30
     token = _request("POST",
         f"{server.base}/login", content=b"\x1f\x8b" + bytes(100),
         headers={"Origin": server.base, "X-Turnscan": "1", "Content-Encoding": "gzip"},

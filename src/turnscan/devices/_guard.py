@@ -24,6 +24,7 @@ import os
 import queue
 import re
 import signal
+import socket
 import struct
 import sys
 import threading
@@ -301,6 +302,11 @@ class Guard:
                 self._act(*event)
         return self.last_word()
 
+    def leave(self) -> None:
+        """Dark and goodbye, from any thread: nobody is there any more who could ask for light."""
+        self._hurry.set()
+        self._events.put(("end", b""))
+
     def last_word(self) -> int:
         """Dark once more before the end, over a port opened anew where the old one is gone."""
         end = time.monotonic() + 1.0
@@ -329,7 +335,7 @@ class Guard:
     def _next(self) -> tuple[str, bytes] | None:
         if self._later:
             return "frame", self._later.pop(0)
-        longest = 0.5
+        longest = 5.0
         if self._lit:
             longest = max(0.0, min(longest, self._lease_end - time.monotonic()))
         try:
@@ -444,8 +450,7 @@ class Guard:
                     if kind in b"DQ":
                         self._hurry.set()
                     self._events.put(("frame", kind + payload))
-        self._hurry.set()
-        self._events.put(("end", b""))
+        self.leave()
 
     def _listen_port(self, port: Any) -> None:
         try:
@@ -485,14 +490,21 @@ def main(argument: str) -> int:
     """Run the guard with `Settings` in JSON."""
     given = json.loads(argument)
     guard = Guard(Settings(**{**given, "outputs": tuple(given["outputs"])}))
-
-    def leave(*_: object) -> None:
-        raise SystemExit
-
     for name in ("SIGINT", "SIGHUP"):  # meant for the scanner, which then ends or goes on
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, leave)
+    # Python runs a handler only when the main thread wakes, which may be long after; a byte in a
+    # socket is there at once, whichever thread the signal hit.
+    heard, told = socket.socketpair()
+    told.setblocking(False)
+    signal.set_wakeup_fd(told.fileno())
+    signal.signal(signal.SIGTERM, lambda *_: None)
+
+    def listen_signal() -> None:
+        heard.recv(1)
+        guard.leave()
+
+    threading.Thread(target=listen_signal, daemon=True).start()
     try:
         return guard.run()
     except BaseException:
@@ -501,8 +513,4 @@ def main(argument: str) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        code = main(sys.argv[1])
-    except SystemExit:
-        code = 0
-    os._exit(code)
+    os._exit(main(sys.argv[1]))
