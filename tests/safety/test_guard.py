@@ -80,27 +80,34 @@ def wait_dark(socket: Socket, begin: float, patience: float = 1.0) -> float:
 # S3
 
 
+def killed(dialect: str, metronome: Metronome) -> float:
+    """s until a killed guard was noticed and all was dark; nothing goes on after it."""
+    with plugged(dialect) as (device, socket):
+        device.light(frozenset({"a"}), 2.0)
+        assert socket.firmware.lit
+        begin = time.monotonic()
+        os.kill(device._link.guard_pid, signal.SIGKILL)
+        until(lambda: device._link._failure is not None)
+        noticed = metronome.served(begin, time.monotonic())
+        assert wait_dark(socket, begin, 3.0) < WITHOUT_LEASE
+        dark = metronome.served(begin, socket.firmware.log[-1].time)
+        with pytest.raises(SafetyError, match="guard died"):
+            device.move_to(0.1, 1.0)
+        with pytest.raises(SafetyError, match="guard died"):
+            device.light(frozenset({"a"}), 1.0)
+        assert not socket.firmware.lit
+    return max(noticed, dark)
+
+
 def test_fifty_killed_guards(metronome: Metronome) -> None:
-    dark, noticed = [], []
+    took = []
     for k in range(50):
-        with plugged(DIALECTS[k % 4]) as (device, socket):
-            device.light(frozenset({"a"}), 2.0)
-            assert socket.firmware.lit
-            begin = time.monotonic()
-            os.kill(device._link.guard_pid, signal.SIGKILL)
-            until(lambda link=device._link: link._failure is not None)  # type: ignore[misc]
-            noticed.append(metronome.served(begin, time.monotonic()))
-            assert wait_dark(socket, begin, 3.0) < WITHOUT_LEASE
-            dark.append(metronome.served(begin, socket.firmware.log[-1].time))
-            with pytest.raises(SafetyError, match="guard died"):
-                device.move_to(0.1, 1.0)
-            with pytest.raises(SafetyError, match="guard died"):
-                device.light(frozenset({"a"}), 1.0)
-            assert not socket.firmware.lit
-    print(f"50 killed guards: dark after {max(dark) * 1e3:.0f} ms at worst")
-    # A busy machine may be late now and then; a protection that is slow is late always.
-    assert sorted(noticed)[40] < 0.2, sorted(noticed)
-    assert sorted(dark)[40] < 0.2, sorted(dark)
+        for _ in range(3):  # chance is not late each time
+            took.append(killed(DIALECTS[k % 4], metronome))
+            if took[-1] < 0.2:
+                break
+        assert took[-1] < 0.2, took
+    print(f"50 killed guards: noticed and dark after {max(took) * 1e3:.0f} ms at worst")
 
 
 def test_a_scanner_that_does_not_step_in_leaves_it_lit(monkeypatch: pytest.MonkeyPatch) -> None:
