@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.arrays import Floats
-from turnscan.station._turning import VIEWS, Witness, edges, sense
+from turnscan.station._turning import VIEWS, Witness, drift, edges, sense
 
 ANGLES = np.arange(VIEWS) * 2 * np.pi / VIEWS
 
@@ -93,3 +94,32 @@ def test_edges_of_a_bright_part_before_a_dark_room() -> None:
     assert np.nanmean(right.reach[:, 25:45]) == pytest.approx(20.0, abs=1.5)
     assert np.ptp(right.reach[:, 30]) == pytest.approx(10.0, abs=2.0)
     assert not right.is_round
+
+
+def round_part(seed: int, per_view: float, ink: float) -> list[np.ndarray]:
+    """Pictures of the middle of a round part under a lamp that stays, its ink moving on."""
+    rng = np.random.default_rng(seed)
+    v, u = np.mgrid[:120, :128]
+    lamp = 20.0 * np.exp(-(((u - 60) / 40.0) ** 2)) * (np.abs(v - 60) < 45)
+    print_ = cv2.GaussianBlur(rng.normal(size=(120, 256)), (0, 0), 3.0)
+    out = []
+    for k in (0, 0, 1, 2, 3):
+        moved = cv2.warpAffine(
+            print_, np.float32([[1, 0, k * per_view - 64], [0, 1, 0]]), (128, 120)
+        )
+        light = lamp * (1 + ink * moved / print_.std())
+        out.append((light + rng.normal(0, 0.5, light.shape)).astype(np.float32))
+    return out
+
+
+@pytest.mark.parametrize("per_view", [3.0, -3.0])
+def test_ink_on_a_round_part_shows_the_direction(per_view: float) -> None:
+    told = [drift(round_part(seed, per_view, 0.2)) for seed in range(20)]
+    assert told.count(per_view > 0) >= 16
+    assert told.count(per_view < 0) == 0
+
+
+def test_a_plain_round_part_shows_none() -> None:
+    """Noise alone, in a light that stays: no direction is better than a wrong one."""
+    told = [drift(round_part(seed, 3.0, 0.0)) for seed in range(200)]
+    assert sum(t is not None for t in told) <= 2

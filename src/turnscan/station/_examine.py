@@ -15,7 +15,7 @@ from turnscan.acquire import Exposure, Hardware, Plan, Shooter
 from turnscan.arrays import Floats, Image
 from turnscan.errors import DeviceTimeout
 from turnscan.scan import statistics
-from turnscan.station._turning import VIEWS, Witness, edges, sense
+from turnscan.station._turning import VIEWS, Witness, drift, edges, sense
 from turnscan.stripes import Signal, Stripe, StripeFlag, detect, learn_colour
 
 Singles = npt.NDArray[np.float32]
@@ -24,8 +24,6 @@ DARKS = 8
 _NUDGES_DEG = (3.0, 6.0, 9.0)
 _BRIGHTER = 8.0
 """Times the exposure, to see the part without the laser."""
-_LEAST_SHIFT = 0.03
-"""px."""
 _LOOKS_DEG = (-14.4, -7.2, -3.6, -1.8, -0.9, 0.0, 0.9, 1.8, 3.6, 7.2, 14.4)
 _FAR = 5.0
 _SAME = 0.05
@@ -146,7 +144,8 @@ class Examination:
             apart.append(_distance(self._line(laser), start))
             tick()
         degrees, telling = _comes_round(told, apart, _distance(again, start))
-        if way is None and self._is_round:
+        if self._is_round and (way is None or not telling):
+            # Outlines of a part that is round and in the middle are alike but for their pixels.
             way = self._drifts(told[-1])
         return Turn(way, degrees, telling)
 
@@ -185,24 +184,13 @@ class Examination:
 
     def _drifts(self, start: float) -> bool | None:
         """Whether what is in front moves right, on a part that is as wide from all sides."""
-        import cv2
-
         views = []
         for nudge in (0.0, 0.0, *_NUDGES_DEG):
             self._turn_to(start + nudge)
             view = _grey(self._bright())
             middle = slice(view.shape[1] * 2 // 5, view.shape[1] * 3 // 5)
             views.append(np.ascontiguousarray(view[:, middle]))
-        window = cv2.createHanningWindow(views[0].shape[::-1], cv2.CV_32F)
-        shifts = [cv2.phaseCorrelate(a, b, window)[0][0] for a, b in pairwise(views)]
-        still, moved = abs(shifts[0]), shifts[1:]
-        # What does not turn (light, shadows, the silhouette) holds the shift back: only its sign
-        # counts, if it is the same each time.
-        if min(map(abs, moved)) < max(_LEAST_SHIFT, 4.0 * still):
-            return None
-        if all(m > 0 for m in moved):
-            return True
-        return False if all(m < 0 for m in moved) else None
+        return drift(views)
 
     def _line(self, laser: str) -> Floats:
         """Where the stripe is in each line, px."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, Image
 
+Singles = npt.NDArray[np.float32]
 Spectrum = npt.NDArray[np.complex128]
 
 VIEWS = 16
@@ -22,6 +24,13 @@ _ROUND = 0.1
 _ALIKE, _CLEARER = 0.18, 0.18
 """Correlation of two witnesses from which they tell the same outline, and its lead over the other
 way round."""
+
+_LEAST_SHIFT = 0.03
+"""px."""
+_CERTAIN = 4.0
+"""Times the shift that is chance, from which one is none."""
+_EQUAL = 1.5
+"""One of equal shifts is no larger than so many times another."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,24 @@ def sense(witnesses: Sequence[Witness]) -> bool | None:
     if max(best.values()) < _ALIKE or abs(best[1] - best[-1]) < _CLEARER:
         return None
     return best[1] > best[-1]
+
+
+def drift(views: Sequence[Singles]) -> bool | None:
+    """Whether what is in front moves right from view to view; None where that is not seen.
+
+    The first two views are of the same angle, each of the others is the same angle further on.
+    What does not turn (light, shadows, the silhouette) holds the shift back, so only its sign
+    counts: where it is larger than the shift between the first two, which is chance, and each time
+    about the same, as equal angles make it and chance does not.
+    """
+    import cv2
+
+    window = cv2.createHanningWindow(views[0].shape[::-1], cv2.CV_32F)
+    shifts = np.array([cv2.phaseCorrelate(a, b, window)[0][0] for a, b in pairwise(views)])
+    still, moved = abs(shifts[0]), shifts[1:]
+    if np.abs(moved).min() < max(_LEAST_SHIFT, _CERTAIN * still, np.abs(moved).max() / _EQUAL):
+        return None
+    return bool(moved[0] > 0) if (moved > 0).all() or (moved < 0).all() else None
 
 
 def edges(views: Sequence[Image]) -> tuple[Witness, Witness, float]:
