@@ -17,6 +17,7 @@ from turnscan.surface._grid_mesh import half_edges, submesh
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._range_surface import steady_normals
 from turnscan.surface._soundness import crossings
+from turnscan.surface._topology import hanging_together
 
 _ALIKE = 0.5
 """Two surfaces are the same one where their normals are within 60°."""
@@ -64,7 +65,11 @@ def zip_up(mesh: Mesh, patch: Ints) -> Mesh:
         return mesh
     while zipper.round():
         pass
-    return replace(mesh, faces=np.concatenate([mesh.faces, zipper.made.astype(np.int32)]))
+    # What found no neighbour in the end hangs by a corner.
+    faces = np.concatenate([mesh.faces, zipper.made.astype(np.int32)])
+    keep = hanging_together(faces)
+    keep[: len(mesh.faces)] = True
+    return replace(mesh, faces=faces[keep])
 
 
 @dataclass(frozen=True)
@@ -167,9 +172,9 @@ class _Zipper:
         takes_part[begin[joined]] = takes_part[end[joined]] = True
         if not joined.any():
             return None
-        some = X[takes_part]
-        far = 2 * float(reach[takes_part].max())
-        close = np.asarray(cKDTree(some).query(X, distance_upper_bound=far)[0] <= far)
+        some = np.flatnonzero(takes_part)
+        away, which = cKDTree(X[some]).query(X)
+        close = np.asarray(away <= 2 * reach[some[which]] + reach)
         near = mesh.faces[close[mesh.faces].any(axis=1)]
         zipper = cls(
             X, steady_normals(mesh), reach, patch, near, np.empty(0, np.int64),
@@ -210,10 +215,8 @@ class _Zipper:
         first, second = np.repeat(ends, count, axis=0).T
         faces = np.stack([second, first, third], axis=1)
         faces = faces[self._may_be(faces)]
-        keys = self._face_key(faces)
-        faces, keys = faces[~np.isin(keys, self.refused)], keys[~np.isin(keys, self.refused)]
-        _, once = np.unique(keys, return_index=True)
-        faces = faces[once]
+        keys, once = np.unique(self._face_key(faces), return_index=True)
+        faces = faces[once[~np.isin(keys, self.refused)]]
         sides = X[faces] - np.roll(X[faces], 1, axis=1)
         return faces[np.argsort(np.linalg.norm(sides, axis=2).sum(axis=1), kind="stable")]
 
