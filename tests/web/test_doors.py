@@ -119,9 +119,9 @@ def locked(
 Locked = tuple[Running, str]
 
 
-@pytest.fixture(scope="module", autouse=True)
+@pytest.fixture(scope="session", autouse=True)
 def _client() -> Iterator[None]:
-    """Nothing is left open."""
+    """Nothing is left open; not sooner, as a worker may come back to this module."""
     yield
     _CLIENT.close()
 
