@@ -25,8 +25,8 @@ def paste(
 
     What was measured twice is kept once: grids come in their order, what the sheet met beyond the
     rotation axis comes last, and faces that lie on a surface already there are left out
-    (`trimmed`). The patches are joined across the gaps between them (`zip_up`); measurements of two
-    lasers are not averaged. ``keep_double`` keeps all, side by side.
+    (`trimmed`). The pieces that are left are joined across narrow gaps (`zip_up`); measurements of
+    two lasers are not averaged. ``keep_double`` keeps all, side by side.
     """
     fronts, backs = [], []
     for grid in grids:
@@ -39,9 +39,10 @@ def paste(
         return fronts[0] if fronts else Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
     if keep_double or len(parts) == 1:
         return join(parts)
-    left = trimmed(parts)
-    sizes = [len(m.vertices) for m in left]
-    return zip_up(join(left), np.repeat(np.arange(len(left), dtype=np.int32), sizes))
+    mesh = join(trimmed(parts))
+    piece = np.zeros(len(mesh.vertices), dtype=np.int32)
+    piece[mesh.faces] = components(mesh)[:, None]
+    return zip_up(mesh, piece)
 
 
 def _part(grid: RangeGrid, keep: Bools, tears: Tears | None) -> Mesh:

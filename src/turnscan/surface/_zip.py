@@ -51,16 +51,16 @@ def trimmed(patches: Sequence[Mesh]) -> list[Mesh]:
     return [p.mesh for p in done]
 
 
-def zip_up(mesh: Mesh, patch: Ints) -> Mesh:
-    """Join patches (``patch`` (v,) names that of each vertex) by faces between their borders.
+def zip_up(mesh: Mesh, piece: Ints) -> Mesh:
+    """Join pieces (``piece`` (v,) names that of each vertex) by faces between their borders.
 
     A face stands on a side of a border and has its third corner on another: the smallest first,
     again and again, so that the gap closes from where it is narrowest. A side that leads from one
-    patch to another is at most as long as the longest sides of both at its ends; normals are within
+    piece to another is at most as long as the longest sides of both at its ends; normals are within
     60°; no side has more than two faces, and no new face cuts through another. No vertex moves and
     none is added. What lies further apart stays open.
     """
-    zipper = _Zipper.of(mesh, patch)
+    zipper = _Zipper.of(mesh, piece)
     if zipper is None:
         return mesh
     while zipper.round():
@@ -141,7 +141,7 @@ class _Zipper:
     vertices: Floats
     normals: Floats
     reach: Floats
-    patch: Ints
+    piece: Ints
     near: Ints
     """(n, 3) the faces that may be in the way of new ones."""
     sides: Keys
@@ -154,19 +154,20 @@ class _Zipper:
     """Faces (keys) that would have cut through another, sorted."""
 
     @classmethod
-    def of(cls, mesh: Mesh, patch: Ints) -> _Zipper | None:
-        """None where no two patches have borders near each other."""
+    def of(cls, mesh: Mesh, piece: Ints) -> _Zipper | None:
+        """None where no two pieces have borders near each other."""
         from scipy.spatial import cKDTree
 
         begin, end = half_edges(mesh.faces)
         reach, X = longest_sides(mesh), mesh.vertices
         corners = np.unique(np.concatenate([begin, end]))
         takes_part = np.zeros(len(X), dtype=np.bool_)
-        for name in np.unique(patch[corners]):
-            own, foreign = corners[patch[corners] == name], corners[patch[corners] != name]
-            if len(foreign):
-                away, which = cKDTree(X[foreign]).query(X[own])
-                takes_part[own] |= away <= reach[own] + reach[foreign[which]]
+        if len(corners) < 2:
+            return None
+        away, which = cKDTree(X[corners]).query(X[corners], k=min(_NEAR, len(corners)))
+        there, own = corners[which], corners[:, None]
+        meets = (piece[there] != piece[own]) & (away <= reach[there] + reach[own])
+        takes_part[corners[meets.any(axis=1)]] = True
         # The ends of a border's sides come along, so that a face can stand on each of them.
         joined = takes_part[begin] | takes_part[end]
         takes_part[begin[joined]] = takes_part[end[joined]] = True
@@ -177,7 +178,7 @@ class _Zipper:
         close = np.asarray(away <= 2 * reach[some[which]] + reach)
         near = mesh.faces[close[mesh.faces].any(axis=1)]
         zipper = cls(
-            X, steady_normals(mesh), reach, patch, near, np.empty(0, np.int64),
+            X, steady_normals(mesh), reach, piece, near, np.empty(0, np.int64),
             np.stack([begin[joined], end[joined]], axis=1).astype(np.int64),
             np.empty((0, 3), np.int64), np.empty(0, np.int64),
         )  # fmt: skip
@@ -221,11 +222,11 @@ class _Zipper:
         return faces[np.argsort(np.linalg.norm(sides, axis=2).sum(axis=1), kind="stable")]
 
     def _may_be(self, faces: npt.NDArray[np.int64]) -> Bools:
-        """(c,) True for faces that lead from patch to patch, are short, look the right way and
+        """(c,) True for faces that lead from piece to piece, are short, look the right way and
         have sides that no other face has."""
         b, a, c = faces.T
-        X, patch = self.vertices, self.patch
-        good = (a != c) & (b != c) & ((patch[a] != patch[c]) | (patch[b] != patch[c]))
+        X, piece = self.vertices, self.piece
+        good = (a != c) & (b != c) & ((piece[a] != piece[c]) | (piece[b] != piece[c]))
         for end in (a, b):
             away = np.linalg.norm(X[end] - X[c], axis=1)
             good &= away <= self.reach[end] + self.reach[c]
