@@ -22,6 +22,8 @@ from turnscan.surface import (
     is_closed,
     mesh_grid,
 )
+from turnscan.surface import _decimate_kernels as kernels
+from turnscan.surface._decimate import _net
 
 TOLERANCE = 0.05
 
@@ -193,6 +195,20 @@ def test_the_same_input_gives_the_same_bytes_and_little_stays_as_it_is() -> None
 def test_wishes_that_cannot_be_are_refused(wish, words) -> None:
     with pytest.raises(InputError, match=words):
         decimate(cube(2), **wish)
+
+
+@pytest.mark.parametrize("moves", [1, 40, 700, 4000])
+def test_what_waits_costs_what_it_would_if_all_were_looked_at_anew(moves: int) -> None:
+    # After a move only those vertices are priced anew whose cheapest move it touched.
+    mesh = mesh_grid(random_grid(3, 60, 70, 0.05, True, 0.0))
+    net = _net(mesh, np.inf)
+    line, size = kernels.queue(net)
+    size, left = kernels.collapse(net, line, size, len(mesh.faces), 4, moves)
+    assert left < len(mesh.faces)
+    assert size > 50
+    anew, _ = kernels.queue(net)
+    waiting = line.heap[:size]
+    assert line.key[waiting].tolist() == anew.key[waiting].tolist()
 
 
 def test_the_share_done_is_told_and_the_result_is_the_same_however_often(

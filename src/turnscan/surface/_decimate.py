@@ -56,6 +56,14 @@ def decimate(
         raise InputError(f"decimate to {faces} faces", hint=f"give {_FEWEST} or more")
     if len(mesh.faces) <= (faces or 0):
         return mesh
+    net = _net(mesh, np.inf if tolerance is None else tolerance)
+    _collapse(net, faces or 0, told)
+    kept = net.faces[:, 0] >= 0
+    return submesh(replace(mesh, faces=np.where(kept[:, None], net.faces, 0)), kept)
+
+
+def _net(mesh: Mesh, tolerance: float) -> Any:
+    """The mesh as the kernels take it, with samples only where there is a tolerance."""
     from turnscan.surface import _decimate_kernels as kernels
 
     twin = twins(mesh.faces)
@@ -63,12 +71,12 @@ def decimate(
     chain = _chain(mesh, border)
     own = mesh.faces.copy()
     samples, owners = np.zeros((0, 3)), np.zeros(0, dtype=np.int32)
-    if tolerance is not None:
+    if np.isfinite(tolerance):
         samples, owners = _samples(mesh, twin)
     head, after = kernels.lists(own.ravel(), len(mesh.vertices))
     first, follow = kernels.lists(owners, len(own))
     middle = mesh.vertices.mean(axis=0)
-    net = kernels.Net(
+    return kernels.Net(
         points=mesh.vertices - middle,
         faces=own,
         head=head,
@@ -84,11 +92,8 @@ def decimate(
         old=mesh.faces,
         old_head=head.copy(),
         old_after=after.copy(),
-        limit=np.inf if tolerance is None else (_HELD * tolerance) ** 2,
+        limit=(_HELD * tolerance) ** 2,
     )
-    _collapse(net, faces or 0, told)
-    kept = own[:, 0] >= 0
-    return submesh(replace(mesh, faces=np.where(kept[:, None], own, 0)), kept)
 
 
 def _collapse(net: Any, wanted: int, told: Told) -> None:

@@ -71,6 +71,8 @@ class Queue(NamedTuple):
     heap: Any
     place: Any
     key: Any
+    goal: Any
+    """(v,) the neighbour that this move leads to; −1 for those that may not move."""
 
 
 class Ring(NamedTuple):
@@ -242,11 +244,14 @@ def _look(net: Any, v: int, ring: Any) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def _price(net: Any, v: int, ring: Any) -> tuple[float, int, int]:
-    """Look about v and write what each of its moves costs, infinite where it may not be made."""
-    least = np.inf
+def _price(net: Any, line: Any, v: int, ring: Any) -> tuple[int, int]:
+    """Look about v and write what each of its moves costs, infinite where it may not be made.
+
+    Gives how many corners and neighbours there are.
+    """
+    line.key[v], line.goal[v] = np.inf, -1
     if net.locked[v]:
-        return least, 0, 0
+        return 0, 0
     count, have = _look(net, v, ring)
     for i in range(have):
         u = ring.near[i]
@@ -254,8 +259,43 @@ def _price(net: Any, v: int, ring: Any) -> tuple[float, int, int]:
         # A border vertex moves along its border only.
         if net.rim[0, v] < 0 or ring.seen[i] == 1:
             ring.costs[i] = _cost(net.q[v], net.points[u]) + net.own[u]
-            least = min(least, ring.costs[i])
-    return least, count, have
+            if ring.costs[i] < line.key[v]:
+                line.key[v], line.goal[v] = ring.costs[i], u
+    return count, have
+
+
+@njit(cache=True, nogil=True)
+def _wait(line: Any, size: int, v: int) -> int:
+    """Put v where its key belongs, or take it out; gives the new size."""
+    if line.goal[v] < 0:
+        return drop(line.heap, line.place, line.key, size, v)  # type: ignore[no-any-return]
+    return put(line.heap, line.place, line.key, size, v)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def _wait_again(net: Any, line: Any, size: int, v: int, u: int, ring: Any, spare: Any) -> int:
+    """Put u, that v has become, and its neighbours where they now belong; gives the new size.
+
+    Of a neighbour's moves that to v is gone and that to u costs something else. The others cost
+    what they did, so that inside the surface only those whose cheapest was one of the two have to
+    be looked at as a whole.
+    """
+    _, near = _look(net, u, ring)
+    _price(net, line, u, spare)
+    size = _wait(line, size, u)
+    for j in range(near):
+        w = ring.near[j]
+        goal = line.goal[w]
+        if goal < 0 or goal in (v, u) or net.rim[0, w] >= 0:
+            _price(net, line, w, spare)
+        else:
+            cost = _cost(net.q[w], net.points[u]) + net.own[u]
+            if cost < line.key[w]:
+                line.key[w], line.goal[w] = cost, u
+            elif line.place[w] >= 0:
+                continue
+        size = _wait(line, size, w)
+    return size
 
 
 @njit(cache=True, nogil=True)
@@ -470,14 +510,17 @@ def queue(net: Any) -> tuple[Any, int]:
     """All vertices that may move, the cheapest first, and how many."""
     mine = _room()
     total = len(net.points)
-    heap = np.empty(total, dtype=np.int32)
-    place, key = np.full(total, -1, dtype=np.int32), np.full(total, np.inf)
+    line = Queue(
+        heap=np.empty(total, dtype=np.int32),
+        place=np.full(total, -1, dtype=np.int32),
+        key=np.empty(total),
+        goal=np.empty(total, dtype=np.int32),
+    )
     size = 0
     for v in range(total):
-        key[v], _, _ = _price(net, v, mine)
-        if key[v] < np.inf:
-            size = put(heap, place, key, size, v)
-    return Queue(heap, place, key), size
+        _price(net, line, v, mine)
+        size = _wait(line, size, v)
+    return line, size
 
 
 @njit(cache=True, nogil=True)
@@ -490,13 +533,12 @@ def collapse(net: Any, line: Any, size: int, left: int, wanted: int, most: int) 
     mine, theirs = _room(), _room()
     held, owner = np.empty(1 << 14, dtype=np.int32), np.empty(1 << 14, dtype=np.int32)
     n, m = np.empty(3), np.empty(3)
-    heap, place, key = line
     for _ in range(most):
         if size == 0 or left <= wanted:
             break
-        v = heap[0]
-        size = drop(heap, place, key, size, v)
-        _, count, have = _price(net, v, mine)
+        v = line.heap[0]
+        size = drop(line.heap, line.place, line.key, size, v)
+        count, have = _price(net, line, v, mine)
         for _ in range(have):
             i = np.argmin(mine.costs[:have])
             if mine.costs[i] == np.inf:
@@ -512,19 +554,12 @@ def collapse(net: Any, line: Any, size: int, left: int, wanted: int, most: int) 
                 and (net.rim[0, v] < 0 or net.limit == np.inf or _keeps_rim(net, v))
             ):
                 continue
-            hang = _keeps_near(net, u, mine, count, held, owner)
-            if hang < 0 or (
-                net.limit < np.inf and not _faces_near(net, u, mine, count, held, hang, n)
-            ):
-                continue
+            hang = 0
+            if net.limit < np.inf:
+                hang = _keeps_near(net, u, mine, count, held, owner)
+                if hang < 0 or not _faces_near(net, u, mine, count, held, hang, n):
+                    continue
             left -= _move(net, v, u, mine, count, held, owner, hang)
-            _, near = _look(net, u, theirs)
-            for j in range(-1, near):
-                w = u if j < 0 else theirs.near[j]
-                key[w], _, _ = _price(net, w, mine)
-                if key[w] < np.inf:
-                    size = put(heap, place, key, size, w)
-                else:
-                    size = drop(heap, place, key, size, w)
+            size = _wait_again(net, line, size, v, u, theirs, mine)
             break
     return size, left

@@ -17,24 +17,10 @@ def twins(faces: Ints) -> npt.NDArray[np.int64]:
     −1 where there is none, or where that is not clear: more than two faces, or faces that do not
     wind alike.
     """
-    f = len(faces)
-    if not f:
-        return np.zeros(0, dtype=np.int64)
-    a = faces.ravel().astype(np.int64)
-    b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
-    size = int(a.max()) + 1
-    there = a * size + b
-    order = np.argsort(there, kind="stable")
-    keys = there[order]
-    once = np.ones(3 * f, dtype=np.bool_)
-    same = keys[1:] == keys[:-1]
-    once[1:] &= ~same
-    once[:-1] &= ~same
-    at = np.minimum(np.searchsorted(keys, b * size + a), 3 * f - 1)
-    clear = np.empty(3 * f, dtype=np.bool_)
-    clear[order] = once
-    found = (keys[at] == b * size + a) & once[at] & clear
-    return np.where(found, order[at], -1)
+    from turnscan.surface import _topology_kernels as kernels
+
+    twin: npt.NDArray[np.int64] = kernels.twins(np.ascontiguousarray(faces, dtype=np.int32))
+    return twin
 
 
 def boundary_loops(mesh: Mesh) -> list[Ints]:

@@ -23,6 +23,71 @@ def _before(h: int) -> int:
 
 
 @njit(cache=True, nogil=True)
+def _ends(faces: Any, count: int) -> tuple[Any, Any]:
+    """Of every side the end at which fewer faces are, and the other; its complement if it is first.
+
+    Of equal ends the one with the lower number.
+    """
+    many = np.zeros(count, dtype=np.int32)
+    for f in range(len(faces)):
+        for i in range(3):
+            many[faces[f, i]] += 1
+    home = np.empty(3 * len(faces), dtype=np.int32)
+    code = np.empty(3 * len(faces), dtype=np.int32)
+    for f in range(len(faces)):
+        for i in range(3):
+            a, b, h = faces[f, i], faces[f, (i + 1) % 3], 3 * f + i
+            if many[a] < many[b] or (many[a] == many[b] and a < b):
+                home[h], code[h] = a, b
+            else:
+                home[h], code[h] = b, ~a
+    return home, code
+
+
+@njit(cache=True, nogil=True)
+def _hung(home: Any, count: int) -> tuple[Any, Any]:
+    """What hangs on each of ``count`` homes: where its numbers begin (count + 1,), and those."""
+    start = np.zeros(count + 1, dtype=np.int32)
+    for v in home:
+        start[v + 1] += 1
+    for v in range(count):
+        start[v + 1] += start[v]
+    fill = start[:-1].copy()
+    numbers = np.empty(len(home), dtype=np.int32)
+    for h in range(len(home)):
+        numbers[fill[home[h]]] = h
+        fill[home[h]] += 1
+    return start, numbers
+
+
+@njit(cache=True, nogil=True)
+def twins(faces: Any) -> Any:
+    """(3f,) the one side that runs the other way, −1 where there is none or several run either way.
+
+    Each side hangs on that of its ends at which fewer sides are, so that no list of them gets
+    long where many faces meet in one vertex (Chiba & Nishizeki 1985).
+    """
+    count = faces.max() + 1 if len(faces) else 0
+    home, code = _ends(faces, count)
+    start, kept = _hung(home, count)
+    codes = code[kept]
+    twin = np.full(len(home), -1, dtype=np.int64)
+    for v in range(count):
+        for at in range(start[v], start[v + 1]):
+            same, back, other = 0, 0, at
+            # A side from a vertex to itself is its own way back.
+            wanted = codes[at] if codes[at] == ~v else ~codes[at]
+            for near in range(start[v], start[v + 1]):
+                same += codes[near] == codes[at]
+                if codes[near] == wanted:
+                    back += 1
+                    other = near
+            if same == 1 and back == 1:
+                twin[kept[at]] = kept[other]
+    return twin
+
+
+@njit(cache=True, nogil=True)
 def borders(faces: Any, twin: Any) -> tuple[Any, Any]:
     """The vertices of all borders in a row, and where each border begins."""
     count = 0
