@@ -115,14 +115,15 @@ def test_a_stripe_that_stays_in_place_is_not_taken_for_background(tmp_path: Path
         where = 7 if k % 3 else 2
         Pillow.fromarray(picture(where, seed=k)).save(lit / f"s{k}.png")
     found = {}
-    for choice in ("auto", "median", "darkest"):
+    for choice in ("auto", "median", "beside", "darkest"):
         path = tmp_path / f"{choice}.turnscan"
         said = run(lit, "-o", path, "--angles", "step:20", "--background", choice)
-        assert ("darkest of 18" in said) == (choice != "median")
+        assert ("away from the stripe" in said) == (choice in ("auto", "beside"))
         with Scan.open(path) as scan:
             frame = scan.frame(4, "laser")
             found[choice] = int((frame.lit.astype(int) - frame.dark > 60).sum())
-    assert found["auto"] == found["darkest"] > 100
+    assert found["auto"] == found["beside"] > 100
+    assert found["darkest"] > 100
     assert found["median"] < 20
 
 
@@ -418,7 +419,7 @@ def test_a_real_scan_of_others(tmp_path: Path, shared_data: Path) -> None:
     with Scan.open(tmp_path / "m.turnscan") as scan:
         weights = np.array(scan.plan.weights)
         assert weights.max() > 0
-        assert "darkest of 20 pictures" in said, "this laser is always on, the part nearly round"
+        assert "away from the stripe" in said, "this laser is always on, the part nearly round"
         np.testing.assert_allclose(np.degrees(scan.angles()), 18.0 * np.arange(20))
         assert scan.frame(1, "laser").settings["picture"] == "step_num17.jpg"
     raw = 20 * 640 * 480 * 3

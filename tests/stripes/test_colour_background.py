@@ -9,7 +9,17 @@ import pytest
 
 from tests.stripes.pictures import light
 from turnscan.errors import InputError
-from turnscan.stripes import detect, learn_colour, project_colour, temporal_background
+from turnscan.stripes import (
+    Candidates,
+    StripeSettings,
+    background_beside,
+    detect,
+    find_candidates,
+    learn_colour,
+    project_colour,
+    temporal_background,
+    without_lines,
+)
 
 
 def coloured(colour: tuple[float, float, float], peak: float = 150.0, seed: int = 0) -> Any:
@@ -112,7 +122,63 @@ def test_the_median_keeps_the_wall_and_forgets_the_moving_stripe() -> None:
         np.testing.assert_allclose(stripe.position, centres[k], atol=0.3)
 
 
-def test_the_quantile_and_what_is_refused() -> None:
+def room(k: int, colour: bool, shape: tuple[int, int] = (48, 480)) -> np.ndarray:
+    """A bright wall, and before it a dark part that covers more of it or less, at most 15 %."""
+    u = np.arange(shape[1])
+    level = np.where(np.abs(u - 150) < 22 + 15 * np.sin(k / 5), 6.0, 60.0)
+    grey = np.tile(level, (shape[0], 1))
+    return grey[..., None] * (1.0, 0.9, 0.9) if colour else grey
+
+
+@pytest.mark.parametrize("colour", [False, True])
+@pytest.mark.parametrize("orientation", ["vertical", "horizontal"])
+def test_a_dark_part_before_a_bright_wall(colour: bool, orientation: str) -> None:
+    """The stripe hardly moves on the part. The wall behind it must not be taken for laser light.
+
+    The median of all would take the stripe away, the darkest of all leaves the wall where the part
+    has passed.
+    """
+    rng = np.random.default_rng(3)
+    frames, truth = [], []
+    for k in range(40):
+        centre = 150 + 2.0 * np.sin(k / 5) + np.zeros(48)
+        line = light(centre, 1.5, 120.0, 480)
+        seen = room(k, colour) + (line[..., None] * (0.3, 1.0, 0.3) if colour else line)
+        seen += rng.normal(0, 1.0, seen.shape)
+        frame = seen.round().clip(0, 255).astype(np.uint8)
+        frames.append(np.swapaxes(frame, 0, 1) if orientation == "horizontal" else frame)
+        truth.append(centre)
+    opened = [without_lines(f, orientation) for f in frames]
+    grey = frames if not colour else [project_colour(f, "green") for f in frames]
+    under = opened if not colour else [project_colour(f, "green") for f in opened]
+    settings = StripeSettings(orientation=orientation, max_candidates=5)
+    seen = [find_candidates(a, b, settings) for a, b in zip(grey, under, strict=True)]
+    background = background_beside(frames, seen)
+    assert background.dtype == np.uint8
+    assert background.shape == frames[0].shape
+    laid = np.swapaxes(background, 0, 1) if orientation == "horizontal" else background
+    # Away from the stripe: the wall, up to the rounding and the median of 40 pictures' noise.
+    wall = room(0, colour)[:, :80]
+    assert np.abs(laid[:, :80] - wall).max() < 2.0
+    # Under the stripe, from its both sides; nothing of its 120 grey levels.
+    assert laid[:, 140:160].max() < 62
+    dark = background if not colour else project_colour(background, "green")
+    for k in (0, 8, 24):
+        stripe = detect(grey[k], dark, settings)
+        np.testing.assert_allclose(stripe.position, truth[k], atol=0.3)
+        assert np.isfinite(stripe.position).all()
+
+
+def test_lines_that_are_all_stripe_take_the_darkest() -> None:
+    frames = np.full((5, 4, 30), 50, np.uint8)
+    frames[2, 1] = 20
+    everywhere = [
+        Candidates(*np.full((4, 4, 1), v), np.zeros((4, 1), np.uint16)) for v in (15.0,) * 5
+    ]
+    assert (background_beside(frames, everywhere) == frames.min(axis=0)).all()
+
+
+def test_what_a_background_refuses() -> None:
     frames = np.arange(5, dtype=np.uint16)[:, None, None] * np.ones((5, 2, 3), np.uint16)
     assert (temporal_background(frames) == 2).all()
     assert (temporal_background(frames, 0.25) == 1).all()

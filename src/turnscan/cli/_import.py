@@ -74,7 +74,7 @@ class _Tally:
     multiple=True,
     metavar="[NAME=]PICTURES",
     help="Pictures with the laser off: as many as lit ones, or one for all. Without them the "
-    "background is the median of each pixel over the scan.",
+    "background is found from the scan itself (--background).",
 )
 @click.option("--laser", default="laser", show_default=True, help="Name of the one laser.")
 @click.option("--rig", "rig_path", type=click.Path(path_type=Path), help="Rig to store with it.")
@@ -106,11 +106,12 @@ class _Tally:
 )
 @click.option(
     "--background",
-    type=click.Choice(["auto", "median", "darkest"]),
+    type=click.Choice(["auto", "median", "beside", "darkest"]),
     default="auto",
     show_default=True,
-    help="Without laser-off pictures: the median or the darkest of each pixel over the scan, or "
-    "the one of them with which more of the stripe is seen.",
+    help="Without laser-off pictures: the median of each pixel over the scan, that over the "
+    "pictures in which it lies beside the stripe, or its darkest; auto takes the one with which "
+    "more of the stripe is seen.",
 )
 @click.option("--every", type=click.IntRange(min=1), default=1, help="Take every N-th step only.")
 @click.option("--first-step", type=int, help="Number (in the names) of step 0.  [default: lowest]")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from turnscan.arrays import Image
 from turnscan.cli._import_series import Series, Shot
 from turnscan.errors import InputError
 from turnscan.scan import LEAST_THRESHOLD, NOISE_FACTOR, read_picture, signal_of, statistics
+
+if TYPE_CHECKING:
+    from turnscan.stripes import Candidates
 
 _SAMPLES = 41
 _LESSONS = 8
@@ -46,7 +49,7 @@ class Wishes:
     colour: str
     """learn, a name or three weights; for colour pictures."""
     background: str
-    """auto, median or darkest; where there is no laser-off picture."""
+    """auto, median, beside or darkest; where there is no laser-off picture."""
     orientation: Orientation
 
 
@@ -69,7 +72,7 @@ def find_signal(
             check_kind(own[-1], first, str(path))
         tick()
     trials = []
-    for background, origin in _backgrounds(series, lit, own, first, wishes):
+    for background, origin in _backgrounds(series, lit, own, first, wishes, known):
         darks: list[Image | None] = list(own) or [background] * len(lit)
         weights = None if first.ndim == 2 else known or _weights(wishes.colour, lit, darks)
         trials.append((background, origin, darks, weights))
@@ -100,7 +103,12 @@ def _samples(series: Series, first: Image) -> list[Shot]:
 
 
 def _backgrounds(
-    series: Series, lit: list[Image], own: list[Image], first: Image, wishes: Wishes
+    series: Series,
+    lit: list[Image],
+    own: list[Image],
+    first: Image,
+    wishes: Wishes,
+    known: Weights | None,
 ) -> Iterator[tuple[Image | None, str]]:
     """Pictures without the laser that may serve, with their origin in words."""
     if own:
@@ -116,12 +124,35 @@ def _backgrounds(
             f"{len(series.shots)} pictures of laser {series.laser!r}, none with the laser off",
             hint="give --dark, or at least 3 pictures from which the background can be learned",
         )
-    from turnscan.stripes import temporal_background
+    from turnscan.stripes import background_beside, temporal_background
 
     if wishes.background in ("auto", "median"):
         yield temporal_background(lit), f"median of {len(lit)} pictures"
+    if wishes.background in ("auto", "beside"):
+        background = background_beside(lit, _lines(lit, wishes, known))
+        yield background, f"median of {len(lit)} pictures, of each pixel away from the stripe"
     if wishes.background in ("auto", "darkest"):
         yield temporal_background(lit, 0.0), f"darkest of {len(lit)} pictures"
+
+
+def _lines(lit: list[Image], wishes: Wishes, known: Weights | None) -> list[Candidates]:
+    """What may be the stripe in each of the pictures, by what is narrow and bright in them."""
+    from turnscan.stripes import StripeSettings, find_candidates, project_colour, without_lines
+
+    weights = known
+    if lit[0].ndim == 3 and known is None:
+        some = lit[:: max(1, len(lit) // _LESSONS)]
+        weights = _weights(
+            wishes.colour, some, [without_lines(p, wishes.orientation) for p in some]
+        )
+    settings = StripeSettings(orientation=wishes.orientation, max_candidates=5)
+    out = []
+    for picture in lit:
+        dark = without_lines(picture, wishes.orientation)
+        if weights is not None:
+            picture, dark = (project_colour(p, weights, np.uint16) for p in (picture, dark))
+        out.append(find_candidates(picture, dark, settings))
+    return out
 
 
 def _smooth_lines(
@@ -129,8 +160,9 @@ def _smooth_lines(
 ) -> int:
     """Lines in which a background lets the stripe be seen in line with its neighbours.
 
-    The median keeps what never moves, so it takes away a stripe that stays in place, as on a round
-    part; the darkest picture spares that one, but not what the room's light does on a turning part.
+    The median keeps what never moves: rightly a line on the wall, wrongly a stripe that stays in
+    place, as on a round part. What a pixel shows away from the stripe spares that one; where a dark
+    part hides much of a bright wall, so that no one picture is the background, the darkest does.
     """
     from turnscan.stripes import StripeSettings, detect, project_colour
 

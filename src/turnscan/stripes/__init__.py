@@ -1,6 +1,6 @@
 """Frame → candidates per scan line → one sub-pixel Stripe with sigma and quality."""
 
-from turnscan.stripes._background import temporal_background
+from turnscan.stripes._background import background_beside, temporal_background, without_lines
 from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
 from turnscan.stripes._detect import choose, detect, find_candidates
 from turnscan.stripes._fuse import Fused, fuse_exposures
@@ -20,6 +20,7 @@ __all__ = [
     "Stripe",
     "StripeFlag",
     "StripeSettings",
+    "background_beside",
     "choose",
     "detect",
     "find_candidates",
@@ -27,4 +28,5 @@ __all__ = [
     "learn_colour",
     "project_colour",
     "temporal_background",
+    "without_lines",
 ]
