@@ -18,14 +18,14 @@ function room() {
 }
 
 function App() {
-  const { View, title } = room();
+  const { View, Status, title } = room();
   return (
     <div class="app">
       <TopBar />
       <main style={{ display: "contents" }} aria-label={title}>
         <View />
       </main>
-      <StatusLine />
+      <StatusLine>{Status && <Status />}</StatusLine>
       <Notices />
       <Palette />
       <KeySheet />

@@ -4,7 +4,7 @@ import { cursor, defects, goTo, history, holes, type Hole, listDefects, listHole
 import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
 import { apply, bridgeValue, chosenHoleList, type FillHow, fillValue, show } from "./edits";
-import { chosenHoles, markPlace, preview } from "./state";
+import { chosenHoles, markPlace, preview, tab } from "./state";
 
 const HOW: readonly (readonly [FillHow, string])[] = [
   ["flat", "flat"],
@@ -121,6 +121,21 @@ function DefectsPanel() {
   );
 }
 
+/** The last edit that counts, for the status line; a click shows the whole list. */
+export function LastEdit() {
+  const list = history.value;
+  const last = list[cursor.value - 1];
+  if (!list.length) return null;
+  return (
+    <Button kind="plain" small label="The last edit; show the history" onClick={() => (tab.value = "history")}>
+      <span class={last?.on === false ? "off" : ""}>{last ? last.text : "as scanned"}</span>
+      <span class="quiet num">
+        {cursor.value} of {list.length}
+      </span>
+    </Button>
+  );
+}
+
 export function HistoryPanel() {
   const list = history.value;
   const at = cursor.value;
@@ -151,7 +166,7 @@ export function HistoryPanel() {
               onChange={(event) => void switchEdit(entry.edit, event.currentTarget.checked)}
             />
             <button type="button" class="button plain grow" title="Go to the state after this edit" onClick={() => void goTo(entry.index + 1)}>
-              <span style={{ textDecoration: entry.on ? undefined : "line-through" }}>{entry.text}</span>
+              <span class={entry.on ? "" : "off"}>{entry.text}</span>
               <span class="quiet num">{new Date(entry.at).toLocaleTimeString("sv").slice(0, 5)}</span>
             </button>
           </li>

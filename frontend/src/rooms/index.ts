@@ -14,6 +14,8 @@ export interface Room {
   /** Whether it shows a scan, and cannot be entered without one. */
   needsScan: boolean;
   View: ComponentType;
+  /** At the end of the status line. */
+  Status?: ComponentType;
   commands: readonly Command[];
 }
 

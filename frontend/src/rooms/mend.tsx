@@ -5,7 +5,7 @@ import { COLOURINGS } from "../mesh/colours";
 import { commands, take, TOOL_NAMES } from "../mend/commands";
 import { CutPanel } from "../mend/cutting";
 import { bridgeAt, smoothFaces } from "../mend/edits";
-import { HistoryPanel, HolesPanel } from "../mend/lists";
+import { HistoryPanel, HolesPanel, LastEdit } from "../mend/lists";
 import { Pane } from "../mend/pane";
 import { GridPane, PicturePane, ProfilePane } from "../mend/panes";
 import { PointPanel } from "../mend/point";
@@ -175,4 +175,4 @@ function Mend() {
   );
 }
 
-export const mend: Room = { id: "mend", title: "Mend", needsScan: true, View: Mend, commands };
+export const mend: Room = { id: "mend", title: "Mend", needsScan: true, View: Mend, Status: LastEdit, commands };

@@ -56,7 +56,7 @@ function FoundPanel() {
   }, []);
   const list = found.value;
   return (
-    <Section title="Found on this computer" count={list?.devices.length ?? "…"}>
+    <Section title="Found on this computer" open={!connected()} count={list?.devices.length ?? "…"}>
       <ul class="list" aria-label="Devices that were found">
         {list?.devices.map((device) => (
           <li key={device.address}>

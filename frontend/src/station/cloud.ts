@@ -1,9 +1,19 @@
 /** Points as they come, on a plain canvas: it turns, and needs no graphics card. */
 import { PALETTE } from "../mesh/colours";
+import type { Bounds } from "../mesh/model";
 import { ViewCamera } from "../viewport/camera";
 import type { Cloud } from "./live";
 
-const START = { low: [-40, -40, 0], high: [40, 40, 80] } as const;
+/** mm: what is turning lies in an upright cylinder about the axis. */
+interface Cylinder {
+  radius: number;
+  low: number;
+  high: number;
+}
+
+const START: Cylinder = { radius: 40, low: 0, high: 80 };
+/** Of the cylinder, by which it may grow before the view follows: not for every profile. */
+const SLACK = 0.03;
 
 export class CloudView {
   private readonly camera = new ViewCamera();
@@ -13,7 +23,9 @@ export class CloudView {
   private drag: { x: number; y: number; pan: boolean } | null = null;
   private readonly watch: ResizeObserver;
   private readonly off = new AbortController();
-  private fitted = 0;
+  private fitted: Cylinder | null = null;
+  /** Whether a person has chosen the view: then it stays. */
+  private chosen = false;
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.pen = canvas.getContext("2d")!;
@@ -34,28 +46,37 @@ export class CloudView {
   }
 
   show(cloud: Cloud): void {
-    if (cloud !== this.cloud) this.fitted = 0;
+    if (cloud !== this.cloud) this.chosen = false;
     this.cloud = cloud;
-    // The view follows the part while it grows, but not for every profile.
-    if (cloud.count > 2 * this.fitted) this.fit();
+    if (!this.chosen) this.follow();
     this.redraw();
   }
 
-  fit(): void {
-    const low = [Infinity, Infinity, Infinity];
-    const high = [-Infinity, -Infinity, -Infinity];
+  /** The cylinder that holds the points: the next profiles are likely to lie in it, too. */
+  private around(): Cylinder {
+    let [square, low, high] = [0, Infinity, -Infinity];
     for (const laser of this.cloud?.lasers ?? []) {
       for (const part of this.cloud!.of(laser)) {
-        for (let i = 0; i < part.length; i++) {
-          low[i % 3] = Math.min(low[i % 3], part[i]);
-          high[i % 3] = Math.max(high[i % 3], part[i]);
+        for (let i = 0; i < part.length; i += 3) {
+          square = Math.max(square, part[i] ** 2 + part[i + 1] ** 2);
+          low = Math.min(low, part[i + 2]);
+          high = Math.max(high, part[i + 2]);
         }
       }
     }
-    const box = low[0] <= high[0] ? { low, high } : START;
-    this.fitted = this.cloud?.count ?? 0;
-    this.camera.contain({ low: [box.low[0], box.low[1], box.low[2]], high: [box.high[0], box.high[1], box.high[2]] });
-    this.camera.fit({ low: [box.low[0], box.low[1], box.low[2]], high: [box.high[0], box.high[1], box.high[2]] });
+    return low <= high ? { radius: Math.sqrt(square), low, high } : START;
+  }
+
+  private follow(anew = false): void {
+    const { radius, low, high } = this.around();
+    const now = this.fitted;
+    const slack = SLACK * (radius + high - low);
+    const off = !now || Math.abs(radius - now.radius) > slack || Math.abs(low - now.low) > slack || Math.abs(high - now.high) > slack;
+    if (!off && !anew) return;
+    this.fitted = { radius, low, high };
+    const box: Bounds = { low: [-radius, -radius, low], high: [radius, radius, high] };
+    this.camera.contain(box);
+    this.camera.fit(box);
   }
 
   redraw(): void {
@@ -100,7 +121,7 @@ export class CloudView {
     this.canvas.width = Math.round(clientWidth * window.devicePixelRatio);
     this.canvas.height = Math.round(clientHeight * window.devicePixelRatio);
     this.camera.resize(clientWidth, clientHeight);
-    this.fit();
+    if (!this.chosen) this.follow(true);
     this.redraw();
   }
 
@@ -114,6 +135,7 @@ export class CloudView {
     const dx = event.clientX - this.drag.x;
     const dy = event.clientY - this.drag.y;
     this.drag = { ...this.drag, x: event.clientX, y: event.clientY };
+    this.chosen = true;
     if (this.drag.pan) this.camera.pan(dx, dy);
     else this.camera.orbit(dx, dy);
     this.redraw();
@@ -121,6 +143,7 @@ export class CloudView {
 
   private wheel(event: WheelEvent): void {
     event.preventDefault();
+    this.chosen = true;
     const box = this.canvas.getBoundingClientRect();
     this.camera.zoom(Math.exp(-0.0016 * event.deltaY), event.clientX - box.left, event.clientY - box.top);
     this.redraw();
@@ -131,6 +154,7 @@ export class CloudView {
     const by = turns[event.key];
     if (!by) return;
     event.preventDefault();
+    this.chosen = true;
     this.camera.orbit(...by);
     this.redraw();
   }

@@ -1,5 +1,6 @@
 /** Status line, notices, palette and key sheet: what is the same in every room. */
 import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
 import { allCommands, type Command, keysOpen, paletteOpen } from "../commands";
 import { ask, dismiss, jobs, notices } from "../state";
@@ -9,7 +10,7 @@ import { useDialog } from "./dialog";
 /** What the tool at hand does, for the status line. */
 export const hint = signal("");
 
-export function StatusLine() {
+export function StatusLine({ children }: { children?: ComponentChildren }) {
   const running = [...jobs.value.values()].filter((job) => job.state === "running");
   return (
     <footer class="status">
@@ -24,6 +25,7 @@ export function StatusLine() {
           </Button>
         </span>
       ))}
+      {children}
     </footer>
   );
 }

@@ -16,6 +16,8 @@ export interface Colours {
 }
 
 export const MARK = "#f0691e";
+/** CSS pixels about what is fitted. */
+const MARGIN = 26;
 
 export abstract class PlaneView {
   protected readonly pen: CanvasRenderingContext2D;
@@ -86,7 +88,7 @@ export abstract class PlaneView {
 
   fit(box = this.content()): void {
     if (!box || this.width < 2) return;
-    const margin = this.shape.equal ? 26 : 0;
+    const margin = this.shape.equal ? MARGIN : 0;
     const w = Math.max(box.x1 - box.x0, 1e-6);
     const h = Math.max(box.y1 - box.y0, 1e-6);
     let kx = (this.width - 2 * margin) / w;
@@ -100,13 +102,12 @@ export abstract class PlaneView {
     this.redraw();
   }
 
-  /** Show a place without a change of scale, if it is not in view. */
+  /** Shift no further than it takes to show a place; what has just been fitted stays as it is. */
   reveal(x: number, y: number): void {
     const [sx, sy] = this.toScreen(x, y);
-    const m = 30;
-    if (sx > m && sy > m && sx < this.width - m && sy < this.height - m) return;
-    this.ox += this.width / 2 - sx;
-    this.oy += this.height / 2 - sy;
+    const into = (at: number, size: number) => Math.min(Math.max(at, MARGIN), Math.max(size - MARGIN, MARGIN));
+    this.ox += into(sx, this.width) - sx;
+    this.oy += into(sy, this.height) - sy;
     this.redraw();
   }
 

@@ -1,9 +1,10 @@
 /** The surface, for every room that shows it. */
+import { useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { css, cividis, PALETTE, UNMEASURED } from "../mesh/colours";
 import { lasers, loading, mesh } from "../part";
-import { jobs, place } from "../state";
-import { colouring, drawable, legend, showIn } from "../viewport/place";
+import { jobs, place, theme } from "../state";
+import { colouring, currentViewport, drawable, legend, showIn } from "../viewport/place";
 import { left } from "./frame";
 
 export function SurfaceView() {
@@ -11,6 +12,10 @@ export function SurfaceView() {
   useEffect(() => {
     showIn(ref.current!);
   }, []);
+  useSignalEffect(() => {
+    void theme.value;
+    requestAnimationFrame(() => currentViewport()?.restyle());
+  });
   return (
     <div class="stage" ref={ref} style={{ height: "100%" }}>
       {drawable.value === false && <NoWebGL />}

@@ -70,7 +70,7 @@ class RigRoom:
         cameras, notes = find_cameras()
         found = [p.FoundDevice(address=a[:200], text=a[:200], role="camera") for a in cameras]
         for port in list_ports():
-            address, text = "", port.description or port.path
+            address, text = "", port.description or "a serial port"
             if probe:
                 answer = probe_port(port.path)
                 address, text = answer.address, answer.address or answer.why_not

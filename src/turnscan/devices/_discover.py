@@ -42,7 +42,8 @@ def list_ports() -> list[Port]:
     from serial.tools import list_ports as system
 
     found = sorted(system.comports(), key=lambda p: str(p.device))
-    return [Port(str(p.device), str(p.description or "")) for p in found]
+    unknown = (None, "n/a")
+    return [Port(p.device, "" if p.description in unknown else p.description) for p in found]
 
 
 def probe_port(path: str, attempts: tuple[tuple[str, int], ...] = ATTEMPTS) -> Answer:

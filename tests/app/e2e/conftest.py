@@ -29,7 +29,7 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 ]
-DEADLINE = 25.0
+DEADLINE = 60.0
 """Seconds for anything that a person would wait for."""
 OPENING = 300.0
 """Seconds to open a scan: on a new machine the kernels are compiled first."""

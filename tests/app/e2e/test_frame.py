@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+import time
 
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 
-from tests.app.e2e.conftest import steady, until
+from tests.app.e2e.conftest import DEADLINE, steady, until
 
 NO_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
@@ -97,6 +98,27 @@ def test_fits_its_window(open_cup, width, height):
         }).map((e) => e.outerHTML)"""
     )
     assert clipped == []
+
+
+def test_a_light_page_has_a_light_surface(open_cup):
+    page = open_cup()
+    place = page.locator(".surface-host").bounding_box()
+    corner = {"x": place["x"] + 4, "y": place["y"] + 40, "width": 4, "height": 4}
+    for dark in (True, False, True):
+        end = time.monotonic() + DEADLINE
+        while (_pixels(page.screenshot(clip=corner)).max() < 80) != dark:
+            assert time.monotonic() < end, f"not {'dark' if dark else 'light'}"
+        page.get_by_role("button", name="Dark or light").click()
+
+
+@pytest.mark.parametrize("room", ["rig", "scan"])
+def test_at_200_percent_rooms_are_one_column(new_page, room):
+    page = new_page(f"#{room}", width=640, height=400)
+    view = page.get_by_role("region", name="Camera")
+    view.wait_for()
+    assert view.bounding_box()["width"] == pytest.approx(640, abs=20)
+    assert view.bounding_box()["height"] < 400
+    assert page.evaluate("document.documentElement.scrollWidth") <= 640
 
 
 def test_one_browser_invites_another(new_page, browser):

@@ -72,6 +72,8 @@ def test_hole_is_filled_with_preview_undone_and_redone(open_cup, picture):
     until(page, f"turnscan.holes === {holes - 1}")
     filled = state(page)
     assert filled[0] > scanned[0] + 50
+    page.get_by_role("button", name=re.compile("fill a hole .* 1 of 1")).click()
+    page.get_by_role("tab", name="History", selected=True).wait_for()
     page.keyboard.press("Control+z")
     until(page, "turnscan.cursor === 0")
     until(page, f"turnscan.faces === {scanned[0]}")

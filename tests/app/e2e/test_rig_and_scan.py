@@ -119,6 +119,9 @@ def test_a_new_user_calibrates_with_what_is_there_and_scans_with_it(new_page, pi
     views.filter(has_text="no stripe of laser right on the board").first.wait_for()
     fill(Stops=9)
     take("Turn the table and take", r"^9 of 9 pictures can be used")
+    calibration.get_by_role("button", name="Take pictures of the board").evaluate(
+        "e => e.scrollIntoView({block: 'start'})"
+    )
     picture(page, "calibrate")
     take(
         "Calibrate", r"rig\.json: camera 0\.\d+ px rms, coverage \d+ %; at .* ± 0\.\d+ mm \(k = 2\)"
