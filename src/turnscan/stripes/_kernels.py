@@ -137,8 +137,10 @@ def list_candidates(
     for i in range(counts.size):
         if counts[i] == 0:
             continue
-        count = merge_peaks(peaks, line, counts[i], usual)
-        count = keep_brightest(peaks, line, count, wanted)
+        count = counts[i]
+        if count > 1:
+            count = merge_peaks(peaks, line, count, usual)
+            count = keep_brightest(peaks, line, count, wanted)
         for j in range(line, line + count):
             half = max(0.45, (peaks[j, HIGH] - peaks[j, LOW]) * (1.0 / FWHM))
             left, right = reach_of(peaks, line, count, j, half, whole, u0, u1)
@@ -277,7 +279,8 @@ def glowing_nearby(some: Any, n: int, terms: Any, lines: int) -> Any:
         many[v, 0] += 1
         many[v, 1] += glows(some, i, terms)
     for v in range(lines):
-        many[v + 1] += many[v]
+        for k in range(2):
+            many[v + 1, k] += many[v, k]
     near = np.zeros(lines, np.bool_)
     for v in range(lines):
         a, b = max(0, v - GLOW_REACH), min(lines, v + GLOW_REACH + 1)
@@ -297,17 +300,23 @@ def haloed(some: Any, n: int, terms: Any, lines: int) -> Any:
     highest = np.zeros(lines)
     for i in range(n):
         v = int(some[i, ROW])
-        row = sums[v + 1]
         if some[i, HEIGHT] > highest[v]:
             highest[v] = some[i, HEIGHT]
-            amplitude = max(some[i, HEIGHT] - some[i, PEDESTAL], 1.0)
             lean = (some[i, CENTRE] + some[i, START] - some[i, MIDDLE]) / some[i, WIDTH]
-            row[:] = (some[i, PEDESTAL], amplitude, lean * some[i, FLUX], some[i, FLUX], 1.0)
+            sums[v + 1, 0] = some[i, PEDESTAL]
+            sums[v + 1, 1] = max(some[i, HEIGHT] - some[i, PEDESTAL], 1.0)
+            sums[v + 1, 2] = lean * some[i, FLUX]
+            sums[v + 1, 3] = some[i, FLUX]
+            sums[v + 1, 4] = 1.0
     for v in range(lines):
-        sums[v + 1] += sums[v]
+        for k in range(5):
+            sums[v + 1, k] += sums[v, k]
     out = np.zeros(lines, np.bool_)
+    part = np.empty(5)
     for v in range(lines):
-        part = sums[min(lines, v + HALO_REACH + 1)] - sums[max(0, v - HALO_REACH)]
+        a, b = max(0, v - HALO_REACH), min(lines, v + HALO_REACH + 1)
+        for k in range(5):
+            part[k] = sums[b, k] - sums[a, k]
         noise = 4.0 * terms.noise * math.sqrt(part[4] / (2.0 * FLANK))
         out[v] = part[0] > max(HALO_LIMIT * part[1], noise) or abs(part[2]) > LEAN_LIMIT * part[3]
     return highest, out
