@@ -308,7 +308,7 @@ def surroundings(
     owner = np.repeat(which, [len(holes[k].loop) for k in which]).astype(np.int32)
     away, nearest = cKDTree(mesh.vertices[edge]).query(true.middle)
     at = np.flatnonzero(away < SAMPLES * spacing(made, true.middle, steps) + FINE)
-    return at.astype(np.int32), owner[nearest[at]]
+    return at.astype(np.int32), owner[np.asarray(nearest)[at]]
 
 
 def covered(made: Bench) -> float:
@@ -362,8 +362,8 @@ def gaps(made: Bench, true: Patches, mesh: Mesh, holes: Sequence[Hole]) -> tuple
     away, which = cKDTree(mesh.vertices[edge]).query(true.middle[gone])
     # The inside of a cup may be nearer to the cup's foot than to its rim, where it ends.
     meets = np.zeros((int(piece.max()) + 1, len(holes)), dtype=np.bool_)
-    meets[piece[away < 2 * FINE], owner[which[away < 2 * FINE]]] = True
-    mine = owner[which]
+    meets[piece[away < 2 * FINE], owner[np.asarray(which)[away < 2 * FINE]]] = True
+    mine = owner[np.asarray(which)]
     mine = np.where(meets.sum(axis=1)[piece] == 1, meets.argmax(axis=1)[piece], mine)
     size = np.array([h.size for h in holes])
     # Where the light is cut, the stripe's centre is off by as much as the stripe is wide: a pixel.

@@ -34,7 +34,7 @@ class _Rig:
         self._shot = 0
         self._pictures: dict[str, list[Image]] = {}
         for name, side in (("", 0), ("left", -1), ("right", 1)):
-            made = []
+            made: list[Image] = []
             for k in range(VIEWS):
                 light = rng.normal(12.0, 1.5, (HEIGHT, WIDTH))
                 if side:

@@ -6,10 +6,11 @@ import io
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from ezdxf.addons import r12writer
+from ezdxf.addons.r12writer import r12writer
 from tests.export.parts import box_with_hole, torus
 from tests.export.readers import READERS, missing, volume
 
@@ -47,15 +48,13 @@ def run() -> None:
     for form, version in _FORMS:
         options = ExportOptions(dxf_forms=(form,), dxf_version=version)
         export(torus(8, 8), ".dxf", options=options)  # compiles
-        data, spent = _timed(lambda o=options: export(million, ".dxf", options=o))
+        data, spent = _timed(partial(export, million, ".dxf", options=options))
         text = (
             f"{form} {version}: 1 000 000 faces written in {spent:.2f} s, {len(data) / 1e6:.0f} MB"
         )
         if version == "R12" or form == "mesh":
             read_dxf(export(torus(8, 8), ".dxf", options=options))
-            remarks, checked = _timed(
-                lambda d=data, o=options: audit(d, million, ".dxf", options=o)
-            )
+            remarks, checked = _timed(partial(audit, data, million, ".dxf", options=options))
             wrong = sum(r.severity == "error" for r in remarks)
             text += f"; re-read and compared in {checked:.2f} s, {wrong} errors"
         print(text)

@@ -37,8 +37,9 @@ def tube(n: int, m: int) -> Mesh:
     p, q = lower + k, lower + (k + 1) % n
     faces = np.stack([p, q, q + n, p, q + n, p + n], axis=-1).reshape(-1, 3)
     v = len(vertices)
-    step, line = np.tile(k, m), np.repeat(np.arange(m), n)
-    return Mesh(vertices, faces, Provenance(np.full(v, 0.01), np.zeros(v), step, line, ("left",)))
+    step, line = (a.astype(np.int32) for a in (np.tile(k, m), np.repeat(np.arange(m), n)))
+    laser = np.zeros(v, dtype=np.int32)
+    return Mesh(vertices, faces, Provenance(np.full(v, 0.01), laser, step, line, ("left",)))
 
 
 def _took(work: Callable[[], Result]) -> tuple[Result, float]:

@@ -12,6 +12,7 @@ import argparse
 import math
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,9 @@ def wall(up: poses.View, side: poses.View, found: poses.Alignment) -> tuple[np.n
 def cup(folder: Path, steps: int) -> None:
     """Wall thickness from two poses."""
     print(f"cup, 2 poses of {steps} profiles, modern rig with speckle", flush=True)
-    views = [cup_pose(folder, n, t, steps) for n, t in (("up", 0.0), ("side", math.pi / 2))]
+    up = cup_pose(folder, "up", 0.0, steps)
+    side = cup_pose(folder, "side", math.pi / 2, steps)
+    views = [up, side]
     start = time.process_time()
     found = poses.align(views, poses.place(views))
     spent = time.process_time() - start
@@ -83,7 +86,7 @@ def cup(folder: Path, steps: int) -> None:
     )
     for free in found.freedoms:
         print(f"  not determined: {free}")
-    thick, sigma = wall(*views, found)
+    thick, sigma = wall(up, side, found)
     off = np.abs(thick - WALL) / sigma
     print(
         f"  wall at {len(thick)} places of the inside: {thick.mean():.3f} mm (true {WALL:.3f}), "
@@ -103,7 +106,11 @@ def bunny() -> None:
     best = poses.align(views, true)
     rng = np.random.default_rng(0)
     rough = [true[0], *(t @ nudge(v, rng) for t, v in zip(true[1:], views[1:], strict=True))]
-    for what, starts in (("5 mm and 5° off", lambda: rough), ("none", lambda: poses.place(views))):
+    given: tuple[tuple[str, Callable[[], Sequence[Pose]]], ...] = (
+        ("5 mm and 5° off", lambda: rough),
+        ("none", lambda: poses.place(views)),
+    )
+    for what, starts in given:
         start = time.process_time()
         placed = starts()
         found = poses.align(views, placed)
@@ -125,7 +132,7 @@ def nudge(v: poses.View, rng: np.random.Generator) -> Pose:
     return Pose(R, middle - R @ middle + 5.0 * shift)
 
 
-def worst(a: list[Pose], b: list[Pose], views: list[poses.View]) -> float:
+def worst(a: Sequence[Pose], b: Sequence[Pose], views: list[poses.View]) -> float:
     """mm rms of the view that lies furthest apart in two sets of poses."""
     pairs = zip(a, b, views, strict=True)
     return max(

@@ -69,7 +69,7 @@ def ceramic(data: Path, lit: str, dark: str) -> dict[str, float]:
     on, off = read(folder / lit), read(folder / dark)
     green = cv2.subtract(on[:, :, 1], off[:, :, 1])
     rows = np.arange(310, 840)
-    cores = np.array([core_of(green, v, stripe.position[v]) for v in rows if stripe.found[v]])
+    cores = np.array([core_of(green, int(v), stripe.position[v]) for v in rows if stripe.found[v]])
     away = np.abs(stripe.position[rows][stripe.found[rows]] - cores[:, 0])
     red = (
         cv2.subtract(on[:, :, 0], off[:, :, 0])[rows]

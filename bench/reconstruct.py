@@ -42,7 +42,9 @@ def stripe_of_a_ball(rig: Rig) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     facing = np.einsum("ij,ij->i", points - [0, 0, RADIUS + 2.0], eye - points) > 0
     u, v = rig.camera.project(rig.T_camera_table.apply(points[facing])).T
     rows = np.arange(HEIGHT, dtype=np.float64)
-    return np.interp(rows, v, u, left=np.nan, right=np.nan)
+    column: np.ndarray[tuple[int], np.dtype[np.float64]]
+    column = np.interp(rows, v, u, left=np.nan, right=np.nan)
+    return column
 
 
 def write_scan(path: Path) -> None:

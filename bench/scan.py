@@ -38,7 +38,7 @@ def run() -> None:
                 _line(ScanPlan(
                     width, height, dtype, 1, ("laser",), FRAMES,
                     threshold=4 * NOISE * np.iinfo(dtype).max * 2**0.5,
-                    keep=keep,  # type: ignore[arg-type]
+                    keep=keep,
                 ))  # fmt: skip
 
 
@@ -50,7 +50,8 @@ def _line(plan: ScanPlan) -> None:
         start = time.perf_counter()
         with Scan.create(path, plan) as scan:
             for k in range(count):
-                scan.add(Frame(k, "laser", *pairs[k % 4], commanded=0.01 * k))
+                lit, dark = pairs[k % 4]
+                scan.add(Frame(k, "laser", lit, dark, commanded=0.01 * k))
         written = time.perf_counter()
         with Scan.open(path) as scan:
             opened = time.perf_counter()

@@ -38,7 +38,8 @@ def _blurred(lit: U8, dark: U8) -> U8:
 def _centre(weights: npt.NDArray[np.float64], u: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
     total = weights.sum(axis=1)
     missing = np.full(len(total), np.nan)
-    return np.divide((weights * u).sum(axis=1), total, out=missing, where=total > 0)
+    np.divide((weights * u).sum(axis=1), total, out=missing, where=total > 0)
+    return missing
 
 
 def recipe(lit: U8, dark: U8) -> npt.NDArray[np.float64]:

@@ -32,7 +32,7 @@ def grid(steps: int, lines: int, seed: int) -> RangeGrid:
     out = np.stack([np.cos(phi), np.sin(phi), 0 * phi], axis=-1)
     return RangeGrid(
         laser=f"L{seed}",
-        steps=np.arange(steps),
+        steps=np.arange(steps, dtype=np.int32),
         angles=phi,
         points=r[..., None] * out[:, None] + z[:, None] * [0.0, 0.0, 1.0],
         sigma=np.full((steps, lines), NOISE),
@@ -54,8 +54,8 @@ def run() -> None:
     for how in ("grid", "tsdf"):
         merge(few, how=how)  # compiles
     small = mesh_grid(few[0])
-    for wish in ({"faces": 100}, {"tolerance": 1.0}):
-        decimate(small, **wish)  # type: ignore[arg-type]
+    decimate(small, faces=100)
+    decimate(small, tolerance=1.0)
     denoise(few[0])
 
     two = [grid(*SMALL, k) for k in range(2)]

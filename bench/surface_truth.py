@@ -141,7 +141,8 @@ def reconstructed(wish: Wish, folder: Path, paint: Material | None = None) -> Ru
 def places(made: Bench) -> truth.Patches:
     """Small triangles of the part, every so many in their own order: evenly over all of it."""
     whole = truth.patches(made)
-    return whole.some(np.arange(0, len(whole.area), max(1, len(whole.area) // PLACES)))
+    every = max(1, len(whole.area) // PLACES)
+    return whole.some(np.arange(0, len(whole.area), every, dtype=np.int32))
 
 
 def visible(run: Run, some: truth.Patches, grazing: float, lines: int = 2) -> Bools:
@@ -160,7 +161,7 @@ def reference(run: Run, some: truth.Patches) -> str:
     area = float(truth.patches(run.made).area.sum())
     tree = cKDTree(some.middle[visible(run, some, truth.GRAZING[1])])
     X = np.concatenate([g.points[g.found] for g in run.both.grids])
-    away = tree.query(X[:: max(1, len(X) // SAMPLES)])[0]
+    away = np.asarray(tree.query(X[:: max(1, len(X) // SAMPLES)])[0])
     on = float((away < 4 * truth.FINE).mean())
     whole = truth.made_mesh(run.made).area_of()
     return f"{area:.0f} of {whole:.0f} mm², {on:.2%} of the measured points lie on what it shows"
@@ -238,7 +239,8 @@ def holes_beside(done: Reconstruction, X: Floats) -> float:
     from scipy.spatial import cKDTree
 
     mesh, tree = done.opened or done.mesh, cKDTree(X)
-    near = [(tree.query(mesh.vertices[h.loop])[0] < BESIDE).mean() > 0.5 for h in done.holes]
+    away = [np.asarray(tree.query(mesh.vertices[h.loop])[0]) for h in done.holes]
+    near = [(a < BESIDE).mean() > 0.5 for a in away]
     return sum(h.area for h, there in zip(done.holes, near, strict=True) if there)
 
 

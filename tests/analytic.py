@@ -68,7 +68,7 @@ def make_rig(
 def full_turn(steps: int, *, clockwise: bool = False, start: float = 0.0) -> Floats:
     """``steps`` equal angles of one turn, radians."""
     a = np.arange(steps) * (2 * np.pi / steps)
-    return start + (-a if clockwise else a)
+    return np.asarray(start + (-a if clockwise else a))
 
 
 def scan_shape(
@@ -134,7 +134,7 @@ def _seen(rig: Rig, shape: Shape, points: Floats, angle: float) -> np.ndarray:
     part = np.linspace(0.3, 0.999, 200)[:, None, None]
     with np.errstate(invalid="ignore"):
         clear = shape(to_object(rig, part * points[None], angle)) > 0
-    return clear.all(axis=0)
+    return np.asarray(clear.all(axis=0))
 
 
 def sphere(radius: float, centre: tuple[float, float, float]) -> Shape:
@@ -157,7 +157,7 @@ def box(half: tuple[float, float, float], centre: tuple[float, float, float], tu
 
     def shape(P: Floats) -> Floats:
         Q = (P - np.asarray(centre)) @ rotation_about([0, 0, 1], turn)
-        return (np.abs(Q) - np.asarray(half)).max(axis=-1)
+        return np.asarray((np.abs(Q) - np.asarray(half)).max(axis=-1))
 
     return shape
 
