@@ -18,6 +18,7 @@ from turnscan.cli import turnscan
 from turnscan.errors import ExportError, FormatError, InputError, ScanError, TurnscanError
 from turnscan.rig import Camera, LaserSheet, Marker, Pose, Rig, rig_to_json, rotation_z
 from turnscan.scan import Scan, read_picture
+from turnscan.stripes import Signal, StripeSettings
 
 SIZE = (60, 80)
 
@@ -125,6 +126,28 @@ def test_a_stripe_that_stays_in_place_is_not_taken_for_background(tmp_path: Path
     assert found["auto"] == found["beside"] > 100
     assert found["darkest"] > 100
     assert found["median"] < 20
+
+
+@pytest.mark.parametrize(("half", "said"), [(22, "away from the stripe"), (60, "darkest of")])
+def test_a_dark_part_before_a_bright_wall(tmp_path: Path, half: int, said: str) -> None:
+    """A part of 10 % of the picture or of 25 %, wider or narrower by turns; its stripe stays."""
+    rng = np.random.default_rng(3)
+    (tmp_path / "on").mkdir()
+    u = np.arange(480)
+    for k in range(20):
+        wall = np.where(np.abs(u - 150) < half * (1 + 0.6 * np.sin(k / 3)), 6.0, 60.0)
+        line = 120 * np.exp(-((u - 150 - 2 * np.sin(k / 3)) ** 2) / 2 / 1.5**2)
+        seen = (wall + line + rng.normal(0, 1, (60, 480))).round().clip(0, 255).astype(np.uint8)
+        Pillow.fromarray(seen).save(tmp_path / "on" / f"s{k}.png")
+    path = tmp_path / "a.turnscan"
+    assert said in run(tmp_path / "on", "-o", path, "--angles", "step:18")
+    with Scan.open(path) as scan:
+        signal = Signal(scan.plan.weights, scan.plan.dtype)
+        for k in range(20):
+            f = scan.frame(k, "laser")
+            stripe = signal.detect(f.lit, f.dark, StripeSettings(), f.level, f.noise)
+            # The stripe of other pictures, in part of background, may pull by a third of a width.
+            np.testing.assert_allclose(stripe.position, 150 + 2 * np.sin(k / 3), atol=0.5)
 
 
 @pytest.mark.parametrize("colour", ["green", "learn", "-0.5,1,-0.5"])
