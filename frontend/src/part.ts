@@ -313,6 +313,13 @@ on("grid", (message) => {
   if (shown?.grid === message.grid && message.steps.includes(shown.step)) void loadProfile(shown.grid, shown.step, true);
 });
 
+on("job", ({ what, state, scan }) => {
+  if (what !== "open" || state === "running" || state === "done" || scan !== place.value.scan || scan === opened.value?.scan) return;
+  // It will not open: back to what there is. The message itself stays.
+  loading.value = null;
+  go("projects", null);
+});
+
 // Follow the address, and ask again whenever the connection comes back.
 effect(() => {
   const { scan } = place.value;

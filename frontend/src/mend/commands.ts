@@ -1,5 +1,5 @@
 import type { Command } from "../commands";
-import { VIEWS, type ViewName } from "../viewport/camera";
+import { viewCommands } from "../ui/surface";
 import { bordersShown, brushRadius, currentViewport, selected, tool, visibleOnly } from "../viewport/place";
 import { TOOLS, type Tool } from "../viewport/viewport";
 import { deletePoints, deleteSelected, deleteUnselected } from "./edits";
@@ -23,7 +23,6 @@ export const TOOL_NAMES: Record<Tool, readonly [string, string]> = {
 const view = () => currentViewport();
 const some = () => selected.value > 0;
 const resizeBrush = (factor: number) => (brushRadius.value = Math.max(3, Math.min(300, brushRadius.value * factor)));
-const VIEW_KEYS: Record<ViewName, string> = { front: "1", back: "2", left: "3", right: "4", top: "5", bottom: "6", corner: "7" };
 
 /** Take a tool in hand, and show the panel it belongs to. */
 export function take(name: Tool): void {
@@ -41,6 +40,16 @@ function escape(): void {
   else tool.value = "navigate";
 }
 
+/** To walk through the profiles: the point that is marked moves on. */
+export const stepCommands: readonly Command[] = [
+  { title: "Profile before", group: "Profile", keys: "PgUp", run: () => void stepMark(-1, 0) },
+  { title: "Profile after", group: "Profile", keys: "PgDn", run: () => void stepMark(1, 0) },
+  { title: "Ten profiles before", group: "Profile", keys: "Shift+PgUp", run: () => void stepMark(-10, 0) },
+  { title: "Ten profiles after", group: "Profile", keys: "Shift+PgDn", run: () => void stepMark(10, 0) },
+  { title: "Line above", group: "Profile", keys: "Up", run: () => void stepMark(0, -1) },
+  { title: "Line below", group: "Profile", keys: "Down", run: () => void stepMark(0, 1) },
+];
+
 export const commands: readonly Command[] = [
   ...TOOLS.map((name) => ({ title: TOOL_NAMES[name][0], group: "Tools", keys: TOOL_NAMES[name][1], run: () => take(name) })),
   { title: "Smaller brush", group: "Tools", keys: "[", run: () => resizeBrush(1 / 1.25) },
@@ -55,18 +64,10 @@ export const commands: readonly Command[] = [
   { title: "Delete all but the selection", group: "Repair", keys: "Ctrl+Del", run: () => void deleteUnselected(), enabled: some },
   { title: "Holes and remarks", group: "Repair", keys: "H", run: () => (tab.value = "holes") },
   { title: "History", group: "Repair", keys: "Y", run: () => (tab.value = "history") },
-  { title: "See the selection", group: "View", keys: "F", run: () => view()?.fit(true) },
-  { title: "See everything", group: "View", keys: "Shift+F", run: () => view()?.fit() },
-  ...(Object.keys(VIEWS) as ViewName[]).map((name) => ({ title: `Look from the ${name}`, group: "View", keys: VIEW_KEYS[name], run: () => view()?.view(name) })),
-  { title: "Perspective or parallel", group: "View", keys: "O", run: () => view()?.toggleOrthographic() },
+  ...viewCommands,
   { title: "Show the borders of holes", group: "View", keys: "E", run: () => (bordersShown.value = !bordersShown.value) },
   { title: "One view alone, or all", group: "View", keys: "X", run: () => (large.value = large.value ? null : "surface") },
-  { title: "Profile before", group: "Profile", keys: "PgUp", run: () => stepMark(-1, 0) },
-  { title: "Profile after", group: "Profile", keys: "PgDn", run: () => stepMark(1, 0) },
-  { title: "Ten profiles before", group: "Profile", keys: "Shift+PgUp", run: () => stepMark(-10, 0) },
-  { title: "Ten profiles after", group: "Profile", keys: "Shift+PgDn", run: () => stepMark(10, 0) },
-  { title: "Line above", group: "Profile", keys: "Up", run: () => stepMark(0, -1) },
-  { title: "Line below", group: "Profile", keys: "Down", run: () => stepMark(0, 1) },
+  ...stepCommands,
   { title: "Point to the left", group: "Profile", keys: "Shift+Left", run: () => nudge(-1) },
   { title: "Point to the right", group: "Profile", keys: "Shift+Right", run: () => nudge(1) },
   { title: "Zoom to the marked line", group: "Profile", keys: "Z", run: () => onPage.picture?.zoomToMark() },

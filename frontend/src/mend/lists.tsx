@@ -149,7 +149,7 @@ export function HistoryPanel() {
           Redo
         </Button>
       </div>
-      <ol class="list" aria-label="Edits, the first one first" style={{ maxHeight: "none" }}>
+      <ol class="list whole" aria-label="Edits, the first one first">
         <li class={at === 0 ? "current" : ""}>
           <button type="button" class="button plain grow" onClick={() => void goTo(0)}>
             As scanned

@@ -61,8 +61,8 @@ export function ProfilePane() {
       about={at && at.step >= 0 && `step ${at.step}${shown?.step === at.step ? ` · ${shown.header.angle_deg.toFixed(2)}°` : ""}`}
       tools={
         <>
-          <Button kind="plain" small icon="left" label="Profile before" keys="PgUp" disabled={!at || at.step < 0} onClick={() => stepMark(-1, 0)} />
-          <Button kind="plain" small icon="right" label="Profile after" keys="PgDn" disabled={!at || at.step < 0} onClick={() => stepMark(1, 0)} />
+          <Button kind="plain" small icon="left" label="Profile before" keys="PgUp" disabled={!at || at.step < 0} onClick={() => void stepMark(-1, 0)} />
+          <Button kind="plain" small icon="right" label="Profile after" keys="PgDn" disabled={!at || at.step < 0} onClick={() => void stepMark(1, 0)} />
         </>
       }
     >

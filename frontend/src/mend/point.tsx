@@ -25,10 +25,10 @@ export function PointPanel() {
         {at.step >= 0 && (
           <>
             <div class="grid-2">
-              <Button small icon="left" label="Profile before" keys="PgUp" onClick={() => stepMark(-1, 0)}>Step −1</Button>
-              <Button small icon="right" label="Profile after" keys="PgDn" onClick={() => stepMark(1, 0)}>Step +1</Button>
-              <Button small label="Line above" keys="Up" onClick={() => stepMark(0, -1)}>Line −1</Button>
-              <Button small label="Line below" keys="Down" onClick={() => stepMark(0, 1)}>Line +1</Button>
+              <Button small icon="left" label="Profile before" keys="PgUp" onClick={() => void stepMark(-1, 0)}>Step −1</Button>
+              <Button small icon="right" label="Profile after" keys="PgDn" onClick={() => void stepMark(1, 0)}>Step +1</Button>
+              <Button small label="Line above" keys="Up" onClick={() => void stepMark(0, -1)}>Line −1</Button>
+              <Button small label="Line below" keys="Down" onClick={() => void stepMark(0, 1)}>Line +1</Button>
             </div>
           </>
         )}

@@ -74,11 +74,15 @@ function set(at: Mark): void {
   tab.value = "point";
 }
 
-/** Go to a neighbouring profile or line. */
-export function stepMark(steps: number, alongLines: number): void {
-  const at = mark.value;
-  const grid = at && grids.value[at.grid];
+/** Go to a neighbouring profile or line; where nothing is marked, to the middle of the first profile. */
+export async function stepMark(steps: number, alongLines: number): Promise<void> {
+  const at = mark.value?.step === -1 ? null : mark.value;
+  const grid = await loadGrid(at?.grid ?? gridShown.value);
   if (!grid) return;
+  if (!at) {
+    void markPlace(gridShown.value, grid.steps[0], Math.floor(grid.lines / 2));
+    return;
+  }
   const s = grid.steps.length;
   const row = grid.row(at.step) + steps;
   const wrapped = grid.header.closed ? (row + s) % s : Math.max(0, Math.min(s - 1, row));

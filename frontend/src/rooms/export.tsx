@@ -6,7 +6,7 @@ import type { ExportRequest, StartedExport } from "../protocol";
 import { complain, jobs, place } from "../state";
 import { Button, Check, count, mm, Section, SelectField } from "../ui/controls";
 import { Icon } from "../ui/icons";
-import { SurfaceView } from "../ui/surface";
+import { SurfaceView, viewCommands } from "../ui/surface";
 import type { Room } from ".";
 
 type Format = ExportRequest["format"];
@@ -206,5 +206,5 @@ export const exporting: Room = {
   title: "Export",
   needsScan: true,
   View: Export,
-  commands: [{ title: "Write the file", group: "Export", keys: "Ctrl+Enter", run: () => void start() }],
+  commands: [...viewCommands, { title: "Write the file", group: "Export", keys: "Ctrl+Enter", run: () => void start() }],
 };

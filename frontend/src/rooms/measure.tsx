@@ -3,15 +3,15 @@ import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link } from "../bus";
 import type { AnyArray } from "../envelope";
-import { measures, opened } from "../part";
+import { stepCommands } from "../mend/commands";
+import { mark, measures, opened } from "../part";
 import type { Measure, TakeMeasure } from "../protocol";
 import { complain, isOperator } from "../state";
 import { Button, Section } from "../ui/controls";
 import { hint } from "../ui/frame";
 import type { IconName } from "../ui/icons";
-import { SurfaceView } from "../ui/surface";
+import { SurfaceView, viewCommands } from "../ui/surface";
 import type { Item } from "../viewport/overlay";
-import type { Hit } from "../viewport/pick";
 import { currentViewport, hear, selected, tool } from "../viewport/place";
 import type { Tool } from "../viewport/viewport";
 import type { Vec } from "../viewport/camera";
@@ -37,12 +37,12 @@ const KINDS: readonly Kind[] = [
   { what: "area", title: "Area", keys: "Q", places: 0, region: "may", how: "Of the selection, or of the whole surface." },
   { what: "volume", title: "Volume", keys: "U", places: 0, region: "none", how: "Of the closed surface." },
 ];
-const TOOLS: readonly (readonly [Tool, string, IconName])[] = [
-  ["navigate", "Look and click points", "navigate"],
-  ["box", "Box", "box"],
-  ["lasso", "Lasso", "lasso"],
-  ["brush", "Brush", "brush"],
-  ["angle", "Region up to an edge", "angle"],
+const TOOLS: readonly (readonly [Tool & IconName, string, string])[] = [
+  ["navigate", "Look and click points", "V"],
+  ["box", "Box", "R"],
+  ["lasso", "Lasso", "L"],
+  ["brush", "Brush", "B"],
+  ["angle", "Region up to an edge", "A"],
 ];
 const INK = "#f0691e";
 
@@ -80,12 +80,20 @@ async function take(): Promise<void> {
   }
 }
 
-function add(hit: Hit): void {
+function add({ point }: { point: Vec }): void {
   if (tool.value !== "navigate" || !kind.value.places) return;
-  const next = [...places.value, hit.point];
+  const next = [...places.value, point];
   places.value = next.slice(-kind.value.places);
   // A distance needs no more words; a region may still be wanted for the others.
   if (enough() && kind.value.region === "none") void take();
+}
+
+/** The point that is marked in all views can be taken, too: so no mouse is needed. */
+const marked = () => mark.value?.point ?? null;
+
+function addMarked(): void {
+  const point = marked();
+  if (point) add({ point: [...point] });
 }
 
 async function forget(measure: string): Promise<void> {
@@ -98,9 +106,10 @@ async function forget(measure: string): Promise<void> {
 
 /** As many digits as the uncertainty leaves. */
 export function written({ value, unit, uncertainty }: Pick<Measure, "value" | "unit" | "uncertainty">): string {
-  if (uncertainty === null || !(uncertainty > 0)) return `${Number(value.toPrecision(5))} ${unit}`;
+  const of = unit === "°" ? unit : ` ${unit}`;
+  if (uncertainty === null || !(uncertainty > 0)) return `${Number(value.toPrecision(5))}${of}`;
   const digits = Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(uncertainty))));
-  return `${value.toFixed(digits)} ± ${uncertainty.toFixed(digits)} ${unit}`;
+  return `${value.toFixed(digits)} ± ${uncertainty.toFixed(digits)}${of}`;
 }
 
 const WORDS = new Map<string, string>(KINDS.map(({ what, title }) => [what, title]));
@@ -122,6 +131,8 @@ function save(): void {
 
 function items(): Item[] {
   const out: Item[] = places.value.map((at, k) => ({ kind: "point", at: [...at], colour: INK, label: String(k + 1) }));
+  const at = marked();
+  if (at) out.push({ kind: "point", at: [...at], colour: INK });
   for (const measure of measures.value) {
     const points = measure.places.map(([x, y, z]): Vec => [x, y, z]);
     const label = written(measure);
@@ -134,8 +145,8 @@ function items(): Item[] {
 function Rail() {
   return (
     <div class="rail" role="toolbar" aria-label="Tools" aria-orientation="vertical">
-      {TOOLS.map(([name, label, icon]) => (
-        <Button key={name} icon={icon} label={label} pressed={tool.value === name} onClick={() => (tool.value = name)} />
+      {TOOLS.map(([name, label, keys]) => (
+        <Button key={name} icon={name} label={label} keys={keys} pressed={tool.value === name} onClick={() => (tool.value = name)} />
       ))}
     </div>
   );
@@ -159,6 +170,11 @@ function KindPanel() {
           {now.region !== "none" && ` · ${selected.value} faces selected`}
         </p>
       )}
+      {now.places > 0 && marked() && (
+        <Button keys="M" label="Take the point that is marked; arrows and PgUp, PgDn move it" onClick={addMarked}>
+          Take the marked point
+        </Button>
+      )}
       <Button kind="primary" icon="ruler" keys="Enter" label="Measure it" disabled={!isOperator.value || busy.value || !enough()} onClick={() => void take()}>
         Measure it
       </Button>
@@ -171,7 +187,7 @@ function ResultsPanel() {
   return (
     <Section title="Measurements" count={list.length}>
       {list.length === 0 && <p class="quiet">None yet. They are kept in the scan file.</p>}
-      <ul class="list" aria-label="Measurements">
+      <ul class="list whole" aria-label="Measurements">
         {list.map((measure) => (
           <li key={measure.measure}>
             <button
@@ -239,6 +255,10 @@ export const measure: Room = {
   View: MeasureRoom,
   commands: [
     ...KINDS.map((one) => ({ title: one.title, group: "Measure", keys: one.keys, run: () => choose(one) })),
+    ...viewCommands,
+    ...stepCommands,
+    ...TOOLS.map(([name, title, keys]) => ({ title, group: "Tools", keys, run: () => (tool.value = name) })),
+    { title: "Take the marked point", group: "Measure", keys: "M", run: addMarked, enabled: () => marked() !== null },
     { title: "Measure it", group: "Measure", keys: "Enter", run: () => void take(), enabled: enough },
     {
       title: "Drop the points",

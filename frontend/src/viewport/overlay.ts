@@ -23,6 +23,14 @@ const AXES: readonly { axis: Vec; name: string; colour: string; view: ViewName; 
   { axis: [0, 0, 1], name: "Z", colour: "#5aa9e6", view: "top", back: "bottom" },
 ];
 
+/** A label that stands on the screen, from the start of its baseline. */
+interface Label {
+  x: number;
+  y: number;
+  width: number;
+}
+const LABEL_HEIGHT = 20;
+
 export class Overlay {
   items: Item[] = [];
   stroke: Stroke | null = null;
@@ -31,6 +39,7 @@ export class Overlay {
   ink = "#d7dee8";
   private readonly pen: CanvasRenderingContext2D;
   private ratio = 1;
+  private labelled: Label[] = [];
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -51,6 +60,7 @@ export class Overlay {
     pen.clearRect(0, 0, camera.width, camera.height);
     pen.font = "12px system-ui, sans-serif";
     pen.lineWidth = 1.5;
+    this.labelled = [];
     for (const item of this.items) this.drawItem(item);
     if (this.plane) this.drawPlane();
     if (this.stroke) this.drawStroke(this.stroke);
@@ -195,15 +205,20 @@ export class Overlay {
     pen.fillText(`${length >= 1 ? length : Number(length.toPrecision(1))} mm`, 22 + width, y);
   }
 
-  private label(text: string, at: Point): void {
+  /** A label at a place, or below those that stand there already. */
+  private label(text: string, [x, y]: Point): void {
     const { pen } = this;
     const width = pen.measureText(text).width;
+    let base = y;
+    const hides = (other: Label) => Math.abs(other.y - base) < LABEL_HEIGHT && x < other.x + other.width + 12 && other.x < x + width + 12;
+    while (this.labelled.some(hides)) base += LABEL_HEIGHT / 2;
+    this.labelled.push({ x, y: base, width });
     pen.fillStyle = "#11151ae0";
     pen.beginPath();
-    pen.roundRect(at[0] - 5, at[1] - 13, width + 10, 18, 4);
+    pen.roundRect(x - 5, base - 13, width + 10, 18, 4);
     pen.fill();
     pen.fillStyle = "#f2f5f8";
-    pen.fillText(text, at[0], at[1]);
+    pen.fillText(text, x, base);
   }
 
   private path(points: readonly Point[], closed: boolean): void {

@@ -6,6 +6,8 @@ import math
 import re
 from typing import Any
 
+import pytest
+
 from tests.app.e2e.conftest import until
 
 
@@ -65,3 +67,21 @@ def test_a_distance_is_taken_with_the_second_click_and_forgotten(open_cup):
     assert abs(float(found[1]) - math.dist(low, high)) < 1.0
     page.get_by_role("button", name="Forget it").click()
     page.get_by_text("None yet.").wait_for()
+
+
+def test_a_distance_is_measured_by_keyboard_alone(open_cup):
+    page = open_cup()
+    page.keyboard.press("Alt+4")
+    page.get_by_role("button", name="Distance").wait_for()
+    points = []
+    for k in range(2):
+        page.keyboard.press("PageDown")
+        until(page, f"turnscan.mark?.step === {k} && turnscan.mark.point")
+        points.append(page.evaluate("turnscan.mark"))
+        page.keyboard.press("m")
+        if not k:
+            page.get_by_text("1 of 2 points").wait_for()
+    rows(page).first.wait_for()
+    found = re.search(r"([\d.]+) (?:± [\d.]+ )?mm", rows(page).first.inner_text())
+    assert found
+    assert float(found[1]) == pytest.approx(math.dist(points[0]["point"], points[1]["point"]), 1e-3)
