@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 REAL_TIME = ("acquire", "app", "crash", "devices", "safety", "web")
 """Rooms whose tests talk to other processes, which keep deadlines. On a starved machine one may
 pass that the code at fault did not miss, so what fails there is tried twice more and pytest's
 summary says so (``RERUN``); what is broken fails each time."""
+# A property is not judged by a clock, and a run says the same each time; TURNSCAN_EXPLORE=1 looks
+# at examples never seen before.
+settings.register_profile(
+    "turnscan",
+    deadline=None,
+    derandomize="TURNSCAN_EXPLORE" not in os.environ,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("turnscan")
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 
 

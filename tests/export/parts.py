@@ -1,6 +1,9 @@
-"""Closed parts made from numbers."""
+"""Closed parts made from numbers, and what is in a zip."""
 
 from __future__ import annotations
+
+import io
+import zipfile
 
 import numpy as np
 
@@ -52,3 +55,24 @@ def measured(mesh: Mesh) -> Mesh:
         ("left", "right hand"),
     )
     return Mesh(mesh.vertices, mesh.faces, origin, rng.integers(0, 256, (v, 3)).astype(np.uint8))
+
+
+MODEL = "3D/3dmodel.model"
+
+
+def inside(data: bytes, suffix: str) -> bytes:
+    """The text of the file, unpacked where it is a zip."""
+    if suffix != ".3mf":
+        return data
+    with zipfile.ZipFile(io.BytesIO(data)) as file:
+        return file.read(MODEL)
+
+
+def outside(text: bytes, suffix: str) -> bytes:
+    """The file with this text."""
+    if suffix != ".3mf":
+        return text
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as file:
+        file.writestr(MODEL, text)
+    return out.getvalue()

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from tests.export.parts import measured, torus
+from tests.export.parts import inside, measured, outside, torus
 from turnscan.export import EXPORTERS, ExportOptions, audit, export
 from turnscan.surface import Mesh
 
@@ -20,17 +20,18 @@ def errors(data: bytes, suffix: str, options: ExportOptions, mesh: Mesh = PART) 
     return [f.code for f in found if f.severity == "error"]
 
 
-@pytest.mark.parametrize("suffix", EXPORTERS)
+@pytest.mark.parametrize("suffix", [s for s in EXPORTERS if s != ".glb"])
 @pytest.mark.parametrize(
     "options",
     [TEXT, ExportOptions(ascii=True, dxf_forms=("mesh",), dxf_version="R2010")],
 )
 def test_any_digit_of_a_coordinate_counts(suffix: str, options: ExportOptions) -> None:
-    data = export(PART, suffix, options=options)
+    data = inside(export(PART, suffix, options=options), suffix)
     start = {
         ".dxf": data.find(b"ENTITIES"),
         ".stl": data.find(b"\n"),
         ".ply": data.find(b"end_header"),
+        ".3mf": data.find(b"<vertices>"),
     }.get(suffix, data.rfind(b"# "))
     places = [
         start + m.start() + k
@@ -43,22 +44,27 @@ def test_any_digit_of_a_coordinate_counts(suffix: str, options: ExportOptions) -
         places = [p for p, n in zip(places, lines, strict=True) if data[n + 1 :][:6] == b"vertex"]
     for p in np.random.default_rng(2).choice(places, 60, replace=False):
         digit = (data[p] - 48 + 5) % 10 + 48
-        assert errors(data[:p] + bytes([digit]) + data[p + 1 :], suffix, options), data[p - 30 : p]
+        bad = outside(data[:p] + bytes([digit]) + data[p + 1 :], suffix)
+        assert errors(bad, suffix, options), data[p - 30 : p]
 
 
-@pytest.mark.parametrize("suffix", [".stl", ".ply"])
+@pytest.mark.parametrize("suffix", [".stl", ".ply", ".glb"])
 def test_any_high_byte_of_a_binary_number_counts(suffix: str) -> None:
+    """``at`` is the second highest byte of a number, the first of a record of this size."""
     data = export(PART, suffix)
-    start = 84 if suffix == ".stl" else data.find(b"end_header\n") + 11
-    size = 50 if suffix == ".stl" else 3 * 8 + 3 + 8 + 3 * 4
+    start, size, at_first = {
+        ".stl": (84, 50, 12 + 2),
+        ".ply": (data.find(b"end_header\n") + 11, 3 * 8 + 3 + 8 + 3 * 4, 6),
+        ".glb": (data.find(b"BIN\0") + 4, 12, 2),
+    }[suffix]
     for i in range(20):
-        at = start + i * size + (12 + 2 if suffix == ".stl" else 6)
+        at = start + i * size + at_first
         assert errors(
             data[:at] + bytes([data[at] ^ 0x15]) + data[at + 1 :], suffix, ExportOptions()
         )
 
 
-@pytest.mark.parametrize("suffix", [".dxf", ".stl", ".ply", ".obj"])
+@pytest.mark.parametrize("suffix", [s for s in EXPORTERS if s != ".xyz"])
 @pytest.mark.parametrize("options", [ExportOptions(), TEXT])
 def test_a_missing_or_turned_face_is_found(suffix: str, options: ExportOptions) -> None:
     less = Mesh(PART.vertices, PART.faces[:-1], PART.provenance, PART.colour)
@@ -82,6 +88,8 @@ def test_a_lost_value_is_found() -> None:
     assert errors(export(bare, ".ply"), ".ply", ExportOptions()) == ["export.values"]
     grey = Mesh(PART.vertices, PART.faces, PART.provenance, np.zeros_like(PART.vertices, np.uint8))
     assert errors(export(grey, ".ply"), ".ply", ExportOptions()) == ["export.values"]
+    for other in (bare, grey):
+        assert errors(export(other, ".glb"), ".glb", ExportOptions()) == ["export.values"]
     assert errors(export(bare, ".xyz"), ".xyz", ExportOptions()) == ["export.values"]
 
 

@@ -20,7 +20,7 @@ def marked_faces(mesh: Mesh) -> set[tuple[float, ...]]:
     return {tuple(np.round(t.ravel(), 3).tolist()) for t in mesh.triangles[~mesh.measured]}
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".obj"])
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".3mf"])
 @pytest.mark.parametrize("text", [False, True])
 def test_marks_come_back_face_by_face(suffix: str, text: bool) -> None:
     options = ExportOptions(ascii=text)
@@ -33,6 +33,17 @@ def test_marks_come_back_face_by_face(suffix: str, text: bool) -> None:
     assert read_mesh(export(whole, suffix, options=options), suffix).measured is None
     other = replace(PART, measured=~MARKS)
     assert "export.values" in [f.code for f in audit(data, other, suffix, options=options)]
+
+
+def test_a_glb_has_a_material_for_them() -> None:
+    data = export(PART, ".glb")
+    assert not audit(data, PART, ".glb")
+    read = read_mesh(data, ".glb")
+    assert (~read.measured).sum() == (~MARKS).sum()
+    assert marked_faces(read) == marked_faces(PART)
+    assert read_mesh(export(replace(PART, measured=None), ".glb"), ".glb").measured is None
+    fewer = replace(PART, measured=~MARKS)
+    assert "export.coordinates" in [f.code for f in audit(data, fewer, ".glb")]
 
 
 @pytest.mark.parametrize("forms", [("3dface",), ("polyface",), ("mesh",), ("3dface", "polyface")])
@@ -69,7 +80,7 @@ def test_nothing_but_measured_points_goes_into_an_xyz() -> None:
 
 def test_a_part_of_which_nothing_was_measured() -> None:
     none = replace(PART, measured=np.zeros(len(MARKS), bool), provenance=None)
-    for suffix in (".dxf", ".ply", ".obj"):
+    for suffix in (".dxf", ".ply", ".obj", ".3mf", ".glb"):
         data = export(none, suffix)
         assert not [f for f in audit(data, none, suffix) if f.severity == "error"]
         assert not read_mesh(data, suffix).measured.any()

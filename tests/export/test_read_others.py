@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import io
+import json
 import struct
 import tracemalloc
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.export.parts import box_with_hole, measured, torus
+from tests.export.parts import box_with_hole, measured, outside, torus
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.export import EXPORTERS, ExportOptions, export, read_mesh
 
@@ -178,3 +181,126 @@ def test_mutated_files_are_read_or_refused_by_name(suffix: str, options: ExportO
         except InputError:
             refused += 1
     assert refused
+
+
+def glb(head: dict[str, object], binary: bytes = b"") -> bytes:
+    """A file of these two parts."""
+    text = json.dumps(head).encode()
+    text = text.ljust(-(-len(text) // 4) * 4)
+    parts = [struct.pack("<I4s", len(text), b"JSON"), text]
+    parts += [struct.pack("<I4s", len(binary), b"BIN\0"), binary]
+    body = b"".join(parts)
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+
+
+def triangle_glb(**more: object) -> dict[str, object]:
+    """One triangle of 1 m without indices, in a node of a node."""
+    return {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [1]}],
+        "nodes": [
+            {"mesh": 0, "translation": [0, 0, 2]},
+            {"children": [0], "scale": [2, 2, 2], "rotation": [0, 0, 0.5**0.5, 0.5**0.5]},
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36}],
+        **more,
+    }
+
+
+def test_a_glb_of_nodes_in_nodes_in_metres_with_y_up() -> None:
+    read = read_mesh(glb(triangle_glb(), TRIANGLE.tobytes()), ".glb")
+    # A quarter turn about glTF's z, twice the size, 2 · 2 m along it, which is our −y.
+    expected = [[0, -4000, 0], [0, -4000, 2000], [-2000, -4000, 0]]
+    np.testing.assert_allclose(read.vertices, expected, atol=1e-3)
+    assert read.faces.tolist() == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "needs KHR_draco"),
+        ({"nodes": [{"children": [0]}, {"children": [0]}]}, "more than 64 deep"),
+        ({"nodes": [{"mesh": 7}, {"children": [0]}]}, "IndexError"),
+        ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"}]},
+         "beyond the binary part"),
+        ({"scenes": []}, "no triangles"),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 1}]}]},
+         "no triangles"),
+    ],
+)  # fmt: skip
+def test_a_glb_that_is_not_read_says_why(more: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        read_mesh(glb(triangle_glb(**more), TRIANGLE.tobytes()), ".glb")
+
+
+def test_a_glb_with_a_coordinate_that_is_no_number_is_refused() -> None:
+    bad = TRIANGLE.copy()
+    bad[1, 1] = np.inf
+    with pytest.raises(FormatError, match="vertex 2"):
+        read_mesh(glb(triangle_glb(), bad.tobytes()), ".glb")
+
+
+def test_a_glb_that_shows_a_node_a_million_times_is_refused() -> None:
+    nodes: list[dict[str, object]] = [{"children": [k + 1] * 100} for k in range(10)]
+    nodes.append({"mesh": 0})
+    with pytest.raises(LimitExceeded, match="nodes"):
+        read_mesh(glb(triangle_glb(nodes=nodes, scenes=[{"nodes": [0]}]), bytes(36)), ".glb")
+
+
+THREEMF = (
+    '<model unit="inch" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
+    '<resources><object id="1"><mesh><vertices><vertex x="0" y="0" z="0"/>'
+    '<vertex x="1" y="0" z="0"/><vertex z="0" y="1" x="0"/></vertices>'
+    '<triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh></object>'
+    '<object id="5"><components><component objectid="1" transform="{}"/>'
+    '<component objectid="1"/></components></object></resources>'
+    '<build><item objectid="5" transform="1 0 0 0 1 0 0 0 1 0 0 10"/></build></model>'
+)
+
+
+def test_a_3mf_of_components_in_inches() -> None:
+    mirrored = THREEMF.format("-1 0 0 0 1 0 0 0 1 5 0 0")
+    read = read_mesh(outside(mirrored.encode(), ".3mf"), ".3mf")
+    first = [[5, 0, 10], [4, 0, 10], [5, 1, 10]]
+    second = [[0, 0, 10], [1, 0, 10], [0, 1, 10]]
+    np.testing.assert_allclose(read.vertices, 25.4 * np.array(first + second), rtol=1e-12)
+    normals = np.cross(read.triangles[:, 1] - read.triangles[:, 0],
+                       read.triangles[:, 2] - read.triangles[:, 0])  # fmt: skip
+    assert (normals[:, 2] > 0).all(), "the mirrored one shows its back"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"inch"', '"furlong"', "unit 'furlong'"),
+        ('v3="2"', 'v3="3"', "there are 3 vertices"),
+        ('x="1"', 'x="one"', "line 1: ValueError"),
+        ('x="1"', 'x="inf"', "not finite"),
+        ('v1="0"', "", "KeyError: 'v1'"),
+        ("{}", "1 2 3", "3 numbers, not 12"),
+        ('item objectid="5"', 'item objectid="6"', "object '6' does not exist"),
+        ('component objectid="1" t', 'component objectid="5" t', "more than 16 deep"),
+        ("<build>", "<!--", "3MF: "),
+        ("<item", "<thing", "no triangles"),
+        ("<model", '<!DOCTYPE m [<!ENTITY a "b">]><model', "forbids"),
+    ],
+)
+def test_a_3mf_that_is_not_read_says_why(old: str, new: str, says: str) -> None:
+    assert THREEMF.count(old) == 1
+    text = THREEMF.replace(old, new).replace("{}", "1 0 0 0 1 0 0 0 1 0 0 0")
+    with pytest.raises(InputError, match=says):
+        read_mesh(outside(text.encode(), ".3mf"), ".3mf")
+
+
+def test_a_3mf_without_a_model_is_refused() -> None:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as file:
+        file.writestr("a.txt", b"")
+    with pytest.raises(FormatError, match="no model"):
+        read_mesh(out.getvalue(), ".3mf")

@@ -18,7 +18,7 @@ from turnscan.findings import Finding, findings_json
 from turnscan.rig import rig_hash
 from turnscan.scan import Scan
 
-_MESHES = (".stl", ".ply", ".obj", ".dxf")
+_MESHES = (".stl", ".ply", ".obj", ".3mf", ".glb", ".dxf")
 _UNEVEN = 0.5
 """A step that differs from the median one by more than this part of it is worth a word."""
 
@@ -29,8 +29,8 @@ _UNEVEN = 0.5
 def verb(file: Path, as_json: bool) -> None:
     """Read all of FILE and say what it holds, and whether it is whole.
 
-    FILE is a scan, compared with its checksums, or a mesh (STL, PLY, OBJ, DXF): closed, manifold,
-    oriented, cutting nowhere through itself. Exit code 1 when there is a warning or an error among
+    FILE is a scan, compared with its checksums, or a mesh (STL, PLY, OBJ, 3MF, GLB, DXF): closed,
+    manifold, oriented, cutting nowhere through itself. Exit code 1 when there is a warning or an error among
     the findings.
     """
     if file.suffix.lower() in _MESHES:

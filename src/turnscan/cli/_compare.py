@@ -50,7 +50,7 @@ def verb(
 ) -> None:
     """How far MEASURED lies from REFERENCE, and how much of REFERENCE was measured.
 
-    Both are meshes (STL, PLY, OBJ, DXF) in the same frame. Precision is the share of the
+    Both are meshes (STL, PLY, OBJ, 3MF, GLB, DXF) in the same frame. Precision is the share of the
     measured vertices within the tolerance of the reference; completeness the share of the
     reference's area within the tolerance of the measured mesh. Faces marked as not measured do
     not count, nor do vertices off the end of an open reference.

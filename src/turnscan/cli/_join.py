@@ -64,7 +64,7 @@ class _Source:
     type=_path,
     multiple=True,
     required=True,
-    help="File to write; the suffix names the format (.dxf .stl .ply .obj .xyz). May be repeated.",
+    help="File to write, may be repeated; its suffix says as what (.dxf .stl .ply .obj .3mf .glb .xyz).",
 )
 @click.option(
     "--points",

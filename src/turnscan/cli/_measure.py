@@ -46,7 +46,7 @@ def verb(
     cylinder: bool,
     as_json: bool,
 ) -> None:
-    """Measure the mesh in FILE (.ply .stl .obj .dxf, mm).
+    """Measure the mesh in FILE (.ply .stl .obj .3mf .glb .dxf, mm).
 
     Uncertainties follow from the scatter of the points about the fit; what a wrong calibration
     does to all points alike is not in them.

@@ -4,11 +4,14 @@ from turnscan.export._audit import audit
 from turnscan.export._dxf import write_dxf
 from turnscan.export._dxf_read import DxfContent, read_dxf, read_dxf_content
 from turnscan.export._formats import EXPORTERS, Exporter, export, exporter_for, read_mesh
+from turnscan.export._glb import write_glb
+from turnscan.export._glb_read import read_glb
 from turnscan.export._options import DxfForm, DxfVersion, ExportOptions, Profiles
 from turnscan.export._plain import read_obj, read_xyz, write_obj, write_xyz
 from turnscan.export._ply import write_ply
 from turnscan.export._ply_read import read_ply
 from turnscan.export._stl import read_stl, write_stl
+from turnscan.export._threemf import read_3mf, write_3mf
 
 __all__ = [
     "EXPORTERS",
@@ -21,14 +24,18 @@ __all__ = [
     "audit",
     "export",
     "exporter_for",
+    "read_3mf",
     "read_dxf",
     "read_dxf_content",
+    "read_glb",
     "read_mesh",
     "read_obj",
     "read_ply",
     "read_stl",
     "read_xyz",
+    "write_3mf",
     "write_dxf",
+    "write_glb",
     "write_obj",
     "write_ply",
     "write_stl",

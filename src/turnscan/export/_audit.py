@@ -55,8 +55,9 @@ def audit(
     if suffix.lower() == ".xyz" or isinstance(what, PointCloud) or not len(what.faces):
         found = _compare_points(read.vertices, points, step, "points")
     else:
-        found = _compare_faces(read.triangles, what.triangles, step, "faces")
-        if suffix.lower() in (".ply", ".obj"):
+        wanted = what.triangles[_drawn(what)] if suffix.lower() == ".glb" else what.triangles
+        found = _compare_faces(read.triangles, wanted, step, "faces")
+        if suffix.lower() in (".ply", ".obj", ".3mf", ".glb"):
             found += _compare_points(read.vertices, points, step, "vertices")
     return found if _errors(found) else found + _values(read, what, suffix, options)
 
@@ -73,8 +74,8 @@ def _step(points: Floats, suffix: str, options: ExportOptions) -> float:
     """Return by how much the format may move a coordinate, mm."""
     largest = float(np.abs(points).max(initial=0.0))
     binary = not options.ascii
-    if suffix.lower() == ".stl" and binary:
-        return largest * 2.0**-24 + 1e-45
+    if (suffix.lower() == ".stl" and binary) or suffix.lower() == ".glb":
+        return 1.1 * largest * 2.0**-24 + 1e-45  # and what the way to metres and back rounds
     single = largest * 2.0**-24 + 1e-45 if suffix.lower() == ".ply" and options.single else 0.0
     if suffix.lower() == ".ply" and binary:
         return single
@@ -179,7 +180,7 @@ def _dxf(
 
 
 def _drawn(mesh: Mesh) -> npt.NDArray[np.intp]:
-    """The order in which a DXF draws the faces: first those that were measured."""
+    """The order of faces in formats that keep two groups: first those that were measured."""
     if mesh.measured is None:
         return np.arange(len(mesh.faces))
     return np.argsort(~mesh.measured, kind="stable")
@@ -216,11 +217,15 @@ def _values(
     """Compare what stands at each vertex beside its position."""
     found: list[Finding] = []
     if (
-        suffix.lower() in (".ply", ".obj")
+        suffix.lower() in (".ply", ".obj", ".3mf", ".glb")
         and isinstance(what, Mesh)
-        and not _same_marks(read, what)
+        and not _same_marks(read, what, suffix)
     ):
         found.append(_error("values", "which faces were measured differs from what was written"))
+    if suffix.lower() in (".ply", ".glb") and isinstance(what, Mesh) and what.colour is not None:
+        same_colour = read.colour is not None and np.array_equal(read.colour, what.colour)
+        if not same_colour:
+            found.append(_error("values", "colour differs from what was written"))
     if suffix.lower() not in (".ply", ".xyz"):
         return found
     origin = what.provenance if isinstance(what, Mesh) else what
@@ -248,15 +253,11 @@ def _values(
             for name in ("laser", "step", "line"):
                 if not np.array_equal(getattr(read.provenance, name), getattr(origin, name)):
                     found.append(_error("values", f"{name} differs from what was written"))
-    if suffix.lower() == ".ply" and isinstance(what, Mesh) and what.colour is not None:
-        same_colour = read.colour is not None and np.array_equal(read.colour, what.colour)
-        if not same_colour:
-            found.append(_error("values", "colour differs from what was written"))
     return found
 
 
-def _same_marks(read: Mesh, what: Mesh) -> bool:
+def _same_marks(read: Mesh, what: Mesh, suffix: str) -> bool:
     """Whether the same faces count as measured; all of them where nothing is said."""
     every = np.ones(len(what.faces), dtype=np.bool_)
     got, wanted = (every if m.measured is None else m.measured for m in (read, what))
-    return bool(np.array_equal(got, wanted))
+    return bool(np.array_equal(got, wanted[_drawn(what)] if suffix.lower() == ".glb" else wanted))

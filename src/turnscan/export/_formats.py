@@ -9,11 +9,14 @@ from types import MappingProxyType
 from turnscan.errors import InputError
 from turnscan.export._dxf import write_dxf
 from turnscan.export._dxf_read import read_dxf
+from turnscan.export._glb import write_glb
+from turnscan.export._glb_read import read_glb
 from turnscan.export._options import DEFAULTS, ExportOptions, Profiles
 from turnscan.export._plain import read_obj, read_xyz, write_obj, write_xyz
 from turnscan.export._ply import write_ply
 from turnscan.export._ply_read import read_ply
 from turnscan.export._stl import read_stl, write_stl
+from turnscan.export._threemf import read_3mf, write_3mf
 from turnscan.points import PointCloud
 from turnscan.surface import Mesh
 
@@ -37,6 +40,8 @@ EXPORTERS = MappingProxyType(
             Exporter(".stl", write_stl, read_stl),
             Exporter(".ply", write_ply, read_ply, write_ply),
             Exporter(".obj", write_obj, read_obj),
+            Exporter(".3mf", write_3mf, read_3mf),
+            Exporter(".glb", write_glb, read_glb),
             Exporter(".xyz", write_xyz, read_xyz, write_xyz),
         )
     }
@@ -63,7 +68,7 @@ def export(
     options: ExportOptions = DEFAULTS,
     profiles: Profiles | None = None,
 ) -> bytes:
-    """Return the bytes of a file; ``suffix`` (.dxf .stl .ply .obj .xyz) names the format.
+    """Return the bytes of a file; ``suffix`` (.dxf .stl .ply .obj .3mf .glb .xyz) names the format.
 
     ``profiles`` go with a mesh into a DXF whose options ask for form ``profiles``. Profiles by
     themselves can become a DXF. All coordinates are in mm. The same input gives the same bytes.
@@ -88,8 +93,8 @@ def export(
 def read_mesh(data: bytes, suffix: str) -> Mesh:
     """Return the mesh in a file's bytes, ours or another's; ``suffix`` names the format.
 
-    Lengths are taken as mm. STL and DXF corners that are equal become one vertex. A PLY or XYZ
-    without faces gives a mesh without faces.
+    Lengths are taken as mm where the format states no unit. STL and DXF corners that are equal
+    become one vertex. A PLY or XYZ without faces gives a mesh without faces.
 
     Raises FormatError, naming the place, where the file is damaged; LimitExceeded where it holds
     more than 50 million faces; InputError where there is no such format or nothing in it.

@@ -70,7 +70,7 @@ def deviation(points: npt.ArrayLike, reference: Mesh) -> Deviation:
     if not len(reference.faces):
         raise InputError(
             "the reference has no faces to measure a distance from",
-            hint="give a mesh (STL, PLY, OBJ, DXF), not a cloud of points",
+            hint="give a mesh (STL, PLY, OBJ, 3MF, GLB, DXF), not a cloud of points",
         )
     p = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
     if not len(p):

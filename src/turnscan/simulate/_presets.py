@@ -44,7 +44,7 @@ class Wish:
     """
 
     scene: str = "cup"
-    """Name of a part or a board, or a mesh file (STL, PLY, OBJ)."""
+    """Name of a part or a board, or a mesh file (STL, PLY, OBJ, 3MF, GLB)."""
     rig: str = "paper"
     """Name of a design preset."""
     theta: float | None = None
@@ -300,7 +300,7 @@ def _platter(design: Design) -> parts.Part:
 
 def _part(name: str) -> parts.Part:
     path = Path(name)
-    if path.suffix.lower() not in (".stl", ".ply", ".obj"):
+    if path.suffix.lower() not in (".stl", ".ply", ".obj", ".3mf", ".glb"):
         if name not in parts.PARTS:
             known = ", ".join([*parts.PARTS, *BOARDS])
             raise InputError(f"no scene {name!r}", hint=f"take one of {known}, or a mesh file")
