@@ -30,8 +30,8 @@ def verb(file: Path, as_json: bool) -> None:
     """Read all of FILE and say what it holds, and whether it is whole.
 
     FILE is a scan, compared with its checksums, or a mesh (STL, PLY, OBJ, 3MF, GLB, DXF): closed,
-    manifold, oriented, cutting nowhere through itself. Exit code 1 when there is a warning or an error among
-    the findings.
+    manifold, oriented, cutting nowhere through itself. Exit code 1 when there is a warning or an
+    error among the findings.
     """
     if file.suffix.lower() in _MESHES:
         from turnscan.cli._check_mesh import check_mesh

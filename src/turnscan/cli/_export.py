@@ -31,7 +31,10 @@ from turnscan.export import ExportOptions, exporter_for
 def verb(
     source: Path, outputs: tuple[Path, ...], decimate: Fewer | None, options: ExportOptions
 ) -> None:
-    """Write the mesh in SOURCE (.dxf .stl .ply .obj .3mf .glb .xyz) in other formats, and audit them."""
+    """Write the mesh in SOURCE in other formats, and audit them.
+
+    Each is chosen by its suffix: .dxf .stl .ply .obj .3mf .glb .xyz.
+    """
     if "profiles" in options.dxf_forms:
         raise InputError(
             "a mesh file holds no profiles", hint="use turnscan reconstruct --dxf-form profiles"

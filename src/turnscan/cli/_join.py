@@ -64,7 +64,7 @@ class _Source:
     type=_path,
     multiple=True,
     required=True,
-    help="File to write, may be repeated; its suffix says as what (.dxf .stl .ply .obj .3mf .glb .xyz).",
+    help="File to write, may be repeated; by suffix: .dxf .stl .ply .obj .3mf .glb .xyz.",
 )
 @click.option(
     "--points",
