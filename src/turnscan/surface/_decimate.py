@@ -64,7 +64,7 @@ def decimate(
 
 def _net(mesh: Mesh, tolerance: float) -> Any:
     """The mesh as the kernels take it, with samples only where there is a tolerance."""
-    from turnscan.surface import _decimate_kernels as kernels
+    from turnscan.surface import _net_kernels as kernels
 
     twin = twins(mesh.faces)
     border = twin < 0
