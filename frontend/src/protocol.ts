@@ -195,7 +195,7 @@ export interface EditRequest {
 
 /** POST ``/api/scans/{scan}/exports``. */
 export interface ExportRequest {
-  format: "dxf" | "stl" | "ply" | "obj" | "xyz";
+  format: "dxf" | "stl" | "ply" | "obj" | "3mf" | "glb" | "xyz";
   dxf_forms?: ("3dface" | "polyface" | "mesh" | "profiles")[];
   dxf_version?: "R12" | "R2010" | null;
   ascii?: boolean;

@@ -17,6 +17,8 @@ const FORMATS: readonly (readonly [Format, string, string])[] = [
   ["stl", "STL", "for printing and machining"],
   ["ply", "PLY", "with the uncertainty and the origin of every point"],
   ["obj", "OBJ", "for rendering and modelling"],
+  ["3mf", "3MF", "for printing, with its unit"],
+  ["glb", "GLB", "for the web, phones and museums"],
   ["xyz", "XYZ", "the measured points alone"],
 ];
 const FORMS: readonly (readonly [Form, string])[] = [

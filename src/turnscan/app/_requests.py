@@ -358,7 +358,7 @@ class Invitation(Model):
 class ExportRequest(Model):
     """POST ``/api/scans/{scan}/exports``."""
 
-    format: Literal["dxf", "stl", "ply", "obj", "xyz"]
+    format: Literal["dxf", "stl", "ply", "obj", "3mf", "glb", "xyz"]
     dxf_forms: tuple[Literal["3dface", "polyface", "mesh", "profiles"], ...] = ("3dface",)
     dxf_version: Literal["R12", "R2010"] | None = None
     ascii: bool = False

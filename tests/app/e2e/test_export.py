@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 from tests.app.e2e.conftest import until
 from turnscan.export import read_mesh
 
@@ -26,6 +28,22 @@ def test_dxf_is_written_and_read_back(open_cup, picture, tmp_path: Path):
     assert len(mesh.faces) == seen
     page.get_by_role("button", name="Mend", exact=True).click()
     until(page, f"turnscan.faces === {seen}")
+
+
+@pytest.mark.parametrize("name", ["3MF", "GLB"])
+def test_other_formats_are_written_and_read_back(open_cup, name: str, tmp_path: Path):
+    page = open_cup()
+    seen, suffix = page.evaluate("turnscan.faces"), f".{name.lower()}"
+    page.get_by_role("button", name="Export", exact=True).click()
+    page.get_by_role("radio", name=name).check()
+    page.get_by_role("button", name=f"Write {name}").click()
+    link = page.get_by_role("link", name=re.compile(rf"cup-\d+\{suffix}"))
+    link.wait_for(timeout=120_000)
+    with page.expect_download() as download:
+        link.click()
+    target = tmp_path / f"part{suffix}"
+    download.value.save_as(target)
+    assert len(read_mesh(target.read_bytes(), suffix).faces) == seen
 
 
 def test_nothing_chosen_cannot_be_written(open_cup):
