@@ -9,6 +9,7 @@ from turnscan.calibrate._board import (
     detect_board,
     parse_board,
 )
+from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._figures import (
     Figures,
     Measured,
@@ -20,14 +21,7 @@ from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
 from turnscan.calibrate._pairs import SheetFit, fit_sheet
-from turnscan.calibrate._rig import (
-    Calibration,
-    CalibrationSettings,
-    LaserPicture,
-    Rejected,
-    TablePicture,
-    calibrate_rig,
-)
+from turnscan.calibrate._rig import Calibration, calibrate_rig
 from turnscan.calibrate._steps import AngleModel, angle_model
 
 __all__ = [

@@ -1,0 +1,60 @@
+"""What a calibration starts from: pictures, what the user knows, and what was not used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from turnscan.arrays import Floats
+from turnscan.calibrate._board import Board, BoardView
+from turnscan.calibrate._markers import MarkerView
+from turnscan.stripes import Orientation
+
+
+@dataclass(frozen=True)
+class LaserPicture:
+    """A board with a stripe on it."""
+
+    view: BoardView
+    candidates: Floats
+    """(n, 2) px, from `stripe_candidates`."""
+
+
+@dataclass(frozen=True)
+class TablePicture:
+    """What rides on the table in one picture, and the stripes there."""
+
+    seen: MarkerView | BoardView
+    candidates: dict[str, Floats]
+    """Per laser lit in this picture: (n, 2) px."""
+    name: str
+    step: float
+    """How many steps the table had been sent."""
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """What the user knows about the rig."""
+
+    dictionary: str = "DICT_4X4_50"
+    """Of the markers on the platter."""
+    marker_side: float = 0.0
+    """mm, nominal; compared, and trusted only where nothing else gives the scale."""
+    step: float | None = None
+    """rad per step number, nominal; compared."""
+    margin: float | None = None
+    """mm of flat board around the printed pattern; None is 1.5 squares."""
+    orientation: Orientation = "vertical"
+    """Of the stripes in the picture."""
+    table_board: Board | None = None
+    """The board that rides on the table, instead of markers."""
+    lowest: float = 0.0
+    """mm: height of that board's lowest corner above the platter."""
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A picture that was not used, and why."""
+
+    role: str
+    name: str
+    reason: str
