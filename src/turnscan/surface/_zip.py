@@ -95,16 +95,24 @@ class _Patch:
 
         from turnscan.surface import _overlap_kernels as kernels
 
-        X, there = self.mesh.vertices, other.mesh
-        near = cKDTree(there.vertices).query(X)[1].astype(np.int32)
+        there = other.mesh
+        # A foot is no further from its nearest corner than the face is long and it is high.
+        most = 2 * other.reach + other.noise
+        far = float(most.max() + self.noise.max())
+        tree = cKDTree(there.vertices)
+        away, nearest = tree.query(self.mesh.vertices, distance_upper_bound=far)
+        some = np.flatnonzero(np.isfinite(away))
+        near = np.asarray(nearest, dtype=np.int32)[some]
         start, numbers = kernels.about(there.faces, len(there.vertices))
         face, _, off = kernels.feet(
-            X, other.normals[near], near, there.vertices, there.faces, start, numbers
-        )
-        alike = np.einsum("ij,ij->i", self.normals, other.normals[near]) > _ALIKE
-        most = other.reach[near] + other.noise[near] + self.noise
+            self.mesh.vertices[some], other.normals[near], near,
+            there.vertices, there.faces, start, numbers,
+        )  # fmt: skip
+        alike = np.einsum("ij,ij->i", self.normals[some], other.normals[near]) > _ALIKE
         with np.errstate(invalid="ignore"):
-            found: Ints = np.where(alike & (np.abs(off) <= most), face, -1).astype(np.int32)
+            close = np.abs(off) <= other.reach[near] + other.noise[near] + self.noise[some]
+        found = np.full(len(self.mesh.vertices), -1, dtype=np.int32)
+        found[some] = np.where(alike & close, face, -1)
         return found
 
 
@@ -150,8 +158,8 @@ class _Zipper:
     """(m, 2) sides that have one face only."""
     made: npt.NDArray[np.int64]
     """(k, 3) the faces so far."""
-    refused: Keys
-    """Faces (keys) that would have cut through another, sorted."""
+    waiting: npt.NDArray[np.int64]
+    """(w, 3) the faces that may be added, in the order of preference."""
 
     @classmethod
     def of(cls, mesh: Mesh, piece: Ints) -> _Zipper | None:
@@ -180,50 +188,59 @@ class _Zipper:
         zipper = cls(
             X, steady_normals(mesh), reach, piece, near, np.empty(0, np.int64),
             np.stack([begin[joined], end[joined]], axis=1).astype(np.int64),
-            np.empty((0, 3), np.int64), np.empty(0, np.int64),
+            np.empty((0, 3), np.int64), np.empty((0, 3), np.int64),
         )  # fmt: skip
         ends = np.concatenate([near[:, [0, 1]], near[:, [1, 2]], near[:, [2, 0]]])
         zipper.sides = np.unique(zipper._key(ends[takes_part[ends].all(axis=1)]))
+        zipper._queue(zipper.border)
         return zipper
 
     def round(self) -> bool:
         """Add the faces that no smaller one competes with; whether there were any to try."""
-        faces = self._candidates()
-        if not len(faces):
+        self.waiting = self._possible(self.waiting)
+        if not len(self.waiting):
             return False
-        new = faces[_uncontested(self._sides_of(faces))]
+        new = self.waiting[_uncontested(self._sides_of(self.waiting))]
         cut = self._cutting(new)
-        self.refused = np.union1d(self.refused, self._face_key(new[cut]))
+        refused = self._face_key(new[cut])
+        self.waiting = self.waiting[~np.isin(self._face_key(self.waiting), refused)]
         new = new[~cut]
         self.made = np.concatenate([self.made, new])
         added = np.concatenate([new[:, [0, 1]], new[:, [1, 2]], new[:, [2, 0]]])
         self.sides = np.union1d(self.sides, self._key(added))
-        ends = np.concatenate([self.border, added])
-        self.border = ends[~np.isin(self._key(ends[:, ::-1]), self.sides)]
+        free = added[~np.isin(self._key(added[:, ::-1]), self.sides)]
+        still = ~np.isin(self._key(self.border[:, ::-1]), self.sides)
+        self.border = np.concatenate([self.border[still], free])
+        self._queue(free)
         return True
 
-    def _candidates(self) -> npt.NDArray[np.int64]:
-        """(c, 3) the faces that could be added, the one with the shortest way round first."""
+    def _queue(self, ends: npt.NDArray[np.int64]) -> None:
+        """Put the faces that may stand on sides (k, 2) of the border among those that wait, the
+        one with the shortest way round first."""
         from scipy.spatial import cKDTree
 
-        X, ends = self.vertices, self.border
-        corners = np.unique(ends)
-        if len(corners) < 2:
-            return np.empty((0, 3), np.int64)
+        X = self.vertices
+        corners = np.unique(self.border)
+        if not len(ends) or len(corners) < 2:
+            return
         count = min(_NEAR, len(corners))
         _, which = cKDTree(X[corners]).query(X[ends].mean(axis=1), k=count)
-        third = corners[which].ravel()
         first, second = np.repeat(ends, count, axis=0).T
-        faces = np.stack([second, first, third], axis=1)
-        faces = faces[self._may_be(faces)]
-        keys, once = np.unique(self._face_key(faces), return_index=True)
-        faces = faces[once[~np.isin(keys, self.refused)]]
+        faces = np.stack([second, first, corners[which].ravel()], axis=1)
+        faces = np.concatenate([self.waiting, faces[self._may_be(faces)]])
+        faces = faces[np.unique(self._face_key(faces), return_index=True)[1]]
         sides = X[faces] - np.roll(X[faces], 1, axis=1)
-        return faces[np.argsort(np.linalg.norm(sides, axis=2).sum(axis=1), kind="stable")]
+        self.waiting = faces[np.argsort(np.linalg.norm(sides, axis=2).sum(axis=1), kind="stable")]
+
+    def _possible(self, faces: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Those of the faces whose corners lie on the border and whose sides no face has yet."""
+        on_border = np.zeros(len(self.vertices), dtype=np.bool_)
+        on_border[self.border] = True
+        faces = faces[on_border[faces].all(axis=1)]
+        return faces[~np.isin(self._sides_of(faces), self.sides).any(axis=1)]
 
     def _may_be(self, faces: npt.NDArray[np.int64]) -> Bools:
-        """(c,) True for faces that lead from piece to piece, are short, look the right way and
-        have sides that no other face has."""
+        """(c,) True for faces that lead from piece to piece, are short and look the right way."""
         b, a, c = faces.T
         X, piece = self.vertices, self.piece
         good = (a != c) & (b != c) & ((piece[a] != piece[c]) | (piece[b] != piece[c]))
@@ -234,7 +251,7 @@ class _Zipper:
         size = np.linalg.norm(normal, axis=1)
         for v in (a, b, c):
             good &= np.einsum("ij,ij->i", normal, self.normals[v]) > _ALIKE * size
-        return np.asarray(good & ~np.isin(self._sides_of(faces), self.sides).any(axis=1))
+        return np.asarray(good)
 
     def _cutting(self, new: npt.NDArray[np.int64]) -> Bools:
         """(n,) True for new faces that cut through another; of two new ones, the larger."""
