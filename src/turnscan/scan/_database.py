@@ -1,7 +1,7 @@
-"""The SQLite side of a scan file: its tables, its checks before anything is believed, its errors.
+"""The SQLite side of a scan file: its tables, and its checks before anything is believed.
 
-The header is judged before SQLite sees the file, the schema must be ours to the letter, and every
-SQLite error becomes a named one.
+The header is judged before SQLite sees the file (`_header`), the schema must be ours to the letter,
+and every SQLite error becomes a named one (`_storage`).
 """
 
 from __future__ import annotations
@@ -20,20 +20,14 @@ from pathlib import Path
 from typing import Any
 
 from turnscan.errors import (
-    FormatError,
     InputError,
-    ScanBusy,
-    ScanCorrupt,
     ScanError,
-    ScanNewer,
-    StorageFull,
     TurnscanError,
 )
+from turnscan.scan._header import APPLICATION_ID, VERSION, judge_header
 from turnscan.scan._lock import WriterLock
+from turnscan.scan._storage import damaged, full, storage
 
-APPLICATION_ID = 0x54524E53  # "TRNS"
-VERSION = 1
-_MAGIC = b"SQLite format 3\0"
 _LARGEST_VALUE = 1 << 30
 _PATIENCE_MS = 500
 """For readers, when a file is closed."""
@@ -111,17 +105,6 @@ class Row:
 
 
 @contextmanager
-def storage(path: Path) -> Iterator[None]:
-    """Turn what SQLite and the disk say into the errors of turnscan."""
-    try:
-        yield
-    except sqlite3.Error as e:
-        raise _named(e, path) from None
-    except (OverflowError, UnicodeError) as e:
-        raise _damaged(path, str(e)) from None
-
-
-@contextmanager
 def transaction(db: sqlite3.Connection) -> Iterator[None]:
     """All of what is done within, or nothing."""
     db.execute("BEGIN IMMEDIATE")
@@ -194,7 +177,7 @@ def _refused(path: Path, e: OSError) -> TurnscanError:
     if isinstance(e, TurnscanError):
         return e
     if e.errno in (errno.ENOSPC, errno.EDQUOT):
-        return _full(path)
+        return full(path)
     return ScanError(
         f"{path}: cannot be created ({e.strerror})", hint="check the folder and its permissions"
     )
@@ -202,7 +185,7 @@ def _refused(path: Path, e: OSError) -> TurnscanError:
 
 def open_writing(path: Path) -> tuple[sqlite3.Connection, WriterLock]:
     """Open a scan file to add frames. Raises ScanBusy where another process is writing it."""
-    _judge_header(path)
+    judge_header(path)
     lock = WriterLock(path)
     try:
         return _open_for_writing(path), lock
@@ -234,7 +217,7 @@ def _open_for_writing(path: Path) -> sqlite3.Connection:
 
 def open_reading(path: Path) -> sqlite3.Connection:
     """Open a scan file read-only, after its header and its schema are found to be in order."""
-    _judge_header(path)
+    judge_header(path)
     with storage(path):
         db = _connect(path, "ro")
         db.execute("PRAGMA query_only = ON")
@@ -273,9 +256,9 @@ def read_meta(db: sqlite3.Connection, path: Path) -> dict[str, str]:
     with storage(path):
         for key, value, digest in db.execute("SELECT key, value, sha256 FROM meta"):
             if not isinstance(key, str) or not isinstance(value, str):
-                raise _damaged(path, "its table of settings")
+                raise damaged(path, "its table of settings")
             if digest != _meta_digest(key, value):
-                raise _damaged(path, f"its {key!r} does not agree with its checksum")
+                raise damaged(path, f"its {key!r} does not agree with its checksum")
             out[key] = value
     return out
 
@@ -314,9 +297,9 @@ def read_rows(db: sqlite3.Connection, path: Path, largest: int) -> list[Row]:
         for values in db.execute(f"SELECT {_COLUMNS} FROM frames"):  # noqa: S608 (our constant)
             row = _row(values, path)
             if row.digest() != values[-2]:
-                raise _damaged(path, f"{row} does not agree with its checksum")
+                raise damaged(path, f"{row} does not agree with its checksum")
             if values[-1] > largest:
-                raise _damaged(path, f"{row} holds {values[-1]} bytes, at most {largest} fit")
+                raise damaged(path, f"{row} holds {values[-1]} bytes, at most {largest} fit")
             rows.append(row)
     rows.sort(key=lambda r: (r.laser, r.step, r.exposure))
     return rows
@@ -327,9 +310,9 @@ def read_payload(db: sqlite3.Connection, row: Row, path: Path) -> bytes:
     with storage(path):
         found = db.execute("SELECT payload FROM frames WHERE id = ?", (row.id,)).fetchone()
     if found is None or not isinstance(found[0], bytes):
-        raise _damaged(path, f"the pixels of {row} are gone")
+        raise damaged(path, f"the pixels of {row} are gone")
     if hashlib.sha256(found[0]).digest() != row.payload_sha256:
-        raise _damaged(path, f"the pixels of {row} do not agree with their checksum")
+        raise damaged(path, f"the pixels of {row} do not agree with their checksum")
     return found[0]
 
 
@@ -338,7 +321,7 @@ def quick_check(db: sqlite3.Connection, path: Path) -> None:
     with storage(path):
         said = db.execute("PRAGMA quick_check(1)").fetchone()
     if said is None or said[0] != "ok":
-        raise _damaged(path, str(said[0] if said else "no answer").splitlines()[-1])
+        raise damaged(path, str(said[0] if said else "no answer").splitlines()[-1])
 
 
 def digest_of_rows(rows: list[Row]) -> str:
@@ -379,92 +362,18 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
     return db
 
 
-def is_scan(path: Path) -> bool:
-    """Whether the file begins as a scan file does, whatever became of the rest of it."""
-    if not path.is_file():
-        return False
-    with storage(path), path.open("rb") as file:
-        return _is_ours(file.read(100))
-
-
-def _is_ours(head: bytes) -> bool:
-    return head.startswith(_MAGIC) and int.from_bytes(head[68:72], "big") == APPLICATION_ID
-
-
-def _judge_header(path: Path) -> None:
-    if path.is_dir():
-        raise InputError(f"{path}: a folder, not a scan file", hint="name a .turnscan file")
-    if not path.exists():
-        raise InputError(f"{path}: there is no such scan file", hint="check the path")
-    try:
-        with path.open("rb") as file:
-            head = file.read(100)
-            size = os.fstat(file.fileno()).st_size
-    except OSError as e:
-        raise ScanError(f"{path}: cannot be read ({e.strerror})") from None
-    if not head.startswith(_MAGIC) or len(head) < 100:
-        what = "an empty file" if not head else "not a scan file"
-        raise FormatError(f"{path}: {what}", hint="name a file made by turnscan import or scan")
-    if not _is_ours(head):
-        raise FormatError(
-            f"{path}: an SQLite file, but not a scan", hint="name a file made by turnscan"
-        )
-    version = int.from_bytes(head[60:64], "big")
-    if version > VERSION:
-        raise ScanNewer(
-            f"{path}: version {version} of the scan file; this turnscan knows up to {VERSION}",
-            hint="install a newer turnscan",
-        )
-    if version < 1:
-        raise _damaged(path, f"version {version} does not exist")
-    page = int.from_bytes(head[16:18], "big")
-    page = 65536 if page == 1 else page
-    said = page * int.from_bytes(head[28:32], "big")
-    if size < said and not path.with_name(path.name + "-wal").exists():
-        raise ScanCorrupt(
-            f"{path}: cut short, {size} bytes are left of {said}", hint="copy the file again"
-        )
-
-
 def _judge_schema(db: sqlite3.Connection, path: Path) -> None:
     found = db.execute("SELECT type, sql FROM sqlite_schema WHERE sql IS NOT NULL").fetchall()
     if sorted(found) != sorted(("table", table) for table in SCHEMA):
-        raise _damaged(path, "its tables are not those of a scan file")
+        raise damaged(path, "its tables are not those of a scan file")
 
 
 def _row(values: tuple[Any, ...], path: Path) -> Row:
     if not all(isinstance(v, kind) for v, kind in zip(values, _KINDS, strict=True)):
-        raise _damaged(path, f"row {values[0]!r} of its frames")
+        raise damaged(path, f"row {values[0]!r} of its frames")
     floats = (math.nan if v is None else v for v in values[5:11])
     return Row(*values[:5], *floats, *values[11:16])
 
 
 def _meta_digest(key: str, value: str) -> bytes:
     return hashlib.sha256(f"{key}\0{value}".encode("utf-8", "surrogatepass")).digest()
-
-
-def _damaged(path: Path, what: str) -> ScanCorrupt:
-    return ScanCorrupt(
-        f"{path}: damaged: {what}", hint="take a copy from a backup, or scan or import again"
-    )
-
-
-def _full(path: Path) -> StorageFull:
-    return StorageFull(f"{path}: no room left on the disk", hint="free some space, then resume")
-
-
-def _named(e: sqlite3.Error, path: Path) -> TurnscanError:
-    name = getattr(e, "sqlite_errorname", "") or ""
-    if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
-        return ScanBusy(
-            f"{path}: another process is writing it", hint="wait until that one has finished"
-        )
-    if name == "SQLITE_FULL":
-        return _full(path)
-    if name == "SQLITE_IOERR_SHORT_READ":
-        return _damaged(path, "it ends too early")
-    if name.startswith(("SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
-        return ScanError(
-            f"{path}: {e} ({name})", hint="check the disk, the folder and its permissions"
-        )
-    return _damaged(path, str(e))

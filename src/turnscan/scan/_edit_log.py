@@ -13,7 +13,7 @@ from pathlib import Path
 
 from turnscan.errors import InputError, ScanCorrupt
 from turnscan.json_text import JSON_BYTES
-from turnscan.scan._database import storage
+from turnscan.scan._storage import storage
 
 MOST_ENTRIES = 1_000_000
 

@@ -30,7 +30,7 @@ from turnscan.scan._codec import (
     signal_of,
     statistics,
 )
-from turnscan.scan._database import Row, storage, transaction
+from turnscan.scan._database import Row, transaction
 from turnscan.scan._edit_log import LogEntry
 from turnscan.scan._index import Index, form_of
 from turnscan.scan._lock import WriterLock, being_written
@@ -43,6 +43,7 @@ from turnscan.scan._plan import (
     settings_from_json,
     settings_to_json,
 )
+from turnscan.scan._storage import storage
 from turnscan.scan._stored import Stored, dark_of
 
 T = TypeVar("T")

@@ -13,6 +13,7 @@ from turnscan.errors import FormatError, InputError, ScanBusy, ScanError
 from turnscan.rig import Rig
 from turnscan.scan import _database as database
 from turnscan.scan._file import Scan
+from turnscan.scan._header import is_scan
 from turnscan.scan._plan import ScanPlan
 
 
@@ -29,7 +30,7 @@ def replacing_scan(path: str | Path, plan: ScanPlan, rig: Rig | None = None) -> 
     path = Path(path)
     if path.is_dir():
         raise ScanError(f"{path}: a folder, so no scan file can be written here")
-    if path.exists() and not database.is_scan(path):
+    if path.exists() and not is_scan(path):
         raise FormatError(
             f"{path}: exists and is not a scan file, so it is not replaced",
             hint="choose another name",

@@ -1,0 +1,48 @@
+"""What SQLite and the disk say about a scan file, as the errors of turnscan."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from turnscan.errors import ScanBusy, ScanCorrupt, ScanError, StorageFull, TurnscanError
+
+
+@contextmanager
+def storage(path: Path) -> Iterator[None]:
+    """Turn what SQLite and the disk say into the errors of turnscan."""
+    try:
+        yield
+    except sqlite3.Error as e:
+        raise _named(e, path) from None
+    except (OverflowError, UnicodeError) as e:
+        raise damaged(path, str(e)) from None
+
+
+def damaged(path: Path, what: str) -> ScanCorrupt:
+    return ScanCorrupt(
+        f"{path}: damaged: {what}", hint="take a copy from a backup, or scan or import again"
+    )
+
+
+def full(path: Path) -> StorageFull:
+    return StorageFull(f"{path}: no room left on the disk", hint="free some space, then resume")
+
+
+def _named(e: sqlite3.Error, path: Path) -> TurnscanError:
+    name = getattr(e, "sqlite_errorname", "") or ""
+    if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+        return ScanBusy(
+            f"{path}: another process is writing it", hint="wait until that one has finished"
+        )
+    if name == "SQLITE_FULL":
+        return full(path)
+    if name == "SQLITE_IOERR_SHORT_READ":
+        return damaged(path, "it ends too early")
+    if name.startswith(("SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
+        return ScanError(
+            f"{path}: {e} ({name})", hint="check the disk, the folder and its permissions"
+        )
+    return damaged(path, str(e))
