@@ -6,28 +6,28 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Literal
 
 import click
 import numpy as np
 
-from turnscan.arrays import Floats, Image
+from turnscan.arrays import Floats
 from turnscan.calibrate import (
-    Board,
-    BoardView,
     Calibration,
     CalibrationSettings,
     Figures,
     LaserPicture,
-    TablePicture,
     calibrate_rig,
-    detect_board,
-    detect_markers,
     figures,
     findings_of,
-    laser_weights,
     parse_board,
-    stripe_candidates,
+)
+from turnscan.cli._calibrate_pictures import (
+    SameSize,
+    camera_views,
+    colour_weights,
+    laser_pictures,
+    table_pictures,
+    with_dark,
 )
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_output, write_atomically
@@ -35,17 +35,8 @@ from turnscan.cli._progress import progress
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.rig import rig_to_json
-from turnscan.scan import list_pictures, numbers_apart, picture_numbers, read_picture
-
-_COLOURS = {
-    "grey": (1.0, 1.0, 1.0),
-    "red": (1.0, 0.0, 0.0),
-    "green": (0.0, 1.0, 0.0),
-    "blue": (0.0, 0.0, 1.0),
-}
-_LESSONS = 8
-
-Orientation = Literal["vertical", "horizontal"]
+from turnscan.scan import list_pictures
+from turnscan.stripes import Orientation
 
 
 @click.command("calibrate")
@@ -152,18 +143,18 @@ def verb(
     groups = _named(lasers, "--laser")
     darks = _named(laser_dark, "--laser-dark") if laser_dark else {}
     lit_on_table = _lit_on_table(table_laser, list(groups))
-    size = _SameSize()
-    views = _camera_views(list_pictures(camera), plain, size)
+    size = SameSize()
+    views = camera_views(list_pictures(camera), plain, size)
     on_boards: dict[str, Sequence[LaserPicture]] = {}
     weights: dict[str, Floats | None] = {}
     second = plain if laser_board is None else parse_board(laser_board)
     for name, spec in groups.items():
-        pairs = _pairs(list_pictures(spec), darks.get(name), f"--laser {name}")
-        weights[name] = _weights(colour, pairs, second)
-        on_boards[name] = _laser_pictures(pairs, second, weights[name], orientation, size)
-    pairs = _pairs(list_pictures(table), table_dark, "--table")
+        pairs = with_dark(list_pictures(spec), darks.get(name), f"--laser {name}")
+        weights[name] = colour_weights(colour, pairs, second)
+        on_boards[name] = laser_pictures(pairs, second, weights[name], orientation, size)
+    pairs = with_dark(list_pictures(table), table_dark, "--table")
     mix = None if lit_on_table is None else weights[lit_on_table]
-    turned = _table_pictures(pairs, settings, lit_on_table, mix, size)
+    turned = table_pictures(pairs, settings, lit_on_table, mix, size)
     with progress("adjusting", None):
         result = calibrate_rig(
             views, on_boards, turned, settings, lambda s: click.echo(s, err=True)
@@ -228,139 +219,6 @@ def _lit_on_table(wanted: str | None, names: list[str]) -> str | None:
     if wanted not in names:
         raise InputError(f"--table-laser {wanted!r}: there is {', '.join(names)}")
     return wanted
-
-
-class _SameSize:
-    """Checks that all pictures come from one camera at one resolution."""
-
-    def __init__(self) -> None:
-        self.first: tuple[str, tuple[int, ...]] | None = None
-
-    def check(self, path: Path, picture: Image) -> Image:
-        """The picture; raises InputError where its size is not that of the first one."""
-        shape = picture.shape[:2]
-        if self.first is None:
-            self.first = (str(path), shape)
-        elif self.first[1] != shape:
-            a, (h, w) = self.first
-            raise InputError(
-                f"pictures of different size: {a} is {w}×{h}, {path} is {shape[1]}×{shape[0]}",
-                hint="calibrate with pictures of one camera at one resolution",
-            )
-        return picture
-
-
-def _camera_views(paths: list[Path], board: Board, size: _SameSize) -> list[BoardView]:
-    out = []
-    with progress("camera boards", len(paths)) as tick:
-        for p in paths:
-            out.append(detect_board(size.check(p, read_picture(p)), board, p.name))
-            tick()
-    return out
-
-
-def _pairs(lit: list[Path], dark: str | None, option: str) -> list[tuple[Path, Path | None]]:
-    if dark is None:
-        return [(p, None) for p in lit]
-    off = list_pictures(dark)
-    if len(off) not in (1, len(lit)):
-        raise InputError(
-            f"{option}: {len(lit)} pictures with the laser on, {len(off)} with it off",
-            hint="give as many, or one for all",
-        )
-    return [(p, off[0] if len(off) == 1 else q) for p, q in zip(lit, off * len(lit), strict=False)]
-
-
-def _weights(colour: str, pairs: list[tuple[Path, Path | None]], board: Board) -> Floats | None:
-    """Weights (3,) of the colours; None where the pictures are grey."""
-    if colour in _COLOURS:
-        return np.array(_COLOURS[colour])
-    if colour != "learn":
-        try:
-            weights = np.array([float(x) for x in colour.split(",")])
-        except ValueError:
-            weights = np.zeros(0)
-        if weights.shape != (3,) or not np.isfinite(weights).all() or not weights.any():
-            raise InputError(
-                f"--colour {colour!r} is no colour",
-                hint="give red, green, blue, grey, three weights like -0.5,1,-0.5, or learn",
-            )
-        return weights
-    lessons = []
-    few = np.linspace(0, len(pairs) - 1, min(len(pairs), _LESSONS)).astype(int)
-    for k in few:
-        lit, dark = pairs[k]
-        picture = read_picture(lit)
-        if picture.ndim == 2:
-            return None
-        view = detect_board(picture, board)
-        off = None if dark is None else read_picture(dark)
-        excess = laser_weights(picture, off, view.corners)
-        if excess is not None:
-            lessons.append(excess)
-    if not lessons:
-        return np.array(_COLOURS["grey"])
-    # One channel, not a mix: a lens puts the colours at slightly different places.
-    best: Floats = np.eye(3)[int(np.mean(lessons, axis=0).argmax())]
-    return best
-
-
-def _laser_pictures(
-    pairs: list[tuple[Path, Path | None]],
-    board: Board,
-    weights: Floats | None,
-    orientation: Orientation,
-    size: _SameSize,
-) -> list[LaserPicture]:
-    out = []
-    with progress("laser boards", len(pairs)) as tick:
-        for lit, dark in pairs:
-            picture = size.check(lit, read_picture(lit))
-            off = None if dark is None else size.check(dark, read_picture(dark))
-            view = detect_board(picture if off is None else off, board, lit.name)
-            light = np.zeros((0, 2))
-            if not view.failure:
-                light = stripe_candidates(picture, off, weights, orientation)
-            out.append(LaserPicture(view, light))
-            tick()
-    return out
-
-
-def _table_pictures(
-    pairs: list[tuple[Path, Path | None]],
-    settings: CalibrationSettings,
-    laser: str | None,
-    weights: Floats | None,
-    size: _SameSize,
-) -> list[TablePicture]:
-    steps = _steps([p.name for p, _ in pairs])
-    out = []
-    with progress("table", len(pairs)) as tick:
-        for (lit, dark), step in zip(pairs, steps, strict=True):
-            picture = size.check(lit, read_picture(lit))
-            off = None if dark is None else size.check(dark, read_picture(dark))
-            clear = picture if off is None else off
-            light = {}
-            if laser is not None:
-                light[laser] = stripe_candidates(picture, off, weights, settings.orientation)
-            if settings.table_board is None:
-                seen = detect_markers(clear, settings.dictionary)
-                out.append(TablePicture(seen, light, lit.name, step))
-            else:
-                view = detect_board(clear, settings.table_board, lit.name)
-                out.append(TablePicture(view, light, lit.name, step))
-            tick()
-    return out
-
-
-def _steps(names: list[str]) -> list[float]:
-    """Step numbers from the numbers in the names, or 0, 1, 2 …"""
-    numbers = picture_numbers(names)
-    if numbers is None:
-        return [float(k) for k in range(len(names))]
-    first = min(numbers)
-    apart = numbers_apart(numbers, first)
-    return [float((n - first) // apart) for n in numbers]
 
 
 def _as_json(found: Figures, remarks: Sequence[Finding]) -> str:
