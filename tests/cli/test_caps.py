@@ -13,7 +13,7 @@ from turnscan.cli._caps import caps_options
 from turnscan.cli._reconstruct import verb
 from turnscan.errors import InputError
 from turnscan.export import read_mesh
-from turnscan.surface import Caps, holes, is_closed
+from turnscan.surface import Caps, holes
 
 
 def chosen(*words: str) -> Caps | None:
@@ -34,6 +34,10 @@ def test_what_is_asked_for_is_what_is_done() -> None:
     assert chosen("--close", "--fill", "none", "--top", "open") == Caps(holes=None, top="open")
     fine = chosen("--close", "--fill", "curvature", "--top", "fan", "--largest-hole", "4.5")
     assert fine == Caps(holes="curvature", top="fan", largest=4.5)
+    assert chosen("--close", "--bottom", "open") == Caps(bottom="open")
+    assert chosen("--close", "--bottom", "hole", "--top", "hole") == Caps(floor=None, top=None)
+    only_top = chosen("--close", "--bottom", "open", "--fill", "none")
+    assert only_top == Caps(bottom="open", holes=None)
 
 
 def test_options_that_do_nothing_are_refused() -> None:
@@ -74,7 +78,9 @@ def test_only_small_holes_are_filled_and_the_marks_are_in_the_file(tmp_path: Pat
     assert len(holes(mesh)) == before - 1
     assert 0 < (~mesh.measured).sum() < 60
     assert (mesh.provenance.step[mesh.faces[~mesh.measured]] >= 0).any(), "sewn to the measured"
-    CliRunner().invoke(verb, [*words, "--close"], catch_exceptions=False)
-    assert is_closed(read_mesh(out.read_bytes(), ".ply"))
+    result = CliRunner().invoke(verb, [*words, "--close"], catch_exceptions=False)
+    assert "1 gap(s) up to" in result.stderr, "a sheet cannot be closed by one that lies on it"
+    (border,) = holes(read_mesh(out.read_bytes(), ".ply"))
+    assert border.size > 40
     with pytest.raises(InputError, match="--top: nothing to range scans"):
         CliRunner().invoke(verb, [*words, "--close", "--top", "fan"], catch_exceptions=False)

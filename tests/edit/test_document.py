@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from tests.edit.surfaces import around, sheet
+from tests.surface.test_fill import ball, opened
 from turnscan.edit import (
     Body,
     BridgeHoles,
@@ -36,7 +37,7 @@ from turnscan.edit import (
 )
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.surface import Told, fill, holes
+from turnscan.surface import Mesh, Told, fill, holes, join
 
 SHEETS = [sheet(8, seed, 0.02 * seed, size=14.0) for seed in range(3)]
 
@@ -209,9 +210,29 @@ def test_what_an_edit_cannot_do_is_said_and_the_rest_is_done() -> None:
         ("edit.nothing", "warning", "edit 1 (fill)")
     ]
     assert "no hole of 2.00 mm near (500.00" in change.findings[0].message
-    document, _ = document.add(Fill())
+    document, _ = document.add(Delete(Region.of(document.body, around(mesh, (20, 20), 6))))
+    document, _ = document.add(Fill(largest=20.0))
     assert (~document.body.measured).any()
     assert [f.code for f in document.findings] == ["edit.nothing"]
+
+
+def test_a_filling_that_would_cut_the_surface_is_refused_and_another_way_named() -> None:
+    """A ball lacks its top; a needle stands where it was, clear of a lid that is flat."""
+    mouth = opened(ball(24), (0, 0, 1), 0.8)
+    needle = Mesh((0.1, 0.2, 9.5) + 0.05 * ball(4).vertices * (1, 1, 4), ball(4).faces)
+    document = Document.open(lambda *_: (join([mouth, needle]), ()))
+    before = document.body.digest()
+    (hole,) = holes(Compact.of(document.body).mesh)
+    name = HoleName((hole.centre[0], hole.centre[1], hole.centre[2]), hole.size)
+    refused, change = document.add(Fill((name,), "tangent"))
+    assert refused.body.digest() == before
+    (said,) = change.findings
+    assert (said.code, said.severity) == ("edit.refused", "error")
+    assert "filled (tangent), the surface would cut through itself" in said.message
+    assert said.remedy == "choose membrane, which fills it"
+    done, change = document.add(Fill((name,), "membrane"))
+    assert change.findings == ()
+    assert holes(Compact.of(done.body).mesh) == []
 
 
 def test_a_grid_edit_makes_another_surface_and_the_mesh_edits_follow_it() -> None:

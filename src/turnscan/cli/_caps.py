@@ -21,15 +21,22 @@ def caps_options(command: Command) -> Command:
     @click.option("--close", is_flag=True, help="Close the surface; the faces added are marked.")
     @click.option(
         "--fill",
-        type=click.Choice(["flat", "tangent", "curvature", "none"]),
-        help="With --close, how holes go on: in their plane, in the tangent planes of their "
-        "border, with its curvature too, or not at all.  [default: tangent]",
+        type=click.Choice(["auto", "flat", "membrane", "tangent", "curvature", "none"]),
+        help="With --close, how holes go on: in their plane, as a soap film would, in the tangent "
+        "planes of their border, with its curvature too, or not at all; auto takes membrane where "
+        "an edge runs round the hole, and tangent elsewhere.  [default: auto]",
     )
     @click.option(
         "--top",
-        type=click.Choice(["plane", "fan", "smooth", "open"]),
+        type=click.Choice(["plane", "fan", "smooth", "hole", "open"]),
         help="With --close, the gap at the top: in its plane, to the axis, with the curvature of "
-        "its border, or left open.  [default: plane]",
+        "its border, filled like any hole, or left open.  [default: plane]",
+    )
+    @click.option(
+        "--bottom",
+        type=click.Choice(["floor", "hole", "open"]),
+        help="With --close, the gap at the foot: led down to the platter and closed with its "
+        "plane, filled like any hole, or left open.  [default: floor]",
     )
     @click.option(
         "--largest-hole",
@@ -39,15 +46,23 @@ def caps_options(command: Command) -> Command:
     )
     @wraps(command)
     def with_options(
-        *args: Any, close: bool, fill: Any, top: Any, largest: float | None, **others: Any
+        *args: Any,
+        close: bool,
+        fill: Any,
+        top: Any,
+        bottom: Any,
+        largest: float | None,
+        **others: Any,
     ) -> Any:
-        named = {"--fill": fill, "--top": top, "--largest-hole": largest}
+        named = {"--fill": fill, "--top": top, "--bottom": bottom, "--largest-hole": largest}
         idle = [name for name, value in named.items() if value is not None]
         if idle and not close:
             raise InputError(f"{', '.join(idle)}: nothing is closed", hint="add --close")
         caps = Caps(
-            holes=None if fill == "none" else fill or "tangent",
-            top=top or "plane",
+            holes=None if fill == "none" else fill or "auto",
+            top=None if top == "hole" else top or "plane",
+            bottom="open" if bottom == "open" else "floor",
+            floor=None if bottom == "hole" else 0.0,
             largest=largest,
         )
         return command(*args, caps=caps if close else None, **others)

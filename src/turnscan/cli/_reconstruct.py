@@ -23,7 +23,7 @@ from turnscan.settings import Settings
 
 _OF_PICTURES = (
     "rig_path", "strategy", "choose", "threshold", "spacing", "spacing_by", "spacing_between",
-    "every", "radius", "z_min", "z_max", "top", "denoise", "outliers",
+    "every", "radius", "z_min", "z_max", "top", "bottom", "denoise", "outliers",
 )  # fmt: skip
 """Options about stripes, the table or the rig: range scans have none of these."""
 _OF_RANGES = ("unit",)

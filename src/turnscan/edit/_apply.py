@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from turnscan.findings import Finding, Severity
 from turnscan.shapes import Measured
 from turnscan.surface import (
     Caps,
+    FillHow,
     Hole,
     Mesh,
     Provenance,
@@ -39,16 +40,16 @@ from turnscan.surface import (
     close,
     decimate,
     fans_about,
-    fill,
+    fill_soundly,
     half_edges,
     holes,
     silent,
     smooth,
     spikes,
+    unfilled,
 )
 
-_RINGS = 12
-"""Rings of faces round a hole; its filling goes on with the curvature of those next to it."""
+_WAYS: tuple[FillHow, ...] = ("membrane", "tangent", "flat", "curvature")
 _LIKE = 3.0
 """A hole of a third to three times the size may be the one that was meant."""
 
@@ -133,7 +134,7 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding], told: Told) ->
             return difference(body, before, bridge(before.mesh, found[0], found[1], edit.how))
         case Close():
             before = Compact.of(body)
-            caps = Caps(edit.floor, edit.reach, edit.top, edit.holes, edit.largest)
+            caps = Caps(edit.floor, edit.reach, edit.bottom, edit.top, edit.holes, edit.largest)
             mesh, said = close(before.mesh, caps)
             findings += [f for f in said if f.severity != "note"]
             return difference(body, before, mesh)
@@ -146,7 +147,7 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding], told: Told) ->
         case Smooth():
             return _smoothed(body, edit, told)
         case Despike():
-            return _despiked(body, edit, told)
+            return _despiked(body, edit, findings, told)
 
 
 def _smoothed(body: Body, edit: Smooth, told: Told) -> tuple[Patch, ...]:
@@ -162,7 +163,7 @@ def _smoothed(body: Body, edit: Smooth, told: Told) -> tuple[Patch, ...]:
     )
 
 
-def _despiked(body: Body, edit: Despike, told: Told) -> tuple[Patch, ...]:
+def _despiked(body: Body, edit: Despike, findings: list[Finding], told: Told) -> tuple[Patch, ...]:
     """The faces about spikes go, and the holes that leaves are filled."""
     before = Compact.of(body)
     about = spikes(before.mesh, edit.beyond)[before.mesh.faces].any(axis=1)
@@ -177,7 +178,10 @@ def _despiked(body: Body, edit: Despike, told: Told) -> tuple[Patch, ...]:
     beside = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
     beside[body.mesh.faces[gone.faces]] = True
     made = [h for h in holes(after.mesh) if beside[after.vertex_ids[h.loop]].all()]
-    return gone, *difference(without, after, fill(after.mesh, made, edit.how, told))
+    filled = fill_soundly(after.mesh, made, edit.how, told)
+    if filled.left:
+        findings.append(unfilled(filled.left, _way_out(after.mesh, filled.left, edit.how)))
+    return gone, *difference(without, after, filled.mesh)
 
 
 def _cut(body: Body, edit: Cut) -> tuple[Patch, ...]:
@@ -222,22 +226,33 @@ def _with_what_hangs(body: Body, faces: Ints) -> Ints:
 
 
 def _filled(body: Body, edit: Fill, findings: list[Finding], told: Told) -> tuple[Patch, ...]:
-    """Holes filled; only what lies round them is looked at."""
+    """Holes filled; refused where each of them would cut through the surface."""
     whole = Compact.of(body)
     wanted = _to_fill(holes(whole.mesh), edit, findings)
     if not wanted:
         return ()
-    loops = [whole.vertex_ids[h.loop] for h in wanted]
-    near = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
-    near[np.concatenate(loops)] = True
-    for _ in range(_RINGS):
-        near[body.mesh.faces[body.alive & near[body.mesh.faces].any(axis=1)]] = True
-    part = Compact.of(body, np.asarray(near[body.mesh.faces].all(axis=1)))
-    moved = [
-        replace(hole, loop=np.searchsorted(part.vertex_ids, loop).astype(np.int32))
-        for hole, loop in zip(wanted, loops, strict=True)
-    ]
-    return difference(body, part, fill(part.mesh, moved, edit.how, told))
+    filled = fill_soundly(whole.mesh, wanted, edit.how, told)
+    if filled.left:
+        hint = _way_out(whole.mesh, filled.left, edit.how)
+        if len(filled.left) == len(wanted):
+            which = "the hole" if len(wanted) == 1 else f"each of the {len(wanted)} holes"
+            raise InputError(
+                f"{which} stays open: filled ({edit.how}), the surface would cut through itself",
+                hint=hint,
+            )
+        findings.append(unfilled(filled.left, hint))
+    return difference(body, whole, filled.mesh)
+
+
+def _way_out(mesh: Mesh, left: list[Hole], how: FillHow) -> str:
+    """What else to do about holes whose filling would cut through the surface."""
+    others = [way for way in _WAYS if way != how]
+    open_still = {way: len(fill_soundly(mesh, left, way).left) for way in others}
+    best = min(others, key=lambda way: open_still[way])
+    if open_still[best] == len(left):
+        return "bridge it by hand, or delete what stands in it; no other way of filling does better"
+    which = "it" if len(left) == 1 else f"{len(left) - open_still[best]} of them"
+    return f"choose {best}, which fills {which}"
 
 
 def _to_fill(there: list[Hole], edit: Fill, findings: list[Finding]) -> list[Hole]:

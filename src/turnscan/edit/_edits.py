@@ -17,7 +17,7 @@ from turnscan.edit._region import Length, Region
 from turnscan.errors import FormatError
 from turnscan.json_text import strict_json
 from turnscan.stripes import Choice, Strategy
-from turnscan.surface import FillHow, Hole, Top
+from turnscan.surface import Bottom, FillHow, Hole, Top
 
 Laser = Annotated[str, Field(min_length=1, max_length=200)]
 Number = Annotated[int, Field(ge=0, le=100_000_000)]
@@ -137,7 +137,7 @@ class Fill:
     __pydantic_config__ = STRICT
     holes: Annotated[tuple[HoleName, ...], Field(min_length=1, max_length=100_000)] | None = None
     """None fills all."""
-    how: FillHow = "tangent"
+    how: FillHow = "auto"
     largest: Length | None = None
     """Holes of a larger size stay open; None sets no limit."""
     kind: Literal["fill"] = "fill"
@@ -171,8 +171,9 @@ class Close:
     __pydantic_config__ = STRICT
     floor: Coordinate | None = 0.0
     reach: Length = 5.0
+    bottom: Bottom = "floor"
     top: Top | None = "plane"
-    holes: FillHow | None = "tangent"
+    holes: FillHow | None = "auto"
     largest: Length | None = None
     kind: Literal["close"] = "close"
 
@@ -229,7 +230,7 @@ class Despike:
     """None looks everywhere."""
     beyond: Annotated[float, Field(gt=0, le=1000)] = 6.0
     """Times the usual roughness."""
-    how: FillHow = "tangent"
+    how: FillHow = "auto"
     kind: Literal["despike"] = "despike"
 
 

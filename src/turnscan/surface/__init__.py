@@ -4,7 +4,7 @@ from turnscan.surface._bridge import bridge
 from turnscan.surface._cast import Caster
 from turnscan.surface._causes import Sought, explain
 from turnscan.surface._clean import Clean, clean
-from turnscan.surface._close import Caps, Top, close, closings
+from turnscan.surface._close import Bottom, Caps, Top, close, closings
 from turnscan.surface._cut import Clip, Section, clip, cut, sections
 from turnscan.surface._decimate import decimate, decimation_findings
 from turnscan.surface._denoise import denoise
@@ -19,6 +19,7 @@ from turnscan.surface._overlap import Overlap, overlaps
 from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces, steady_normals
 from turnscan.surface._smooth import smooth, spikes
+from turnscan.surface._sound_fill import Filled, fill_soundly, unfilled
 from turnscan.surface._soundness import crossings, soundness
 from turnscan.surface._told import Told, part, silent
 from turnscan.surface._topology import boundary_loops, cut_touching, fans_about, is_closed, twins
@@ -26,12 +27,14 @@ from turnscan.surface._tsdf import fuse
 
 __all__ = [
     "CAUSE_WORDS",
+    "Bottom",
     "Caps",
     "Caster",
     "Cause",
     "Clean",
     "Clip",
     "FillHow",
+    "Filled",
     "Hole",
     "How",
     "Mesh",
@@ -61,6 +64,7 @@ __all__ = [
     "explain",
     "fans_about",
     "fill",
+    "fill_soundly",
     "fuse",
     "half_edges",
     "holes",
@@ -81,5 +85,6 @@ __all__ = [
     "steady_normals",
     "submesh",
     "twins",
+    "unfilled",
     "vertex_normals",
 ]

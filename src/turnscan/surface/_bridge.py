@@ -24,17 +24,18 @@ def bridge(mesh: Mesh, a: Side | Hole, b: Side | Hole, how: FillHow = "tangent")
 
     Two sides get a strip between them, which parts a hole in two or makes one of two holes. Two
     borders (those of an island and of the hole round it, or the two ends of a gap round the part)
-    get a band of least area, refined and faired like a filling (`fill`; ``flat`` adds no vertices).
+    get a band of least area, refined and faired like a filling (`fill`; ``flat`` adds no vertices,
+    and ``auto`` is ``tangent``: a bridge leads from one surface on to another).
     No vertex that is there moves.
 
     Raises InputError for a side or a hole that is not on a border, or where the faces would have
     sides in common with others.
     """
     if isinstance(a, Hole) and isinstance(b, Hole):
-        return _checked(mesh, with_patches(mesh, [_band(mesh, a.loop, b.loop, how)], how))
+        return _checked(mesh, with_patches(mesh, [_band(mesh, a.loop, b.loop, how)]))
     if isinstance(a, Hole) or isinstance(b, Hole):
         raise InputError("a bridge goes from side to side, or from hole to hole")
-    return _checked(mesh, with_patches(mesh, [_strip(mesh, a, b)], "flat"))
+    return _checked(mesh, with_patches(mesh, [_strip(mesh, a, b)]))
 
 
 def _checked(mesh: Mesh, done: Mesh) -> Mesh:
@@ -97,7 +98,7 @@ def _band(mesh: Mesh, one: Ints, other: Ints, how: FillHow) -> Patch:
     if how == "flat":
         return Patch(ring, np.empty((0, 3)), faces)
     used = np.zeros((len(ring), len(ring)), dtype=np.bool_)
-    return refined(ring, mesh.vertices[ring], faces, side_lengths(mesh)[ring], used)
+    return refined(ring, mesh.vertices[ring], faces, side_lengths(mesh)[ring], used, how)
 
 
 def _on_border(mesh: Mesh, loop: Ints) -> None:

@@ -10,16 +10,21 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints
 from turnscan.findings import Finding
-from turnscan.surface._fill import FillHow, Patch, patches, with_patches
+from turnscan.surface._fill import FillHow, Patch, patches, ways, with_patches
+from turnscan.surface._grid_mesh import submesh
 from turnscan.surface._holes import Hole, holes, vector_area
 from turnscan.surface._mend import mend
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._range_surface import steady_normals
 from turnscan.surface._sound_fill import fill_soundly, unfilled
+from turnscan.surface._told import Told, silent
 from turnscan.surface._topology import cut_touching
 
 Top = Literal["plane", "fan", "smooth", "open"]
 """plane: in its best plane. fan: to the axis. smooth: with the curvature of its border."""
+
+Bottom = Literal["floor", "open"]
+"""floor: led down to the platter and closed with its plane."""
 
 _UP = 0.5
 """A gap looks up (or down) where its best plane is tilted by less than 60°."""
@@ -27,6 +32,7 @@ _LEAN = 2.5
 """mm to the side for each mm down, at most: a foot is not led further under the part."""
 _STEADY = 2.0
 """mm along a border on either hand over which its normals are averaged."""
+_HINT = "scan the part in another pose or with a second laser, or bridge the gap by hand"
 _ALIKE = 0.05
 """Of a hole's size, by which it may differ before and after."""
 _HIGH = 0.1
@@ -43,10 +49,12 @@ class Caps:
     reach: float = 5.0
     """A gap counts as the part's foot when it looks down and at least half its border lies less
     than this many mm above the floor."""
+    bottom: Bottom = "floor"
+    """How the part's foot is closed, where it stands on something."""
     top: Top | None = "plane"
     """How the largest gap that looks up from the part's highest tenth is closed; None when it is
     a hole like others."""
-    holes: FillHow | None = "tangent"
+    holes: FillHow | None = "auto"
     """How all other gaps are filled; None leaves them open."""
     largest: float | None = None
     """mm: other gaps of a larger size stay open; None fills all."""
@@ -56,44 +64,47 @@ class Caps:
             raise ValueError(f"Caps: reach {self.reach}, largest {self.largest} mm")
 
 
-def close(mesh: Mesh, caps: Caps | None = None) -> tuple[Mesh, list[Finding]]:
+def close(mesh: Mesh, caps: Caps | None = None, told: Told = silent) -> tuple[Mesh, list[Finding]]:
     """Close the gaps of a mesh, and say what was done; faces added are not ``measured``.
 
     The part's foot is carried on in its tangent planes down to the floor; the faces in the
     floor's plane count as measured, for they lie on the platter, whose place the calibration
     knows. Then the top is closed, then all other holes (`fill`). Where parts of the surface merely
     touch in a vertex, the faces of the smaller one go first: programs that join equal corners would
-    find them joined. Last, places where the surface cuts through itself are made anew (`mend`);
-    where that does not do, holes whose patches cut through the surface stay open (`fill_soundly`).
-    Added vertices have provenance −1; those that are there do not move.
+    find them joined. Holes whose patches cut through the surface stay open (`fill_soundly`). Last,
+    places where the surface cuts through itself otherwise are made anew (`mend`). Added vertices
+    have provenance −1; those that are there do not move. ``told`` hears of each of the other holes.
     """
     c = caps or Caps()
     whole, remarks = cut_touching(mesh)
     foot, top, others = _sorted(whole, c)
     skip = [h for h in others if c.holes is None or (c.largest is not None and h.size > c.largest)]
     fillable = [h for h in others if not any(h is s for s in skip)]
-    done, left = whole, list[Ints]()
-    if foot and c.floor is not None:
+    done = whole
+    stands = c.floor is not None and c.bottom == "floor"
+    if foot and c.floor is not None and stands:
         done = _stood(done, [h.loop for h in foot], c.floor)
     if top is not None and c.top == "fan":
-        done = with_patches(done, [_fan(done, top.loop)], "flat")
-    elif top is not None and c.top in ("plane", "smooth"):
-        how: FillHow = "flat" if c.top == "plane" else "curvature"
-        done = with_patches(done, patches(done, [top.loop], how), how)
-    stood, loops = done, [h.loop for h in fillable]
-    if loops and c.holes is not None:
-        done = with_patches(stood, patches(stood, loops, c.holes), c.holes)
-    done, replaced, crossed = mend(done)
-    if crossed and loops and c.holes is not None:
-        sound, left = fill_soundly(stood, loops, c.holes)
-        if left:
-            done, replaced, _ = mend(sound)
-            remarks.append(unfilled([stood.vertices[k] for k in left], c.holes))
-    gaps = len(foot) + (top is not None and c.top != "open") + len(fillable) - len(left)
-    if replaced:
-        text = f"{replaced} faces about places where the surface cut through itself were made anew"
+        done = with_patches(done, [_fan(done, top.loop)])
+    hows: list[FillHow] = [c.holes or "auto"] * len(fillable)
+    if top is not None and c.top in ("plane", "smooth"):
+        fillable.append(top)
+        hows.append("flat" if c.top == "plane" else "curvature")
+    filled = fill_soundly(done, fillable, hows, told, hold=False)
+    if filled.left:
+        remarks.append(unfilled(filled.left, _HINT))
+    mended = mend(filled.mesh, filled.owner, filled.flat, hold=False)
+    gaps = (
+        stands * len(foot) + (top is not None and c.top == "fan") + len(fillable) - len(filled.left)
+    )
+    again = filled.replaced + mended.replaced
+    done = mended.mesh
+    if mended.replaced:
+        done = submesh(done, np.ones(len(done.faces), dtype=np.bool_))
+    if again:
+        text = f"{again} faces about places where the surface cut through itself were made anew"
         remarks.append(Finding("surface.mended", "note", text))
-    return done, remarks + _said(done, gaps, foot, c)
+    return done, remarks + _said(done, gaps, foot if stands else [], c)
 
 
 def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None, closed: Mesh) -> list[str]:
@@ -104,20 +115,22 @@ def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None, closed: Mesh)
     if caps is None:
         return ["open"] * len(found)
     feet, top, _ = _sorted(mesh, caps)
-    standing = {h.loop.tobytes() for h in feet} if caps.floor is not None else set()
+    standing = {h.loop.tobytes() for h in feet}
     above = b"" if top is None else top.loop.tobytes()
     left = [(h.centre, h.size) for h in holes(closed)]
-    out = []
-    for hole in found:
+    taken = ways(mesh, [h.loop for h in found], [caps.holes or "auto"] * len(found))
+    out = list[str]()
+    for hole, way in zip(found, taken, strict=True):
         loop = hole.loop.tobytes()
         if loop in standing:
-            out.append("floor")
+            out.append(caps.bottom)
+        elif any(_same(hole, centre, size) for centre, size in left):
+            out.append("open")
         elif loop == above:
             out.append(str(caps.top))
         else:
             large = caps.largest is not None and hole.size > caps.largest
-            refused = any(_same(hole, centre, size) for centre, size in left)
-            out.append("open" if large or refused or caps.holes is None else caps.holes)
+            out.append("open" if large or caps.holes is None else way)
     return out
 
 
@@ -165,7 +178,7 @@ def _is_foot(corners: Floats, floor: float, reach: float) -> bool:
 def _stood(mesh: Mesh, loops: Sequence[Ints], floor: float) -> Mesh:
     """The mesh with borders carried on down to the floor and closed there by its plane."""
     normals = steady_normals(mesh)
-    done = with_patches(mesh, [_skirt(mesh, loop, floor, normals) for loop in loops], "flat")
+    done = with_patches(mesh, [_skirt(mesh, loop, floor, normals) for loop in loops])
     start, below = len(mesh.vertices), []
     for loop in loops:
         down = mesh.vertices[loop, 2] != floor
@@ -173,7 +186,7 @@ def _stood(mesh: Mesh, loops: Sequence[Ints], floor: float) -> Mesh:
         ring[down] = np.arange(start, start + down.sum())
         below.append(ring)
         start += int(down.sum())
-    sewn = with_patches(done, patches(done, below, "flat"), "flat")
+    sewn = with_patches(done, patches(done, below, "flat"))
     if sewn.measured is None:
         raise TypeError("a filled mesh knows which faces were measured")
     known = sewn.measured.copy()

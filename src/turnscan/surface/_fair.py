@@ -27,7 +27,8 @@ def fair(vertices: Floats, faces: Ints, free: Bools, order: Order, size: Floats)
 
     All others stay where they are; but so that the noise of the border is not carried on, its
     tangents and curvature are those of a smoothing spline through a few rings about the hole.
-    1 is the membrane; 2 the thin plate, which continues the tangent planes at the border; 3
+    1 is the membrane, which takes no tangents and keeps to the border itself; 2 the thin plate,
+    which continues the tangent planes at the border; 3
     changes its curvature least, which continues the curvature too (Botsch and Kobbelt 2004). 3
     has a share of 2, for else what noise is left in the curvature would grow with the way across
     the hole: waves longer than `_CALM` times ``size`` (v,), mm, the hole's at every free vertex,
@@ -37,11 +38,12 @@ def fair(vertices: Floats, faces: Ints, free: Bools, order: Order, size: Floats)
     if not free.any():
         return vertices
     reach, near, band = free, np.zeros(len(faces), dtype=np.bool_), free
-    for ring in range(_RINGS + order):
+    rings = 0 if order == 1 else _RINGS
+    for ring in range(rings + order):
         near = np.asarray(reach[faces].any(axis=1))
         reach = np.zeros_like(free)
         reach[faces[near]] = True
-        if ring == _RINGS - 1:
+        if ring == rings - 1:
             band = reach
     index = np.flatnonzero(reach)
     new = np.full(len(vertices), -1, dtype=np.int32)

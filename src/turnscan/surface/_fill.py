@@ -4,26 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
-from turnscan.surface._fair import fair
+from turnscan.surface._fair import Order, fair
 from turnscan.surface._holes import Hole, holes, vector_area
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import measured
+from turnscan.surface._range_surface import steady_normals
 from turnscan.surface._told import Told, silent
 from turnscan.surface._topology import twins
 
-FillHow = Literal["flat", "tangent", "curvature"]
-"""flat: triangles between the corners of the border alone. tangent: goes on in the border's
-tangent planes. curvature: goes on with the border's curvature, too."""
+FillHow = Literal["auto", "flat", "membrane", "tangent", "curvature"]
+"""flat: triangles between the corners of the border alone. membrane: as a soap film spans the
+border, flat where that is. tangent: goes on in the border's tangent planes. curvature: goes on with
+the border's curvature, too. auto: membrane in a hole that an edge runs round, tangent in others
+(`fill`)."""
+_STEEP = np.cos(np.radians(60.0))
+"""A border is an edge where the surface stands steeper than this on the hole's best plane."""
 
 _LONGEST = 400
 """Corners of a loop that are spanned in one go: the time grows with their third power."""
+_ORDERS: Final[dict[FillHow, Order]] = {"auto": 2, "membrane": 1, "tangent": 2, "curvature": 3}
+"""How each way is faired (`fair`)."""
 _MOST = 20_000
 """New corners in one hole at most; a larger one is filled more coarsely."""
 
@@ -38,25 +45,58 @@ class Patch:
     """(k, 3) mm: corners that are new."""
     faces: Ints
     """(t, 3) below m: places in the loop; from m on: new points."""
+    order: Order | None = None
+    """How the new points are faired (`fair`); None leaves them where they are."""
 
 
 def fill(
     mesh: Mesh,
     which: Sequence[Hole] | Sequence[int] | None = None,
-    how: FillHow = "tangent",
+    how: FillHow = "auto",
     told: Told = silent,
 ) -> Mesh:
     """Fill holes of a mesh: all, or those given as values or as places in ``holes(mesh)``.
 
     Each border is spanned by the triangles that bend least (Liepa, Filling holes in meshes,
-    2003), refined to the density of the surroundings and faired (`fair`); ``flat`` adds no
-    vertices and lies as near to one plane as the border does. No vertex that is there moves. New
+    2003), refined to the density of the surroundings and faired (`fair`). ``flat`` adds no
+    vertices and lies as near to one plane as the border does; ``membrane`` is spanned by the
+    triangles of least area. ``auto`` takes a membrane where along more than half of the border the
+    surface stands steeper than 60° on the hole's best plane: there it ends in an edge, and what
+    lies beyond does not go on in its tangent planes. A plate that leaves its border at an angle β
+    rises a/2 tan β over a hole of radius a, at 60° nearly as far as the hole reaches; a ball of
+    which so much is gone lacks a quarter. All others go on in their
+    tangent planes, as a ball does of which less is gone. No vertex that is there moves. New
     faces are not ``measured``, new vertices have provenance −1, and where the mesh is coloured,
     the mean colour of their border. ``told`` hears of each hole.
 
     Raises InputError for a hole that is not one of this mesh.
     """
-    return with_patches(mesh, patches(mesh, _chosen(mesh, which), how, told), how)
+    return with_patches(mesh, patches(mesh, _chosen(mesh, which), how, told))
+
+
+def ways(mesh: Mesh, loops: Sequence[Ints], hows: Sequence[FillHow]) -> list[FillHow]:
+    """How each of the borders of a mesh is filled: what was asked for, or what ``auto`` takes."""
+    if "auto" not in hows:
+        return list(hows)
+    normals = steady_normals(mesh)
+    edges = (
+        how == "auto" and _is_edge(mesh.vertices[k], normals[k])
+        for k, how in zip(loops, hows, strict=True)
+    )
+    own: list[FillHow] = ["membrane" if edge else "tangent" for edge in edges]
+    return [o if how == "auto" else how for o, how in zip(own, hows, strict=True)]
+
+
+def _is_edge(corners: Floats, normals: Floats) -> bool:
+    """Whether a border (m, 3) is an edge along more than half of it; the surface's normals there.
+
+    The patch runs against the border, so its normal is that of the border turned over.
+    """
+    over = -vector_area(corners)
+    after, before = np.roll(corners, -1, axis=0), np.roll(corners, 1, axis=0)
+    length = np.linalg.norm(after - corners, axis=1) + np.linalg.norm(corners - before, axis=1)
+    steep = normals @ over < _STEEP * np.linalg.norm(over)
+    return bool(length[steep].sum() > 0.5 * length.sum())
 
 
 def _chosen(mesh: Mesh, which: Sequence[Hole] | Sequence[int] | None) -> list[Ints]:
@@ -72,9 +112,12 @@ def _chosen(mesh: Mesh, which: Sequence[Hole] | Sequence[int] | None) -> list[In
     return out
 
 
-def patches(mesh: Mesh, loops: Sequence[Ints], how: FillHow, told: Told = silent) -> list[Patch]:
+def patches(
+    mesh: Mesh, loops: Sequence[Ints], how: FillHow | Sequence[FillHow], told: Told = silent
+) -> list[Patch]:
     """A patch for each border of a mesh (its winding that of the faces it bounds); not yet faired.
 
+    ``how`` is that of all, or of each.
     Raises InputError where a loop is no border of this mesh.
     """
     corners = mesh.faces.ravel()
@@ -87,6 +130,7 @@ def patches(mesh: Mesh, loops: Sequence[Ints], how: FillHow, told: Told = silent
     after = np.full(len(mesh.vertices), -1, dtype=np.int32)
     after[corners[lonely]] = corners[lonely // 3 * 3 + (lonely + 1) % 3]
     scale = side_lengths(mesh)
+    taken = ways(mesh, loops, [how] * len(loops) if isinstance(how, str) else how)
     chords = _Chords(mesh, loops)
     out = []
     for number, loop in enumerate(loops):
@@ -101,7 +145,12 @@ def patches(mesh: Mesh, loops: Sequence[Ints], how: FillHow, told: Told = silent
         outer = mesh.vertices[beyond[np.roll(ring, -1)]]
         out.append(
             _patch(
-                ring, mesh.vertices[ring], outer, scale[ring], chords.of(number)[::-1, ::-1], how
+                ring,
+                mesh.vertices[ring],
+                outer,
+                scale[ring],
+                chords.of(number)[::-1, ::-1],
+                taken[number],
             )
         )
     return out
@@ -119,7 +168,7 @@ def _patch(
         faces = _loop_kernels.clip_ears(flattened(points), used)
         sound = bool(not used[faces[:, [0, 1, 2]], faces[:, [1, 2, 0]]].any())
     else:
-        faces, sound = _spanned(points, outer, used)
+        faces, sound = _spanned(points, outer, used, bent=how != "membrane")
     if not sound:
         # Every chord there is belongs to two faces already: a corner in the middle needs none.
         around = np.arange(m, dtype=np.int32)
@@ -129,31 +178,37 @@ def _patch(
         beside = kernels.neighbours(faces)
         kernels.relax(points, faces, beside, len(faces), m, used)
         return Patch(ring, np.empty((0, 3)), faces)
-    return refined(ring, points, faces, scale, used)
+    return refined(ring, points, faces, scale, used, how)
 
 
-def refined(ring: Ints, points: Floats, faces: Ints, scale: Floats, used: Bools) -> Patch:
+def refined(
+    ring: Ints, points: Floats, faces: Ints, scale: Floats, used: Bools, how: FillHow
+) -> Patch:
     """A patch over the corners of its border, made as dense as the border's ``scale`` (m,) mm."""
     from turnscan.surface import _patch_kernels as kernels
 
-    area = float(np.linalg.norm(_normals(points[faces]), axis=1).sum() / 2)
+    area = _area(points, faces)
     limit = int(min(_MOST, 6 * area / max(float(scale.min()), 1e-9) ** 2 + 8))
     scale = np.maximum(scale, np.sqrt(2 * area / _MOST))
     all_points, faces = kernels.refine(points, faces, scale, used, limit)
-    return Patch(ring, all_points[len(ring) :], faces)
+    return Patch(ring, all_points[len(ring) :], faces, _ORDERS[how])
 
 
-def _spanned(points: Floats, outer: Floats, used: Bools) -> tuple[Ints, bool]:
+def _area(points: Floats, faces: Ints) -> float:
+    return float(np.linalg.norm(_normals(points[faces]), axis=1).sum() / 2)
+
+
+def _spanned(points: Floats, outer: Floats, used: Bools, *, bent: bool) -> tuple[Ints, bool]:
     """Triangles (m − 2, 3) of a loop; a long one is spanned coarsely, then between its corners."""
     from turnscan.surface import _patch_kernels as kernels
 
     m = len(points)
     if m <= _LONGEST:
-        faces, sound = kernels.span(points, outer, used)
+        faces, sound = kernels.span(points, outer, used, bent)
         return faces, bool(sound)
     cuts = np.linspace(0, m, _LONGEST // 2, endpoint=False).astype(np.int32)
     some = np.ix_(cuts, cuts)
-    coarse, sound = _spanned(points[cuts], outer[cuts], used[some])
+    coarse, sound = _spanned(points[cuts], outer[cuts], used[some], bent=bent)
     ends = np.append(cuts[1:], m)
     inside = {(int(a), int(b)): int(c) for t in coarse for a, b, c in _turned(t)}
     parts = [cuts[coarse]]
@@ -163,7 +218,7 @@ def _spanned(points: Floats, outer: Floats, used: Bools) -> tuple[Ints, bool]:
             continue
         far = cuts[inside[i, (i + 1) % len(cuts)]]
         beyond = np.concatenate([outer[chain[:-1]], points[far][None]])
-        faces, good = _spanned(points[chain], beyond, used[np.ix_(chain, chain)])
+        faces, good = _spanned(points[chain], beyond, used[np.ix_(chain, chain)], bent=bent)
         parts.append(chain[faces])
         sound = sound and good
     return np.concatenate(parts), sound
@@ -202,7 +257,7 @@ class _Chords:
         return used
 
 
-def with_patches(mesh: Mesh, done: Sequence[Patch], how: FillHow) -> Mesh:
+def with_patches(mesh: Mesh, done: Sequence[Patch]) -> Mesh:
     """The mesh with patches sewn in, their new vertices faired."""
     count = len(mesh.vertices)
     points, faces = [mesh.vertices], [mesh.faces]
@@ -212,17 +267,17 @@ def with_patches(mesh: Mesh, done: Sequence[Patch], how: FillHow) -> Mesh:
         points.append(patch.points)
         count += len(patch.points)
     vertices, sewn = np.concatenate(points), np.concatenate(faces)
-    if how != "flat":
-        free = np.arange(count) >= len(mesh.vertices)
-        size = np.ones(count)
-        size[free] = np.repeat([_across(mesh, p) for p in done], [len(p.points) for p in done])
-        vertices = fair(vertices, sewn, free, 2 if how == "tangent" else 3, size)
-    more = [len(p.points) for p in done]
+    more = np.array([len(p.points) for p in done], dtype=np.int64)
+    old = len(mesh.vertices)
+    size = np.concatenate([np.ones(old), np.repeat([_across(mesh, p) for p in done], more)])
+    order = np.concatenate([np.zeros(old), np.repeat([float(p.order or 0) for p in done], more)])
+    for k in sorted({p.order for p in done if p.order is not None}):
+        vertices = fair(vertices, sewn, np.asarray(order == k), k, size)
     return replace(
         mesh,
         vertices=vertices,
         faces=sewn,
-        provenance=unmeasured(mesh.provenance, sum(more)),
+        provenance=unmeasured(mesh.provenance, int(more.sum())),
         colour=_coloured(mesh, done),
         measured=np.concatenate(
             [measured(mesh), np.zeros(len(sewn) - len(mesh.faces), dtype=np.bool_)]

@@ -77,7 +77,7 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
 def _spread(mesh: Mesh, found: Sequence[Hole], usual: float) -> tuple[Floats, Floats, Ints]:
     """Places (m, 3) on flat patches, the patches' normals (m, 3) there, and whose they are (m,)."""
     made = patches(mesh, [h.loop for h in found], "flat")
-    closed = with_patches(mesh, made, "flat")
+    closed = with_patches(mesh, made)
     owner = np.repeat(np.arange(len(found)), [len(p.faces) for p in made]).astype(np.int32)
     t = closed.triangles[len(mesh.faces) :]
     cross = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])

@@ -37,8 +37,10 @@ def _bend(n: Any, o: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def span(points: Any, outer: Any, used: Any) -> tuple[Any, bool]:
+def span(points: Any, outer: Any, used: Any, bent: bool) -> tuple[Any, bool]:
     """A loop (m, 3) → (m − 2, 3) triangles that bend least, then have least area (Liepa 2003).
+
+    Without ``bent`` the area alone counts (Barequet and Sharir 1995).
 
     ``outer`` (m, 3) is the far corner of the face beyond each side, so that bending is counted
     across the border too. ``used`` (m, m) forbids chords. False where none could avoid these.
@@ -60,7 +62,7 @@ def span(points: Any, outer: Any, used: Any) -> tuple[Any, bool]:
             whole = i == 0 and k == m - 1
             if used[i, k] and not whole:
                 continue
-            _best(points, i, k, bend, area, apex, normal, n, last, whole)
+            _best(points, i, k, bend, area, apex, normal, n, last, whole, bent)
     faces = np.empty((m - 2, 3), dtype=np.int32)
     if apex[0, m - 1] < 0:
         return faces, False
@@ -80,6 +82,7 @@ def _best(
     n: Any,
     last: Any,
     whole: bool,
+    bent: bool,
 ) -> None:
     """Find the best triangle on the chord from i to k, given those of all shorter chords."""
     best_bend, best_area = np.inf, np.inf
@@ -88,9 +91,10 @@ def _best(
         if not b <= best_bend:
             continue
         s = _normal(points[i], points[j], points[k], n)
-        b = max(b, _bend(n, normal[i, j]), _bend(n, normal[j, k]))
-        if whole:
-            b = max(b, _bend(n, last))
+        if bent:
+            b = max(b, _bend(n, normal[i, j]), _bend(n, normal[j, k]))
+            if whole:
+                b = max(b, _bend(n, last))
         s += area[i, j] + area[j, k]
         if b < best_bend or (b == best_bend and s < best_area):
             best_bend, best_area = b, s

@@ -58,7 +58,14 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     if not len(mesh.faces):
         return np.empty((0, 2), dtype=np.int32)
     corners = mesh.triangles
-    order = morton_order(corners.mean(axis=1))
+    near = np.arange(len(corners))
+    if asked is not None:
+        if not asked.any():
+            return np.empty((0, 2), dtype=np.int32)
+        least, most = corners[asked].min(axis=(0, 1)), corners[asked].max(axis=(0, 1))
+        over = (corners.min(axis=1) <= most) & (corners.max(axis=1) >= least)
+        near = np.flatnonzero(over.all(axis=1))
+    order = near[morton_order(corners[near].mean(axis=1))]
     corners = np.ascontiguousarray(corners[order])
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(corners) / 4)))))
     which = np.ones(len(corners), dtype=np.bool_) if asked is None else asked[order]
