@@ -103,7 +103,8 @@ def to_grids(
                 findings += taken
             if s.denoise is not None:
                 kept = surface.denoise(kept, s.denoise, now)
-            sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation))
+            light = turn.amplitude
+            sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation, light))
             if s.between is not None:
                 kept = points.respace(kept, s.between)
             grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)

@@ -11,6 +11,7 @@ from turnscan.points import RangeGrid, Volume
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
 from turnscan.surface import Cause, Mesh, Sought
+from turnscan.surface._hole_places import places_in
 
 STEPS = 60
 
@@ -180,3 +181,76 @@ def test_a_slit_no_wider_than_a_face_lacks_no_sample(
     dark = points.without(grid, lines & grid.found, StripeFlag.DARK)
     named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, dark, Volume())])
     assert next(h.cause for h in named if h.size < 40) == cause
+
+
+@pytest.mark.parametrize(("light", "cause"), [(3.0, "dark"), (0.3, "removed")])
+def test_what_hardly_showed_before_it_was_taken_away_is_dark(
+    scanned: tuple[Rig, RangeGrid], light: float, cause: Cause
+) -> None:
+    """Speckle lifts a dark place over the threshold here and there; the clean-up takes it away.
+
+    ``light`` is in the faintest light of the scan in the first case, in the usual in the second.
+    """
+    rig, grid = scanned
+    window = _window(grid, StripeFlag.AMBIGUOUS)
+    gone = grid.found & ~window.found
+    usual = float(np.median(grid.amplitude[grid.found]))
+    amplitude = np.where(grid.found, usual, np.nan)
+    amplitude[0, np.flatnonzero(grid.found[0])[0]] = least = usual / 50
+    amplitude[gone] = light * (least if cause == "dark" else usual)
+    mesh = surface.mesh_grid(window)
+    sought = Sought(rig, window, Volume(), light=amplitude)
+    named = surface.explain(mesh, surface.holes(mesh), [sought])
+    assert next(h.cause for h in named if h.size < 40) == cause
+
+
+def test_a_sample_of_one_laser_outweighs_the_dark_of_another(
+    scanned: tuple[Rig, RangeGrid],
+) -> None:
+    """The mesh lacks a face there; the second scan found the place, the first did not."""
+    rig, grid = scanned
+    missing = _window(grid, StripeFlag.DARK)
+    mesh = surface.mesh_grid(missing)
+    views = [Sought(rig, missing, Volume()), Sought(rig, grid, Volume())]
+    named = surface.explain(mesh, surface.holes(mesh), views)
+    assert next(h.cause for h in named if h.size < 40) == "removed"
+
+
+@pytest.mark.parametrize(("bored", "causes"), [(False, {"dark"}), (True, {"laser", "camera"})])
+def test_two_holes_that_one_looks_through_are_a_bore_and_not_dark(
+    scanned: tuple[Rig, RangeGrid], bored: bool, causes: set[Cause]
+) -> None:
+    rig, grid = scanned
+    gone = np.zeros(grid.flags.shape, dtype=np.bool_)
+    lines = np.flatnonzero(grid.found[20])
+    gone[20:25, lines[len(lines) // 3] : lines[2 * len(lines) // 3]] = True
+    if bored:
+        low, high = np.sort(grid.points[gone & grid.found][:, 2])[[0, -1]]
+        z = grid.points[50:55, :, 2]
+        gone[50:55] = (z >= low) & (z <= high)
+    missing = points.without(grid, gone & grid.found, StripeFlag.DARK)
+    mesh = surface.mesh_grid(missing)
+    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, missing, Volume())])
+    small = [h for h in named if h.size < 40]
+    assert len(small) == 1 + bored
+    assert {h.cause for h in small} <= causes
+
+
+def test_a_slender_hole_looks_where_its_border_does() -> None:
+    """A steep riser is missing between two floors: what lies beside it looks another way."""
+    x = np.array([-12.0, -8.0, -4.0, 0.0, 2.0, 6.0, 10.0, 14.0])
+    y = np.where(x <= 0.0, 0.0, -10.0)
+    z = np.arange(-160.0, 161.0, 4.0)
+    vertices = np.stack([np.tile(x, len(z)), np.tile(y, len(z)), np.repeat(z, len(x))], axis=-1)
+    i, j = np.meshgrid(np.arange(len(x) - 1), np.arange(len(z) - 1))
+    i, j = i.ravel(), j.ravel()
+    open_ = (i == 3) & (np.abs(z[j] + 2.0) < 120.0)
+    a = (j * len(x) + i)[~open_]
+    b, c, d = a + 1, a + 1 + len(x), a + len(x)
+    faces = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).astype(np.int32)
+    mesh = Mesh(vertices, faces)
+    hole = min(surface.holes(mesh), key=lambda h: h.size)
+    assert not places_in(mesh, [hole]).wide[0]
+    normals = places_in(mesh, [hole]).normal
+    riser = np.array([10.0, 2.0, 0.0]) / np.hypot(10.0, 2.0)
+    assert np.abs(normals @ riser).min() > 0.99

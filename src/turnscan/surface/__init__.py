@@ -2,7 +2,7 @@
 
 from turnscan.surface._bridge import bridge
 from turnscan.surface._cast import Caster
-from turnscan.surface._causes import Sought, explain
+from turnscan.surface._causes import explain
 from turnscan.surface._clean import Clean, clean
 from turnscan.surface._close import Bottom, Caps, Top, close, closings
 from turnscan.surface._cut import Clip, Section, clip, cut, sections
@@ -19,6 +19,7 @@ from turnscan.surface._overlap import Overlap, overlaps
 from turnscan.surface._paste import components, drop_islands, join, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces, steady_normals
 from turnscan.surface._smooth import smooth, spikes
+from turnscan.surface._sought import Sought
 from turnscan.surface._sound_fill import Filled, fill_soundly, unfilled
 from turnscan.surface._soundness import crossings, soundness
 from turnscan.surface._told import Told, part, silent

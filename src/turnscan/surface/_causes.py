@@ -10,19 +10,19 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.points import RangeGrid, Volume
-from turnscan.rig import Rig, rotation_z
-from turnscan.stripes import Orientation, StripeFlag
+from turnscan.rig import rotation_z
+from turnscan.stripes import StripeFlag
+from turnscan.surface._bores import through, walls
 from turnscan.surface._cast import Caster
 from turnscan.surface._hole_places import Places, places_in
 from turnscan.surface._holes import Cause, Hole
 from turnscan.surface._mesh import Mesh
+from turnscan.surface._sought import GRAZING, Crossings, Sought, crossings, line_of
 
 _CAUSES: tuple[Cause, ...] = get_args(Cause)
 LASER, CAMERA, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN = range(len(_CAUSES))
 _BOTH = len(_CAUSES)
 """Hidden from the laser and from the camera: counts for either."""
-_GRAZING = float(np.cos(np.deg2rad(80.0)))
-"""What is lit or seen further from face-on than this counts as hidden (as `Tears.grazing`)."""
 _SAMPLED, _LID = 0.2, 0.02
 """Weights of a place that lies between samples, and of one that is no place of the part: they say
 something where few others do."""
@@ -31,23 +31,24 @@ _ROOM = 4000
 
 
 @dataclass(frozen=True)
-class Sought:
-    """What one laser's scan could have found, and what it did."""
-
-    rig: Rig
-    grid: RangeGrid
-    """As cleaned, with a flag for every line of the pictures: not resampled."""
-    volume: Volume
-    """What was kept of the scan."""
-    orientation: Orientation = "vertical"
-
-
-@dataclass(frozen=True)
 class _Scene:
     """What was measured, and rays against it."""
 
     mesh: Mesh
     caster: Caster
+
+    def hits(self, origins: Floats, ways: Floats) -> tuple[Ints, Floats, Floats]:
+        """What rays from points (n, 3) along (n, 3) meet first.
+
+        (n,) faces, −1 for none; (n,) how steeply, negative where they come upon one from outside
+        and 0 for none; (n,) how far, in lengths of the way.
+        """
+        face = self.caster.first_hits_between(origins, ways)
+        corners = self.mesh.vertices[self.mesh.faces[face]]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        slope = np.where(face < 0, 0.0, np.einsum("ij,ij->i", ways, normal))
+        ahead = np.einsum("ij,ij->i", corners[:, 0] - origins, normal)
+        return face, slope, ahead / np.where(slope == 0.0, 1.0, slope)
 
 
 def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[Hole]:
@@ -62,22 +63,32 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[
     """
     if not found or not views:
         return list(found)
-    places = places_in(mesh, found)
     scene = _Scene(mesh, Caster(mesh.vertices, mesh.faces))
-    count = np.zeros((len(found), _BOTH + 1))
+    places = places_in(mesh, found)
+    count = _counted(places, len(found), views, scene)
+    best, unsaid = count.argmax(axis=1), count.sum(axis=1) < 1.0
+    deep = through(mesh, found, places, places.wide & (best != OUTSIDE))
+    if deep.any():
+        count = _counted(walls(mesh, found, places, deep), len(found), views, scene)[:, :DARK]
+        best = np.where(count.any(axis=1), count.argmax(axis=1), best)
+    for k, h in enumerate(found):
+        # Between three or four samples none is missing: the surface was torn or a face taken out.
+        # A slit or a pinprick no wider than a face lacks none either: what is dark about it is what
+        # lies beside an edge of the part, and its patch may lie under the noise of its border.
+        if len(h.loop) <= 4 or ((best[k] == DARK or unsaid[k]) and _lacks_nothing(h, places.face)):
+            best[k] = REMOVED
+    return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
+
+
+def _counted(places: Places, holes: int, views: Sequence[Sought], scene: _Scene) -> Floats:
+    """(holes, causes) the votes of the places in each hole."""
+    count = np.zeros((holes, _BOTH + 1))
     for start in range(0, len(places.at), _ROOM):
         part = places.part(slice(start, start + _ROOM))
         best, weight = _votes(part, views, scene)
         np.add.at(count, (part.hole, best), weight)
     count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
-    best = count[:, :_BOTH].argmax(axis=1)
-    for k, h in enumerate(found):
-        # Between three or four samples none is missing: the surface was torn or a face taken out.
-        # A slit or a pinprick no wider than a face lacks none either: what is dark about it is what
-        # lies beside an edge of the part.
-        if len(h.loop) <= 4 or (best[k] == DARK and _lacks_nothing(h, places.face)):
-            best[k] = REMOVED
-    return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
+    return count[:, :_BOTH]
 
 
 def _lacks_nothing(hole: Hole, face: float) -> bool:
@@ -88,17 +99,18 @@ def _lacks_nothing(hole: Hole, face: float) -> bool:
 def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints, Floats]:
     """(m,) for each place the cause that came nearest to a measurement, and its weight."""
     m = len(places.at)
-    seen, lit, out, turned, measured, reached = np.zeros((6, m), dtype=np.bool_)
+    seen, lit, out, turned, measured, reached, buried = np.zeros((7, m), dtype=np.bool_)
     light = np.full(m, -1, dtype=np.int32)
     for view in views:
-        within = view.volume.contains(places.at)
+        kept = view.volume.contains(places.at)
         out |= ~_inner(view.volume, places.margin).contains(places.at)
-        c = _crossings(view, places)
-        ok = c.inside & within[c.place]
-        s = np.zeros(len(c.place), dtype=np.bool_)
-        s[ok] = _reached(scene.caster, places, c.place[ok], c.eye[ok])
-        b = np.zeros(len(c.place), dtype=np.bool_)
-        b[ok] = _reached(scene.caster, places, c.place[ok], c.source[ok])
+        c = crossings(view, places.at)
+        ok = c.inside & kept[c.place]
+        s, b, under = np.zeros((3, len(c.place)), dtype=np.bool_)
+        s[ok], under[ok] = _reached(scene, places, c.place[ok], c.eye[ok])
+        b[ok], deep = _reached(scene, places, c.place[ok], c.source[ok])
+        under[ok] |= deep
+        np.logical_or.at(buried, c.place, under)
         faces = _faces(places, c.place, c.eye) | _faces(places, c.place, c.source)
         np.logical_or.at(turned, c.place, faces)
         np.logical_or.at(seen, c.place, s)
@@ -107,9 +119,10 @@ def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints
         both = np.flatnonzero(s & b).astype(np.int32)
         reached[c.place[both]] = True
         near = _between_samples(view.grid, places, c.part(both))
+        near &= ~view.faint[c.step[both], c.line[both]]
         np.logical_or.at(measured, c.place[both], near)
         both = both[~_in_air(view, places, scene, c.part(both))]
-        why = _light(view.grid, c.step[both], c.line[both])
+        why = _light(view, c.step[both], c.line[both])
         np.maximum.at(light, c.place[both], why)
     if not any(view.grid.closed for view in views):
         out |= ~turned  # the scan ended before its turn came
@@ -118,7 +131,8 @@ def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints
     vote[lit & ~seen] = CAMERA
     vote[seen & ~lit] = LASER
     vote[measured] = REMOVED
-    known = light >= 0
+    known = (light >= 0) & ~measured
+    reached |= buried & ~(seen | lit)  # within the part, so no place of its surface
     weak = np.where(measured, _SAMPLED, _LID)
     return np.where(known, light, vote), np.where(known | ~reached, 1.0, weak)
 
@@ -130,78 +144,26 @@ def _inner(volume: Volume, margin: float) -> Volume:
     return Volume(r, volume.z_min + half, volume.z_max - half)
 
 
-@dataclass(frozen=True)
-class _Crossings:
-    """Moments at which places pass a laser's sheet."""
-
-    place: Ints
-    """(c,)."""
-    step: Ints
-    """(c,) index of the nearest step of the grid."""
-    line: Ints
-    """(c,) line of the picture, within the grid."""
-    inside: Bools
-    """(c,) True in the picture."""
-    eye: Floats
-    """(c, 3) mm: camera, object's frame."""
-    source: Floats
-    """(c, 3) mm: laser, object's frame."""
-
-    def part(self, which: Ints) -> _Crossings:
-        place, step, line = self.place[which], self.step[which], self.line[which]
-        eye, source = self.eye[which], self.source[which]
-        return _Crossings(place, step, line, self.inside[which], eye, source)
-
-
-def _crossings(view: Sought, places: Places) -> _Crossings:
-    grid, rig = view.grid, view.rig
-    sheet, T, camera = rig.sheet(grid.laser), rig.T_camera_table, rig.camera
-    closed = grid.closed and len(grid.steps) >= 3
-    turn = rotation_z(grid.angles)
-    off = np.stack([sheet.distance(T.apply(places.at @ R.T)) for R in turn])
-    after = np.roll(off, -1, axis=0) if closed else off[1:]
-    k, place = np.nonzero((off[: len(after)] < 0) != (after < 0))
-    share = off[k, place] / (off[k, place] - after[k, place])
-    angles = np.unwrap(np.append(grid.angles, grid.angles[:1]))
-    back = rotation_z(-(angles[k] + share * (angles[k + 1] - angles[k])))
-    X = T.apply(np.einsum("cji,cj->ci", back, places.at[place]))
-    uv = camera.project(X)
-    with np.errstate(invalid="ignore"):
-        inside = ((uv > -0.5) & (uv < (camera.width - 0.5, camera.height - 0.5))).all(axis=1)
-    from_table = T.inverse()
-    return _Crossings(
-        place.astype(np.int32),
-        ((k + (share > 0.5)) % len(grid.steps)).astype(np.int32),
-        _line_of(view, uv),
-        np.asarray(inside),
-        back @ from_table.translation,
-        back @ from_table.apply(rig.light_source(grid.laser)),
-    )
-
-
-def _line_of(view: Sought, uv: Floats) -> Ints:
-    """(c,) the picture's line of pixels (c, 2); the nearest one where they lie outside."""
-    line = np.rint(uv[:, 1 if view.orientation == "vertical" else 0])
-    kept = np.clip(np.nan_to_num(line), 0, view.grid.flags.shape[1] - 1)
-    return np.asarray(kept, dtype=np.int32)
-
-
 def _faces(places: Places, which: Ints, end: Floats) -> Bools:
     """(c,) True where a place is turned towards the end, and not too flatly."""
     way = end - places.at[which]
     up = np.einsum("ij,ij->i", way, places.normal[which])
-    return np.asarray(up > _GRAZING * np.linalg.norm(way, axis=1))
+    return np.asarray(up > GRAZING * np.linalg.norm(way, axis=1))
 
 
-def _reached(caster: Caster, places: Places, which: Ints, end: Floats) -> Bools:
-    """(c,) True where a place is turned towards the end and nothing stands between."""
+def _reached(scene: _Scene, places: Places, which: Ints, end: Floats) -> tuple[Bools, Bools]:
+    """(c,) where a place is turned towards the end and nothing stands between; and where it is
+    turned there and looks at the inner side of the surface, so that it lies within the part."""
     out = _faces(places, which, end)
-    at, end = which[out], end[out]
-    out[out] = caster.visible(places.at[at], places.normal[at], end)
-    return out
+    at, normal, end = places.at[which[out]], places.normal[which[out]], end[out]
+    free = scene.caster.visible(at, normal, end)
+    within = np.zeros(len(out), dtype=np.bool_)
+    within[out] = ~free & (scene.hits(at, end - at)[1] > 0)
+    out[out] = free
+    return out, within
 
 
-def _in_air(view: Sought, places: Places, scene: _Scene, c: _Crossings) -> Bools:
+def _in_air(view: Sought, places: Places, scene: _Scene, c: Crossings) -> Bools:
     """(c,) True where the patch lies off the part, as a lid does on a pocket or round a corner.
 
     Light that went through the place was measured beyond it; or, under a patch that turns off from
@@ -210,27 +172,23 @@ def _in_air(view: Sought, places: Places, scene: _Scene, c: _Crossings) -> Bools
     X = places.at[c.place]
     way = X - c.source
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-    face = scene.caster.first_hits_between(X, way)
-    corners = scene.mesh.vertices[scene.mesh.faces[face]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    slope = np.einsum("ij,ij->i", way, normal)
+    face, slope, reach = scene.hits(X, way)
     out = (face < 0) & places.bent[c.place]
-    k = np.flatnonzero((face >= 0) & (slope < 0))
-    reach = np.einsum("ij,ij->i", corners[k, 0] - X[k], normal[k]) / slope[k]
-    Y = X[k] + reach[:, None] * way[k]
+    k = np.flatnonzero(slope < 0)
+    Y = X[k] + reach[k, None] * way[k]
     turned = np.einsum("cij,cj->ci", rotation_z(view.grid.angles[c.step[k]]), Y)
-    line = _line_of(view, view.rig.camera.project(view.rig.T_camera_table.apply(turned)))
+    line = line_of(view, view.rig.camera.project(view.rig.T_camera_table.apply(turned)))
     out[k] = _sampled(view.grid, Y, c.step[k], line) < places.margin
     return np.asarray(out)
 
 
-def _between_samples(grid: RangeGrid, places: Places, c: _Crossings) -> Bools:
+def _between_samples(grid: RangeGrid, places: Places, c: Crossings) -> Bools:
     """(c,) True where a place is as near to its sample as the steps leave the samples apart."""
     X, n = places.at[c.place], places.normal[c.place]
     way = c.source - X
     slope = np.einsum("ij,ij->i", way, n) / np.linalg.norm(way, axis=1)
     turn = float(np.median(np.abs(np.diff(np.unwrap(grid.angles))))) if len(grid.steps) > 1 else 0.0
-    apart = np.hypot(X[:, 0], X[:, 1]) * turn / np.maximum(slope, _GRAZING)
+    apart = np.hypot(X[:, 0], X[:, 1]) * turn / np.maximum(slope, GRAZING)
     return np.asarray(_sampled(grid, X, c.step, c.line) < np.maximum(places.margin, apart))
 
 
@@ -240,18 +198,19 @@ def _sampled(grid: RangeGrid, X: Floats, step: Ints, line: Ints) -> Floats:
     return np.asarray(np.nan_to_num(away, nan=np.inf))
 
 
-def _light(grid: RangeGrid, step: Ints, line: Ints) -> Ints:
+def _light(view: Sought, step: Ints, line: Ints) -> Ints:
     """(c,) what was wrong with the light where the camera saw a lit place; −1 where nothing was.
 
     One sample is not enough: where the light ends, the clean-up takes the last one, and a stray one
-    may be found in the dark. What is missing beside the dark is missing for the dark.
+    may be found in the dark. What is missing beside the dark is missing for the dark, and so is
+    what shows no more than a dark place does where its speckle is bright.
     """
-    flags = grid.flags
-    missing = ~grid.found
+    flags, missing = view.grid.flags, ~view.grid.found
     nothing = missing & ((flags & (StripeFlag.DARK | StripeFlag.OUTSIDE)) != 0)
     why = np.full(flags.shape, -1, dtype=np.int32)
     why[missing] = REMOVED
-    why[missing & _beside(nothing, grid.closed)] = DARK
+    why[missing & _beside(nothing, view.grid.closed)] = DARK
+    why[view.faint] = DARK
     why[nothing & ((flags & StripeFlag.AMBIGUOUS) != 0)] = AMBIGUOUS
     why[missing & ((flags & StripeFlag.SATURATED) != 0)] = SATURATED
     return np.asarray(why[step, line])

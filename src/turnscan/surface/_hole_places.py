@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.surface._fill import patches, with_patches
+from turnscan.surface._fill import patches
 from turnscan.surface._grid_mesh import vertex_normals
-from turnscan.surface._holes import Hole
+from turnscan.surface._holes import Hole, vector_area
 from turnscan.surface._mesh import Mesh
 
 _MARGIN = 2.0
@@ -41,10 +41,12 @@ class Places:
 
     bent: Bools
     """(m,) True where the patch turns off from the surface about it by more than 60°."""
+    wide: Bools
+    """(h,) True for the holes that are wide enough for their patch to have a direction."""
 
     def part(self, which: slice) -> Places:
         at, normal, bent = self.at[which], self.normal[which], self.bent[which]
-        return Places(at, normal, self.hole[which], self.face, self.margin, bent)
+        return replace(self, at=at, normal=normal, hole=self.hole[which], bent=bent)
 
 
 def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
@@ -58,9 +60,10 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     usual, face = float(np.median(sides[:, 1])), float(np.median(sides.max(axis=1)))
     size = np.array([h.size for h in found])
     width = np.array([4 * h.area / max(h.perimeter, 1e-12) for h in found])
-    X, own, hole = _spread(mesh, found, usual)
+    X, own, hole, total = _spread(mesh, found, usual)
     rims = _Rims.of(mesh, found)
-    n = np.where((width < _SMALL * usual)[hole, None], rims.mean[hole], own)
+    wide = width >= _SMALL * usual
+    n = np.where(wide[hole, None], own, _directions(mesh, found, total, usual, rims)[hole])
     rise, rim = rims.beside(X, n, hole)
     lift = np.clip(0.05 * size, 0.25 * usual, usual)[hole]
     lift += np.clip(rise, 0.0, 0.25 * width[hole])
@@ -71,18 +74,45 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     at[island] += 0.25 * usual * over
     n[island] = over
     bent = np.einsum("ij,ij->i", n, rims.normals[rim]) < 0.5
-    return Places(at, n, hole, face, _MARGIN * usual, bent)
+    return Places(at, n, hole, face, _MARGIN * usual, bent, wide)
 
 
-def _spread(mesh: Mesh, found: Sequence[Hole], usual: float) -> tuple[Floats, Floats, Ints]:
-    """Places (m, 3) on flat patches, the patches' normals (m, 3) there, and whose they are (m,)."""
+def flat_lids(mesh: Mesh, found: Sequence[Hole]) -> tuple[Mesh, Ints]:
+    """The flat patches that close holes of a mesh, by themselves, and (f,) whose each face is."""
+    points, faces, count = [mesh.vertices], [np.zeros((0, 3), np.int32)], len(mesh.vertices)
     made = patches(mesh, [h.loop for h in found], "flat")
-    closed = with_patches(mesh, made)
-    owner = np.repeat(np.arange(len(found)), [len(p.faces) for p in made]).astype(np.int32)
-    t = closed.triangles[len(mesh.faces) :]
+    for patch in made:
+        more = np.arange(count, count + len(patch.points), dtype=np.int32)
+        faces.append(np.concatenate([patch.loop, more])[patch.faces])
+        points.append(patch.points)
+        count += len(patch.points)
+    owner = np.repeat(np.arange(len(found)), [len(p.faces) for p in made])
+    return Mesh(np.concatenate(points), np.concatenate(faces)), owner.astype(np.int32)
+
+
+def _directions(
+    mesh: Mesh, found: Sequence[Hole], total: Floats, usual: float, rims: _Rims
+) -> Floats:
+    """(h, 3) which way the surface looks that each hole lacks, where it is too narrow to say more.
+
+    A border that encloses as much as a patch with a direction of its own, and one that faces one
+    way on the whole (its patch's area ``total`` (h,) is less than twice what one sees of it at
+    best), says so itself, however slender the hole; else the surface about it does.
+    """
+    area = np.array([h.area for h in found])
+    flat = (area > (_SMALL * usual) ** 2) & (area > 0.5 * total)
+    whole = -_unit(np.stack([vector_area(mesh.vertices[h.loop]) for h in found]))
+    return np.where(flat[:, None], whole, rims.mean)
+
+
+def _spread(mesh: Mesh, found: Sequence[Hole], usual: float) -> tuple[Floats, Floats, Ints, Floats]:
+    """Places (m, 3) on flat patches, the patches' normals (m, 3) there, whose they are (m,), and
+    the patches' areas (h,)."""
+    lids, owner = flat_lids(mesh, found)
+    t = lids.triangles
     cross = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
     area = np.linalg.norm(cross, axis=1) / 2
-    total = np.bincount(owner, area, len(found))
+    total = np.asarray(np.bincount(owner, area, len(found)), dtype=np.float64)
     wanted = np.clip(np.ceil(4 * total / usual**2), 4, _SAMPLES).astype(np.int64)
     # Faces laid end to end, each hole of length `wanted`: a place at every half.
     share = area / np.maximum(total, 1e-30)[owner] * wanted[owner]
@@ -95,7 +125,7 @@ def _spread(mesh: Mesh, found: Sequence[Hole], usual: float) -> tuple[Floats, Fl
     weights = np.stack([1.0 - r1, r1 * (1.0 - r2), r1 * r2], axis=-1)
     X = np.einsum("ni,nij->nj", weights, t[face])
     normal = cross / np.maximum(2 * area, 1e-30)[:, None]
-    return X, normal[face], owner[face]
+    return X, normal[face], owner[face], total
 
 
 @dataclass(frozen=True)
