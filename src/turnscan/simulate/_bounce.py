@@ -160,10 +160,10 @@ class Bounces:
 
     def _surface(self, origins: Floats, directions: Floats, face: Ints) -> tuple[Floats, Floats]:
         """Points and smooth normals where rays from one point (3,) or many (n, 3) met faces."""
-        from turnscan.simulate import _shade
+        from turnscan.simulate import _rays
 
         t = self._tri
-        points, normals = _shade.surface(
+        points, normals = _rays.surface(
             face, np.ascontiguousarray(directions), np.atleast_2d(origins),
             t.vertices, t.faces, t.flat_normals, t.corner_normals,
         )  # fmt: skip

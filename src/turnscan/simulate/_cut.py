@@ -1,7 +1,7 @@
 # mypy: disable-error-code="untyped-decorator,no-any-return"
 """Where the laser sheet cuts the bodies, and which pixels see the cut: numba kernels.
 
-This module imports numba; import it inside functions only. Frames as in `_shade`.
+This module imports numba; import it inside functions only. Frames as in `_rays`.
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ class Renderer:
         """Pixels (n, 2) near the stripe, photons of their cells (n, oy, ox), the cells' points,
         and the bodies that the blocks (n, by, bx) of cells see.
         """
-        from turnscan.simulate import _shade
+        from turnscan.simulate import _rays, _shade
 
         bench, tri = self.bench, self._tri
         sheet = sheet_rows(bench.rig.sheet(beam.name))
@@ -175,10 +175,10 @@ class Renderer:
         pixels = np.argwhere(self._band(T, beam, sheet, shape_of)).astype(np.int32)
         cells = _RAY_CELLS if bench.waves == "rays" else speckle.oversampling(bench.grain)
         blocks = (min(_RAY_BLOCKS[0], cells[0]), min(_RAY_BLOCKS[1], cells[1]))
-        directions = _shade.rays(pixels, self.view.field, *blocks, R)
+        directions = _rays.rays(pixels, self.view.field, *blocks, R)
         eye = T.inverse().translation
         face = self._caster.first_hits(eye, directions)
-        points, normals = _shade.surface(
+        points, normals = _rays.surface(
             face,
             directions,
             eye[None],
@@ -187,7 +187,7 @@ class Renderer:
             tri.flat_normals,
             tri.corner_normals,
         )
-        near = _shade.near_sheet(points, normals, R, t, beam.apex, sheet, shape_of, 1.5)
+        near = _rays.near_sheet(points, normals, R, t, beam.apex, sheet, shape_of, 1.5)
         k = np.flatnonzero(near)
         lit = np.zeros(len(face), np.bool_)
         apex = T.inverse().apply(beam.apex)

@@ -205,7 +205,7 @@ def triangles(bodies: Sequence[Body]) -> Triangles:
 
 def _smooth(v: Floats, f: npt.NDArray[np.integer], flat: Floats) -> Floats:
     """Corner normals: mean of the neighbours' normals weighted by angle, but not across edges."""
-    from turnscan.simulate import _shade
+    from turnscan.simulate import _rays
 
     t = v[f]
     angles = np.empty((len(f), 3))
@@ -215,4 +215,4 @@ def _smooth(v: Floats, f: npt.NDArray[np.integer], flat: Floats) -> Floats:
         angles[:, k] = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
     order = np.argsort(f.ravel(), kind="stable")
     starts = np.concatenate([[0], np.cumsum(np.bincount(f.ravel(), minlength=len(v)))])
-    return np.asarray(_shade.corner_normals(f, flat, angles, order, starts, _CREASE))
+    return np.asarray(_rays.corner_normals(f, flat, angles, order, starts, _CREASE))

@@ -1,8 +1,7 @@
 # mypy: disable-error-code="untyped-decorator,no-any-return"
-"""Numba kernels of the renderer. This module imports numba; import it inside functions only.
+"""Numba kernels of the light that the scene sends back. Import it inside functions only.
 
-Frames: "camera" is the camera's, "object" the table's frame turned with the table. ``R`` (3, 3)
-and ``t`` (3,) map object to camera. Image coordinates are the undistorted ones on z = 1.
+Frames as in `_rays`.
 """
 
 from __future__ import annotations
@@ -11,151 +10,10 @@ import math
 
 import numba as nb
 import numpy as np
-import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.simulate._cut import FADED, reach_of, sheet_distance
-
-Singles = npt.NDArray[np.float32]
-
-
-@nb.njit(cache=True, nogil=True)
-def corner_normals(
-    faces: Ints, flat: Floats, angles: Floats, order: Ints, starts: Ints, crease: float
-) -> Floats:
-    """(f, 3, 3): neighbours' normals averaged by their angle, except across edges."""
-    out = np.empty((len(faces), 3, 3))
-    for f in range(len(faces)):
-        for k in range(3):
-            x = y = z = 0.0
-            for i in range(starts[faces[f, k]], starts[faces[f, k] + 1]):
-                g, j = order[i] // 3, order[i] % 3
-                n = flat[g]
-                if n[0] * flat[f, 0] + n[1] * flat[f, 1] + n[2] * flat[f, 2] > crease:
-                    x += angles[g, j] * n[0]
-                    y += angles[g, j] * n[1]
-                    z += angles[g, j] * n[2]
-            length = math.sqrt(x * x + y * y + z * z)
-            out[f, k, 0], out[f, k, 1], out[f, k, 2] = x / length, y / length, z / length
-    return out
-
-
-@nb.njit(cache=True, nogil=True)
-def rays(pixels: Ints, field: Floats, down: int, across: int, R: Floats) -> Singles:
-    """Directions (n·down·across, 3), object frame, of a grid of rays in each pixel (n, 2).
-
-    ``field`` (H + 1, W + 1, 2) holds the image coordinates of the pixels' outer corners.
-    """
-    out = np.empty((len(pixels) * down * across, 3), np.float32)
-    k = 0
-    for i in range(len(pixels)):
-        for y in range(down):
-            for x in range(across):
-                p, q = _within(
-                    field, pixels[i, 0], pixels[i, 1], (y + 0.5) / down, (x + 0.5) / across
-                )
-                for j in range(3):
-                    out[k, j] = R[0, j] * p + R[1, j] * q + R[2, j]
-                k += 1
-    return out
-
-
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _within(field: Floats, row: int, column: int, y: float, x: float) -> tuple[float, float]:
-    # Element by element: a view in a loop over cells costs more than all of this arithmetic.
-    r, c = row + 1, column + 1
-    a, b = (1 - y) * (1 - x), (1 - y) * x
-    d, e = y * (1 - x), y * x
-    p = a * field[row, column, 0] + b * field[row, c, 0]
-    p += d * field[r, column, 0] + e * field[r, c, 0]
-    q = a * field[row, column, 1] + b * field[row, c, 1]
-    q += d * field[r, column, 1] + e * field[r, c, 1]
-    return p, q
-
-
-@nb.njit(cache=True, nogil=True)
-def surface(
-    face: Ints,
-    directions: Singles | Floats,
-    origins: Floats,
-    v: Floats,
-    faces: Ints,
-    flat: Floats,
-    corners: Floats,
-) -> tuple[Floats, Floats]:
-    """Where rays meet their faces, and the smooth normals there: (n, 3) each.
-
-    ``origins`` (n, 3), or (1, 3) for all. Object frame; NaN where the ray meets nothing.
-    """
-    points, normals = np.full((len(face), 3), np.nan), np.full((len(face), 3), np.nan)
-    for i in range(len(face)):
-        f = face[i]
-        if f < 0:
-            continue
-        a, b = faces[f, 0], i if len(origins) > 1 else 0
-        slope = reach = 0.0
-        for k in range(3):
-            slope += flat[f, k] * directions[i, k]
-            reach += flat[f, k] * (v[a, k] - origins[b, k])
-        if slope >= 0.0:
-            continue
-        for k in range(3):
-            points[i, k] = origins[b, k] + directions[i, k] * (reach / slope)
-        _smooth_normal(points, i, v, faces, f, corners, normals)
-    return points, normals
-
-
-@nb.njit(cache=True, nogil=True)
-def _smooth_normal(
-    points: Floats, i: int, v: Floats, faces: Ints, f: int, corners: Floats, out: Floats
-) -> None:
-    d11 = d12 = d22 = p = q = 0.0
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    for k in range(3):
-        e1, e2, w = v[b, k] - v[a, k], v[c, k] - v[a, k], points[i, k] - v[a, k]
-        d11 += e1 * e1
-        d12 += e1 * e2
-        d22 += e2 * e2
-        p += w * e1
-        q += w * e2
-    det = d11 * d22 - d12 * d12
-    u = min(max((d22 * p - d12 * q) / det, 0.0), 1.0)
-    t = min(max((d11 * q - d12 * p) / det, 0.0), 1.0)
-    length = 0.0
-    for k in range(3):
-        mean = (1 - u - t) * corners[f, 0, k] + u * corners[f, 1, k] + t * corners[f, 2, k]
-        out[i, k] = mean
-        length += mean * mean
-    for k in range(3):
-        out[i, k] /= math.sqrt(length)
-
-
-@nb.njit(cache=True, nogil=True)
-def near_sheet(
-    points: Floats,
-    normals: Floats,
-    R: Floats,
-    t: Floats,
-    apex: Floats,
-    sheet: Floats,
-    beam: Floats,
-    widened: float,
-) -> Bools:
-    """(n,) True where a point faces the laser and lies within reach of its sheet."""
-    out = np.zeros(len(points), np.bool_)
-    x = np.empty(3)
-    for i in range(len(points)):
-        if math.isnan(points[i, 0]):
-            continue
-        facing = 0.0
-        for k in range(3):
-            x[k] = R[k, 0] * points[i, 0] + R[k, 1] * points[i, 1] + R[k, 2] * points[i, 2] + t[k]
-        for k in range(3):
-            n = R[k, 0] * normals[i, 0] + R[k, 1] * normals[i, 1] + R[k, 2] * normals[i, 2]
-            facing += n * (apex[k] - x[k])
-        d = sheet_distance(x[0], x[1], x[2], sheet)
-        out[i] = facing > 0.0 and abs(d) < widened * reach_of(x[0], x[1], x[2], apex, beam)
-    return out
+from turnscan.simulate._rays import Singles, within
 
 
 @nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -249,7 +107,7 @@ def glow(
             paint = paints[body[f]]
             for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
                 for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
-                    p, q = _within(field, row, column, (y + 0.5) / oy, (x + 0.5) / ox)
+                    p, q = within(field, row, column, (y + 0.5) / oy, (x + 0.5) / ox)
                     slope = n_flat[0] * p + n_flat[1] * q + n_flat[2]
                     if slope >= 0.0:
                         continue
@@ -316,7 +174,7 @@ def _blurred(
 
     A Gaussian sheet blurred by a Gaussian is a wider Gaussian: exact on a flat patch.
     """
-    p, q = _within(field, row, column, y, x)
+    p, q = within(field, row, column, y, x)
     s = reach / (n[0] * p + n[1] * q + n[2])
     v = optics[3] * optics[4] / (optics[4] - optics[3])
     v /= 1.0 + optics[5] * p + optics[6] * q
@@ -328,9 +186,9 @@ def _blurred(
     for j in range(3):
         pj, qj = p, q
         if j == 1:
-            pj, qj = _within(field, row, column, y, x + 1.0)
+            pj, qj = within(field, row, column, y, x + 1.0)
         elif j == 2:
-            pj, qj = _within(field, row, column, y + 1.0, x)
+            pj, qj = within(field, row, column, y + 1.0, x)
         sj = reach / (n[0] * pj + n[1] * qj + n[2])
         at[j] = sheet_distance(pj * sj, qj * sj, sj, sheet)
     sigma = 0.5 * reach_of(p * s, q * s, s, apex, beam) / beam[3]

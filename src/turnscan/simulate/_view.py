@@ -45,7 +45,7 @@ class View:
 
     def seen(self, T: Pose) -> Ints:
         """(H·W,) the face that each pixel's middle sees, −1 for none; held for the next frame."""
-        from turnscan.simulate import _shade
+        from turnscan.simulate import _rays
 
         key = T.rotation.tobytes() + T.translation.tobytes()
         if self._last is None or self._last[0] != key:
@@ -55,7 +55,7 @@ class View:
             strip = _STRIP * camera.width
             for start in range(0, len(places), strip):
                 k = places[start : start + strip]
-                directions = _shade.rays(self._places(k), self.field, 1, 1, T.rotation)
+                directions = _rays.rays(self._places(k), self.field, 1, 1, T.rotation)
                 face[k] = self._caster.first_hits(T.inverse().translation, directions)
             self._last = (key, face)
         return self._last[1]
@@ -119,15 +119,15 @@ class View:
 
     def _lamp_pixels(self, T: Pose, k: npt.NDArray[np.intp], fine: int) -> tuple[Singles, Ints]:
         """Electrons per second of some pixels, ``fine`` × ``fine`` rays each, and their bodies."""
-        from turnscan.simulate import _shade
+        from turnscan.simulate import _rays
 
         bench, tri = self.bench, self._tri
         colours = 3 if bench.sensor.bayer else 1
-        directions = _shade.rays(self._places(k), self.field, fine, fine, T.rotation)
+        directions = _rays.rays(self._places(k), self.field, fine, fine, T.rotation)
         eye = T.inverse().translation
         face = self.seen(T)[k] if fine == 1 else self._caster.first_hits(eye, directions)
         hit = np.flatnonzero(face >= 0)
-        points, normals = _shade.surface(
+        points, normals = _rays.surface(
             face[hit], directions[hit], eye[None],
             tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals,
         )  # fmt: skip
