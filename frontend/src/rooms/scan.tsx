@@ -50,8 +50,15 @@ function plan(): ScanPlan {
   };
 }
 
-const mayStart = () =>
-  isOperator.value && !isScanning() && (devices.value?.addresses.length ?? 0) > 0 && name.value !== "" && seconds().every((s) => s > 0);
+/** What is missing from the plan, in words. */
+function missing(): string | null {
+  if (name.value === "") return "Give the scan a name.";
+  if (!lasers().some((laser) => !unused.value.has(laser))) return "Choose a laser.";
+  if (!seconds().every((s) => s > 0)) return "Exposures are milliseconds, like 5 or 5, 40.";
+  return null;
+}
+
+const mayStart = () => isOperator.value && !isScanning() && (devices.value?.addresses.length ?? 0) > 0 && missing() === null;
 
 const start = () => void ask({ kind: "scan", plan: plan() });
 
@@ -115,6 +122,7 @@ function PlanPanel() {
         <Button kind="primary" icon="play" keys="Ctrl+Enter" label="Start" disabled={!mayStart()} onClick={start}>
           Start
         </Button>
+        {missing() && <p class="remark warning">{missing()}</p>}
         {!now.rig && <span class="quiet">No calibration is known for these devices: points appear when a rig is added.</span>}
       </div>
     </>
@@ -155,9 +163,11 @@ function CoursePanel() {
           </Button>
         </div>
       ) : (
-        <Button kind="primary" onClick={() => go("mend", now.scan)}>
-          Mend it
-        </Button>
+        now.done > 0 && (
+          <Button kind="primary" onClick={() => go("mend", now.scan)}>
+            Mend it
+          </Button>
+        )
       )}
     </Section>
   );

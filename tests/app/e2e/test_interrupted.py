@@ -16,7 +16,7 @@ from turnscan.scan import Scan, rig_for
 
 BENCH = "sim:cup?seed=7&speckle=no"
 STEPS = 16
-SOME = re.compile(r"([2-9]|1[0-2]) of 16 steps")
+SOME = re.compile(r"^([2-9]|1[0-2]) of 16 steps$")
 
 
 def begin(page: Any, name: str) -> None:
@@ -94,7 +94,11 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
     page.locator("summary", has_text="More").click()
     page.get_by_role("spinbutton", name="Plain picture").fill("20")
     page.get_by_role("spinbutton", name="Plain picture").press("Enter")
+    page.get_by_role("checkbox", name="right is a lamp").check()
     page.get_by_role("checkbox", name="left is a lamp").check()
+    page.get_by_text("Choose a laser.").wait_for()
+    assert page.get_by_role("button", name="Start", exact=True).is_disabled()
+    page.get_by_role("checkbox", name="right is a lamp").uncheck()
     page.get_by_role("checkbox", name="Laser left").wait_for(state="detached")
     begin(page, "lying")
     page.get_by_text("12 of 12 steps").wait_for(timeout=WORKING)
