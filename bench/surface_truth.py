@@ -267,10 +267,11 @@ def halo(size: Size, folder: Path) -> None:
 def causes(size: Size, folder: Path) -> tuple[int, int]:
     """The table of true causes against those named, one and two lines; right and known holes."""
     table: Counter[tuple[str, str]] = Counter()
-    runs = [
-        (scene, reconstructed(Wish(scene, size.rig, lasers=2, steps=size.steps), folder))
-        for scene in CAUSES
-    ]
+    runs = []
+    for scene in CAUSES:
+        steps = size.bust if scene == "bust" else size.steps
+        wish = Wish(scene, size.rig, lasers=2, steps=steps)
+        runs.append((scene, reconstructed(wish, folder)))
     black = Material((0.6, 0.6, 0.6), pattern="checks", pitch=12.0, pattern_ratio=BLACK)
     wish = Wish("sphere", size.rig, lasers=2, steps=size.steps)
     runs.append(("sphere painted", reconstructed(wish, folder, black)))
@@ -281,12 +282,15 @@ def causes(size: Size, folder: Path) -> tuple[int, int]:
             line = f"{lines} line" + "s" * (lines - 1)
             print(f"  {scene}, {line}: {len(done.holes)} holes, {known} known, {right} right")
             table += mine
-    right, known = score(table)
-    print(f"hole causes, {size.rig}, {size.steps} steps: {right} of {known} right "
-          f"({right / max(known, 1):.1%}; wanted: 95 %)")  # fmt: skip
+    # Tears and single points outnumber the rest, and are the easier ones.
+    rest = Counter({pair: n for pair, n in table.items() if pair[0] != "removed"})
+    for word, some in (("all", table), ("other than removed", rest)):
+        right, known = score(some)
+        print(f"hole causes, {size.rig}, {size.steps} steps, {word}: {right} of {known} right "
+              f"({right / max(known, 1):.1%}; wanted: 95 %)")  # fmt: skip
     for (true, named), n in sorted(table.items()):
         print(f"  truly {true:<12} named {named:<10} {n:>5}")
-    return right, known
+    return score(table)
 
 
 def hole_table(run: Run, done: Reconstruction, lines: int) -> Counter[tuple[str, str]]:
