@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
-from turnscan.calibrate._adjust import Block
 from turnscan.calibrate._board import Board, BoardView
 from turnscan.calibrate._layout import (
     BoardLayout,
@@ -19,6 +18,7 @@ from turnscan.calibrate._layout import (
     moved_pose,
     platter_powers,
 )
+from turnscan.calibrate._normal import Block
 from turnscan.calibrate._terms import (
     CAMERA_SIZE,
     StripeTerm,

@@ -1,0 +1,174 @@
+"""Normal equations of many views that share a few parameters.
+
+Every view has parameters of its own (the pose of a board, the angle of the table) that no other
+view sees, so its part of the normal equations is eliminated as soon as it is built (the Schur
+complement); what remains is a small dense system in the shared parameters. Triggs et al., Bundle
+adjustment — a modern synthesis (2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats
+from turnscan.errors import Degenerate
+
+_SINGULAR = 1e-12
+
+State = TypeVar("State")
+
+
+@dataclass(frozen=True)
+class Block:
+    """What one view adds: residuals of one kind and their derivatives."""
+
+    view: int
+    """Which view's own parameters `own` refers to; -1 for none."""
+    kind: str
+    """Observations of one kind share one scale; kinds that begin with "prior" keep scale 1."""
+    residual: Floats
+    """(m,) observed minus predicted, px."""
+    common: Floats
+    """(m, p) derivative of the prediction by the shared parameters."""
+    own: Floats
+    """(m, q) derivative of the prediction by the view's own parameters."""
+
+
+class Network(Protocol[State]):
+    """What can be adjusted: observations that depend on a state."""
+
+    def blocks(self, state: State) -> list[Block]:
+        """Residuals and derivatives at ``state``, always in the same order."""
+        ...
+
+    def moved(self, state: State, common: Floats, own: Sequence[Floats]) -> State:
+        """``state`` after a small step of the shared and of every view's own parameters."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the p shared parameters."""
+        ...
+
+    @property
+    def own_sizes(self) -> tuple[int, ...]:
+        """Number of own parameters of every view."""
+        ...
+
+
+@dataclass(frozen=True)
+class System:
+    """Normal equations with the views' own parameters eliminated."""
+
+    reduced: Floats
+    right: Floats
+    inverses: list[Floats]
+    own_right: list[Floats]
+    cross: list[Floats]
+    cost: float
+
+
+def weight(block: Block, scales: dict[str, float], huber: float | None) -> Floats:
+    """(m,) weight of every residual of a block; ``huber`` scales bound the pull of one."""
+    scale = scales[block.kind]
+    if huber is None or block.kind.startswith("prior"):
+        return np.full(block.residual.shape, 1 / scale**2)
+    off = np.abs(block.residual) / (huber * scale)
+    weight: Floats = 1 / (scale**2 * np.maximum(off, 1.0))
+    return weight
+
+
+def cost_of(blocks: list[Block], scales: dict[str, float], huber: float | None) -> float:
+    """Sum of the squared residuals in scales, linear beyond ``huber``."""
+    total = 0.0
+    for b in blocks:
+        off = np.abs(b.residual) / scales[b.kind]
+        if huber is not None and not b.kind.startswith("prior"):
+            far = np.maximum(off, huber)
+            off = np.where(off > huber, np.sqrt(2 * huber * far - huber**2), off)
+        total += float(off @ off)
+    return total
+
+
+def build(
+    network: Network[State],
+    blocks: list[Block],
+    free: Bools,
+    scales: dict[str, float],
+    huber: float | None,
+    damping: float,
+) -> System:
+    """The equations at the blocks' state; ``damping`` raises their diagonals by that part."""
+    p = int(np.count_nonzero(free))
+    sizes = network.own_sizes
+    H = np.zeros((p, p))
+    g = np.zeros(p)
+    own_H = [np.zeros((q, q)) for q in sizes]
+    own_g = [np.zeros(q) for q in sizes]
+    cross = [np.zeros((q, p)) for q in sizes]
+    for b in blocks:
+        w = weight(b, scales, huber)
+        A = b.common[:, free]
+        Aw = A * w[:, None]
+        H += Aw.T @ A
+        g += Aw.T @ b.residual
+        if b.view >= 0 and sizes[b.view]:
+            Bw = b.own * w[:, None]
+            own_H[b.view] += Bw.T @ b.own
+            own_g[b.view] += Bw.T @ b.residual
+            cross[b.view] += Bw.T @ A
+    H[np.diag_indices(p)] *= 1 + damping
+    inverses = []
+    for i, N in enumerate(own_H):
+        N[np.diag_indices(len(N))] *= 1 + damping
+        inverse = inverse_of(N, lambda k, i=i: f"own parameter {k} of view {i}")
+        inverses.append(inverse)
+        H -= cross[i].T @ inverse @ cross[i]
+        g -= cross[i].T @ inverse @ own_g[i]
+    return System(H, g, inverses, own_g, cross, cost_of(blocks, scales, huber))
+
+
+def inverse_of(N: Floats, name: object) -> Floats:
+    """Inverse of a symmetric positive matrix, scaled to a unit diagonal first."""
+    if not len(N):
+        return N
+    d = np.sqrt(np.maximum(np.diag(N), 0.0))
+    flat = np.flatnonzero(d <= 0)
+    if len(flat):
+        raise Degenerate(f"nothing observed depends on {_call(name, int(flat[0]))}")
+    values, vectors = np.linalg.eigh(N / np.outer(d, d))
+    if values[0] < _SINGULAR:
+        worst = np.argsort(-np.abs(vectors[:, 0]))[:3]
+        names = ", ".join(_call(name, int(k)) for k in worst)
+        raise Degenerate(
+            f"the views cannot tell these apart: {names}",
+            hint="add views that differ more in tilt, distance and place",
+        )
+    scaled: Floats = (vectors / values) @ vectors.T / np.outer(d, d)
+    return scaled
+
+
+def _call(name: object, index: int) -> str:
+    return str(name(index)) if callable(name) else str(name)
+
+
+def free_name(network: Network[State], free: Bools) -> object:
+    """Gives the name of a free parameter by its place among these."""
+    names = [n for n, f in zip(network.names, free, strict=True) if f]
+    return lambda k: names[k]
+
+
+def step(network: Network[State], system: System, free: Bools) -> tuple[Floats, list[Floats]]:
+    """The step of the shared parameters, 0 where not free, and of every view's own."""
+    common = np.zeros(len(free))
+    moved = inverse_of(system.reduced, free_name(network, free)) @ system.right
+    common[free] = moved
+    own = [
+        inv @ (g - c @ moved)
+        for inv, g, c in zip(system.inverses, system.own_right, system.cross, strict=True)
+    ]
+    return common, own
