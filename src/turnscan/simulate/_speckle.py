@@ -126,12 +126,12 @@ def path_phase(
     same coordinates, fixed to the object; all mm. The path goes by one place in the scatterer's
     cell, so that all points of a scatterer have one phase. Returns (...).
     """
-    from turnscan.simulate import _grain
+    from turnscan.simulate import _grain_kernels
 
     X = np.ascontiguousarray(points, dtype=np.float64)
     phase = np.empty(X.shape[:-1], np.float32)
     ends = [np.asarray(end, dtype=np.float64) for end in (laser, lens)]
-    _grain.path_cycles(X.reshape(-1, 3), size, *ends, 1.0 / wavelength, phase.reshape(-1))
+    _grain_kernels.path_cycles(X.reshape(-1, 3), size, *ends, 1.0 / wavelength, phase.reshape(-1))
     return phase
 
 
