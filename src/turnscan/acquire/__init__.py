@@ -32,8 +32,9 @@ from turnscan.acquire._plan import (
     acquisition_to_json,
     turn_of,
 )
-from turnscan.acquire._run import Outcome, Sink, run
+from turnscan.acquire._run import Outcome, run
 from turnscan.acquire._shoot import Hardware, Shooter
+from turnscan.acquire._sink import Sink
 
 __all__ = [
     "Acquisition",

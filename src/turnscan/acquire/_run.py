@@ -5,61 +5,23 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from turnscan.acquire import _events as events
 from turnscan.acquire._control import Control
 from turnscan.acquire._look import FirstLook
 from turnscan.acquire._plan import Plan
 from turnscan.acquire._shoot import Hardware, Shooter
+from turnscan.acquire._sink import Sink
 from turnscan.acquire._watch import LaserWatch
 from turnscan.acquire._writer import Writer
 from turnscan.arrays import Image
 from turnscan.errors import DeviceError, DeviceTimeout, LaserStateUnknown
-from turnscan.scan import Frame, ScanPlan, Setting
+from turnscan.scan import Frame, Setting
 
 _LOST_IN_A_ROW = 5
 """Pictures that may fail to come, one after the other, before the camera counts as gone."""
-
-
-class Sink(Protocol):
-    """Where frames go: a `turnscan.scan.Scan`, or anything else that keeps them."""
-
-    @property
-    def plan(self) -> ScanPlan:
-        """What the frames look like."""
-        ...
-
-    def has(self, laser: str, step: int, exposure: int = 0) -> bool:
-        """Whether it has this frame, or knows that there is none."""
-        ...
-
-    def has_texture(self, step: int) -> bool:
-        """Whether it has the picture without laser light of this step."""
-        ...
-
-    def add(self, frame: Frame) -> object:
-        """Keep a frame."""
-        ...
-
-    def add_missing(
-        self, step: int, laser: str, cause: str, commanded: float, exposure: int = 0
-    ) -> None:
-        """Keep the fact that there is none, and why."""
-        ...
-
-    def add_texture(
-        self,
-        step: int,
-        picture: Image,
-        commanded: float,
-        time: float,
-        settings: Mapping[str, Setting],
-    ) -> None:
-        """Keep a picture without laser light."""
-        ...
 
 
 @dataclass(frozen=True)
