@@ -20,7 +20,6 @@ import numpy as np
 from bench import _hole_truth as truth
 from bench.surface_truth import Size, scanned
 from turnscan import poses, shapes, surface
-from turnscan.arrays import Floats
 from turnscan.detection import see
 from turnscan.pipeline import to_grids, to_mesh
 from turnscan.points import RangeGrid, placed
@@ -137,52 +136,17 @@ def sheet_sigma(made: Bench, mesh: Mesh) -> float:
     return 1.5 * thick**2 * abs(shapes.mean_curvature(mesh))
 
 
-def chord_sigma(profiles: Sequence[RangeSurface], mesh: Mesh) -> float:
-    """mm³: what the merge put between the profiles, on top of their chords; all of it is doubted.
-
-    The bulge of a face over its corners i, j is (nⱼ − nᵢ)·(xⱼ − xᵢ)/8 in the middle of each side,
-    a third of the sum of the three on average. Sides across which the surface turns by more than
-    45° are edges, over which the merge puts nothing.
-    """
-    total, area = 0.0, 0.0
-    for r in profiles:
-        t, n = r.mesh.triangles, r.normals[r.mesh.faces]
-        over, on = np.roll(t, -1, axis=1), np.roll(n, -1, axis=1)
-        rise = np.einsum("fij,fij->fi", on - n, over - t) / 8
-        rise[np.einsum("fij,fij->fi", on, n) < math.cos(math.radians(45.0))] = 0.0
-        each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
-        total, area = total + float(each @ rise.sum(axis=1)) / 3, area + float(each.sum())
-    return abs(total / area) * mesh.area_of()
-
-
-def pose_sigma(found: poses.Alignment, mesh: Mesh) -> float:
-    """mm³: what the uncertainty of the poses does, each moving what it measured as a whole."""
-    p, t = mesh.provenance, mesh.triangles
-    assert p is not None
-    sixth = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) / 6
-    count = len(mesh.vertices)
-    share: Floats = np.stack(
-        [np.bincount(mesh.faces.ravel(), np.repeat(sixth[:, k], 3), count) for k in range(3)], -1
-    )
-    variance = 0.0
-    for i, name in enumerate(found.names):
-        mine = np.isin(p.laser, [k for k, n in enumerate(p.lasers) if n.startswith(f"{name} ")])
-        turn = np.cross(mesh.vertices[mine] - found.middles[i], share[mine])
-        g = np.concatenate([turn.sum(axis=0), share[mine].sum(axis=0)])
-        variance += float(g @ found.covariance[i] @ g)
-    return math.sqrt(variance)
-
-
 def figures(scene: str, size: Size, folder: Path) -> float:
     """Print a part's volume and its uncertainty; the error over it."""
     start = time.process_time()
     done = joined(scene, size, folder)
     mesh, true = done.closed, truth.made_mesh(done.made).volume
-    known = shapes.volume_sigma(mesh)
+    moves = poses.pose_moves(done.found, mesh)
+    known = shapes.volume_sigma(mesh, shapes.Source(profiles=done.profiles, moves=moves))
     parts = {
         "noise": known.noise,
-        "poses": pose_sigma(done.found, mesh),
-        "between the profiles": chord_sigma(done.profiles, mesh),
+        "poses": known.shared,
+        "between the profiles": known.profiles,
         "between the vertices": known.between,
         "filled": known.filled,
         "sheet": sheet_sigma(done.made, mesh),

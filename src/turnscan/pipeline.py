@@ -14,6 +14,7 @@ from turnscan.points import RangeGrid
 from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
+from turnscan.shapes import Source
 from turnscan.surface import Caps, Hole, Mesh, Sought, Told, part, silent
 
 Tick = Callable[[], None]
@@ -70,7 +71,8 @@ def build(
     ``told`` hears how much of it is done.
     """
     grids, meshed, sought, findings = to_grids(seen, s, edits, part(told, 0, _GRIDS))
-    opened, mesh, remarks = to_mesh(meshed, s, edits, part(told, _GRIDS, 1))
+    rig = seen[0].view.rig if seen else None
+    opened, mesh, remarks = to_mesh(meshed, s, edits, part(told, _GRIDS, 1), rig)
     said = (*findings, *remarks)
     return Reconstruction(tuple(grids), mesh, said, tuple(edits), opened, tuple(sought), s.caps)
 
@@ -114,24 +116,40 @@ def to_grids(
 
 
 def to_mesh(
-    grids: Sequence[RangeGrid], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
+    grids: Sequence[RangeGrid],
+    s: Settings,
+    edits: Sequence[Entry] = (),
+    told: Told = silent,
+    rig: Rig | None = None,
 ) -> tuple[Mesh, Mesh, list[Finding]]:
     """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for.
 
-    ``told`` hears of merging and thinning out.
+    ``rig`` is the one that measured the grids; volumes are as uncertain as it is.
+    ``told`` hears of merging, closing and thinning out.
     """
     told(0)
     sewn = s.caps is not None and s.caps.holes is not None
     merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel, sewn=sewn)
     mesh, touching = surface.cut_touching(merged)
     mesh, islands, faces = surface.drop_islands(mesh, s.island)
-    opened, mending = edit.mend_mesh(mesh, edits)
+    opened, mending = edit.mend_mesh(mesh, edits, lambda: source_of(grids, rig))
     mesh, closing = opened, list[Finding]()
     if s.caps is not None:
-        mesh, closing = surface.close(mesh, s.caps)
+        mesh, closing = surface.close(mesh, s.caps, part(told, 0.4, 0.6))
     if s.tolerance is not None or s.faces is not None:
         dense, thinning = mesh, part(told, 0.6, 1)
         mesh = surface.decimate(dense, tolerance=s.tolerance, faces=s.faces, told=thinning)
         closing += surface.decimation_findings(dense, mesh, s.faces)
     remarks = surface.mesh_findings(mesh, islands, faces, closed=s.caps is not None)
     return opened, mesh, findings + touching + mending + closing + remarks
+
+
+def source_of(grids: Sequence[RangeGrid], rig: Rig | None) -> Source:
+    """What the uncertainty of a volume hangs on: the grids a mesh was made from, and their rig.
+
+    Grids that do not know where their camera stood were pasted, not merged.
+    """
+    there = [g for g in grids if g.found.any() and g.eyes is not None]
+    merged = there if len(there) > 1 else []
+    profiles = [r for g in merged for r in surface.range_surfaces(g)]
+    return Source(tuple(grids), rig, tuple(profiles))

@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from tests.analytic import make_rig
 from turnscan import shapes
-from turnscan.surface import FillHow, Mesh, Provenance, fill, is_closed, submesh
+from turnscan.points import RangeGrid, pixels_of, to_object
+from turnscan.poses import Alignment, pose_moves
+from turnscan.rig import Pose, Rig
+from turnscan.surface import FillHow, Mesh, Provenance, RangeSurface, fill, is_closed, submesh
 
 
 def swept(section: np.ndarray, radius: float, turns: int) -> Mesh:
@@ -104,3 +108,96 @@ def test_all_parts_are_in_the_measurement() -> None:
     assert said.noise == pytest.approx(known.area_of() * 0.05 / v**0.5, rel=0.1)
     nothing = replace(whole, measured=np.zeros(len(whole.faces), dtype=np.bool_))
     assert shapes.volume_sigma(nothing).filled == pytest.approx(whole.volume)
+
+
+def known_ball(names: tuple[str, ...] = ("left",)) -> Mesh:
+    """A ball whose upper vertices the last of the lasers measured, and the first one all others."""
+    whole = ball(n=40)
+    v = len(whole.vertices)
+    laser = np.where(whole.vertices[:, 2] > 0, len(names) - 1, 0).astype(np.int32)
+    zero = np.zeros(v, np.int32)
+    return replace(whole, provenance=Provenance(np.full(v, 0.05), laser, zero, zero, names))
+
+
+def test_what_all_points_share_does_not_average_out() -> None:
+    mesh, s = known_ball(), 1e-3
+    x = mesh.vertices
+    larger = shapes.Source(moves=[s * x])
+    assert shapes.volume_sigma(mesh, larger).shared == pytest.approx(3 * s * mesh.volume)
+    several = shapes.Source(moves=[s * x, 2 * s * x])
+    known = shapes.volume_sigma(mesh, several)
+    assert known.shared == pytest.approx(5**0.5 * 3 * s * mesh.volume), "independent of each other"
+    assert known.mostly == "the calibration"
+    assert known.total > known.shared
+    assert shapes.volume(mesh, several).sigma == pytest.approx(known.total)
+    rigid = shapes.Source(moves=[np.ones_like(x), np.cross((0.3, 0.2, 1.0), x)])
+    assert shapes.volume_sigma(mesh, rigid).shared < 1e-9 * mesh.volume
+
+
+def test_a_pose_that_is_off_moves_what_it_measured() -> None:
+    """A half of a ball lifted by s: a disc of its equator's area and s mm height is added."""
+    mesh, s = known_ball(("one left", "two left")), 0.02
+    covariance = np.zeros((2, 6, 6))
+    covariance[1, 5, 5] = s**2
+    here = Pose(np.eye(3), np.zeros(3))
+    found = Alignment(("one", "two"), (here, here), np.zeros((2, 3)), covariance, (), (), ())
+    said = shapes.volume_sigma(mesh, shapes.Source(moves=pose_moves(found, mesh))).shared
+    assert said == pytest.approx(np.pi * 20.0**2 * s, rel=0.05)
+
+
+def test_the_calibration_moves_a_volume_as_a_rig_that_is_off_does() -> None:
+    """A ball each of whose points was seen where the turning table brought it into the sheet."""
+    rng = np.random.default_rng(3)
+    bare = make_rig(elevation=0.2, lift=25.0)
+    sizes = 1e-3 * np.where(
+        ["offset" in n or "shift" in n for n in bare.parameter_names], 50.0, 0.2
+    )
+    sizes *= np.array([not n.startswith("camera.") for n in bare.parameter_names])
+    A = sizes[:, None] * rng.standard_normal((len(sizes), len(sizes)))
+    rig = replace(bare, covariance=A @ A.T)
+    mesh = known_ball(("L0",))
+    mesh = replace(mesh, vertices=mesh.vertices + (0.0, 0.0, 25.0))
+    v, x = len(mesh.vertices), mesh.vertices
+    angles = brought(rig, x)
+    step = np.arange(v, dtype=np.int32)
+    zero = np.zeros(v, np.int32)
+    mesh = replace(mesh, provenance=Provenance(np.full(v, 0.05), zero, step, zero, ("L0",)))
+    one = np.ones((v, 1))
+    grid = RangeGrid("L0", step, angles, x[:, None], one, one, one.astype(np.uint16), False)
+    said = shapes.volume_sigma(mesh, shapes.Source((grid,), rig)).shared
+    pixels = pixels_of(rig, x, angles)
+    true = 0.0
+    values, directions = np.linalg.eigh(rig.covariance)
+    for value, direction in zip(values, directions.T, strict=True):
+        if value > 0:
+            ends = []
+            for sign in (0.01, -0.01):
+                off = rig.perturbed(sign * np.sqrt(value) * direction)
+                seen = off.sheet("L0").intersect(off.camera.rays(pixels))
+                ends.append(replace(mesh, vertices=to_object(off, seen, angles)).volume)
+            true += ((ends[0] - ends[1]) / 0.02) ** 2
+    assert true > 0
+    assert said == pytest.approx(true**0.5, rel=1e-3)
+    unknown = shapes.volume_sigma(mesh, shapes.Source((grid,), bare))
+    assert unknown.shared == 0.0
+
+
+def brought(rig: Rig, x: np.ndarray) -> np.ndarray:
+    """(v,) table angles at which points (v, 3) of the object lie in the first sheet."""
+    sheet, T = rig.sheets[0], rig.T_camera_table
+    n, d = T.rotation.T @ sheet.normal, sheet.normal @ (sheet.centre - T.translation)
+    a, b = n[0] * x[:, 0] + n[1] * x[:, 1], n[1] * x[:, 0] - n[0] * x[:, 1]
+    angles = np.arctan2(b, a) + np.arccos(np.clip((d - n[2] * x[:, 2]) / np.hypot(a, b), -1, 1))
+    return np.asarray(angles)
+
+
+def test_what_a_merge_puts_between_profiles_is_doubted() -> None:
+    """Between the profiles of a ball stands what a smooth surface holds more than its faces do."""
+    mesh = ball(n=40)
+    normals = mesh.vertices / 20.0
+    coarse = RangeSurface(mesh, 100.0 * normals, normals, normals)
+    lost = 4 / 3 * np.pi * 20.0**3 - mesh.volume
+    said = shapes.volume_sigma(mesh, shapes.Source(profiles=[coarse]))
+    assert said.profiles == pytest.approx(lost, rel=0.1)
+    flat = RangeSurface(mesh, normals, np.tile((0.0, 0.0, 1.0), (len(normals), 1)), normals)
+    assert shapes.volume_sigma(mesh, shapes.Source(profiles=[flat])).profiles == 0.0

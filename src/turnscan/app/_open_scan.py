@@ -33,10 +33,11 @@ from turnscan.app._wire_mesh import (
 from turnscan.detection import see
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, build
+from turnscan.pipeline import Reconstruction, build, source_of
 from turnscan.points import RangeGrid
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
+from turnscan.shapes import Source
 from turnscan.surface import Mesh
 
 MOST_HOLES = 1000
@@ -88,7 +89,7 @@ class OpenScan:
                 action = edit.action_from_json(entry.text)
                 if isinstance(action, edit.Add):
                     self._times[action.id] = entry.time
-            document = edit.Document.open(self._build, history, lambda _: job.check())
+            document = edit.Document.open(self._build, history, lambda _: job.check(), self._source)
         except BaseException:
             self.scan.close()
             raise
@@ -385,6 +386,11 @@ class OpenScan:
         done = build(self._seen, self._settings, entries, told)
         self._built[tuple(entries)] = done
         return done.mesh, done.findings
+
+    def _source(self) -> Source:
+        """What the surface was made from that was built last."""
+        last = list(self._built.values())[-1]
+        return source_of(last.grids, self._seen[0].view.rig)
 
     def _state(self, document: edit.Document, revision: int, epoch: int) -> State:
         """What stands now; of what was built, only this is kept, for a preview builds, too."""

@@ -18,10 +18,11 @@ from turnscan.cli._output import check_output, write_atomically, write_results
 from turnscan.cli._surface_report import holes_line, surface_figures, surface_parts
 from turnscan.edit import Entry, edit_to_value, in_words
 from turnscan.export import ExportOptions, Profiles
-from turnscan.pipeline import Reconstruction
+from turnscan.pipeline import Reconstruction, source_of
 from turnscan.points import profiles, systematic_sigma
 from turnscan.rig import Rig, rig_hash
 from turnscan.settings import Settings
+from turnscan.shapes import volume_sigma
 from turnscan.surface import is_closed
 
 _OF_PICTURES = (
@@ -107,8 +108,15 @@ def figures(done: Reconstruction, rig: Rig | None) -> dict[str, Any]:
         "faces": len(mesh.faces),
         "closed": closed,
         "volume_mm3": mesh.volume if closed else None,
+        "volume_sigma_mm3": _volume_sigma(done, rig) if closed else None,
         "bounds_mm": mesh.bounds.tolist() if len(mesh.vertices) else None,
     }
+
+
+def _volume_sigma(done: Reconstruction, rig: Rig | None) -> float | None:
+    """Standard uncertainty; None where the points' own is not known."""
+    total = volume_sigma(done.mesh, source_of(done.grids, rig)).total
+    return total if np.isfinite(total) else None
 
 
 def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
@@ -124,7 +132,9 @@ def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
     if f["vertices"]:
         low, high = f["bounds_mm"]
         size = " × ".join(f"{b - a:.2f}" for a, b in zip(low, high, strict=True))
-        volume = f", volume {f['volume_mm3']:.2f} mm³" if f["closed"] else ", open"
+        known = f["volume_sigma_mm3"]
+        wide = "" if known is None else f" ± {known:.3g}"
+        volume = f", volume {f['volume_mm3']:.2f}{wide} mm³" if f["closed"] else ", open"
         lines.append(f"mesh: {f['vertices']} vertices, {f['faces']} faces, {size} mm{volume}")
     return lines + holes_line(done)
 

@@ -24,10 +24,10 @@ from turnscan.edit._edits import (
     Smooth,
 )
 from turnscan.edit._history import Entry
-from turnscan.edit._measures import REACH, Measure, Vector, taken
+from turnscan.edit._measures import REACH, Measure, Sources, Vector, taken
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding, Severity
-from turnscan.shapes import Measured
+from turnscan.shapes import Measured, Source
 from turnscan.surface import (
     Caps,
     FillHow,
@@ -68,10 +68,13 @@ class Done:
     """The result of a measurement."""
 
 
-def apply(body: Body, entry: Entry, told: Told = silent) -> tuple[Body, Done]:
+def apply(
+    body: Body, entry: Entry, told: Told = silent, source: Sources = Source
+) -> tuple[Body, Done]:
     """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding.
 
-    ``told`` hears of filling, smoothing and thinning out how much of it is done.
+    ``told`` hears of filling, smoothing and thinning out how much of it is done; ``source`` says
+    what the surface was made from.
     """
     findings: list[Finding] = []
     assert not isinstance(entry.edit, GridEdit), "grid edits are done before there is a body"
@@ -79,7 +82,7 @@ def apply(body: Body, entry: Entry, told: Told = silent) -> tuple[Body, Done]:
     measured: Measured | None = None
     try:
         if isinstance(entry.edit, Measure):
-            measured = taken(body, entry.edit)
+            measured = taken(body, entry.edit, source)
         else:
             patches = _patches(body, entry.edit, findings, told)
     except (InputError, CalibrationError) as e:
@@ -96,7 +99,9 @@ def apply(body: Body, entry: Entry, told: Told = silent) -> tuple[Body, Done]:
     return body, Done(entry, patches, tuple(back), named, measured)
 
 
-def mend_mesh(mesh: Mesh, entries: Iterable[Entry]) -> tuple[Mesh, list[Finding]]:
+def mend_mesh(
+    mesh: Mesh, entries: Iterable[Entry], source: Sources = Source
+) -> tuple[Mesh, list[Finding]]:
     """A mesh with the mesh edits among these done, in their order.
 
     What was measured is told among the findings.
@@ -105,7 +110,7 @@ def mend_mesh(mesh: Mesh, entries: Iterable[Entry]) -> tuple[Mesh, list[Finding]
     done = 0
     for entry in entries:
         if not isinstance(entry.edit, GridEdit):
-            body, step = apply(body, entry)
+            body, step = apply(body, entry, source=source)
             findings += step.findings
             if step.measured is not None:
                 findings.append(Finding("edit.measured", "note", str(step.measured), entry.place))
@@ -135,7 +140,7 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding], told: Told) ->
         case Close():
             before = Compact.of(body)
             caps = Caps(edit.floor, edit.reach, edit.bottom, edit.top, edit.holes, edit.largest)
-            mesh, said = close(before.mesh, caps)
+            mesh, said = close(before.mesh, caps, told)
             findings += [f for f in said if f.severity != "note"]
             return difference(body, before, mesh)
         case Cut():

@@ -9,8 +9,9 @@ from turnscan.edit._apply import Done, apply
 from turnscan.edit._body import Body, Patch, Replace
 from turnscan.edit._edits import Edit, is_grid_edit
 from turnscan.edit._history import Action, Entry, Go, History
+from turnscan.edit._measures import Sources
 from turnscan.findings import Finding
-from turnscan.shapes import Measured
+from turnscan.shapes import Measured, Source
 from turnscan.surface import Mesh, Told, part, silent
 
 Build = Callable[[Sequence[Entry], Told], tuple[Mesh, Sequence[Finding]]]
@@ -48,9 +49,17 @@ class Document:
     """The mesh edits that count, in their order, and behind them those that redo would do."""
     count: int
     """How many of the chain count."""
+    source: Sources = Source
+    """What was built last was made from this."""
 
     @classmethod
-    def open(cls, build: Build, history: History | None = None, told: Told = silent) -> Document:
+    def open(
+        cls,
+        build: Build,
+        history: History | None = None,
+        told: Told = silent,
+        source: Sources = Source,
+    ) -> Document:
         """The surface with everything in the history that counts; ``told`` as for `after`."""
         history = history or History()
         seen = [e for e in history.enabled if is_grid_edit(e.edit)]
@@ -58,8 +67,8 @@ class Document:
         built = 1 / (1 + len(wanted))
         mesh, remarks = build(seen, part(told, 0, built))
         base = Body.of(mesh)
-        body, done = _applied(base, wanted, part(told, built, 1))
-        return cls(build, history, base, tuple(remarks), body, tuple(done), len(done))
+        body, done = _applied(base, wanted, part(told, built, 1), source)
+        return cls(build, history, base, tuple(remarks), body, tuple(done), len(done), source)
 
     @property
     def done(self) -> tuple[Done, ...]:
@@ -111,7 +120,7 @@ class Document:
         wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
         seen = [e.id for e in history.enabled if is_grid_edit(e.edit)]
         if seen != [e.id for e in self.history.enabled if is_grid_edit(e.edit)]:
-            document = Document.open(self.build, history, told)
+            document = Document.open(self.build, history, told, self.source)
             return document, (Replace(document.body),), document.findings
         shared = 0
         for entry, known in zip(wanted, self.chain, strict=False):
@@ -128,7 +137,7 @@ class Document:
             body = patch.on(body)
         chain = self.chain
         if len(wanted) > shared:
-            body, made = _applied(body, wanted[shared:], told)
+            body, made = _applied(body, wanted[shared:], told, self.source)
             fresh += made
             patches += [patch for new in made for patch in new.forward]
             chain = (*chain[: min(shared, self.count)], *fresh)
@@ -136,11 +145,13 @@ class Document:
         return document, tuple(patches), tuple(f for d in fresh for f in d.findings)
 
 
-def _applied(body: Body, entries: Sequence[Entry], told: Told) -> tuple[Body, list[Done]]:
+def _applied(
+    body: Body, entries: Sequence[Entry], told: Told, source: Sources
+) -> tuple[Body, list[Done]]:
     """A body after edits, each done on what the one before left."""
     done = list[Done]()
     for k, entry in enumerate(entries):
         told(k / len(entries))
-        body, new = apply(body, entry, part(told, k / len(entries), (k + 1) / len(entries)))
+        body, new = apply(body, entry, part(told, k / len(entries), (k + 1) / len(entries)), source)
         done.append(new)
     return body, done

@@ -5,6 +5,7 @@ Each is taken on the surface as it is at its place in the history.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -16,7 +17,7 @@ from turnscan.arrays import Bools, Floats
 from turnscan.edit._body import Body, Compact
 from turnscan.edit._region import Region
 from turnscan.errors import FormatError, InputError
-from turnscan.shapes import Measured, Spot
+from turnscan.shapes import Measured, Source, Spot
 from turnscan.surface import Mesh, submesh
 
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -121,7 +122,11 @@ Measure = (
 )
 
 
-def taken(body: Body, measure: Measure) -> Measured:
+Sources = Callable[[], Source]
+"""What a surface was made from; asked for where a measurement hangs on it."""
+
+
+def taken(body: Body, measure: Measure, source: Sources = Source) -> Measured:
     """A measurement on the living surface. Raises InputError, DidNotConverge where it cannot be."""
     live = Compact.of(body)
     mesh = live.mesh
@@ -152,7 +157,7 @@ def taken(body: Body, measure: Measure) -> Measured:
         case MeasureArea():
             return shapes.area(mesh, None if measure.where is None else faces(measure.where))
         case MeasureVolume():
-            return shapes.volume(mesh)
+            return shapes.volume(mesh, source())
 
 
 def _spot(mesh: Mesh, at: Vector) -> Spot:

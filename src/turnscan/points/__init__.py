@@ -7,7 +7,14 @@ from turnscan.points._grid import PointCloud, RangeGrid
 from turnscan.points._placements import placed, placements_from_conf
 from turnscan.points._profile import Profile, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
-from turnscan.points._triangulate import point_covariance, systematic_sigma, to_object, triangulate
+from turnscan.points._triangulate import (
+    pixels_of,
+    point_covariance,
+    rig_moves,
+    systematic_sigma,
+    to_object,
+    triangulate,
+)
 from turnscan.points._volume import (
     Volume,
     clip,
@@ -35,6 +42,7 @@ __all__ = [
     "goes_round",
     "grid_findings",
     "lost_frames",
+    "pixels_of",
     "placed",
     "placements_from_conf",
     "point_covariance",
@@ -42,6 +50,7 @@ __all__ = [
     "range_scan_from_ply",
     "resample",
     "respace",
+    "rig_moves",
     "systematic_sigma",
     "to_object",
     "together_findings",

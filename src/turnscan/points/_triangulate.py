@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 
@@ -82,10 +84,23 @@ def point_covariance(rig: Rig, laser: str, pixels: npt.ArrayLike, angles: npt.Ar
     through the triangulation by central differences in each of its parameters. It comes on top of
     the stripe's noise. Zero where the rig has no covariance.
     """
+    total = np.zeros((len(np.asarray(pixels)), 3, 3))
+    for slope in rig_moves(rig, laser, pixels, angles):
+        total += slope[:, :, None] * slope[:, None, :]
+    return total
+
+
+def rig_moves(
+    rig: Rig, laser: str, pixels: npt.ArrayLike, angles: npt.ArrayLike
+) -> Iterator[Floats]:
+    """How points seen at pixels (m, 2) and table angles (m,) move with the rig, (m, 3) mm each.
+
+    One field for each principal direction of the rig's covariance, as far as one standard deviation
+    along it; independent of each other, and each common to all points. None without a covariance.
+    """
     uv = np.asarray(pixels, dtype=np.float64)
-    total = np.zeros((len(uv), 3, 3))
     if rig.covariance is None:
-        return total
+        return
     values, vectors = np.linalg.eigh(rig.covariance)
     for value, direction in zip(values, vectors.T, strict=True):
         if value <= 0.0:
@@ -96,9 +111,14 @@ def point_covariance(rig: Rig, laser: str, pixels: npt.ArrayLike, angles: npt.Ar
             moved = rig.perturbed(sign * delta)
             X = moved.sheet(laser).intersect(moved.camera.rays(uv))
             ends.append(to_object(moved, X, angles))
-        slope = (ends[0] - ends[1]) / (2.0 * _SMALL)
-        total += slope[:, :, None] * slope[:, None, :]
-    return total
+        yield (ends[0] - ends[1]) / (2.0 * _SMALL)
+
+
+def pixels_of(rig: Rig, points: Floats, angles: Floats) -> Floats:
+    """Where the camera sees points (m, 3) of the object at table angles (m,): pixels (m, 2)."""
+    turned = np.einsum("mij,mj->mi", rotation_z(angles), points)
+    pixels: Floats = rig.camera.project(rig.T_camera_table.apply(turned))
+    return pixels
 
 
 def systematic_sigma(rig: Rig, grid: RangeGrid, most: int = 500) -> Floats:
@@ -112,8 +132,7 @@ def systematic_sigma(rig: Rig, grid: RangeGrid, most: int = 500) -> Floats:
         return np.zeros(0)
     some = np.unique(np.linspace(0, len(step) - 1, most).astype(np.intp))
     angles = grid.angles[step[some]]
-    turned = np.einsum("mij,mj->mi", rotation_z(angles), grid.points[step[some], line[some]])
-    pixels = rig.camera.project(rig.T_camera_table.apply(turned))
+    pixels = pixels_of(rig, grid.points[step[some], line[some]], angles)
     C = point_covariance(rig, grid.laser, pixels, angles)
     spread: Floats = np.sqrt(np.trace(C, axis1=1, axis2=2))
     return spread

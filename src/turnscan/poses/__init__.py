@@ -5,6 +5,7 @@ from turnscan.poses._fit import Fit
 from turnscan.poses._freedom import Freedom
 from turnscan.poses._landmarks import Landmarks, from_landmarks, rigid
 from turnscan.poses._markers import from_markers, marker_spheres
+from turnscan.poses._moves import pose_moves
 from turnscan.poses._place import place
 from turnscan.poses._view import View, view
 
@@ -22,6 +23,7 @@ __all__ = [
     "from_markers",
     "marker_spheres",
     "place",
+    "pose_moves",
     "rigid",
     "view",
 ]

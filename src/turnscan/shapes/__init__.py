@@ -25,6 +25,7 @@ from turnscan.shapes._measure import (
     volume,
 )
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
+from turnscan.shapes._shared import Source, calibration_moves
 from turnscan.shapes._volume import VolumeSigma, mean_curvature, volume_sigma
 
 __all__ = [
@@ -37,8 +38,10 @@ __all__ = [
     "PlaneRegion",
     "Sphere",
     "Spot",
+    "Source",
     "VolumeSigma",
     "area",
+    "calibration_moves",
     "corner_angle",
     "deviation",
     "distance",

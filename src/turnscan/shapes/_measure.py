@@ -1,8 +1,8 @@
 """Measurements on a surface: a value and its standard uncertainty.
 
 The uncertainty is that of the points' own noise, and for volumes also of what lies between the
-points and was filled. What the calibration of the rig leaves open is
-common to all points and comes on top (`turnscan.points.systematic_sigma`).
+points, was filled, and is common to all of them (`Source`). For the others, what the calibration of
+the rig leaves open comes on top (`turnscan.points.systematic_sigma`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, frozen
 from turnscan.errors import DidNotConverge, InputError
 from turnscan.shapes._fit import Plane, fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._shared import Source
 from turnscan.shapes._volume import volume_sigma
 from turnscan.surface import Mesh, is_closed, sections
 
@@ -195,7 +196,7 @@ def area(mesh: Mesh, faces: Bools | None = None) -> Measured:
     return Measured(float(each.sum()), "mm²", sigma, _middle(t), text)
 
 
-def volume(mesh: Mesh) -> Measured:
+def volume(mesh: Mesh, source: Source | None = None) -> Measured:
     """The volume within a closed mesh, with the parts of its uncertainty that `volume_sigma` knows.
 
     Raises InputError for an open one.
@@ -204,7 +205,7 @@ def volume(mesh: Mesh) -> Measured:
         raise InputError("the surface is open, so it has no volume", hint="close it first")
     t = mesh.triangles
     each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
-    known = volume_sigma(mesh)
+    known = volume_sigma(mesh, source)
     text = "within the surface" + _unmeasured(mesh, np.ones(len(t), dtype=np.bool_), each)
     if not np.isnan(known.total):
         text += f"; the uncertainty is mostly {known.mostly}"

@@ -6,10 +6,12 @@ The parts of the uncertainty are derived in ``docs/explain/accuracy.md``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.shapes._shared import Source, calibration_moves, moved, profile_sigma
 from turnscan.surface import Mesh, steady_normals, twins
 
 
@@ -23,11 +25,16 @@ class VolumeSigma:
     """By what the surface bulges between its points."""
     filled: float
     """By what was filled and never measured."""
+    profiles: float = 0.0
+    """By what a merge put between the profiles."""
+    shared: float = 0.0
+    """By what all points have in common: the rig's calibration, and where the poses lie."""
 
     @property
     def total(self) -> float:
         """All together; NaN where the noise is not known."""
-        return float(np.sqrt(self.noise**2 + self.between**2 + self.filled**2))
+        own = (self.noise, self.between, self.filled, self.profiles, self.shared)
+        return float(np.sqrt(sum(part**2 for part in own)))
 
     @property
     def mostly(self) -> str:
@@ -36,12 +43,14 @@ class VolumeSigma:
             "the points' noise": np.nan_to_num(self.noise),
             "what bulges between the points": self.between,
             "what was filled": self.filled,
+            "what lies between the profiles": self.profiles,
+            "the calibration": self.shared,
         }
         return max(parts, key=lambda k: parts[k])
 
 
-def volume_sigma(mesh: Mesh) -> VolumeSigma:
-    """How well the volume within a closed mesh is known; what the rig leaves open is not in it.
+def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
+    """How well the volume within a closed mesh is known, as far as its ``source`` is.
 
     - noise: √Σ(aᵢσᵢ)² over the vertices, aᵢ a third of the vector area of the faces about i.
     - between: Σ l θ w²/12 over the sides, l their length, θ the angle between the faces there,
@@ -51,18 +60,30 @@ def volume_sigma(mesh: Mesh) -> VolumeSigma:
       for each other.
     - filled: Σ A δ over the faces that were not measured, δ the distance of a face's middle from
       the tangent plane of the measured vertex nearest to it.
+    - profiles: what a merge in voxels put between the profiles (`profile_sigma`).
+    - shared: √Σ(Σ aᵢ·mᵢ)² over the independent ways m in which all vertices move at once, those of
+      the rig's covariance (`calibration_moves`) and those of the source; they do not average out.
     """
-    return VolumeSigma(_noise(mesh), abs(_bulge(mesh)), _filled(mesh))
+    known = source or Source()
+    shares = _shares(mesh)
+    common = moved(shares, chain(calibration_moves(mesh, known), known.moves))
+    between = profile_sigma(known.profiles, mesh)
+    return VolumeSigma(_noise(mesh, shares), abs(_bulge(mesh)), _filled(mesh), between, common)
 
 
-def _noise(mesh: Mesh) -> float:
+def _shares(mesh: Mesh) -> Floats:
+    """(v, 3) mm²: ∂V/∂vertex, a third of the vector area of the faces about each."""
+    sixth = np.repeat(_twice(mesh)[:, None] / 6, 3, axis=1).reshape(-1, 3)
+    count = len(mesh.vertices)
+    total = [np.bincount(mesh.faces.ravel(), sixth[:, k], minlength=count) for k in range(3)]
+    return np.stack(total, axis=-1)
+
+
+def _noise(mesh: Mesh, shares: Floats) -> float:
     if mesh.provenance is None:
         return float("nan")
-    shares = np.repeat(_twice(mesh)[:, None] / 6, 3, axis=1).reshape(-1, 3)
-    count = len(mesh.vertices)
-    total = [np.bincount(mesh.faces.ravel(), shares[:, k], minlength=count) for k in range(3)]
     sigma = np.nan_to_num(mesh.provenance.sigma)
-    return float(np.sqrt(np.square(total).sum(axis=0) @ sigma**2))
+    return float(np.sqrt(np.square(shares).sum(axis=1) @ sigma**2))
 
 
 def mean_curvature(mesh: Mesh) -> float:

@@ -1,0 +1,93 @@
+"""What all points of a scan have in common, and what that does to a volume."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.points import RangeGrid, pixels_of, rig_moves
+from turnscan.rig import Rig
+from turnscan.surface import Mesh, RangeSurface
+
+_EDGE = float(np.cos(np.radians(45.0)))
+"""Sides across which the surface turns further are edges, over which a merge puts nothing."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a mesh was made from, as far as the uncertainty of its volume hangs on it."""
+
+    grids: Sequence[RangeGrid] = ()
+    """Those of its lasers, where the rig is known."""
+    rig: Rig | None = None
+    """What measured them; its covariance is the calibration's."""
+    profiles: Sequence[RangeSurface] = ()
+    """What was merged in voxels; empty where the vertices are points of profiles."""
+    moves: Sequence[Floats] = ()
+    """(v, 3) mm each: how the vertices move, all at once, with one standard deviation of each other
+    cause, such as the pose of a scan."""
+
+
+def calibration_moves(mesh: Mesh, source: Source) -> Iterator[Floats]:
+    """(v, 3) mm: how the vertices of a mesh move with the rig's calibration (`points.rig_moves`).
+
+    Vertices that nobody measured go with the nearest that somebody did. Nothing where rig or
+    provenance are not known.
+    """
+    from scipy.spatial import cKDTree
+
+    p, rig = mesh.provenance, source.rig
+    if p is None or rig is None or rig.covariance is None:
+        return
+    known = np.full(len(mesh.vertices), -1, dtype=np.int32)
+    fields, rows = list[Iterator[Floats]](), list[np.ndarray]()
+    for k, grid in enumerate(source.grids):
+        if grid.laser not in p.lasers:
+            continue
+        mine = np.flatnonzero((p.laser == p.lasers.index(grid.laser)) & np.isin(p.step, grid.steps))
+        mine = mine[known[mine] < 0]
+        known[mine] = k
+        order = np.argsort(grid.steps, kind="stable")
+        angles = grid.angles[order[np.searchsorted(grid.steps[order], p.step[mine])]]
+        pixels = pixels_of(rig, mesh.vertices[mine], angles)
+        fields.append(rig_moves(rig, grid.laser, pixels, angles))
+        rows.append(mine)
+    if not (known >= 0).any():
+        return
+    there = np.flatnonzero(known >= 0)
+    near = there[cKDTree(mesh.vertices[there]).query(mesh.vertices)[1]]
+    for parts in zip(*fields, strict=True):
+        field = np.zeros_like(mesh.vertices)
+        for mine, part in zip(rows, parts, strict=True):
+            field[mine] = np.nan_to_num(part)
+        yield field[near]
+
+
+def moved(shares: Floats, moves: Iterable[Floats]) -> float:
+    """mm³: standard uncertainty of a volume from moves (v, 3) that are independent of each other.
+
+    ``shares`` (v, 3) mm² is ∂V/∂vertex. Each move is common to all vertices, so that what it does
+    is added up with its sign and does not average out; the moves among themselves do.
+    """
+    return float(np.sqrt(sum(float(np.einsum("vi,vi->", shares, m)) ** 2 for m in moves)))
+
+
+def profile_sigma(profiles: Sequence[RangeSurface], mesh: Mesh) -> float:
+    """mm³: what a merge in voxels put between the profiles, on top of their chords.
+
+    The bulge of a face over its corners i, j is (nⱼ − nᵢ)·(xⱼ − xᵢ)/8 in the middle of each side,
+    a third of the sum of the three on average. It is right to the second order and wrong near
+    borders and edges, so all of it is doubted.
+    """
+    total, area = 0.0, 0.0
+    for r in profiles:
+        t, n = r.mesh.triangles, r.normals[r.mesh.faces]
+        over, on = np.roll(t, -1, axis=1), np.roll(n, -1, axis=1)
+        rise = np.einsum("fij,fij->fi", on - n, over - t) / 8
+        rise[np.einsum("fij,fij->fi", on, n) < _EDGE] = 0.0
+        each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+        total, area = total + float(each @ rise.sum(axis=1)) / 3, area + float(each.sum())
+    return abs(total / area) * mesh.area_of() if area > 0 else 0.0
