@@ -1,16 +1,8 @@
 """Mesh and points → planes and other primitives, with residuals and uncertainty; deviations."""
 
 from turnscan.shapes._deviation import Deviation, deviation, sample_surface
-from turnscan.shapes._fit import (
-    Circle,
-    Cylinder,
-    Plane,
-    Sphere,
-    fit_circle,
-    fit_cylinder,
-    fit_plane,
-    fit_sphere,
-)
+from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._forms import Circle, Cylinder, Plane, Sphere
 from turnscan.shapes._measure import (
     Measured,
     Spot,

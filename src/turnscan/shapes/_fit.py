@@ -1,124 +1,19 @@
-"""Planes, spheres, circles and cylinders through points, with their uncertainty."""
+"""Planes, spheres, circles and cylinders (`_forms`) through points, by least squares."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, frozen
+from turnscan.arrays import Floats
 from turnscan.errors import DidNotConverge, InputError
+from turnscan.shapes._forms import Circle, Cylinder, Plane, Sphere
 
 _ROUNDS = 100
 _STARTS = 24
 """Axis directions tried for a cylinder, spread over the half sphere."""
-
-
-@dataclass(frozen=True)
-class Plane:
-    """The plane n·x = d."""
-
-    normal: Floats
-    """(3,) unit."""
-    distance: float
-    """d, mm from the origin along the normal."""
-    centre: Floats
-    """(3,) mm: centroid of the points, which the uncertainty is about."""
-    rms: float
-    """mm, root mean square distance of the points."""
-    covariance: Floats
-    """(3, 3): tilt about the two principal directions of the points (radians), shift along the
-    normal at the centre (mm); from the points' scatter, independent from point to point."""
-    count: int
-    """Points used."""
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "normal", frozen(self.normal, (3,), "Plane.normal"))
-        put(self, "centre", frozen(self.centre, (3,), "Plane.centre"))
-        put(self, "covariance", frozen(self.covariance, (3, 3), "Plane.covariance"))
-
-    @property
-    def normal_sigma(self) -> float:
-        """Standard uncertainty of the normal's direction, radians (the worse of the two tilts)."""
-        return float(np.sqrt(max(self.covariance[0, 0], self.covariance[1, 1])))
-
-    def distances(self, points: npt.ArrayLike) -> Floats:
-        """Signed distances (...) mm of points (..., 3)."""
-        away: Floats = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
-        return away
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """A sphere."""
-
-    centre: Floats
-    """(3,) mm."""
-    radius: float
-    """mm."""
-    rms: float
-    """mm, root mean square distance of the points."""
-    covariance: Floats
-    """(4, 4) mm²: centre x, y, z, radius."""
-    count: int
-    """Points used."""
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "centre", frozen(self.centre, (3,), "Sphere.centre"))
-        put(self, "covariance", frozen(self.covariance, (4, 4), "Sphere.covariance"))
-
-
-@dataclass(frozen=True)
-class Circle:
-    """A circle in a plane."""
-
-    centre: Floats
-    """(3,) mm."""
-    normal: Floats
-    """(3,) unit: of the plane it lies in, as given."""
-    radius: float
-    """mm."""
-    rms: float
-    """mm, root mean square distance of the points, within the plane."""
-    covariance: Floats
-    """(3, 3) mm²: shift of the centre in two directions in the plane, radius."""
-    count: int
-    """Points used."""
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "centre", frozen(self.centre, (3,), "Circle.centre"))
-        put(self, "normal", frozen(self.normal, (3,), "Circle.normal"))
-        put(self, "covariance", frozen(self.covariance, (3, 3), "Circle.covariance"))
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """A cylinder without ends."""
-
-    point: Floats
-    """(3,) mm: the point of the axis nearest to the centroid of the points."""
-    axis: Floats
-    """(3,) unit direction of the axis, z ≥ 0."""
-    radius: float
-    """mm."""
-    rms: float
-    """mm, root mean square distance of the points."""
-    covariance: Floats
-    """(5, 5): tilt of the axis in two directions across it (radians), shift of the point in the
-    same two (mm), radius (mm)."""
-    count: int
-    """Points used."""
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "point", frozen(self.point, (3,), "Cylinder.point"))
-        put(self, "axis", frozen(self.axis, (3,), "Cylinder.axis"))
-        put(self, "covariance", frozen(self.covariance, (5, 5), "Cylinder.covariance"))
 
 
 def _checked(points: npt.ArrayLike, least: int, what: str) -> Floats:

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, frozen
 from turnscan.errors import DidNotConverge, InputError
-from turnscan.shapes._fit import Plane, fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._forms import Plane
 from turnscan.shapes._shared import Source
 from turnscan.shapes._volume import volume_sigma
 from turnscan.surface import Mesh, is_closed, sections

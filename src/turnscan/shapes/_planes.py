@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
-from turnscan.shapes._fit import Plane, fit_plane
+from turnscan.shapes._fit import fit_plane
+from turnscan.shapes._forms import Plane
 from turnscan.surface import Mesh, vertex_normals
 
 _ROUNDS = 8
