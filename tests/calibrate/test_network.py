@@ -10,8 +10,9 @@ import pytest
 from tests.calibrate.world import SHAPE, World, true_layout, true_rig
 from turnscan.calibrate import CalibrationSettings, calibrate_rig
 from turnscan.calibrate._adjust import Fit, adjust
-from turnscan.calibrate._network import BOARD, RigNetwork, State
+from turnscan.calibrate._network import BOARD, RigNetwork
 from turnscan.calibrate._start_table import start_markers
+from turnscan.calibrate._state import State
 from turnscan.errors import Degenerate
 
 TURN = np.arange(0, 360, 15) * np.pi / 180

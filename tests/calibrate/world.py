@@ -9,7 +9,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.calibrate._board import Board, BoardView, Chessboard
 from turnscan.calibrate._layout import MarkerLayout, platter_powers
-from turnscan.calibrate._network import RiderView, StripeView
+from turnscan.calibrate._state import RiderView, StripeView
 from turnscan.rig import Camera, LaserSheet, Pose, Rig, rotation_from_vector, rotation_z
 
 CAMERA = Camera(640, 480, 622.0, 620.0, 322.0, 238.0, np.array([0.12, -0.2, 0.0, 0.0, 0.0]))

@@ -9,8 +9,9 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.calibrate._layout import MarkerLayout
-from turnscan.calibrate._network import BOARD, RIDER, board_stripe, platter_stripe, stripe_kind
+from turnscan.calibrate._network import BOARD, RIDER, stripe_kind
 from turnscan.calibrate._rig import Calibration
+from turnscan.calibrate._state import board_stripe, platter_stripe
 from turnscan.calibrate._terms import trace
 from turnscan.rig import Rig
 

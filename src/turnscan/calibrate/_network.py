@@ -3,31 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Ints, frozen
-from turnscan.calibrate._board import Board, BoardView
+from turnscan.arrays import Bools, Floats
+from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._layout import (
     BoardLayout,
-    Layout,
     MarkerLayout,
     cross_matrices,
     moved_pose,
-    platter_powers,
 )
 from turnscan.calibrate._normal import Block
+from turnscan.calibrate._state import (
+    RiderView,
+    State,
+    StripeView,
+    board_stripe,
+    bulge,
+    platter_stripe,
+)
 from turnscan.calibrate._terms import (
     CAMERA_SIZE,
-    StripeTerm,
     Traced,
     point_term,
     stripe_term,
     trace,
 )
-from turnscan.rig import Pose, Rig, rotation_z
+from turnscan.rig import Pose, rotation_z
 
 BEND = ("board.bend_xx", "board.bend_xy", "board.bend_yy")
 BOARD, RIDER, PRIOR = "board corners", "table corners", "prior marker side"
@@ -37,52 +42,6 @@ Where = Literal["boards", "table"]
 def stripe_kind(where: Where, laser: str) -> str:
     """The kind of the residuals of one laser's stripe on the boards or on the table."""
     return f"stripe on {where} [{laser}]"
-
-
-@dataclass(frozen=True)
-class StripeView:
-    """A laser's stripe on a plane that is known: pixels and the direction they were located in."""
-
-    laser: str
-    pixels: Floats
-    """(n, 2) px."""
-    direction: Floats
-    """(2,): (1, 0) for one centre per row, (0, 1) for one per column."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pixels", frozen(self.pixels, (None, 2), "pixels"))
-        object.__setattr__(self, "direction", frozen(self.direction, (2,), "direction"))
-
-
-@dataclass(frozen=True)
-class RiderView:
-    """What rides on the table, seen in one picture."""
-
-    numbers: Ints
-    """Markers (m,) or board corners (n,) that were found."""
-    corners: Floats
-    """(4 m, 2) or (n, 2) px."""
-    stripes: tuple[StripeView, ...] = ()
-    name: str = ""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "numbers", frozen(self.numbers, (None,), "numbers", np.int32))
-        object.__setattr__(self, "corners", frozen(self.corners, (None, 2), "corners"))
-
-
-@dataclass(frozen=True)
-class State:
-    """What is adjusted: the rig, what rides on the table, every board's pose, every angle."""
-
-    rig: Rig
-    layout: Layout | None
-    poses: tuple[Pose, ...]
-    """Board frame → camera frame, one per board view."""
-    angles: Floats
-    """(k,) rad, one per table view."""
-    bend: Floats = field(default_factory=lambda: np.zeros(3))
-    """(3,) 1/mm: b_xx, b_xy, b_yy. The board bulges by z = b_xx x² + b_xy x y + b_yy y² away from
-    its plane, x and y from the middle of the pattern."""
 
 
 @dataclass(frozen=True)
@@ -313,50 +272,3 @@ class RigNetwork:
         common[0, self._table_column + 6 + 5 + 3 : -3 : 4] = 1.0 / (m * sigma)
         residual = np.array([(side - float(layout.squares[:, 3].mean())) / sigma])
         return Block(-1, PRIOR, residual, common, np.zeros((1, 0)))
-
-
-def bulge(board: Board, xy: Floats) -> Floats:
-    """Board points (n, 2 or more) mm → (n, 3): x², x y, y² from the middle of the pattern."""
-    x0, y0, x1, y1 = board.extent
-    x, y = xy[:, 0] - (x0 + x1) / 2, xy[:, 1] - (y0 + y1) / 2
-    return np.stack([x * x, x * y, y * y], axis=1)
-
-
-def board_stripe(
-    state: State, stripe: StripeView, seen: Traced, board: Board, pose: Pose
-) -> tuple[StripeTerm, Floats]:
-    """A stripe on a board as bent as the state says, and the bulge (n, 3) where the stripe is."""
-    normal = pose.rotation[:, 2]
-    rays = seen.rays
-    height = np.zeros(len(rays))
-    for _ in range(2):
-        level = normal @ pose.translation + height
-        on_board = pose.inverse().apply(rays * (level / (rays @ normal))[:, None])
-        powers = bulge(board, on_board)
-        height = powers @ state.bend
-    point = pose.translation + height[:, None] * normal
-    term = stripe_term(state.rig.sheet(stripe.laser), seen, stripe.direction, normal, point)
-    return term, powers
-
-
-def platter_stripe(
-    state: State, stripe: StripeView, seen: Traced, angle: float | Floats
-) -> tuple[StripeTerm, Floats]:
-    """A stripe on the platter at a table angle (or one for each point), and the powers (n, 5) of
-    the platter's shape."""
-    layout = state.layout
-    assert isinstance(layout, MarkerLayout)
-    T = state.rig.T_camera_table
-    normal = T.rotation[:, 2]
-    rays = seen.rays
-    back = np.broadcast_to(rotation_z(angle), (len(rays), 3, 3))
-    height = np.zeros(len(rays))
-    for _ in range(2):
-        level = normal @ T.translation + height
-        flat = T.inverse().apply(rays * (level / (rays @ normal))[:, None])
-        place = np.einsum("ni,nij->nj", flat, back)
-        powers = platter_powers(place)
-        height = powers @ layout.shape
-    point = T.translation + height[:, None] * normal
-    sheet = state.rig.sheet(stripe.laser)
-    return stripe_term(sheet, seen, stripe.direction, normal, point), powers

@@ -12,7 +12,7 @@ from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._layout import MarkerLayout
-from turnscan.calibrate._network import RIDER, RigNetwork, State, StripeView
+from turnscan.calibrate._network import RIDER, RigNetwork
 from turnscan.calibrate._stages import (
     REJECT,
     camera_stage,
@@ -22,6 +22,7 @@ from turnscan.calibrate._stages import (
     table_stage,
 )
 from turnscan.calibrate._start_table import FEWEST_STEPS
+from turnscan.calibrate._state import State, StripeView
 from turnscan.calibrate._steps import AngleModel, angle_model
 from turnscan.rig import Marker, Pose, Rig
 

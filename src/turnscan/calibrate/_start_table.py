@@ -9,8 +9,8 @@ import numpy as np
 from turnscan.arrays import Floats, Ints
 from turnscan.calibrate._board import Board, Chessboard
 from turnscan.calibrate._layout import BoardLayout, MarkerLayout
-from turnscan.calibrate._network import RiderView
 from turnscan.calibrate._start import pose_of
+from turnscan.calibrate._state import RiderView
 from turnscan.errors import Degenerate, NotEnoughViews
 from turnscan.rig import Camera, Pose, rotation_z
 
