@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from turnscan.stripes._scan import typical
+from turnscan.stripes._levels import typical
 
 DARK, OUTSIDE, AMBIGUOUS, SATURATED, EDGE, MULTI, GRAZING = 1, 2, 4, 8, 32, 64, 128
 BRIGHTEST, FIRST, LAST, NEAREST = range(4)

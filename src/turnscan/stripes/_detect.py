@@ -145,9 +145,9 @@ def _masked(
 
 def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSettings) -> object:
     """The threshold, the noise and the rest of what the kernel needs to know."""
-    from turnscan.stripes import _scan
+    from turnscan.stripes import _levels, _scan
 
-    level, noise = s.background or _scan.background(lit, off, roi)
+    level, noise = s.background or _levels.background(lit, off, roi)
     paired = off.shape[0] > 1
     step = s.quantisation
     noise = max(noise, step / math.sqrt(12.0))

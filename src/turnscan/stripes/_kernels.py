@@ -1,4 +1,4 @@
-"""Everything about all candidates of a picture: list, measure in rounds, write down."""
+"""All candidates of a picture: listed (`_list`), measured in rounds, written down."""
 # mypy: disable-error-code="untyped-decorator,no-any-return"
 
 from __future__ import annotations
@@ -10,10 +10,29 @@ import numpy as np
 from numba import njit
 
 from turnscan.stripes._choice import drop_glow
+from turnscan.stripes._halo import LEAN_LIMIT, glowing_nearby, glows, haloed
+from turnscan.stripes._levels import learned_saturation
+from turnscan.stripes._list import (
+    CENTRE,
+    COLUMNS,
+    FLUX,
+    GAIN,
+    HALF,
+    HEIGHT,
+    MIDDLE,
+    PEDESTAL,
+    PLACE,
+    REACH,
+    ROW,
+    SECOND,
+    START,
+    WIDTH,
+    find_kin,
+    list_candidates,
+)
 from turnscan.stripes._measure import (
     BLAIS_RIOUX,
     CENTROID,
-    FLANK,
     HALF_WINDOW,
     MEDIAN,
     NOISE_FACTOR,
@@ -25,21 +44,7 @@ from turnscan.stripes._measure import (
     fill,
     variance_of,
 )
-from turnscan.stripes._scan import (
-    FWHM,
-    HIGH,
-    LEFT,
-    LOW,
-    PEAKS,
-    RIGHT,
-    SEED,
-    TOP,
-    first_pass,
-    learned_saturation,
-    merge_peaks,
-    move_peak,
-    usual_peak,
-)
+from turnscan.stripes._scan import PEAKS, first_pass, usual_peak
 
 SATURATED, HALO, EDGE = 8, 16, 32
 
@@ -47,144 +52,12 @@ ROUNDS = 2
 """Times that the widths along the stripe and the centres are brought into agreement."""
 FIXED_TURNS = 5
 """Moves of a window of fixed width; where the width is measured too, one in each round."""
-SPARE = 4.0
-"""Pixels beside the seed that a measurement may look at, in rms widths, and …"""
-MARGIN = 6
-"""… px more, for the flanks."""
 MEMORY = 0.93
 """What a line's width counts for the width of the window in the next line."""
-KIN_DISTANCE, KIN_WIDTH = 4.0, 8.0
-"""Candidates of adjacent lines belong together within this many widths and this ratio of widths."""
-PEDESTAL_LIMIT = 0.1
-"""Light beside the stripe above this part of its amplitude is a halo …"""
-GLOW_REACH, GLOW_SHARE = 60, 0.2
-"""Lines on either side, and the share of their stripes that glow from which all are said to."""
-LEAN_LIMIT = 0.3
-"""… and so is a centre this many widths away from the middle of the half-height."""
-HALO_LIMIT = 0.02
-"""Tails of a stripe with less than this part of its light's amplitude are clean (ALGORITHMS §2.3):
-under a window of five widths such a pedestal holds 4 % of the light, and all on one side it would
-move the centre by a fiftieth of a width (`HALO_BIAS`)."""
-HALO_REACH = 15
-"""Lines on either side over which a halo is the same and speckle is not: the mean of some thirty
-grains of a pixel varies by a sixth of itself."""
 CLIPPED_PHASE = 0.11
 """Error from the phase of the pixels on a clipped stripe, px·px² (÷ width²)."""
 HALO_BIAS = 0.24
 """Bias of the window, in widths, when half of the light is a one-sided halo (ALGORITHMS §2.2)."""
-
-# Columns of the list of candidates.
-ROW, START, PLACE, HEIGHT, HALF, MIDDLE, CENTRE, FLUX, SECOND, PEDESTAL, GAIN, REACH, WIDTH = range(
-    13
-)
-COLUMNS = 13
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def keep_brightest(peaks: Any, line: int, count: int, wanted: int) -> int:
-    """Keep the ``wanted`` highest peaks of a line, in order of position."""
-    while count > wanted:
-        lowest = line
-        for j in range(line + 1, line + count):
-            if peaks[j, TOP] < peaks[lowest, TOP]:
-                lowest = j
-        for j in range(lowest, line + count - 1):
-            move_peak(peaks, j + 1, j)
-        count -= 1
-    return count
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def reach_of(
-    peaks: Any, line: int, count: int, j: int, half: float, whole: bool, u0: int, u1: int
-) -> Any:
-    """First and last pixel that the measurement of peak j may look at.
-
-    ``whole`` takes in the run above the threshold; the valleys towards neighbours are the limit.
-    """
-    margin = int(SPARE * half) + MARGIN
-    left = int(peaks[j, SEED]) - margin
-    right = int(peaks[j, SEED]) + margin
-    if whole:
-        left = min(left, int(peaks[j, LEFT]))
-        right = max(right, int(peaks[j, RIGHT]))
-    if j > line:
-        before = int(peaks[j - 1, RIGHT])
-        left = max(left, before + (before < peaks[j, LEFT]))
-    if j < line + count - 1:
-        after = int(peaks[j + 1, LEFT])
-        right = min(right, after - (after > peaks[j, RIGHT]))
-    return max(left, u0), min(right, u1 - 1)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def list_candidates(
-    roi: Any,
-    terms: Any,
-    peaks: Any,
-    counts: Any,
-    usual: float,
-    wanted: int,
-    some: Any,
-    stops: Any,
-) -> Any:
-    """Fill the list ``some`` (n, COLUMNS) and, per candidate, where its pixels end in the pool."""
-    u0, v0, u1, _ = roi
-    n = 0
-    total = 0
-    line = 0
-    whole = terms.strategy != WINDOW
-    for i in range(counts.size):
-        if counts[i] == 0:
-            continue
-        count = counts[i]
-        if count > 1:
-            count = merge_peaks(peaks, line, count, usual)
-            count = keep_brightest(peaks, line, count, wanted)
-        for j in range(line, line + count):
-            half = max(0.45, (peaks[j, HIGH] - peaks[j, LOW]) * (1.0 / FWHM))
-            left, right = reach_of(peaks, line, count, j, half, whole, u0, u1)
-            total += right - left + 2
-            stops[n] = total
-            some[n, ROW] = v0 + i
-            some[n, START] = left
-            some[n, PLACE] = peaks[j, SEED]
-            some[n, HEIGHT] = peaks[j, TOP]
-            some[n, HALF] = half
-            some[n, MIDDLE] = 0.5 * (peaks[j, LOW] + peaks[j, HIGH])
-            some[n, CENTRE] = some[n, MIDDLE] - left
-            some[n, FLUX] = peaks[j, TOP] * half
-            some[n, SECOND] = half * half
-            n += 1
-        line += counts[i]
-    return n, total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def find_kin(some: Any, n: int, up: Any, down: Any) -> None:
-    """For every candidate, the one of the line before and after that it belongs to, or -1."""
-    up[:n] = -1
-    down[:n] = -1
-    start = 0
-    for i in range(n):
-        row = some[i, ROW]
-        while some[start, ROW] < row - 1:
-            start += 1
-        best = np.inf
-        j = start
-        while some[j, ROW] < row:
-            a, b = some[i, HALF], some[j, HALF]
-            distance = abs(some[i, PLACE] - some[j, PLACE])
-            if (
-                distance < min(best, KIN_DISTANCE * max(a, b) + 2.0)
-                and a < KIN_WIDTH * b
-                and b < KIN_WIDTH * a
-            ):
-                best = distance
-                up[i] = j
-            j += 1
-        if up[i] >= 0:
-            down[up[i]] = i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -260,66 +133,6 @@ def uncertainty(some: Any, i: int, terms: Any, floor: float) -> float:
         flux * min(some[i, SECOND], h * h / 3.0) + (pedestal + floor) * squares
     )
     return spread * some[i, GAIN] ** 2 / (flux * flux)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def glows(some: Any, i: int, terms: Any) -> bool:
-    """Whether light spread beside a stripe."""
-    pedestal = some[i, PEDESTAL]
-    amplitude = max(some[i, HEIGHT] - pedestal, 1.0)
-    return pedestal > PEDESTAL_LIMIT * amplitude and pedestal > 4.0 * terms.noise
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def glowing_nearby(some: Any, n: int, terms: Any, lines: int) -> Any:
-    """(H,) True for lines about which many stripes glow."""
-    many = np.zeros((lines + 1, 2), np.int64)
-    for i in range(n):
-        v = int(some[i, ROW]) + 1
-        many[v, 0] += 1
-        many[v, 1] += glows(some, i, terms)
-    for v in range(lines):
-        for k in range(2):
-            many[v + 1, k] += many[v, k]
-    near = np.zeros(lines, np.bool_)
-    for v in range(lines):
-        a, b = max(0, v - GLOW_REACH), min(lines, v + GLOW_REACH + 1)
-        near[v] = many[b, 1] - many[a, 1] > GLOW_SHARE * (many[b, 0] - many[a, 0])
-    return near
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def haloed(some: Any, n: int, terms: Any, lines: int) -> Any:
-    """(H,) the highest of each line, and True where light has spread beside the stripe there.
-
-    A grain of speckle in the tail of one line looks like a halo. But grains differ from line to
-    line and light that spread in the material does not, so the sums over many lines decide: of the
-    pedestal beside the highest candidates, and of how far they lean, weighted by their light.
-    """
-    sums = np.zeros((lines + 1, 5))
-    highest = np.zeros(lines)
-    for i in range(n):
-        v = int(some[i, ROW])
-        if some[i, HEIGHT] > highest[v]:
-            highest[v] = some[i, HEIGHT]
-            lean = (some[i, CENTRE] + some[i, START] - some[i, MIDDLE]) / some[i, WIDTH]
-            sums[v + 1, 0] = some[i, PEDESTAL]
-            sums[v + 1, 1] = max(some[i, HEIGHT] - some[i, PEDESTAL], 1.0)
-            sums[v + 1, 2] = lean * some[i, FLUX]
-            sums[v + 1, 3] = some[i, FLUX]
-            sums[v + 1, 4] = 1.0
-    for v in range(lines):
-        for k in range(5):
-            sums[v + 1, k] += sums[v, k]
-    out = np.zeros(lines, np.bool_)
-    part = np.empty(5)
-    for v in range(lines):
-        a, b = max(0, v - HALO_REACH), min(lines, v + HALO_REACH + 1)
-        for k in range(5):
-            part[k] = sums[b, k] - sums[a, k]
-        noise = 4.0 * terms.noise * math.sqrt(part[4] / (2.0 * FLANK))
-        out[v] = part[0] > max(HALO_LIMIT * part[1], noise) or abs(part[2]) > LEAN_LIMIT * part[3]
-    return highest, out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from turnscan.stripes._levels import typical
 from turnscan.stripes._measure import half_width, plateau
 
 BLOCK = 128
@@ -26,8 +27,6 @@ its height, the light in the right valley, and where it falls to half."""
 PEAK_COLUMNS = 7
 FWHM = 2.3548
 """Full width at half maximum of a Gaussian, in sigma."""
-TYPICAL = 200
-"""Values that are enough for a median."""
 
 
 RIPPLE = 0.15
@@ -84,49 +83,6 @@ def first_above(lit: Any, dark: Any, v: int, w: int, start: int, after: int, lim
         left = small(left * small((d > least) & (left <= room)))
         best = left if left > best else best
     return start + BLOCK - np.int64(best)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def background(lit: Any, dark: Any, roi: Any) -> Any:
-    """Median and robust noise of ``lit - dark`` from some five thousand pixels.
-
-    The noise is the distance from the median down to the 16 % quantile: light only ever adds on
-    the other side.
-    """
-    u0, v0, u1, v1 = roi
-    step_v = max(1, (v1 - v0) // 64)
-    step_u = max(1, (u1 - u0) // 80)
-    paired = dark.shape[0] > 1
-    seen = np.empty((1 + (v1 - v0) // step_v) * (1 + (u1 - u0) // step_u), np.int32)
-    n = 0
-    for v in range(v0, v1, step_v):
-        a = lit[v]
-        b = dark[v if paired else 0]
-        for u in range(u0 + (7 * v) % step_u, u1, step_u):
-            seen[n] = np.int32(a[u]) - np.int32(b[u])
-            n += 1
-    seen = seen[:n]
-    low = seen.min()
-    counts = np.zeros(seen.max() - low + 1, np.int32)
-    for d in seen:
-        counts[d - low] += 1
-    below = 0
-    quantile = low - 0.5
-    wanted = 0.1587 * n
-    for i in range(counts.size):
-        d = low + i
-        here = counts[i]
-        if here > 0 and below + here >= wanted:
-            level = d - 0.5 + (wanted - below) / here
-            if wanted == 0.5 * n:
-                return level, level - quantile
-            quantile = level
-            wanted = 0.5 * n
-            if below + here >= wanted:
-                level = d - 0.5 + (wanted - below) / here
-                return level, level - quantile
-        below += here
-    return float(low), 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
@@ -270,18 +226,6 @@ def merge_peaks(peaks: Any, line: int, count: int, usual: float) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def typical(values: Any, n: int) -> float:
-    """Median of some hundred of the first n values, evenly spread; 0 of none."""
-    if n == 0:
-        return 0.0
-    step = 1 + n // TYPICAL
-    some = np.empty(1 + (n - 1) // step)
-    for i in range(some.size):
-        some[i] = values[i * step]
-    return np.median(some)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: Any) -> None:
     """Peaks of every line, one after the other in ``peaks``; their number per line in ``counts``.
 
@@ -338,14 +282,3 @@ def usual_peak(lit: Any, v0: int, peaks: Any, counts: Any) -> Any:
         found += 1
         line += counts[i]
     return typical(widths, found), brightest
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def learned_saturation(lit: Any, brightest: float) -> float:
-    """8 bits: 250 (JPEG rings around 255). 16: 98 % of the 10, 12, 14 or 16 bits in use."""
-    if np.iinfo(lit.dtype).max == 255:
-        return 250.0
-    for bits in (10, 12, 14):
-        if brightest < 2.0**bits:
-            return 0.98 * (2.0**bits - 1.0)
-    return 0.98 * 65535.0
