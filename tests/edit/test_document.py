@@ -320,6 +320,9 @@ def test_the_share_done_is_told_and_an_end_there_changes_nothing() -> None:
         region = Region.of(document.body, around(mesh, at, 2))
         document, _ = document.add(Delete(region))
     shares = list[float]()
+    document.add(Close(floor=None, top=None, largest=20.0), shares.append)
+    assert np.allclose(sorted(set(shares)), [0, 1 / 3, 2 / 3])
+    shares.clear()
     filled, _ = document.add(Fill(None, "flat", largest=20.0), shares.append)
     assert shares[0] == 0
     assert np.allclose(sorted(set(shares)), [0, 1 / 3, 2 / 3])

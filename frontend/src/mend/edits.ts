@@ -7,7 +7,14 @@ import { currentViewport } from "../viewport/place";
 import type { Profile } from "../profile/data";
 import { bridgeFrom, chosenHoles, lines, preview, smoothing, wholePiece } from "./state";
 
-export type FillHow = "flat" | "tangent" | "curvature";
+export type FillHow = "auto" | "flat" | "membrane" | "tangent" | "curvature";
+export const FILL_HOW: readonly (readonly [FillHow, string])[] = [
+  ["auto", "by its border"],
+  ["flat", "flat"],
+  ["membrane", "soap film"],
+  ["tangent", "tangent"],
+  ["curvature", "curvature"],
+];
 
 type Faces = Record<string, AnyArray>;
 

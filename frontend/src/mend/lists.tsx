@@ -3,14 +3,8 @@ import { useSignal, useSignalEffect } from "@preact/signals";
 import { cursor, defects, goTo, history, holes, type Hole, listDefects, listHoles, listsAreOld, redo, switchEdit, undo, opened } from "../part";
 import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
-import { apply, bridgeValue, chosenHoleList, type FillHow, fillValue, show } from "./edits";
+import { apply, bridgeValue, chosenHoleList, FILL_HOW, type FillHow, fillValue, show } from "./edits";
 import { chosenHoles, markPlace, preview, tab } from "./state";
-
-const HOW: readonly (readonly [FillHow, string])[] = [
-  ["flat", "flat"],
-  ["tangent", "tangent"],
-  ["curvature", "with curvature"],
-];
 
 function zoomTo(hole: Hole): void {
   chosenHoles.value = new Set([hole.hole]);
@@ -25,7 +19,7 @@ function toggle(hole: Hole, on: boolean): void {
 }
 
 export function HolesPanel() {
-  const how = useSignal<FillHow>("tangent");
+  const how = useSignal<FillHow>("auto");
   const below = useSignal<number | null>(10);
   useSignalEffect(() => {
     if (!opened.value || !listsAreOld.value) return;
@@ -55,7 +49,7 @@ export function HolesPanel() {
             </li>
           ))}
         </ul>
-        <SelectField label="Fill" value={how.value} options={HOW} onChange={(value) => (how.value = value)} />
+        <SelectField label="Fill" value={how.value} options={FILL_HOW} onChange={(value) => (how.value = value)} />
         <div class="grid-2">
           <Button disabled={!chosen.length} onClick={() => void show(fillValue(chosen, how.value, null))}>
             Preview

@@ -4,7 +4,7 @@ import { doEdit, figures, opened } from "../part";
 import { level } from "../state";
 import { Button, count, NumberField, Section, SelectField } from "../ui/controls";
 import { selected, tool } from "../viewport/place";
-import { apply, type FillHow, selectionArrays, show, smoothFaces } from "./edits";
+import { apply, FILL_HOW, type FillHow, selectionArrays, show, smoothFaces } from "./edits";
 import { smoothing } from "./state";
 
 export function RepairPanels() {
@@ -60,19 +60,16 @@ function SpikesPanel() {
 
 function ClosePanel() {
   const floor = useSignal<number | null>(0);
-  const top = useSignal<"plane" | "open">("plane");
-  const holes = useSignal<FillHow>("tangent");
-  const value = () => ({ kind: "close", floor: floor.value, top: top.value === "open" ? null : top.value, holes: holes.value });
+  const top = useSignal<"plane" | "smooth" | "open">("plane");
+  const bottom = useSignal<"floor" | "open">("floor");
+  const holes = useSignal<FillHow>("auto");
+  const value = () => ({ kind: "close", floor: floor.value, bottom: bottom.value, top: top.value, holes: holes.value });
   return (
     <Section title="Close everything" open={false}>
-      <NumberField label="Floor at" value={floor.value} unit="mm" placeholder="open" onChange={(z) => (floor.value = z)} />
-      <SelectField label="Top" value={top.value} options={[["plane", "flat lid"], ["open", "open"]]} onChange={(how) => (top.value = how)} />
-      <SelectField
-        label="Holes"
-        value={holes.value}
-        options={[["flat", "flat"], ["tangent", "tangent"], ["curvature", "with curvature"]]}
-        onChange={(how) => (holes.value = how)}
-      />
+      <NumberField label="Floor at" value={floor.value} unit="mm" placeholder="none" onChange={(z) => (floor.value = z)} />
+      <SelectField label="Foot" value={bottom.value} options={[["floor", "to the floor"], ["open", "open"]]} onChange={(how) => (bottom.value = how)} />
+      <SelectField label="Top" value={top.value} options={[["plane", "flat lid"], ["smooth", "curvature"], ["open", "open"]]} onChange={(how) => (top.value = how)} />
+      <SelectField label="Holes" value={holes.value} options={FILL_HOW} onChange={(how) => (holes.value = how)} />
       <div class="grid-2">
         <Button onClick={() => void show(value())}>Preview</Button>
         <Button onClick={() => void apply(value())}>Close</Button>
