@@ -9,7 +9,7 @@ import { bridgeFrom, chosenHoles, lines, preview, smoothing, wholePiece } from "
 
 export type FillHow = "auto" | "flat" | "membrane" | "tangent" | "curvature";
 export const FILL_HOW: readonly (readonly [FillHow, string])[] = [
-  ["auto", "by its border"],
+  ["auto", "automatic"],
   ["flat", "flat"],
   ["membrane", "soap film"],
   ["tangent", "tangent"],

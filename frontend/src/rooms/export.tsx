@@ -13,12 +13,12 @@ type Format = ExportRequest["format"];
 type Form = NonNullable<ExportRequest["dxf_forms"]>[number];
 
 const FORMATS: readonly (readonly [Format, string, string])[] = [
-  ["dxf", "DXF", "for AutoCAD, MicroStation and other CAD"],
+  ["dxf", "DXF", "for AutoCAD and other CAD"],
   ["stl", "STL", "for printing and machining"],
-  ["ply", "PLY", "with the uncertainty and the origin of every point"],
+  ["ply", "PLY", "with uncertainty and origin"],
   ["obj", "OBJ", "for rendering and modelling"],
   ["3mf", "3MF", "for printing, with its unit"],
-  ["glb", "GLB", "for the web, phones and museums"],
+  ["glb", "GLB", "for web, phones, museums"],
   ["xyz", "XYZ", "the measured points alone"],
 ];
 const FORMS: readonly (readonly [Form, string])[] = [
