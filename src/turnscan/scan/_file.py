@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -22,10 +22,8 @@ from turnscan.rig import Rig, rig_from_json, rig_to_json
 from turnscan.scan import _database as database
 from turnscan.scan import _edit_log as edit_log
 from turnscan.scan._codec import (
-    Background,
     Dark,
     Project,
-    decode,
     encode,
     signal_of,
     statistics,
@@ -44,7 +42,8 @@ from turnscan.scan._plan import (
     settings_to_json,
 )
 from turnscan.scan._storage import storage
-from turnscan.scan._stored import Stored, dark_of
+from turnscan.scan._stored import Stored
+from turnscan.scan._unpack import Unpacker
 
 T = TypeVar("T")
 
@@ -77,9 +76,7 @@ class Scan:
         """Whether the file was closed properly, with all the frames it had then."""
         self._db = db
         self._index = Index(path, self.plan)
-        self._pictures: dict[str, Image] = {}
-        self._shared: tuple[str, Project | None, Background] | None = None
-        self._scales: tuple[Project, float] | None = None
+        self._unpacker = Unpacker(path, self.plan, self._index, self._payload)
         self._last_edit: LogEntry | None = None
         self._closed = False
         self._thread = threading.RLock()
@@ -254,7 +251,7 @@ class Scan:
         frame = Frame(0, laser, picture)
         row = self._new_row("background", frame, "none", payload, "{}", math.nan, math.nan)
         self._insert(row, payload)
-        self._pictures[laser] = _read_only(picture.copy())
+        self._unpacker.keep(laser, picture.copy())
 
     def append_edit(self, text: str, time: float = math.nan) -> LogEntry:
         """Add an entry to the log of edits; it is on the disk when this returns.
@@ -294,7 +291,7 @@ class Scan:
     def stored(self, laser: str | None = None, project: Project | None = None) -> Iterator[Stored]:
         """Like `frames`, not yet unpacked: give these to a pool of threads."""
         for row in self._index.in_order(laser):
-            yield self._stored(row, project)
+            yield self._unpacker.stored(row, project)
 
     def frame(
         self, step: int, laser: str, exposure: int = 0, project: Project | None = None
@@ -304,7 +301,7 @@ class Scan:
         if row is None or row.kind != "lit":
             cause = self.missing(laser).get(step, "it was never taken")
             raise InputError(f"{self.path}: no frame at step {step} of laser {laser!r} ({cause})")
-        return self._stored(row, project).decode()
+        return self._unpacker.stored(row, project).decode()
 
     def angles(self, laser: str | None = None) -> Floats:
         """(n,) rad, the table's angle of each frame in the order of `frames`; NaN where unknown."""
@@ -334,15 +331,14 @@ class Scan:
         row = self._index.textures.get(step)
         if row is None:
             raise InputError(f"{self.path}: no texture at step {step}")
-        where = f"{self.path}: {row}"
-        picture, _ = decode(self._payload(row), _whole(self.plan), "none", None, None, where)
-        settings = settings_from_json(row.settings, where)
+        settings = settings_from_json(row.settings, f"{self.path}: {row}")
+        picture = self._unpacker.whole(row)
         return Frame(step, "", picture, commanded=row.commanded, time=row.time, settings=settings)
 
     def damaged(self) -> list[tuple[str, int, int]]:
         """Laser, step and exposure of every frame whose pixels are not what was stored."""
         rows = self._index.in_order(None)
-        return [(r.laser, r.step, r.exposure) for r in rows if _trouble(partial(self._decode, r))]
+        return [(r.laser, r.step, r.exposure) for r in rows if _trouble(partial(self._check, r))]
 
     @property
     def being_written(self) -> bool:
@@ -359,14 +355,7 @@ class Scan:
 
     def background(self, laser: str) -> Image | None:
         """(H, W) or (H, W, 3): what the frames of a laser refer to as dark, or None."""
-        self._index.known(laser)
-        row = self._index.backgrounds.get(laser)
-        if row is not None and laser not in self._pictures:
-            where = f"{self.path}: {row}"
-            payload = self._payload(row)
-            picture, _ = decode(payload, _whole(self.plan), "none", None, None, where)
-            self._pictures[laser] = _read_only(picture)
-        return self._pictures.get(laser)
+        return self._unpacker.background(laser)
 
     @property
     def complete(self) -> bool:
@@ -384,43 +373,15 @@ class Scan:
         for laser, row in self._index.backgrounds.items():
             yield str(row), _trouble(partial(self.background, laser))
         for row in self._index.in_order(None):
-            yield str(row), _trouble(partial(self._decode, row))
+            yield str(row), _trouble(partial(self._check, row))
         for step, row in sorted(self._index.textures.items()):
             yield str(row), _trouble(partial(self.texture, step))
         yield "the log of edits", _trouble(self.edits)
 
     # Inside
 
-    def _decode(self, row: Row) -> Frame:
-        return self._stored(row, None).decode()
-
-    def _stored(self, row: Row, project: Project | None) -> Stored:
-        if self.plan.channels == 1:
-            project = None
-        background = None
-        if dark_of(row) == "background":
-            background = self._ground(row, project)
-        where = f"{self.path}: {row}"
-        scale = 1.0 if project is None else self._scale(project)
-        return Stored(row, self._payload(row), self.plan, background, project, scale, where)
-
-    def _ground(self, row: Row, project: Project | None) -> Background:
-        if self._shared is None or self._shared[:2] != (row.laser, project):
-            picture = self.background(row.laser)
-            if picture is None:
-                raise ScanCorrupt(f"{self.path}: damaged: the background of {row} is gone")
-            self._shared = (row.laser, project, Background(picture, project))
-        return self._shared[2]
-
-    def _scale(self, project: Project) -> float:
-        """What a projection makes of one grey level of the signal; it is linear up to a shift."""
-        if self._scales is None or self._scales[0] is not project:
-            weights = np.array(self.plan.weights)
-            top = np.iinfo(self.plan.dtype).max
-            ends = np.where(np.stack([weights > 0, weights < 0]), top, 0).astype(self.plan.dtype)
-            low, high = (float(v) for v in project(ends[::-1].reshape(1, 2, 3))[0])
-            self._scales = (project, (high - low) / float(np.abs(weights).sum() * top))
-        return self._scales[1]
+    def _check(self, row: Row) -> None:
+        self._unpacker.stored(row, None).decode()
 
     def _payload(self, row: Row) -> bytes:
         with self._thread:
@@ -514,8 +475,3 @@ def _whole(plan: ScanPlan) -> ScanPlan:
 def _kind(shape: tuple[int, ...], dtype: str) -> str:
     colour = "colour" if len(shape) == 3 else "grey"
     return f"{shape[1]}×{shape[0]} {colour} {dtype}"
-
-
-def _read_only(picture: Any) -> Any:
-    picture.flags.writeable = False
-    return picture
