@@ -30,21 +30,18 @@ from turnscan.stripes._list import (
     find_kin,
     list_candidates,
 )
-from turnscan.stripes._measure import (
+from turnscan.stripes._measure import HALF_WINDOW, accumulate, centre_window, variance_of
+from turnscan.stripes._scan import PEAKS, first_pass, usual_peak
+from turnscan.stripes._strategies import (
     BLAIS_RIOUX,
     CENTROID,
-    HALF_WINDOW,
     MEDIAN,
     NOISE_FACTOR,
     PHASE_ERROR,
     WINDOW,
-    accumulate,
     by_strategy,
-    centre_window,
     fill,
-    variance_of,
 )
-from turnscan.stripes._scan import PEAKS, first_pass, usual_peak
 
 SATURATED, HALO, EDGE = 8, 16, 32
 

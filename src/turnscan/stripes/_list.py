@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from turnscan.stripes._measure import WINDOW
 from turnscan.stripes._scan import (
     FWHM,
     HIGH,
@@ -20,6 +19,7 @@ from turnscan.stripes._scan import (
     merge_peaks,
     move_peak,
 )
+from turnscan.stripes._strategies import WINDOW
 
 SPARE = 4.0
 """Pixels beside the seed that a measurement may look at, in rms widths, and …"""

@@ -1,8 +1,7 @@
-"""One candidate → its centre, width, amplitude and uncertainty: the kernels of the strategies.
+"""One candidate → its window: centre, width, background, on running sums of its pixels.
 
-``light`` is a buffer of one line; ``left`` and ``right`` are the outermost pixels that belong to
-the candidate (the valleys towards its neighbours). The window works on running sums, so that a
-turn costs the same however wide the stripe is.
+``left`` and ``right`` are the outermost pixels that belong to the candidate (the valleys towards
+its neighbours). On running sums a turn of the window costs the same however wide the stripe is.
 """
 # mypy: disable-error-code="untyped-decorator,no-any-return"
 
@@ -14,8 +13,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-WINDOW, MAXIMUM, CENTROID, MEDIAN, PARABOLA, GAUSS3, SQUARED, BLAIS_RIOUX = range(8)
-
 HALF_WINDOW = 2.5
 """Half window in rms widths (ALGORITHMS: noise and truncation balance near 2.5)."""
 MIN_HALF_WINDOW = 0.9
@@ -25,11 +22,6 @@ FLANK = 4
 """Pixels on each side, one px away from the window, that give the background."""
 FLANK_DIFFERENCE = 4.0 / math.sqrt(0.5 * FLANK)
 """Difference of the two flanks that is more than noise: four of its own sigmas, in pixel noise."""
-
-# How much noisier than the window each strategy is, and its error from the phase of the pixels
-# (px), so that the claimed sigma stays honest (docs/explain/stripes.md has the measured figures).
-NOISE_FACTOR = (1.0, 4.0, 1.25, 1.45, 3.5, 3.5, 1.4, 1.4)
-PHASE_ERROR = (0.005, 0.29, 0.055, 0.04, 0.08, 0.06, 0.02, 0.012)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -200,113 +192,3 @@ def centre_window(
     second = max(s2 * part - (s1 * part) ** 2, 0.02)
     gain = 1.0 / (1.0 - min(max(h * (ends - 2.0 * pedestal) * part, 0.0), 0.5))
     return c, h, s0, second, pedestal, gain
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def fill(
-    light: Any, lit: Any, dark: Any, v: int, w: int, base: float, first: int, stop: int
-) -> None:
-    """Put the light of the pixels first … stop-1 of a line into the buffer."""
-    for x in range(first, stop):
-        light[x] = np.float64(np.int64(lit[v, x]) - np.int64(dark[w, x])) - base
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def run_above(light: Any, seed: int, left: int, right: int, threshold: float) -> Any:
-    """First and last pixel above the threshold around the seed, within the candidate."""
-    first = seed
-    while first > left and light[first - 1] > threshold:
-        first -= 1
-    last = seed
-    while last < right and light[last + 1] > threshold:
-        last += 1
-    return first, last
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def weighted(light: Any, first: int, last: int, power: int) -> float:
-    """Centre of gravity of the light, or of its square, over a run."""
-    total = 0.0
-    moment = 0.0
-    for x in range(first, last + 1):
-        q = light[x] if power == 1 else light[x] * max(light[x], 0.0)
-        total += q
-        moment += q * x
-    return moment / total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def energy_median(light: Any, first: int, last: int) -> float:
-    """The point with half the light on each side, the light spread evenly over each pixel."""
-    total = 0.0
-    for x in range(first, last + 1):
-        total += light[x]
-    passed = 0.0
-    for x in range(first, last + 1):
-        if passed + light[x] >= 0.5 * total:
-            return x - 0.5 + (0.5 * total - passed) / light[x]
-        passed += light[x]
-    return float(last)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def three_point(light: Any, seed: float, left: int, right: int, logarithm: bool) -> float:
-    """Vertex of the parabola through three pixels, or through their logarithms (a Gaussian)."""
-    x = int(seed)
-    if x != seed or x <= left or x >= right:
-        return seed
-    a, b, d = light[x - 1], light[x], light[x + 1]
-    if logarithm:
-        if min(a, b, d) <= 0.0:
-            return seed
-        a, b, d = math.log(a), math.log(b), math.log(d)
-    bend = a - 2.0 * b + d
-    if bend >= 0.0:
-        return seed
-    return seed + 0.5 * (a - d) / bend
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def blais_rioux(light: Any, seed: float, half: float, left: int, right: int) -> float:
-    """Zero crossing, nearest to the seed, of the pixels ahead minus as many behind.
-
-    Four on each side, as in Blais & Rioux 1986, or more on a stripe so wide (``half``, rms px) that
-    four would see nothing but its flat top.
-    """
-    arm = max(4, int(1.2 * half) + 1)
-    best = seed
-    distance = arm + 0.0
-    before = 0.0
-    for x in range(max(left + arm, int(seed) - arm - 1), min(right - arm, int(seed) + arm + 2) + 1):
-        f = 0.0
-        for k in range(1, arm + 1):
-            f += light[x + k] - light[x - k]
-        if before > 0.0 >= f:
-            crossing = x - 1 + before / (before - f)
-            if abs(crossing - seed) < distance:
-                best = crossing
-                distance = abs(crossing - seed)
-        before = f
-    return best
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def by_strategy(
-    light: Any, strategy: int, seed: float, half: float, left: int, right: int, threshold: float
-) -> float:
-    """Centre by any strategy but the window; ``seed`` is the middle of the highest plateau.
-
-    ``half`` is the rms width that belongs to the width at half height, px.
-    """
-    if strategy == MAXIMUM:
-        return seed
-    if strategy == PARABOLA:
-        return three_point(light, seed, left, right, False)
-    if strategy == GAUSS3:
-        return three_point(light, seed, left, right, True)
-    if strategy == BLAIS_RIOUX:
-        return blais_rioux(light, seed, half, left, right)
-    first, last = run_above(light, int(seed), left, right, threshold)
-    if strategy == MEDIAN:
-        return energy_median(light, first, last)
-    return weighted(light, first, last, 2 if strategy == SQUARED else 1)
