@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-AIM, LIMIT = 300, 600
+AIM, LIMIT = 300, 570
 
 
 def main() -> int:
     """Print modules over the aim; return 1 when one is over the limit."""
     root = Path(__file__).parents[2]
-    sizes = {p: len(p.read_text().splitlines()) for p in (root / "src").rglob("*.py")}
+    modules = (p for room in ("src", "bench") for p in (root / room).rglob("*.py"))
+    sizes = {p: len(p.read_text().splitlines()) for p in modules}
     for path, lines in sorted(sizes.items(), key=lambda item: -item[1]):
         if lines > AIM:
             verdict = "too long" if lines > LIMIT else "over the aim"
