@@ -68,3 +68,11 @@ def test_both_ends_are_holes_with_the_right_cause(run: Run) -> None:
     assert known >= 1
     assert right == known
     assert {h.cause for h in run.both.holes} <= {"laser", "camera", "outside", "removed"}
+
+
+def test_the_light_of_points_that_were_taken_away_is_kept_for_the_causes(run: Run) -> None:
+    for sought in run.both.sought:
+        assert sought.light is not None
+        known = ~np.isnan(sought.light)
+        assert known[sought.grid.found].all()
+        assert (known & ~sought.grid.found).any()
