@@ -83,10 +83,16 @@ export async function stepMark(steps: number, alongLines: number): Promise<void>
     void markPlace(gridShown.value, grid.steps[0], Math.floor(grid.lines / 2));
     return;
   }
-  const s = grid.steps.length;
-  const row = grid.row(at.step) + steps;
-  const wrapped = grid.header.closed ? (row + s) % s : Math.max(0, Math.min(s - 1, row));
   const line = Math.max(0, Math.min(grid.lines - 1, at.line + alongLines));
+  if (!steps) {
+    void markPlace(at.grid, at.step, line);
+    return;
+  }
+  const s = grid.steps.length;
+  const before = grid.steps.filter((step) => step < at.step).length;
+  // A profile that is switched off has no row: the next one stands in its place.
+  const row = before + (grid.row(at.step) < 0 && steps > 0 ? steps - 1 : steps);
+  const wrapped = grid.header.closed ? (row + s) % s : Math.max(0, Math.min(s - 1, row));
   void markPlace(at.grid, grid.steps[wrapped], line);
 }
 
