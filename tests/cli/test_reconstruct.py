@@ -57,8 +57,9 @@ def test_a_scan_becomes_files_that_agree(scan_path, tmp_path):
     body = json.loads(report.read_text())
     assert body["closed"] is True
     assert body["volume_mm3"] == pytest.approx(volumes[0], rel=1e-9)
+    assert 0 < body["volume_sigma_mm3"] < 0.1 * volumes[0], "the lid may be anywhere"
     assert body["lasers"][0]["profiles"] == STEPS
-    assert "volume" in result.stdout
+    assert f" ± {body['volume_sigma_mm3']:.3g} mm³" in result.stdout
     assert "surface.caps" in result.stderr
     measured = json.loads(run("measure", out[0], "--cylinder", "--json").stdout)
     assert measured["closed"] is True

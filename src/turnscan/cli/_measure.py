@@ -12,7 +12,7 @@ import numpy as np
 from turnscan.cli._input import read_mesh_file
 from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
-from turnscan.shapes import PlaneAngle, PlaneRegion, find_planes, plane_angles
+from turnscan.shapes import PlaneAngle, PlaneRegion, find_planes, plane_angles, volume_sigma
 from turnscan.surface import Mesh, is_closed
 
 _SQUARE = np.deg2rad(20.0)
@@ -70,12 +70,14 @@ def verb(
 
 def _whole(mesh: Mesh) -> dict[str, Any]:
     closed = is_closed(mesh)
+    known = volume_sigma(mesh).total if closed else np.nan
     return {
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "bounds_mm": mesh.bounds.tolist(),
         "closed": closed,
         "volume_mm3": mesh.volume if closed else None,
+        "volume_sigma_mm3": known if np.isfinite(known) else None,
     }
 
 
@@ -139,7 +141,10 @@ def _cylinder(mesh: Mesh) -> dict[str, Any]:
 def _text(r: dict[str, Any]) -> list[str]:
     low, high = r["bounds_mm"]
     size = " × ".join(f"{b - a:.3f}" for a, b in zip(low, high, strict=True))
-    volume = f"volume {r['volume_mm3']:.3f} mm³" if r["closed"] else "not closed, so no volume"
+    wide = "" if r["volume_sigma_mm3"] is None else f" ± {r['volume_sigma_mm3']:.3g}"
+    volume = (
+        f"volume {r['volume_mm3']:.3f}{wide} mm³" if r["closed"] else "not closed, so no volume"
+    )
     lines = [f"{r['vertices']} vertices, {r['faces']} faces, {size} mm, {volume}"]
     for number, p in enumerate(r.get("planes", ()), start=1):
         normal = ", ".join(f"{x:+.4f}" for x in p["normal"])
