@@ -59,7 +59,7 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[
     and in the volume, did the camera see it and did the light reach it, past the measured surface?
     Where both did, the frame says what was wrong with the light of that line. The place votes for
     what came nearest to a measurement; the most votes decide. What neither reached counts for
-    hidden from either.
+    hidden from either. For the two ends of a bore (`through`) its wall is asked instead.
     """
     if not found or not views:
         return list(found)
