@@ -209,7 +209,7 @@ def report() -> None:
     """
     with tempfile.TemporaryDirectory() as name:
         scan, page = Path(name) / "bracket.turnscan", Path(name) / "report.html"
-        words = ["simulate", "bracket", "--lasers", "1", "--steps", "120", "-o", str(scan)]
+        words = ["simulate", "bracket", "--lasers", "1", "--steps", "100", "-o", str(scan)]
         turnscan(words, standalone_mode=False)
         words = ["reconstruct", str(scan), "-o", str(scan.with_suffix(".stl")), "--close"]
         turnscan([*words, "--report", str(page)], standalone_mode=False)
