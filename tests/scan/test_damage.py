@@ -267,7 +267,8 @@ def test_strange_payloads_with_right_checksums(tmp_path: Path, seed: int) -> Non
     """Whatever a stranger wrote into the runs: pixels of the right shape, or a named error."""
     import zstandard
 
-    from turnscan.scan._codec import decode, encode, signal_of
+    from turnscan.scan._codec import decode, encode
+    from turnscan.scan._signal import signal_of
 
     rng = random.Random(seed)
     lit, dark = stripe_pair(0)

@@ -1,13 +1,7 @@
 """The scan file and the pictures that go into it: the only code that writes one."""
 
 from turnscan.json_text import strict_json
-from turnscan.scan._codec import (
-    LEAST_THRESHOLD,
-    NOISE_FACTOR,
-    packed_size,
-    signal_of,
-    statistics,
-)
+from turnscan.scan._codec import packed_size
 from turnscan.scan._edit_log import LogEntry
 from turnscan.scan._file import Scan
 from turnscan.scan._fit import lit_in, rig_for
@@ -23,6 +17,7 @@ from turnscan.scan._pictures import (
 )
 from turnscan.scan._plan import Frame, Keep, ScanPlan, Setting
 from turnscan.scan._replace import replacing_scan
+from turnscan.scan._signal import LEAST_THRESHOLD, NOISE_FACTOR, signal_of, statistics
 from turnscan.scan._stored import Stored
 
 __all__ = [

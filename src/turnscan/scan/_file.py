@@ -21,13 +21,7 @@ from turnscan.errors import InputError, ScanCorrupt, ScanError
 from turnscan.rig import Rig, rig_from_json, rig_to_json
 from turnscan.scan import _database as database
 from turnscan.scan import _edit_log as edit_log
-from turnscan.scan._codec import (
-    Dark,
-    Project,
-    encode,
-    signal_of,
-    statistics,
-)
+from turnscan.scan._codec import Dark, Project, encode
 from turnscan.scan._database import Row, transaction
 from turnscan.scan._edit_log import LogEntry
 from turnscan.scan._index import Index, form_of
@@ -41,6 +35,7 @@ from turnscan.scan._plan import (
     settings_from_json,
     settings_to_json,
 )
+from turnscan.scan._signal import signal_of, statistics
 from turnscan.scan._storage import storage
 from turnscan.scan._stored import Stored
 from turnscan.scan._unpack import Unpacker
