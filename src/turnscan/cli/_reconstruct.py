@@ -39,7 +39,7 @@ _path = click.Path(path_type=Path)
     type=_path,
     multiple=True,
     required=True,
-    help="File to write; the suffix names the format (.dxf .stl .ply .obj .xyz). May be repeated.",
+    help="File to write, may be repeated; by suffix: .dxf .stl .ply .obj .3mf .glb .xyz.",
 )
 @click.option("--rig", "rig_path", type=_path, help="rig.json; without it the scan file's own.")
 @settings_options

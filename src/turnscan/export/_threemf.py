@@ -121,7 +121,7 @@ def read_3mf(data: bytes) -> Mesh:
             require("3MF", plain, f"compression {info.compress_type} is not one of 3MF")
             with file.open(info) as text:
                 model.parser.ParseFile(text)
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as e:
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError) as e:
         raise _bad(str(e)) from None
     except expat.ExpatError as e:
         raise _bad(str(e)) from None
