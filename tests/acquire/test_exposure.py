@@ -45,7 +45,7 @@ class Bench:
         return out.astype(np.uint8) if self.bits == 8 else (out * 257).astype(np.uint16)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     light=st.floats(1e3, 1e6),
     start=st.floats(3e-4, 0.3),

@@ -25,7 +25,7 @@ def codes(model: object) -> set[str]:
     return {f.code for f in model.findings}  # type: ignore[attr-defined]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     step=st.floats(0.3, 40).flatmap(lambda s: st.sampled_from([s, -s])),
     start=st.floats(-3, 3),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from turnscan.devices import image_of
@@ -27,7 +27,6 @@ def gev_packed(values: list[int], bits: int) -> bytes:
     return bytes(out)
 
 
-@settings(deadline=None)
 @given(st.data(), st.sampled_from([10, 12]), st.sampled_from(["p", "Packed", ""]))
 def test_packed_and_unpacked_pixels_come_back(data: st.DataObject, bits: int, packing: str) -> None:
     width, height = 2 * data.draw(st.integers(1, 7)), data.draw(st.integers(1, 5))

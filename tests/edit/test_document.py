@@ -172,7 +172,6 @@ class Session(RuleBasedStateMachine):
 Session.TestCase.settings = settings(
     max_examples=1000,
     stateful_step_count=6,
-    deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
 TestSession = Session.TestCase

@@ -41,7 +41,7 @@ def meshes(draw: st.DrawFn) -> Mesh:
 
 @pytest.mark.parametrize("suffix", EXPORTERS)
 @given(mesh=meshes(), options=st.sampled_from(CHOICES))
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40)
 def test_odd_coordinates_survive(suffix: str, mesh: Mesh, options: ExportOptions) -> None:
     data = export(mesh, suffix, options=options)
     found = audit(data, mesh, suffix, options=options)

@@ -91,7 +91,7 @@ def test_gaps_and_jumps_stay_open() -> None:
     assert (np.minimum(np.abs(r - 30), np.abs(r - 60)) < 0.1).all(), "nothing between the two"
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     pitch=st.floats(0.5, 30.0),
     missing=st.floats(0.0, 0.9),

@@ -237,7 +237,7 @@ def test_equal_arc_length():
     assert np.array_equal(p[0], arc[0, 0])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 10_000), spacing=st.floats(0.3, 5), by=st.sampled_from(["height", "arc"])
 )

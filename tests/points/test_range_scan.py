@@ -98,7 +98,7 @@ def test_sizes_are_checked_before_anything_is_made():
         range_scan_from_ply(cyberware().replace(b"vertex 4", b"vertex 99999999999"))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     form=st.sampled_from(["ascii", "binary_little_endian"]),
     at=st.integers(0, 400),

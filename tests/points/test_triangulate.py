@@ -23,7 +23,7 @@ BENT = {
 }
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     theta=st.floats(0.15, 1.0),
     pan=st.floats(-0.1, 0.1),

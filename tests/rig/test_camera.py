@@ -62,7 +62,7 @@ lens = st.tuples(
 
 
 @given(lens, st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_pixel_to_ray_and_back(k: Any, tilt_x: float, tilt_y: float) -> None:
     camera = _camera(list(k), (tilt_x, tilt_y))
     pixels = _grid(camera)
@@ -75,7 +75,7 @@ def test_pixel_to_ray_and_back(k: Any, tilt_x: float, tilt_y: float) -> None:
 
 
 @given(lens)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_ray_to_pixel_and_back(k: Any) -> None:
     """What the camera can project, it finds again: the fold is the same both ways."""
     camera = _camera(list(k))

@@ -208,7 +208,7 @@ def test_unknown_preset() -> None:
     offset=st.floats(-50, 50),
     columns=st.integers(1, 3000),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_design_is_refused_or_has_finite_figures(**values: Any) -> None:
     try:
         d = replace(design_preset("paper"), **values)

@@ -87,7 +87,7 @@ def _bits(value: Any) -> Any:
 
 
 @given(rigs())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_rig_survives_its_file_to_the_bit(rig: Rig) -> None:
     text = rig_to_json(rig)
     back = rig_from_json(text)
@@ -212,14 +212,14 @@ def test_a_huge_text_is_refused_unread() -> None:
 
 
 @given(st.text(max_size=60) | st.binary(max_size=60).map(lambda b: b.decode("latin-1")))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_any_text_is_refused_politely(text: str) -> None:
     with pytest.raises(FormatError):
         rig_from_json(text)
 
 
 @given(st.integers(0, 2000), st.sampled_from(list('{}[]",:e-9')))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_one_wrong_character_is_a_rig_or_a_named_error(where: int, character: str) -> None:
     text = rig_to_json(design_preset("paper").rig())
     where %= len(text)

@@ -40,7 +40,7 @@ def _pixels(d: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @given(designs)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_closed_form_equals_the_full_rig(values: dict[str, float]) -> None:
     d = _design(values)
     rig = d.rig(height=37.0, both=True)
@@ -66,7 +66,7 @@ def test_closed_form_equals_the_full_rig(values: dict[str, float]) -> None:
 
 
 @given(designs)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_there_and_back(values: dict[str, float]) -> None:
     d = _design(values)
     _, x, y = _pixels(d)

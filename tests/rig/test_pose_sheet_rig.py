@@ -26,7 +26,7 @@ poses = st.builds(lambda r, t: Pose(rotation_from_vector(r), 100 * t), vectors, 
 
 
 @given(poses, poses, poses)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_pose_algebra(T_ab: Pose, T_bc: Pose, T_cd: Pose) -> None:
     x = np.array([[1.0, -2.0, 3.0], [40.0, 0.0, -7.0]])
     np.testing.assert_allclose((T_ab @ T_bc).apply(x), T_ab.apply(T_bc.apply(x)), atol=1e-9)
@@ -68,7 +68,7 @@ bows = hnp.arrays(float, 3, elements=st.floats(-2e-4, 2e-4))
 
 
 @given(bows, st.floats(-0.8, 0.8), st.floats(-0.3, 0.3))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_rays_meet_the_bent_sheet(bow: np.ndarray, turn: float, lean: float) -> None:
     normal = rotation_from_vector([lean, turn, 0.0]) @ [1.0, 0.0, 0.0]
     sheet = LaserSheet("red", normal, [5.0, -3.0, 420.0], bow)

@@ -293,7 +293,7 @@ def test_off_always_transmits(dialect: str, state: str) -> None:
         assert not socket.firmware.lit
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12, suppress_health_check=list(HealthCheck))
 @given(
     st.lists(st.sampled_from(["light", "dark", "move", "off", "thread"]), min_size=3, max_size=8)
 )
@@ -505,7 +505,7 @@ def test_a_door_that_opens_while_turning() -> None:
 # S9
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, suppress_health_check=list(HealthCheck))
 @given(st.floats(allow_nan=True), st.text(max_size=6))
 def test_no_lease_and_no_name_out_of_range(
     quiet: tuple[Any, Socket], lease: float, name: str

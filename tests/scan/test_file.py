@@ -101,9 +101,7 @@ def test_what_is_kept_comes_back_to_the_bit(
             assert (rest <= level + plan.threshold).all()
 
 
-@settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_pixels_any_shape(tmp_path: Path, data: st.DataObject) -> None:
     draw = data.draw

@@ -28,7 +28,7 @@ def _exact(p: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_signed_distance_from_a_cube_is_exact(seed: int) -> None:
     p = np.random.default_rng(seed).uniform(-2, 4, (40, 3))

@@ -17,7 +17,7 @@ def frame(seed):
     return rng, rotation_from_vector(rng.normal(0, 1.2, 3)), rng.normal(0, 50, 3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_exact_points_give_exact_shapes(seed):
     rng, R, shift = frame(seed)

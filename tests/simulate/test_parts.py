@@ -70,7 +70,7 @@ def test_the_cups_wall_is_as_thick_as_stated() -> None:
 
 
 @given(st.floats(0.5, 30.0))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_bisection_keeps_the_surface(longest: float) -> None:
     mesh = part("hexagon").mesh
     fine = bisected(mesh, longest)

@@ -93,7 +93,7 @@ def test_neighbouring_pixels_and_seeds_are_independent() -> None:
         assert abs(np.corrcoef(x.ravel(), y.ravel())[0, 1]) < 0.015
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.floats(0, 1e5), st.integers(-(2**70), 2**70), st.sampled_from(["ccd", "cmos", "web"]))
 def test_any_light_gives_a_picture_of_the_right_kind(level: float, seed: int, kind: str) -> None:
     sensor = {"ccd": ccd_1990s(), "cmos": cmos_imx264(), "web": webcam()}[kind]

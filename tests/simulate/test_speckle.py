@@ -190,7 +190,7 @@ def test_keys_belong_to_the_object() -> None:
     assert (cell_keys(points + 0.05, 0.05) != keys).mean() > 0.99
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(0, 1))
 def test_shares_have_the_contrast_and_sum_to_one(wanted: float) -> None:
     plain, shares = pattern_weights(wanted)

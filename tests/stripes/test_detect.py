@@ -225,7 +225,7 @@ def test_saturation_is_learned_or_given() -> None:
 
 
 @given(seed=st.integers(0, 1000), sigma=st.floats(0.8, 4.0), sixteen=st.booleans())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_horizontal_is_vertical_turned(seed: int, sigma: float, sixteen: bool) -> None:
     lit, dark, _ = stripe_picture(seed=seed, sigma=sigma)
     if sixteen:
@@ -238,7 +238,7 @@ def test_horizontal_is_vertical_turned(seed: int, sigma: float, sixteen: bool) -
 
 
 @given(shift=st.integers(-25, 25), down=st.integers(0, 20), seed=st.integers(0, 100))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_the_stripe_moves_with_the_picture(shift: int, down: int, seed: int) -> None:
     lit, dark, _ = stripe_picture(seed=seed)
     here = detect(lit, dark)
@@ -251,7 +251,7 @@ def test_the_stripe_moves_with_the_picture(shift: int, down: int, seed: int) -> 
 
 
 @given(gain=st.integers(2, 200), seed=st.integers(0, 100))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_more_light_changes_the_amplitude_only(gain: int, seed: int) -> None:
     lit, dark, _ = stripe_picture(seed=seed)
     lit, dark = lit.astype(np.uint16), dark.astype(np.uint16)
@@ -273,7 +273,7 @@ def test_more_light_changes_the_amplitude_only(gain: int, seed: int) -> None:
     ),
     paired=st.booleans(),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_picture_gives_a_valid_stripe(
     data: int, height: int, width: int, choice: Any, strategy: Any, paired: bool
 ) -> None:

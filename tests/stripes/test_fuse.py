@@ -105,7 +105,7 @@ def test_what_clips_in_the_shortest_is_said() -> None:
     assert not fused.image.flags.writeable
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.permutations(range(3)), st.integers(0, 2**32 - 1), st.booleans())
 def test_the_order_of_the_pictures_does_not_matter(
     order: list[int], seed: int, colour: bool

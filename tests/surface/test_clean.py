@@ -109,7 +109,7 @@ def test_a_patch_that_floats_goes_and_a_large_one_stays():
     assert large.found[4:14, 45:55].all()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
 def test_nothing_is_moved_or_invented_and_the_rest_is_stable(seed, share):
     grid = wall(12, 14, 0.02, 1)

@@ -65,7 +65,7 @@ def test_sections_beside_and_within_each_other() -> None:
     assert area(done, ~done.measured) == pytest.approx(ring, rel=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda n: np.linalg.norm(n) > 0.1),
     st.floats(-0.9, 0.9),

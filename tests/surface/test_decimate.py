@@ -158,7 +158,7 @@ def test_what_was_not_measured_stays_marked_and_its_border_in_place() -> None:
     assert added == pytest.approx(before, rel=0.01)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 10_000),
     missing=st.floats(0, 0.6),

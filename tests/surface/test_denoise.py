@@ -77,7 +77,7 @@ def test_edges_keep_their_place(name: str) -> None:
     assert np.abs(plain - truth[..., 0])[INNER][beside].mean() > 3 * np.abs(near).mean()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 10_000),
     missing=st.floats(0, 0.9),

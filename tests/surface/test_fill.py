@@ -174,7 +174,7 @@ def test_a_long_border_is_spanned_too():
     assert soundness(done) == []
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32 - 1),
     steps=st.integers(3, 12),

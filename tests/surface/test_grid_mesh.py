@@ -174,7 +174,7 @@ def random_grid(seed, steps, lines, missing, closed, behind):
     )  # fmt: skip
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     seed=st.integers(0, 10_000),
     steps=st.integers(1, 12),
@@ -267,7 +267,7 @@ def test_a_sigma_larger_than_the_surface_shows_excuses_no_long_side():
     assert components(mesh).max() == 1
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(step_deg=st.floats(1.0, 40.0), start=st.floats(0.0, 360.0))
 def test_the_seam_closes_whatever_the_step(step_deg, start):
     """360° need not be a whole number of steps: the last gap is a smaller one."""

@@ -115,7 +115,7 @@ def fluted(name, seed, noise):
     return replace(grid, laser=name, points=grid.points + more[..., None] * out[:, None])
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     order=st.permutations(range(3)),
     noise=st.lists(st.floats(0.01, 0.1), min_size=3, max_size=3),
