@@ -45,7 +45,7 @@ SAMPLES: list[Edit] = [
     edit.Fill((edit.HoleName((1.0, 2.0, 3.0), 4.0),), "curvature", 9.0),
     edit.BridgeSides((0.0, 0.0, 1.0), (5.0, 0.0, 1.0)),
     edit.BridgeHoles(edit.HoleName((1.0, 2.0, 3.0), 4.0), edit.HoleName((1.0, 2.0, 9.0), 4.0)),
-    edit.Close(None, 3.0, "fan", None, 2.0),
+    edit.Close(None, 3.0, "open", "fan", None, 2.0),
     edit.Cut((0.0, 0.6, 0.8), -3.5, False),
     edit.Decimate(0.05, 4000),
     edit.Smooth(REGION, 3, 0.5),

@@ -473,6 +473,33 @@ def test_a_door_that_opens_while_lit(stubborn: bool) -> None:
     assert min(dark) < 0.1, dark
 
 
+def relit(device: Any, socket: Socket) -> bool:
+    """Whether an order that comes before the scanner has heard of the door lights a laser."""
+    device.light(frozenset({"a"}), 2.0)
+    lit = sum(bool(entry.outputs) for entry in socket.firmware.log)
+    socket.firmware.say(b"[MSG:Check Door]\r\n")
+    until(lambda: not socket.firmware.lit)
+    with suppress(InterlockOpen):
+        device._link.light(1, 2.0)
+    return sum(bool(entry.outputs) for entry in socket.firmware.log) > lit
+
+
+def test_nothing_is_lit_after_a_door_before_the_scanner_has_heard_of_it() -> None:
+    with plugged("grbl") as (device, socket):
+        assert not relit(device, socket)
+        with pytest.raises(InterlockOpen):
+            device.light(frozenset({"a"}), 2.0)
+        device.acknowledge()
+        device.light(frozenset({"a"}), 2.0)
+        assert socket.firmware.lit
+
+
+def test_a_guard_that_forgets_the_door_is_found(mutant: Callable[..., Path]) -> None:
+    script = mutant("if mask and self._barred:", "if False:")
+    with plugged("grbl", script=script) as (device, socket):
+        assert relit(device, socket)
+
+
 def test_a_guard_deaf_to_the_door_is_found(mutant: Callable[..., Path]) -> None:
     with plugged("grbl", script=mutant(' or b"Door" in data', "")) as (device, socket):
         device.light(frozenset({"a"}), 2.0)

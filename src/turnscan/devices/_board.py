@@ -264,6 +264,7 @@ class Board(ABC):
         mask = sum(1 << i for i, name in enumerate(self.names) if name in lit)
         self._lit = self._lit | lit
         self._link.light(mask, lease)
+        self._lines.expect_nothing()  # a door that opened while it was lit
         self._lit = lit
 
     def _leg(self, target: int, end: float) -> None:

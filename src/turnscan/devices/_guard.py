@@ -1,8 +1,8 @@
 """The laser guard: a tiny process that owns the port and goes dark whenever in doubt.
 
 It runs as a script of its own, so it imports nothing but the standard library and pyserial (and,
-for an instrument, PyVISA). The
-scanner talks to the port only through it, in checked frames on its standard input and output:
+for an instrument, PyVISA). The scanner talks to the port only through it, in checked frames on its
+standard input and output:
 
     scanner → guard   W bytes to the port            L seq, lease, mask of the lasers to light
                       D seq: dark, from any state    E lease: what is lit may stay so long
@@ -11,9 +11,10 @@ scanner talks to the port only through it, in checked frames on its standard inp
                       A seq, result, what it heard  U the port is gone
 
 The lasers go dark on the end of its input (the scanner died, however), when a lease runs out that
-nobody renewed, and on any frame that does not check. No lease is longer than 2 s. These are the
-only bytes in turnscan that light a laser, and nothing else can send them: a W frame with such a
-line is refused.
+nobody renewed, on any frame that does not check, and when the board tells of an alarm or an open
+door; after that nothing is lit before the scanner itself has asked for dark. No lease is longer
+than 2 s. These are the only bytes in turnscan that light a laser, and nothing else can send them: a
+W frame with such a line is refused.
 """
 
 from __future__ import annotations
@@ -280,6 +281,8 @@ class Guard:
         self._lit, self._sure = False, False
         self._lease_end = self._last_end = 0.0
         self._leave = False
+        self._barred = b""
+        """What made it go dark by itself; nothing is lit until the scanner has said dark, too."""
         self._hurry = threading.Event()
         """Set while the scanner waits for dark: nothing else is sent any more."""
 
@@ -349,6 +352,7 @@ class Guard:
             self._tell(b"R", data)
             if self._lit and (b"ALARM" in data or b"Door" in data):
                 self._dark(0, DONE)
+                self._barred = data[-256:]
         elif source == "end" or kind == b"Q":
             self._leave = True
         elif kind == b"W":
@@ -358,6 +362,7 @@ class Guard:
         elif kind == b"L":
             self._light(*struct.unpack("<IdB", payload))
         elif kind == b"D":
+            self._barred = b""
             self._dark(struct.unpack("<I", payload)[0], DONE)
 
     def _pass_on(self, data: bytes) -> None:
@@ -373,6 +378,9 @@ class Guard:
     def _light(self, seq: int, lease: float, mask: int) -> None:
         if not 0.0 < lease <= LONGEST_LEASE or mask >> len(self._set.outputs):
             self._dark(seq, FAILED)
+            return
+        if mask and self._barred:
+            self._dark(seq, FAILED, self._barred)
             return
         if mask:  # counted as lit from before the first byte
             self._lit, self._sure = True, False

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from turnscan.devices._link import Link
 
 
+_REST = 0.05
+"""s to wait for the end of a line that nobody asked for, so that it can be understood."""
+
+
 class Lines:
     """Bytes of a link into lines; never more than ``longest`` bytes of one."""
 
@@ -26,9 +30,12 @@ class Lines:
             pass
 
     def expect_nothing(self) -> None:
-        """Before a command: raises DeviceGarbled where something came that nobody asked for."""
+        """Raises what it means that something came that nobody asked for; else DeviceGarbled."""
         while data := self._link.read(0.0):
             self._bytes += data[: self._longest]
+        end = time.monotonic() + _REST
+        while self._bytes and not self._bytes.endswith(b"\n") and time.monotonic() < end:
+            self._bytes += self._link.read(end - time.monotonic())[: self._longest]
         left = bytes(self._bytes).strip()
         self._bytes.clear()
         if left:

@@ -112,6 +112,7 @@ class GuardedLink:
         self._lapsed = False
         self._maybe_lit = threading.Event()
         self._closing = threading.Event()
+        self._alone = threading.Lock()
         self._guard = subprocess.Popen(  # noqa: S603 (our own script, no shell)
             [sys.executable, "-I", str(script), json.dumps(self.settings.__dict__)],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True,
@@ -338,9 +339,18 @@ class GuardedLink:
 
     def _dark_alone(self) -> bytes:
         """Open the port ourselves and send the dark bytes. Raises LaserStateUnknown."""
+        longest = 1.0 + 3 * self.settings.confirm
+        # One thread at a time: they would take the port away from each other.
+        if not self._alone.acquire(timeout=2 * longest):
+            raise self._unknown(b"")
+        try:
+            return self._dark_by(time.monotonic() + longest)
+        finally:
+            self._alone.release()
+
+    def _dark_by(self, end: float) -> bytes:
         s, heard = self.settings, b""
         dialect = _guard.DIALECTS[s.dialect]
-        end = time.monotonic() + 1.0 + 3 * s.confirm
         while time.monotonic() < end:
             try:
                 with contextlib.closing(s.open()) as port:
@@ -381,7 +391,7 @@ def objection(port: str, heard: bytes) -> TurnscanError:
     """The error that a board's words amount to."""
     if not heard.strip():
         return DeviceTimeout(f"{port}: no answer to a laser command")
-    if b"Check Door" in heard:
+    if b"Door" in heard:
         return door_open(port)
     if b"ALARM" in heard:
         return DeviceAlarm(f"{port}: {shown(heard)}", hint="look at the machine, then acknowledge")

@@ -76,7 +76,6 @@ class VisaPort:
         self._line = b""
 
     def close(self) -> None:
-        """Let go of the instrument."""
+        """Let go of the instrument; the manager is everybody's, and closing it would close all."""
         with contextlib.suppress(self._error):
             self._session.close()
-            self._manager.close()
