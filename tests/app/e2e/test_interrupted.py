@@ -101,7 +101,6 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
     page.get_by_role("checkbox", name="right is a lamp").uncheck()
     page.get_by_role("checkbox", name="Laser left").wait_for(state="detached")
     begin(page, "lying")
-    page.get_by_text("12 of 12 steps").wait_for(timeout=WORKING)
     page.get_by_text("Whole", exact=True).wait_for(timeout=WORKING)
     with Scan.open(folder / "lying.turnscan") as scan:
         assert scan.plan.orientation == "horizontal"
