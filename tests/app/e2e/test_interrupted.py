@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 from typing import Any
 
@@ -100,9 +101,10 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
     assert page.get_by_role("button", name="Start", exact=True).is_disabled()
     page.get_by_role("checkbox", name="right is a lamp").uncheck()
     page.get_by_role("checkbox", name="Laser left").wait_for(state="detached")
-    begin(page, "lying")
+    name = f"lying-{time.time_ns()}"  # its own, also when it is tried again
+    begin(page, name)
     page.get_by_text("Whole", exact=True).wait_for(timeout=WORKING)
-    with Scan.open(folder / "lying.turnscan") as scan:
+    with Scan.open(folder / f"{name}.turnscan") as scan:
         assert scan.plan.orientation == "horizontal"
         assert scan.plan.lasers == ("right",)
         dark = scan.frame(0, "right").dark
