@@ -1,6 +1,13 @@
 """Runs a plan on devices into a scan file."""
 
-from turnscan.acquire._angle import Counting, Shifted, check_angle, reindexed
+from turnscan.acquire._angle import (
+    Counting,
+    Noted,
+    Shifted,
+    check_angle,
+    counting_of,
+    reindexed,
+)
 from turnscan.acquire._control import Control
 from turnscan.acquire._events import (
     Ended,
@@ -48,6 +55,7 @@ __all__ = [
     "Hardware",
     "Listener",
     "Missing",
+    "Noted",
     "Moving",
     "Outcome",
     "Paused",
@@ -67,6 +75,7 @@ __all__ = [
     "auto_exposure",
     "bracket",
     "check_angle",
+    "counting_of",
     "check_room",
     "estimate",
     "exposure_findings",
