@@ -36,8 +36,8 @@ class Counting(Protocol):
 
 
 @runtime_checkable
-class Noted(Counting, Protocol):
-    """A counting table that knows whether its zero is still the one of an earlier time."""
+class Noted(Protocol):
+    """A table that knows whether its zero is still the one of an earlier time."""
 
     @property
     def counting(self) -> str:

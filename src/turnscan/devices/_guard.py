@@ -41,6 +41,8 @@ dark because a lease ran out (seq 0)."""
 
 LONGEST_FRAME = 4096
 LONGEST_LEASE = 2.0
+LONGEST_HOLD = 1.0
+"""s that a table, with nothing lit, has to come to rest before a reset, which loses its place."""
 LONGEST_LIT = 120.0
 """s that a laser burns at most, however often its lease is renewed."""
 _HEAD = struct.Struct("<cHI")
@@ -101,9 +103,12 @@ class Dialect:
     """Lines that light a laser, or could; never passed on from the scanner."""
     banner: re.Pattern[bytes]
     """What shows that a board of this kind is there."""
+    holds: bool = False
+    """Whether ``!`` stops its table so that a reset then keeps the place, which ``?`` tells."""
 
 
 _OK = r"(?:^|\n)ok\r\n"
+_STATUS = re.compile(rb"<([A-Z][A-Za-z]*)(:\d)?[|,]MPos:(-?[\d.]+)[^<>]*>")
 
 
 def _grbl_dark(outputs: tuple[str, ...]) -> list[Exchange]:
@@ -181,10 +186,12 @@ DIALECTS: dict[str, Dialect] = {
         Dialect(
             "grbl", 115200, 2, _grbl_dark, _grbl_light,
             re.compile(rb"M\+?0*[3478](?!\d)", re.I), re.compile(rb"Grbl "),
+            holds=True,
         ),
         Dialect(
             "horus", 115200, 4, _horus_dark, _horus_light,
             re.compile(rb"M\+?0*71", re.I), re.compile(rb"Horus "),
+            holds=True,
         ),
         Dialect(
             "fabscan", 115200, 2, _fabscan_dark, _fabscan_light,
@@ -410,6 +417,7 @@ class Guard:
     def _dark(self, seq: int, result: int, objection: bytes = b"") -> None:
         said = b""
         self._hurry.clear()
+        self._hold_still()
         for _ in range(3):
             self._sure, heard = self._darken()
             said = (said + heard)[-1024:]
@@ -417,6 +425,28 @@ class Guard:
                 break
         self._lit = False  # or unknown, which the answer says; repeating it is up to the scanner
         self._answer(seq, result if self._sure else UNKNOWN, objection, said)
+
+    def _hold_still(self) -> None:
+        """Where nothing can be lit, let the table come to rest: a reset in motion loses its place.
+
+        It ends with `LONGEST_HOLD`, and at once where the board does not answer.
+        """
+        if self._lit or not self._sure or not self._dialect.holds:
+            return
+        end, before = time.monotonic() + LONGEST_HOLD, b""
+        self._send(b"!")
+        while time.monotonic() < end:
+            self._send(b"?")
+            heard, patience = bytearray(), time.monotonic() + self._set.confirm
+            while (found := _STATUS.search(heard)) is None:
+                if (left := patience - time.monotonic()) <= 0:
+                    return
+                heard += self._hear(left)
+            state, more, place = found.groups()
+            if state not in (b"Run", b"Jog", b"Hold") or (place == before and more != b":1"):
+                return
+            before = place
+            self._hear(0.02)
 
     def _darken(self) -> tuple[bool, bytes]:
         """Once through the dark bytes; what still waited to be sent is thrown away first."""
