@@ -36,8 +36,6 @@ def test_on_glossy_ceramic_the_core_is_found_and_not_the_halo(
 
 @pytest.mark.parametrize(("name", "shift"), [("grey_step_3.68mm", 20.2), ("grey_step_14mm", 84.4)])
 def test_a_step_shifts_the_stripe_repeatably(shared_data: Path, name: str, shift: float) -> None:
-    if not (shared_data / "step-blocks" / name).is_dir():
-        pytest.skip(f"{name} is not in this copy of the data")
     figures = real.blocks(shared_data, name)
     assert figures["distinct frames"] >= 5
     assert abs(figures["shift, px"] - shift) < 1
