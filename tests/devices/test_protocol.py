@@ -49,8 +49,9 @@ from turnscan.simulate.controllers import (
 # D2
 
 OURS = (
-    "_board", "_dialects", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard", "_horus", "_lines",
-    "_link", "_lit", "_manual", "_registry", "_sardauscan", "_sentences", "_steps", "_visa",
+    "_board", "_dialects", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard", "_horus",
+    "_lines", "_link", "_lit", "_manual", "_registry", "_sardauscan", "_sentences", "_steps",
+    "_visa",
 )  # fmt: skip
 ENDLESS = {
     ("_guard", "_speak"): "a thread of its own that only speaks",

@@ -318,6 +318,7 @@ class GuardedLink:
             if self._guard.stdin is not None:
                 self._guard.stdin.write(_guard.pack(kind, payload))
         except (OSError, ValueError):
+            self._ended.wait(1.0)  # then it is known how, and what became of the lasers
             raise self._failure or SafetyError(
                 f"{self.settings.port}: the laser guard has ended", hint="start again"
             ) from None
