@@ -242,7 +242,7 @@ def test_after_an_alarm_nothing_is_sent_until_a_person_acknowledges(dialect: str
 
 def test_a_board_found_in_an_alarm_is_not_unlocked() -> None:
     board_ = GrblFirmware({"100": 8.889})
-    board_._locked = True
+    board_.locked = True
     device, link = near("grbl", board_)
     with pytest.raises(DeviceAlarm, match="found in an alarm"):
         device.move_to(0.1, 5.0)

@@ -413,8 +413,8 @@ def test_an_off_that_nobody_confirms(dialect: str) -> None:
 
 def test_a_board_that_shows_its_banner_but_confirms_nothing() -> None:
     class Deaf(GrblFirmware):
-        def _gcode(self, text: str) -> bool:
-            return True
+        def _tell(self, code: int | None) -> None:
+            pass
 
     with Socket(Deaf(), scale=SCALE) as socket, pytest.raises(LaserStateUnknown):
         board(f"grbl:{socket.path}", deadlines=Deadlines(0.1, 0.1, 0.3))
