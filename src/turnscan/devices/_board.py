@@ -32,6 +32,7 @@ from turnscan.errors import (
     DeviceTimeout,
     InterlockOpen,
     LaserStateUnknown,
+    LeaseEnded,
     SafetyError,
     TurnscanError,
 )
@@ -307,7 +308,9 @@ class Board(ABC):
                 interrupted = isinstance(e, DeviceAlarm) and self._unsettled
                 if not isinstance(e, LaserStateUnknown):
                     self._panic(e)
-                if isinstance(e, _NEEDS_A_PERSON) and not interrupted:
+                if isinstance(e, _NEEDS_A_PERSON) and not (
+                    interrupted or isinstance(e, LeaseEnded)
+                ):
                     self._lose(e)
                 raise
 

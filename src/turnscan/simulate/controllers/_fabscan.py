@@ -54,10 +54,10 @@ class FabScanFirmware(Firmware):
         self._step_pin, self._dir_pin = False, False
         self._enabled = False
 
-    def power_on(self) -> None:
-        """See `Firmware`; a motor that was turning stops where it is."""
+    def power_on(self, silent: bool = True) -> None:
+        """See `Firmware`; a motor that was turning stops where it is, and it is always silent."""
         self._end_pulses()
-        super().power_on()
+        super().power_on(silent)
 
     def _pulsed(self, phases: int) -> tuple[int, bool, bool]:
         """Net pulses of a move by so many phases from phase 0, and the pins at its end.
