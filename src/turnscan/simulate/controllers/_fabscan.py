@@ -51,7 +51,7 @@ class FabScanFirmware(Firmware):
     def _start(self) -> None:
         self._line = bytearray()
         self._blocked = 0.0
-        self._step_pin, self._dir_pin = False, False
+        self._step_pin, self._dir_pin = False, True
         self._enabled = False
 
     def power_on(self, silent: bool = True) -> None:
