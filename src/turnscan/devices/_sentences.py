@@ -82,7 +82,7 @@ def door_open(port: str) -> InterlockOpen:
     )
 
 
-_BANNER = re.compile(r"(?:Grbl|Horus) \d+\.\d+\w* \['\$' for help\]")
+_BANNER = re.compile(r"(?:Grbl|Horus) \d+\.\d+\w* \['\$' for help\]|Sardauscan V\d+\.\d+\w{0,8}")
 _SETTING = re.compile(r"(\$\d{1,3})=(-?\d{1,9}(?:\.\d{1,9})?)(?: \(.*\))?")
 _NUMBER = re.compile(r"-?\d{1,9}")
 _STATUS = re.compile(r"<([A-Z][A-Za-z]{2,8})(?::\d)?((?:[|,][^<>]*)?)>")
