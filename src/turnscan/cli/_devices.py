@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 @click.command("devices")
 @click.argument("ports", nargs=-1, metavar="[PORT]…")
 @click.option("--probe", is_flag=True, help="Open the ports and ask which board is behind them.")
-@click.option("--acknowledge", is_flag=True,
-              help="You have looked at the machine: end the alarm of the board at PORT.")  # fmt: skip
+@click.option("--acknowledge", is_flag=True, help="You have looked: end the alarm of PORT's board.")
 @click.option("--exposure", type=Finite(), metavar="SECONDS", help="For --camera.  [default: 0.02]")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @device_options

@@ -193,6 +193,7 @@ class Board(ABC):
             self._unlock()
             self._zero()
             self._lost, self._unsettled, self._remembers = None, False, True
+            self._note(replace(self._left, fresh=False))
             self._settle()
 
     def look_over(self) -> bool:
@@ -359,7 +360,7 @@ class Board(ABC):
 
     def _turn(self, there: int, end: float) -> None:
         """One move; where it is broken off the table comes to rest, so that its place is known."""
-        self._note(replace(self._left, target=there, sent=False))
+        self._note(replace(self._left, target=there, sent=False, fresh=False))
         try:
             self._go(there, end)
         except BaseException as e:
@@ -401,6 +402,7 @@ class Board(ABC):
         place = None if before is None else before.place(count, self._tolerance(), locked=locked)
         self._remembers = True
         if before is not None and place is not None:
+            self._remembers = not before.fresh
             self._note(replace(before, unit=place, target=None, sent=False))
         elif before is None and count and not locked:
             self._note(Left(new_counting(), 0, count, adopted=True))
@@ -415,7 +417,7 @@ class Board(ABC):
     def _lose_count(self, count: int, unit: int) -> None:
         """What was counted is worth nothing any more: from now on ``count`` means ``unit``."""
         self._remembers = False
-        self._note(Left(new_counting(), unit - count, unit))
+        self._note(Left(new_counting(), unit - count, unit, fresh=True))
 
     def _agree(self, count: int | None = None) -> None:
         """The table is at rest. Raises DeviceRestarted where it is not where it was left."""

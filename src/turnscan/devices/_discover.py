@@ -23,12 +23,15 @@ ATTEMPTS = (
 """What is spoken, and how fast: first what boards of today do, then Bluetooth and old ones."""
 PATIENCE = 4.0
 """s for a board that was heard to confirm that it is dark and to answer."""
-_BOOT = 1.7
+_BOOT = 1.5
 """s that a board may take to wake when its port is opened."""
-_AWAKE = 0.2
+_AWAKE = 0.18
 """s for one that has been awake for so long to answer at another rate."""
 _PAUSE = 0.06
 """s for the answer to one question."""
+
+_TELLING = 4
+"""Bytes that tell text from noise."""
 
 _QUESTIONS = (b"\x18\r\n", b"\nM22\n", b"\rsardauscan\r")
 """A reset of GRBL and Horus, a laser off of FabScanPi, a greeting: none turns or lights anything
@@ -147,13 +150,13 @@ def _asked(port: Any, dialects: list[str], end: float) -> bytes:
     while time.monotonic() < end:
         for question in _QUESTIONS:
             port.write(question)
-            until = time.monotonic() + _PAUSE
+            until = min(time.monotonic() + _PAUSE, end)
             while (left := until - time.monotonic()) > 0:
                 port.timeout = left
                 said += port.read(port.in_waiting or 1)
                 if any(_ANSWERS[d].search(said) for d in dialects):
                     return bytes(said)
-            if said and not _readable(said):
+            if len(said) >= _TELLING and not _readable(said):
                 return bytes(said)  # another rate
         if len(said) > 4096 or (_readable(said) and said.count(b"\n") > 12):
             break  # it talks, but none of our languages
@@ -162,5 +165,5 @@ def _asked(port: Any, dialects: list[str], end: float) -> bytes:
 
 def _readable(said: bytes | bytearray) -> bool:
     """Whether it is text rather than what another rate makes of it."""
-    text = sum(32 <= byte < 127 or byte in b"\r\n\t" for byte in said)
-    return len(said) >= 4 and text >= 0.9 * len(said)
+    text = sum(32 <= byte < 127 or byte in b"\r\n\t\x18" for byte in said)
+    return len(said) >= _TELLING and text >= 0.9 * len(said)

@@ -313,7 +313,8 @@ class Guard:
                     break
                 heard += self._hear(min(left, 0.02))
                 del heard[:-LONGEST_FRAME]
-            if found is None or heard[found.end() :].strip():  # or more than was asked for
+            # Or more than was asked for, such as the banner of a board that has restarted.
+            if found is None or (heard[: found.start()] + heard[found.end() :]).strip():
                 self._dark(seq, FAILED, bytes(heard))
                 return
         self._lit, self._sure, self._maybe = bool(mask), not mask, bool(mask)

@@ -37,6 +37,8 @@ class Left:
     """Where that move goes."""
     sent: bool = False
     """Whether the board has said that it has the move."""
+    fresh: bool = False
+    """Whether this counting has only begun: nothing has been measured in it."""
     adopted: bool = False
     """Whether the board's count was taken as it was found, with no note of what came before."""
 
