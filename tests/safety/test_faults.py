@@ -8,7 +8,7 @@ from tests.safety.conftest import Metronome
 from tests.safety.faults import CASES, Case
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name.replace(" ", "_"))
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
 def test_dark_in_time(case: Case, metronome: Metronome) -> None:
     """Judged strictly, each time, by the time in which the machine had a processor to spare."""
     spans = case.spans()
