@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tests.conftest import SHARED
+from tests.needs import needs_shared
 from turnscan.calibrate import (
     LaserPicture,
     detect_board,
@@ -25,9 +25,7 @@ from turnscan.scan import read_picture
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, str, str]:
     """The rig of the turntable from every fifth picture of the table, what was said, the report."""
-    data = SHARED / "turntable-mouse"
-    if not data.is_dir():
-        pytest.skip("../shared/data is not here (real data made by others, not part of turnscan)")
+    data = needs_shared("turntable-mouse")
     folder = tmp_path_factory.mktemp("rig")
     table = folder / "table"
     table.mkdir()
@@ -75,7 +73,7 @@ def test_the_stripe_on_the_table_of_the_object_lies_on_the_platter(
     calibrated: tuple[Rig, str, str],
 ) -> None:
     rig = calibrated[0]
-    picture = read_picture(SHARED / "turntable-mouse" / "object" / "step_num161.jpg")
+    picture = read_picture(needs_shared("turntable-mouse", "object", "step_num161.jpg"))
     angle = measure_table_angle(picture, rig)
     assert angle is not None
     assert angle.residual_px < 0.7

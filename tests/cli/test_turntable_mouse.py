@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tests.needs import needs_shared
 from turnscan.cli import turnscan
 from turnscan.export import read_mesh
 from turnscan.surface import components, is_closed, soundness
@@ -23,9 +24,7 @@ def _run(*args: object) -> str:
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
     """The folder with rig.json, part.dxf and part.ply, and the calibration's figures."""
-    data = Path(__file__).parents[3] / "shared" / "data" / "turntable-mouse"
-    if not data.is_dir():
-        pytest.skip("../shared/data is not here (real data made by others, not part of turnscan)")
+    data = needs_shared("turntable-mouse")
     out = tmp_path_factory.mktemp("mouse")
     told = _run(
         "calibrate", "--camera", data / "camera-boards", "--board", "chessboard:8x6:40",
