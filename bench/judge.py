@@ -361,7 +361,9 @@ class Machine(RuleBasedStateMachine):
         return self.bench
 
     def _has_scanner(self) -> bool:
-        return self.bench is not None and self.bench.scanner is not None and self.bench.scanner.alive
+        return (
+            self.bench is not None and self.bench.scanner is not None and self.bench.scanner.alive
+        )
 
     def _has_guard(self) -> bool:
         return self.bench is not None and bool(self.bench.guards)
@@ -382,7 +384,9 @@ class Machine(RuleBasedStateMachine):
     # Processes and threads.
 
     @precondition(_has_scanner)
-    @rule(how=st.sampled_from(["kill", "stop", "go on", "terminate", "hang", "go on with the work"]))
+    @rule(
+        how=st.sampled_from(["kill", "stop", "go on", "terminate", "hang", "go on with the work"])
+    )
     def scanner(self, how: str) -> None:
         """Something happens to the scanner, or to its working thread alone."""
         self._fault(f"scanner: {how}")

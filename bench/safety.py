@@ -30,7 +30,8 @@ def row(case: Case, measured: float) -> str:
 
 
 def _shown(seconds: float) -> str:
-    return f"{seconds * 1e3:.0f} ms" if seconds < 0.95 else f"{seconds:.1f} s"
+    ms = 1e3 * seconds
+    return f"{seconds:.1f} s" if ms >= 950 else f"{ms:.0f} ms" if ms >= 10 else f"{ms:.1f} ms"
 
 
 def table(measured: list[float]) -> str:

@@ -270,7 +270,7 @@ def _live_view(at: Addresses, folder: Path) -> None:
 def _hanging_cameras() -> Iterator[None]:
     known = _cameras._known()
     ours = EntryPoint("hang", f"{__name__}:HangingCamera", _cameras.GROUP)
-    with mock.patch.object(_cameras, "_known", lambda: {**known, "hang": ours}):
+    with mock.patch.object(_cameras, "_known", return_value={**known, "hang": ours}):
         yield
 
 
