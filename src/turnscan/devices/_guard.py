@@ -329,7 +329,7 @@ class Guard:
         for _ in range(tries):
             self._sure, heard = self._darken()
             said = (said + heard)[-1024:]
-            if self._sure or self._port is None:
+            if self._sure or self._port is None or self._leave:
                 break
         self._lit = False
         self._maybe = self._maybe and not self._sure
