@@ -46,8 +46,10 @@ drivers: setup system ## install the camera drivers that this machine can have
 demo: setup ## the main job from end to end: pictures → mesh → DXF, report and pictures
 	$(BIN)/turnscan demo -o demo-output
 
+# More processes than cores: many tests wait for boards, cameras and leases in real time.
+WORKERS ?= 4
 test: drivers ## run all tests
-	$(BIN)/python -m pytest -n 2 --dist worksteal --durations=20
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --durations=20
 
 check: setup frontend-check ## format, lint, types, import contract, module sizes, front end, docs
 	$(BIN)/ruff format --check .

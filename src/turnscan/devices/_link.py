@@ -129,7 +129,10 @@ class GuardedLink:
         self._lapsed = False
         self._maybe_lit = threading.Event()
         self._closing = threading.Event()
+        self._gone = threading.Event()
+        """Set once the port has gone from a laser that may be lit: the guard reopens it."""
         self._keeps_trying = threading.Event()
+        """Set once that, or a last dark, was not done in a second."""
         self._ended = threading.Event()
         """Set once the guard has ended and what follows from that is done."""
         self._alone = threading.Lock()
@@ -239,7 +242,7 @@ class GuardedLink:
             result, _, heard = self._ask(b"D", b"")
         except TurnscanError as e:
             self._failure = self._failure or e
-            if self._keeps_trying.is_set() and not self._ended.is_set():
+            if self._gone.is_set() and not self._ended.is_set():
                 return self._dark_by_guard()
             self._guard.kill()  # it holds the port; what it cannot do is done without it
             return self._dark_alone()
@@ -400,10 +403,11 @@ class GuardedLink:
         elif kind == b"U":
             word, _, text = payload.decode(errors="replace").partition(" ")
             if word == "gone" and self._maybe_lit.is_set():
-                self._keeps_trying.set()
+                self._gone.set()
             self._failure = self._failure or _port_error(port, word, text)
             self._hello.put_nowait((kind, payload))
         elif kind == b"K":
+            self._gone.set()
             self._keeps_trying.set()
         elif kind == b"A":
             seq, result, cut = struct.unpack_from("<IBH", payload)
