@@ -23,7 +23,7 @@ from unittest import mock
 
 from greenlet import getcurrent, greenlet
 
-from turnscan.devices import _dialects, _guard, _link
+from turnscan.devices import _dialects, _guard
 from turnscan.simulate.controllers import Cable, Firmware
 
 _TICK = 1e-6
@@ -225,7 +225,7 @@ class World:
     """Time, a board with its cable, and the processes that want to talk to it."""
 
     def __init__(self, board: Firmware, seed: int = 0) -> None:
-        self.random = Random(seed)  # noqa: S311 (repeatable faults, no secrets)
+        self.random = Random(seed)
         self.now = 1000.0
         self.hub = getcurrent()
         self.current: Actor | None = None

@@ -477,9 +477,23 @@ class GuardedLink:
             if sure:
                 return heard
         if self._maybe_lit.is_set() and (self._rescuer is None or self._rescuer.poll() is not None):
-            self._rescuer = self._start(replace(s, rescue=True), subprocess.DEVNULL)
-            threading.Thread(target=self._rescuer.wait, daemon=True, name="rescuer").start()
+            self._rescuer = self._start_rescuer()
+            threading.Thread(target=self._mind_rescuer, daemon=True, name="rescuer").start()
         raise self._unknown(heard)
+
+    def _start_rescuer(self) -> subprocess.Popen[bytes]:
+        return self._start(replace(self.settings, rescue=True), subprocess.DEVNULL)
+
+    def _mind_rescuer(self) -> None:
+        """It goes on without this process; while this one lives, it is replaced if it is killed."""
+        while self._rescuer is not None:
+            code = self._rescuer.wait()
+            if code == 0:
+                self._maybe_lit.clear()
+            if code in (0, 4):
+                return
+            time.sleep(_guard.AGAIN)
+            self._rescuer = self._start_rescuer()
 
 
 def _hearing(port: Any) -> Any:
