@@ -311,9 +311,10 @@ class Guard:
             self._dark(seq, FAILED, self._barred)
             return
         if mask:  # counted as lit from before the first byte
-            self._lit, self._sure, self._maybe, self._tail = True, False, True, b""
+            self._lit, self._sure, self._maybe = True, False, True
             self._lease_end = time.monotonic() + lease
             self._last_end = time.monotonic() + LONGEST_LIT
+        begun = self._tail = self._tail[self._tail.rfind(b"\n") + 1 :]
         for step in self._dialect.light(self._set.outputs, mask):
             heard, end = bytearray(), time.monotonic() + self._set.confirm
             self._send(step.send)
@@ -323,8 +324,8 @@ class Guard:
                     break
                 heard += self._hear(min(left, 0.02))
                 del heard[:-LONGEST_FRAME]
-            if found is None or heard[found.end() :].strip():  # or more than was asked for
-                self._dark(seq, FAILED, bytes(heard))
+            if found is None or heard.strip() != found[0].strip():  # or more than was asked for
+                self._dark(seq, FAILED, begun + bytes(heard))
                 return
         self._lit, self._sure, self._maybe = bool(mask), not mask, bool(mask)
         self._again = 0.0
@@ -345,7 +346,7 @@ class Guard:
             said = (said + heard)[-1024:]
             if self._sure or self._port is None or self._leave:
                 break
-        self._lit = False
+        self._lit, self._tail = False, b""
         self._maybe = self._maybe and not self._sure
         self._again = 0.0 if self._sure else time.monotonic() + AGAIN
         self._answer(seq, result if self._sure else UNKNOWN, objection, said)
