@@ -53,7 +53,8 @@ HIDDEN = {
     "grbl": [
         b"M?3 S1000\n", b"M~3 S1000\n", b"M\x903 S1000\n", b"M\x0b3 S1000\n", b"M(x)3 S9\n",
         b"M16387 S1000\n", b"M-16381 S5\n", b"M03.001 S1000\n", b"m/3 s5\n", b"G1 F100 M 3 S9\n",
-        b"\xa0", b"X\xa0\n", b"$N0=M3 S1000\n", b"M8\n", b"M+08\n", b"(a" + b" " * 300 + b")M3S9\n",
+        b"\xa0", b"X\xa0\n", b"M5\xa0\n", b"G4 P0\xa0\n", b"?\xa0", b"!\xa0", b"G92 \xa0X0\n",
+        b"$N0=M3 S1000\n", b"M8\n", b"M+08\n", b"(a" + b" " * 300 + b")M3S9\n",
         b" " * 300 + b"M3 S1000\n", b"G1 X0 F9\rM3 S9\n", b"G1 X0 (\nM3 S9\n", b"\x18M3 S9\n",
     ],
     "horus": [
@@ -252,8 +253,14 @@ class Bench:
 
     def slip(self, line: bytes) -> None:
         """The scanner's program sends a line that it must not, while nothing is to be lit."""
-        idle = not self.wanted and not self.world.board.lit
-        if self.device is None or self.scanner is None or self.work is None or not idle:
+        if self.random.random() < 0.8:
+            self.mend()
+        for _ in range(60):
+            idle = self.device is not None and not self.wanted and not self.world.board.lit
+            if idle:
+                break
+            self.world.run(0.05)
+        if not idle or self.scanner is None or self.work is None:
             return
         link, before = self.device._link, self.lights()
         self.work.held = True
@@ -461,7 +468,7 @@ class Machine(RuleBasedStateMachine):
         FIGURES.transitions += 1
         self._b.world.run(seconds)
 
-    @rule(seconds=st.sampled_from([0.02, 0.3, 2.0, 5.0, 15.0]))
+    @rule(seconds=st.sampled_from([0.02, 0.3, 2.0, 6.0]))
     def wait(self, seconds: float) -> None:
         """Nothing happens."""
         self._pass(seconds)
@@ -483,7 +490,7 @@ class Machine(RuleBasedStateMachine):
     @rule(
         kinds=st.lists(st.sampled_from(sorted(FAULTS)), min_size=1, max_size=3),
         apart=st.sampled_from([0.0, 0.003, 0.1, 0.6]),
-        after=st.sampled_from([0.0, 0.1, 1.0, 6.0]),
+        after=st.sampled_from([0.0, 0.1, 1.0, 5.0]),
     )
     def faults(self, kinds: list[str], apart: float, after: float) -> None:
         """One to three things go wrong, most of the time while a laser burns."""
@@ -495,7 +502,7 @@ class Machine(RuleBasedStateMachine):
     )
     def cut_off(self, who: str, where: str) -> None:
         """A process or a thread fails while the board cannot be reached; then nothing happens."""
-        self._befall([who, where] if self._b.random.random() < 0.5 else [where, who], 0.01, 15.0)
+        self._befall([who, where] if self._b.random.random() < 0.5 else [where, who], 0.01, 8.0)
 
     @rule(which=st.integers(0, 99), at=st.integers(0, 20), noise=st.binary(max_size=3))
     def hidden(self, which: int, at: int, noise: bytes) -> None:

@@ -62,13 +62,6 @@ class Actor:
         finally:
             self.process.end_actor(self)
 
-    @property
-    def runs(self) -> bool:
-        """Whether it can go on now."""
-        if self.held or self.process.stopped:
-            return False
-        return self.process.world.now >= self.deadline or self.ready()
-
 
 class Process:
     """Some threads that live and die together."""
@@ -176,7 +169,7 @@ class Port:
         assert world.current is not None
         self._world, self.process = world, world.current.process
         self._plugging = world.plugging
-        self.timeout = 0.05
+        self.timeout = 0.2  # longer than the real one, which only makes threads go round
         self._open = True
         world.heard.clear()
 
@@ -320,11 +313,17 @@ class World:
     def _let_run(self) -> None:
         for _ in range(_MOST_STEPS):
             self._bury()
-            ready = [a for p in self.processes for a in p.actors if a.runs]
+            now = self.now
+            ready = [
+                actor
+                for process in self.processes
+                if not process.stopped
+                for actor in process.actors
+                if not actor.held and (now >= actor.deadline or actor.ready())
+            ]
             if not ready:
                 return
             self._switch(ready[0] if len(ready) == 1 else self.random.choice(ready))
-            self._run_board()
         raise AssertionError("threads that wait for nothing, in a circle")
 
     def _switch(self, actor: Actor) -> None:

@@ -9,7 +9,7 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -19,20 +19,22 @@ import pytest
 from bench.judge import CONFIRM, FAULTS, Bench, Violation, explore, firmware
 from bench.virtual import Pipe, Process, World
 
-from turnscan.devices import _dialects, _guard, _link, _lit, _registry
+from turnscan.devices import _dialects, _guard, _link, _lit
 from turnscan.devices._guard import LONGEST_LEASE
+from turnscan.errors import TurnscanError
 
 TRANSITIONS = 400_000 if os.environ.get("TURNSCAN_EXPLORE") == "1" else 20_000
 
 
-def test_nothing_is_lit_beyond_the_last_sign_of_life() -> None:
-    figures = explore(TRANSITIONS)
+@pytest.mark.parametrize("half", [0, 1])
+def test_nothing_is_lit_beyond_the_last_sign_of_life(half: int) -> None:
+    figures = explore(TRANSITIONS // 2, seed=half * 1_000_000)
     print("\n" + figures.table())
-    assert figures.transitions >= TRANSITIONS
+    assert figures.transitions >= TRANSITIONS // 2
     assert figures.lit > TRANSITIONS / 10
     assert figures.while_lit > TRANSITIONS / 10
     assert set(figures.faults) == {*FAULTS, "hidden line"}
-    assert min(figures.faults.values()) > TRANSITIONS / 1000
+    assert min(figures.faults.values()) > TRANSITIONS / 2000
     assert LONGEST_LEASE < figures.longest < LONGEST_LEASE + CONFIRM
     assert figures.unreached > 10.0  # where nobody could reach the board; then a person was told
 
@@ -65,8 +67,9 @@ def renewing_for_ever() -> Iterator[None]:
         lasers.light(lit, LONGEST_LEASE)
 
         def renew() -> None:
-            while not over.wait(0.5):
-                lasers.renew(LONGEST_LEASE)
+            with suppress(TurnscanError):
+                while not over.wait(0.5):
+                    lasers.renew(LONGEST_LEASE)
 
         _lit_threading().Thread(target=renew).start()
         try:
@@ -92,7 +95,7 @@ def _guard_mutant(old: str, new: str) -> Callable[[], Any]:
 
 
 def _link_mutant(old: str, new: str) -> Callable[[], Any]:
-    return lambda: mutated(_link, old, new, GuardedLink=_registry)
+    return lambda: mutated(_link, old, new, GuardedLink=_link)
 
 
 DEFECTS: dict[str, Callable[[], Any]] = {
@@ -100,7 +103,7 @@ DEFECTS: dict[str, Callable[[], Any]] = {
         "self._again = 0.0 if self._sure else time.monotonic() + AGAIN", "self._again = 0.0"
     ),
     "a lease counted from nothing": _guard_mutant(
-        "if self._lit and now >= self._lease_end:", "if False:"
+        "min(time.monotonic() + lease, self._last_end)", "float('inf')"
     ),
     "a lease that a renewal makes longer": _guard_mutant(
         "self._lease_end = min(time.monotonic() + lease, self._last_end)",
@@ -122,14 +125,11 @@ DEFECTS: dict[str, Callable[[], Any]] = {
         "if self._port is None and not self._sure:", "if False:"
     ),
     "a guard that believes an off": _guard_mutant(
-        "            self._sure, heard = self._darken()\n            said = (said + heard)[-1024:]\n"
-        "            if self._sure or self._port",
-        "            _, heard = self._darken()\n            self._sure = True\n"
-        "            if self._sure or self._port",
+        "            if self._sure or self._port is None or self._leave:",
+        "            self._sure = True\n            if True:",
     ),
     "a guard that does not mind the end of its scanner": _guard_mutant(
-        "                    self._events.put((\"frame\", kind + payload))\n        self.leave()",
-        "                    self._events.put((\"frame\", kind + payload))\n        self._lit = False",
+        "kind + payload))\n        self.leave()", "kind + payload))\n        self._lit = False"
     ),
     "a guard whose last word is no dark": _guard_mutant(
         "            if self._port is not None:\n                self._dark(0, DONE, tries=1",
@@ -209,7 +209,7 @@ def test_a_laser_that_nobody_can_reach_is_said_and_darkened_minutes_later(dialec
         while not (world.board.lit and bench.wanted):
             world.run(0.02)
         world.unplug(powered=True)
-        world.run(400.0)
+        world.run(200.0)
         assert world.board.lit
         assert math.isfinite(bench.told)
         assert bench.told < bench.ceased + 10.0
