@@ -41,7 +41,8 @@ def merge(
     every measured point and averages nothing (`paste`). All points are merged; ``along`` chooses
     those of a surface that is made of profiles (``paste``, ``grid``). ``auto`` pastes a single
     grid, and merges several by ``grid`` where the part allows it and the table turned, else by
-    ``tsdf``. ``sewn``: the narrow gaps that ``tsdf`` leaves between surfaces are closed by faces not ``measured``.
+    ``tsdf``. ``sewn``: the narrow gaps that ``tsdf`` leaves between surfaces are closed by faces
+    not ``measured``.
 
     The order of the grids does not matter, to the last bit, as long as their lasers have names of
     their own.
