@@ -1,0 +1,118 @@
+"""Put faults into a copy of the sources, and say which of them no test noticed.
+
+``python -m bench.mutants [--seed N] [--rooms a,b] [--named | --sample N] [--only TEXT] [--write]``;
+``--write`` puts what was found into ``docs/explain/mutants.md``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from bench.mutants._copy import Copy
+from bench.mutants._mutant import Mutant, Result
+from bench.mutants._named import named
+from bench.mutants._operators import mutants_of
+from bench.mutants._page import Found, explained, page, table
+from bench.mutants._rooms import ROOMS, Suite
+
+ROOT = Path(__file__).parents[2]
+SOURCES = ROOT / "src" / "turnscan"
+PAGE = ROOT / "docs" / "explain" / "mutants.md"
+SEED = 10
+_PATIENCE = 4.0
+"""Times what the tests take without a fault: then a mutant runs for ever."""
+_LEAST = 20.0
+"""s"""
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run mutants; 1 where a survivor is not explained, or fewer than nine in ten are killed."""
+    parser = argparse.ArgumentParser(prog="python -m bench.mutants", description=__doc__)
+    parser.add_argument("--seed", type=int, default=SEED, help="of the sample")
+    parser.add_argument("--rooms", default=",".join(ROOMS))
+    parser.add_argument("--named", action="store_true", help="those written by hand alone")
+    parser.add_argument("--sample", type=int, help="mutants drawn in each of the five rooms")
+    parser.add_argument("--only", default="", help="those whose name holds this text")
+    parser.add_argument("--write", action="store_true", help=f"write {PAGE.relative_to(ROOT)}")
+    asked = parser.parse_args(words)
+    rooms = asked.rooms.split(",")
+    if unknown := sorted(set(rooms) - set(ROOMS)):
+        parser.error(f"no room {', '.join(unknown)}; there are {', '.join(ROOMS)}")
+    chosen = [m for m in _chosen(asked, rooms) if asked.only in m.key]
+    with tempfile.TemporaryDirectory(prog := "turnscan-mutants-") as folder:
+        assert prog
+        results = list(_results(Copy(ROOT, Path(folder)), chosen))
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
+    ).stdout.strip()
+    found = Found(tuple(results), asked.seed, commit)
+    print(table(found))
+    if asked.write:
+        PAGE.write_text(page(found))
+    unexplained = [r.mutant for r in found.survivors if not explained(r.mutant)]
+    for mutant in unexplained:
+        print(f"not explained: {mutant.key}")
+    return int(bool(unexplained) or found.share < 0.9)
+
+
+def _chosen(asked: argparse.Namespace, rooms: Sequence[str]) -> Iterator[Mutant]:
+    for name in rooms:
+        room = ROOMS[name]
+        yield from named(name, SOURCES)
+        if asked.named or not room.sample:
+            continue
+        every = [
+            mutant
+            for pattern in room.modules
+            for path in sorted(SOURCES.glob(pattern))
+            for mutant in mutants_of(name, path.relative_to(SOURCES).as_posix(), path.read_text())
+        ]
+        dice = random.Random(f"{asked.seed} {name}")
+        count = room.sample if asked.sample is None else asked.sample
+        yield from sorted(dice.sample(every, min(count, len(every))), key=lambda m: m.key)
+
+
+def _results(copy: Copy, chosen: Sequence[Mutant]) -> Iterator[Result]:
+    limits: dict[Suite, float] = {}
+    for suite in {s for m in chosen for s in ROOMS[m.room].suites_of(m.path)}:
+        run = copy.run(_tests(suite), suite.compiled, 1800.0)
+        print(f"{'passed' if run.passed else run.by} {run.seconds:.1f} s: {suite.tests}", flush=True)
+        if not run.passed:
+            sys.exit(f"the tests fail without a fault: {run.by}")
+        limits[suite] = max(_LEAST, _PATIENCE * run.seconds)
+    copy.keep_kernels()
+    for i, mutant in enumerate(chosen):
+        result = _judged(copy, mutant, limits)
+        yield result
+        print(
+            f"{i + 1}/{len(chosen)} {result.outcome} in {result.seconds:.1f} s: {mutant.key}"
+            f"{' by ' + result.by if result.outcome == 'killed' else ''}",
+            flush=True,
+        )
+
+
+def _judged(copy: Copy, mutant: Mutant, limits: dict[Suite, float]) -> Result:
+    began = time.monotonic()
+    with copy.wrong(mutant):
+        for suite in ROOMS[mutant.room].suites_of(mutant.path):
+            run = copy.run(_tests(suite), suite.compiled, limits[suite])
+            if not run.passed:
+                return Result(mutant, "killed", run.by, time.monotonic() - began)
+    return Result(mutant, "survived", "", time.monotonic() - began)
+
+
+def _tests(suite: Suite) -> list[str]:
+    return [f"tests/{test}" for test in suite.tests]
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    sys.exit(main())
