@@ -47,8 +47,7 @@ def main(words: Sequence[str] | None = None) -> int:
     if unknown := sorted(set(rooms) - set(ROOMS)):
         parser.error(f"no room {', '.join(unknown)}; there are {', '.join(ROOMS)}")
     chosen = [m for m in _chosen(asked, rooms) if asked.only in m.key]
-    with tempfile.TemporaryDirectory(prog := "turnscan-mutants-") as folder:
-        assert prog
+    with tempfile.TemporaryDirectory(prefix="turnscan-mutants-") as folder:
         results = list(_results(Copy(ROOT, Path(folder)), chosen))
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
@@ -84,7 +83,9 @@ def _results(copy: Copy, chosen: Sequence[Mutant]) -> Iterator[Result]:
     limits: dict[Suite, float] = {}
     for suite in {s for m in chosen for s in ROOMS[m.room].suites_of(m.path)}:
         run = copy.run(_tests(suite), suite.compiled, 1800.0)
-        print(f"{'passed' if run.passed else run.by} {run.seconds:.1f} s: {suite.tests}", flush=True)
+        print(
+            f"{'passed' if run.passed else run.by} {run.seconds:.1f} s: {suite.tests}", flush=True
+        )
         if not run.passed:
             sys.exit(f"the tests fail without a fault: {run.by}")
         limits[suite] = max(_LEAST, _PATIENCE * run.seconds)
@@ -110,7 +111,7 @@ def _judged(copy: Copy, mutant: Mutant, limits: dict[Suite, float]) -> Result:
 
 
 def _tests(suite: Suite) -> list[str]:
-    return [f"tests/{test}" for test in suite.tests]
+    return [f"tests/{test}" if ".py" in test else test for test in suite.tests]
 
 
 if __name__ == "__main__":

@@ -24,8 +24,8 @@ from bench.mutants._mutant import Mutant
 
 _PARTS = ("src", "tests", "bench", "docs", "pyproject.toml", "CHANGELOG.md", "README.md")
 _HEAVY = (
-    "numpy", "scipy.sparse.linalg", "scipy.spatial", "scipy.optimize", "scipy.special", "scipy.stats",
-    "cv2", "numba", "pydantic", "hypothesis", "pytest", "_pytest.pytester", "igl",
+    "numpy", "scipy.sparse.linalg", "scipy.spatial", "scipy.optimize", "scipy.special",
+    "scipy.stats", "cv2", "numba", "pydantic", "hypothesis", "pytest", "igl",
 )  # fmt: skip
 
 
@@ -44,14 +44,15 @@ class Copy:
 
     def __init__(self, root: Path, folder: Path) -> None:
         self.folder = folder
-        ignored = shutil.ignore_patterns("static", "_build", "pictures", "*.pyc", "node_modules")
+        ignored = shutil.ignore_patterns("static", "_build", "pictures", "node_modules", "*.nb?")
         for part in _PARTS:
             if (root / part).is_dir():
                 shutil.copytree(root / part, folder / part, ignore=ignored)
             else:
                 shutil.copy2(root / part, folder)
         self._kept = folder / "kernels"
-        """Machine code of the sources as they are: that of a mutant replaces it."""
+        """Machine code of the sources as they are: that of a mutant replaces it. Once
+        it is there no bytecode is written any more."""
         for name in _HEAVY:
             with suppress(ImportError):
                 importlib.import_module(name)
@@ -64,19 +65,20 @@ class Copy:
 
     def keep_kernels(self) -> None:
         """Remember the machine code that there is now as that of the sources as they are."""
-        if self._kernels.is_dir():
-            shutil.copytree(self._kernels, self._kept, copy_function=os.link, dirs_exist_ok=False)
+        self._kernels.mkdir(parents=True, exist_ok=True)
+        shutil.copytree(self._kernels, self._kept, copy_function=os.link)
 
     @contextmanager
     def wrong(self, mutant: Mutant) -> Iterator[None]:
         """Within, the mutant's file is wrong."""
         path = self.folder / "src" / "turnscan" / mutant.path
-        text = path.read_text()
+        text, written = path.read_text(), path.stat().st_mtime_ns
         path.write_text(mutant.applied(text))
         try:
             yield
         finally:
             path.write_text(text)
+            os.utime(path, ns=(written, written))  # its bytecode fits again
             for folder in self._kept.glob("*"):
                 if not (self._kernels / folder.name).exists():
                     shutil.copytree(folder, self._kernels / folder.name, copy_function=os.link)
@@ -91,7 +93,10 @@ class Copy:
         code = None
         while code is None and time.monotonic() - began < limit:
             done, status = os.waitpid(child, os.WNOHANG)
-            code = os.waitstatus_to_exitcode(status) if done else time.sleep(0.02)
+            if done:
+                code = os.waitstatus_to_exitcode(status)
+            else:
+                time.sleep(0.02)
         with suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)
         if code is None:
@@ -113,8 +118,10 @@ class Copy:
             os.chdir(self.folder)
             source = str(self.folder / "src")
             sys.path[:0] = [source, str(self.folder)]
-            sys.dont_write_bytecode = True
-            os.environ |= {"PYTHONPATH": source, "PYTHONDONTWRITEBYTECODE": "1"}
+            os.environ["PYTHONPATH"] = source
+            if self._kept.exists():
+                sys.dont_write_bytecode = True
+                os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
             for name in [m for m in sys.modules if m.split(".")[0] in ("bench", "tests")]:
                 del sys.modules[name]
             options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=short", "-ra"]

@@ -110,6 +110,12 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "int(np.linalg.norm(mesh.vertices - on, axis=1).argmax())",
             "a point has the sigma of the farthest vertex",
         ),
+        (
+            "edit/_apply.py",
+            "return name.size / _LIKE <= hole.size <= name.size * _LIKE",
+            "return hole.size <= name.size * _LIKE",
+            "a hole of any smaller size is taken for the one that was named",
+        ),
     ],
     "rig": [
         (
@@ -117,6 +123,12 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "away = float(np.hypot(eye[0], eye[1])) - (centre @ along)",
             "away = float(np.hypot(eye[0], eye[1])) + (centre @ along)",
             "the light stands on the wrong side of a sheet's centre",
+        ),
+        (
+            "rig/_rig.py",
+            "np.copysign(1.0, along @ eye)",
+            "-np.copysign(1.0, along @ eye)",
+            "the light stands on the far side of the axis",
         ),
     ],
 }

@@ -73,43 +73,40 @@ def _places(tree: ast.AST, where: str = "") -> Iterator[Place]:
 
 
 def _inside(node: ast.AST, where: str, condition: bool = False) -> Iterator[Place]:
+    if _silent(node):
+        return
     match node:
         case ast.FunctionDef() | ast.ClassDef():
             yield from _places(ast.Module([node], []), where)
             return
-        case ast.Raise() | ast.Import() | ast.ImportFrom() | ast.JoinedStr() | ast.Assert():
-            return
-        case ast.Expr(value=ast.Constant()):
-            return
-        case ast.AnnAssign():
-            if node.value is not None:
-                yield from _inside(node.value, _named(node.target, where))
-            return
-        case ast.Assign():
-            name = _named(node.targets[0], where)
-            if name != "__all__":
-                yield from _inside(node.value, name)
-            return
-        case ast.Call() if _last_name(node.func).endswith(_SAY_NOTHING):
-            return
-        case ast.keyword() if node.arg in _SAY_NOTHING:
-            return
-        case ast.Subscript():
-            yield from _inside(node.value, where)
-            if not _plain_axes(node.slice):
-                yield from _inside(node.slice, where)
-            return
-        case ast.expr():
-            yield where, node, condition
+        case ast.Assign() | ast.AnnAssign():
+            # Constants of a module are named by themselves, all else by its function.
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            where = where or ast.unparse(target)
+            parts: list[ast.AST] = [node.value] if node.value else []
+        case ast.Subscript() if _plain_axes(node.slice):
+            parts = [node.value]
+        case _:
+            parts = [n for n in ast.iter_child_nodes(node) if not isinstance(n, ast.pattern)]
+    if isinstance(node, ast.expr):
+        yield where, node, condition
     test = getattr(node, "test", None)
-    for child in ast.iter_child_nodes(node):
-        if not isinstance(child, ast.pattern):
-            yield from _inside(child, where, child is test)
+    for part in parts:
+        yield from _inside(part, where, part is test)
 
 
-def _named(target: ast.expr, where: str) -> str:
-    """Constants of a module are named by themselves, all else by its function."""
-    return ast.unparse(target) if not where else where
+def _silent(node: ast.AST) -> bool:
+    """Whether nothing in it says anything to a test."""
+    match node:
+        case ast.Raise() | ast.Import() | ast.ImportFrom() | ast.JoinedStr() | ast.Assert():
+            return True
+        case ast.Expr(value=ast.Constant()):
+            return True
+        case ast.Call():
+            return _last_name(node.func).endswith(_SAY_NOTHING)
+        case ast.keyword():
+            return node.arg in _SAY_NOTHING
+    return False
 
 
 def _last_name(node: ast.expr) -> str:

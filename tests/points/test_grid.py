@@ -227,6 +227,23 @@ def test_equal_heights_lie_on_the_surface_between_its_points():
     assert 0.6 * usual < np.nanmedian(new.sigma) < usual
 
 
+@pytest.mark.parametrize("part", [0.1, 0.3, 0.5, 0.8])
+def test_a_point_between_two_has_the_noise_that_it_takes_from_each(part):
+    """A good point 1 mm below a poor one; the new point lies nearer to one of them."""
+    rng = np.random.default_rng(4)
+    count, good, poor = 4000, 0.01, 0.1
+    points = np.zeros((count, 2, 3))
+    points[:, :, 2] = -part, 1.0 - part
+    points[:, 0, 0] = rng.normal(0, good, count)
+    points[:, 1, 0] = rng.normal(0, poor, count)
+    new = resample(plain_grid(points, sigma=np.tile([good, poor], (count, 1))), 5.0, "height")
+    assert new.points.shape == (count, 1, 3)
+    z = new.points[:, 0, 0] / new.sigma[:, 0]
+    # 4000 profiles: the scatter is known to 1.1 %.
+    assert z.std() == pytest.approx(1.0, abs=0.05)
+    assert new.amplitude[:, 0] == pytest.approx(50.0)
+
+
 def test_equal_arc_length():
     t = np.linspace(0, np.pi, 400)
     arc = np.stack([np.sin(t), 0 * t, -np.cos(t)], axis=-1)[None] * 20
