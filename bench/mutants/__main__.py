@@ -1,19 +1,21 @@
 """Put faults into a copy of the sources, and say which of them no test noticed.
 
-``python -m bench.mutants [--seed N] [--rooms a,b] [--named | --sample N] [--only TEXT] [--write]``;
-``--write`` puts what was found into ``docs/explain/mutants.md``.
+What was found is kept in ``build/mutants.json``: ``--survivors`` runs those again that were not
+killed, and takes the others as they were. ``--write`` puts all into ``docs/explain/mutants.md``.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import os
-import random
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from bench.mutants._copy import Copy
@@ -26,6 +28,7 @@ from bench.mutants._rooms import ROOMS, Suite
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "src" / "turnscan"
 PAGE = ROOT / "docs" / "explain" / "mutants.md"
+KEPT = ROOT / "build" / "mutants.json"
 SEED = 10
 _PATIENCE = 4.0
 """Times what the tests take without a fault: then a mutant runs for ever."""
@@ -41,14 +44,19 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--named", action="store_true", help="those written by hand alone")
     parser.add_argument("--sample", type=int, help="mutants drawn in each of the five rooms")
     parser.add_argument("--only", default="", help="those whose name holds this text")
+    parser.add_argument("--survivors", action="store_true", help="those not killed last time")
     parser.add_argument("--write", action="store_true", help=f"write {PAGE.relative_to(ROOT)}")
     asked = parser.parse_args(words)
     rooms = asked.rooms.split(",")
     if unknown := sorted(set(rooms) - set(ROOMS)):
         parser.error(f"no room {', '.join(unknown)}; there are {', '.join(ROOMS)}")
     chosen = [m for m in _chosen(asked, rooms) if asked.only in m.key]
+    known = _kept() if asked.survivors else {}
+    old = [replace(known[m.key], mutant=m) for m in chosen if m.key in known]
+    new = [m for m in chosen if m.key not in known]
     with tempfile.TemporaryDirectory(prefix="turnscan-mutants-") as folder:
-        results = list(_results(Copy(ROOT, Path(folder)), chosen))
+        results = [*old, *_results(Copy(ROOT, Path(folder)), new)]
+    _keep(results)
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
     ).stdout.strip()
@@ -60,6 +68,21 @@ def main(words: Sequence[str] | None = None) -> int:
     for mutant in unexplained:
         print(f"not explained: {mutant.key}")
     return int(bool(unexplained) or found.share < 0.9)
+
+
+def _keep(results: Sequence[Result]) -> None:
+    KEPT.parent.mkdir(exist_ok=True)
+    rows = [{"key": r.mutant.key, "by": r.by, "seconds": r.seconds} for r in results]
+    KEPT.write_text(json.dumps(rows, indent=1, ensure_ascii=False))
+
+
+def _kept() -> dict[str, Result]:
+    """By key, those that were killed."""
+    if not KEPT.exists():
+        return {}
+    nothing = Mutant("", "", 0, 0, "", "", "")
+    rows = json.loads(KEPT.read_text())
+    return {r["key"]: Result(nothing, r["by"], r["seconds"]) for r in rows if r["by"]}
 
 
 def _chosen(asked: argparse.Namespace, rooms: Sequence[str]) -> Iterator[Mutant]:
@@ -74,9 +97,13 @@ def _chosen(asked: argparse.Namespace, rooms: Sequence[str]) -> Iterator[Mutant]
             for path in sorted(SOURCES.glob(pattern))
             for mutant in mutants_of(name, path.relative_to(SOURCES).as_posix(), path.read_text())
         ]
-        dice = random.Random(f"{asked.seed} {name}")
         count = room.sample if asked.sample is None else asked.sample
-        yield from sorted(dice.sample(every, min(count, len(every))), key=lambda m: m.key)
+        yield from sorted(every, key=lambda m: _lot(asked.seed, m))[:count]
+
+
+def _lot(seed: int, mutant: Mutant) -> bytes:
+    """Draws the same mutants again as long as they can be made, whatever else changes."""
+    return hashlib.sha256(f"{seed} {mutant.key}".encode()).digest()
 
 
 def _results(copy: Copy, chosen: Sequence[Mutant]) -> Iterator[Result]:
@@ -92,12 +119,12 @@ def _results(copy: Copy, chosen: Sequence[Mutant]) -> Iterator[Result]:
     copy.keep_kernels()
     for i, mutant in enumerate(chosen):
         result = _judged(copy, mutant, limits)
-        yield result
         print(
-            f"{i + 1}/{len(chosen)} {result.outcome} in {result.seconds:.1f} s: {mutant.key}"
-            f"{' by ' + result.by if result.outcome == 'killed' else ''}",
+            f"{i + 1}/{len(chosen)} in {result.seconds:.1f} s: {mutant.key}: "
+            + (f"killed by {result.by}" if result.killed else "SURVIVED"),
             flush=True,
         )
+        yield result
 
 
 def _judged(copy: Copy, mutant: Mutant, limits: dict[Suite, float]) -> Result:
@@ -106,8 +133,8 @@ def _judged(copy: Copy, mutant: Mutant, limits: dict[Suite, float]) -> Result:
         for suite in ROOMS[mutant.room].suites_of(mutant.path):
             run = copy.run(_tests(suite), suite.compiled, limits[suite])
             if not run.passed:
-                return Result(mutant, "killed", run.by, time.monotonic() - began)
-    return Result(mutant, "survived", "", time.monotonic() - began)
+                return Result(mutant, run.by, time.monotonic() - began)
+    return Result(mutant, "", time.monotonic() - began)
 
 
 def _tests(suite: Suite) -> list[str]:

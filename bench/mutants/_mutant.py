@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
-
-Outcome = Literal["killed", "survived", "no test ran"]
 
 
 @dataclass(frozen=True)
@@ -49,10 +46,14 @@ class Result:
     """What became of a mutant."""
 
     mutant: Mutant
-    outcome: Outcome
     by: str
-    """The test that noticed, or what else ended it."""
+    """The test that noticed, or what else ended it; "" where it survived."""
     seconds: float
+
+    @property
+    def killed(self) -> bool:
+        """Whether anything noticed."""
+        return bool(self.by)
 
 
 def _short(text: str) -> str:

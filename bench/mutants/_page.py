@@ -30,7 +30,7 @@ class Found:
     @cached_property
     def survivors(self) -> list[Result]:
         """Those that no test noticed."""
-        return [r for r in self.results if r.outcome != "killed"]
+        return [r for r in self.results if not r.killed]
 
     @property
     def share(self) -> float:
@@ -53,7 +53,7 @@ def page(found: Found) -> str:
         f"| {r.mutant.name} | `{r.mutant.path}` | {f'`{r.by}`' if r.by else 'none'} |"
         for r in by_hand
     ]
-    killed = sum(r.outcome == "killed" for r in found.results)
+    killed = sum(r.killed for r in found.results)
     return "\n".join(
         [
             *_HOW.splitlines(),
@@ -91,8 +91,8 @@ Each runs in a process of its own, forked from one that has the libraries loaded
 kernels run them as plain Python first; what survives that is compiled. What a room's slow tests
 would notice as well does not count.
 
-The tool is turnscan's own (`bench/mutants`). Of those on PyPI, mutmut 3.8 leaves decorated functions
-alone, which all kernels are, and switches mutants inside functions, which numba would compile in;
+The tool is turnscan's own (`bench/mutants`). Of those on PyPI, mutmut 3.8 leaves functions with
+decorators alone, as all kernels are, and switches mutants while they run, which kernels cannot do;
 cosmic-ray 8.7 starts a new interpreter for each mutant. Neither takes mutants written by hand.
 """
 
@@ -104,7 +104,7 @@ def _rows(found: Found) -> list[str]:
     ]
     rooms = [(name, [r for r in found.results if r.mutant.room == name]) for name in ROOMS]
     for name, some in [*((n, s) for n, s in rooms if s), ("all", list(found.results))]:
-        alive = [r for r in some if r.outcome != "killed"]
+        alive = [r for r in some if not r.killed]
         same = sum(explained(r.mutant).startswith(_EQUIVALENT) for r in alive)
         rows.append(
             f"| {name} | {len(some)} | {len(some) - len(alive)} | {len(alive)} | {same} "
