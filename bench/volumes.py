@@ -97,7 +97,7 @@ def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
         wish = Wish(scene=scene, rig=size.rig, lasers=2, steps=size.steps, **how)  # type: ignore
         made, path = scanned(wish, folder)
         with Scan.open(path) as scan:
-            grids.append(to_grids(see(scan, made.rig, s.stripes), s)[1])
+            grids.append(to_grids(see(scan, made.rig, s.stripes), s)[0])
         benches.append(made)
     names = [f"pose {k + 1}" for k in range(len(grids))]
     parts = [[r for g in gs for r in range_surfaces(g, s.tears)] for gs in grids]

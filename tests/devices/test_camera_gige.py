@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 import time
@@ -11,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from tests.needs import needs
 from turnscan.arrays import Image
 from turnscan.devices import Steady, find_cameras, open_camera
 from turnscan.errors import (
@@ -131,10 +131,8 @@ def test_lost_packets_are_noticed_and_never_handed_on(aravis: None) -> None:
 
 
 def test_a_camera_that_dies_is_named_and_not_waited_for_again(aravis: None) -> None:
-    tool = shutil.which("arv-fake-gv-camera-0.8")
-    if tool is None:
-        pytest.skip("arv-fake-gv-camera-0.8 is not installed (Debian: aravis-tools)")
-    process = subprocess.Popen([tool, "-i", "127.0.0.1", "-s", "DIES"])
+    needs("fake GigE camera")
+    process = subprocess.Popen(["arv-fake-gv-camera-0.8", "-i", "127.0.0.1", "-s", "DIES"])
     try:
         deadline = time.monotonic() + 60.0
         while not any("DIES" in a for a in find_cameras()[0]) and time.monotonic() < deadline:

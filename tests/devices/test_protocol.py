@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 import turnscan.devices
 from tests.devices.boards import DIALECTS, QUICK, SCALE, UNITS, firmware, near, plugged
-from turnscan.devices import _guard, _registry, open_devices, open_lasers, open_turntable
+from turnscan.devices import _dialects, _registry, open_devices, open_lasers, open_turntable
 from turnscan.devices._lines import Lines
 from turnscan.devices._link import Deadlines
 from turnscan.devices._manual import ManualTurntable
@@ -49,8 +49,9 @@ from turnscan.simulate.controllers import (
 # D2
 
 OURS = (
-    "_board", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard", "_horus", "_lines",
-    "_link", "_lit", "_manual", "_registry", "_sardauscan", "_sentences", "_steps", "_visa",
+    "_board", "_dialects", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard", "_horus",
+    "_lines", "_link", "_lit", "_manual", "_registry", "_sardauscan", "_sentences", "_steps",
+    "_visa",
 )  # fmt: skip
 ENDLESS = {
     ("_guard", "_speak"): "a thread of its own that only speaks",
@@ -90,7 +91,9 @@ def test_the_lint_sees_a_wait_without_end() -> None:
 
 
 def test_the_deadlines_are_those_promised() -> None:
-    assert Deadlines() == Deadlines(acknowledge=2.0, move_extra=5.0, connect=10.0)
+    assert Deadlines() == Deadlines(
+        acknowledge=2.0, move_extra=5.0, connect=10.0, keep_trying=600.0
+    )
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -239,7 +242,7 @@ def test_after_an_alarm_nothing_is_sent_until_a_person_acknowledges(dialect: str
 
 def test_a_board_found_in_an_alarm_is_not_unlocked() -> None:
     board_ = GrblFirmware({"100": 8.889})
-    board_._locked = True
+    board_.locked = True
     device, link = near("grbl", board_)
     with pytest.raises(DeviceAlarm, match="found in an alarm"):
         device.move_to(0.1, 5.0)
@@ -386,8 +389,8 @@ def test_the_policy_for_dtr_is_explicit(monkeypatch: pytest.MonkeyPatch) -> None
             seen.append((self.dtr, self.rts, self.given["exclusive"]))  # type: ignore[attr-defined]
 
     monkeypatch.setattr(serial, "Serial", Port)
-    _guard.open_port("x", 115200, False)
-    _guard.open_port("x", 115200, True)
+    _dialects.open_port("x", 115200, False)
+    _dialects.open_port("x", 115200, True)
     assert seen == [(False, False, True), (True, True, True)]
 
 

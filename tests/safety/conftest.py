@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from turnscan.devices._guard import __file__ as guard_file
+from tests.devices.guards import mutated
 from turnscan.simulate.controllers import (
     FabScanFirmware,
     Firmware,
@@ -182,13 +182,6 @@ def sockets() -> Iterator[dict[str, Socket]]:
 
 @pytest.fixture
 def mutant(tmp_path: Path) -> Callable[..., Path]:
-    """A guard with a defect: its source with one passage replaced."""
+    """A guard with a defect: its sources with one passage replaced."""
 
-    def make(old: str, new: str) -> Path:
-        source = Path(guard_file).read_text()
-        assert source.count(old) == 1, f"{source.count(old)} places for {old!r}"
-        path = tmp_path / "mutant_guard.py"
-        path.write_text(source.replace(old, new))
-        return path
-
-    return make
+    return lambda old, new: mutated(tmp_path, old, new)

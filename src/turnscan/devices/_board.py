@@ -24,6 +24,7 @@ from turnscan.errors import (
     DeviceTimeout,
     InterlockOpen,
     LaserStateUnknown,
+    LeaseEnded,
     SafetyError,
     TurnscanError,
 )
@@ -235,7 +236,7 @@ class Board(ABC):
             except BaseException as e:
                 if not isinstance(e, LaserStateUnknown):
                     self._panic(e)
-                if isinstance(e, _NEEDS_A_PERSON):
+                if isinstance(e, _NEEDS_A_PERSON) and not isinstance(e, LeaseEnded):
                     self._lose(e)
                 raise
 

@@ -11,7 +11,7 @@ from turnscan.surface._denoise import denoise
 from turnscan.surface._despike import despike
 from turnscan.surface._fill import FillHow, fill
 from turnscan.surface._findings import mesh_findings
-from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, vertex_normals
+from turnscan.surface._grid_mesh import Tears, half_edges, mesh_grid, submesh, thin, vertex_normals
 from turnscan.surface._holes import CAUSE_WORDS, Cause, Hole, holes
 from turnscan.surface._merge import How, merge
 from turnscan.surface._mesh import Mesh, Provenance
@@ -85,6 +85,7 @@ __all__ = [
     "spikes",
     "steady_normals",
     "submesh",
+    "thin",
     "twins",
     "unfilled",
     "vertex_normals",
