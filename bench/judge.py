@@ -74,9 +74,10 @@ def firmware(dialect: str) -> Firmware:
     """A board with a quick table."""
     if dialect == "grbl":
         return GrblFirmware({"100": 8.889, "110": 60000, "120": 8000})
-    return {"horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware}[
-        dialect
-    ]()
+    others: dict[str, Callable[[], Firmware]] = {
+        "horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware,
+    }  # fmt: skip
+    return others[dialect]()
 
 
 @dataclass
@@ -521,7 +522,7 @@ def explore(transitions: int, seed: int = 0, steps: int = 40) -> Figures:
     while FIGURES.transitions < transitions:
         left = max(1, math.ceil((transitions - FIGURES.transitions) / steps))
         run_state_machine_as_test(
-            seeded(seed)(Machine),  # type: ignore[arg-type]
+            seeded(seed)(Machine),
             settings=settings(
                 max_examples=left, stateful_step_count=steps, deadline=None, database=None,
                 phases=[Phase.generate], suppress_health_check=list(HealthCheck),

@@ -437,7 +437,11 @@ class World:
         def main() -> None:
             process.end(_guard.main(argument))
 
-        self.at(0.05, lambda: process.alive and process.start(main) and None)  # Python starts
+        def begin() -> None:
+            if process.alive:
+                process.start(main)
+
+        self.at(0.05, begin)  # Python takes its time to start
         return process
 
 
