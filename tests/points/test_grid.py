@@ -230,6 +230,24 @@ def test_equal_heights_lie_on_the_surface_between_its_points():
     assert 0.6 * usual < np.nanmedian(new.sigma) < usual
 
 
+@pytest.mark.parametrize("part", [0.1, 0.3, 0.5, 0.8])
+def test_a_point_between_two_has_the_noise_that_it_takes_from_each(part):
+    """A good point 1 mm below a poor one; the new point lies nearer to one of them."""
+    rng = np.random.default_rng(4)
+    count, good, poor = 4000, 0.01, 0.1
+    points = np.zeros((count, 2, 3))
+    points[:, :, 2] = -part, 1.0 - part
+    points[:, 0, 0] = rng.normal(0, good, count)
+    points[:, 1, 0] = rng.normal(0, poor, count)
+    new = resample(plain_grid(points, sigma=np.tile([good, poor], (count, 1))), Along(0.3))
+    level = np.abs(new.points[..., 2]) < 1e-9
+    assert (level.sum(axis=1) == 1).all()
+    z = new.points[level][:, 0] / new.sigma[level]
+    # 4000 profiles: the scatter is known to 1.1 %.
+    assert z.std() == pytest.approx(1.0, abs=0.05)
+    assert new.amplitude[level] == pytest.approx(50.0)
+
+
 def test_a_line_is_one_height_in_all_profiles_as_far_as_they_pass_it_once():
     z = np.linspace(40, 3, 80) + np.array([0.3, -0.9, 1.7])[:, None]
     points = np.stack([20 + 0 * z, 0 * z, z], axis=-1)

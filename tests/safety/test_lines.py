@@ -23,8 +23,8 @@ HIDDEN = {
     ],
     "horus": [b"M71T1\r\n", b"m 71 T2\r\n", b"M?71T1\r\n", b"M\x0071T1\r\n", b"G1F1M71T1\r\n",
               b"M071.0T1\r\n", b"M" + b" " * 300 + b"71T1\r\n"],
-    "fabscan": [b"M21\n", b"M19;\n", b"X M021\n", b"M 21\n", b"M" + b"0" * 90 + b"21\n", b"M65557\n",
-                b"G02 T1 M21\n"],
+    "fabscan": [b"M21\n", b"M19;\n", b"X M021\n", b"M 21\n", b"M" + b"0" * 90 + b"21\n",
+                b"M65557\n", b"G02 T1 M21\n"],
     "sardauscan": [b"L 0 1\r", b"\rL 2 7\r", b"l 0 1\r", b"L\t0\t1\r", b"\x01L 0 1\r",
                    b"L 0 65537\r", b"T\rL 0 1\r"],
 }  # fmt: skip

@@ -7,7 +7,13 @@ from turnscan.devices._lit import alive, burning
 from turnscan.devices._options import split_address
 from turnscan.devices._pixels import image_of
 from turnscan.devices._protocols import Camera, CameraTraits, Lasers, Sweeping, Turntable
-from turnscan.devices._registry import Devices, open_devices, open_lasers, open_turntable
+from turnscan.devices._registry import (
+    Devices,
+    acknowledge_alarm,
+    open_devices,
+    open_lasers,
+    open_turntable,
+)
 from turnscan.devices._steady import Steady, frame_deadline
 
 __all__ = [
@@ -20,6 +26,7 @@ __all__ = [
     "Steady",
     "Sweeping",
     "Turntable",
+    "acknowledge_alarm",
     "alive",
     "aravis_library",
     "burning",

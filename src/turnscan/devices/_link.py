@@ -19,13 +19,12 @@ from typing import Any, Protocol
 from turnscan.devices import _guard
 from turnscan.devices._dialects import DIALECTS, darken
 from turnscan.devices._lines import shown
-from turnscan.devices._sentences import door_open
+from turnscan.devices._port_error import port_error
+from turnscan.devices._sentences import door_open, look_and_acknowledge, lost_place
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
-    DeviceError,
     DeviceGarbled,
-    DeviceNotFound,
     DeviceRefused,
     DeviceRestarted,
     DeviceTimeout,
@@ -404,7 +403,7 @@ class GuardedLink:
             word, _, text = payload.decode(errors="replace").partition(" ")
             if word == "gone" and self._maybe_lit.is_set():
                 self._gone.set()
-            self._failure = self._failure or _port_error(port, word, text)
+            self._failure = self._failure or port_error(port, word, text)
             self._hello.put_nowait((kind, payload))
         elif kind == b"K":
             self._gone.set()
@@ -505,18 +504,6 @@ def _hearing(port: Any) -> Any:
     return hear
 
 
-def _port_error(port: str, word: str, text: str) -> DeviceError:
-    if word == "busy":
-        return DeviceRefused(f"{port}: in use by another program", hint="close that program")
-    if word == "absent":
-        # pyserial says it twice, with the name of the port: the end says why.
-        why = "there is no such port" if "[Errno 2]" in text else text
-        return DeviceNotFound(
-            f"{port}: cannot be opened: {why}", hint="look at the cable and the port's name"
-        )
-    return DeviceDisconnected(f"{port}: gone: {text}", hint="plug it in again, then resume")
-
-
 def objection(port: str, heard: bytes) -> TurnscanError:
     """The error that a board's words amount to."""
     if not heard.strip():
@@ -524,11 +511,11 @@ def objection(port: str, heard: bytes) -> TurnscanError:
     if b"Door" in heard:
         return door_open(port)
     if b"ALARM" in heard:
-        return DeviceAlarm(f"{port}: {shown(heard)}", hint="look at the machine, then acknowledge")
+        return DeviceAlarm(f"{port}: {shown(heard)}", hint=look_and_acknowledge(port))
     if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:
         return DeviceRestarted(
             f"{port}: the board restarted ({shown(heard)})",
-            hint="its position is lost: set the table to its mark again",
+            hint=lost_place(port),
         )
     if b"error" in heard:
         return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")

@@ -16,6 +16,7 @@ from turnscan.acquire import (
     acquisition_to_json,
     auto_exposure,
     check_room,
+    counting_of,
     estimate,
     look,
     stripe_peak,
@@ -108,7 +109,8 @@ def prepare(
     used = rig or bench.rig
     if used is not None:
         _check_rig(used, plan, first.scan_plan, rig_name)
-    how = acquisition_to_json(Acquisition(plan, at.camera, at.turntable, at.lasers))
+    counting = counting_of(bench.hardware.turntable)
+    how = acquisition_to_json(Acquisition(plan, at.camera, at.turntable, at.lasers, counting))
     return Prepared(plan, first, used, estimate(plan, first), how, reason)
 
 
