@@ -80,6 +80,13 @@ def test_grbls_numbered_refusals(line: bytes, code: int) -> None:
     assert say(GrblFirmware(), line) == b"error:%d\r\n" % code
 
 
+@pytest.mark.parametrize("setting", [b"$100=0\n", b"$110=0\n", b"$120=0\n"])
+def test_a_setting_of_zero_ends_no_emulator(setting: bytes) -> None:
+    board = GrblFirmware({"100": 80})
+    assert say(board, setting, b"G1 X1 F100\n", 60.0) == b"ok\r\nok\r\n"
+    assert say(board, b"?").startswith(b"<")
+
+
 def test_startup_lines_are_run_at_every_start_also_after_a_reset() -> None:
     board = GrblFirmware()
     assert say(board, b"$N1=M8\n", b"$N\n").endswith(b"$N0=\r\n$N1=M8\r\nok\r\n")
