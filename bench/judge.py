@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -49,6 +48,8 @@ CONFIRM = 2.5
 that hangs (1.25), to ask once more (1), to open the port again (0.25)."""
 TELL = 6.0
 """s after the lease in which a person is told, where somebody lives who can tell."""
+PAGE = Path(__file__).parents[1] / "docs" / "safety.md"
+BEGIN, END = "<!-- judged: python -m bench.judge --write -->", "<!-- end of what was judged -->"
 HIDDEN = {
     "grbl": [
         b"M?3 S1000\n", b"M~3 S1000\n", b"M\x903 S1000\n", b"M\x0b3 S1000\n", b"M(x)3 S9\n",
@@ -74,9 +75,10 @@ def firmware(dialect: str) -> Firmware:
     """A board with a quick table."""
     if dialect == "grbl":
         return GrblFirmware({"100": 8.889, "110": 60000, "120": 8000})
-    return {"horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware}[
-        dialect
-    ]()
+    others: dict[str, Callable[[], Firmware]] = {
+        "horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware,
+    }  # fmt: skip
+    return others[dialect]()
 
 
 @dataclass
@@ -521,7 +523,7 @@ def explore(transitions: int, seed: int = 0, steps: int = 40) -> Figures:
     while FIGURES.transitions < transitions:
         left = max(1, math.ceil((transitions - FIGURES.transitions) / steps))
         run_state_machine_as_test(
-            seeded(seed)(Machine),  # type: ignore[arg-type]
+            seeded(seed)(Machine),
             settings=settings(
                 max_examples=left, stateful_step_count=steps, deadline=None, database=None,
                 phases=[Phase.generate], suppress_health_check=list(HealthCheck),
@@ -542,13 +544,10 @@ def main() -> None:
     table = explore(asked.transitions, asked.seed).table()
     print(table)
     if asked.write:
-        page = Path(__file__).parents[1] / "docs" / "safety.md"
-        text, count = re.subn(
-            r"(<!-- judge -->\n).*?(<!-- /judge -->)",
-            lambda found: f"{found[1]}{table}\n{found[2]}", page.read_text(), flags=re.DOTALL,
-        )  # fmt: skip
-        assert count == 1
-        page.write_text(text)
+        before, _, rest = PAGE.read_text().partition(BEGIN)
+        after = rest.partition(END)[2]
+        assert after, f"{PAGE}: the marks are missing"
+        PAGE.write_text(f"{before}{BEGIN}\n\n{table}\n\n{END}{after}")
 
 
 if __name__ == "__main__":

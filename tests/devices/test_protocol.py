@@ -7,6 +7,7 @@ import contextlib
 import math
 import os
 import random
+import re
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -537,3 +538,36 @@ def test_a_person_who_is_not_there() -> None:
         pass
     with pytest.raises(InputError, match="no driver"):
         open_lasers("manual:")
+
+
+@pytest.mark.parametrize("key", ["100", "110", "120"])
+def test_settings_with_which_nothing_turns_are_refused(key: str) -> None:
+    """By the emulated board when they are sent, and by the driver where a board has them."""
+    fw = GrblFirmware({"100": 8.889})
+    for value in ("-1", "0", "0.0004"):
+        fw.feed(f"${key}={value}\n".encode())
+        fw.run(fw.now + 0.1)
+        assert b"error:4\r\n" in fw.take()
+    if key == "100":  # the emulated board would not get as far as telling it
+        return
+    fw.settings[key] = "0.000"
+    with pytest.raises(DeviceRefused, match=rf"GRBL has \${key}=0.000, with which nothing turns"):
+        near("grbl", fw)
+
+
+@pytest.mark.parametrize("angle", [0.5, -2.0, 7.0])
+def test_a_grbl_that_reports_inches_is_understood(angle: float) -> None:
+    fw = GrblFirmware({"100": 80, "110": 6000, "120": 800, "13": 1})
+    device, link = near("grbl", fw)
+    reached = device.move_to(angle, 60.0)
+    device.light(frozenset({"a"}), 1.0)
+    device.light(frozenset(), 1.0)
+    assert reached == pytest.approx(link.board.turns * 2 * math.pi, abs=1e-9)
+    link.dark()
+    again = near("grbl", fw)[0]
+    assert again.angle == pytest.approx(reached, abs=1e-9)
+    link.board.feed(b"?")
+    link.board.run(fw.now + 0.1)
+    shown = re.search(rb"MPos:(-?[\d.]+)", link.board.take())
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(math.degrees(reached) / 25.4, abs=1e-3)

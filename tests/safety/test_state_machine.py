@@ -217,3 +217,77 @@ def test_a_laser_that_nobody_can_reach_is_said_and_darkened_minutes_later(dialec
         world.run(1.5)
         assert not world.board.lit
         bench.end()
+
+
+# What the judge has found, each with the defect that it was
+
+
+@contextmanager
+def lit_bench(dialect: str) -> Iterator[Bench]:
+    """A scan that has just lit a laser."""
+    bench = Bench(dialect, seed=3)
+    with bench.world.installed():
+        bench.scan()
+        while not (bench.world.board.lit and bench.wanted):
+            bench.world.run(0.02)
+        try:
+            yield bench
+        finally:
+            bench.end()
+
+
+def said_while_the_work_hangs() -> None:
+    """The scanner cannot say what its link was told, so the guard does."""
+    with lit_bench("grbl") as bench:
+        assert bench.work is not None
+        bench.work.held = True
+        bench.world.board.deafen(20.0)
+        bench.world.run(8.0)
+        assert [text for _, text in bench.world.said if "may be lit" in text]
+        bench.world.run(15.0)
+        assert not bench.world.board.lit
+        assert "is dark" in bench.world.said[-1][1]
+
+
+def replaced_when_killed() -> None:
+    """Who steps in for a guard is replaced as long as the scanner lives."""
+    with lit_bench("fabscan") as bench:
+        assert bench.work is not None
+        bench.work.held = True
+        bench.world.unplug(powered=True)
+        for _ in range(2):
+            bench.guards[0].end(-9)
+            bench.world.run(6.0)
+            assert bench.world.board.lit
+        bench.world.plug()
+        bench.world.run(1.5)
+        assert not bench.world.board.lit
+
+
+def said_soon_after_the_scanner_has_gone() -> None:
+    with lit_bench("sardauscan") as bench:
+        assert bench.scanner is not None
+        bench.world.board.deafen(60.0)
+        bench.scanner.end(-9)
+        bench.world.run(2.5)
+        assert [text for _, text in bench.world.said if "may be lit" in text]
+
+
+FOUND = {
+    said_while_the_work_hangs: _guard_mutant(
+        "                self._dark(0, DONE, tries=1)\n                self._inform()\n",
+        "                self._dark(0, DONE, tries=1)\n",
+    ),
+    replaced_when_killed: _link_mutant("            if code in (0, 4):", "            if True:"),
+    said_soon_after_the_scanner_has_gone: _guard_mutant(
+        "if self._sure or self._port is None or self._leave:",
+        "if self._sure or self._port is None:",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("check", FOUND)
+def test_what_the_judge_has_found_stays_mended(check: Callable[[], None]) -> None:
+    check()
+    with FOUND[check](), pytest.raises(AssertionError):
+        check()

@@ -242,6 +242,9 @@ class Board(ABC):
         """Units by which the board may tell its place wrong."""
         return 0
 
+    def _before_move(self) -> None:  # noqa: B027 (a hook that may stay empty)
+        """Make sure that the board is as it was left; until then nothing turns."""
+
     def _come_to_rest(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """A move was broken off: let the table come to rest, and note where it is."""
 
@@ -333,16 +336,22 @@ class Board(ABC):
             error.add_note(f"and then: {e}")
 
     def _lose(self, error: TurnscanError) -> None:
-        turning = self._left.target is not None
-        if isinstance(error, DeviceRestarted) or (isinstance(error, DeviceAlarm) and turning):
+        if isinstance(error, DeviceRestarted):
             self._lose_count(self._unit - self._left.base, self._unit)
+        elif isinstance(error, DeviceAlarm) and self._left.target is not None:
+            self._note(replace(self._left, alarmed=True))
         if self._lost is None:
             self._lost = error
 
     def _switch(self, lit: frozenset[str], lease: float) -> None:
         mask = sum(1 << i for i, name in enumerate(self.names) if name in lit)
         self._lit = self._lit | lit
-        self._link.light(mask, lease)
+        try:
+            self._link.light(mask, lease)
+        except DeviceTimeout:
+            with contextlib.suppress(DeviceGarbled):
+                self._lines.expect_nothing()  # an alarm that came before says why
+            raise
         self._lines.expect_nothing()  # a door that opened while it was lit
         self._lit = lit
 
@@ -360,6 +369,7 @@ class Board(ABC):
 
     def _turn(self, there: int, end: float) -> None:
         """One move; where it is broken off the table comes to rest, so that its place is known."""
+        self._before_move()
         self._note(replace(self._left, target=there, sent=False, fresh=False))
         try:
             self._go(there, end)
@@ -368,7 +378,7 @@ class Board(ABC):
                 with contextlib.suppress(TurnscanError):
                     self._come_to_rest()
             raise
-        self._note(replace(self._left, unit=there, target=None, sent=False))
+        self._note(replace(self._left, unit=there, target=None, sent=False, alarmed=False))
 
     def _rebased(self, unit: int) -> int | None:
         """The whole turn at which the board is to count from zero again, before it counts too far.
@@ -403,7 +413,7 @@ class Board(ABC):
         self._remembers = True
         if before is not None and place is not None:
             self._remembers = not before.fresh
-            self._note(replace(before, unit=place, target=None, sent=False))
+            self._note(replace(before, unit=place, target=None, sent=False, alarmed=False))
         elif before is None and count and not locked:
             self._note(Left(new_counting(), 0, count, adopted=True))
         else:
@@ -425,7 +435,7 @@ class Board(ABC):
         place = self._left.place(count, self._tolerance(), watched=True)
         if place is None:
             raise self._elsewhere(count, self._unit)
-        self._note(replace(self._left, unit=place, target=None, sent=False))
+        self._note(replace(self._left, unit=place, target=None, sent=False, alarmed=False))
 
     def _elsewhere(self, count: int | None, unit: int) -> DeviceRestarted:
         return DeviceRestarted(

@@ -111,9 +111,11 @@ class FabScanBoard(Board):
             super()._leg(self._unit - 1, end)
         super()._leg(target, end)
 
+    def _before_move(self) -> None:
+        self._say("M17")  # a board that has restarted unseen has released its motor
+
     def _go(self, unit: int, end: float) -> None:
         steps = PER_PULSE * (unit - self._unit)
-        self._say("M17")  # a board that has restarted unseen has released its motor
         text = f"G02 T{steps} F{self._rate:.0f}"
         end = self._move_end(travel_time(steps, self._rate, ACCELERATION), end)
         self._move_sent = text.encode()

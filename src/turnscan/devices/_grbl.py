@@ -35,6 +35,12 @@ class GrblBoard(Board):
                 f"{self.setup.port}: GRBL has soft limits, which a turntable has not",
                 hint="send $20=0",
             )
+        for key in ("$100", "$110", "$120"):
+            if number[key] <= 0:
+                raise DeviceRefused(
+                    f"{self.setup.port}: GRBL has {key}={values[key]}, with which nothing turns",
+                    hint="set steps/°, °/min and °/s² of the table: $100, $110, $120",
+                )
         per_degree = number["$100"]
         if self.setup.steps is None:
             self._steps = Steps(Fraction(round(per_degree * 360)))

@@ -37,6 +37,8 @@ class Left:
     """Where that move goes."""
     sent: bool = False
     """Whether the board has said that it has the move."""
+    alarmed: bool = False
+    """Whether an alarm came in that move, so that steps may be lost."""
     fresh: bool = False
     """Whether this counting has only begun: nothing has been measured in it."""
     adopted: bool = False
@@ -53,8 +55,8 @@ class Left:
         """The unit at which the table stands, or None where that is not certain.
 
         ``count`` is the board's own count, None where it has none; one that counts zero may have
-        restarted, unless it was ``watched`` all the time. ``locked``: it is in an alarm, which in
-        a move means that steps were lost.
+        restarted, unless it was ``watched`` all the time. ``locked``: it is in an alarm, which
+        loses steps in a move that has begun.
         """
         if count is None:
             if self.target is None:
@@ -63,9 +65,12 @@ class Left:
         told = self.base + count
         if self.target is None:
             return self.unit if abs(told - self.unit) <= tolerance else None
+        if told == self.unit and (locked or self.alarmed):
+            return self.unit
         low, high = sorted((self.unit, self.target))
         between = low - tolerance <= told <= high + tolerance
-        return told if between and not locked and (count != 0 or watched) else None
+        sound = not (locked or self.alarmed) and (count != 0 or watched)
+        return told if between and sound else None
 
 
 class Ledger:

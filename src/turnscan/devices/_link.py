@@ -230,7 +230,9 @@ class GuardedLink:
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
         self._maybe_lit.clear()
-        raise objection(self.settings.port, heard + said)
+        # What follows is the guard's own dark, but a message that was split may end there.
+        door = b"Door" in said or b"ALARM" in said
+        raise objection(self.settings.port, heard + said if door else heard)
 
     def renew(self, lease: float) -> None:
         """See `Link`; nothing is answered. Raises what has befallen the guard."""
