@@ -106,6 +106,7 @@ def test_recovers_a_known_rig_within_its_uncertainty() -> None:
     assert 1e-6 < np.degrees(off.std()) < 0.1
 
 
+@pytest.mark.slow
 def test_claimed_uncertainty_is_the_spread_of_repetitions() -> None:
     runs = [solved(seed) for seed in range(100, 112)]
     ratio = []

@@ -21,6 +21,8 @@ from turnscan.calibrate import (
 from turnscan.rig import Camera, Rig, rig_from_json
 from turnscan.scan import read_picture
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, str, str]:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 
 from turnscan.cli import turnscan
+
+pytestmark = pytest.mark.slow
 
 
 def test_demo_from_end_to_end(tmp_path: Path) -> None:

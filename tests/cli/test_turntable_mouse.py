@@ -16,6 +16,8 @@ from turnscan.cli import turnscan
 from turnscan.export import read_mesh
 from turnscan.surface import components, is_closed, soundness
 
+pytestmark = pytest.mark.slow
+
 
 def _run(*args: object) -> str:
     done = CliRunner().invoke(turnscan, [str(a) for a in args], catch_exceptions=False)

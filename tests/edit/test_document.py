@@ -175,7 +175,7 @@ Session.TestCase.settings = settings(
     stateful_step_count=6,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
-TestSession = Session.TestCase
+TestSession = pytest.mark.slow(Session.TestCase)
 
 
 def test_undo_and_redo_of_a_delete_touch_its_faces_alone() -> None:

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 import turnscan.devices
 from tests.safety.conftest import DIALECTS, SCALE, Metronome, firmware
-from turnscan.devices import burning, open_devices, open_lasers, open_turntable
+from turnscan.devices import alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._guard import LONGEST_LEASE, Frames, pack
 from turnscan.devices._link import Deadlines, GuardedLink
@@ -35,6 +35,7 @@ from turnscan.errors import (
     InputError,
     InterlockOpen,
     LaserStateUnknown,
+    LeaseEnded,
     SafetyError,
     TurnscanError,
 )
@@ -195,10 +196,12 @@ def test_a_guard_refuses_a_long_lease_by_itself() -> None:
         assert wait_dark(socket, begin, 3.0) < WITHOUT_LEASE
 
 
-def test_an_exposure_longer_than_a_lease_is_lit_throughout() -> None:
+def test_what_shows_signs_of_life_is_lit_throughout_and_nothing_else() -> None:
     with plugged("grbl") as (device, socket):
         with burning(device, frozenset({"a"})):
-            time.sleep(LONGEST_LEASE + 0.4)
+            for _ in range(12):
+                time.sleep(0.2)
+                alive()
             assert socket.firmware.lit
         assert not socket.firmware.lit
         log = [(entry.time, bool(entry.outputs)) for entry in socket.firmware.log]
@@ -206,12 +209,14 @@ def test_an_exposure_longer_than_a_lease_is_lit_throughout() -> None:
         begin = time.monotonic()
 
         def too_long() -> None:
-            with burning(device, frozenset({"a"}), longest=0.3):
-                assert wait_dark(socket, begin, 3.0) < WITHOUT_LEASE
+            with burning(device, frozenset({"a"})):
+                assert wait_dark(socket, begin, 4.0) < LONGEST_LEASE + 0.5
                 until(lambda: device._link._lapsed)
+                alive()  # too late
 
-        with pytest.raises(DeviceTimeout, match="lease"):
+        with pytest.raises(LeaseEnded):
             too_long()
+        device.light(frozenset({"a"}), 1.0)  # nobody has to acknowledge that
 
 
 def test_garbage_on_the_guards_input_is_dark() -> None:

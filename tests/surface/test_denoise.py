@@ -57,6 +57,7 @@ SHAPES: dict[str, Relief] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(SHAPES))
 def test_noise_falls_by_two_and_a_half_and_the_surface_stays(name: str) -> None:
     """The floor: a second-order fit over this window can average no more than 3.5 times."""

@@ -289,6 +289,7 @@ def test_a_grid_without_a_face_is_said_and_closing_it_does_nothing(steps, lines)
     assert holes(mesh) == []
 
 
+@pytest.mark.slow
 def test_the_same_mesh_gives_the_same_bytes_whatever_the_threads_and_hashes():
     code = (
         "import hashlib\n"

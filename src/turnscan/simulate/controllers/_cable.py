@@ -15,7 +15,7 @@ class Cable:
     """
 
     def __init__(self, seed: int = 0) -> None:
-        self._random = Random(seed)  # noqa: S311 (repeatable faults, no secrets)
+        self._random = Random(seed)
         self._up: deque[tuple[float, bytes]] = deque()
         self.mend()
 
