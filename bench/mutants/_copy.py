@@ -44,7 +44,7 @@ class Copy:
 
     def __init__(self, root: Path, folder: Path) -> None:
         self.folder = folder
-        ignored = shutil.ignore_patterns("static", "_build", "pictures", "node_modules", "*.nb?")
+        ignored = shutil.ignore_patterns("static", "_build", "pictures", "node_modules")
         for part in _PARTS:
             if (root / part).is_dir():
                 shutil.copytree(root / part, folder / part, ignore=ignored)
