@@ -136,7 +136,7 @@ def test_table_angle_sigma_is_the_spread() -> None:
     rig = replace(world.rig, markers=layout.markers("DICT_4X4_50"))
     pulls = []
     for k in range(60):
-        view = world.rider_view(layout, 0.1 * k, stripe=False)
+        view = world.rider_view(layout, 0.1 * k)
         corners = view.corners.reshape(-1, 4, 2)
         seen = [
             (int(n), m.corners, c)
@@ -152,7 +152,7 @@ def test_a_marker_that_moved_is_left_out() -> None:
     world = World(true_rig(), np.random.default_rng(9), 0.1)
     layout = true_layout()
     rig = replace(world.rig, markers=layout.markers("DICT_4X4_50"))
-    corners = world.rider_view(layout, 0.4, stripe=False).corners.reshape(-1, 4, 2).copy()
+    corners = world.rider_view(layout, 0.4).corners.reshape(-1, 4, 2).copy()
     corners[2] += 40
     seen = [(m.number, m.corners, c) for m, c in zip(rig.markers, corners, strict=True)]
     found = table_angle(rig, seen)

@@ -30,8 +30,7 @@ _OF_PICTURES = (
     "volume",
     "shortest",
     "every",
-    "spacing",
-    "spacing_by",
+    "along",
     "between",
     "denoise",
 )
@@ -88,7 +87,7 @@ def figures(done: Reconstruction, rig: Rig | None) -> dict[str, Any]:
     """The result in numbers."""
     mesh = done.mesh
     lasers = []
-    for g in done.grids:
+    for g in done.spaced:
         rigs = np.zeros(0) if rig is None else systematic_sigma(rig, g)
         known = g.sigma[~np.isnan(g.sigma)]
         lasers.append(
@@ -170,7 +169,7 @@ def finish(
         options = replace(options, about=told)
         lines: dict[str, tuple[object, ...]] = {}
         if "profiles" in options.dxf_forms:
-            for grid in done.grids:
+            for grid in done.spaced:
                 runs = [p.points for step in profiles(grid) for p in step]
                 lines[grid.laser] = (*lines.get(grid.laser, ()), *runs)
         held = Profiles(lines) if lines else None  # type: ignore[arg-type]

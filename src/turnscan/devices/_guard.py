@@ -134,7 +134,7 @@ class Guard:
         """Whether a laser may burn: it was ordered, and since then no dark was confirmed."""
         self._lease_end = self._last_end = 0.0
         self._again = self._pulsed = 0.0
-        self._leave = False
+        self._leave = self._informed = False
         self._terms = 0
         self._barred = b""
         """What made it go dark by itself; nothing is lit until the scanner has said dark, too."""
@@ -161,6 +161,7 @@ class Guard:
                 self._dark(0, LAPSED)
             elif self._again and now >= self._again:
                 self._dark(0, DONE, tries=1)
+                self._inform()
             elif (event := self._next()) is not None:
                 self._act(*event)
         return self.last_word()
@@ -196,12 +197,25 @@ class Guard:
             if self._maybe and now >= begin + _SOON and not told:
                 told = True
                 self._tell(b"K", b"")
-                self._say("the laser may be lit: cut its power; turnscan keeps trying to reach it")
+                self._inform()
             self._rest(told)
-        if told:
-            self._say("the laser is dark" if self._sure else "given up: the laser may be lit")
+        self._inform()
+        if self._informed:
+            self._say("given up: the laser may be lit")
         self._flush()
         return 0 if self._sure else 4
+
+    def _inform(self) -> None:
+        """A person hears that the laser may be lit, and that it is dark again; each once.
+
+        From here, as the scanner may have ended, or be unable to say what it was told.
+        """
+        if self._maybe and not self._informed:
+            self._informed = True
+            self._say("the laser may be lit: cut its power; turnscan keeps trying to reach it")
+        elif self._informed and self._sure:
+            self._informed = False
+            self._say("the laser is dark")
 
     def _rest(self, keeps_trying: bool) -> None:
         """Until the next attempt; another program may have the port meanwhile."""
@@ -301,9 +315,10 @@ class Guard:
             self._dark(seq, FAILED, self._barred)
             return
         if mask:  # counted as lit from before the first byte
-            self._lit, self._sure, self._maybe, self._tail = True, False, True, b""
+            self._lit, self._sure, self._maybe = True, False, True
             self._lease_end = time.monotonic() + lease
             self._last_end = time.monotonic() + LONGEST_LIT
+        begun = self._tail = self._tail[self._tail.rfind(b"\n") + 1 :]
         for step in self._dialect.light(self._set.outputs, mask):
             heard, end = bytearray(), time.monotonic() + self._set.confirm
             self._send(step.send)
@@ -315,7 +330,7 @@ class Guard:
                 del heard[:-LONGEST_FRAME]
             # Or more than was asked for, such as the banner of a board that has restarted.
             if found is None or (heard[: found.start()] + heard[found.end() :]).strip():
-                self._dark(seq, FAILED, bytes(heard))
+                self._dark(seq, FAILED, begun + bytes(heard))
                 return
         self._lit, self._sure, self._maybe = bool(mask), not mask, bool(mask)
         self._again = 0.0
@@ -335,9 +350,9 @@ class Guard:
         for _ in range(tries):
             self._sure, heard = self._darken()
             said = (said + heard)[-1024:]
-            if self._sure or self._port is None:
+            if self._sure or self._port is None or self._leave:
                 break
-        self._lit = False
+        self._lit, self._tail = False, b""
         self._maybe = self._maybe and not self._sure
         self._again = 0.0 if self._sure else time.monotonic() + AGAIN
         self._answer(seq, result if self._sure else UNKNOWN, objection, said)

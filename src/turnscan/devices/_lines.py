@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from turnscan.devices._link import Link
 
 
-_REST = 0.05
+_REST = 0.3
 """s to wait for the end of a line that nobody asked for, so that it can be understood."""
 
 

@@ -121,14 +121,17 @@ class GuardedLink:
         self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=4)
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
-        self._darks = self._heard = 0
+        self._darks = self._darks_before = self._heard = 0
         self._failure: TurnscanError | None = None
         self._barred: TurnscanError | None = None
         """The door or the alarm for which the guard went dark by itself."""
         self._lapsed = False
         self._maybe_lit = threading.Event()
         self._closing = threading.Event()
+        self._gone = threading.Event()
+        """Set once the port has gone from a laser that may be lit: the guard reopens it."""
         self._keeps_trying = threading.Event()
+        """Set once that, or a last dark, was not done in a second."""
         self._ended = threading.Event()
         """Set once the guard has ended and what follows from that is done."""
         self._alone = threading.Lock()
@@ -182,15 +185,19 @@ class GuardedLink:
     def write(self, data: bytes) -> None:
         """Send. Raises DeviceDisconnected, SafetyError where the guard has ended."""
         self._check_barred()
+        self._darks_before = self._darks
         for at in range(0, len(data), _PART):
             self._frame(b"W", data[at : at + _PART])
 
     def read(self, timeout: float) -> bytes:
-        """What has come since. Raises DeviceAlarm where a dark from elsewhere fell in between."""
-        darks, end = self._darks, time.monotonic() + timeout
+        """What has come since.
+
+        Who waits for the answer to a `write` meets DeviceAlarm where a dark fell in between.
+        """
+        end = time.monotonic() + timeout
         while True:
             self._check()
-            if darks != self._darks:
+            if timeout > 0.0 and self._darks != self._darks_before:
                 raise DeviceAlarm(f"{self.settings.port}: interrupted, lasers were switched off")
             self._check_barred()
             left = end - time.monotonic()
@@ -240,7 +247,7 @@ class GuardedLink:
             result, _, heard = self._ask(b"D", b"")
         except TurnscanError as e:
             self._failure = self._failure or e
-            if self._keeps_trying.is_set() and not self._ended.is_set():
+            if self._gone.is_set() and not self._ended.is_set():
                 return self._dark_by_guard()
             self._guard.kill()  # it holds the port; what it cannot do is done without it
             return self._dark_alone()
@@ -401,10 +408,11 @@ class GuardedLink:
         elif kind == b"U":
             word, _, text = payload.decode(errors="replace").partition(" ")
             if word == "gone" and self._maybe_lit.is_set():
-                self._keeps_trying.set()
+                self._gone.set()
             self._failure = self._failure or port_error(port, word, text)
             self._hello.put_nowait((kind, payload))
         elif kind == b"K":
+            self._gone.set()
             self._keeps_trying.set()
         elif kind == b"A":
             seq, result, cut = struct.unpack_from("<IBH", payload)
@@ -474,9 +482,23 @@ class GuardedLink:
             if sure:
                 return heard
         if self._maybe_lit.is_set() and (self._rescuer is None or self._rescuer.poll() is not None):
-            self._rescuer = self._start(replace(s, rescue=True), subprocess.DEVNULL)
-            threading.Thread(target=self._rescuer.wait, daemon=True, name="rescuer").start()
+            self._rescuer = self._start_rescuer()
+            threading.Thread(target=self._mind_rescuer, daemon=True, name="rescuer").start()
         raise self._unknown(heard)
+
+    def _start_rescuer(self) -> subprocess.Popen[bytes]:
+        return self._start(replace(self.settings, rescue=True), subprocess.DEVNULL)
+
+    def _mind_rescuer(self) -> None:
+        """It goes on without this process; while this one lives, it is replaced if it is killed."""
+        while self._rescuer is not None:
+            code = self._rescuer.wait()
+            if code == 0:
+                self._maybe_lit.clear()
+            if code in (0, 4):
+                return
+            time.sleep(_guard.AGAIN)
+            self._rescuer = self._start_rescuer()
 
 
 def _hearing(port: Any) -> Any:

@@ -121,6 +121,8 @@ def _exposed(plan: Plan, bench: Opened, wishes: Wishes) -> tuple[Plan, str]:
     hardware, gain = bench.hardware, plan.exposures[0].gain
     seconds, found = plan.exposures[0].seconds, list[FoundExposure]()
     hardware.turntable.move_to(plan.angle(0), _FIRST_MOVE)
+    hardware.camera.configure(seconds, gain)
+    hardware.camera.grab(frame_deadline(seconds, first=True))  # what takes long needs no light
     for lit in plan.sets.values():
         with burning(hardware.lasers, lit):
             found.append(auto_exposure(hardware.camera, seconds, gain=gain))
