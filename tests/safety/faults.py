@@ -64,9 +64,12 @@ def firmware(dialect: str) -> Firmware:
     """A board of this dialect with a table."""
     if dialect == "grbl":
         return GrblFirmware({"100": 8.889, "110": 6000, "120": 800})
-    return {"horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware}[
-        dialect
-    ]()
+    kinds: dict[str, type[Firmware]] = {
+        "horus": HorusFirmware,
+        "fabscan": FabScanFirmware,
+        "sardauscan": SardauscanFirmware,
+    }
+    return kinds[dialect]()
 
 
 @dataclass(frozen=True)

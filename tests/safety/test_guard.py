@@ -21,7 +21,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import turnscan.devices
-from tests.safety.conftest import DIALECTS, SCALE, Metronome, firmware
+from tests.safety.conftest import Metronome
+from tests.safety.faults import DIALECTS, SCALE, firmware
 from turnscan.devices import alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._guard import LONGEST_LEASE, Frames, pack
