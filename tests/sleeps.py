@@ -42,5 +42,5 @@ def pytest_testnodedown(node: object) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    for who, seconds in sorted(_slept.items()):
-        terminalreporter.write_line(f"asleep {who}: {seconds:.1f} s")
+    for who in ("by tests", "by what they call"):
+        terminalreporter.write_line(f"asleep {who}: {_slept[who]:.1f} s")

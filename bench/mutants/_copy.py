@@ -44,7 +44,7 @@ class Copy:
 
     def __init__(self, root: Path, folder: Path) -> None:
         self.folder = folder
-        ignored = shutil.ignore_patterns("static", "_build", "pictures", "node_modules", "*.nb?")
+        ignored = shutil.ignore_patterns("static", "_build", "pictures", "node_modules")
         for part in _PARTS:
             if (root / part).is_dir():
                 shutil.copytree(root / part, folder / part, ignore=ignored)
@@ -124,8 +124,7 @@ class Copy:
                 os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
             for name in [m for m in sys.modules if m.split(".")[0] in ("bench", "tests")]:
                 del sys.modules[name]
-            options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=short", "-ra"]
-            options += ["-p", "no:rerunfailures", "-o", "markers=flaky"]
+            options = ["-x", "-q", "-p", "no:cacheprovider", "--tb=short", "-ra"]
             options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
             if not compiled:
                 import numba  # noqa: TID251

@@ -106,6 +106,39 @@ def test_findings_tell_open_turns_uneven_steps_and_lost_frames():
     assert grid_findings(nothing, nothing, Volume())[0].severity == "error"
 
 
+def test_findings_tell_what_share_of_the_points_was_flagged():
+    found = plain_grid(np.zeros((10, 10, 3)))
+    flags = np.zeros((10, 10), np.uint16)
+    flags[:2] = StripeFlag.HALO
+    flags[5, 5] = StripeFlag.SATURATED
+    flags[4:] |= np.uint16(StripeFlag.EDGE)
+    flagged = replace(found, flags=flags)
+    told = grid_findings(found, flagged, Volume())
+    assert [f.code for f in told] == ["points.volume", "points.halo"]
+    assert told[0].message.startswith("100 points kept, 0 outside")
+    assert told[1].message.startswith("20% of the points")
+
+
+def test_an_unsure_angle_of_the_table_is_in_the_sigma_of_what_it_carries_off_its_surface():
+    """A ball beside the axis, each step's angle off by its own noise, and nothing else."""
+    rig = make_rig(elevation=0.2, lift=25.0)
+    angles = full_turn(90)
+    shaky = np.deg2rad(0.5)
+    stripes = scan_shape(rig, sphere(20.0, (14.0, 3.0, 25.0)), angles)
+    z = []
+    for seed in range(3):
+        told = angles + np.random.default_rng(seed).normal(0, shaky, 90)
+        sure = build_grid(rig, "L0", stripes, range(90), angles, np.zeros(90))
+        grid = build_grid(rig, "L0", stripes, range(90), told, np.full(90, shaky))
+        off = np.linalg.norm(grid.points - (14.0, 3.0, 25.0), axis=-1) - 20.0
+        carried = np.sqrt(np.maximum(grid.sigma**2 - sure.sigma**2, 0.0))
+        # Where the turn leads along the surface the sphere's curvature is all there is.
+        much = grid.found & (carried > 0.03)
+        z.append(off[much] / carried[much])
+    assert sum(map(len, z)) > 2000
+    assert np.sqrt(np.mean(np.concatenate(z) ** 2)) == pytest.approx(1.0, abs=0.25)
+
+
 def test_the_platter_disappears_and_the_part_stays():
     """A part on a wide platter: only the part is left, and all of it."""
     rig = make_rig(elevation=0.3, lift=25.0)

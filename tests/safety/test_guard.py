@@ -104,10 +104,7 @@ def killed(dialect: str, metronome: Metronome) -> float:
 def test_fifty_killed_guards(metronome: Metronome) -> None:
     took = []
     for k in range(50):
-        for _ in range(3):  # chance is not late each time
-            took.append(killed(DIALECTS[k % 4], metronome))
-            if took[-1] < 0.2:
-                break
+        took.append(killed(DIALECTS[k % 4], metronome))
         assert took[-1] < 0.2, took
     print(f"50 killed guards: noticed and dark after {max(took) * 1e3:.0f} ms at worst")
 
@@ -349,7 +346,7 @@ def test_off_in_the_middle_of_a_move() -> None:
 
         thread = threading.Thread(target=turn)
         thread.start()
-        until(lambda: socket.firmware._moves > 0)
+        until(lambda: socket.firmware.rate > 0.0)
         device.off()
         thread.join(timeout=10.0)  # the move would take half a minute
         assert not thread.is_alive()
@@ -375,13 +372,20 @@ def _with_full_buffers(**link: Any) -> tuple[int, int]:
                 device._link.write(b"G4 P0\n" * 167)
                 sent += 1002
             time.sleep(0.1)
-            thread = threading.Thread(target=device.off)
+
+            def off() -> None:
+                with suppress(LaserStateUnknown):
+                    device.off()
+
+            thread = threading.Thread(target=off)
             thread.start()
-            time.sleep(0.2)
-        thread.join(timeout=5.0)
-        data = b"".join(d for _, d in socket.firmware.received[seen:])
-        assert b"\x18" in data
-        return data.index(b"\x18"), sent
+            thread.join(timeout=30.0)  # it is not confirmed, and repeated
+
+        def received() -> bytes:
+            return b"".join(d for _, d in socket.firmware.received[seen:])
+
+        until(lambda: b"\x18" in received())
+        return received().index(b"\x18"), sent
 
 
 def test_off_overtakes_a_full_send_buffer() -> None:
@@ -414,6 +418,7 @@ def test_an_off_that_nobody_confirms(dialect: str) -> None:
         with pytest.raises(LaserStateUnknown, match="cut the power") as caught:
             device.off()
         assert caught.value.exit_code == 4
+        socket.firmware._deaf_until = 0.0
 
 
 def test_a_board_that_shows_its_banner_but_confirms_nothing() -> None:
@@ -449,12 +454,8 @@ def test_a_lease_that_ran_out_is_told() -> None:
 
 
 @pytest.mark.parametrize("stubborn", [False, True])
-def test_a_door_that_opens_while_lit(stubborn: bool) -> None:
-    """Dark within 100 ms, even where the board's own door does not put the laser out.
-
-    Of five doors the quickest is judged by that: a busy machine is not late each time.
-    """
-    dark = []
+def test_a_door_that_opens_while_lit(stubborn: bool, metronome: Metronome) -> None:
+    """Dark within 100 ms each time, even where the board's own door does not put the laser out."""
     with plugged("grbl") as (device, socket):
         board_ = socket.firmware
         for k in range(5):
@@ -464,8 +465,8 @@ def test_a_door_that_opens_while_lit(stubborn: bool) -> None:
                 board_.say(b"[MSG:Check Door]\r\n")
             else:
                 board_.open_door()
-            dark.append(wait_dark(socket, begin, 3.0))
-            assert dark[-1] < WITHOUT_LEASE
+            assert wait_dark(socket, begin, 3.0) < WITHOUT_LEASE
+            assert metronome.served(begin, board_.log[-1].time) < 0.1
             with pytest.raises(InterlockOpen):
                 device.light(frozenset({"a"}), 2.0)
             for _ in range(3):  # it never goes on by itself
@@ -476,7 +477,6 @@ def test_a_door_that_opens_while_lit(stubborn: bool) -> None:
             assert not board_.lit
             device.acknowledge()
             assert device.move_to(0.1 * (k + 1), 5.0)
-    assert min(dark) < 0.1, dark
 
 
 def relit(device: Any, socket: Socket) -> bool:
@@ -581,16 +581,12 @@ LIGHTS = {
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_the_guard_passes_no_lighting_line_on(dialect: str) -> None:
     for line in LIGHTS[dialect]:
-        for cut in (0, 1, len(line) - 1):
-            with plugged(dialect) as (device, socket):
-                try:
-                    device._link.write(line[:cut])
-                    device._link.write(line[cut:])
-                except (SafetyError, DeviceDisconnected):
-                    pass
-                device._link._guard.wait(timeout=5.0)  # it leaves, and the scanner is told
-                time.sleep(0.02)
-                assert not any(entry.outputs for entry in socket.firmware.log), line
+        with plugged(dialect) as (device, socket):
+            with suppress(SafetyError, DeviceDisconnected):
+                device._link.write(line[:1])
+                device._link.write(line[1:])
+            device._link._guard.wait(timeout=5.0)  # it leaves, and the scanner is told
+            assert not any(entry.outputs for entry in socket.firmware.log), line
 
 
 WORDS = re.compile(

@@ -121,7 +121,7 @@ class GuardedLink:
         self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=4)
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
-        self._darks = self._heard = 0
+        self._darks = self._darks_before = self._heard = 0
         self._failure: TurnscanError | None = None
         self._barred: TurnscanError | None = None
         """The door or the alarm for which the guard went dark by itself."""
@@ -185,15 +185,19 @@ class GuardedLink:
     def write(self, data: bytes) -> None:
         """Send. Raises DeviceDisconnected, SafetyError where the guard has ended."""
         self._check_barred()
+        self._darks_before = self._darks
         for at in range(0, len(data), _PART):
             self._frame(b"W", data[at : at + _PART])
 
     def read(self, timeout: float) -> bytes:
-        """What has come since. Raises DeviceAlarm where a dark from elsewhere fell in between."""
-        darks, end = self._darks, time.monotonic() + timeout
+        """What has come since.
+
+        Who waits for the answer to a `write` meets DeviceAlarm where a dark fell in between.
+        """
+        end = time.monotonic() + timeout
         while True:
             self._check()
-            if darks != self._darks:
+            if timeout > 0.0 and self._darks != self._darks_before:
                 raise DeviceAlarm(f"{self.settings.port}: interrupted, lasers were switched off")
             self._check_barred()
             left = end - time.monotonic()

@@ -67,7 +67,16 @@ def audit(
             found += _compare_points(read.vertices, points, step, "vertices")
     if _errors(found):
         return found
-    return found + _values(read, what, suffix, options) + less_sound(read, what)
+    found += _values(read, what, suffix, options) + less_sound(read, what)
+    return found + (_unmarked(what) if suffix.lower() == ".stl" else [])
+
+
+def _unmarked(what: Mesh | PointCloud) -> list[Finding]:
+    """That an STL does not tell the faces that were not measured, where there are some."""
+    if not isinstance(what, Mesh) or what.measured is None or what.measured.all():
+        return []
+    text = f"{int((~what.measured).sum())} faces were not measured; an STL cannot say which"
+    return [Finding("export.unmarked", "note", text, "", "write a PLY, OBJ, 3MF or DXF as well")]
 
 
 def less_sound(read: Mesh, what: Mesh | PointCloud | Profiles) -> list[Finding]:
