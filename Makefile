@@ -6,7 +6,8 @@ STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system drivers demo test test-fast test-interpreters check frontend frontend-check format bench bench-app accuracy docs clean
+.PHONY: help setup system drivers demo test test-fast test-interpreters check frontend frontend-check \
+	format bench bench-app accuracy mutants docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
@@ -108,6 +109,9 @@ bench-app: setup ## how long a person waits for the browser workshop, to a milli
 
 accuracy: setup ## accuracy against truth, short version (by hand: python -m bench.accuracy --full)
 	$(BIN)/python -m bench.accuracy
+
+mutants: setup ## put faults into copies of the sources and say which no test notices (an hour)
+	$(BIN)/python -m bench.mutants
 
 docs: setup ## build the documentation into docs/_build/html
 	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html

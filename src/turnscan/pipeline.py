@@ -147,6 +147,7 @@ def to_mesh(
         dense, thinning = mesh, part(told, 0.6, 1)
         mesh = surface.decimate(dense, tolerance=s.tolerance, faces=s.faces, told=thinning)
         closing += surface.decimation_findings(dense, mesh, s.faces)
+    mesh = surface.settled(mesh)
     remarks = surface.mesh_findings(mesh, islands, faces, closed=s.caps is not None)
     return opened, mesh, findings + touching + mending + closing + remarks
 

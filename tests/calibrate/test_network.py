@@ -77,12 +77,11 @@ def test_derivatives_are_those_of_the_residuals() -> None:
     names = network.names
     own0 = [np.zeros(q) for q in network.own_sizes]
     blocks = network.blocks(state)
-    skip = ("tilt", "bow")
     for j, name in enumerate(names):
-        if any(s in name for s in skip):
+        if "tilt" in name:
             continue
         step = np.zeros(len(names))
-        step[j] = 1e-7 if "bend" in name else 1e-5
+        step[j] = 1e-8 if "bend" in name or "bow" in name else 1e-5
         plus = network.blocks(network.moved(state, step, own0))
         minus = network.blocks(network.moved(state, -step, own0))
         for a, b, c in zip(plus, minus, blocks, strict=True):

@@ -7,6 +7,7 @@ import contextlib
 import math
 import os
 import random
+import re
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -398,7 +399,7 @@ def test_a_board_that_kept_its_place_is_believed() -> None:
     with Socket(firmware("grbl"), scale=SCALE) as socket:
         for dialect_angle in (0.5, 0.8):
             device = board(f"grbl:{socket.path}", deadlines=QUICK)
-            assert device.remembers
+            assert device.remembers == (dialect_angle == 0.8)  # at first it counts zero
             reached = device.move_to(dialect_angle, 5.0)
             device.close()
         device = board(f"grbl:{socket.path}", deadlines=QUICK)
@@ -407,6 +408,7 @@ def test_a_board_that_kept_its_place_is_believed() -> None:
         socket.firmware.power_on()
         device = board(f"grbl:{socket.path}", deadlines=QUICK)
         assert device.angle == 0.0  # restarted, and honest about it
+        assert not device.remembers
         device.close()
 
 
@@ -463,8 +465,9 @@ def test_grbl_settings_that_do_not_suit() -> None:
 def test_the_sardauscan_that_speaks_like_horus() -> None:
     with Socket(SardauscanHorusFirmware(), scale=SCALE) as socket:
         device = board(f"horus:{socket.path}", deadlines=QUICK)
-        assert math.degrees(device.move_to(math.radians(20.4), 5.0)) == pytest.approx(20.0)
-        assert socket.firmware.turns == pytest.approx(20 / 360)
+        # 21° are sent, of which it makes 29 of its 512 steps.
+        assert math.degrees(device.move_to(math.radians(20.4), 5.0)) == pytest.approx(20.390625)
+        assert socket.firmware.turns == pytest.approx(29 / 512)
         assert not device.remembers
         device.close()
 
@@ -535,3 +538,36 @@ def test_a_person_who_is_not_there() -> None:
         pass
     with pytest.raises(InputError, match="no driver"):
         open_lasers("manual:")
+
+
+@pytest.mark.parametrize("key", ["100", "110", "120"])
+def test_settings_with_which_nothing_turns_are_refused(key: str) -> None:
+    """By the emulated board when they are sent, and by the driver where a board has them."""
+    fw = GrblFirmware({"100": 8.889})
+    for value in ("-1", "0", "0.0004"):
+        fw.feed(f"${key}={value}\n".encode())
+        fw.run(fw.now + 0.1)
+        assert b"error:4\r\n" in fw.take()
+    if key == "100":  # the emulated board would not get as far as telling it
+        return
+    fw.settings[key] = "0.000"
+    with pytest.raises(DeviceRefused, match=rf"GRBL has \${key}=0.000, with which nothing turns"):
+        near("grbl", fw)
+
+
+@pytest.mark.parametrize("angle", [0.5, -2.0, 7.0])
+def test_a_grbl_that_reports_inches_is_understood(angle: float) -> None:
+    fw = GrblFirmware({"100": 80, "110": 6000, "120": 800, "13": 1})
+    device, link = near("grbl", fw)
+    reached = device.move_to(angle, 60.0)
+    device.light(frozenset({"a"}), 1.0)
+    device.light(frozenset(), 1.0)
+    assert reached == pytest.approx(link.board.turns * 2 * math.pi, abs=1e-9)
+    link.dark()
+    again = near("grbl", fw)[0]
+    assert again.angle == pytest.approx(reached, abs=1e-9)
+    link.board.feed(b"?")
+    link.board.run(fw.now + 0.1)
+    shown = re.search(rb"MPos:(-?[\d.]+)", link.board.take())
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(math.degrees(reached) / 25.4, abs=1e-3)

@@ -146,3 +146,26 @@ def test_what_was_not_measured_does_not_count_and_is_named() -> None:
     with pytest.raises(InputError, match="open"):
         shapes.volume(Mesh(mesh.vertices, mesh.faces[wall]))
     assert shapes.area(mesh, wall).value == pytest.approx(2 * 40 * 10 * np.sin(np.pi / 40) * 30)
+
+
+def test_the_angle_between_two_planes_has_the_noise_of_both() -> None:
+    """One of few points and one of many: their normals are not equally sure, and both count."""
+    rng = np.random.default_rng(12)
+    tilt = np.radians(40.0)
+    pulls = []
+    for first, second in ((9, 25), (25, 9), (12, 12)):
+        for _ in range(80):
+            planes = []
+            for count, turn in ((first, 0.0), (second, tilt)):
+                x, y = rng.uniform(-10, 10, (2, count))
+                z = rng.normal(0, NOISE, count)
+                c, s = np.cos(turn), np.sin(turn)
+                points = np.stack([x, c * y - s * z, s * y + c * z], axis=-1)
+                planes.append(shapes.fit_plane(points, np.full(count, NOISE)))
+            found = shapes.planes_angle(*planes)
+            angle = min(found.value, np.pi - found.value)
+            pulls.append((angle - tilt) / found.sigma)
+    z = np.reshape(pulls, (3, -1))
+    # `normal_sigma` is that of the worst direction, the tilt is about one: never too sure.
+    assert np.all(z.std(axis=1) < 1.15)
+    assert np.all(z.std(axis=1) > 0.6)

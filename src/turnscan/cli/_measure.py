@@ -34,8 +34,8 @@ _SQUARE = np.deg2rad(20.0)
     show_default=True,
     help="Least area of a side, as a part of the whole surface.",
 )
-@click.option("--sphere", is_flag=True, help="The sphere through all points.")
-@click.option("--cylinder", is_flag=True, help="The cylinder through all points.")
+@click.option("--sphere", is_flag=True, help="The sphere through all measured points.")
+@click.option("--cylinder", is_flag=True, help="The cylinder through all measured points.")
 @click.option("--json", "as_json", is_flag=True, help="The figures as JSON, unrounded.")
 def verb(
     file: Path,
@@ -48,8 +48,10 @@ def verb(
 ) -> None:
     """Measure the mesh in FILE (.ply .stl .obj .3mf .glb .dxf, mm).
 
-    Uncertainties follow from the scatter of the points about the fit; what a wrong calibration
-    does to all points alike is not in them.
+    Only what was measured is fitted, no vertex of a filling, as far as the file tells them apart
+    (an STL does not); points weigh 1/sigma² where the file knows their sigma (PLY). Uncertainties
+    follow from the scatter of the points about the fit; what a wrong calibration does to all points
+    alike is not in them.
     """
     mesh = read_mesh_file(file)
     if not len(mesh.vertices):
@@ -110,11 +112,12 @@ def _angle(a: PlaneAngle) -> dict[str, Any]:
 
 
 def _sphere(mesh: Mesh) -> dict[str, Any]:
-    from turnscan.shapes import fit_sphere
+    from turnscan.shapes import fit_sphere, measured_points
 
-    s = fit_sphere(mesh.vertices)
+    s = fit_sphere(*measured_points(mesh))
     sigma = np.sqrt(np.diag(s.covariance))
     return {
+        "points": s.count,
         "centre_mm": s.centre.tolist(),
         "centre_sigma_mm": sigma[:3].tolist(),
         "radius_mm": s.radius,
@@ -124,11 +127,12 @@ def _sphere(mesh: Mesh) -> dict[str, Any]:
 
 
 def _cylinder(mesh: Mesh) -> dict[str, Any]:
-    from turnscan.shapes import fit_cylinder
+    from turnscan.shapes import fit_cylinder, measured_points
 
-    c = fit_cylinder(mesh.vertices)
+    c = fit_cylinder(*measured_points(mesh))
     sigma = np.sqrt(np.diag(c.covariance))
     return {
+        "points": c.count,
         "point_mm": c.point.tolist(),
         "axis": c.axis.tolist(),
         "axis_sigma_deg": float(np.rad2deg(max(sigma[:2]))),
@@ -165,13 +169,14 @@ def _text(r: dict[str, Any]) -> list[str]:
         centre = ", ".join(f"{x:.4f}" for x in s["centre_mm"])
         lines.append(
             f"sphere: radius {s['radius_mm']:.4f} ± {s['radius_sigma_mm']:.4f} mm, centre "
-            f"({centre}) mm, rms {s['rms_mm']:.4f} mm"
+            f"({centre}) mm, rms {s['rms_mm']:.4f} mm over {s['points']} measured points"
         )
     if "cylinder" in r:
         c = r["cylinder"]
         axis = ", ".join(f"{x:+.5f}" for x in c["axis"])
         lines.append(
             f"cylinder: radius {c['radius_mm']:.4f} ± {c['radius_sigma_mm']:.4f} mm, axis "
-            f"({axis}) ± {c['axis_sigma_deg']:.4f}°, rms {c['rms_mm']:.4f} mm"
+            f"({axis}) ± {c['axis_sigma_deg']:.4f}°, rms {c['rms_mm']:.4f} mm over "
+            f"{c['points']} measured points"
         )
     return lines

@@ -11,6 +11,7 @@ from typing import Any
 
 from turnscan.arrays import Image
 from turnscan.devices._gain import gain_of_node, gain_to_node
+from turnscan.devices._lit import alive
 from turnscan.devices._options import check_wish, split_address, whole_of
 from turnscan.devices._pixels import image_of
 from turnscan.errors import (
@@ -160,6 +161,7 @@ class AravisCamera:
         left = max(until - time.monotonic(), 0.0)
         buffer = self._stream.timeout_pop_buffer(int(left * 1e6))
         if buffer is not None:
+            alive()
             return buffer
         self._restart = True
         self._check_there()

@@ -43,15 +43,19 @@ class Dialect:
     light: Callable[[tuple[str, ...], int], list[Exchange]]
     lines: re.Pattern[bytes]
     """The lines that may pass from the scanner, without their end. None of them lights a laser,
-    neither alone nor behind what is left of another that was cut short: none begins with a digit.
+    neither alone nor behind what is left of another that was cut short: none begins with a digit
+    but 0, with which no word for light ends.
     """
     banner: re.Pattern[bytes]
     """What shows that a board of this kind is there."""
     instant: frozenset[bytes] = frozenset()
-    """Bytes that the board picks out of the stream wherever they stand; they pass as a frame of
-    their own only. Not ``~``: going on after a hold or a door would restore the light."""
+    """Bytes that the board picks out of the stream wherever they stand, or half a line that it is
+    to keep; they pass as a frame of their own only. Not ``~``: going on after a hold or a door
+    would restore the light."""
     lit_lines: re.Pattern[bytes] | None = None
     """Those of the lines that may pass while a laser burns; None: all."""
+    holds: bool = False
+    """Whether ``!`` stops its table so that a reset then keeps the place, which ``?`` tells."""
 
 
 _OK = r"(?:^|\n)ok\r\n"
@@ -131,7 +135,8 @@ _NUMBER = r"-?\d{1,7}(?:\.\d{1,6})?"
 # rest. GRBL drops what overflows its buffer, so that two lines may become one: none has an M.
 _GRBL = rf"\$[$#GINX]|(?:(?:G(?:0?[01]|4|10|20|21|54|90|91|92|94)|[XFPL]{_NUMBER}) ?)+"
 _HORUS = rf"[?!]|\$[$#GINX]|G(?:0?1|50)(?:[XF]{_NUMBER})*|M(?:17|18|50)"
-_FABSCAN_LINE = r"M(?:17|18|100|114|200|201);?|G0?[0-2](?: [TLF]-?\d{1,6})+;?"
+# With half of M20 before it, "0;" asks for the version.
+_FABSCAN_LINE = r"0;|M(?:17|18|100|114|200|201);?|G0?[0-2](?: [TLF]-?\d{1,6})+;?"
 _SARDAUSCAN = r"sardauscan|T(?: [SC]| [AR] -?\d{1,6})?"
 _SCPI = (
     r"\*IDN\?|\*CLS|\*OPC\?|SYST:ERR\?|OUTP[12]\?|OUTP1 (?:ON|OFF)"
@@ -148,13 +153,16 @@ _HOLD = frozenset({b"?", b"!", b"\x18"})
 DIALECTS: dict[str, Dialect] = {
     d.name: d
     for d in (
-        Dialect("grbl", 115200, 2, _grbl_dark, _grbl_light, _p(_GRBL), _p("Grbl "), _HOLD),
-        Dialect(
-            "horus", 115200, 4, _horus_dark, _horus_light, _p(_HORUS), _p("Horus "),
-            _HOLD | {b"\x18\r\n"},
+        Dialect("grbl", 115200, 2, _grbl_dark, _grbl_light, _p(_GRBL), _p("Grbl "), _HOLD,
+            holds=True,
         ),
         Dialect(
-            "fabscan", 115200, 2, _fabscan_dark, _fabscan_light, _p(_FABSCAN_LINE), _p(r"M22\n>")
+            "horus", 115200, 4, _horus_dark, _horus_light, _p(_HORUS), _p("Horus "),
+            _HOLD | {b"\x18\r\n"}, holds=True,
+        ),
+        Dialect(
+            "fabscan", 115200, 2, _fabscan_dark, _fabscan_light, _p(_FABSCAN_LINE), _p(r"M22\n>"),
+            frozenset({b"M20"}),
         ),
         Dialect(
             "sardauscan", 115200, 4, _sardauscan_dark, _sardauscan_light, _p(_SARDAUSCAN),

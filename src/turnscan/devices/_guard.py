@@ -25,6 +25,7 @@ import contextlib
 import json
 import os
 import queue
+import re
 import signal
 import socket
 import struct
@@ -43,6 +44,8 @@ dark because a lease ran out (seq 0). Seq 0 answers nothing: FAILED is a door or
 
 LONGEST_FRAME = 4096
 LONGEST_LEASE = 2.0
+LONGEST_HOLD = 1.0
+"""s that a table, with nothing lit, has to come to rest before a reset, which loses its place."""
 LONGEST_LIT = 120.0
 """s that a laser burns at most, however often its lease is renewed."""
 PULSE = 0.25
@@ -56,6 +59,7 @@ KEEP_TRYING = 600.0
 _SOON = 1.0
 """s for which it does so before it says that it has to keep trying."""
 _HEAD = struct.Struct("<cHI")
+_STATUS = re.compile(rb"<([A-Z][A-Za-z]*)(:\d)?[|,]MPos:(-?[\d.]+)[^<>]*>")
 
 
 def pack(kind: bytes, payload: bytes = b"") -> bytes:
@@ -130,7 +134,7 @@ class Guard:
         """Whether a laser may burn: it was ordered, and since then no dark was confirmed."""
         self._lease_end = self._last_end = 0.0
         self._again = self._pulsed = 0.0
-        self._leave = False
+        self._leave = self._informed = False
         self._terms = 0
         self._barred = b""
         """What made it go dark by itself; nothing is lit until the scanner has said dark, too."""
@@ -157,6 +161,7 @@ class Guard:
                 self._dark(0, LAPSED)
             elif self._again and now >= self._again:
                 self._dark(0, DONE, tries=1)
+                self._inform()
             elif (event := self._next()) is not None:
                 self._act(*event)
         return self.last_word()
@@ -192,12 +197,25 @@ class Guard:
             if self._maybe and now >= begin + _SOON and not told:
                 told = True
                 self._tell(b"K", b"")
-                self._say("the laser may be lit: cut its power; turnscan keeps trying to reach it")
+                self._inform()
             self._rest(told)
-        if told:
-            self._say("the laser is dark" if self._sure else "given up: the laser may be lit")
+        self._inform()
+        if self._informed:
+            self._say("given up: the laser may be lit")
         self._flush()
         return 0 if self._sure else 4
+
+    def _inform(self) -> None:
+        """A person hears that the laser may be lit, and that it is dark again; each once.
+
+        From here, as the scanner may have ended, or be unable to say what it was told.
+        """
+        if self._maybe and not self._informed:
+            self._informed = True
+            self._say("the laser may be lit: cut its power; turnscan keeps trying to reach it")
+        elif self._informed and self._sure:
+            self._informed = False
+            self._say("the laser is dark")
 
     def _rest(self, keeps_trying: bool) -> None:
         """Until the next attempt; another program may have the port meanwhile."""
@@ -297,9 +315,10 @@ class Guard:
             self._dark(seq, FAILED, self._barred)
             return
         if mask:  # counted as lit from before the first byte
-            self._lit, self._sure, self._maybe, self._tail = True, False, True, b""
+            self._lit, self._sure, self._maybe = True, False, True
             self._lease_end = time.monotonic() + lease
             self._last_end = time.monotonic() + LONGEST_LIT
+        begun = self._tail = self._tail[self._tail.rfind(b"\n") + 1 :]
         for step in self._dialect.light(self._set.outputs, mask):
             heard, end = bytearray(), time.monotonic() + self._set.confirm
             self._send(step.send)
@@ -309,8 +328,9 @@ class Guard:
                     break
                 heard += self._hear(min(left, 0.02))
                 del heard[:-LONGEST_FRAME]
-            if found is None or heard[found.end() :].strip():  # or more than was asked for
-                self._dark(seq, FAILED, bytes(heard))
+            # Or more than was asked for, such as the banner of a board that has restarted.
+            if found is None or (heard[: found.start()] + heard[found.end() :]).strip():
+                self._dark(seq, FAILED, begun + bytes(heard))
                 return
         self._lit, self._sure, self._maybe = bool(mask), not mask, bool(mask)
         self._again = 0.0
@@ -326,15 +346,38 @@ class Guard:
         """Dark, and whether it was confirmed as an answer; if not, it is repeated in a second."""
         said = b""
         self._hurry.clear()
+        self._hold_still()
         for _ in range(tries):
             self._sure, heard = self._darken()
             said = (said + heard)[-1024:]
-            if self._sure or self._port is None:
+            if self._sure or self._port is None or self._leave:
                 break
-        self._lit = False
+        self._lit, self._tail = False, b""
         self._maybe = self._maybe and not self._sure
         self._again = 0.0 if self._sure else time.monotonic() + AGAIN
         self._answer(seq, result if self._sure else UNKNOWN, objection, said)
+
+    def _hold_still(self) -> None:
+        """Where nothing can be lit, let the table come to rest: a reset in motion loses its place.
+
+        It ends with `LONGEST_HOLD`, and at once where the board does not answer.
+        """
+        if self._maybe or not self._sure or not self._dialect.holds:
+            return
+        end, before = time.monotonic() + LONGEST_HOLD, b""
+        self._send(b"!")
+        while time.monotonic() < end:
+            self._send(b"?")
+            heard, patience = bytearray(), time.monotonic() + self._set.confirm
+            while (found := _STATUS.search(heard)) is None:
+                if (left := patience - time.monotonic()) <= 0:
+                    return
+                heard += self._hear(left)
+            state, more, place = found.groups()
+            if state not in (b"Run", b"Jog", b"Hold") or (place == before and more != b":1"):
+                return
+            before = place
+            self._hear(0.02)
 
     def _darken(self) -> tuple[bool, bytes]:
         """Once through the dark bytes; what still waited to be sent is thrown away first."""

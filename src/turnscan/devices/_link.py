@@ -19,13 +19,12 @@ from typing import Any, Protocol
 from turnscan.devices import _guard
 from turnscan.devices._dialects import DIALECTS, darken
 from turnscan.devices._lines import shown
-from turnscan.devices._sentences import door_open
+from turnscan.devices._port_error import port_error
+from turnscan.devices._sentences import door_open, look_and_acknowledge, lost_place
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
-    DeviceError,
     DeviceGarbled,
-    DeviceNotFound,
     DeviceRefused,
     DeviceRestarted,
     DeviceTimeout,
@@ -122,14 +121,17 @@ class GuardedLink:
         self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=4)
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
-        self._darks = self._heard = 0
+        self._darks = self._darks_before = self._heard = 0
         self._failure: TurnscanError | None = None
         self._barred: TurnscanError | None = None
         """The door or the alarm for which the guard went dark by itself."""
         self._lapsed = False
         self._maybe_lit = threading.Event()
         self._closing = threading.Event()
+        self._gone = threading.Event()
+        """Set once the port has gone from a laser that may be lit: the guard reopens it."""
         self._keeps_trying = threading.Event()
+        """Set once that, or a last dark, was not done in a second."""
         self._ended = threading.Event()
         """Set once the guard has ended and what follows from that is done."""
         self._alone = threading.Lock()
@@ -183,15 +185,19 @@ class GuardedLink:
     def write(self, data: bytes) -> None:
         """Send. Raises DeviceDisconnected, SafetyError where the guard has ended."""
         self._check_barred()
+        self._darks_before = self._darks
         for at in range(0, len(data), _PART):
             self._frame(b"W", data[at : at + _PART])
 
     def read(self, timeout: float) -> bytes:
-        """What has come since. Raises DeviceAlarm where a dark from elsewhere fell in between."""
-        darks, end = self._darks, time.monotonic() + timeout
+        """What has come since.
+
+        Who waits for the answer to a `write` meets DeviceAlarm where a dark fell in between.
+        """
+        end = time.monotonic() + timeout
         while True:
             self._check()
-            if darks != self._darks:
+            if timeout > 0.0 and self._darks != self._darks_before:
                 raise DeviceAlarm(f"{self.settings.port}: interrupted, lasers were switched off")
             self._check_barred()
             left = end - time.monotonic()
@@ -224,7 +230,9 @@ class GuardedLink:
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
         self._maybe_lit.clear()
-        raise objection(self.settings.port, heard + said)
+        # What follows is the guard's own dark, but a message that was split may end there.
+        door = b"Door" in said or b"ALARM" in said
+        raise objection(self.settings.port, heard + said if door else heard)
 
     def renew(self, lease: float) -> None:
         """See `Link`; nothing is answered. Raises what has befallen the guard."""
@@ -239,7 +247,7 @@ class GuardedLink:
             result, _, heard = self._ask(b"D", b"")
         except TurnscanError as e:
             self._failure = self._failure or e
-            if self._keeps_trying.is_set() and not self._ended.is_set():
+            if self._gone.is_set() and not self._ended.is_set():
                 return self._dark_by_guard()
             self._guard.kill()  # it holds the port; what it cannot do is done without it
             return self._dark_alone()
@@ -400,10 +408,11 @@ class GuardedLink:
         elif kind == b"U":
             word, _, text = payload.decode(errors="replace").partition(" ")
             if word == "gone" and self._maybe_lit.is_set():
-                self._keeps_trying.set()
-            self._failure = self._failure or _port_error(port, word, text)
+                self._gone.set()
+            self._failure = self._failure or port_error(port, word, text)
             self._hello.put_nowait((kind, payload))
         elif kind == b"K":
+            self._gone.set()
             self._keeps_trying.set()
         elif kind == b"A":
             seq, result, cut = struct.unpack_from("<IBH", payload)
@@ -473,9 +482,23 @@ class GuardedLink:
             if sure:
                 return heard
         if self._maybe_lit.is_set() and (self._rescuer is None or self._rescuer.poll() is not None):
-            self._rescuer = self._start(replace(s, rescue=True), subprocess.DEVNULL)
-            threading.Thread(target=self._rescuer.wait, daemon=True, name="rescuer").start()
+            self._rescuer = self._start_rescuer()
+            threading.Thread(target=self._mind_rescuer, daemon=True, name="rescuer").start()
         raise self._unknown(heard)
+
+    def _start_rescuer(self) -> subprocess.Popen[bytes]:
+        return self._start(replace(self.settings, rescue=True), subprocess.DEVNULL)
+
+    def _mind_rescuer(self) -> None:
+        """It goes on without this process; while this one lives, it is replaced if it is killed."""
+        while self._rescuer is not None:
+            code = self._rescuer.wait()
+            if code == 0:
+                self._maybe_lit.clear()
+            if code in (0, 4):
+                return
+            time.sleep(_guard.AGAIN)
+            self._rescuer = self._start_rescuer()
 
 
 def _hearing(port: Any) -> Any:
@@ -487,18 +510,6 @@ def _hearing(port: Any) -> Any:
     return hear
 
 
-def _port_error(port: str, word: str, text: str) -> DeviceError:
-    if word == "busy":
-        return DeviceRefused(f"{port}: in use by another program", hint="close that program")
-    if word == "absent":
-        # pyserial says it twice, with the name of the port: the end says why.
-        why = "there is no such port" if "[Errno 2]" in text else text
-        return DeviceNotFound(
-            f"{port}: cannot be opened: {why}", hint="look at the cable and the port's name"
-        )
-    return DeviceDisconnected(f"{port}: gone: {text}", hint="plug it in again, then resume")
-
-
 def objection(port: str, heard: bytes) -> TurnscanError:
     """The error that a board's words amount to."""
     if not heard.strip():
@@ -506,11 +517,11 @@ def objection(port: str, heard: bytes) -> TurnscanError:
     if b"Door" in heard:
         return door_open(port)
     if b"ALARM" in heard:
-        return DeviceAlarm(f"{port}: {shown(heard)}", hint="look at the machine, then acknowledge")
+        return DeviceAlarm(f"{port}: {shown(heard)}", hint=look_and_acknowledge(port))
     if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:
         return DeviceRestarted(
             f"{port}: the board restarted ({shown(heard)})",
-            hint="its position is lost: set the table to its mark again",
+            hint=lost_place(port),
         )
     if b"error" in heard:
         return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")

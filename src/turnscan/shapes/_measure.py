@@ -19,7 +19,7 @@ from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Plane
 from turnscan.shapes._shared import Source
 from turnscan.shapes._volume import volume_sigma
-from turnscan.surface import Mesh, is_closed, sections
+from turnscan.surface import Mesh, is_closed, measured_vertices, sections
 
 Unit = Literal["mm", "mm²", "mm³", "rad"]
 _SHARED = 2.0
@@ -157,7 +157,7 @@ def section_diameter(
         loop = min(loops, key=lambda s: float(np.linalg.norm(s.points - at, axis=1).min()))
     seen = loop.measured
     points, bulge = loop.points[seen], loop.bulge[seen]
-    sigma = _sigma(mesh, loop.near[seen])
+    sigma = sigma_of(mesh, loop.near[seen])
     wide = None if sigma is None else sigma * np.sqrt(_SHARED)
     c = fit_circle(points, normal, wide)
     for _ in range(2):
@@ -223,13 +223,27 @@ def _gathered(slope: Floats, corners: npt.NDArray[np.int32], count: int) -> Floa
 def _corners(mesh: Mesh, faces: Bools) -> tuple[Floats, Floats | None]:
     """The measured corners of the chosen faces, and their sigma where all have one."""
     known = faces if mesh.measured is None else faces & mesh.measured
-    if not known.any():
+    chosen = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    chosen[mesh.faces[known]] = True
+    used = np.flatnonzero(chosen & measured_vertices(mesh))
+    if not len(used):
         raise InputError("nothing that was measured is selected", hint="select measured faces")
-    used = np.unique(mesh.faces[known])
-    return mesh.vertices[used], _sigma(mesh, used)
+    return mesh.vertices[used], sigma_of(mesh, used)
 
 
-def _sigma(mesh: Mesh, vertices: npt.NDArray[np.integer]) -> Floats | None:
+def measured_points(mesh: Mesh) -> tuple[Floats, Floats | None]:
+    """(n, 3) mm: the vertices that were measured, and their sigma (n,) mm where all have one.
+
+    Raises InputError where there are none.
+    """
+    used = np.flatnonzero(measured_vertices(mesh))
+    if not len(used):
+        raise InputError("nothing of it was measured", hint="measure a scan, not its fillings")
+    return mesh.vertices[used], sigma_of(mesh, used)
+
+
+def sigma_of(mesh: Mesh, vertices: npt.NDArray[np.integer]) -> Floats | None:
+    """(n,) mm: standard uncertainties of those vertices; None unless all have one."""
     if mesh.provenance is None:
         return None
     sigma = mesh.provenance.sigma[vertices]

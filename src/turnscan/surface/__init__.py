@@ -16,8 +16,9 @@ from turnscan.surface._holes import CAUSE_WORDS, Cause, Hole, holes
 from turnscan.surface._merge import How, merge
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._overlap import Overlap, overlaps
-from turnscan.surface._paste import components, drop_islands, join, paste
+from turnscan.surface._paste import components, drop_islands, join, measured_vertices, paste
 from turnscan.surface._range_surface import RangeSurface, range_surfaces, steady_normals
+from turnscan.surface._settle import settled
 from turnscan.surface._smooth import smooth, spikes
 from turnscan.surface._sought import Sought
 from turnscan.surface._sound_fill import Filled, fill_soundly, unfilled
@@ -71,6 +72,7 @@ __all__ = [
     "holes",
     "is_closed",
     "join",
+    "measured_vertices",
     "merge",
     "mesh_findings",
     "mesh_grid",
@@ -79,6 +81,7 @@ __all__ = [
     "paste",
     "range_surfaces",
     "sections",
+    "settled",
     "silent",
     "smooth",
     "soundness",

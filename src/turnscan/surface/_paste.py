@@ -75,6 +75,22 @@ def measured(mesh: Mesh) -> Bools:
     return np.ones(len(mesh.faces), bool) if mesh.measured is None else mesh.measured
 
 
+def measured_vertices(mesh: Mesh) -> Bools:
+    """(v,) True for the vertices that were measured: part of a measured face, and not added.
+
+    Files without provenance tell of their faces alone. There the platter's plane under a part that
+    was closed, whose faces count as measured, is known by lying exactly level below all else.
+    """
+    own = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    if not len(mesh.faces):
+        own[:] = True  # points alone
+    real = measured(mesh)
+    if mesh.provenance is None and not real.all():
+        real = real & ~(mesh.triangles[..., 2] == mesh.vertices[:, 2].min()).all(axis=1)
+    own[mesh.faces[real]] = True
+    return own if mesh.provenance is None else own & (mesh.provenance.laser >= 0)
+
+
 def joined_provenance(meshes: Sequence[Mesh]) -> Provenance | None:
     """Provenance of the vertices of several meshes in a row; None where one has none."""
     known = [m.provenance for m in meshes if m.provenance is not None]

@@ -16,6 +16,9 @@ FaultKind = Literal[
     "error", "reboot", "silent reset", "watchdog", "slow", "babble", "stuck",
 ]  # fmt: skip
 
+_STANDSTILL = 1e-9
+"""Units per board second that count as 0, and the same per second²."""
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -313,6 +316,8 @@ class Firmware(ABC):
             self._out.append((max(self.now + delay, before), data))
 
     def _begin_move(self, target: float, speed: float, acceleration: float) -> None:
+        """Settings may ask for a speed or an acceleration of 0: then it takes for ever."""
+        speed, acceleration = max(speed, _STANDSTILL), max(acceleration, _STANDSTILL)
         self._move = Move(
             self.place, target, self.now, speed / self._slow, acceleration / self._slow**2
         )

@@ -8,6 +8,9 @@ from turnscan.simulate.controllers import _grbl_reports as reports
 from turnscan.simulate.controllers._grbl_machine import STARTUP_LINES, GrblMachine, Queued, Waiting
 from turnscan.simulate.controllers._grbl_words import Block, Modes, Refused, number, parse
 
+_DIVISORS = ("100", "101", "102", "110", "111", "112", "120", "121", "122")
+"""Steps/mm, rates and accelerations."""
+
 
 class GrblFirmware(GrblMachine):
     """GRBL 1.1h. Laser outputs are ``m3`` (spindle), ``m8`` and, built with ``mist``, ``m7``.
@@ -264,8 +267,8 @@ class GrblFirmware(GrblMachine):
         name = str(int(key))
         if at != len(text) or key > 255 or name not in self.settings:
             return 3
-        if value < 0:
-            return 4
+        if value < 0 or (name in _DIVISORS and float(reports.shown("0.000", value)) == 0):
+            return 4  # the firmware takes a zero, and divides by it at the next move
         if name == "0" and value < 3:
             return 6
         if name == "20" and value and not self._flag("22"):

@@ -68,7 +68,7 @@ class GrblMachine(Firmware):
     @property
     def scale(self) -> float:
         """Steps of a degree."""
-        return float(self.settings["100"])
+        return float(self.settings["100"]) or 1e-3
 
     @property
     def turns(self) -> float:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
+from fractions import Fraction
 
 from turnscan.simulate.controllers._firmware import Fault, Firmware
 
@@ -110,8 +112,8 @@ class SardauscanHorusFirmware(Firmware):
 
     @property
     def turns(self) -> float:
-        """See `Firmware`; the unit is the degree."""
-        return self.turned / 360
+        """See `Firmware`; the unit is four steps of the motor, 512 a turn."""
+        return self.turned / 512
 
     def _start(self) -> None:
         self._line = bytearray()
@@ -139,7 +141,8 @@ class SardauscanHorusFirmware(Firmware):
         if text.startswith("G1X"):
             if self._trip("move"):
                 return
-            self._begin_move(_atoi(text[3:]), 9.0, 1000.0)
+            # Whole degrees, and integers that C divides towards zero.
+            self._begin_move(math.trunc(Fraction(_atoi(text[3:]) * 512, 360)), 12.8, 1400.0)
             return
         if found := re.match(r"M7([01])T(.?)", text):
             on, output = found[1] == "1", found[2]
