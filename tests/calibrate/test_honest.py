@@ -15,10 +15,11 @@ from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._board import Chessboard
 from turnscan.calibrate._evidence import CalibrationSettings
 from turnscan.calibrate._figures import measured_uncertainty
+from turnscan.calibrate._findings import strong_correlations
 from turnscan.calibrate._layout import BoardLayout
 from turnscan.calibrate._network import RigNetwork
 from turnscan.calibrate._normal import Block
-from turnscan.calibrate._rig import _finished_rig
+from turnscan.calibrate._rig import Calibration, _finished_rig
 from turnscan.calibrate._state import State
 from turnscan.rig import Pose, Rig, rotation_from_vector
 
@@ -187,3 +188,21 @@ def lowest_of(layout: BoardLayout, finished: Rig, before: Rig) -> float:
     """Height of the board's lowest corner above the platter of the finished rig."""
     corners = before.T_camera_table.apply(layout.pose.apply(layout.board.points))
     return float(finished.T_camera_table.inverse().apply(corners)[:, 2].min())
+
+
+def test_parameters_that_go_together_are_named() -> None:
+    """Three of them, the first two nearly as one; what was held fixed has no say."""
+    rig = true_rig()
+    p = len(rig.parameter_names)
+    sigma = np.zeros(p)
+    sigma[[0, 2, 5]] = 2.0, 0.1, 1e-3
+    r = np.eye(p)
+    r[0, 2] = r[2, 0] = -0.97
+    r[0, 5] = r[5, 0] = 0.9
+    rig = replace(rig, covariance=r * np.outer(sigma, sigma))
+    fit = Fit(State(rig, None, (), np.zeros(0)), (), np.zeros((p, p)), (), (), {}, {}, 0.0, 1.0)
+    network = RigNetwork((), (), (), ("laser",))
+    c = Calibration(rig, CalibrationSettings(), fit, network, (), (), None)
+    names = rig.parameter_names
+    assert strong_correlations(c) == [(names[0], names[2], pytest.approx(-0.97))]
+    assert strong_correlations(replace(c, rig=replace(rig, covariance=None))) == []
