@@ -24,6 +24,8 @@ class Found:
     """The results of one run."""
 
     results: tuple[Result, ...]
+    drawn: int
+    """Mutants that were to be run."""
     seed: int
     commit: str
 
@@ -54,12 +56,15 @@ def page(found: Found) -> str:
         for r in by_hand
     ]
     killed = sum(r.killed for r in found.results)
+    left = found.drawn - len(found.results)
+    waiting = f" {left} more were drawn and not run yet." if left else ""
     return "\n".join(
         [
             *_HOW.splitlines(),
             "",
             f"The last run, of {found.commit} with seed {found.seed}, killed {killed} of "
-            f"{len(found.results)} mutants ({found.share:.1%}) in {minutes:.0f} minutes of a core.",
+            f"{len(found.results)} mutants ({found.share:.1%}) in {minutes:.0f} minutes "
+            f"on a busy machine.{waiting}",
             "",
             *_rows(found),
             "",

@@ -50,6 +50,7 @@ ROOMS = {
             Suite(("safety/test_guard.py", "safety/test_lines.py", "-k", _SHORT)),
             Suite(("safety/test_state_machine.py", "-k", "goes_on or can_reach")),
             Suite(("safety/test_guard.py", "-k", "off_always or nobody_confirms")),
+            Suite(("safety/test_state_machine.py", "-k", "last_sign_of_life")),
         ),
         28,
     ),

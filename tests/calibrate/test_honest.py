@@ -9,8 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.calibrate.world import true_rig
+from tests.calibrate.world import World, true_rig
 from turnscan.arrays import Floats
+from turnscan.calibrate import LaserPicture, fit_sheet
 from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._board import Chessboard
 from turnscan.calibrate._evidence import CalibrationSettings
@@ -206,3 +207,22 @@ def test_parameters_that_go_together_are_named() -> None:
     names = rig.parameter_names
     assert strong_correlations(c) == [(names[0], names[2], pytest.approx(-0.97))]
     assert strong_correlations(replace(c, rig=replace(rig, covariance=None))) == []
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_sheet_alone_is_found_by_boards_in_front_of_a_known_camera(seed: int) -> None:
+    world = World(true_rig(), np.random.default_rng(seed), 0.1)
+    poses = world.board_poses(10)
+    seen = [LaserPicture(world.board_view(T), world.board_stripe(T).pixels) for T in poses]
+    stray = LaserPicture(world.board_view(poses[0]), np.zeros((0, 2)))
+    found = fit_sheet(world.rig.camera, [*seen, stray])
+    true = world.rig.sheets[0]
+    assert len(found.points) >= 4
+    assert abs(found.sheet.normal @ true.normal) > np.cos(np.radians(0.2))
+    on_boards = np.array([T.apply(np.array([140.0, 100.0, 0.0])) for T in poses])
+    on_sheet = on_boards - true.distance(on_boards)[:, None] * true.normal
+    assert np.abs(found.sheet.distance(on_sheet)).max() < 0.3
+    assert found.rms_px == pytest.approx(0.1, rel=0.15)
+    assert found.corner_rms_px == pytest.approx(0.1, rel=0.15)
+    # A pixel is about a millimetre there, seen from 35° beside the sheet.
+    assert 0.05 < found.rms_mm < 0.3
