@@ -22,7 +22,7 @@ from bench.mutants._copy import Copy
 from bench.mutants._mutant import Mutant, Result
 from bench.mutants._named import named
 from bench.mutants._operators import mutants_of
-from bench.mutants._page import Found, explained, page, table
+from bench.mutants._page import Found, equivalent, explained, page, table
 from bench.mutants._rooms import ROOMS, Suite
 
 ROOT = Path(__file__).parents[2]
@@ -54,7 +54,8 @@ def main(words: Sequence[str] | None = None) -> int:
     chosen = [m for m in _chosen(asked, rooms) if asked.only in m.key]
     kept = _kept()
     old = [replace(kept[m.key], mutant=m) for m in chosen if m.key in kept]
-    results = [r for r in old if r.killed or asked.page] if asked.survivors or asked.page else []
+    settled = [r for r in old if asked.page or r.killed or equivalent(r.mutant)]
+    results = settled if asked.page or asked.survivors else []
     if not asked.page:
         known = {r.mutant.key for r in results}
         with tempfile.TemporaryDirectory(prefix="turnscan-mutants-") as folder:

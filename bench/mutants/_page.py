@@ -11,12 +11,16 @@ from bench.mutants._mutant import Mutant, Result
 from bench.mutants._rooms import ROOMS
 
 _WHY: dict[str, str] = tomllib.loads(Path(__file__).with_name("survivors.toml").read_text())
-_EQUIVALENT = "equivalent"
 
 
 def explained(mutant: Mutant) -> str:
     """Why no test notices it, "" where nobody has said."""
     return _WHY.get(mutant.key, "")
+
+
+def equivalent(mutant: Mutant) -> bool:
+    """Whether nothing that anybody could see differs."""
+    return explained(mutant).startswith("equivalent")
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ def _rows(found: Found) -> list[str]:
     rooms = [(name, [r for r in found.results if r.mutant.room == name]) for name in ROOMS]
     for name, some in [*((n, s) for n, s in rooms if s), ("all", list(found.results))]:
         alive = [r for r in some if not r.killed]
-        same = sum(explained(r.mutant).startswith(_EQUIVALENT) for r in alive)
+        same = sum(equivalent(r.mutant) for r in alive)
         rows.append(
             f"| {name} | {len(some)} | {len(some) - len(alive)} | {len(alive)} | {same} "
             f"| {sum(r.seconds for r in some) / 60:.1f} |"

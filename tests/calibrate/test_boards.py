@@ -205,3 +205,19 @@ def test_a_stripe_on_the_platter_is_not_taken_where_it_lies_on_a_marker() -> Non
         assert not taken[at < 1.3 * side / 2].any()
         # One side of the marker is the longer piece; the other is another stripe.
         assert taken[at > 1.4 * side / 2].sum() >= max(taken.sum() - 4, 12)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_stripe_in_colour_is_found_where_it_is_in_grey(dark: bool) -> None:
+    centre = 60.0 + 20.0 * np.sin(np.arange(80) / 20)
+    light = 120 * np.exp(-((np.arange(160) - centre[:, None]) ** 2) / (2 * 1.5**2))
+    room = np.full((80, 160), 30.0)
+    grey = (room + light).round().astype(np.uint8)
+    for weights, colour in ((None, (1.0, 1.0, 1.0)), ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0))):
+        lit = np.stack([room + c * light for c in colour], axis=-1).round().astype(np.uint8)
+        off = np.stack([room] * 3, axis=-1).astype(np.uint8) if dark else None
+        found = stripe_candidates(lit, off, weights=weights)
+        alone = stripe_candidates(grey, room.astype(np.uint8) if dark else None)
+        assert len(found) == len(alone) == 80
+        assert np.abs(found - alone).max() < 0.02
+        assert np.abs(found[:, 0] - centre).max() < 0.1

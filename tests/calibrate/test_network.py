@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from tests.calibrate.world import SHAPE, World, true_layout, true_rig
-from turnscan.calibrate import CalibrationSettings, calibrate_rig
+from turnscan.calibrate import CalibrationSettings, calibrate_rig, figures
 from turnscan.calibrate._adjust import Fit, adjust
+from turnscan.calibrate._findings import _of_camera
 from turnscan.calibrate._network import BOARD, RigNetwork
+from turnscan.calibrate._rig import Calibration
 from turnscan.calibrate._start_table import start_markers
 from turnscan.calibrate._state import State
 from turnscan.calibrate._terms import stripe_term, trace
@@ -208,3 +210,23 @@ def test_a_stripe_in_a_bent_sheet_has_the_derivatives_of_its_residual() -> None:
             for s in (-1, 1)
         ]
         assert (ends[0] - ends[1]) / 2e-7 == pytest.approx(term.by_normal[:, k], rel=1e-3, abs=1e-4)
+
+
+def test_a_bent_board_is_said_where_it_is_sure() -> None:
+    fit, network, _ = solved(3)
+    p = len(fit.state.rig.parameter_names)
+    rig = replace(fit.state.rig, covariance=fit.covariance[:p, :p])
+    names = tuple(str(k) for k in range(len(network.own_sizes)))
+    flat = Calibration(rig, CalibrationSettings(), fit, network, (), names, None)
+    told = _of_camera(flat, figures(flat))
+    assert not [f for f in told if f.code == "calibrate.board-bent"]
+    first = network.names.index("board.bend_xx")
+    sigma = np.sqrt(np.diag(fit.covariance))[first : first + 3]
+    # The pattern is 360 × 280 mm: its height over half the width is bend_xx · 180².
+    for bend, said in (((5e-5, 0.0, 0.0), True), ((0.5 * sigma[0], 0.0, 0.0), False)):
+        bent = replace(flat, fit=replace(fit, state=replace(fit.state, bend=np.array(bend))))
+        told = [f for f in _of_camera(bent, figures(bent)) if f.code == "calibrate.board-bent"]
+        assert bool(told) == said
+        if said:
+            height, error = 5e-5 * 180**2, sigma[0] * 180**2
+            assert f"bulges by {height:.2f} ± {error:.2f} mm over half its width" in told[0].message
