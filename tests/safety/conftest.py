@@ -18,27 +18,8 @@ from typing import Any
 import pytest
 
 from tests.devices.guards import mutated
-from turnscan.simulate.controllers import (
-    FabScanFirmware,
-    Firmware,
-    GrblFirmware,
-    HorusFirmware,
-    SardauscanFirmware,
-    Socket,
-)
-
-SCALE = 50.0
-
-
-def firmware(dialect: str) -> Firmware:
-    if dialect == "grbl":
-        return GrblFirmware({"100": 8.889, "110": 6000, "120": 800})
-    return {"horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware}[
-        dialect
-    ]()
-
-
-DIALECTS = ("grbl", "horus", "fabscan", "sardauscan")
+from tests.safety.faults import DIALECTS, SCALE, firmware
+from turnscan.simulate.controllers import Socket
 
 
 @dataclass

@@ -55,6 +55,8 @@ from turnscan.station import (
     which_laser,
 )
 
+PATIENCE = 300.0
+"""s for a whole way to a picture, where kernels may have to be compiled first."""
 DIALECTS = ("grbl", "horus", "fabscan", "sardauscan")
 SCALE = 50.0
 QUICK = Deadlines(acknowledge=0.6, move_extra=0.6, connect=5.0, keep_trying=20.0)
@@ -64,9 +66,12 @@ def firmware(dialect: str) -> Firmware:
     """A board of this dialect with a table."""
     if dialect == "grbl":
         return GrblFirmware({"100": 8.889, "110": 6000, "120": 800})
-    return {"horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware}[
-        dialect
-    ]()
+    kinds: dict[str, type[Firmware]] = {
+        "horus": HorusFirmware,
+        "fabscan": FabScanFirmware,
+        "sardauscan": SardauscanFirmware,
+    }
+    return kinds[dialect]()
 
 
 @dataclass(frozen=True)
@@ -104,9 +109,9 @@ def lit(dialect: str, lease: float = 2.0, **link: Any) -> Iterator[tuple[Any, So
                 device.close()
 
 
-def until(happened: Callable[[], bool]) -> None:
+def until(happened: Callable[[], bool], patience: float = 30.0) -> None:
     """Wait for it."""
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + patience
     while not happened():
         assert time.monotonic() < end, "it does not happen"
         time.sleep(0.001)
@@ -241,10 +246,10 @@ def _hung(name: str, nth: int, dialect: str, way: Callable[[Addresses, Path], No
 
         thread = threading.Thread(target=work)
         thread.start()
-        until(lambda: hang.began > 0.0)
+        until(lambda: hang.began > 0.0, PATIENCE)
         span = dark_since(socket, hang.began, 6.0)
         hang.over.set()
-        thread.join(300.0)  # kernels may have to be compiled first
+        thread.join(PATIENCE)
         assert not thread.is_alive()
         return span
 
@@ -262,12 +267,13 @@ def _live_view(at: Addresses, folder: Path) -> None:
     room = RigRoom(Hub(), Any, library, lambda: True)  # type: ignore[arg-type]
     room.connect(at.camera, at.turntable, at.lasers)
     room.look(Look(id=1, on=True, lit=("left",)))
-    until(lambda: HANGS[at.camera].over.is_set())
+    until(HANGS[at.camera].over.is_set, PATIENCE)
     room.close()
 
 
 @contextmanager
-def _hanging_cameras() -> Iterator[None]:
+def hanging_cameras() -> Iterator[None]:
+    """``hang:NAME`` is an address."""
     known = _cameras._known()
     ours = EntryPoint("hang", f"{__name__}:HangingCamera", _cameras.GROUP)
     with mock.patch.object(_cameras, "_known", return_value={**known, "hang": ours}):
@@ -278,7 +284,7 @@ def camera_hangs(dialect: str) -> Span:
     """In each way that production lights a laser, side by side: the longest."""
     ways = {name: (nth, _opening(path)) for name, (nth, path) in _PATHS.items()}
     ways["live view"] = (3, _live_view)
-    with _hanging_cameras(), ThreadPoolExecutor(len(ways)) as pool:
+    with hanging_cameras(), ThreadPoolExecutor(len(ways)) as pool:
         spans = [
             pool.submit(_hung, f"{dialect} {name}", nth, dialect, way)
             for name, (nth, way) in ways.items()
@@ -287,7 +293,7 @@ def camera_hangs(dialect: str) -> Span:
 
 
 def long_exposure_hangs(dialect: str) -> Span:
-    with _hanging_cameras():
+    with hanging_cameras():
         return _hung(f"{dialect} long", 1, dialect, _opening(_long_exposure))
 
 
@@ -400,10 +406,20 @@ def _said(dialect: str, message: bytes, piece: int = 0) -> Span:
     """From the moment at which the last part of the message leaves the board."""
     with lit(dialect) as (_, socket):
         socket.cable.piece, socket.cable.gap = piece, 0.02
-        socket.firmware.say(message)
-        until(lambda: not socket.firmware._out)
-        until(lambda: socket.cable.wake() is None)
-        return dark_since(socket, time.monotonic(), 3.0)
+        carried, sent = socket.cable.arrived, bytearray()
+        told: list[float] = []
+
+        def arrived(now: float) -> bytes:
+            data = carried(now)
+            sent.extend(data)
+            if message in sent and not told:
+                told.append(time.monotonic())
+            return data
+
+        with mock.patch.object(socket.cable, "arrived", arrived):
+            socket.firmware.say(message)
+            until(lambda: bool(told))
+            return dark_since(socket, told[0], 3.0)
 
 
 def door(dialect: str) -> Span:

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.safety.conftest import DIALECTS, Ending, Scanner, no_guard_left
+from tests.safety.conftest import Ending, Scanner, no_guard_left
+from tests.safety.faults import DIALECTS
 from turnscan.simulate.controllers import Socket
 
 MOMENTS = 20

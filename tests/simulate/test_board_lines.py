@@ -80,10 +80,10 @@ def test_grbls_numbered_refusals(line: bytes, code: int) -> None:
     assert say(GrblFirmware(), line) == b"error:%d\r\n" % code
 
 
-@pytest.mark.parametrize("setting", [b"$100=0\n", b"$110=0\n", b"$120=0\n"])
-def test_a_setting_of_zero_ends_no_emulator(setting: bytes) -> None:
-    board = GrblFirmware({"100": 80})
-    assert say(board, setting, b"G1 X1 F100\n", 60.0) == b"ok\r\nok\r\n"
+@pytest.mark.parametrize("setting", ["100", "110", "120"])
+def test_a_board_that_was_set_to_zero_ends_no_emulator(setting: str) -> None:
+    board = GrblFirmware({"100": 80, setting: 0})
+    assert say(board, b"G1 X1 F100\n", 60.0) == b"ok\r\n"
     assert say(board, b"?").startswith(b"<")
 
 
