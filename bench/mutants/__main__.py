@@ -1,7 +1,7 @@
 """Put faults into a copy of the sources, and say which of them no test noticed.
 
-What was found is kept in ``build/mutants.json``: ``--survivors`` runs those again that were not
-killed, and takes the others as they were. ``--write`` puts all into ``docs/explain/mutants.md``.
+What was found is kept in ``build/mutants.json``: ``--survivors`` runs those that were not killed or
+not run yet, and takes the others as they were. ``--write`` puts all into the page.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from bench.mutants._copy import Copy
 from bench.mutants._mutant import Mutant, Result
 from bench.mutants._named import named
 from bench.mutants._operators import mutants_of
-from bench.mutants._page import Found, explained, page, table
+from bench.mutants._page import Found, equivalent, explained, page, table
 from bench.mutants._rooms import ROOMS, Suite
 
 ROOT = Path(__file__).parents[2]
@@ -44,23 +44,31 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--named", action="store_true", help="those written by hand alone")
     parser.add_argument("--sample", type=int, help="mutants drawn in each of the five rooms")
     parser.add_argument("--only", default="", help="those whose name holds this text")
-    parser.add_argument("--survivors", action="store_true", help="those not killed last time")
+    parser.add_argument("--survivors", action="store_true", help="those not killed so far")
+    parser.add_argument("--page", action="store_true", help="run nothing: what was found so far")
     parser.add_argument("--write", action="store_true", help=f"write {PAGE.relative_to(ROOT)}")
     asked = parser.parse_args(words)
     rooms = asked.rooms.split(",")
     if unknown := sorted(set(rooms) - set(ROOMS)):
         parser.error(f"no room {', '.join(unknown)}; there are {', '.join(ROOMS)}")
     chosen = [m for m in _chosen(asked, rooms) if asked.only in m.key]
-    known = _kept() if asked.survivors else {}
-    old = [replace(known[m.key], mutant=m) for m in chosen if m.key in known]
-    new = [m for m in chosen if m.key not in known]
-    with tempfile.TemporaryDirectory(prefix="turnscan-mutants-") as folder:
-        results = [*old, *_results(Copy(ROOT, Path(folder)), new)]
-    _keep(results)
+    kept = _kept()
+    old = [replace(kept[m.key], mutant=m) for m in chosen if m.key in kept]
+    settled = [r for r in old if asked.page or r.killed or equivalent(r.mutant)]
+    results = settled if asked.page or asked.survivors else []
+    if not asked.page:
+        known = {r.mutant.key for r in results}
+        with tempfile.TemporaryDirectory(prefix="turnscan-mutants-") as folder:
+            for result in _results(
+                Copy(ROOT, Path(folder)), [m for m in chosen if m.key not in known]
+            ):
+                results.append(result)
+                kept[result.mutant.key] = result
+                _keep(kept)
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
     ).stdout.strip()
-    found = Found(tuple(results), asked.seed, commit)
+    found = Found(tuple(results), len(chosen), asked.seed, commit)
     print(table(found))
     if asked.write:
         PAGE.write_text(page(found))
@@ -70,19 +78,17 @@ def main(words: Sequence[str] | None = None) -> int:
     return int(bool(unexplained) or found.share < 0.9)
 
 
-def _keep(results: Sequence[Result]) -> None:
+def _keep(kept: Mapping[str, Result]) -> None:
     KEPT.parent.mkdir(exist_ok=True)
-    rows = [{"key": r.mutant.key, "by": r.by, "seconds": r.seconds} for r in results]
+    rows = {key: [r.by, round(r.seconds, 1)] for key, r in kept.items()}
     KEPT.write_text(json.dumps(rows, indent=1, ensure_ascii=False))
 
 
 def _kept() -> dict[str, Result]:
-    """By key, those that were killed."""
-    if not KEPT.exists():
-        return {}
+    """What earlier runs found, by key."""
+    rows = json.loads(KEPT.read_text()) if KEPT.exists() else {}
     nothing = Mutant("", "", 0, 0, "", "", "")
-    rows = json.loads(KEPT.read_text())
-    return {r["key"]: Result(nothing, r["by"], r["seconds"]) for r in rows if r["by"]}
+    return {key: Result(nothing, by, seconds) for key, (by, seconds) in rows.items()}
 
 
 def _chosen(asked: argparse.Namespace, rooms: Sequence[str]) -> Iterator[Mutant]:
@@ -108,17 +114,12 @@ def _lot(seed: int, mutant: Mutant) -> bytes:
 
 def _results(copy: Copy, chosen: Sequence[Mutant]) -> Iterator[Result]:
     limits: dict[Suite, float] = {}
-    for suite in {s for m in chosen for s in ROOMS[m.room].suites_of(m.path)}:
-        run = copy.run(_tests(suite), suite.compiled, 1800.0)
-        print(
-            f"{'passed' if run.passed else run.by} {run.seconds:.1f} s: {suite.tests}", flush=True
-        )
-        if not run.passed:
-            sys.exit(f"the tests fail without a fault: {run.by}")
-        limits[suite] = max(_LEAST, _PATIENCE * run.seconds)
-    copy.keep_kernels()
     for i, mutant in enumerate(chosen):
-        result = _judged(copy, mutant, limits)
+        suites = ROOMS[mutant.room].suites_of(mutant.path)
+        for suite in suites:
+            if suite not in limits:
+                limits[suite] = _limit(copy, suite)
+        result = _judged(copy, mutant, suites, limits)
         print(
             f"{i + 1}/{len(chosen)} in {result.seconds:.1f} s: {mutant.key}: "
             + (f"killed by {result.by}" if result.killed else "SURVIVED"),
@@ -127,10 +128,21 @@ def _results(copy: Copy, chosen: Sequence[Mutant]) -> Iterator[Result]:
         yield result
 
 
-def _judged(copy: Copy, mutant: Mutant, limits: dict[Suite, float]) -> Result:
+def _limit(copy: Copy, suite: Suite) -> float:
+    """s: how long tests may run that pass without a fault."""
+    run = copy.healthy(_tests(suite), suite.compiled)
+    print(f"{run.seconds:.1f} s without a fault: {' '.join(suite.tests)}", flush=True)
+    if not run.passed:
+        sys.exit(f"the tests fail without a fault: {run.by}")
+    return max(_LEAST, _PATIENCE * run.seconds)
+
+
+def _judged(
+    copy: Copy, mutant: Mutant, suites: Sequence[Suite], limits: Mapping[Suite, float]
+) -> Result:
     began = time.monotonic()
     with copy.wrong(mutant):
-        for suite in ROOMS[mutant.room].suites_of(mutant.path):
+        for suite in suites:
             run = copy.run(_tests(suite), suite.compiled, limits[suite])
             if not run.passed:
                 return Result(mutant, run.by, time.monotonic() - began)

@@ -51,8 +51,8 @@ class Copy:
             else:
                 shutil.copy2(root / part, folder)
         self._kept = folder / "kernels"
-        """Machine code of the sources as they are: that of a mutant replaces it. Once
-        it is there no bytecode is written any more."""
+        """Machine code of the sources as they are: that of a mutant replaces it."""
+        self._kept.mkdir()
         for name in _HEAVY:
             with suppress(ImportError):
                 importlib.import_module(name)
@@ -63,10 +63,12 @@ class Copy:
     def _kernels(self) -> Path:
         return self.folder / "src" / "turnscan" / "__pycache__" / "kernels"
 
-    def keep_kernels(self) -> None:
-        """Remember the machine code that there is now as that of the sources as they are."""
-        self._kernels.mkdir(parents=True, exist_ok=True)
-        shutil.copytree(self._kernels, self._kept, copy_function=os.link)
+    def healthy(self, tests: Sequence[str], compiled: bool) -> Run:
+        """Run tests on the sources as they are, and keep what they compile."""
+        run = self.run(tests, compiled, 1800.0, keep=True)
+        if self._kernels.is_dir():
+            _link(self._kernels, self._kept)
+        return run
 
     @contextmanager
     def wrong(self, mutant: Mutant) -> Iterator[None]:
@@ -79,17 +81,15 @@ class Copy:
         finally:
             path.write_text(text)
             os.utime(path, ns=(written, written))  # its bytecode fits again
-            for folder in self._kept.glob("*"):
-                if not (self._kernels / folder.name).exists():
-                    shutil.copytree(folder, self._kernels / folder.name, copy_function=os.link)
+            _link(self._kept, self._kernels)
 
-    def run(self, tests: Sequence[str], compiled: bool, limit: float) -> Run:
-        """Run tests until the first that fails, at most ``limit`` s."""
+    def run(self, tests: Sequence[str], compiled: bool, limit: float, keep: bool = False) -> Run:
+        """Run tests until the first that fails, at most ``limit`` s; ``keep`` their bytecode."""
         log = self.folder / "log"
         began = time.monotonic()
         child = os.fork()
         if not child:
-            self._as_child(log, tests, compiled)
+            self._as_child(log, tests, compiled, keep)
         code = None
         while code is None and time.monotonic() - began < limit:
             done, status = os.waitpid(child, os.WNOHANG)
@@ -107,7 +107,7 @@ class Copy:
         by = failed[1].removeprefix("tests/") if failed else f"exit code {code}: {said[-200:]}"
         return Run(code == 0, by, time.monotonic() - began)
 
-    def _as_child(self, log: Path, tests: Sequence[str], compiled: bool) -> None:
+    def _as_child(self, log: Path, tests: Sequence[str], compiled: bool, keep: bool) -> None:
         """Never comes back."""
         code = 99
         try:
@@ -119,7 +119,7 @@ class Copy:
             source = str(self.folder / "src")
             sys.path[:0] = [source, str(self.folder)]
             os.environ["PYTHONPATH"] = source
-            if self._kept.exists():
+            if not keep:
                 sys.dont_write_bytecode = True
                 os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
             for name in [m for m in sys.modules if m.split(".")[0] in ("bench", "tests")]:
@@ -140,3 +140,11 @@ class Copy:
         finally:
             sys.stdout.flush()
             os._exit(code)
+
+
+def _link(source: Path, target: Path) -> None:
+    """Give ``target`` the folders of ``source`` that it lacks."""
+    target.mkdir(parents=True, exist_ok=True)
+    for folder in source.iterdir():
+        if not (target / folder.name).exists():
+            shutil.copytree(folder, target / folder.name, copy_function=os.link)

@@ -11,7 +11,6 @@ from bench.mutants._mutant import Mutant, Result
 from bench.mutants._rooms import ROOMS
 
 _WHY: dict[str, str] = tomllib.loads(Path(__file__).with_name("survivors.toml").read_text())
-_EQUIVALENT = "equivalent"
 
 
 def explained(mutant: Mutant) -> str:
@@ -19,11 +18,18 @@ def explained(mutant: Mutant) -> str:
     return _WHY.get(mutant.key, "")
 
 
+def equivalent(mutant: Mutant) -> bool:
+    """Whether nothing that anybody could see differs."""
+    return explained(mutant).startswith("equivalent")
+
+
 @dataclass(frozen=True)
 class Found:
     """The results of one run."""
 
     results: tuple[Result, ...]
+    drawn: int
+    """Mutants that were to be run."""
     seed: int
     commit: str
 
@@ -54,12 +60,15 @@ def page(found: Found) -> str:
         for r in by_hand
     ]
     killed = sum(r.killed for r in found.results)
+    left = found.drawn - len(found.results)
+    waiting = f" {left} more were drawn and not run yet." if left else ""
     return "\n".join(
         [
             *_HOW.splitlines(),
             "",
             f"The last run, of {found.commit} with seed {found.seed}, killed {killed} of "
-            f"{len(found.results)} mutants ({found.share:.1%}) in {minutes:.0f} minutes of a core.",
+            f"{len(found.results)} mutants ({found.share:.1%}) in {minutes:.0f} minutes "
+            f"on a busy machine.{waiting}",
             "",
             *_rows(found),
             "",
@@ -105,7 +114,7 @@ def _rows(found: Found) -> list[str]:
     rooms = [(name, [r for r in found.results if r.mutant.room == name]) for name in ROOMS]
     for name, some in [*((n, s) for n, s in rooms if s), ("all", list(found.results))]:
         alive = [r for r in some if not r.killed]
-        same = sum(explained(r.mutant).startswith(_EQUIVALENT) for r in alive)
+        same = sum(equivalent(r.mutant) for r in alive)
         rows.append(
             f"| {name} | {len(some)} | {len(some) - len(alive)} | {len(alive)} | {same} "
             f"| {sum(r.seconds for r in some) / 60:.1f} |"

@@ -38,6 +38,8 @@ class Reconstruction:
     """What each laser's scan could have found; empty for scans of other scanners."""
     caps: Caps | None = None
     """How its gaps were closed; None where they were not."""
+    source: Source | None = None
+    """What the uncertainty of its volume hangs on; None: on its grids and their rig alone."""
     along: Along | None = None
     """Which points of the profiles were asked for; None for all."""
 
@@ -82,7 +84,7 @@ def build(
     opened, mesh, remarks = to_mesh(grids, s, edits, part(told, _GRIDS, 1), rig)
     said = (*findings, *remarks)
     return Reconstruction(
-        tuple(grids), mesh, said, tuple(edits), opened, tuple(sought), s.caps, s.along
+        tuple(grids), mesh, said, tuple(edits), opened, tuple(sought), s.caps, along=s.along
     )
 
 

@@ -9,16 +9,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.calibrate.world import true_rig
+from tests.calibrate.world import World, true_rig
 from turnscan.arrays import Floats
+from turnscan.calibrate import LaserPicture, fit_sheet
 from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._board import Chessboard
 from turnscan.calibrate._evidence import CalibrationSettings
 from turnscan.calibrate._figures import measured_uncertainty
+from turnscan.calibrate._findings import strong_correlations
 from turnscan.calibrate._layout import BoardLayout
 from turnscan.calibrate._network import RigNetwork
 from turnscan.calibrate._normal import Block
-from turnscan.calibrate._rig import _finished_rig
+from turnscan.calibrate._rig import Calibration, _finished_rig
 from turnscan.calibrate._state import State
 from turnscan.rig import Pose, Rig, rotation_from_vector
 
@@ -187,3 +189,40 @@ def lowest_of(layout: BoardLayout, finished: Rig, before: Rig) -> float:
     """Height of the board's lowest corner above the platter of the finished rig."""
     corners = before.T_camera_table.apply(layout.pose.apply(layout.board.points))
     return float(finished.T_camera_table.inverse().apply(corners)[:, 2].min())
+
+
+def test_parameters_that_go_together_are_named() -> None:
+    """Three of them, the first two nearly as one; what was held fixed has no say."""
+    rig = true_rig()
+    p = len(rig.parameter_names)
+    sigma = np.zeros(p)
+    sigma[[0, 2, 5]] = 2.0, 0.1, 1e-3
+    r = np.eye(p)
+    r[0, 2] = r[2, 0] = -0.97
+    r[0, 5] = r[5, 0] = 0.9
+    rig = replace(rig, covariance=r * np.outer(sigma, sigma))
+    fit = Fit(State(rig, None, (), np.zeros(0)), (), np.zeros((p, p)), (), (), {}, {}, 0.0, 1.0)
+    network = RigNetwork((), (), (), ("laser",))
+    c = Calibration(rig, CalibrationSettings(), fit, network, (), (), None)
+    names = rig.parameter_names
+    assert strong_correlations(c) == [(names[0], names[2], pytest.approx(-0.97))]
+    assert strong_correlations(replace(c, rig=replace(rig, covariance=None))) == []
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_sheet_alone_is_found_by_boards_in_front_of_a_known_camera(seed: int) -> None:
+    world = World(true_rig(), np.random.default_rng(seed), 0.1)
+    poses = world.board_poses(10)
+    seen = [LaserPicture(world.board_view(T), world.board_stripe(T).pixels) for T in poses]
+    stray = LaserPicture(world.board_view(poses[0]), np.zeros((0, 2)))
+    found = fit_sheet(world.rig.camera, [*seen, stray])
+    true = world.rig.sheets[0]
+    assert len(found.points) >= 4
+    assert abs(found.sheet.normal @ true.normal) > np.cos(np.radians(0.2))
+    on_boards = np.array([T.apply(np.array([140.0, 100.0, 0.0])) for T in poses])
+    on_sheet = on_boards - true.distance(on_boards)[:, None] * true.normal
+    assert np.abs(found.sheet.distance(on_sheet)).max() < 0.3
+    assert found.rms_px == pytest.approx(0.1, rel=0.15)
+    assert found.corner_rms_px == pytest.approx(0.1, rel=0.15)
+    # A pixel is about a millimetre there, seen from 35° beside the sheet.
+    assert 0.05 < found.rms_mm < 0.3

@@ -57,12 +57,15 @@ def test_a_scan_becomes_files_that_agree(scan_path, tmp_path):
     body = json.loads(report.read_text())
     assert body["closed"] is True
     assert body["volume_mm3"] == pytest.approx(volumes[0], rel=1e-9)
-    assert 0 < body["volume_sigma_mm3"] < 0.1 * volumes[0], "the lid may be anywhere"
+    assert 0 < body["volume_sigma_mm3"] < 0.1 * volumes[0], "what is beyond the rim may bulge"
+    assert body["volume_measured_sigma_mm3"] < 0.001 * volumes[0], "what was measured is known"
     assert body["lasers"][0]["profiles"] == STEPS
     assert f" ± {body['volume_sigma_mm3']:.3g} mm³" in result.stdout
     assert "surface.caps" in result.stderr
     measured = json.loads(run("measure", out[0], "--cylinder", "--json").stdout)
     assert measured["closed"] is True
+    for key in (k for k in body if k.startswith("volume")):
+        assert measured[key] == pytest.approx(body[key], rel=1e-12), "the same from both"
 
 
 def test_profiles_are_spaced_points_denoised_and_faces_thinned(scan_path, tmp_path):

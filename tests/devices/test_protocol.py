@@ -56,6 +56,7 @@ OURS = (
 )  # fmt: skip
 ENDLESS = {
     ("_guard", "_speak"): "a thread of its own that only speaks",
+    ("_link", "_mind_rescuer"): "a thread of its own; the process it minds ends by itself",
 }
 """Waits that may be without end, and why."""
 

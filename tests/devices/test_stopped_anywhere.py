@@ -95,7 +95,7 @@ class Commands:
             self._waiting[told.get("id", told.get("alarm"))].put(told)
 
     def run(
-        self, folder: Path, *argv: str, alarm: Callable[[], None] = int, **stop: Any
+        self, folder: Path, *argv: str, alarm: Callable[[], None] = lambda: None, **stop: Any
     ) -> tuple[int, str]:
         """Exit code and all that it printed."""
         number = next(self._ids)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
 
+from tests.analytic import make_rig, scan_shape, sphere
 from turnscan.points import _wholeness_kernels as kernels
+from turnscan.points import build_grid, pixels_of
 from turnscan.points._wholeness import Light, _bias, wholeness
 
 S, N = 14, 12
@@ -178,3 +182,30 @@ def test_blur_widens_what_the_sheets_thickness_does_not():
     light.width[2] = 1.3 * width[2]
     alone = width[2] * _bias(np.array(1.3))
     assert (wholeness(light).doubt[2] > 0.9 * alone).all()
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_cut_stripe_of_a_scan_goes_back_to_its_surface(end):
+    """The end of a part of a turn: what is left of the light there is pushed to the part's side."""
+    rig = make_rig(elevation=0.2, lift=25.0)
+    angles = np.deg2rad(8.0) * np.arange(20)
+    middle = np.array([6.0, 2.0, 25.0])
+    stripes = list(scan_shape(rig, sphere(20.0, tuple(middle)), angles))
+    whole = build_grid(rig, "L0", stripes, range(20), angles)
+    found, beside = whole.found[end] & whole.found[(1, -2)[end]], (1, -2)[end]
+    here = pixels_of(rig, whole.points[end][found], np.full(found.sum(), angles[end]))
+    there = pixels_of(rig, whole.points[beside][found], np.full(found.sum(), angles[end]))
+    sign = np.sign(there - here)[:, 0]
+    c = 0.9
+    off = norm.pdf(c) / norm.cdf(c)
+    cut = stripes[end]
+    position, width = cut.position.copy(), cut.width.copy()
+    position[found] += sign * off * width[found]
+    width[found] *= np.sqrt(1 - c * off - off**2)
+    stripes[end] = replace(cut, position=position, width=width)
+    moved = build_grid(rig, "L0", stripes, range(20), angles)
+    line = np.abs(np.linalg.norm(moved.points[end][found] - middle, axis=1) - 20.0)
+    pushed = build_grid(rig, "L0", [stripes[end]], [0], [angles[end]])
+    before = np.abs(np.linalg.norm(pushed.points[0][found] - middle, axis=1) - 20.0)
+    assert np.median(before) > 0.02, "there is something to put back"
+    assert np.median(line) < 0.4 * np.median(before)

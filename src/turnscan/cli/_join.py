@@ -26,7 +26,7 @@ from turnscan.edit import is_grid_edit
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions, exporter_for
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, to_grids, to_mesh
+from turnscan.pipeline import Reconstruction, source_of, to_grids, to_mesh
 from turnscan.points import RangeGrid, placed, without
 from turnscan.poses import Alignment
 from turnscan.rig import Pose, Rig, rig_hash
@@ -242,7 +242,10 @@ def _merged(read: Sequence[_Source], found: Alignment, settings: Settings) -> Re
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
     opened, mesh, remarks = to_mesh(grids, replace(settings, caps=caps))
     findings += poses.alignment_findings(found) + remarks
-    return Reconstruction(tuple(grids), mesh, tuple(findings), (), opened, along=settings.along)
+    source = replace(source_of(grids, None), moves=tuple(poses.pose_moves(found, mesh)))
+    return Reconstruction(
+        tuple(grids), mesh, tuple(findings), (), opened, source=source, along=settings.along
+    )
 
 
 def _sections(found: Alignment) -> list[Section]:

@@ -84,7 +84,7 @@ def alive() -> None:
     Never for one that would go on while the work hangs. It lights nothing, and where nothing burns
     it does nothing.
     """
-    if (fire := _FIRE.get()) is not None:
+    if (fire := _FIRE.get(None)) is not None:
         fire.seen = time.monotonic()
         fire.renew()
 
@@ -94,12 +94,12 @@ def exposing(seconds: float) -> None:
 
     For an exposure that lasts longer than a lease: so long nothing can come.
     """
-    fire = _FIRE.get()
+    fire = _FIRE.get(None)
     if fire is not None and time.monotonic() < fire.seen + seconds:
         fire.renew()
 
 
 def went_out() -> bool:
     """Whether what this context lit has gone dark meanwhile."""
-    fire = _FIRE.get()
+    fire = _FIRE.get(None)
     return fire is not None and fire.is_out

@@ -40,7 +40,7 @@ _SLICE = 0.25
 
 _HINTS = {
     "dropped": "look at cable, power and USB or network load",
-    "incomplete": "look at cable, network and packet size",
+    "incomplete": "look at cable and network; larger packets (packet=8192) lose less",
     "stale": "the driver hands out buffered pictures; it must not",
     "frozen": "the camera repeats itself; unplug it and plug it in again",
     "torn": "parts of pictures get lost; look at cable and bandwidth, take fewer pixels",
@@ -85,6 +85,15 @@ class Steady:
         self._blank_seen = 0
         self._noise_seen = False
         self._hanging: threading.Thread | None = None
+
+    @property
+    def told(self) -> str:
+        """How many pictures had to be taken again and why, with what to do; empty for none."""
+        if not self.counts:
+            return ""
+        kinds = self.counts.most_common()
+        many = ", ".join(f"{n} × {kind}" for kind, n in kinds)
+        return f"pictures that were taken again: {many} → {_HINTS[kinds[0][0]]}"
 
     @property
     def traits(self) -> CameraTraits:

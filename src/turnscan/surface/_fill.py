@@ -296,10 +296,10 @@ def _bounded(change: Floats, mesh: Mesh, done: Sequence[Patch]) -> Floats:
     """(v, 3) mm by which curvature moves the plates of patches, no further than is its due.
 
     Over a hole of radius a whose border leaves its best plane at an angle β, a ball rises
-    a tan(β/2), and the plate in its tangent planes a/2 tan β: a β³/8 more, to the first order. Twice
-    that much the curvature may take back, or add; what moves further follows noise, and so does what is
-    less than three times the roughness of the surface. Where an edge runs round the hole it has
-    nothing to say.
+    a tan(β/2), and the plate in its tangent planes a/2 tan β: a β³/8 more, to the first order.
+    Twice that much the curvature may take back, or add; what moves further follows noise, and so
+    does what is less than three times the roughness of the surface. Where an edge runs round the
+    hole it has nothing to say.
     """
     out = np.zeros_like(change)
     start, normals, least = (
