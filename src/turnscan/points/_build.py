@@ -110,7 +110,9 @@ def _doubted(
 
     aside, sheets = back(next_ray), back(sheet.gradient(camera))
     told = wholeness(
-        Light(grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed)
+        Light(
+            grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed
+        )
     )
     ray = grid.points - grid.eyes[:, None]
     slope = np.einsum("sni,sni->sn", sheets, aside) / np.einsum("sni,sni->sn", sheets, ray)

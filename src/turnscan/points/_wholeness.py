@@ -71,7 +71,7 @@ class Wholeness:
     doubt: Floats
     """(s, n) px: standard uncertainty of the centre because of what cuts or bends the stripe."""
     tail: Bools
-    """(s, n) True where the sheet's middle passes beside the surface, and its tail alone is seen."""
+    """(s, n) True where the sheet's middle passes beside the surface: its tail alone is seen."""
     slide: Floats
     """(s, n) the share of a turn's movement that leads off the surface, 0 to 1; 1 where it is not
     known how the surface lies."""

@@ -40,7 +40,9 @@ def carved(surfaces: Sequence[RangeSurface], most: float) -> tuple[list[RangeSur
     for s, which in zip(surfaces, doubted, strict=True):
         keep = np.ones(len(which), dtype=np.bool_)
         if which.any():
-            keep[np.flatnonzero(which)[_pierced(s.mesh.triangles[which], eyes, ends, noise)]] = False
+            keep[np.flatnonzero(which)[_pierced(s.mesh.triangles[which], eyes, ends, noise)]] = (
+                False
+            )
         count += int((~keep).sum())
         out.append(s if keep.all() else _part(s, keep))
     return out, count

@@ -109,7 +109,7 @@ def _witnessed(
     text = f"{int((~good).sum())} places that no laser measured are left out"
     x, y, z = np.median(mesh.vertices[~good], axis=0)
     where = f"about ({x:.0f}, {y:.0f}, {z:.0f}) mm"
-    kept = submesh(mesh, good[mesh.faces].all(axis=1))
+    kept = submesh(mesh, np.asarray(good[mesh.faces].all(axis=1)))
     return kept, [Finding("surface.unmeasured", "note", text, where)]
 
 

@@ -236,9 +236,7 @@ def _weights(s: RangeSurface, usual: float) -> Floats:
     return usual**2 * np.where(border, _BORDER[0], np.where(beside, _BORDER[1], 1.0))
 
 
-def _provenance(
-    parts: Sequence[RangeSurface], origins: Ints, sigma: Floats
-) -> Provenance | None:
+def _provenance(parts: Sequence[RangeSurface], origins: Ints, sigma: Floats) -> Provenance | None:
     whole = joined_provenance([s.mesh for s in parts])
     if whole is None:
         return None

@@ -1,4 +1,4 @@
-"""Witness: what a merge made is held to the surfaces that were measured, and dropped without one."""
+"""Witness: what a merge made is held to the surfaces that were measured."""
 
 from __future__ import annotations
 
