@@ -15,7 +15,7 @@ from turnscan.arrays import Bools, Floats
 
 _NOISE = 0.06
 """Speckle makes the median of five widths this much narrower or wider."""
-_SMOOTH = 0.05
+_SMOOTH = 0.08
 """Difference of two surfaces to the light, as a part, up to which they are one."""
 _FEW = 50
 """Points that are enough to know how thick the sheet is."""
