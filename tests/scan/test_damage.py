@@ -260,7 +260,11 @@ def test_a_refused_file_is_left_closed(
 
     good = tmp_path / "a.turnscan"
     write(good, steps=3)
-    wrongs = ["DROP TABLE edits", "UPDATE meta SET value = 'x'", "UPDATE frames SET step = step + 9"]
+    wrongs = [
+        "DROP TABLE edits",
+        "UPDATE meta SET value = 'x'",
+        "UPDATE frames SET step = step + 9",
+    ]
     wrongs += ["DELETE FROM meta", "UPDATE frames SET sha256 = x'00'"]
     monkeypatch.setattr(sqlite3, "connect", connect)
     for n, sql in enumerate([*wrongs, "no schema"]):

@@ -3,9 +3,9 @@
 from turnscan.points._between import Between, respace
 from turnscan.points._build import build_grid, every, goes_round, whole_turns
 from turnscan.points._findings import angle_findings, grid_findings, lost_frames, together_findings
-from turnscan.points._grid import PointCloud, RangeGrid
+from turnscan.points._grid import Origin, PointCloud, RangeGrid
 from turnscan.points._placements import placed, placements_from_conf
-from turnscan.points._profile import Profile, Spacing, profiles, resample
+from turnscan.points._profile import Along, Profile, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
 from turnscan.points._triangulate import (
     pixels_of,
@@ -26,7 +26,9 @@ from turnscan.points._volume import (
 )
 
 __all__ = [
+    "Along",
     "Between",
+    "Origin",
     "PointCloud",
     "Profile",
     "RangeGrid",

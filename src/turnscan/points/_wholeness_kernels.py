@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 _BESIDE = 2
 """Lines on either side that a width is the median of: speckle widens single lines by a tenth."""

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, Ints
-from turnscan.points import RangeGrid
-from turnscan.surface._grid_mesh import Tears, mesh_grid
+from turnscan.points import Along, RangeGrid
+from turnscan.surface._grid_mesh import Tears, mesh_grid, thin
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import joined_provenance
 from turnscan.surface._range_surface import RangeSurface
@@ -135,7 +135,7 @@ def _unlike(radius: Floats, apart: float) -> int:
 
 
 def merge_polar(
-    grid: PolarGrid, surfaces: Sequence[RangeSurface], tears: Tears
+    grid: PolarGrid, surfaces: Sequence[RangeSurface], tears: Tears, along: Along | None = None
 ) -> tuple[Mesh, int]:
     """The merged surface, and how many cells disagreed beyond three sigma.
 
@@ -145,6 +145,7 @@ def merge_polar(
     it makes a measurement count less, and the sigma of a cell larger. Where it may be more than a
     line's distance and more than three usual sigma, nothing was measured, and the cell is left to
     the other surfaces. A vertex has the provenance of the nearest vertex of the best surface.
+    ``along`` chooses the points along the merged profiles.
     """
     usual = float(np.nanmedian(grid.noise)) if grid.radius.size else 0.0
     with np.errstate(invalid="ignore"):
@@ -180,7 +181,7 @@ def merge_polar(
         flags=np.isnan(radius).astype(np.uint16),
         closed=True,
     )
-    mesh = mesh_grid(merged, tears)
+    mesh = mesh_grid(thin(merged, along, tears), tears)
     starts = np.cumsum([0] + [len(p.mesh.vertices) for p in surfaces])[:-1]
     source = np.take_along_axis(grid.source, best, 0)[0] + starts[best[0]]
     return replace(mesh, provenance=_measured_by(mesh, source, surfaces)), int(off.sum())

@@ -100,8 +100,11 @@ def steady_normals(mesh: Mesh) -> Floats:
     return normals
 
 
-def roughness(mesh: Mesh) -> float:
-    """mm: how far vertices usually lie from the middle of their neighbours, along their normals."""
+def roughness(mesh: Mesh, *, about_middle: bool = False) -> float:
+    """mm: how far vertices usually lie from the middle of their neighbours, along their normals.
+
+    ``about_middle`` leaves out what all have in common, as on a ball, whose facets are no noise.
+    """
     if not len(mesh.faces):
         return 0.0
     total, count = np.zeros((len(mesh.vertices), 3)), np.zeros(len(mesh.vertices))
@@ -114,7 +117,10 @@ def roughness(mesh: Mesh) -> float:
     with np.errstate(invalid="ignore", divide="ignore"):
         off = np.einsum("ij,ij->i", mesh.vertices - total / count[:, None], vertex_normals(mesh))
     off = off[np.isfinite(off)]
-    return 1.4826 * float(np.median(np.abs(off))) if len(off) else 0.0
+    if not len(off):
+        return 0.0
+    middle = float(np.median(off)) if about_middle else 0.0
+    return 1.4826 * float(np.median(np.abs(off - middle)))
 
 
 def range_surfaces(grid: RangeGrid, tears: Tears | None = None) -> list[RangeSurface]:
