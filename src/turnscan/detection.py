@@ -54,7 +54,7 @@ class View:
         """
         scan, signal = self.scan, self._signal
 
-        def find(shots: list[Stored]) -> tuple[int, float, Stripe]:
+        def find(shots: list[Stored]) -> tuple[int, float, Stripe, float]:
             frames = [stored.decode() for stored in shots]
             for _ in frames:
                 tick()
@@ -65,7 +65,7 @@ class View:
                 stripe = signal.detect(
                     first.lit, first.dark, self.settings, first.level, first.noise, self.inside
                 )
-            return first.step, first.angle, stripe
+            return first.step, first.angle, stripe, first.angle_sigma
 
         # A bracket tells what is clipped by the colours as they were taken.
         stored = scan.stored(self.lit, signal.project if scan.plan.exposures == 1 else None)
@@ -74,9 +74,11 @@ class View:
             done = list(pool.map(find, brackets))
         good = [d for d in done if not np.isnan(d[1])]
         findings = points.lost_frames(self.lit, scan.missing(self.lit), len(done) - len(good))
-        angles = np.array([angle for _, angle, _ in good], np.float64)
-        steps, found = tuple(step for step, _, _ in good), tuple(stripe for _, _, stripe in good)
-        return Stripes(self.laser, steps, angles, found), findings
+        angles = np.array([angle for _, angle, _, _ in good], np.float64)
+        shaky = np.array([sigma for *_, sigma in good], np.float64)
+        steps = tuple(step for step, *_ in good)
+        found = tuple(stripe for _, _, stripe, _ in good)
+        return Stripes(self.laser, steps, angles, found, shaky), findings
 
     def candidates(self, step: int) -> Candidates:
         """Everything in the frame of a step that might be the stripe.

@@ -101,7 +101,9 @@ def to_grids(
         v = sight.view
         mine = part(told, k / len(seen), (k + 1) / len(seen))
         mended, nothing = edit.mend_stripes(sight.stripes, edits, v, part(mine, 0, 0.5))
-        whole = points.build_grid(v.rig, v.laser, mended.stripes, mended.steps, mended.angles)
+        whole = points.build_grid(
+            v.rig, v.laser, mended.stripes, mended.steps, mended.angles, mended.angle_sigma
+        )
         turns, again = points.whole_turns(points.every(whole, s.every))
         findings += [*sight.findings, *nothing, *points.angle_findings(turns[0], again)]
         for i, turn in enumerate(turns):
