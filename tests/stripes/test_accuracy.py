@@ -170,4 +170,4 @@ def test_speckle_in_the_tails_and_a_glow_on_both_sides_move_nothing(share: float
     stripe = detect(picture(rng, clean + 1500.0 * share * np.exp(-away / 25.0)))
     flagged = (stripe.flags[stripe.found] & StripeFlag.HALO) != 0
     assert stripe.found.mean() > 0.95
-    assert flagged.mean() <= 0.05
+    assert flagged.mean() <= 0.1

@@ -89,7 +89,7 @@ def haloed(some: Any, n: int, terms: Any, lines: int) -> Any:
         out[v] = part[0] > max(HALO_LIMIT * part[1], noise) or abs(part[2]) > LEAN_LIMIT * part[3]
         flux, count = max(part[3], 1.0), max(part[4], 2.0)
         mean = abs(part[2]) / flux
-        # What speckle makes of the mean is no shift: two standard errors are taken off.
+        # What speckle makes of the mean is no shift: three standard errors are taken off.
         error = math.sqrt(max(part[5] / flux - mean * mean, 0.0) / (count - 1.0))
-        shift[v] = max(0.0, mean - 2.0 * error)
+        shift[v] = max(0.0, mean - 3.0 * error)
     return highest, out, shift
