@@ -6,7 +6,8 @@ STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system drivers demo test check frontend frontend-check format bench bench-app accuracy docs clean
+.PHONY: help setup system drivers demo test test-fast test-interpreters check frontend frontend-check \
+	format bench bench-app accuracy mutants docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
@@ -18,32 +19,53 @@ $(STAMP): pyproject.toml constraints.txt
 	$(INSTALL) -e '.[dev]'
 	touch $@
 
-# Independent readers of our files, the GigE Vision library with its fake camera, and a browser: the
-# tests use those that are there, and CI insists on all.
+# What the tests compare with and drive: independent readers of our files, the GigE Vision library
+# with its fake camera, a C compiler and a browser. Without CI the tests of what is missing are
+# skipped, and pytest's summary says so; with CI (any value but 0, false, no, off) they fail.
+IN_CI := $(filter-out 0 false no off,$(CI))
+PROGRAMS := assimp dxf2vrml ogr2ogr arv-fake-gv-camera-0.8 cc
 SYSTEM_PACKAGES := assimp-utils dime gdal-bin \
 	aravis-tools aravis-tools-cli gir1.2-aravis-0.8 \
-	gcc pkg-config python3-dev libgirepository1.0-dev libcairo2-dev chromium
+	gcc libc6-dev pkg-config python3-dev libgirepository1.0-dev libcairo2-dev chromium
 GIGE_HEADERS := pkg-config --exists gobject-introspection-1.0 cairo 2>/dev/null
+HAS_ALL := for p in $(PROGRAMS); do command -v $$p >/dev/null || exit 1; done; \
+	command -v chromium >/dev/null || command -v chromium-browser >/dev/null || exit 1; \
+	$(GIGE_HEADERS)
 system: ## install CAD readers, camera libraries and browser that the tests use (Debian, as root)
-	@if command -v assimp >/dev/null && command -v dxf2vrml >/dev/null && command -v ogr2ogr >/dev/null \
-	     && command -v arv-fake-gv-camera-0.8 >/dev/null && command -v chromium >/dev/null \
-	     && $(GIGE_HEADERS); \
-	then :; elif command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; \
+	@if ($(HAS_ALL)); then :; elif command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; \
 	then apt-get update -qq && DEBIAN_FRONTEND=noninteractive \
 	     apt-get install -y -qq --no-install-recommends $(SYSTEM_PACKAGES) >/dev/null; \
-	else echo "not root or not Debian: the tests against $(SYSTEM_PACKAGES) will be skipped"; fi
+	else echo "not root or not Debian: tests may need some of $(SYSTEM_PACKAGES)"; fi
 
 drivers: setup system ## install the camera drivers that this machine can have
 	@$(BIN)/python -c 'import genicam, harvesters' 2>/dev/null || $(INSTALL) -e '.[genicam]' \
-	     || [ -z "$$CI" ]
-	@if ! $(GIGE_HEADERS); then echo "no GObject headers: the tests of GigE cameras will be skipped"; \
-	else $(BIN)/python -c 'import gi' 2>/dev/null || $(INSTALL) -e '.[gige]' || [ -z "$$CI" ]; fi
+	     || [ -z "$(IN_CI)" ]
+	@$(BIN)/python -c 'import gi' 2>/dev/null || if $(GIGE_HEADERS); \
+	then $(INSTALL) -e '.[gige]' || [ -z "$(IN_CI)" ]; \
+	else echo "no GObject headers: GigE cameras cannot be driven here"; [ -z "$(IN_CI)" ]; fi
 
 demo: setup ## the main job from end to end: pictures → mesh → DXF, report and pictures
 	$(BIN)/turnscan demo -o demo-output
 
+# More processes than cores: many tests wait for boards, cameras and leases in real time.
+WORKERS ?= 4
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup
 test: drivers ## run all tests
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(PYTEST) --durations=20
+
+# The pure rooms, the contracts and one look through each door: scan file, command line, browser's
+# server, browser, boards, guard.
+FAST := tests/contracts tests/rig tests/stripes tests/calibrate tests/points tests/surface tests/shapes \
+	tests/poses tests/edit tests/export tests/station tests/acquire tests/test_errors.py \
+	tests/scan/test_pictures.py tests/cli/test_door.py tests/app/test_protocol.py \
+	tests/web/test_rooms.py::test_a_scan_with_the_simulated_bench \
+	tests/app/e2e/test_frame.py::test_one_browser_invites_another \
+	tests/devices/test_conformance_boards.py tests/safety/test_removed.py
+test-fast: setup ## the inner loop, in under 90 s: pure rooms, contracts, one look through each door
+	$(PYTEST) -q -m 'not slow' $(FAST)
+
+test-interpreters: setup ## pure rooms, scan and cli on every other Python from 3.11 that is here
+	$(BIN)/python tests/interpreters.py
 
 check: setup frontend-check ## format, lint, types, import contract, module sizes, front end, docs
 	$(BIN)/ruff format --check .
@@ -66,7 +88,8 @@ frontend: $(NODE_READY) ## build the browser's front end into src/turnscan/app/s
 
 frontend-check: ## types and tests of the front end, and whether its bundle is what the sources give
 	@if $(NODE_20); then $(MAKE) --no-print-directory frontend-compare; \
-	else echo "no Node 20: the front end is not checked"; fi
+	else echo "no Node 20 (nodejs.org, or Debian 13's nodejs and npm): front end not checked"; \
+	     [ -z "$(IN_CI)" ]; fi
 
 .PHONY: frontend-compare
 frontend-compare: $(NODE_READY)
@@ -87,8 +110,11 @@ bench-app: setup ## how long a person waits for the browser workshop, to a milli
 accuracy: setup ## accuracy against truth, short version (by hand: python -m bench.accuracy --full)
 	$(BIN)/python -m bench.accuracy
 
+mutants: setup ## put faults into copies of the sources and say which no test notices (an hour)
+	$(BIN)/python -m bench.mutants
+
 docs: setup ## build the documentation into docs/_build/html
 	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) demo-output docs/_build
+	rm -rf $(VENV) .interpreters demo-output docs/_build

@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Image
+from turnscan.calibrate import detect_board, parse_board
+from turnscan.scan import read_picture
 from turnscan.stripes import (
     Stripe,
     StripeFlag,
@@ -116,6 +118,43 @@ def blocks(data: Path, name: str) -> dict[str, float]:
     }
 
 
+def bed_distance(data: Path) -> tuple[float, float]:
+    """How far the camera of the step blocks is from the bed, and its standard uncertainty, mm.
+
+    From the photographs of a chessboard on the bed. It lies nearly square to the camera, so the
+    focal length is known to 6 % only; the board's scale (10.6 px/mm) is known to 0.1 %.
+    """
+    board = parse_board("chessboard:5x5:5")
+    views = [
+        detect_board(read_picture(path), board)
+        for path in sorted((data / "step-blocks" / "Calibration").glob("Snap_*.jpg"))
+    ]
+    seen = [v for v in views if len(v.corners)]
+    flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_ASPECT_RATIO
+    flags |= cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    _, K, _, _, places, spread, _, _ = cv2.calibrateCameraExtended(
+        [v.points.astype(np.float32) for v in seen],
+        [v.corners.astype(np.float32)[:, None] for v in seen],
+        seen[0].size,
+        np.array([[1500.0, 0, 320], [0, 1500, 240], [0, 0, 1]]),
+        None,
+        flags=flags,
+    )
+    distance = float(np.mean([place[2] for place in places]))
+    return distance, distance * float(np.ravel(spread)[1]) / float(K[0, 0])
+
+
+def height_of(shift: float, known: tuple[float, float], distance: float) -> float:
+    """Height above the bed, mm, of what shifts the stripe by ``shift`` px.
+
+    ``known`` is the height and the shift of another block. A point h above the bed is h nearer to
+    the camera, so its shift is k h / (distance - h).
+    """
+    h, s = known
+    k = s * (distance - h) / h
+    return shift * distance / (k + shift)
+
+
 def green_board(data: Path, number: int) -> dict[str, float]:
     """One picture without laser-off: the floor line, rows 430-479, and the board."""
     on = read(data / "laser-boards-green" / f"{number}_right.jpg")
@@ -157,11 +196,15 @@ def run() -> None:
     print(f"ciclop-bust: {total} of 1280 rows ({on_bust} on the bust, {rim} on the table's rim)")
     show("ceramic 5014", ceramic(DATA, "img_5014.jpg", "img_5013.jpg"))
     show("ceramic 5397", ceramic(DATA, "img_5397.jpg", "img_5396.jpg"))
-    for name in ("grey_step_1.48mm", "grey_step_3.68mm", "grey_step_8.94mm", "grey_step_14mm"):
-        if (DATA / "step-blocks" / name).is_dir():
-            show(name, blocks(DATA, name))
-        else:
-            print(f"{name}: not in this copy of the data")
+    low, high = (blocks(DATA, f"grey_step_{h}mm") for h in ("3.68", "14"))
+    show("step block of 3.68 mm", low)
+    show("step block of 14 mm", high)
+    distance, spread = bed_distance(DATA)
+    height = height_of(low["shift, px"], (14.0, high["shift, px"]), distance)
+    print(
+        f"step blocks: camera {distance:.0f} ± {spread:.0f} mm above the bed; by the block of 14 mm"
+        f" the other is {height:.2f} mm high (3.68)"
+    )
     for number in range(6):
         show(f"green board {number}", green_board(DATA, number))
     for lit in sorted((DATA / "charuco-pairs").glob("*_laser.png")):

@@ -1,17 +1,17 @@
-"""What all tests share: where the real data of others lies, when it is there."""
+"""What all tests share: signals as a terminal leaves them, the budget of skips, real data."""
 
 from __future__ import annotations
 
 import os
+import signal
+from collections import Counter
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-REAL_TIME = ("acquire", "app", "crash", "devices", "safety", "web")
-"""Rooms whose tests talk to other processes, which keep deadlines. On a starved machine one may
-pass that the code at fault did not miss, so what fails there is tried twice more and pytest's
-summary says so (``RERUN``); what is broken fails each time."""
+from tests.needs import budget, in_ci, needs_shared
+
 # A property is not judged by a clock, and a run says the same each time; TURNSCAN_EXPLORE=1 looks
 # at examples never seen before.
 settings.register_profile(
@@ -21,19 +21,61 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("turnscan")
-SHARED = Path(__file__).parents[2] / "shared" / "data"
 
 
+SIGNALS = ("SIGHUP", "SIGINT", "SIGQUIT", "SIGTERM")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let the processes that tests start die of the signals that tests send.
+
+    ``nohup make test`` and ``make test &`` hand on an ignored SIGHUP or SIGINT, which every child
+    inherits. A handler does not survive the start of a program, so children have the default
+    again, while the run itself goes on ignoring what it was told to ignore. The process that only
+    hands out the tests stays as it is: its workers must inherit what it ignores.
+    """
+    if config.getoption("dist", "no") == "no":
+        for number in (getattr(signal, name) for name in SIGNALS if hasattr(signal, name)):
+            if signal.getsignal(number) == signal.SIG_IGN:
+                signal.signal(number, lambda *_: None)
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    here = Path(__file__).parent
+    """Give tests that share a module's fixture to one process, so that it is made once."""
     for item in items:
-        if item.path.relative_to(here).parts[0] in REAL_TIME:
-            item.add_marker(pytest.mark.flaky(reruns=2))
+        known = getattr(item, "_fixtureinfo", None)
+        if known and any(
+            definitions[-1].scope == "module" for definitions in known.name2fixturedefs.values()
+        ):
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
+
+
+def _skipped(config: pytest.Config) -> Counter[str]:
+    """Why tests were skipped, and how many."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    reports = reporter.stats.get("skipped", []) if reporter else []
+    return Counter(r.longrepr[2] if isinstance(r.longrepr, tuple) else "?" for r in reports)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if in_ci() and _skipped(session.config).total() > budget():
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    skipped = _skipped(config)
+    terminalreporter.section("skips")
+    for reason, count in skipped.most_common():
+        terminalreporter.write_line(f"{count} × {reason}")
+    enforced = "enforced" if in_ci() else "enforced where CI is set"
+    terminalreporter.write_line(f"{skipped.total()} skipped; budget {budget()} ({enforced})")
 
 
 @pytest.fixture
 def shared_data() -> Path:
     """The folder of real pictures and scans made by others; skips where it is absent."""
-    if not SHARED.is_dir():
-        pytest.skip("../shared/data is not here (real data made by others, not part of turnscan)")
-    return SHARED
+    return needs_shared()

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from tests.conftest import SHARED
+from tests.calibrate.mouse import calibrate_mouse
+from tests.needs import needs_shared
+from tests.once import once
 from turnscan.calibrate import (
     LaserPicture,
     detect_board,
@@ -17,33 +18,19 @@ from turnscan.calibrate import (
     parse_board,
     stripe_candidates,
 )
-from turnscan.cli._calibrate import verb
 from turnscan.rig import Camera, Rig, rig_from_json
 from turnscan.scan import read_picture
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, str, str]:
-    """The rig of the turntable from every fifth picture of the table, what was said, the report."""
-    data = SHARED / "turntable-mouse"
-    if not data.is_dir():
-        pytest.skip("../shared/data is not here (real data made by others, not part of turnscan)")
-    folder = tmp_path_factory.mktemp("rig")
-    table = folder / "table"
-    table.mkdir()
-    for n in range(1, 320, 10):
-        name = f"step_num_table{n}.jpg"
-        (table / name).symlink_to(data / "empty-table" / name)
-    rig, report = folder / "rig.json", folder / "report.html"
-    arguments = [
-        *("--camera", data / "camera-boards", "--board", "chessboard:8x6:40"),
-        *("--laser", data / "laser-boards", "--table", table),
-        *("--markers", "DICT_4X4_50:30", "--table-step-deg", "11.25"),
-        *("-o", rig, "--report", report),
-    ]
-    done = CliRunner().invoke(verb, [str(a) for a in arguments], catch_exceptions=False)
-    assert done.exit_code == 0
-    return rig_from_json(rig.read_text()), done.output, report.read_text()
+    """The rig of the turntable, what was said, the report."""
+    needs_shared()
+    made = once(tmp_path_factory, "mouse-rig", calibrate_mouse)
+    rig, said, report = ((made / n).read_text() for n in ("rig.json", "said.txt", "report.html"))
+    return rig_from_json(rig), said, report
 
 
 def figure(said: str, line: str, at: int) -> float:
@@ -75,7 +62,7 @@ def test_the_stripe_on_the_table_of_the_object_lies_on_the_platter(
     calibrated: tuple[Rig, str, str],
 ) -> None:
     rig = calibrated[0]
-    picture = read_picture(SHARED / "turntable-mouse" / "object" / "step_num161.jpg")
+    picture = read_picture(needs_shared("turntable-mouse", "object", "step_num161.jpg"))
     angle = measure_table_angle(picture, rig)
     assert angle is not None
     assert angle.residual_px < 0.7

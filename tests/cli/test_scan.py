@@ -15,11 +15,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from tests.needs import needs
 from turnscan.cli import turnscan
 from turnscan.cli._hardware import was_interrupted
 from turnscan.errors import InputError, ScanBusy, TurnscanError
 from turnscan.scan import Scan
 from turnscan.station import stops_of
+
+pytestmark = pytest.mark.slow
 
 BENCH = "sim:sphere?speckle=0"
 
@@ -77,9 +80,9 @@ def test_a_scan_is_whole_and_reconstructed(whole: Path, tmp_path: Path) -> None:
     assert (tmp_path / "a.ply").exists(), made.output
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGKILL"])
 def test_interrupted_and_resumed_to_the_byte(whole: Path, tmp_path: Path, number: str) -> None:
+    needs("POSIX")
     path = tmp_path / "a.turnscan"
     child = start("scan", path, "--device", BENCH, "--steps", "14")
     try:

@@ -13,7 +13,8 @@ import pytest
 
 import turnscan
 
-SOURCES = sorted((Path(__file__).parents[2] / "src" / "turnscan").rglob("*.py"))
+TOP = Path(__file__).parents[2]
+SOURCES = sorted((TOP / "src" / "turnscan").rglob("*.py"))
 ROOMS = sorted(m.name for m in pkgutil.iter_modules(turnscan.__path__) if m.ispkg)
 
 

@@ -14,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from tests.needs import needs
+
 HERE = Path(__file__).parent
 
 
@@ -69,8 +71,7 @@ def quick_folder() -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def zygote(quick_folder: Path) -> Iterator[Zygote]:
-    if not hasattr(os, "fork"):
-        pytest.skip("needs fork")
+    needs("POSIX")
     made = Zygote(quick_folder)
     yield made
     made.close()
@@ -78,12 +79,10 @@ def zygote(quick_folder: Path) -> Iterator[Zygote]:
 
 @pytest.fixture(scope="module")
 def failing_disk(quick_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Zygote]:
-    compiler = shutil.which("cc")
-    if not sys.platform.startswith("linux") or compiler is None:
-        pytest.skip("needs Linux and a C compiler, to put a failing disk under the process")
+    needs("Linux", "C compiler")
     library = tmp_path_factory.mktemp("disk") / "disk.so"
     subprocess.run(
-        [compiler, "-O1", "-shared", "-fPIC", "-o", library, HERE / "disk.c", "-ldl", "-lpthread"],
+        ["cc", "-O1", "-shared", "-fPIC", "-o", library, HERE / "disk.c", "-ldl", "-lpthread"],
         check=True,
     )
     made = Zygote(quick_folder, library)

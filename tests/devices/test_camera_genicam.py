@@ -9,21 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.devices.conftest import Need
+from tests.needs import needs
 from turnscan.devices import find_cameras, open_camera
 from turnscan.errors import DeviceNotFound, DeviceTimeout, InputError
 from turnscan.testing import check_camera
 
 
 @pytest.fixture
-def viky(need: Need) -> str:
+def viky() -> str:
     """The producer: three cameras that see a bouncing ball, without exposure or trigger."""
-
-    def load() -> None:
-        import genicam  # noqa: F401
-        import harvesters  # noqa: F401
-
-    need(load)
+    needs("GenICam")
     spec = importlib.util.find_spec("genicam")
     assert spec is not None
     assert spec.origin is not None

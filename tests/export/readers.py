@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -71,21 +69,8 @@ def _fan(numbers: list[int]) -> list[tuple[int, int]]:
     return list(pairwise(numbers[1:]))
 
 
-READERS: dict[str, tuple[str, Callable[[Path], Triangles]]] = {
-    "assimp": ("assimp", assimp),
-    "dime": ("dxf2vrml", dime),
-    "gdal": ("ogr2ogr", gdal),
-}
-"""By name: the program, and how to ask it."""
-
-
-def missing(name: str) -> str:
-    """Why a reader cannot be asked, or nothing; in CI all of them must be there."""
-    program = READERS[name][0]
-    if shutil.which(program):
-        return ""
-    assert os.environ.get("CI") != "true", f"{program} is missing: run make system as root"
-    return f"{program} is not installed (make system installs it)"
+READERS: dict[str, Callable[[Path], Triangles]] = {"assimp": assimp, "dime": dime, "gdal": gdal}
+"""How to ask each, by its name in `tests.needs`."""
 
 
 def volume(triangles: Triangles) -> float:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.export.parts import box_with_hole, torus
-from tests.export.readers import READERS, missing, volume
+from tests.export.readers import READERS, volume
+from tests.needs import needs
 from turnscan.export import DxfForm, DxfVersion, ExportOptions, export
 from turnscan.surface import Mesh
 
@@ -24,8 +25,7 @@ PARTS = {
 @pytest.fixture(params=READERS)
 def reader(request: pytest.FixtureRequest) -> str:
     name = str(request.param)
-    if why := missing(name):
-        pytest.skip(why)
+    needs(name)
     return name
 
 
@@ -40,7 +40,7 @@ def test_volume_as_others_read_it(
     path.write_bytes(
         export(part, ".dxf", options=ExportOptions(dxf_forms=(form,), dxf_version=version))
     )
-    seen = READERS[reader][1](path)
+    seen = READERS[reader](path)
     assert len(seen) == len(part.faces)
     assert volume(seen) == pytest.approx(part.volume, rel=1e-6)
     sides = np.ptp(seen.reshape(-1, 3), axis=0)  # assimp turns the part so that y is up
@@ -51,7 +51,7 @@ def test_several_polyfaces_as_others_read_them(reader: str, tmp_path: Path) -> N
     part = torus(180, 100)
     path = tmp_path / "part.dxf"
     path.write_bytes(export(part, ".dxf", options=ExportOptions(dxf_forms=("polyface",))))
-    seen = READERS[reader][1](path)
+    seen = READERS[reader](path)
     assert len(seen) == len(part.faces)
     assert volume(seen) == pytest.approx(part.volume, rel=1e-6)
 
@@ -59,12 +59,11 @@ def test_several_polyfaces_as_others_read_them(reader: str, tmp_path: Path) -> N
 @pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".3mf", ".glb"])
 @pytest.mark.parametrize("text", [False, True])
 def test_other_formats_in_assimp(suffix: str, text: bool, tmp_path: Path) -> None:
-    if why := missing("assimp"):
-        pytest.skip(why)
+    needs("assimp")
     part: Mesh = PARTS["partly filled"]
     path = tmp_path / f"part{suffix}"
     path.write_bytes(export(part, suffix, options=ExportOptions(ascii=text)))
-    seen = READERS["assimp"][1](path)
+    seen = READERS["assimp"](path)
     unit = 1e-3 if suffix == ".glb" else 1.0  # glTF counts in metres, with y up
     assert volume(seen) == pytest.approx(part.volume * unit**3, rel=1e-6)
     sides = np.ptp(part.vertices, axis=0)[[0, 2, 1] if suffix == ".glb" else [0, 1, 2]]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.export.parts import box_with_hole, measured, outside, torus
+from tests.export.parts import box_with_hole, measured, outside
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.export import EXPORTERS, ExportOptions, export, read_mesh
 
@@ -138,7 +138,8 @@ def test_obj_with_slashes_and_negative_numbers() -> None:
 def test_what_is_wrong_is_named_and_costs_no_memory(
     data: bytes, suffix: str, error: type[InputError], message: str
 ) -> None:
-    read_mesh(export(torus(4, 4), suffix), suffix)  # compiles
+    with pytest.raises(error, match=message):
+        read_mesh(data, suffix)  # loads and compiles what it needs, for which no file is to blame
     tracemalloc.start()
     try:
         with pytest.raises(error, match=message):

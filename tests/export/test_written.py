@@ -3,16 +3,12 @@
 import os
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.export import random_parts as parts
 from turnscan.export import audit, export, read_mesh
 from turnscan.surface import is_closed, soundness
-
-parts = pytest.importorskip(
-    "tests.export.random_parts", reason="manifold3d makes the parts", exc_type=ImportError
-)
 
 FORMATS = (".stl", ".ply", ".obj", ".3mf", ".dxf")
 

@@ -106,6 +106,39 @@ def test_findings_tell_open_turns_uneven_steps_and_lost_frames():
     assert grid_findings(nothing, nothing, Volume())[0].severity == "error"
 
 
+def test_findings_tell_what_share_of_the_points_was_flagged():
+    found = plain_grid(np.zeros((10, 10, 3)))
+    flags = np.zeros((10, 10), np.uint16)
+    flags[:2] = StripeFlag.HALO
+    flags[5, 5] = StripeFlag.SATURATED
+    flags[4:] |= np.uint16(StripeFlag.EDGE)
+    flagged = replace(found, flags=flags)
+    told = grid_findings(found, flagged, Volume())
+    assert [f.code for f in told] == ["points.volume", "points.halo"]
+    assert told[0].message.startswith("100 points kept, 0 outside")
+    assert told[1].message.startswith("20% of the points")
+
+
+def test_an_unsure_angle_of_the_table_is_in_the_sigma_of_what_it_carries_off_its_surface():
+    """A ball beside the axis, each step's angle off by its own noise, and nothing else."""
+    rig = make_rig(elevation=0.2, lift=25.0)
+    angles = full_turn(90)
+    shaky = np.deg2rad(0.5)
+    stripes = scan_shape(rig, sphere(20.0, (14.0, 3.0, 25.0)), angles)
+    z = []
+    for seed in range(3):
+        told = angles + np.random.default_rng(seed).normal(0, shaky, 90)
+        sure = build_grid(rig, "L0", stripes, range(90), angles, np.zeros(90))
+        grid = build_grid(rig, "L0", stripes, range(90), told, np.full(90, shaky))
+        off = np.linalg.norm(grid.points - (14.0, 3.0, 25.0), axis=-1) - 20.0
+        carried = np.sqrt(np.maximum(grid.sigma**2 - sure.sigma**2, 0.0))
+        # Where the turn leads along the surface the sphere's curvature is all there is.
+        much = grid.found & (carried > 0.03)
+        z.append(off[much] / carried[much])
+    assert sum(map(len, z)) > 2000
+    assert np.sqrt(np.mean(np.concatenate(z) ** 2)) == pytest.approx(1.0, abs=0.25)
+
+
 def test_the_platter_disappears_and_the_part_stays():
     """A part on a wide platter: only the part is left, and all of it."""
     rig = make_rig(elevation=0.3, lift=25.0)
@@ -228,6 +261,24 @@ def test_equal_heights_lie_on_the_surface_between_its_points():
     assert new.closed
     usual = np.nanmedian(grid.sigma)
     assert 0.6 * usual < np.nanmedian(new.sigma) < usual
+
+
+@pytest.mark.parametrize("part", [0.1, 0.3, 0.5, 0.8])
+def test_a_point_between_two_has_the_noise_that_it_takes_from_each(part):
+    """A good point 1 mm below a poor one; the new point lies nearer to one of them."""
+    rng = np.random.default_rng(4)
+    count, good, poor = 4000, 0.01, 0.1
+    points = np.zeros((count, 2, 3))
+    points[:, :, 2] = -part, 1.0 - part
+    points[:, 0, 0] = rng.normal(0, good, count)
+    points[:, 1, 0] = rng.normal(0, poor, count)
+    new = resample(plain_grid(points, sigma=np.tile([good, poor], (count, 1))), Along(0.3))
+    level = np.abs(new.points[..., 2]) < 1e-9
+    assert (level.sum(axis=1) == 1).all()
+    z = new.points[level][:, 0] / new.sigma[level]
+    # 4000 profiles: the scatter is known to 1.1 %.
+    assert z.std() == pytest.approx(1.0, abs=0.05)
+    assert new.amplitude[level] == pytest.approx(50.0)
 
 
 def test_a_line_is_one_height_in_all_profiles_as_far_as_they_pass_it_once():

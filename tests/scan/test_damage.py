@@ -7,7 +7,10 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -241,6 +244,48 @@ def test_another_database_a_folder_and_nothing(tmp_path: Path) -> None:
         Scan.open(tmp_path)
     with pytest.raises(InputError, match="no such scan file"):
         Scan.open(tmp_path / "none.turnscan")
+
+
+@pytest.mark.parametrize("opening", [Scan.open, Scan.resume])
+def test_a_refused_file_is_left_closed(
+    opening: Callable[[Path], Scan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is wrong with it: no connection stays open, and no lock."""
+    opened: list[sqlite3.Connection] = []
+    real = sqlite3.connect
+
+    def connect(*args: Any, **more: Any) -> sqlite3.Connection:
+        opened.append(real(*args, **more))
+        return opened[-1]
+
+    good = tmp_path / "a.turnscan"
+    write(good, steps=3)
+    wrongs = [
+        "DROP TABLE edits",
+        "UPDATE meta SET value = 'x'",
+        "UPDATE frames SET step = step + 9",
+    ]
+    wrongs += ["DELETE FROM meta", "UPDATE frames SET sha256 = x'00'"]
+    monkeypatch.setattr(sqlite3, "connect", connect)
+    for n, sql in enumerate([*wrongs, "no schema"]):
+        bad = tmp_path / f"{n}.turnscan"
+        bad.write_bytes(good.read_bytes())
+        if sql == "no schema":
+            data = bytearray(good.read_bytes())
+            data[100:4096] = bytes(3996)
+            bad.write_bytes(data)
+        else:
+            with closing(real(bad)) as db:
+                db.execute(sql)
+                db.commit()
+        with pytest.raises(ScanError):
+            opening(bad)
+        assert len(opened) == n + 1, "each was refused by what SQLite read, not by its header"
+        assert not bad.with_name(bad.name + "-lock").exists()
+        bad.unlink()
+    for db in opened:
+        with pytest.raises(sqlite3.ProgrammingError, match="closed"):
+            db.execute("SELECT 1")
 
 
 def test_a_payload_bomb_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:

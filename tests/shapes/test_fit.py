@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from turnscan.errors import DidNotConverge, InputError
 from turnscan.rig import rotation_from_vector
 from turnscan.shapes import fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._fit import _circle
 
 
 def frame(seed):
@@ -149,3 +150,14 @@ def test_a_circle_needs_a_direction():
         fit_circle(_ring(9), [0, 0, 0])
     with pytest.raises(InputError, match="sigma nan"):
         fit_circle(_ring(9), [0, 0, 1], np.nan)
+
+
+def test_points_of_a_circle_seen_along_its_axis_give_it_exactly():
+    rng, R, shift = frame(3)
+    t = rng.uniform(0, 2.5, 40)
+    d = np.column_stack([9 * np.cos(t), 9 * np.sin(t), rng.uniform(-5, 5, 40)]) @ R.T + shift
+    foot, radius, rms = _circle(d, R[:, 2])
+    assert radius == pytest.approx(9.0)
+    assert foot == pytest.approx(shift - (shift @ R[:, 2]) * R[:, 2])
+    assert rms < 1e-9
+    assert _circle(d, R[:, 0])[2] > 0.1

@@ -239,3 +239,40 @@ def test_what_a_merge_puts_between_profiles_is_doubted() -> None:
     assert said.profiles == pytest.approx(lost, rel=0.1)
     flat = RangeSurface(mesh, normals, np.tile((0.0, 0.0, 1.0), (len(normals), 1)), normals)
     assert shapes.volume_sigma(mesh, shapes.Source(profiles=[flat])).profiles == 0.0
+
+
+@pytest.mark.parametrize("slope", [30.0, 45.0])
+def test_the_cap_of_a_cone_is_as_uncertain_as_the_tip_that_it_cuts_off(slope: float) -> None:
+    """Over a flat cap of radius a the tangent planes of its rim make a cone again: the distance of
+    a place at r from the nearest of them is (a − r) sin β, over the cap π a³/3 sin β in all. The
+    tip that is missing holds π a³/3 tan β."""
+    a, around = 6.0, 90
+    beta = np.radians(slope)
+    phi = np.arange(around) * 2 * np.pi / around
+    radii = np.array([6, 7, 8, 9, 10, 11, 12, 13.0, 14, 15, 16])
+    ring = [np.stack([r * np.cos(phi), r * np.sin(phi), 0 * phi + (a - r) * np.tan(beta)], -1)
+            for r in radii]  # fmt: skip
+    cap = [np.stack([r * np.cos(phi), r * np.sin(phi), 0 * phi], -1) for r in (4.5, 3.0, 1.5)]
+    low = [np.stack([r * np.cos(phi), r * np.sin(phi), 0 * phi + ring[-1][0, 2]], -1) for r in (8,)]
+    rows = [*cap[::-1], *ring, *low]
+    points = np.concatenate([*rows, [[0, 0, 0], [0, 0, ring[-1][0, 2]]]])
+    k = np.arange(around)
+    on = (k + 1) % around
+    faces = []
+    for m in range(len(rows) - 1):
+        here, there = m * around, (m + 1) * around
+        faces += [np.stack([here + k, there + k, there + on], -1)]
+        faces += [np.stack([here + k, there + on, here + on], -1)]
+    n = len(rows) * around
+    last = (len(rows) - 1) * around
+    faces += [np.stack([np.full(around, n), k, on], -1)]
+    faces += [np.stack([np.full(around, n + 1), last + on, last + k], -1)]
+    mesh = Mesh(points, np.concatenate(faces).astype(np.int32))
+    assert is_closed(mesh)
+    assert mesh.volume > 0
+    middle = mesh.triangles.mean(axis=1)
+    capped = (np.hypot(middle[:, 0], middle[:, 1]) < a) & (middle[:, 2] > -1e-6)
+    said = shapes.volume_sigma(replace(mesh, measured=~capped)).filled
+    third = np.pi * a**3 / 3
+    # The normals of the rim are averaged over a few rings, the cap's too, so they lean less.
+    assert 0.45 * third * np.sin(beta) < said < 1.1 * third * np.tan(beta)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 from scipy import stats
 
+from turnscan.compiled import njit
 from turnscan.simulate import Sensor, ccd_1990s, cmos_imx264, expose, webcam
 from turnscan.simulate._random import normal, normal_tables
 from turnscan.simulate._readout import poisson
@@ -19,7 +19,7 @@ from turnscan.simulate._validate import fit_efficiency, photon_transfer
 PLAIN = Sensor(pitch_x=0.005, pitch_y=0.005, full_well=60_000.0, gain=1.0, read_noise=0.0, bits=16)
 
 
-@njit
+@njit(cache=False)
 def _draw_all(mean: float, centre: np.ndarray, tail: np.ndarray, out: np.ndarray) -> None:
     for i in range(len(out)):
         out[i] = poisson(mean, (i + 0.5) / len(out), centre, tail)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.needs import needs
 from turnscan.simulate import part
 from turnscan.surface import Caster
 from turnscan.surface._cast_tree import TreeScene
@@ -12,7 +13,8 @@ from turnscan.surface._cast_tree import TreeScene
 
 @pytest.mark.parametrize("name", ["bracket", "cup"])
 def test_the_tree_and_embree_agree(name: str) -> None:
-    embree = pytest.importorskip("embreex.rtcore_scene")
+    needs("Embree")
+    from embreex import rtcore_scene as embree
     from embreex.mesh_construction import TriangleMesh
 
     mesh = part(name).mesh

@@ -7,7 +7,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
+from turnscan.compiled import njit
 from turnscan.rig import rotation_about
 from turnscan.surface import Mesh
 
@@ -67,7 +67,7 @@ def _shade(seen: Floats, mesh: Mesh) -> Floats:
     return brightness
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def _paint(
     points: Floats,
     faces: npt.NDArray[np.int32],

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 OK, NOT_A_NUMBER, TOO_MANY, CUT_SHORT, BAD_INDEX, NO_CODE, NOT_FINITE = range(7)
 """What stopped a reader; a number that is no finite number is NOT_FINITE."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 HEX = -1
 """As a column's decimals: an upper-case hexadecimal integer (a DXF handle)."""

@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 ANGLES = 15
 """Bins of an angle from 0 to π (12° each)."""

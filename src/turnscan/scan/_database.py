@@ -199,7 +199,7 @@ def _open_for_writing(path: Path) -> sqlite3.Connection:
         _being_made(path).unlink(missing_ok=True)  # of one who was killed when it had its name
     with storage(path):
         db = _connect(path, "rw")
-        try:
+        with _closed_if_refused(db):
             _judge_schema(db, path)
             # Readers may look on, and every commit is on the disk when it returns. Other writers
             # are kept out by the lock; who is in the way here only reads, and is soon done.
@@ -209,9 +209,6 @@ def _open_for_writing(path: Path) -> sqlite3.Connection:
             db.execute("BEGIN EXCLUSIVE")
             db.execute("COMMIT")
             db.execute("PRAGMA busy_timeout = 0")
-        except BaseException:
-            db.close()
-            raise
     return db
 
 
@@ -220,8 +217,9 @@ def open_reading(path: Path) -> sqlite3.Connection:
     judge_header(path)
     with storage(path):
         db = _connect(path, "ro")
-        db.execute("PRAGMA query_only = ON")
-        _judge_schema(db, path)
+        with _closed_if_refused(db):
+            db.execute("PRAGMA query_only = ON")
+            _judge_schema(db, path)
     return db
 
 
@@ -356,10 +354,20 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
         isolation_level=None,
         check_same_thread=False,
     )
-    db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_VALUE)
-    for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
-        db.execute(f"PRAGMA {pragma}")
+    with _closed_if_refused(db):
+        db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_VALUE)
+        for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
+            db.execute(f"PRAGMA {pragma}")
     return db
+
+
+@contextmanager
+def _closed_if_refused(db: sqlite3.Connection) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        db.close()
+        raise
 
 
 def _judge_schema(db: sqlite3.Connection, path: Path) -> None:

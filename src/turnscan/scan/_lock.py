@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 import time
 from pathlib import Path
 
 from turnscan.errors import ScanBusy, ScanError
+from turnscan.locking import take
 
 
 class WriterLock:
@@ -59,7 +59,7 @@ def being_written(path: Path) -> bool:
     except OSError:
         return False
     try:
-        return not _take(fd)
+        return not take(fd)
     finally:
         os.close(fd)
 
@@ -72,7 +72,7 @@ def lock_path(path: Path) -> Path:
 def _take_soon(fd: int) -> bool:
     """Somebody may only be looking whether it is taken (`being_written`)."""
     for _ in range(5):
-        if _take(fd):
+        if take(fd):
             return True
         time.sleep(0.01)
     return False
@@ -83,24 +83,3 @@ def _same(fd: int, path: Path) -> bool:
         return os.path.samestat(os.fstat(fd), path.stat())
     except OSError:
         return False
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _take(fd: int) -> bool:
-        try:
-            msvcrt.locking(fd, msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        return True
-
-else:
-    import fcntl
-
-    def _take(fd: int) -> bool:
-        try:
-            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            return False
-        return True

@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 _MOST = 400
 """Vertices that a local plane looks at."""

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.compiled import njit
 
 FADED = 2.8
 """Radii of the sheet beyond which there is no light (1.5e-7 of its middle)."""
@@ -20,7 +20,7 @@ CLUSTER = 64
 """Triangles that are culled together."""
 
 
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def sheet_distance(x: float, y: float, z: float, sheet: Floats) -> float:
     """Signed distance from the sheet (n, c, e1, e2, bow as five rows of three)."""
     dx, dy, dz = x - sheet[1, 0], y - sheet[1, 1], z - sheet[1, 2]
@@ -30,7 +30,7 @@ def sheet_distance(x: float, y: float, z: float, sheet: Floats) -> float:
     return away - (sheet[4, 0] * a * a + sheet[4, 1] * a * b + sheet[4, 2] * b * b)
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def clusters(vertices: Floats, faces: Ints, order: Ints) -> Floats:
     """(n, 4) centre and radius of a ball round each `CLUSTER` triangles, taken in some order."""
     out = np.zeros(((len(order) + CLUSTER - 1) // CLUSTER, 4))
@@ -52,7 +52,7 @@ def clusters(vertices: Floats, faces: Ints, order: Ints) -> Floats:
     return out
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def sheet_polygons(
     vertices: Floats,
     faces: Ints,
@@ -102,7 +102,7 @@ def sheet_polygons(
     return points[:m], starts[: p + 1]
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _move(
     vertices: Floats, faces: Ints, f: int, R: Floats, t: Floats, sheet: Floats, poly: Floats
 ) -> None:
@@ -116,14 +116,14 @@ def _move(
         poly[k, 3] = sheet_distance(poly[k, 0], poly[k, 1], poly[k, 2], sheet)
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _copy(poly: Floats, n: int, points: Floats, start: int) -> None:
     for k in range(n):
         for j in range(3):
             points[start + k, j] = poly[k, j]
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _ball_near(
     balls: Floats, i: int, R: Floats, t: Floats, apex: Floats, sheet: Floats, beam: Floats,
     bow: float,
@@ -141,24 +141,24 @@ def _ball_near(
     return abs(sheet_distance(cx, cy, cz, sheet)) <= widest + (1.0 + bow * off) * radius
 
 
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _along(x: float, y: float, z: float, apex: Floats, beam: Floats) -> float:
     """Distance from the apex along the aim."""
     return (x - apex[0]) * beam[4] + (y - apex[1]) * beam[5] + (z - apex[2]) * beam[6]
 
 
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _reach_at(z: float, beam: Floats) -> float:
     far = (z - beam[1]) / beam[2]
     return beam[3] * beam[0] * math.sqrt(1.0 + far * far)
 
 
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def reach_of(x: float, y: float, z: float, apex: Floats, beam: Floats) -> float:
     return _reach_at(_along(x, y, z, apex, beam), beam)
 
 
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _faces_both(poly: Floats, flat: Floats, f: int, R: Floats, apex: Floats) -> bool:
     to_eye = to_laser = 0.0
     for i in range(3):
@@ -168,7 +168,7 @@ def _faces_both(poly: Floats, flat: Floats, f: int, R: Floats, apex: Floats) -> 
     return to_eye > 0.0 and to_laser > 0.0
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _clip(poly: Floats, n: int, reach: float, side: float, out: Floats) -> int:
     """Keep the part of a polygon where side · distance ≤ reach (Sutherland-Hodgman)."""
     m = 0
@@ -186,7 +186,7 @@ def _clip(poly: Floats, n: int, reach: float, side: float, out: Floats) -> int:
     return m
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def fill(pixels: Floats, starts: Ints, pad: float, mask: Bools) -> None:
     """Mark the pixels of convex polygons, grown by ``pad``, in the mask (H, W)."""
     H, W = mask.shape
@@ -204,7 +204,7 @@ def fill(pixels: Floats, starts: Ints, pad: float, mask: Bools) -> None:
                 mask[row, c] = True
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _span(pixels: Floats, a: int, b: int, top: float, bottom: float) -> tuple[float, float]:
     left, right = np.inf, -np.inf
     for i in range(a, b):

@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from turnscan.arrays import Floats
+from turnscan.compiled import njit
 from turnscan.simulate._random import mix, normal, uniform_pair
 from turnscan.simulate._speckle import Keys, Singles
 

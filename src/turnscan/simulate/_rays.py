@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.compiled import njit
 from turnscan.simulate._cut import reach_of, sheet_distance
 
 Singles = npt.NDArray[np.float32]
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def corner_normals(
     faces: Ints, flat: Floats, angles: Floats, order: Ints, starts: Ints, crease: float
 ) -> Floats:
@@ -40,7 +40,7 @@ def corner_normals(
     return out
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def rays(pixels: Ints, field: Floats, down: int, across: int, R: Floats) -> Singles:
     """Directions (n·down·across, 3), object frame, of a grid of rays in each pixel (n, 2).
 
@@ -60,7 +60,7 @@ def rays(pixels: Ints, field: Floats, down: int, across: int, R: Floats) -> Sing
     return out
 
 
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def within(field: Floats, row: int, column: int, y: float, x: float) -> tuple[float, float]:
     # Element by element: a view in a loop over cells costs more than all of this arithmetic.
     r, c = row + 1, column + 1
@@ -73,7 +73,7 @@ def within(field: Floats, row: int, column: int, y: float, x: float) -> tuple[fl
     return p, q
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def surface(
     face: Ints,
     directions: Singles | Floats,
@@ -105,7 +105,7 @@ def surface(
     return points, normals
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _smooth_normal(
     points: Floats, i: int, v: Floats, faces: Ints, f: int, corners: Floats, out: Floats
 ) -> None:
@@ -130,7 +130,7 @@ def _smooth_normal(
         out[i, k] /= math.sqrt(length)
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def near_sheet(
     points: Floats,
     normals: Floats,

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from turnscan.arrays import Floats
+from turnscan.compiled import njit
 from turnscan.simulate._random import mix, normal, normal_tables, uniform_pair
 from turnscan.simulate._sensor import Sensor
 

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.compiled import njit
 from turnscan.simulate._cut import FADED, reach_of, sheet_distance
 from turnscan.simulate._rays import Singles, within
 
 
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv: float) -> float:
     """Lambert + GGX with Smith shadowing and Schlick's Fresnel term (Walter et al. 2007), 1/sr.
 
@@ -36,7 +36,7 @@ def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv:
     return diffuse + D * gl * gv * F / (4.0 * nl * nv)
 
 
-@nb.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def painted(x: float, y: float, z: float, paint: Floats) -> float:
     """Albedo of a point in the object frame; ``paint`` is albedo, kind, pitch, ratio."""
     if paint[1] == 0.0:
@@ -49,7 +49,7 @@ def painted(x: float, y: float, z: float, paint: Floats) -> float:
     return paint[0] * (paint[3] if dark else 1.0)
 
 
-@nb.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def glow(
     pixels: Ints,
     field: Floats,
@@ -130,7 +130,7 @@ def glow(
     return energy, points
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def lit_cells(energy: Singles, body: Ints, ours: Bools) -> tuple[Ints, Singles]:
     """Pixels with light on some bodies, and the energy (m, oy, ox) of their cells from these only.
 
@@ -156,7 +156,7 @@ def lit_cells(energy: Singles, body: Ints, ours: Bools) -> tuple[Ints, Singles]:
     return which[:m], own[:m]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _blurred(
     field: Floats,
     row: int,
@@ -196,7 +196,7 @@ def _blurred(
     return math.sqrt(1.0 + (du * du + dv * dv) / (sigma * sigma))
 
 
-@nb.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _radiance(
     x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, apex: Floats,
     sheet: Floats, beam: Floats, fan: Floats, table: Floats, spread: float,
@@ -231,7 +231,7 @@ def _radiance(
     return irradiance * reflected * (depth / away) ** 4
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def paint_all(points: Floats, paint: Floats) -> Floats:
     """(n,) albedo of points (n, 3), object frame."""
     out = np.empty(len(points))
@@ -240,7 +240,7 @@ def paint_all(points: Floats, paint: Floats) -> Floats:
     return out
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def exchange(
     points: Floats, normals: Floats, lamps: Floats, lamp_normals: Floats, flux: Floats, least: float
 ) -> Floats:

@@ -7,8 +7,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from turnscan.compiled import njit
 from turnscan.stripes._levels import typical
 
 DARK, OUTSIDE, AMBIGUOUS, SATURATED, EDGE, MULTI, GRAZING = 1, 2, 4, 8, 32, 64, 128

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from turnscan.arrays import Floats
+from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)

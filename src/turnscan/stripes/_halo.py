@@ -7,8 +7,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from turnscan.compiled import njit
 from turnscan.stripes._list import CENTRE, FLUX, HEIGHT, MIDDLE, PEDESTAL, ROW, START, WIDTH
 from turnscan.stripes._measure import FLANK
 

@@ -7,8 +7,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from turnscan.compiled import njit
 from turnscan.stripes._choice import drop_glow
 from turnscan.stripes._halo import LEAN_LIMIT, glowing_nearby, glows, haloed
 from turnscan.stripes._levels import learned_saturation

@@ -11,7 +11,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 HALF_WINDOW = 2.5
 """Half window in rms widths (ALGORITHMS: noise and truncation balance near 2.5)."""

@@ -12,8 +12,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from turnscan.compiled import njit
 from turnscan.stripes._levels import typical
 from turnscan.stripes._measure import half_width, plateau
 

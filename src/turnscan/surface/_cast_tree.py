@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, Ints
+from turnscan.compiled import njit
 
 Singles = npt.NDArray[np.float32]
 
@@ -74,7 +74,7 @@ def _leaf_of(ends: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return np.repeat(np.arange(len(ends) - 1), np.diff(ends))
 
 
-@nb.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _run(
     origins: Singles, directions: Singles, far: Singles, any_hit: bool, corners: Floats,
     low: Floats, high: Floats,
@@ -106,7 +106,7 @@ def _run(
     return found
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def _meets(o: Singles, d: Singles, low: Floats, high: Floats, limit: float) -> bool:
     near, far = 0.0, limit
     for k in range(3):
@@ -119,7 +119,7 @@ def _meets(o: Singles, d: Singles, low: Floats, high: Floats, limit: float) -> b
     return near <= far
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def _distance(o: Singles, d: Singles, corners: Floats) -> float:
     """Distance along the ray to the triangle in units of d, −1 where it misses."""
     ux, uy, uz = (

@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 _FLAT = 1e-12
 """Corners nearer to a plane than this share of a triangle's size lie in it."""

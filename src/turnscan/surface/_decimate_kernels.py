@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from turnscan.compiled import njit
 from turnscan.surface._heap_kernels import drop, put
 from turnscan.surface._keep_kernels import (
     faces_near,

@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 _SAG = 4.0
 """Noise by which a surface may bend over one reach without being held straight."""

@@ -13,6 +13,10 @@ from turnscan.surface._noise import noise, spacing
 
 _LEAST = 0.5
 """Part of the even spacing below which no local one is believed: what is denser is not torn."""
+_LEAP = 2.2
+"""A side between profiles longer than this many even spacings has to lead on from one like it …"""
+_BEND = float(np.cos(np.deg2rad(25.0)))
+"""… in the profiles before or after, bent by no more than this."""
 _TRUSTED = 3.0
 """A sigma above this many usual ones is a stray point's: it excuses no deeper jump than this."""
 
@@ -112,10 +116,14 @@ def _quads(grid: RangeGrid, tears: Tears) -> Ints:
     closed = grid.closed and s >= 3
     to_step, to_line = kernels.edges(grid.points, side, closed)
     step, line = (np.maximum(even, 1e-12) for even in spacing(grid))
+    believed = noise(grid)
+    far = np.maximum(_LEAP * step, tears.stretch * line)
+    far = np.maximum(far, tears.jump * np.sqrt(2.0) * believed)
+    to_step[kernels.leaps(grid.points, to_step, far, closed, _BEND)] = np.nan
     most = 1.0 / max(float(np.cos(tears.grazing)), 1e-3)
     faces: Ints = kernels.triangulate(
         grid.points,
-        noise(grid),
+        believed,
         np.minimum(grid.sigma, _TRUSTED * _median(grid.sigma)),
         side,
         np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes,

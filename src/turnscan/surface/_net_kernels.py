@@ -10,7 +10,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 MOST = 64
 """Vertices with more neighbours than this stay where they are."""

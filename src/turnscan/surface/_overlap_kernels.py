@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from turnscan.compiled import njit
 
 _SLACK = 1e-6
 """A line through a side meets one of its two faces, whatever the rounding."""

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.rig import rotation_z
@@ -51,6 +51,42 @@ class RangeSurface:
         known = sigma[sigma > 0]
         usual = float(np.median(known)) if len(known) else roughness(self.mesh)
         return np.where(sigma > 0, sigma, usual)
+
+    @cached_property
+    def neighbours(self) -> tuple[Ints, Ints]:
+        """(v,) twice: the vertex on the same line of the profile before and after; −1: none.
+
+        Raises TypeError for a mesh that does not know its steps.
+        """
+        from turnscan.surface import _overlap_kernels as kernels
+
+        p = self.mesh.provenance
+        if p is None:
+            raise TypeError("the mesh of a grid knows its steps")
+        rank = np.unique(p.step, return_inverse=True)[1].astype(np.int32)
+        before, after = kernels.next_profile(self.mesh.faces, rank, p.line)
+        return before, after
+
+    def between(self, radial: bool = False) -> Floats:
+        """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
+
+        An eighth of its second difference from profile to profile, along the normal (``radial``:
+        of its radius), which is the sagitta of what bends evenly. Where there are not three
+        profiles in a row nothing is known of the bend; there it is an eighth of the usual side.
+        """
+        X, (before, after) = self.mesh.vertices, self.neighbours
+        if radial:
+            r = np.hypot(X[:, 0], X[:, 1])
+            second = r[before] - 2.0 * r + r[after]
+        else:
+            second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
+        off = np.where((before < 0) | (after < 0), np.nan, np.abs(second) / 8.0)
+        aside = np.fmax(
+            np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
+        )
+        off = np.where(np.isnan(off), aside, off)
+        side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
+        return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
 
 
 def steady_normals(mesh: Mesh) -> Floats:

@@ -15,6 +15,8 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from tests.app.e2e.cup import write_cup
+from tests.needs import needs
+from tests.once import once
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = [
@@ -59,10 +61,7 @@ def steady(page: Any, expression: str) -> Any:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    if CHROMIUM is None:
-        if os.environ.get("CI"):
-            pytest.fail("chromium is not installed; make system installs it")
-        pytest.skip("chromium is not installed; make system installs it")
+    needs("chromium")
     with sync_playwright() as p:
         chromium = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield chromium
@@ -71,7 +70,8 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def cup(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_cup(tmp_path_factory.mktemp("cup") / "cup.turnscan")
+    made = once(tmp_path_factory, "cup", lambda folder: write_cup(folder / "cup.turnscan"))
+    return made / "cup.turnscan"
 
 
 @pytest.fixture(scope="module")
