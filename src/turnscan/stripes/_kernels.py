@@ -150,7 +150,7 @@ def write_down(
     u0, _, u1, _ = roi
     paired = dark.shape[0] > 1
     nearby = glowing_nearby(some, n, terms, table.shape[1])
-    highest, halos = haloed(some, n, terms, table.shape[1])
+    highest, halos, shift = haloed(some, n, terms, table.shape[1])
     row = -1
     j = 0
     for i in range(n):
@@ -178,8 +178,13 @@ def write_down(
         halo = some[i, PEDESTAL] / max(amplitude, 1.0)
         lean = abs(some[i, CENTRE] + left - some[i, MIDDLE]) / some[i, WIDTH]
         glow = glows(some, i, terms)
-        if halos[v] or (glow and some[i, HEIGHT] < highest[v]):
+        moved = (shift[v] * some[i, WIDTH]) ** 2
+        if some[i, HEIGHT] < highest[v]:
             # A weaker peak that stands in light may be that light's alone.
+            if glow or halos[v]:
+                flags |= HALO
+        elif halos[v] and moved > spread:
+            # By more than its sigma; a halo on both sides moves nothing.
             flags |= HALO
         if glow or lean > LEAN_LIMIT:
             spread += (HALO_BIAS * some[i, WIDTH] * min(1.0, halo + lean)) ** 2
