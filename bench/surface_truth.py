@@ -220,7 +220,8 @@ def two_lines(size: Size, folder: Path) -> None:
         some, near = places(run.made), run.near
         total = float(truth.patches(run.made).area.sum())
         print(
-            f"{scene}, {size.rig} (true rig), {steps} steps, ±22.4°; reference: {reference(run, some)}"
+            f"{scene}, {size.rig} (true rig), {steps} steps, ±22.4°; "
+            f"reference: {reference(run, some)}"
         )
         either = visible(run, some, FLAT)
         # What looks up or down is seen flatly for that, and from whichever side.
