@@ -104,7 +104,7 @@ def rows(
             continue
         with Scan.open(path) as scan:
             seen = tuple(see(scan, believed.get(rig, made.rig), Settings().stripes))
-        _, grids, _, _ = pipeline.to_grids(seen, Settings())
+        grids, _, _ = pipeline.to_grids(seen, Settings())
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
         for way in WAYS if lasers > 1 else ("paste",):
