@@ -15,7 +15,7 @@ _RING = 0.3
 """Of a patch's area, the least that its vector sum must be for it to face one way at all."""
 _FLAT, _SMOOTH = 0.6, 0.15
 """Of the doubt, what a flat filling and one in the tangent planes of its border are wrong by: on
-balls, cones, cups and tori 40 to 80 % and 1 to 20 %."""
+balls, cones, cups and the outside of tori 30 to 80 % and up to 20 %."""
 _GOES_ON = (0.35, 0.6)
 """A filling goes on in the tangent planes where it leaves its border at less than this part of the
 angle at which a flat one does; from the second figure on it is a flat one."""
