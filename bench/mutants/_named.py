@@ -71,9 +71,9 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
     ],
     "shapes": [
         (
-            "shapes/_volume.py",
-            "return float(area @ np.abs(away))",
-            "return float(area @ np.abs(away)) / 2",
+            "shapes/_added.py",
+            "np.linalg.norm(area, axis=1) * np.abs(away)",
+            "np.linalg.norm(area, axis=1) * np.abs(away) / 2",
             "half of the uncertainty of what was filled",
         ),
         (

@@ -91,7 +91,7 @@ ROOMS = {
         ("shapes/_*.py",),
         (
             Suite(("shapes/test_planes.py", "-k", "not 0.2"), only=("shapes/_plane*",)),
-            Suite(("shapes/test_volume.py",), only=("shapes/_[sv]*",)),
+            Suite(("shapes/test_volume.py",), only=("shapes/_[asv]*",)),
             Suite(("shapes/test_fit.py", "shapes/test_deviation.py", "shapes/test_measure.py")),
         ),
         28,
