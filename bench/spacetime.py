@@ -16,7 +16,8 @@ import numpy as np
 from turnscan import points
 from turnscan.arrays import Floats, Image
 from turnscan.rig import Rig
-from turnscan.simulate import Bench, Part, Renderer, Wish, bench, part, seconds_of
+from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of
+from turnscan.simulate._bench import Waves
 from turnscan.simulate._parts import cylinder
 from turnscan.stripes import Signal, Stripe, StripeSettings
 
@@ -35,19 +36,22 @@ class Case:
     steps: int
     bars: float = 0.0
     """mm: width of bars, every second of a tenth of the brightness; 0 for none."""
-    waves: str = "diffraction"
+    waves: Waves = "diffraction"
     """As `Bench.waves`; rays is a lens without blur."""
     tremble: float = 0.0
     """Degrees rms: how far the table stands off the angle that it says."""
+    bounces: bool = False
+    """Also light that goes to and fro between surfaces."""
     rows: int = 24
     seed: int = 1
 
     @property
     def name(self) -> str:
         """The case in words."""
+        bounced = ", bounces" if self.bounces else ""
         what = f"bars of {self.bars:g} mm" if self.bars else self.part
         off = f", table ± {self.tremble:g}°" if self.tremble else ""
-        return f"{self.rig}, {what}, {self.step:g}°, {self.waves}{off}"
+        return f"{self.rig}, {what}, {self.step:g}°, {self.waves}{off}{bounced}"
 
 
 QUICK = (
@@ -73,6 +77,8 @@ FULL = (
     Case("paper", "shaft", 0.9, 60, waves="speckle"),
     Case("paper", "v-groove", 0.9, 100, waves="speckle"),
     Case("paper", "grooves", 0.9, 100, waves="speckle"),
+    Case("paper", "v-groove", 0.9, 100, waves="speckle", bounces=True),
+    Case("paper", "cup", 0.9, 40, waves="speckle", bounces=True),
 )
 
 
@@ -80,7 +86,6 @@ FULL = (
 class Pictures:
     """What a case's camera saw."""
 
-    made: Bench
     angles: Floats
     """(s,) rad, as the table says."""
     lit: list[Image]
@@ -89,22 +94,23 @@ class Pictures:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """The same centres before and after: signed errors and sigmas, mm, NaN where missing, (s, n)."""
+    """The same centres before and after: signed errors and sigmas (s, n), mm, NaN where missing."""
 
     before: Floats
     sigma_before: Floats
     after: Floats
     sigma_after: Floats
-    moved: np.ndarray[tuple[int, int], np.dtype[np.bool_]]
     swept: points.Swept
     seconds: tuple[float, float]
     """Of detection and of the refinement."""
 
     def row(self) -> dict[str, float]:
-        """Figures of the refined points, and of all."""
-        m = self.moved
-        everywhere = ~np.isnan(self.before)
-        out = {"refined %": 100 * float(m[everywhere].mean())}
+        """Figures of the refined points, and of all whose elements were followed."""
+        m, some = self.swept.refined, self.swept.followed
+        if not some.any():
+            return {"followed %": 0.0}
+        out = {"followed %": 100 * float(some[~np.isnan(self.before)].mean())}
+        out["refined %"] = 100 * float(m[some].mean())
         for word, error, sigma in (
             ("before", self.before, self.sigma_before),
             ("after", self.after, self.sigma_after),
@@ -112,11 +118,11 @@ class Outcome:
             if m.any():
                 out[f"rms {word} µm"] = 1e3 * rms(error[m])
                 out[f"z {word}"] = rms((error / sigma)[m])
-            out[f"all {word} µm"] = 1e3 * rms(error[everywhere])
-            out[f"all z {word}"] = rms((error / sigma)[everywhere])
-            beyond = np.abs(error / sigma)[everywhere] > 3
+            out[f"all {word} µm"] = 1e3 * rms(error[some])
+            out[f"all z {word}"] = rms((error / sigma)[some])
+            beyond = np.abs(error / sigma)[some] > 3
             out[f"> 3σ {word} %"] = 100 * float(beyond.mean())
-            out[f"max {word} µm"] = 1e3 * float(np.abs(error[everywhere]).max())
+            out[f"max {word} µm"] = 1e3 * float(np.abs(error[some]).max())
         return out
 
 
@@ -125,27 +131,32 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def built(case: Case) -> Bench:
+    """The bench of a case."""
+    made = bench(Wish(case.part, case.rig, lasers=1, seed=case.seed, waves=case.waves))
+    body = made.scene.bodies[0]
+    if case.part == "cylinder":
+        body = replace(body, part=cylinder(RADIUS))
+    if case.bars:
+        # The pitch of a pattern is that at a radius of 25 mm.
+        pitch = 2 * case.bars * 25.0 / RADIUS
+        painted = replace(body.material, pattern="bars", pitch=pitch, pattern_ratio=0.1)
+        body = replace(body, material=painted)
+    scene = replace(made.scene, bodies=(body, *made.scene.bodies[1:]))
+    return replace(made, scene=scene, rig=_strip(made.rig, case.rows), bounces=case.bounces)
+
+
 @cache
 def photographed(case: Case) -> Pictures:
     """Pictures of a case: laser on and off at every step."""
-    made = bench(Wish("cylinder", case.rig, lasers=1, seed=case.seed, waves=case.waves))  # type: ignore[arg-type]
-    body = made.scene.bodies[0]
-    whole: Part = cylinder(RADIUS) if case.part == "cylinder" else part(case.part)
-    material = body.material
-    if case.bars:
-        # Bars are as wide as that at a radius of 25 mm.
-        pitch = 2 * case.bars * 25.0 / RADIUS
-        material = replace(material, pattern="bars", pitch=pitch, pattern_ratio=0.1)
-    body = replace(body, part=whole, material=material)
-    scene = replace(made.scene, bodies=(body, *made.scene.bodies[1:]))
-    made = replace(made, scene=scene, rig=_strip(made.rig, case.rows), bounces=False)
+    made = built(case)
     renderer, laser = Renderer(made), made.beams[0].name
     seconds = seconds_of(Wish("cylinder", case.rig))
-    angles = math.radians(case.step) * np.arange(case.steps)
+    angles: Floats = math.radians(case.step) * np.arange(case.steps, dtype=np.float64)
     off = np.random.default_rng(case.seed).normal(0.0, math.radians(case.tremble), case.steps)
     lit = [renderer.picture(angle, {laser}, seconds) for angle in angles + off]
     dark = [renderer.picture(angle, (), seconds) for angle in angles + off]
-    return Pictures(made, angles, lit, dark)
+    return Pictures(angles, lit, dark)
 
 
 def _strip(rig: Rig, rows: int) -> Rig:
@@ -159,7 +170,8 @@ def _strip(rig: Rig, rows: int) -> Rig:
 def outcome(case: Case) -> Outcome:
     """A case measured both ways."""
     seen = photographed(case)
-    made, laser = seen.made, seen.made.beams[0].name
+    made = built(case)
+    laser = made.beams[0].name
     look, signal = (
         StripeSettings(),
         Signal(None, "uint8" if seen.lit[0].itemsize == 1 else "uint16"),
@@ -174,10 +186,7 @@ def outcome(case: Case) -> Outcome:
     seconds = (middle - start, time.perf_counter() - middle)
     before, sigma_before = _errors(made, stripes, seen.angles)
     after, sigma_after = _errors(made, swept.stripes, seen.angles)
-    moved = np.array(
-        [a.position != b.position for a, b in zip(swept.stripes, stripes, strict=True)]
-    ) & ~np.isnan(before)
-    return Outcome(before, sigma_before, after, sigma_after, moved, swept, seconds)
+    return Outcome(before, sigma_before, after, sigma_after, swept, seconds)
 
 
 def _errors(

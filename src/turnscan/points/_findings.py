@@ -126,19 +126,23 @@ def swept_findings(laser: str, swept: Swept, asked: bool) -> list[Finding]:
     ``asked`` for it.
     """
     where = f"laser {laser}"
-    if swept.refined > 0:
+    if swept.refined.any():
+        found = sum(int(stripe.found.sum()) for stripe in swept.stripes)
         text = (
-            f"{swept.refined:.0%} of the points refined with the pictures around theirs; the sheet "
-            f"of light is {swept.thickness:.2f} mm thick (rms), a step {swept.arc:.2f} mm"
+            f"{swept.refined.sum() / found:.0%} of the points refined with the pictures around; "
+            f"the sheet of light is {swept.thickness:.2f} mm thick (rms), "
+            f"and a step moves the surface by {swept.arc:.2f} mm"
         )
         return [Finding("points.refined", "note", text, where)]
     if not asked or np.isnan(swept.arc):
         return []
-    text = (
-        f"no point refined: a step moves the surface by {swept.arc:.2f} mm through the light, "
-        f"which is so thin that {swept.most:.2f} mm is the most"
-    )
-    remedy = f"take {swept.arc / swept.most:.1f} times as many steps, or leave --refine out"
+    why = f"no point refined: a step moves the surface by {swept.arc:.2f} mm through light that is "
+    if swept.arc > swept.most:
+        text = f"{why}so thin that {swept.most:.2f} mm is the most"
+        remedy = f"take {swept.arc / swept.most:.1f} times as many steps, or leave --refine out"
+    else:
+        text = f"{why}{swept.thickness:.2f} mm thick: what turns that near the axis stays in it"
+        remedy = "place the part further out, or leave --refine out"
     return [Finding("points.not-refined", "warning", text, where, remedy)]
 
 

@@ -27,12 +27,13 @@ _MOST = 16
 """Frames to either side that an element is followed through; near the axis that is not enough."""
 _CHUNK = 16
 """Frames that are refined at once."""
-_PROBES, _ROUNDS = 5, 6
+_PROBES, _ROUNDS = 5, 4
 """Frames that tell how thick the sheet is, and how often they are asked."""
 _START = 1.5
 """Thickness to begin with, in that of the stripe: next to brightness steps it looks thinner."""
-_SURE = 2.0
-"""Sigmas by which a centre that has become less certain must differ to count."""
+_SURE, _FAR = 1.5, 3.0
+"""Sigmas of its own by which a centre of more noise must differ to count, and sigmas of the
+ordinary one by which it must to make that less certain."""
 _DOUBT = 0.5
 """Widths that a centre is uncertain by at least where its element is not one of a surface."""
 
@@ -43,11 +44,15 @@ class Each(Protocol):
     def __call__(self, do: Callable[[int], Any], numbers: Iterable[int], /) -> Iterable[Any]: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Swept:
     """What became of the stripes of one laser."""
 
     stripes: tuple[Stripe, ...]
+    followed: Bools
+    """(s, n) True for the centres whose element was followed through the whole sheet."""
+    refined: Bools
+    """(s, n) True for those of them that were refined."""
     thickness: float
     """mm rms of the sheet, blur included; where the steps are too large to see it, as wide as the
     stripe in the pictures. NaN without a stripe."""
@@ -55,8 +60,6 @@ class Swept:
     """mm by which a step moves the surface through the sheet, median of the points; NaN without."""
     most: float
     """mm by which it may; NaN without a stripe."""
-    refined: float
-    """Share of the centres that were refined."""
 
 
 def refine(
@@ -79,45 +82,57 @@ def refine(
     """
     from turnscan.points import _sweep_kernels as kernels
 
+    shape = (len(stripes), len(stripes[0].position) if stripes else 0)
+    none = np.zeros(shape, np.bool_)
     places = _Places.of(rig, laser, stripes, np.asarray(angles, np.float64))
     if places is None:
-        return Swept(tuple(stripes), np.nan, np.nan, np.nan, 0.0)
+        return Swept(tuple(stripes), none, none, np.nan, np.nan, np.nan)
     job = _Job(places, look, each)
     thickness = job.thickness(_START * places.width)
     if np.isnan(thickness):
-        return Swept(tuple(stripes), places.width, places.arc, kernels.GAP * places.width, 0.0)
-    done = list[Stripe]()
+        most = kernels.GAP * places.width
+        return Swept(tuple(stripes), none, none, places.width, places.arc, most)
+    done, followed, refined = list[Stripe](), none.copy(), none.copy()
     for first in range(0, len(stripes), _CHUNK):
         some = range(first, min(first + _CHUNK, len(stripes)))
-        found = job.refined(some, thickness)
-        done += [_combined(stripes[k], one) for k, one in zip(some, found, strict=True)]
-    moved = np.stack([s.position for s in done]) != places.position
-    share = float(moved[places.found].mean())
-    return Swept(tuple(done), thickness, places.arc, kernels.GAP * thickness, share)
+        for k, found in zip(some, job.refined(some, thickness), strict=True):
+            stripe, refined[k] = _combined(stripes[k], found)
+            followed[k] = ~np.isnan(found[4])
+            done.append(stripe)
+    most = kernels.GAP * thickness
+    return Swept(tuple(done), followed, refined, thickness, places.arc, most)
 
 
-def _combined(old: Stripe, found: Floats) -> Stripe:
-    """The ordinary stripe with what `_sweep_kernels.refine_lines` found, (4, n)."""
-    centre, variance, _, off = found
-    new = ~np.isnan(centre)
-    gap = np.where(new, 0.0, np.nan)
+def _combined(old: Stripe, found: Floats) -> tuple[Stripe, Bools]:
+    """The ordinary stripe with what `_sweep_kernels.refine_lines` found, (5, n); where that is new.
+
+    An ordinary centre of less noise stays where the new one does not contradict it. Where it is
+    far off for its own sigma, or its element has no light that balances, that makes it uncertain.
+    """
+    centre, noise, doubt, _, off = found
+    there = ~np.isnan(centre)
+    gap = np.where(there, 0.0, np.nan)
     alone = replace(
         old,
         position=centre,
-        sigma=np.sqrt(variance),
+        sigma=np.sqrt(noise),
         amplitude=old.amplitude + gap,
         width=old.width + gap,
     )
     sigma = scattered(alone)
+    whole = np.sqrt(sigma**2 + doubt)
+    shift = np.abs(centre - old.position)
     with np.errstate(invalid="ignore"):
-        new &= (sigma <= old.sigma) | (np.abs(centre - old.position) > _SURE * sigma)
-    failed = np.isnan(centre) & ~np.isnan(off)
-    doubt = np.where(failed, np.maximum(off, _DOUBT * old.width), 0.0)
-    return replace(
+        new = there & ((sigma <= old.sigma) | (shift > _SURE * whole))
+        kept = there & ~new & (shift > _FAR * old.sigma)
+    failed = ~there & ~np.isnan(off)
+    lost = np.where(failed, np.maximum(off, _DOUBT * old.width), np.where(kept, shift, 0.0))
+    stripe = replace(
         old,
         position=np.where(new, centre, old.position),
-        sigma=np.where(new, sigma, np.hypot(old.sigma, doubt)),
+        sigma=np.where(new, whole, np.hypot(old.sigma, lost)),
     )
+    return stripe, np.asarray(new)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +216,7 @@ class _Job:
         for k in probes.tolist():
             now = guess
             for _ in range(_ROUNDS):
-                wide = self.refined(range(k, k + 1), now)[0][2]
+                wide = self.refined(range(k, k + 1), now)[0][3]
                 wide = wide[~np.isnan(wide)]
                 now = now * float(np.median(wide)) if len(wide) else np.nan
                 if np.isnan(now):
@@ -210,7 +225,7 @@ class _Job:
         return float(np.nanmedian(seen)) if not np.isnan(seen).all() else np.nan
 
     def refined(self, some: range, thickness: float) -> list[Floats]:
-        """What `_sweep_kernels.refine_lines` finds in these successive frames, (4, n) each."""
+        """What `_sweep_kernels.refine_lines` finds in these successive frames, (5, n) each."""
         from turnscan.points import _sweep_kernels as kernels
 
         places, n = self._places, len(self._places.turns)
@@ -228,7 +243,7 @@ class _Job:
             away = np.mod(turns[near] - places.turns[k] + np.pi, 2 * np.pi) - np.pi
             seen = (light[near], places.top, starts[near], away)
             sweep, terms = (places.paths, float(_PITCH)), (thickness, *self._pieces[k][1:])
-            out = np.empty((4, places.position.shape[1]))
+            out = np.empty((5, places.position.shape[1]))
             kernels.refine_lines(seen, sweep, places.position[k], terms, out)
             return out
 

@@ -20,7 +20,7 @@ TURN = 0.2
 """rad up to which the powers are right."""
 HALF, SOFT = 2.5, 0.5
 """Light counts up to ± this many thicknesses from the sheet, fading over the last of them."""
-GAP = 1.5
+GAP = 1.6
 """Thicknesses that an element may move in a step: with fewer samples of its light, where that
 balances depends on where they fall."""
 ROUNDS = 16
@@ -33,7 +33,7 @@ FIRST_MOVE = 0.05
 """px: a shorter first step would not tell the slope."""
 LONGEST, FARTHEST = 1.0, 3.0
 """A step, and all of them together, in thicknesses."""
-BLUR = 0.2
+BLUR = 0.3
 """px²: half the variance of a blur by lens and demosaicing that may be there or not."""
 VAGUE = 1.0
 """Thicknesses of uncertainty from which light says nothing."""
@@ -200,9 +200,10 @@ def solve(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def uncertainty(seen: Any, path: Any, line: int, column: float, terms: Any, samples: Any) -> Any:
-    """Variance of the balance, mm², and the light's rms distance over what it must be.
+    """Variance of the balance, mm², by noise and by doubt, and the light's rms distance from the
+    sheet over what it must be.
 
-    From noise, from a blur that nobody knows of, and from a sheet that seems too thick or thin.
+    Doubt is about a blur that nobody knows of, and about a sheet that seems too thick or thin.
     """
     thickness, noise, per_level = terms
     s0 = s1 = s2 = spread = 0.0
@@ -215,7 +216,7 @@ def uncertainty(seen: Any, path: Any, line: int, column: float, terms: Any, samp
         pixels = noise * noise + per_level * max(value, 0.0)
         spread += (w * d) ** 2 * pixels * samples[j, 3]
     if s0 <= 0.0 or s2 <= 0.0:
-        return np.inf, 0.0
+        return np.inf, 0.0, 0.0
     for side in (-1.0, 1.0):
         follow(seen, path, line, column + side, thickness, samples)
         for j in range(count):
@@ -224,7 +225,7 @@ def uncertainty(seen: Any, path: Any, line: int, column: float, terms: Any, samp
     blurred = BLUR * s1 / s0
     wide = math.sqrt(s2 / s0) / (FULL * thickness)
     odd = max(abs(wide - 1.0) - USUAL, 0.0) * thickness
-    return spread / (s0 * s0) + blurred * blurred + odd * odd, wide
+    return spread / (s0 * s0), blurred * blurred + odd * odd, wide
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -236,9 +237,9 @@ def refine_lines(seen: Any, sweep: Any, position: Any, terms: Any, out: Any) -> 
     which is one of them. ``sweep`` is paths and their pitch, ``terms`` the sheet's rms thickness,
     mm, the noise of a pixel and its variance per level of light.
 
-    ``out`` (4, n): centre, px, and its variance, px², where there is an answer; the light's rms
-    distance from the sheet over what it must be; px that ``position`` was off balance where the
-    frames cover the sheet. All else is NaN.
+    ``out`` (5, n): centre, px, its variance, px², by noise and by doubt, and the light's rms
+    distance from the sheet over what it must be, where there is an answer; px that ``position`` was
+    off balance where the frames cover the sheet. All else is NaN.
     """
     thickness = terms[0]
     samples = np.empty((seen[3].size, 4))
@@ -248,11 +249,12 @@ def refine_lines(seen: Any, sweep: Any, position: Any, terms: Any, out: Any) -> 
         if np.isnan(position[line]):
             continue
         centre, slope, first = solve(seen, sweep, line, position[line], thickness, path, samples)
-        out[3, line] = first
+        out[4, line] = first
         if np.isnan(centre):
             continue
-        variance, wide = uncertainty(seen, path, line, centre, terms, samples)
-        if variance < (VAGUE * thickness) ** 2 and NARROW < wide < WIDE:
+        noise, doubt, wide = uncertainty(seen, path, line, centre, terms, samples)
+        if noise + doubt < (VAGUE * thickness) ** 2 and NARROW < wide < WIDE:
             out[0, line] = centre
-            out[1, line] = variance / (slope * slope)
-            out[2, line] = wide
+            out[1, line] = noise / (slope * slope)
+            out[2, line] = doubt / (slope * slope)
+            out[3, line] = wide
