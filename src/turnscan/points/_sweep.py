@@ -27,7 +27,7 @@ _MOST = 16
 """Frames to either side that an element is followed through; near the axis that is not enough."""
 _CHUNK = 16
 """Frames that are refined at once."""
-_PROBES, _ROUNDS = 5, 4
+_PROBES, _ROUNDS = 4, 3
 """Frames that tell how thick the sheet is, and how often they are asked."""
 _START = 1.5
 """Thickness to begin with, in that of the stripe: next to brightness steps it looks thinner."""
@@ -123,7 +123,7 @@ def _combined(old: Stripe, found: Floats) -> tuple[Stripe, Bools]:
     whole = np.sqrt(sigma**2 + doubt)
     shift = np.abs(centre - old.position)
     with np.errstate(invalid="ignore"):
-        new = there & ((sigma <= old.sigma) | (shift > _SURE * whole))
+        new = there & ((sigma <= old.sigma) | (shift > _SURE * sigma))
         kept = there & ~new & (shift > _FAR * old.sigma)
     failed = ~there & ~np.isnan(off)
     lost = np.where(failed, np.maximum(off, _DOUBT * old.width), np.where(kept, shift, 0.0))

@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from turnscan.arrays import Image
 
-_BLUR = (1.0 / 12.0 + 0.2**2) / 2.0
-"""Half the variance, px², of the blur that no camera is without: a pixel's own width, and 0.2 px
-rms by the lens."""
+_PIXEL = 1.0 / 24.0
+"""Half the variance of a pixel's own width, px²: what its mean over itself takes from the light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +31,7 @@ class Light:
     def piece(self, corner: tuple[int, int], shape: tuple[int, int]) -> npt.NDArray[np.float32]:
         """A piece (``shape``) from line and column ``corner`` on, dark outside of the picture.
 
-        It is sharpened across the stripe by the blur that no camera is without (second order).
+        It is as sharp across the stripe as if pixels did not average over their own width.
         """
         lines, columns = self.lit.shape
         out = np.zeros(shape, np.float32)
@@ -46,7 +45,7 @@ class Light:
         )
         part -= np.float32(self.base)
         sharp = part.copy()
-        sharp[:, 1:-1] += _BLUR * (2 * part[:, 1:-1] - part[:, 2:] - part[:, :-2])
+        sharp[:, 1:-1] += _PIXEL * (2 * part[:, 1:-1] - part[:, 2:] - part[:, :-2])
         y, x = top - corner[0], left - corner[1]
         out[y : y + bottom - top, x : x + right - left] = sharp
         return out
