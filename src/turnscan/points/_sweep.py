@@ -27,7 +27,7 @@ _MOST = 16
 """Frames to either side that an element is followed through; near the axis that is not enough."""
 _CHUNK = 16
 """Frames that are refined at once."""
-_PROBES, _ROUNDS = 4, 3
+_PROBES, _ROUNDS = 5, 4
 """Frames that tell how thick the sheet is, and how often they are asked."""
 _START = 1.5
 """Thickness to begin with, in that of the stripe: next to brightness steps it looks thinner."""
