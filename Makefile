@@ -6,7 +6,8 @@ STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system drivers demo test check frontend frontend-check format bench bench-app accuracy docs clean
+.PHONY: help setup system drivers demo test test-fast test-interpreters check frontend frontend-check \
+	format bench bench-app accuracy mutants docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
@@ -46,8 +47,25 @@ drivers: setup system ## install the camera drivers that this machine can have
 demo: setup ## the main job from end to end: pictures → mesh → DXF, report and pictures
 	$(BIN)/turnscan demo -o demo-output
 
+# More processes than cores: many tests wait for boards, cameras and leases in real time.
+WORKERS ?= 4
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup
 test: drivers ## run all tests
-	$(BIN)/python -m pytest -n 2 --dist worksteal --durations=20
+	$(PYTEST) --durations=20
+
+# The pure rooms, the contracts and one look through each door: scan file, command line, browser's
+# server, browser, boards, guard.
+FAST := tests/contracts tests/rig tests/stripes tests/calibrate tests/points tests/surface tests/shapes \
+	tests/poses tests/edit tests/export tests/station tests/acquire tests/test_errors.py \
+	tests/scan/test_pictures.py tests/cli/test_door.py tests/app/test_protocol.py \
+	tests/web/test_rooms.py::test_a_scan_with_the_simulated_bench \
+	tests/app/e2e/test_frame.py::test_one_browser_invites_another \
+	tests/devices/test_conformance_boards.py tests/safety/test_removed.py
+test-fast: setup ## the inner loop, in under 90 s: pure rooms, contracts, one look through each door
+	$(PYTEST) -q -m 'not slow' $(FAST)
+
+test-interpreters: setup ## pure rooms, scan and cli on every other Python from 3.11 that is here
+	$(BIN)/python tests/interpreters.py
 
 check: setup frontend-check ## format, lint, types, import contract, module sizes, front end, docs
 	$(BIN)/ruff format --check .
@@ -92,8 +110,11 @@ bench-app: setup ## how long a person waits for the browser workshop, to a milli
 accuracy: setup ## accuracy against truth, short version (by hand: python -m bench.accuracy --full)
 	$(BIN)/python -m bench.accuracy
 
+mutants: setup ## put faults into copies of the sources and say which no test notices (an hour)
+	$(BIN)/python -m bench.mutants
+
 docs: setup ## build the documentation into docs/_build/html
 	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) demo-output docs/_build
+	rm -rf $(VENV) .interpreters demo-output docs/_build

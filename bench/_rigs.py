@@ -26,7 +26,8 @@ Knowledge = Literal["exact", "calibrated", "uncalibrated"]
 KNOWLEDGE: tuple[Knowledge, ...] = get_args(Knowledge)
 BOARD = Charuco(9, 6, 12.0, 9.0, "DICT_5X5_100")
 """The simulator's board."""
-FREE_VIEWS, LASER_VIEWS, TABLE_VIEWS = 8, 8, 12
+VIEWS = (8, 8, 12)
+"""Pictures of the board: held freely, under the laser, on the table."""
 TURN = 0.9
 """rad to both sides, in which the table carries the board."""
 MARGIN = 10.0
@@ -62,11 +63,12 @@ def as_planned(rig: Rig) -> Rig:
     return rig.perturbed([off.get(name, 0.0) for name in names])
 
 
-def from_pictures(wish: Wish) -> Rig:
+def from_pictures(wish: Wish, views: tuple[int, int, int] = VIEWS) -> Rig:
     """Calibrate with simulated pictures of the board: held freely, under the laser, on the table.
 
     No picture of the table has the laser on: the boards under it say where its sheet is.
     """
+    free, under, stops = views
     scene = bench(replace(wish, scene="charuco", room=ROOM)).scene
     made = replace(bench(wish), scene=scene)
     seconds = seconds_of(wish)
@@ -80,17 +82,17 @@ def from_pictures(wish: Wish) -> Rig:
 
     stand = scene.bodies[0].T_table_part
     middle = stand.apply(np.array([0.0, 0.0, 46.0]))
-    held = [_held(draw, stand, middle) for _ in range(FREE_VIEWS + LASER_VIEWS)]
+    held = [_held(draw, stand, middle) for _ in range(free + under)]
     # The board shows its print to the camera between these angles only.
-    start, step = -TURN, 2 * TURN / (TABLE_VIEWS - 1)
+    start, step = -TURN, 2 * TURN / (stops - 1)
     with ThreadPoolExecutor(2) as pool:
         dark = list(pool.map(lambda at: photograph(at, ()), held))
-        lit = pool.map(lambda at: photograph(at, (laser,)), held[FREE_VIEWS:])
-        turned = pool.map(lambda k: photograph(stand, (), start + k * step), range(TABLE_VIEWS))
-        views = [detect_board(picture, BOARD, f"free {i}") for i, picture in enumerate(dark)]
-        under = [
+        lit = pool.map(lambda at: photograph(at, (laser,)), held[free:])
+        turned = pool.map(lambda k: photograph(stand, (), start + k * step), range(stops))
+        seen = [detect_board(picture, BOARD, f"free {i}") for i, picture in enumerate(dark)]
+        striped = [
             LaserPicture(view, stripe_candidates(on, off))
-            for view, on, off in zip(views[FREE_VIEWS:], lit, dark[FREE_VIEWS:], strict=True)
+            for view, on, off in zip(seen[free:], lit, dark[free:], strict=True)
         ]
         table = [
             TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)
@@ -98,7 +100,7 @@ def from_pictures(wish: Wish) -> Rig:
         ]
     lowest = float(stand.apply(np.array([0.0, 0.0, MARGIN + BOARD.square]))[2])
     settings = CalibrationSettings(step=step, table_board=BOARD, lowest=lowest, margin=MARGIN)
-    return calibrate_rig(views[:FREE_VIEWS], {laser: under}, table, settings).rig
+    return calibrate_rig(seen[:free], {laser: striped}, table, settings).rig
 
 
 def _held(draw: np.random.Generator, stand: Pose, middle: np.ndarray) -> Pose:

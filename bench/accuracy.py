@@ -1,8 +1,8 @@
 """Accuracy against truth: rigs × parts × seeds, from camera pictures to fitted dimensions.
 
-``python -m bench.accuracy`` runs a short version; ``--full`` all rigs, parts and seeds at their own
-step angles. The truth of a stripe is where the sheet cuts the part's triangles (`bench._exact`),
-the truth of a point the part's own equation.
+``python -m bench.accuracy`` runs a short version, ``--write`` puts it into the page; ``--full`` all
+rigs, parts and seeds at their own step angles. The truth of a stripe is where the sheet cuts the
+part's triangles (`bench._exact`), the truth of a point the part's own equation.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bench._exact import Crossings, Exact, camera_error, speckle_error
+from bench._page import ACCURACY, write
 from bench._rigs import KNOWLEDGE, Knowledge, known_rig
 from turnscan import points, shapes
 from turnscan.arrays import Bools, Floats, Image
@@ -55,7 +56,7 @@ class Case:
     def name(self) -> str:
         """The rig in words."""
         angle = f" {self.theta_deg:g}°" if self.theta_deg else ""
-        known = "" if self.knowledge == "exact" else f", {self.knowledge}"
+        known = ", true rig" if self.knowledge == "exact" else f", {self.knowledge}"
         return f"{self.rig}{angle}{known}" + (", perfect" if self.perfect else "")
 
     def wish(self, seed: int) -> Wish:
@@ -304,23 +305,41 @@ COLUMNS = (
 )  # fmt: skip
 
 
+def head() -> list[str]:
+    """The first two lines of the table."""
+    columns = " | ".join(COLUMNS)
+    return [f"| rig | part | seed | {columns} |", "|---" * (3 + len(COLUMNS)) + "|"]
+
+
+def line(case: Case, seed: int) -> str:
+    """One more line of the table, measured."""
+    row = measure(case, seed)
+    cells = [f"{row[c]:.3g}" if c in row else "" for c in COLUMNS]
+    return f"| {case.name} | {case.part} | {seed} | " + " | ".join(cells) + " |"
+
+
 def main() -> None:
     """Print the table, one line per rig, part and seed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--full", action="store_true", help="every rig and part, three seeds")
     parser.add_argument("--rig", help="only this rig")
     parser.add_argument("--part", help="only this part")
+    parser.add_argument(
+        "--write", action="store_true", help="put the short table into docs/explain/accuracy.md"
+    )
     args = parser.parse_args()
-    seeds = (1, 2, 3) if args.full else (1,)
-    print("| rig | part | seed | " + " | ".join(COLUMNS) + " |")
-    print("|---" * (3 + len(COLUMNS)) + "|")
+    if args.write and (args.full or args.rig or args.part):
+        parser.error("--write is for the whole short table")
+    lines = head()
+    print("\n".join(lines))
     for case in FULL if args.full else SHORT:
         if args.rig not in (None, case.rig) or args.part not in (None, case.part):
             continue
-        for seed in seeds:
-            row = measure(case, seed)
-            cells = [f"{row[c]:.3g}" if c in row else "" for c in COLUMNS]
-            print(f"| {case.name} | {case.part} | {seed} | " + " | ".join(cells) + " |", flush=True)
+        for seed in (1, 2, 3) if args.full else (1,):
+            lines.append(line(case, seed))
+            print(lines[-1], flush=True)
+    if args.write:
+        write(ACCURACY, "short", lines)
 
 
 if __name__ == "__main__":

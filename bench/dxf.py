@@ -12,7 +12,8 @@ from typing import TypeVar
 
 from ezdxf.addons.r12writer import r12writer
 from tests.export.parts import box_with_hole, torus
-from tests.export.readers import READERS, missing, volume
+from tests.export.readers import READERS, volume
+from tests.needs import NEEDS
 
 from turnscan.export import DxfForm, DxfVersion, ExportOptions, audit, export, read_dxf
 from turnscan.surface import Mesh
@@ -77,8 +78,8 @@ def _volumes() -> None:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "part.dxf"
                 path.write_bytes(export(part, ".dxf", options=options))
-                for reader, (_, ask) in READERS.items():
-                    why = missing(reader)
+                for reader, ask in READERS.items():
+                    why = NEEDS[reader].missing()
                     found = 0.0 if why else volume(ask(path))
                     said = why or f"{found:.6f} mm³, {abs(found / part.volume - 1):.1e} off"
                     print(f"  {reader:7} {form} {version}: {said}")
@@ -95,8 +96,8 @@ def _far_away() -> None:
             path.write_bytes(export(part, ".dxf"))
             off = [
                 f"{reader} {abs(volume(ask(path)) / near.volume - 1):.1e}"
-                for reader, (_, ask) in READERS.items()
-                if not missing(reader)
+                for reader, ask in READERS.items()
+                if not NEEDS[reader].missing()
             ]
         print(f"volume of a part {times} times its size from the origin: {', '.join(off)} off")
 

@@ -71,7 +71,7 @@ def wall(up: poses.View, side: poses.View, found: poses.Alignment) -> tuple[np.n
 
 def cup(folder: Path, steps: int) -> None:
     """Wall thickness from two poses."""
-    print(f"cup, 2 poses of {steps} profiles, modern rig with speckle", flush=True)
+    print(f"cup, 2 poses of {steps} profiles, modern rig (the true one) with speckle", flush=True)
     up = cup_pose(folder, "up", 0.0, steps)
     side = cup_pose(folder, "side", math.pi / 2, steps)
     views = [up, side]

@@ -219,7 +219,9 @@ def two_lines(size: Size, folder: Path) -> None:
         run = reconstructed(Wish(scene, size.rig, theta=theta, lasers=2, steps=steps), folder)
         some, near = places(run.made), run.near
         total = float(truth.patches(run.made).area.sum())
-        print(f"{scene}, {size.rig}, {steps} steps, ±22.4°; reference: {reference(run, some)}")
+        print(
+            f"{scene}, {size.rig} (true rig), {steps} steps, ±22.4°; reference: {reference(run, some)}"
+        )
         either = visible(run, some, FLAT)
         # What looks up or down is seen flatly for that, and from whichever side.
         wall = np.abs(some.normal[:, 2]) < 0.5
@@ -315,7 +317,7 @@ def _told(runs: Sequence[tuple[str, Run]], conditions: str) -> tuple[int, int]:
     rest = Counter({pair: n for pair, n in table.items() if pair[0] != "removed"})
     for word, some in (("all", table), ("other than removed", rest)):
         right, known = score(some)
-        print(f"hole causes, {conditions}, {word}: {right} of {known} right "
+        print(f"hole causes, true rig, {conditions}, {word}: {right} of {known} right "
               f"({right / max(known, 1):.1%}; wanted: 95 %)")  # fmt: skip
     for (true, named), n in sorted(table.items()):
         print(f"  truly {true:<12} named {named:<10} {n:>5}")

@@ -97,7 +97,7 @@ def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
         wish = Wish(scene=scene, rig=size.rig, lasers=2, steps=size.steps, **how)  # type: ignore
         made, path = scanned(wish, folder)
         with Scan.open(path) as scan:
-            grids.append(to_grids(see(scan, made.rig, s.stripes), s)[1])
+            grids.append(to_grids(see(scan, made.rig, s.stripes), s)[0])
         benches.append(made)
     names = [f"pose {k + 1}" for k in range(len(grids))]
     parts = [[r for g in gs for r in range_surfaces(g, s.tears)] for gs in grids]
@@ -156,7 +156,7 @@ def figures(scene: str, size: Size, folder: Path) -> float:
     sound = "watertight" if surface.is_closed(mesh) else "OPEN"
     crossings, pieces = len(surface.crossings(mesh)), len(np.unique(surface.components(mesh)))
     print(
-        f"{scene}, {size.rig}, {len(PLANS[scene].stands)} poses of {size.steps} steps "
+        f"{scene}, {size.rig} (true rig), {len(PLANS[scene].stands)} poses of {size.steps} steps "
         f"({time.process_time() - start:.0f} s of a core): {sound}, {pieces} piece(s), {crossings} "
         f"faces cut through others\n  volume {mesh.volume:.0f} mm³, true {true:.0f}: "
         f"{off / true:+.2%}; u {u:.0f} mm³ ({u / true:.2%}), error {abs(off) / u:.2f} u (wanted: "
@@ -170,7 +170,7 @@ def volumes(size: Size, folder: Path, scenes: Sequence[str] = tuple(PLANS)) -> N
     """All parts; that u is not too wide is seen where all errors stay below half of it."""
     ratios = [abs(figures(scene, size, folder)) for scene in scenes]
     print(
-        f"volumes, {size.rig}: errors {min(ratios):.2f} to {max(ratios):.2f} u, rms "
+        f"volumes, {size.rig} (true rig): errors {min(ratios):.2f} to {max(ratios):.2f} u, rms "
         f"{math.sqrt(sum(r * r for r in ratios) / len(ratios)):.2f} u (honest: 0.3 to 2)"
     )
 

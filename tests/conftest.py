@@ -40,6 +40,17 @@ def pytest_configure(config: pytest.Config) -> None:
                 signal.signal(number, lambda *_: None)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give tests that share a module's fixture to one process, so that it is made once."""
+    for item in items:
+        known = getattr(item, "_fixtureinfo", None)
+        if known and any(
+            definitions[-1].scope == "module" for definitions in known.name2fixturedefs.values()
+        ):
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
+
+
 def _skipped(config: pytest.Config) -> Counter[str]:
     """Why tests were skipped, and how many."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")

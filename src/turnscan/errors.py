@@ -6,6 +6,7 @@ Every error says what, where and which value in its message, and what to do next
     ├── DeviceError (OSError)           exit 3
     │   ├── DeviceNotFound
     │   ├── DeviceTimeout (TimeoutError)
+    │   │   └── LeaseEnded
     │   ├── DeviceDisconnected (ConnectionError)
     │   ├── DeviceGarbled
     │   ├── DeviceAlarm
@@ -70,6 +71,10 @@ class DeviceNotFound(DeviceError):
 
 class DeviceTimeout(DeviceError, TimeoutError):
     """A wait expired; the message says which."""
+
+
+class LeaseEnded(DeviceTimeout):
+    """A laser went dark while it was needed, as nothing showed that the work went on."""
 
 
 class DeviceDisconnected(DeviceError, ConnectionError):

@@ -10,7 +10,7 @@ from turnscan import edit, points, surface
 from turnscan.detection import Sight, see
 from turnscan.edit import Entry
 from turnscan.findings import Finding
-from turnscan.points import RangeGrid
+from turnscan.points import Along, RangeGrid
 from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
@@ -38,6 +38,15 @@ class Reconstruction:
     """What each laser's scan could have found; empty for scans of other scanners."""
     caps: Caps | None = None
     """How its gaps were closed; None where they were not."""
+    source: Source | None = None
+    """What the uncertainty of its volume hangs on; None: on its grids and their rig alone."""
+    along: Along | None = None
+    """Which points of the profiles were asked for; None for all."""
+
+    @cached_property
+    def spaced(self) -> tuple[RangeGrid, ...]:
+        """The grids with the points along their profiles that were asked for."""
+        return tuple(surface.thin(g, self.along) for g in self.grids)
 
     @cached_property
     def holes(self) -> list[Hole]:
@@ -70,21 +79,23 @@ def build(
 
     ``told`` hears how much of it is done.
     """
-    grids, meshed, sought, findings = to_grids(seen, s, edits, part(told, 0, _GRIDS))
+    grids, sought, findings = to_grids(seen, s, edits, part(told, 0, _GRIDS))
     rig = seen[0].view.rig if seen else None
-    opened, mesh, remarks = to_mesh(meshed, s, edits, part(told, _GRIDS, 1), rig)
+    opened, mesh, remarks = to_mesh(grids, s, edits, part(told, _GRIDS, 1), rig)
     said = (*findings, *remarks)
-    return Reconstruction(tuple(grids), mesh, said, tuple(edits), opened, tuple(sought), s.caps)
+    return Reconstruction(
+        tuple(grids), mesh, said, tuple(edits), opened, tuple(sought), s.caps, along=s.along
+    )
 
 
 def to_grids(
     seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
-) -> tuple[list[RangeGrid], list[RangeGrid], list[Sought], list[Finding]]:
-    """Stripes → grids as wanted, those to mesh, as they were cleaned, and what there is to know.
+) -> tuple[list[RangeGrid], list[Sought], list[Finding]]:
+    """Stripes → grids, what each could have found, and what there is to know.
 
     ``told`` hears of the profiles that an edit wants to be sought again, and of each grid.
     """
-    grids, meshed, sought = list[RangeGrid](), list[RangeGrid](), list[Sought]()
+    grids, sought = list[RangeGrid](), list[Sought]()
     findings = edit.lost_edits(edits, [sight.view.laser for sight in seen])
     for k, sight in enumerate(seen):
         v = sight.view
@@ -109,10 +120,8 @@ def to_grids(
             sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation, light))
             if s.between is not None:
                 kept = points.respace(kept, s.between)
-            grids.append(points.resample(kept, s.spacing, s.spacing_by) if s.spacing else kept)
-            # Points at equal arc length have no neighbours at the same place of the next profile.
-            meshed.append(kept if s.spacing_by == "arc" else grids[-1])
-    return grids, meshed, sought, findings
+            grids.append(kept)
+    return grids, sought, findings
 
 
 def to_mesh(
@@ -129,7 +138,7 @@ def to_mesh(
     """
     told(0)
     sewn = s.caps is not None and s.caps.holes is not None
-    merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel, sewn=sewn)
+    merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
     mesh, touching = surface.cut_touching(merged)
     mesh, islands, faces = surface.drop_islands(mesh, s.island)
     opened, mending = edit.mend_mesh(mesh, edits, lambda: source_of(grids, rig))
@@ -140,6 +149,7 @@ def to_mesh(
         dense, thinning = mesh, part(told, 0.6, 1)
         mesh = surface.decimate(dense, tolerance=s.tolerance, faces=s.faces, told=thinning)
         closing += surface.decimation_findings(dense, mesh, s.faces)
+    mesh = surface.settled(mesh)
     remarks = surface.mesh_findings(mesh, islands, faces, closed=s.caps is not None)
     return opened, mesh, findings + touching + mending + closing + remarks
 

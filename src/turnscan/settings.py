@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from turnscan.points import Between, Spacing, Volume
+from turnscan.points import Along, Between, Volume
 from turnscan.stripes import StripeSettings
 from turnscan.surface import Caps, Clean, How, Tears
 
@@ -20,10 +20,8 @@ class Settings:
     """Runs of fewer points in a profile are specks."""
     every: int = 1
     """Use every n-th profile."""
-    spacing: float | None = None
-    """mm between points along a profile; None keeps one point per image line."""
-    spacing_by: Spacing = "height"
-    """arc is for the profiles alone: the mesh then keeps the points as measured."""
+    along: Along | None = None
+    """Spacing of points along the profiles; None keeps one point per image line."""
     between: Between | None = None
     """Spacing between profiles; None keeps those of the scan."""
     clean: Clean | None = field(default_factory=Clean)

@@ -8,7 +8,18 @@ from functools import cache
 import numpy as np
 import pytest
 from bench._exact import WINDOW_LOSS, Exact, speckle_error
-from bench.accuracy import Case, Scan, measure, scan, stripe_figures, undisturbed
+from bench._page import ACCURACY, figures
+from bench.accuracy import (
+    COLUMNS,
+    SHORT,
+    Case,
+    Scan,
+    head,
+    measure,
+    scan,
+    stripe_figures,
+    undisturbed,
+)
 
 from turnscan import points, shapes
 from turnscan.simulate import Bench, Wish, bench, seconds_of
@@ -125,5 +136,19 @@ def test_rows_have_their_columns() -> None:
         assert np.isfinite(row[name]), name
     assert row["C@0.05"] < row["C@0.1"] < row["C@0.2"]
     assert 50 < row["F@0.2"] < 100
-    edge = measure(Case("paper", "hexagon", 9), 1)
-    assert 20 < edge["edge µm"] < 500
+
+
+def test_the_page_shows_what_is_measured_now() -> None:
+    """The quickest row of docs/explain/accuracy.md, anew; the others stand by the same command."""
+    header, _, *rows = figures(ACCURACY, "short")
+    assert header == head()[0]
+    (case,) = (c for c in SHORT if c.part == "hexagon")
+    assert [r.split(" | ")[:3] for r in rows] == [[f"| {c.name}", c.part, "1"] for c in SHORT]
+    (page,) = (r for r in rows if "| hexagon |" in r)
+    now = measure(case, 1)
+    assert 20 < now["edge µm"] < 500
+    for name, cell in zip(COLUMNS, page.strip("| ").split(" | ")[3:], strict=False):
+        if name not in ("detect s", "all s", "GB") and cell.strip():
+            shown = float(cell)
+            near = pytest.approx(now[name], rel=0.03, abs=0.01)
+            assert shown == near, f"{name} → python -m bench.accuracy --write"

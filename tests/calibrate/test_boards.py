@@ -19,7 +19,8 @@ from turnscan.calibrate import (
     stripe_candidates,
 )
 from turnscan.calibrate._angle import table_angle
-from turnscan.calibrate._select import on_board
+from turnscan.calibrate._layout import MarkerLayout
+from turnscan.calibrate._select import on_board, on_platter
 from turnscan.errors import FormatError, InputError
 from turnscan.rig import Pose, rotation_from_vector, rotation_z
 
@@ -136,7 +137,7 @@ def test_table_angle_sigma_is_the_spread() -> None:
     rig = replace(world.rig, markers=layout.markers("DICT_4X4_50"))
     pulls = []
     for k in range(60):
-        view = world.rider_view(layout, 0.1 * k, stripe=False)
+        view = world.rider_view(layout, 0.1 * k)
         corners = view.corners.reshape(-1, 4, 2)
         seen = [
             (int(n), m.corners, c)
@@ -152,7 +153,7 @@ def test_a_marker_that_moved_is_left_out() -> None:
     world = World(true_rig(), np.random.default_rng(9), 0.1)
     layout = true_layout()
     rig = replace(world.rig, markers=layout.markers("DICT_4X4_50"))
-    corners = world.rider_view(layout, 0.4, stripe=False).corners.reshape(-1, 4, 2).copy()
+    corners = world.rider_view(layout, 0.4).corners.reshape(-1, 4, 2).copy()
     corners[2] += 40
     seen = [(m.number, m.corners, c) for m, c in zip(rig.markers, corners, strict=True)]
     found = table_angle(rig, seen)
@@ -183,3 +184,40 @@ def test_the_stripe_on_a_board_and_not_the_clutter() -> None:
     truth = np.interp(kept[:, 1], line[:, 1], line[:, 0])
     assert len(kept) > 100
     assert 0.01 < float(np.sqrt(np.mean((kept[:, 0] - truth) ** 2))) < 0.35
+
+
+def test_a_stripe_on_the_platter_is_not_taken_where_it_lies_on_a_marker() -> None:
+    """Black ink moves a stripe: from a third of a side beyond the print on it counts again."""
+    world = World(true_rig(), np.random.default_rng(4), 0.0)
+    layout = true_layout()
+    T = world.rig.T_camera_table
+    x, y, turn, side = layout.squares[1]
+    c, s = np.cos(turn), np.sin(turn)
+    local = np.arange(-60.0, 60.0, 0.5)
+    place = np.stack([x + c * local, y + s * local, 0 * local], axis=1)
+    inside = np.linalg.norm(place, axis=1) < 80.0
+    flat = MarkerLayout(layout.numbers, layout.squares)
+    for angle in (0.0, 0.4):
+        pixels = world.rig.camera.project(T.apply(place[inside] @ rotation_z(angle).T))
+        kept = on_platter(world.rig.camera, pixels, flat, T, angle)
+        taken = (np.abs(pixels[:, None] - kept[None]).max(axis=2) < 1e-9).any(axis=1)
+        at = np.abs(local[inside])
+        assert not taken[at < 1.3 * side / 2].any()
+        # One side of the marker is the longer piece; the other is another stripe.
+        assert taken[at > 1.4 * side / 2].sum() >= max(taken.sum() - 4, 12)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_stripe_in_colour_is_found_where_it_is_in_grey(dark: bool) -> None:
+    centre = 60.0 + 20.0 * np.sin(np.arange(80) / 20)
+    light = 120 * np.exp(-((np.arange(160) - centre[:, None]) ** 2) / (2 * 1.5**2))
+    room = np.full((80, 160), 30.0)
+    grey = (room + light).round().astype(np.uint8)
+    for weights, colour in ((None, (1.0, 1.0, 1.0)), ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0))):
+        lit = np.stack([room + c * light for c in colour], axis=-1).round().astype(np.uint8)
+        off = np.stack([room] * 3, axis=-1).astype(np.uint8) if dark else None
+        found = stripe_candidates(lit, off, weights=weights)
+        alone = stripe_candidates(grey, room.astype(np.uint8) if dark else None)
+        assert len(found) == len(alone) == 80
+        assert np.abs(found - alone).max() < 0.02
+        assert np.abs(found[:, 0] - centre).max() < 0.1

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
+from tests.calibrate.mouse import calibrate_mouse
 from tests.needs import needs_shared
+from tests.once import once
 from turnscan.calibrate import (
     LaserPicture,
     detect_board,
@@ -17,31 +18,19 @@ from turnscan.calibrate import (
     parse_board,
     stripe_candidates,
 )
-from turnscan.cli._calibrate import verb
 from turnscan.rig import Camera, Rig, rig_from_json
 from turnscan.scan import read_picture
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, str, str]:
-    """The rig of the turntable from every fifth picture of the table, what was said, the report."""
-    data = needs_shared("turntable-mouse")
-    folder = tmp_path_factory.mktemp("rig")
-    table = folder / "table"
-    table.mkdir()
-    for n in range(1, 320, 10):
-        name = f"step_num_table{n}.jpg"
-        (table / name).symlink_to(data / "empty-table" / name)
-    rig, report = folder / "rig.json", folder / "report.html"
-    arguments = [
-        *("--camera", data / "camera-boards", "--board", "chessboard:8x6:40"),
-        *("--laser", data / "laser-boards", "--table", table),
-        *("--markers", "DICT_4X4_50:30", "--table-step-deg", "11.25"),
-        *("-o", rig, "--report", report),
-    ]
-    done = CliRunner().invoke(verb, [str(a) for a in arguments], catch_exceptions=False)
-    assert done.exit_code == 0
-    return rig_from_json(rig.read_text()), done.output, report.read_text()
+    """The rig of the turntable, what was said, the report."""
+    needs_shared()
+    made = once(tmp_path_factory, "mouse-rig", calibrate_mouse)
+    rig, said, report = ((made / n).read_text() for n in ("rig.json", "said.txt", "report.html"))
+    return rig_from_json(rig), said, report
 
 
 def figure(said: str, line: str, at: int) -> float:

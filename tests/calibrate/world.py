@@ -98,17 +98,14 @@ class World:
             T.rotation[:, 2], T.translation, np.arange(0.0, 480, 2), middle, 150, laser
         )
 
-    def rider_view(self, layout: MarkerLayout, angle: float, stripe: bool = True) -> RiderView:
+    def rider_view(self, layout: MarkerLayout, angle: float, every: float = 3.0) -> RiderView:
         T = self.rig.T_camera_table
         points, _ = layout.points(layout.numbers)
         px = self.noisy(self.rig.camera.project(T.apply(points @ rotation_z(angle).T)))
-        stripes: tuple[StripeView, ...] = ()
-        if stripe:
-            stripes = (self.platter_stripe(layout, angle),)
-        return RiderView(layout.numbers, px, stripes)
+        return RiderView(layout.numbers, px, (self.platter_stripe(layout, angle, every),))
 
-    def platter_stripe(self, layout: MarkerLayout, angle: float) -> StripeView:
-        """The stripe on the warped platter, one centre per row, within 70 mm of the axis."""
+    def platter_stripe(self, layout: MarkerLayout, angle: float, every: float = 3.0) -> StripeView:
+        """The stripe on the warped platter, a centre every few rows, within 70 mm of the axis."""
         T, sheet = self.rig.T_camera_table, self.rig.sheets[0]
         axis = T.rotation[:, 2]
         along = np.cross(sheet.normal, axis)
@@ -125,7 +122,7 @@ class World:
             points = flat + height[:, None] * rise
         px = self.rig.camera.project(points)
         order = np.argsort(px[:, 1])
-        rows = np.arange(np.ceil(px[order[0], 1]), px[order[-1], 1], 3.0)
+        rows = np.arange(np.ceil(px[order[0], 1]), px[order[-1], 1], every)
         u = np.interp(rows, px[order, 1], px[order, 0])
         u = u + self.noise * self.dice.standard_normal(len(u))
         return StripeView("laser", np.stack([u, rows], axis=1), np.array([1.0, 0.0]))

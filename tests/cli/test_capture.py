@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner, Result
 
 from turnscan.cli import turnscan
 from turnscan.scan import read_picture
+
+pytestmark = pytest.mark.slow
 
 BENCH = "sim:cylinder?hand=charuco"
 BOARD = "charuco:9x6:12:9:DICT_5X5_100"

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from tests.export.parts import torus
 from turnscan.cli._check import verb
-from turnscan.export import export
+from turnscan.export import audit, export
 from turnscan.surface import Mesh, join
 
 
@@ -35,3 +37,21 @@ def test_a_sound_mesh_and_others(tmp_path: Path) -> None:
     code, _, told = check(tmp_path / "c.obj", twice)
     assert code == 1
     assert "surface.crossing" in told
+
+
+def test_an_stl_says_that_it_cannot_tell_what_was_measured(tmp_path: Path) -> None:
+    part = torus(20, 12)
+    real = np.arange(len(part.faces)) % 4 > 0
+    part = replace(part, measured=real)
+    _, report, told = check(tmp_path / "a.stl", part)
+    assert report["faces_not_measured"] is None
+    assert "an STL does not say which were measured" in told
+    (remark,) = audit(export(part, ".stl"), part, ".stl")
+    assert remark.code == "export.unmarked"
+    assert remark.message.startswith(f"{(~real).sum()} faces")
+    for suffix in (".ply", ".obj", ".3mf", ".dxf"):
+        _, report, _ = check(tmp_path / f"a{suffix}", part)
+        assert report["faces_not_measured"] == (~real).sum()
+        assert not [
+            f for f in audit(export(part, suffix), part, suffix) if f.code.startswith("export.un")
+        ]

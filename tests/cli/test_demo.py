@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 
 from turnscan.cli import turnscan
+
+pytestmark = pytest.mark.slow
 
 
 def test_demo_from_end_to_end(tmp_path: Path) -> None:
@@ -20,7 +23,8 @@ def test_demo_from_end_to_end(tmp_path: Path) -> None:
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 6
     assert 'src="http' not in page
-    assert "deviation from the true shape" in result.output
+    assert "deviation from the true shape, measured with the true rig" in result.output
+    assert "no error of a calibration" in page
     # What the run says about itself must be near the truth: the stripe noise is about 0.09 mm.
     rms = float(result.output.split("rms ")[1].split(" mm")[0])
     assert 0.04 < rms < 0.2

@@ -36,6 +36,8 @@ from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
 from turnscan.surface import Mesh, Told, holes, is_closed
 
+pytestmark = pytest.mark.slow
+
 STEPS = "16"
 
 

@@ -57,12 +57,15 @@ def test_a_scan_becomes_files_that_agree(scan_path, tmp_path):
     body = json.loads(report.read_text())
     assert body["closed"] is True
     assert body["volume_mm3"] == pytest.approx(volumes[0], rel=1e-9)
-    assert 0 < body["volume_sigma_mm3"] < 0.1 * volumes[0], "the lid may be anywhere"
+    assert 0 < body["volume_sigma_mm3"] < 0.1 * volumes[0], "what is beyond the rim may bulge"
+    assert body["volume_measured_sigma_mm3"] < 0.001 * volumes[0], "what was measured is known"
     assert body["lasers"][0]["profiles"] == STEPS
     assert f" ± {body['volume_sigma_mm3']:.3g} mm³" in result.stdout
     assert "surface.caps" in result.stderr
     measured = json.loads(run("measure", out[0], "--cylinder", "--json").stdout)
     assert measured["closed"] is True
+    for key in (k for k in body if k.startswith("volume")):
+        assert measured[key] == pytest.approx(body[key], rel=1e-12), "the same from both"
 
 
 def test_profiles_are_spaced_points_denoised_and_faces_thinned(scan_path, tmp_path):
@@ -239,7 +242,7 @@ def test_a_range_scan_is_not_written_over(tmp_path):
     assert ply.read_bytes() == cyberware()
 
 
-def test_equal_arc_length_leaves_the_mesh_whole(tmp_path):
+def test_any_spacing_leaves_the_mesh_whole(tmp_path):
     """A gap that lies elsewhere in each profile must not shear the surface beyond it."""
     path = tmp_path / "gap.turnscan"
     rig = make_rig(elevation=0.1, lift=20.0)
@@ -260,9 +263,9 @@ def test_equal_arc_length_leaves_the_mesh_whole(tmp_path):
         mesh = read_mesh(out.read_bytes(), ".ply")
         a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
         area[by] = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-    assert area["arc"] == pytest.approx(area["measured"], rel=1e-6)
-    # Common heights lose up to a spacing at every border, and more where the gap climbs.
-    assert area["arc"] == pytest.approx(area["height"], rel=0.06)
+    # A chord over the noise of the points is a little shorter than the way over all of them.
+    assert area["arc"] == pytest.approx(area["measured"], rel=4e-3)
+    assert area["height"] == pytest.approx(area["measured"], rel=4e-3)
     assert area["arc"] < 2 * np.pi * 25 * 40
     runs = read_dxf_content((tmp_path / "arc.dxf").read_bytes()).runs
     steps = np.concatenate([np.linalg.norm(np.diff(r, axis=0), axis=1) for r in runs])

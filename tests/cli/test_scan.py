@@ -22,6 +22,8 @@ from turnscan.errors import InputError, ScanBusy, TurnscanError
 from turnscan.scan import Scan
 from turnscan.station import stops_of
 
+pytestmark = pytest.mark.slow
+
 BENCH = "sim:sphere?speckle=0"
 
 

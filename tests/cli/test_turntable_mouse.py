@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tests.calibrate.mouse import calibrate_mouse
 from tests.needs import needs_shared
+from tests.once import once
 from turnscan.cli import turnscan
 from turnscan.export import read_mesh
 from turnscan.surface import components, is_closed, soundness
+
+pytestmark = pytest.mark.slow
 
 
 def _run(*args: object) -> str:
@@ -22,35 +26,25 @@ def _run(*args: object) -> str:
 
 
 @pytest.fixture(scope="module")
-def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
-    """The folder with rig.json, part.dxf and part.ply, and the calibration's figures."""
+def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder with part.turnscan, part.dxf and part.ply."""
     data = needs_shared("turntable-mouse")
+    # What the calibration says of this table is asserted in tests/calibrate/test_real.py.
+    rig = once(tmp_path_factory, "mouse-rig", calibrate_mouse) / "rig.json"
     out = tmp_path_factory.mktemp("mouse")
-    told = _run(
-        "calibrate", "--camera", data / "camera-boards", "--board", "chessboard:8x6:40",
-        "--laser", data / "laser-boards", "--table", data / "empty-table",
-        "--markers", "DICT_4X4_50:30", "--table-step-deg", "2.25", "--json",
-        "-o", out / "rig.json",
-    )  # fmt: skip
     _run(
-        "import", data / "object", "--rig", out / "rig.json", "--angles", "markers",
+        "import", data / "object", "--rig", rig, "--angles", "markers",
         "-o", out / "part.turnscan",
     )  # fmt: skip
     _run(
         "reconstruct", out / "part.turnscan", "-o", out / "part.dxf", "-o", out / "part.ply",
     )  # fmt: skip
-    return out, json.loads(told)
-
-
-def test_camera_and_sheet_fit_the_pictures(job: tuple[Path, dict[str, object]]) -> None:
-    text = json.dumps(job[1])
-    for code in ("marker-size", "marker-centre", "step-uneven"):
-        assert f"calibrate.{code}" in text, "what is odd about this table is named"
+    return out
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".dxf"])
-def test_the_box_is_a_box(job: tuple[Path, dict[str, object]], suffix: str) -> None:
-    measured = json.loads(_run("measure", job[0] / f"part{suffix}", "--planes", "--json"))
+def test_the_box_is_a_box(job: Path, suffix: str) -> None:
+    measured = json.loads(_run("measure", job / f"part{suffix}", "--planes", "--json"))
     sides = [s for s in measured["planes"] if abs(s["normal"][2]) < 0.2][:4]
     assert len(sides) == 4
     # The stripe's noise is 0.16 mm here; flatter than a tenth of that would be a mistake.
@@ -64,12 +58,12 @@ def test_the_box_is_a_box(job: tuple[Path, dict[str, object]], suffix: str) -> N
     assert np.abs(adjacent - 90).max() <= 1.5
 
 
-def test_box_and_mouse_are_there_and_nothing_else(job: tuple[Path, dict[str, object]]) -> None:
+def test_box_and_mouse_are_there_and_nothing_else(job: Path) -> None:
     """With the default settings: no wall, no platter's rim, no islands, few remains of the platter.
 
     The box is some 51 × 84 × 45 mm, the mouse's ears end at 110 mm.
     """
-    mesh = read_mesh((job[0] / "part.ply").read_bytes(), ".ply")
+    mesh = read_mesh((job / "part.ply").read_bytes(), ".ply")
     assert np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1]).max() < 62.0
     assert mesh.vertices[:, 2].min() >= 2.0
     assert 105.0 < mesh.vertices[:, 2].max() < 113.0
@@ -94,14 +88,14 @@ def test_box_and_mouse_are_there_and_nothing_else(job: tuple[Path, dict[str, obj
     assert (sides > 6.5).mean() < 0.001
 
 
-def test_closed_it_is_one_watertight_part(job: tuple[Path, dict[str, object]]) -> None:
+def test_closed_it_is_one_watertight_part(job: Path, tmp_path: Path) -> None:
     """With `--close`: behind the tail, under the crown and round the ears nothing was measured."""
-    out = job[0] / "closed.ply"
+    out = tmp_path / "closed.ply"
     said = CliRunner().invoke(
-        turnscan, ["reconstruct", str(job[0] / "part.turnscan"), "--close", "-o", str(out)]
+        turnscan, ["reconstruct", str(job / "part.turnscan"), "--close", "-o", str(out)]
     )
     assert said.exit_code == 0, said.output
-    mesh, opened = (read_mesh(p.read_bytes(), ".ply") for p in (out, job[0] / "part.ply"))
+    mesh, opened = (read_mesh(p.read_bytes(), ".ply") for p in (out, job / "part.ply"))
     assert is_closed(mesh)
     assert soundness(mesh) == []
     assert components(mesh).max() == 0

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from turnscan.devices._board import Board, Setup
-from turnscan.devices._guard import DIALECTS as TABLE
+from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._link import Deadlines
 from turnscan.devices._registry import board
 from turnscan.errors import TurnscanError
@@ -23,9 +23,9 @@ from turnscan.simulate.controllers import (
 )
 
 DIALECTS = ("grbl", "horus", "fabscan", "sardauscan")
-QUICK = Deadlines(acknowledge=0.1, move_extra=0.1, connect=2.0)
+QUICK = Deadlines(acknowledge=0.1, move_extra=0.1, connect=2.0, keep_trying=2.0)
 SCALE = 100.0
-UNITS = {"grbl": 3200, "horus": 3200, "fabscan": 3200, "sardauscan": 1018}
+UNITS = {"grbl": 3200, "horus": 3200, "fabscan": 800, "sardauscan": 1018}
 OUTPUTS = {
     "grbl": ("m3:1000", "m8"), "horus": ("1", "2"), "fabscan": ("right", "left"),
     "sardauscan": ("0", "1"),

@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 
 from tests.acquire.rig import Rig, plan_of
 from tests.devices.generators import definitions, resource
+from tests.devices.guards import mutated
 from turnscan.acquire import Exposure, Hardware, look
 from turnscan.devices import Sweeping, open_devices, open_lasers
-from turnscan.devices import _guard as guard
 from turnscan.devices._galvanometer import Galvanometer, Swing
 from turnscan.devices._link import Deadlines, GuardedLink
 from turnscan.errors import (
@@ -256,11 +256,7 @@ def light_at_rest() -> None:
 def test_a_guard_that_does_not_ask_for_the_mirror_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = Path(guard.__file__).read_text()
-    old = r'asked = [("OUTP1?\n", _ON), *('
-    assert source.count(old) == 1
-    script = tmp_path / "mutant.py"
-    script.write_text(source.replace(old, "asked = [*("))
+    script = mutated(tmp_path, r'asked = [("OUTP1?\n", _ON), *(', "asked = [*(")
     inner = GuardedLink.__init__
     monkeypatch.setattr(
         GuardedLink, "__init__", lambda self, *a, **k: inner(self, *a, **k, script=script)

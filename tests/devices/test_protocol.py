@@ -7,6 +7,7 @@ import contextlib
 import math
 import os
 import random
+import re
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -20,7 +21,7 @@ from hypothesis import strategies as st
 
 import turnscan.devices
 from tests.devices.boards import DIALECTS, QUICK, SCALE, UNITS, firmware, near, plugged
-from turnscan.devices import _guard, _registry, open_devices, open_lasers, open_turntable
+from turnscan.devices import _dialects, _registry, open_devices, open_lasers, open_turntable
 from turnscan.devices._lines import Lines
 from turnscan.devices._link import Deadlines
 from turnscan.devices._manual import ManualTurntable
@@ -49,11 +50,13 @@ from turnscan.simulate.controllers import (
 # D2
 
 OURS = (
-    "_board", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard", "_horus", "_lines",
-    "_link", "_lit", "_manual", "_registry", "_sardauscan", "_sentences", "_steps", "_visa",
+    "_board", "_dialects", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard", "_horus",
+    "_lines", "_link", "_lit", "_manual", "_registry", "_sardauscan", "_sentences", "_steps",
+    "_visa",
 )  # fmt: skip
 ENDLESS = {
     ("_guard", "_speak"): "a thread of its own that only speaks",
+    ("_link", "_mind_rescuer"): "a thread of its own; the process it minds ends by itself",
 }
 """Waits that may be without end, and why."""
 
@@ -90,7 +93,9 @@ def test_the_lint_sees_a_wait_without_end() -> None:
 
 
 def test_the_deadlines_are_those_promised() -> None:
-    assert Deadlines() == Deadlines(acknowledge=2.0, move_extra=5.0, connect=10.0)
+    assert Deadlines() == Deadlines(
+        acknowledge=2.0, move_extra=5.0, connect=10.0, keep_trying=600.0
+    )
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -239,7 +244,7 @@ def test_after_an_alarm_nothing_is_sent_until_a_person_acknowledges(dialect: str
 
 def test_a_board_found_in_an_alarm_is_not_unlocked() -> None:
     board_ = GrblFirmware({"100": 8.889})
-    board_._locked = True
+    board_.locked = True
     device, link = near("grbl", board_)
     with pytest.raises(DeviceAlarm, match="found in an alarm"):
         device.move_to(0.1, 5.0)
@@ -386,8 +391,8 @@ def test_the_policy_for_dtr_is_explicit(monkeypatch: pytest.MonkeyPatch) -> None
             seen.append((self.dtr, self.rts, self.given["exclusive"]))  # type: ignore[attr-defined]
 
     monkeypatch.setattr(serial, "Serial", Port)
-    _guard.open_port("x", 115200, False)
-    _guard.open_port("x", 115200, True)
+    _dialects.open_port("x", 115200, False)
+    _dialects.open_port("x", 115200, True)
     assert seen == [(False, False, True), (True, True, True)]
 
 
@@ -395,7 +400,7 @@ def test_a_board_that_kept_its_place_is_believed() -> None:
     with Socket(firmware("grbl"), scale=SCALE) as socket:
         for dialect_angle in (0.5, 0.8):
             device = board(f"grbl:{socket.path}", deadlines=QUICK)
-            assert device.remembers
+            assert device.remembers == (dialect_angle == 0.8)  # at first it counts zero
             reached = device.move_to(dialect_angle, 5.0)
             device.close()
         device = board(f"grbl:{socket.path}", deadlines=QUICK)
@@ -404,6 +409,7 @@ def test_a_board_that_kept_its_place_is_believed() -> None:
         socket.firmware.power_on()
         device = board(f"grbl:{socket.path}", deadlines=QUICK)
         assert device.angle == 0.0  # restarted, and honest about it
+        assert not device.remembers
         device.close()
 
 
@@ -460,8 +466,9 @@ def test_grbl_settings_that_do_not_suit() -> None:
 def test_the_sardauscan_that_speaks_like_horus() -> None:
     with Socket(SardauscanHorusFirmware(), scale=SCALE) as socket:
         device = board(f"horus:{socket.path}", deadlines=QUICK)
-        assert math.degrees(device.move_to(math.radians(20.4), 5.0)) == pytest.approx(20.0)
-        assert socket.firmware.turns == pytest.approx(20 / 360)
+        # 21° are sent, of which it makes 29 of its 512 steps.
+        assert math.degrees(device.move_to(math.radians(20.4), 5.0)) == pytest.approx(20.390625)
+        assert socket.firmware.turns == pytest.approx(29 / 512)
         assert not device.remembers
         device.close()
 
@@ -532,3 +539,36 @@ def test_a_person_who_is_not_there() -> None:
         pass
     with pytest.raises(InputError, match="no driver"):
         open_lasers("manual:")
+
+
+@pytest.mark.parametrize("key", ["100", "110", "120"])
+def test_settings_with_which_nothing_turns_are_refused(key: str) -> None:
+    """By the emulated board when they are sent, and by the driver where a board has them."""
+    fw = GrblFirmware({"100": 8.889})
+    for value in ("-1", "0", "0.0004"):
+        fw.feed(f"${key}={value}\n".encode())
+        fw.run(fw.now + 0.1)
+        assert b"error:4\r\n" in fw.take()
+    if key == "100":  # the emulated board would not get as far as telling it
+        return
+    fw.settings[key] = "0.000"
+    with pytest.raises(DeviceRefused, match=rf"GRBL has \${key}=0.000, with which nothing turns"):
+        near("grbl", fw)
+
+
+@pytest.mark.parametrize("angle", [0.5, -2.0, 7.0])
+def test_a_grbl_that_reports_inches_is_understood(angle: float) -> None:
+    fw = GrblFirmware({"100": 80, "110": 6000, "120": 800, "13": 1})
+    device, link = near("grbl", fw)
+    reached = device.move_to(angle, 60.0)
+    device.light(frozenset({"a"}), 1.0)
+    device.light(frozenset(), 1.0)
+    assert reached == pytest.approx(link.board.turns * 2 * math.pi, abs=1e-9)
+    link.dark()
+    again = near("grbl", fw)[0]
+    assert again.angle == pytest.approx(reached, abs=1e-9)
+    link.board.feed(b"?")
+    link.board.run(fw.now + 0.1)
+    shown = re.search(rb"MPos:(-?[\d.]+)", link.board.take())
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(math.degrees(reached) / 25.4, abs=1e-3)

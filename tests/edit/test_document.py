@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from typing import Any
 
@@ -170,11 +171,11 @@ class Session(RuleBasedStateMachine):
 
 
 Session.TestCase.settings = settings(
-    max_examples=1000,
+    max_examples=2000 if "TURNSCAN_EXPLORE" in os.environ else 400,
     stateful_step_count=6,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
-TestSession = Session.TestCase
+TestSession = pytest.mark.slow(Session.TestCase)
 
 
 def test_undo_and_redo_of_a_delete_touch_its_faces_alone() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,7 @@ from turnscan.edit import (
     history_from_log,
     in_words,
 )
+from turnscan.surface import Provenance
 
 
 def session(seed: int) -> tuple[Document, list[str]]:
@@ -98,3 +101,19 @@ def test_one_that_cannot_be_taken_is_a_remark_and_no_error() -> None:
         assert [(f.code, f.severity) for f in change.findings] == [("edit.refused", "warning")]
         assert words in change.findings[0].message
         assert after.measured == ()
+
+
+def test_a_picked_point_is_as_sure_as_the_vertex_beside_it() -> None:
+    """One sure corner at the foot, one unsure at the top; what is picked takes its own."""
+    mesh = cylinder(10.0, 30.0)
+    sigma = np.full(len(mesh.vertices), 0.05)
+    foot, top = 0, len(mesh.vertices) - 3
+    sigma[[foot, top]] = 0.01, 0.4
+    zero = np.zeros(len(sigma), np.int32)
+    known = replace(mesh, provenance=Provenance(sigma, zero, zero, zero, ("left",)))
+    document = Document.open(lambda *_: (known, ()))
+    ends = [tuple(float(x) for x in known.vertices[k]) for k in (foot, top, 200, 300)]
+    own = (0.01, 0.4, 0.05, 0.05)
+    for a, b in ((0, 1), (0, 2), (2, 3)):
+        document, _ = document.add(MeasureDistance(ends[a], ends[b]))  # type: ignore[arg-type]
+        assert document.measured[-1][1].sigma == pytest.approx(np.hypot(own[a], own[b]))

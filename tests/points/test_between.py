@@ -59,6 +59,15 @@ def test_profiles_lie_at_even_angles_on_the_surface(between, count, way) -> None
     assert np.abs(place + out.angles).max() < 1e-4 * np.pi
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_an_open_turn_keeps_its_last_profile(way) -> None:
+    grid = tube(way * TURN[:41], noise=NOISE)
+    for pitch in (3.0, 4.0, 7.0, 100.0):
+        out = respace(grid, Between(np.deg2rad(pitch), "rad"))
+        assert np.array_equal(out.points[[0, -1]], grid.points[[0, -1]]), pitch
+        assert len(out.steps) == int(np.ceil(160 / pitch - 1e-9)) + 1
+
+
 def test_the_angles_that_were_measured_keep_their_profiles() -> None:
     grid = tube(TURN, noise=NOISE)
     out = respace(grid, Between(np.deg2rad(2.0), "rad"))

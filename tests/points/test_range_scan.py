@@ -136,3 +136,10 @@ def test_placements_use_the_inverse_rotation():
 def test_bad_placements(text, says):
     with pytest.raises(FormatError, match=says):
         placements_from_conf(text, "x.conf")
+
+
+@pytest.mark.parametrize("kinds", [b"float int", b"uchar float", b"double double"])
+def test_binary_lists_of_floats_are_refused(kinds):
+    data = cyberware("binary_little_endian").replace(b"list uchar int", b"list " + kinds)
+    with pytest.raises(FormatError, match="range_grid: lists of floats"):
+        range_scan_from_ply(data, "a.ply")

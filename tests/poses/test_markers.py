@@ -14,6 +14,7 @@ T = Pose(rotation_from_vector([0.4, -1.0, 0.3]), np.array([5.0, -3.0, 2.0]))
 SPREAD = np.array([[0.0, 0, 0], [50, 0, 0], [0, 30, 0], [10, 10, 40], [-20, 5, 5]])
 
 
+@pytest.mark.slow
 def test_balls_on_a_part_are_found_in_both_poses_and_bring_them_together():
     views = [seen(n, grid(n, k)) for k, n in enumerate(("marked", "marked lying"))]
     found = [marker_spheres(v, 18.0) for v in views]

@@ -25,6 +25,7 @@ def cup_joined(cup):
     return align(cup, place(cup))
 
 
+@pytest.mark.slow
 def test_a_part_tipped_over_is_found_and_refined_as_well_as_its_noise_allows(knob):
     starts = place(knob)
     true = truth("knob", "knob lying")
@@ -55,6 +56,7 @@ def test_from_a_rough_start_all_poses_come_back(knob):
     assert apart(found.poses[1], true, knob[1]) < 0.08
 
 
+@pytest.mark.slow
 def test_a_round_cup_may_turn_about_its_axis_and_that_is_said(cup_joined):
     (free,) = cup_joined.freedoms
     axis = free.turn / np.linalg.norm(free.turn)
@@ -94,6 +96,7 @@ def test_the_wall_of_the_cup_is_as_thick_as_it_is(cup, cup_joined):
     assert 0.2 < off.std() < 1.5
 
 
+@pytest.mark.slow
 def test_poses_that_cannot_be_told_apart_are_refused():
     prism = [seen("up", grid("prism", 1)), seen("side", grid("prism lying", 2))]
     with pytest.raises(InputError, match=r"^side: fits up in several ways → .*--points"):
@@ -125,6 +128,7 @@ def test_a_wrong_start_is_seen_after_the_refinement(knob):
         check(align(knob, [Pose(), upside]))
 
 
+@pytest.mark.slow
 def test_range_scans_of_another_scanner_find_each_other(shared_data):
     """Three views of the bunny, 45° apart, from no placement at all."""
     from turnscan.cli._range_scans import placed_scans, read_range_scan

@@ -202,6 +202,24 @@ def test_light_comes_from_its_source_or_from_beside_the_camera(name: str) -> Non
     assert moved.light_source("left").tolist() == [1.0, 2.0, 3.0]
 
 
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (40.0, 0.0), (-25.0, 10.0), (0.0, -60.0)])
+def test_the_light_does_not_move_with_the_point_that_names_a_sheet(
+    shift: tuple[float, float],
+) -> None:
+    """Any of its points describes a flat sheet as well as any other."""
+    rig = design_preset("paper").rig(height=60.0, look_down=0.2, both=True)
+    T = rig.T_camera_table
+    for sheet in rig.sheets:
+        e1, e2 = sheet.axes
+        centre = sheet.centre + shift[0] * e1 + shift[1] * e2 + 3.0 * sheet.normal
+        beside = replace(sheet, centre=sheet.centre + 3.0 * sheet.normal)
+        moved = replace(sheet, centre=centre)
+        there = replace(rig, sheets=(moved,)).light_source(sheet.name)
+        assert there == pytest.approx(replace(rig, sheets=(beside,)).light_source(sheet.name))
+        assert abs(float(moved.distance(there))) < 1e-9
+        assert T.inverse().apply(there)[2] == pytest.approx(T.inverse().translation[2])
+
+
 def test_a_rig_names_its_lasers() -> None:
     rig = _rig()
     assert rig.sheet("left").name == "left"

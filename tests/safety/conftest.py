@@ -17,28 +17,9 @@ from typing import Any
 
 import pytest
 
-from turnscan.devices._guard import __file__ as guard_file
-from turnscan.simulate.controllers import (
-    FabScanFirmware,
-    Firmware,
-    GrblFirmware,
-    HorusFirmware,
-    SardauscanFirmware,
-    Socket,
-)
-
-SCALE = 50.0
-
-
-def firmware(dialect: str) -> Firmware:
-    if dialect == "grbl":
-        return GrblFirmware({"100": 8.889, "110": 6000, "120": 800})
-    return {"horus": HorusFirmware, "fabscan": FabScanFirmware, "sardauscan": SardauscanFirmware}[
-        dialect
-    ]()
-
-
-DIALECTS = ("grbl", "horus", "fabscan", "sardauscan")
+from tests.devices.guards import mutated
+from tests.safety.faults import DIALECTS, SCALE, firmware
+from turnscan.simulate.controllers import Socket
 
 
 @dataclass
@@ -182,13 +163,6 @@ def sockets() -> Iterator[dict[str, Socket]]:
 
 @pytest.fixture
 def mutant(tmp_path: Path) -> Callable[..., Path]:
-    """A guard with a defect: its source with one passage replaced."""
+    """A guard with a defect: its sources with one passage replaced."""
 
-    def make(old: str, new: str) -> Path:
-        source = Path(guard_file).read_text()
-        assert source.count(old) == 1, f"{source.count(old)} places for {old!r}"
-        path = tmp_path / "mutant_guard.py"
-        path.write_text(source.replace(old, new))
-        return path
-
-    return make
+    return lambda old, new: mutated(tmp_path, old, new)

@@ -119,6 +119,9 @@ def main() -> None:
         pid = os.fork()
         if pid == 0:
             signal.signal(signal.SIGINT, signal.default_int_handler)
+            for ends in (signal.SIGTERM, signal.SIGHUP):  # whatever `nohup` has left ignored
+                signal.signal(ends, signal.SIG_DFL)
+            signal.pthread_sigmask(signal.SIG_SETMASK, ())
             code = 1
             try:
                 scan(order)

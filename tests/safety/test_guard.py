@@ -8,6 +8,7 @@ import math
 import os
 import re
 import signal
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -20,9 +21,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import turnscan.devices
-from tests.safety.conftest import DIALECTS, SCALE, Metronome, firmware
-from turnscan.devices import burning, open_devices, open_lasers, open_turntable
-from turnscan.devices._guard import DIALECTS as TABLE
+from tests.safety.conftest import Metronome
+from tests.safety.faults import DIALECTS, SCALE, firmware
+from turnscan.devices import alive, burning, open_devices, open_lasers, open_turntable
+from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._guard import LONGEST_LEASE, Frames, pack
 from turnscan.devices._link import Deadlines, GuardedLink
 from turnscan.devices._registry import board
@@ -34,12 +36,13 @@ from turnscan.errors import (
     InputError,
     InterlockOpen,
     LaserStateUnknown,
+    LeaseEnded,
     SafetyError,
     TurnscanError,
 )
 from turnscan.simulate.controllers import FabScanFirmware, Fault, GrblFirmware, Socket
 
-QUICK = Deadlines(acknowledge=0.6, move_extra=0.6, connect=5.0)
+QUICK = Deadlines(acknowledge=0.6, move_extra=0.6, connect=5.0, keep_trying=2.0)
 WITHOUT_LEASE = 1.5
 """s within which it is dark by another protection than the lease of 2 s, on a busy machine too."""
 OFF = {
@@ -102,10 +105,7 @@ def killed(dialect: str, metronome: Metronome) -> float:
 def test_fifty_killed_guards(metronome: Metronome) -> None:
     took = []
     for k in range(50):
-        for _ in range(3):  # chance is not late each time
-            took.append(killed(DIALECTS[k % 4], metronome))
-            if took[-1] < 0.2:
-                break
+        took.append(killed(DIALECTS[k % 4], metronome))
         assert took[-1] < 0.2, took
     print(f"50 killed guards: noticed and dark after {max(took) * 1e3:.0f} ms at worst")
 
@@ -142,7 +142,7 @@ def test_a_terminated_guard_leaves_dark(which: str) -> None:
 
 def test_a_guard_that_waits_for_its_main_thread_is_found(mutant: Callable[..., Path]) -> None:
     """The lease is what ends it then: nothing else wakes the main thread before."""
-    script = mutant("        heard.recv(1)\n        guard.leave()\n", "        heard.recv(1)\n")
+    script = mutant("            guard.terminated()\n", "            pass\n")
     with plugged("horus", script=script) as (device, socket):
         device.light(frozenset({"a"}), 2.0)
         guard = device._link.guard_pid
@@ -194,10 +194,12 @@ def test_a_guard_refuses_a_long_lease_by_itself() -> None:
         assert wait_dark(socket, begin, 3.0) < WITHOUT_LEASE
 
 
-def test_an_exposure_longer_than_a_lease_is_lit_throughout() -> None:
+def test_what_shows_signs_of_life_is_lit_throughout_and_nothing_else() -> None:
     with plugged("grbl") as (device, socket):
         with burning(device, frozenset({"a"})):
-            time.sleep(LONGEST_LEASE + 0.4)
+            for _ in range(12):
+                time.sleep(0.2)
+                alive()
             assert socket.firmware.lit
         assert not socket.firmware.lit
         log = [(entry.time, bool(entry.outputs)) for entry in socket.firmware.log]
@@ -205,12 +207,14 @@ def test_an_exposure_longer_than_a_lease_is_lit_throughout() -> None:
         begin = time.monotonic()
 
         def too_long() -> None:
-            with burning(device, frozenset({"a"}), longest=0.3):
-                assert wait_dark(socket, begin, 3.0) < WITHOUT_LEASE
+            with burning(device, frozenset({"a"})):
+                assert wait_dark(socket, begin, 4.0) < LONGEST_LEASE + 0.5
                 until(lambda: device._link._lapsed)
+                alive()  # too late
 
-        with pytest.raises(DeviceTimeout, match="lease"):
+        with pytest.raises(LeaseEnded):
             too_long()
+        device.light(frozenset({"a"}), 1.0)  # nobody has to acknowledge that
 
 
 def test_garbage_on_the_guards_input_is_dark() -> None:
@@ -343,15 +347,15 @@ def test_off_in_the_middle_of_a_move() -> None:
 
         thread = threading.Thread(target=turn)
         thread.start()
-        until(lambda: socket.firmware._moves > 0)
+        until(lambda: socket.firmware.rate > 0.0)
         device.off()
         thread.join(timeout=10.0)  # the move would take half a minute
         assert not thread.is_alive()
         assert "lasers were switched off" in str(errors[0])
-        with pytest.raises(TurnscanError, match="acknowledge"):  # the place is lost: ask a person
-            device.move_to(0.0, 5.0)
-        device.acknowledge()
+        # Nothing was lit, so the guard let the table come to rest first: its place is known.
+        assert not device.alarm
         assert device.move_to(0.05, 5.0) == pytest.approx(0.05, abs=1e-3)
+        assert socket.firmware.turns * 2 * math.pi == pytest.approx(0.05, abs=2e-3)
         device.close()
 
 
@@ -366,21 +370,28 @@ def _with_full_buffers(**link: Any) -> tuple[int, int]:
         with socket.frozen():
             time.sleep(0.02)
             for _ in range(40):
-                device._link.write(b"(" + b"x" * 998 + b")")
-                sent += 1000
+                device._link.write(b"G4 P0\n" * 167)
+                sent += 1002
             time.sleep(0.1)
-            thread = threading.Thread(target=device.off)
+
+            def off() -> None:
+                with suppress(LaserStateUnknown):
+                    device.off()
+
+            thread = threading.Thread(target=off)
             thread.start()
-            time.sleep(0.2)
-        thread.join(timeout=5.0)
-        data = b"".join(d for _, d in socket.firmware.received[seen:])
-        assert b"\x18" in data
-        return data.index(b"\x18"), sent
+            thread.join(timeout=30.0)  # it is not confirmed, and repeated
+
+        def received() -> bytes:
+            return b"".join(d for _, d in socket.firmware.received[seen:])
+
+        until(lambda: b"\x18" in received())
+        return received().index(b"\x18"), sent
 
 
 def test_off_overtakes_a_full_send_buffer() -> None:
     before, sent = _with_full_buffers()
-    assert sent == 40_000
+    assert sent == 40_080
     assert before <= ON_THE_WIRE
 
 
@@ -408,12 +419,13 @@ def test_an_off_that_nobody_confirms(dialect: str) -> None:
         with pytest.raises(LaserStateUnknown, match="cut the power") as caught:
             device.off()
         assert caught.value.exit_code == 4
+        socket.firmware._deaf_until = 0.0
 
 
 def test_a_board_that_shows_its_banner_but_confirms_nothing() -> None:
     class Deaf(GrblFirmware):
-        def _gcode(self, text: str) -> bool:
-            return True
+        def _tell(self, code: int | None) -> None:
+            pass
 
     with Socket(Deaf(), scale=SCALE) as socket, pytest.raises(LaserStateUnknown):
         board(f"grbl:{socket.path}", deadlines=Deadlines(0.1, 0.1, 0.3))
@@ -443,12 +455,8 @@ def test_a_lease_that_ran_out_is_told() -> None:
 
 
 @pytest.mark.parametrize("stubborn", [False, True])
-def test_a_door_that_opens_while_lit(stubborn: bool) -> None:
-    """Dark within 100 ms, even where the board's own door does not put the laser out.
-
-    Of five doors the quickest is judged by that: a busy machine is not late each time.
-    """
-    dark = []
+def test_a_door_that_opens_while_lit(stubborn: bool, metronome: Metronome) -> None:
+    """Dark within 100 ms each time, even where the board's own door does not put the laser out."""
     with plugged("grbl") as (device, socket):
         board_ = socket.firmware
         for k in range(5):
@@ -458,8 +466,8 @@ def test_a_door_that_opens_while_lit(stubborn: bool) -> None:
                 board_.say(b"[MSG:Check Door]\r\n")
             else:
                 board_.open_door()
-            dark.append(wait_dark(socket, begin, 3.0))
-            assert dark[-1] < WITHOUT_LEASE
+            assert wait_dark(socket, begin, 3.0) < WITHOUT_LEASE
+            assert metronome.served(begin, board_.log[-1].time) < 0.1
             with pytest.raises(InterlockOpen):
                 device.light(frozenset({"a"}), 2.0)
             for _ in range(3):  # it never goes on by itself
@@ -470,7 +478,6 @@ def test_a_door_that_opens_while_lit(stubborn: bool) -> None:
             assert not board_.lit
             device.acknowledge()
             assert device.move_to(0.1 * (k + 1), 5.0)
-    assert min(dark) < 0.1, dark
 
 
 def relit(device: Any, socket: Socket) -> bool:
@@ -479,8 +486,7 @@ def relit(device: Any, socket: Socket) -> bool:
     lit = sum(bool(entry.outputs) for entry in socket.firmware.log)
     socket.firmware.say(b"[MSG:Check Door]\r\n")
     until(lambda: not socket.firmware.lit)
-    with suppress(InterlockOpen):
-        device._link.light(1, 2.0)
+    device._link._ask(b"L", struct.pack("<dB", 2.0, 1))
     return sum(bool(entry.outputs) for entry in socket.firmware.log) > lit
 
 
@@ -501,7 +507,7 @@ def test_a_guard_that_forgets_the_door_is_found(mutant: Callable[..., Path]) -> 
 
 
 def test_a_guard_deaf_to_the_door_is_found(mutant: Callable[..., Path]) -> None:
-    with plugged("grbl", script=mutant(' or b"Door" in data', "")) as (device, socket):
+    with plugged("grbl", script=mutant(' or b"Door" in self._tail', "")) as (device, socket):
         device.light(frozenset({"a"}), 2.0)
         socket.firmware.say(b"[MSG:Check Door]\r\n")
         assert wait_dark(socket, time.monotonic(), 0.3) == math.inf
@@ -576,16 +582,12 @@ LIGHTS = {
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_the_guard_passes_no_lighting_line_on(dialect: str) -> None:
     for line in LIGHTS[dialect]:
-        for cut in (0, 1, len(line) - 1):
-            with plugged(dialect) as (device, socket):
-                try:
-                    device._link.write(line[:cut])
-                    device._link.write(line[cut:])
-                except (SafetyError, DeviceDisconnected):
-                    pass
-                device._link._guard.wait(timeout=5.0)  # it leaves, and the scanner is told
-                time.sleep(0.02)
-                assert not any(entry.outputs for entry in socket.firmware.log), line
+        with plugged(dialect) as (device, socket):
+            with suppress(SafetyError, DeviceDisconnected):
+                device._link.write(line[:1])
+                device._link.write(line[1:])
+            device._link._guard.wait(timeout=5.0)  # it leaves, and the scanner is told
+            assert not any(entry.outputs for entry in socket.firmware.log), line
 
 
 WORDS = re.compile(
@@ -594,11 +596,11 @@ WORDS = re.compile(
 
 
 def test_no_other_module_of_the_devices_knows_how_to_light() -> None:
-    """Neither its bytes nor a port of its own: what lights lies in _guard.py alone."""
+    """Neither its bytes nor a port of its own: what lights lies in _dialects.py alone."""
     folder = Path(turnscan.devices.__file__).parent
     found = []
     for path in sorted(folder.rglob("*.py")):
-        if path.name == "_guard.py":
+        if path.name == "_dialects.py":
             continue
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Constant) and isinstance(node.value, str | bytes):

@@ -66,3 +66,17 @@ def test_samples_lie_on_the_surface_and_share_it_evenly() -> None:
     # Random samples would scatter by √40 ≈ 6 a cell; these must do clearly better.
     assert 0 < counts.std() < 4.5
     assert np.array_equal(p, sample_surface(CUBE, 6000))
+
+
+def test_what_lies_past_the_rim_of_an_open_surface_is_beyond_it() -> None:
+    """Four triangles about a middle: each rim side is another corner pair of its face."""
+    corners = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [2, 2, 0.0]])
+    faces = np.array([[0, 1, 4], [4, 1, 2], [3, 4, 2], [0, 4, 3]])
+    plate = Mesh(corners, faces)
+    beside = [(2, -1, 0), (5, 2, 0.1), (2, 5, -0.1), (-1, 2, 0), (-1, -1, 0), (5, 5, 0.2)]
+    above = [(2, 0, 1), (1, 1, 0.5), (2, 2, -1), (3.9, 2, 0.3), (0, 0, 1), (2, -0.1, 1.0)]
+    inside = [(1, 1, 0), (2, 0, 0), (0, 0, 0), (2, 2, 0)]
+    points = np.array([*beside, *above, *inside], float)
+    found = deviation(points, plate).beyond
+    assert found.tolist() == [True] * 6 + [False] * (len(above) + len(inside))
+    assert not deviation(np.array([[5.0, 1, 1], [-1, -1, -1]]), CUBE).beyond.any()

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from turnscan.errors import DidNotConverge, InputError
 from turnscan.rig import rotation_from_vector
-from turnscan.shapes import fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes import fit_circle, fit_cylinder, fit_plane, fit_sphere
+from turnscan.shapes._fit import _circle
 
 
 def frame(seed):
@@ -103,3 +104,60 @@ def test_points_about_in_a_plane_are_a_vast_sphere_or_none(bumps):
         assert fit_sphere(flat).radius > 50
     except (DidNotConverge, InputError):
         return
+
+
+def _ring(count, radius=25.0):
+    t = 2 * np.pi * np.arange(count) / max(count, 1)
+    return np.stack([radius * np.cos(t), radius * np.sin(t), 0 * t], axis=-1)
+
+
+_POOR = {
+    "nothing": np.zeros((0, 3)),
+    "one ring": _ring(80),
+    "one point, often": np.ones((30, 3)),
+    "a line": np.outer(np.arange(30.0), [1, 2, 3]),
+    "a flat plate": np.stack(np.meshgrid(np.arange(6.0), np.arange(6.0), [0.0]), -1).reshape(-1, 3),
+    "two lines": np.vstack([np.outer(np.arange(9.0), [1, 0, 0]), [[0, 0, 5]]]),
+    "a few": _ring(5),
+    "a ring and its middle": np.vstack([_ring(12), np.zeros((1, 3))]),
+    "the ends of three axes": np.vstack([np.eye(3), -np.eye(3)]),
+    "vast": 1e9 * np.eye(3),
+    "not numbers": np.full((20, 3), np.inf),
+    "a cone": np.vstack([_ring(30, r) + [0, 0, 2 * r] for r in (0.0, 5.0, 9.0)]),
+}
+
+
+@pytest.mark.parametrize("what", list(_POOR))
+@pytest.mark.parametrize("bump", [0.0, 1e-12, 1e-6])
+@pytest.mark.filterwarnings("error")
+def test_points_that_leave_a_fit_open_are_refused_by_name(what, bump):
+    rng = np.random.default_rng(3)
+    points = _POOR[what] + bump * rng.normal(size=_POOR[what].shape)
+    for fit in (fit_plane, fit_sphere, fit_cylinder, lambda p: fit_circle(p, [0, 0, 1])):
+        try:
+            found = fit(points)
+        except (InputError, DidNotConverge):
+            continue
+        assert np.isfinite(found.covariance).all()
+        assert (np.diag(found.covariance) >= 0).all()
+    if what == "one ring" and bump < 1e-9:
+        with pytest.raises(InputError, match="cylinder: the points lie in one plane"):
+            fit_cylinder(points)
+
+
+def test_a_circle_needs_a_direction():
+    with pytest.raises(InputError, match="normal"):
+        fit_circle(_ring(9), [0, 0, 0])
+    with pytest.raises(InputError, match="sigma nan"):
+        fit_circle(_ring(9), [0, 0, 1], np.nan)
+
+
+def test_points_of_a_circle_seen_along_its_axis_give_it_exactly():
+    rng, R, shift = frame(3)
+    t = rng.uniform(0, 2.5, 40)
+    d = np.column_stack([9 * np.cos(t), 9 * np.sin(t), rng.uniform(-5, 5, 40)]) @ R.T + shift
+    foot, radius, rms = _circle(d, R[:, 2])
+    assert radius == pytest.approx(9.0)
+    assert foot == pytest.approx(shift - (shift @ R[:, 2]) * R[:, 2])
+    assert rms < 1e-9
+    assert _circle(d, R[:, 0])[2] > 0.1

@@ -146,3 +146,61 @@ def test_what_was_not_measured_does_not_count_and_is_named() -> None:
     with pytest.raises(InputError, match="open"):
         shapes.volume(Mesh(mesh.vertices, mesh.faces[wall]))
     assert shapes.area(mesh, wall).value == pytest.approx(2 * 40 * 10 * np.sin(np.pi / 40) * 30)
+
+
+def test_the_angle_between_two_planes_has_the_noise_of_both() -> None:
+    """One of few points and one of many: their normals are not equally sure, and both count."""
+    rng = np.random.default_rng(12)
+    tilt = np.radians(40.0)
+    pulls = []
+    for first, second in ((9, 25), (25, 9), (12, 12)):
+        for _ in range(80):
+            planes = []
+            for count, turn in ((first, 0.0), (second, tilt)):
+                x, y = rng.uniform(-10, 10, (2, count))
+                z = rng.normal(0, NOISE, count)
+                c, s = np.cos(turn), np.sin(turn)
+                points = np.stack([x, c * y - s * z, s * y + c * z], axis=-1)
+                planes.append(shapes.fit_plane(points, np.full(count, NOISE)))
+            found = shapes.planes_angle(*planes)
+            angle = min(found.value, np.pi - found.value)
+            pulls.append((angle - tilt) / found.sigma)
+    z = np.reshape(pulls, (3, -1))
+    # `normal_sigma` is that of the worst direction, the tilt is about one: never too sure.
+    assert np.all(z.std(axis=1) < 1.15)
+    assert np.all(z.std(axis=1) > 0.6)
+
+
+def test_a_corner_is_the_same_wherever_it_lies() -> None:
+    p, q = np.array([3.0, 0.0, 0.0]), np.array([1.0, 1.0, 0.0])
+    for shift in ((0.0, 0.0, 0.0), (5.0, -40.0, 7.0)):
+        a, corner, b = (shapes.Spot(x + shift, 0.02) for x in (p, 0 * p, q))
+        found = shapes.corner_angle(a, corner, b)
+        assert found.value == pytest.approx(np.pi / 4)
+        # Each end turns by its noise over its distance; the corner turns both.
+        ends = 0.02 * np.hypot(1 / 3, 1 / 2**0.5)
+        both = 0.02 * np.linalg.norm(p - q) / (3 * 2**0.5)
+        assert found.sigma == pytest.approx(np.hypot(ends, both))
+
+
+def test_a_plane_is_less_sure_far_from_the_points_that_it_goes_through() -> None:
+    """It tilts about their middle: 100 mm away its noise is that of the lever."""
+    rng = np.random.default_rng(6)
+    pulls = []
+    for _ in range(300):
+        x, y = rng.uniform(-10, 10, (2, 30))
+        plane = shapes.fit_plane(
+            np.stack([x, y, rng.normal(0, NOISE, 30)], axis=-1), np.full(30, NOISE)
+        )
+        far = shapes.Spot(np.array([100.0, 0.0, 5.0 + rng.normal(0, NOISE)]), NOISE)
+        found = shapes.to_plane(far, plane)
+        pulls.append((abs(found.value) - 5.0) / found.sigma)
+    # 300 planes: the scatter is known to 4 %; the tilt counted is that of the worse direction.
+    assert 0.75 < np.std(pulls) < 1.1
+
+
+def test_how_much_of_an_area_was_not_measured_is_said() -> None:
+    mesh = cylinder(10.0, 30.0)
+    half = mesh.triangles[..., 2].mean(axis=1) < 15.0
+    said = shapes.area(replace(mesh, measured=half)).text
+    assert "50.0% of its area was not measured" in said

@@ -9,6 +9,7 @@ from tests.analytic import box, full_turn, make_rig, scan_shape, with_noise
 from turnscan.errors import InputError
 from turnscan.points import Volume, build_grid, clip
 from turnscan.shapes import find_planes, plane_angles
+from turnscan.shapes._planes import _neighbours
 from turnscan.surface import Mesh, paste
 
 TURN = 0.3
@@ -90,3 +91,21 @@ def sheet(points) -> Mesh:
     return Mesh(
         points.reshape(-1, 3), np.concatenate([np.stack(f, -1) for f in ((a, b, c), (a, c, d))])
     )
+
+
+def test_a_side_smaller_than_the_share_asked_for_is_none():
+    x, y = np.meshgrid(np.arange(0, 40.0), np.arange(0, 30.0))
+    step = sheet(np.stack([x, y, np.where(x < 30, 0.0, 6.0)], -1))
+    # The upper level is a fifth of the surface; its riser belongs to neither.
+    assert len(find_planes(step, tolerance=0.1, smallest=0.1)) == 2
+    assert len(find_planes(step, tolerance=0.1, smallest=0.3)) == 1
+    assert find_planes(step, tolerance=0.1, smallest=0.9) == []
+
+
+def test_neighbours_are_what_a_side_joins():
+    mesh = sheet(np.stack([*np.meshgrid(np.arange(5.0), np.arange(4.0)), np.zeros((4, 5))], -1))
+    start, near = _neighbours(mesh)
+    sides = {(int(a), int(b)) for f in mesh.faces for a, b in zip(f, np.roll(f, 1), strict=True)}
+    for v in range(len(mesh.vertices)):
+        joined = {b for a, b in sides if a == v} | {a for a, b in sides if b == v}
+        assert set(near[start[v] : start[v + 1]].tolist()) == joined

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.arrays import Floats
+from turnscan.station._examine import _comes_round
 from turnscan.station._turning import VIEWS, Witness, drift, edges, sense
 
 ANGLES = np.arange(VIEWS) * 2 * np.pi / VIEWS
@@ -123,3 +124,41 @@ def test_a_plain_round_part_shows_none() -> None:
     """Noise alone, in a light that stays: no direction is better than a wrong one."""
     told = [drift(round_part(seed, 3.0, 0.0)) for seed in range(200)]
     assert sum(t is not None for t in told) <= 2
+
+
+LOOKS = (-14.4, -7.2, -3.6, -1.8, -0.9, 0.0, 0.9, 1.8, 3.6, 7.2, 14.4)
+
+
+def comes_round(ratio: float, fold: int = 1) -> tuple[float, bool]:
+    """For a table that turns ``ratio`` times as far as it is told, and an irregular part."""
+    part = outline(4, fold)
+    rng = np.random.default_rng(2)
+
+    def line(told: float) -> Floats:
+        n, amplitudes = part
+        at = np.radians(told * ratio)
+        reach = (np.exp(1j * np.outer(n, np.atleast_1d(at))).T @ amplitudes).real[0]
+        return 3.0 * np.asarray(reach) + rng.normal(0, 0.02, len(reach))
+
+    def distance(a: Floats, b: Floats) -> float:
+        return float(np.minimum(np.abs(a - b), 5.0).mean())
+
+    start, again = line(0.0), line(0.0)
+    told = [360.0 / part for part in (7, 5, 3, 2)] + [360.0 + look for look in LOOKS]
+    return _comes_round(told, [distance(line(t), start) for t in told], distance(start, again))
+
+
+def test_one_turn_is_seen_to_be_one() -> None:
+    assert comes_round(1.0) == (360.0, True)
+
+
+@pytest.mark.parametrize("ratio", [28.125, 28.0, 10.0, 2.0, 3.0, 14.0, 0.5, 3.2, 1.5, 8.8])
+def test_a_table_that_turns_more_or_less_than_it_is_told_fools_nobody(ratio: float) -> None:
+    """A factory GRBL makes 250 steps of a degree: a table of 3 200 turns 28.125 times."""
+    degrees, _ = comes_round(ratio)
+    assert degrees != 360.0
+
+
+def test_a_symmetric_part_does_not_tell() -> None:
+    degrees, telling = comes_round(1.0, fold=2)
+    assert (np.isnan(degrees), telling) == (True, False)

@@ -81,6 +81,7 @@ def test_the_other_strategies_are_as_good_as_theory_says(
     assert 0.3 < (error / claimed).std() < 1.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("grain", "sigma", "ceiling"), [(0.24, 1.5, 0.129), (0.5, 2.0, 0.301), (0.24, 3.0, 0.186)]
 )

@@ -16,6 +16,7 @@ from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.stripes import StripeFlag
 from turnscan.surface import boundary_loops, denoise, despike, smooth, spikes
+from turnscan.surface._noise import noise as noise_of
 
 NOISE = 0.02
 INNER = (slice(8, -8), slice(8, -8))
@@ -56,6 +57,7 @@ SHAPES: dict[str, Relief] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(SHAPES))
 def test_noise_falls_by_two_and_a_half_and_the_surface_stays(name: str) -> None:
     """The floor: a second-order fit over this window can average no more than 3.5 times."""
@@ -182,3 +184,18 @@ def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
     shares = list[float]()
     assert np.array_equal(denoise(grid, told=shares.append).points, once.points)
     assert shares == [first / 40 for first in range(0, 40, 7)]
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_a_sigma_is_believed_no_further_than_the_surface_itself_shows(noise: float) -> None:
+    """The second difference of three points has six times their variance, and its usual size is the
+    0.6745th part of its root. Where the points claim ten times their noise, three halves of that
+    are believed; where they claim less than they show, they are believed."""
+    rng = np.random.default_rng(8)
+    flat, grid = relief(SHAPES["flat"], size=200)
+    points = flat + rng.normal(0, noise, flat.shape[:2])[..., None] * rays(grid)
+    claimed = replace(grid, points=points, sigma=np.full(grid.sigma.shape, 10 * noise))
+    # The rays lean by up to 2°, so their second differences are those of one direction.
+    assert noise_of(claimed) == pytest.approx(1.5 * 0.6745 * noise, rel=0.06)
+    modest = replace(claimed, sigma=np.full(grid.sigma.shape, 0.3 * noise))
+    assert noise_of(modest) == pytest.approx(0.3 * noise)

@@ -111,6 +111,46 @@ def test_a_ball_is_continued_by_its_curvature():
     assert off["curvature"] < 0.06
 
 
+def truncated(slope: float, rings: int = 10, round_: int = 48) -> Mesh:
+    """The wall of a cone that stands at ``slope`` rad, cut off 10 mm from its axis."""
+    phi = np.arange(round_) * 2 * np.pi / round_
+    r = 10.0 + np.arange(rings)
+    ring = np.stack(
+        [np.outer(r, np.cos(phi)), np.outer(r, np.sin(phi)),
+         np.outer((10.0 - r) * np.tan(slope), np.ones(round_))],
+        axis=-1,
+    )  # fmt: skip
+    k = np.arange(round_)
+    a, b = k, (k + 1) % round_
+    faces = [
+        np.concatenate(
+            [np.stack([a + m, a + m + round_, b + m + round_], -1),
+             np.stack([a + m, b + m + round_, b + m], -1)]
+        )
+        for m in round_ * np.arange(rings - 1)
+    ]  # fmt: skip
+    return Mesh(ring.reshape(-1, 3), np.concatenate(faces), None)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "flat"), [(52.0, False), (58.0, False), (62.0, True), (70.0, True)]
+)
+def test_a_border_that_stands_steeper_than_60_degrees_is_an_edge(
+    degrees: float, flat: bool
+) -> None:
+    """A plate goes on in the cone's own slope and rises a/2 tan β; at an edge nothing rises."""
+    cone = truncated(np.radians(degrees))
+    top = min(holes(cone), key=lambda h: h.size)
+    filled = fill(cone, [top], "auto")
+    added = filled.vertices[len(cone.vertices) :]
+    rise = float(added[:, 2].max())
+    plate = 5.0 * np.tan(np.radians(degrees))
+    if flat:
+        assert abs(rise) < 0.02 * plate
+    else:
+        assert 0.3 * plate < rise < 1.2 * plate
+
+
 def test_noise_at_the_border_does_not_swing_the_filling():
     """A kink of its noise from corner to corner would be carried on as curvature: 4 mm off here."""
     mesh = opened(ball(40, 0.02, 1), [0.3, 0.2, 1.0], 0.5)
@@ -249,6 +289,7 @@ def test_a_grid_without_a_face_is_said_and_closing_it_does_nothing(steps, lines)
     assert holes(mesh) == []
 
 
+@pytest.mark.slow
 def test_the_same_mesh_gives_the_same_bytes_whatever_the_threads_and_hashes():
     code = (
         "import hashlib\n"

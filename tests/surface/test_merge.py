@@ -86,6 +86,7 @@ def test_a_face_looks_away_from_the_inside():
     assert np.cross(middle[1] - middle[0], middle[2] - middle[0]) @ [1, 1, 1] > 0
 
 
+@pytest.mark.slow
 def test_two_lasers_become_one_surface_in_voxels(ball):
     mesh, findings = merge(ball, how="tsdf")
     assert findings[-1].code == "surface.merge"
@@ -132,6 +133,7 @@ def test_the_order_of_lasers_does_not_matter(order, noise, how):
     assert [str(f) for f in told] == [str(f) for f in again]
 
 
+@pytest.mark.slow
 def test_several_threads_give_the_same_bytes(tube):
     alone = [merge(tube, how=how)[0] for how in ("grid", "tsdf") * 2]
     with ThreadPoolExecutor(4) as pool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -109,3 +111,21 @@ def test_nothing_bulges_over_an_edge() -> None:
     turned[far] = (np.sin(1.0), 0.0, np.cos(1.0))
     done = fuse([RangeSurface(flat.mesh, flat.eyes, turned, flat.moves)], VOXEL, RAMP)
     assert np.abs(done.vertices[:, 2] - 0.1).max() < 1e-3
+
+
+def test_two_surfaces_meet_where_the_squares_in_sigmas_are_least() -> None:
+    """Of two that lie 0.2 mm apart the surer one has the say of the ratio of the variances."""
+    low, high = 0.1, 0.3
+    parts = []
+    for height, sigma in ((low, 0.02), (high, 0.04)):
+        part = sheet(0.0, 12.0, (0.0, 0.0, 1.0), f"at {height}")
+        points = part.mesh.vertices + (0.0, 0.0, height - 0.1)
+        assert part.mesh.provenance is not None
+        known = replace(part.mesh.provenance, sigma=np.full(len(points), sigma))
+        parts.append(replace(part, mesh=replace(part.mesh, vertices=points, provenance=known)))
+    inside = fuse(parts, VOXEL, RAMP).vertices
+    inside = inside[(np.abs(inside[:, 0] - 6.0) < 3.0) & (np.abs(inside[:, 1] - 5.0) < 2.0)]
+    assert len(inside) > 50
+    weights = np.array([1 / 0.02**2, 1 / 0.04**2])
+    best = float(weights @ (low, high) / weights.sum())
+    assert inside[:, 2] == pytest.approx(best, abs=0.01)

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.once import once
 from tests.web.running import Running, serving, small_scan
 
 
 @pytest.fixture(scope="session")
 def scan_bytes(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """A small scan file, taken once."""
-    return small_scan(tmp_path_factory.mktemp("scan") / "ball.turnscan").read_bytes()
+    made = once(tmp_path_factory, "web-ball", lambda folder: small_scan(folder / "ball.turnscan"))
+    return (made / "ball.turnscan").read_bytes()
 
 
 @pytest.fixture

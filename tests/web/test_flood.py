@@ -1,4 +1,8 @@
-"""A flood of messages leaves the scan that is being taken its frames per second."""
+"""A flood of messages leaves the scan that is being taken its processor.
+
+It is judged by the processor time that the server uses for each picture, not by pictures a second:
+other programs on this computer change that more than a flood does.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,8 @@ from turnscan.devices import Camera
 
 PAUSE = 0.05
 """s that the camera takes for a picture."""
-WINDOW = 2.0
+PICTURES = 40
+PATIENCE = 120.0
 """s in which pictures are counted."""
 FLOOD = """
 import sys, time
@@ -51,11 +56,14 @@ class Paced:
             return self._camera.grab(timeout)
         return self.picture.copy()
 
-    def rate(self) -> float:
-        """Pictures a second, from one picture to another."""
-        first, began = self.taken, time.monotonic()
-        time.sleep(WINDOW)
-        return (self.taken - first) / (time.monotonic() - began)
+    def cost(self) -> float:
+        """Processor seconds of the whole server for each picture, from one picture to another."""
+        first, used = self.taken, time.process_time()
+        until = time.monotonic() + PATIENCE
+        while self.taken < first + PICTURES:
+            assert time.monotonic() < until, "the scan stands still"
+            time.sleep(PAUSE / 5)
+        return (time.process_time() - used) / (self.taken - first)
 
 
 def test_a_flood_of_messages_does_not_slow_a_scan(server: Running) -> None:
@@ -70,23 +78,21 @@ def test_a_flood_of_messages_does_not_slow_a_scan(server: Running) -> None:
         one.ask("scan", plan={"name": "long", "steps": 3000})
         one.once("scanning", lambda m: m["done"] >= 3)
         camera.picture = bench.hardware.camera.grab(1.0)  # what it renders costs too much here
-        rates = []
-        for _ in range(2):
-            calm = camera.rate()
-            flood = subprocess.Popen(
-                [sys.executable, "-c", FLOOD, server.base, one.cookie, str(WINDOW + 2)],
-                stdout=subprocess.PIPE,
-                text=True,
-            )
-            try:
-                assert flood.stdout is not None
-                assert flood.stdout.readline() == "begun\n"
-                rates.append((calm, camera.rate()))
-                assert flood.wait(20) == 0
-            finally:
-                flood.kill()
-                flood.communicate()
-        # The better of two: other programs on this computer disturb one, a flood let in both.
-        assert max(under / calm for calm, under in rates) > 0.9, rates
+        calm = camera.cost()
+        flood = subprocess.Popen(
+            [sys.executable, "-c", FLOOD, server.base, one.cookie, str(PATIENCE)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert flood.stdout is not None
+            assert flood.stdout.readline() == "begun\n"
+            under = camera.cost()
+            assert flood.poll() is None, "the flood lasted as long as it was measured"
+        finally:
+            flood.kill()
+            flood.communicate()
+        # 1.2 to 1.6 times, by how busy the computer is; 3 and more where every message is read.
+        assert under < 2.2 * calm, (calm, under)
         assert one.ask("stop")["kind"] == "done"
         one.once("scanning", lambda m: m["state"] == "aborted")

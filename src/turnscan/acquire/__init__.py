@@ -1,6 +1,13 @@
 """Runs a plan on devices into a scan file."""
 
-from turnscan.acquire._angle import Counting, Shifted, check_angle, reindexed
+from turnscan.acquire._angle import (
+    Counting,
+    Noted,
+    Shifted,
+    check_angle,
+    counting_of,
+    reindexed,
+)
 from turnscan.acquire._control import Control
 from turnscan.acquire._events import (
     Ended,
@@ -49,6 +56,7 @@ __all__ = [
     "Listener",
     "Missing",
     "Moving",
+    "Noted",
     "Outcome",
     "Paused",
     "Plan",
@@ -68,6 +76,7 @@ __all__ = [
     "bracket",
     "check_angle",
     "check_room",
+    "counting_of",
     "estimate",
     "exposure_findings",
     "look",

@@ -11,6 +11,9 @@ from turnscan.errors import AngleLost, InputError
 from turnscan.scan import Scan
 
 _AGREES = math.radians(0.01)
+_AHEAD = 3.25
+"""Steps that the table may be ahead of the last frame stored: one is being stored, one waits, and
+it is on the way to the next."""
 
 
 @runtime_checkable
@@ -32,38 +35,70 @@ class Counting(Protocol):
         ...
 
 
+@runtime_checkable
+class Noted(Protocol):
+    """A table that knows whether its zero is still the one of an earlier time."""
+
+    @property
+    def counting(self) -> str:
+        """Names the stretch in which its angles have had one and the same zero."""
+        ...
+
+    def still(self, counting: str) -> bool | None:
+        """Whether they have the zero of that one; None where nobody knows."""
+        ...
+
+
 class Shifted:
     """A table whose zero is not that of the scan."""
 
     def __init__(self, turntable: Turntable, at: float) -> None:
         """``at``: rad, the angle of the scan at which the table stands at its own zero."""
         self._turntable = turntable
-        self._at = at
+        self.at = at
 
     def move_to(self, angle: float, timeout: float) -> float:
         """See `Turntable`."""
-        wanted = angle - self._at
+        wanted = angle - self.at
         reached = self._turntable.move_to(wanted, timeout)
-        return angle if reached == wanted else reached + self._at
+        return angle if reached == wanted else reached + self.at
 
     def stop(self) -> None:
         """See `Turntable`."""
         self._turntable.stop()
 
 
-def check_angle(plan: Plan, scan: Scan, turntable: Turntable) -> None:
-    """Raise AngleLost where a counting table is not between the last frame and the next step.
+def counting_of(turntable: Turntable) -> str:
+    """What `check_angle` needs to know later; empty where the table does not tell."""
+    return turntable.counting if isinstance(turntable, Noted) else ""
 
-    One that counts zero may have restarted just as well, wherever it stands; it is not believed.
+
+def check_angle(
+    plan: Plan, scan: Scan, turntable: Turntable, counting: str = "", at: float = 0.0
+) -> None:
+    """Raise AngleLost where a counting table may not be where it says.
+
+    ``counting`` is the table's own from the time of the scan; where it lasts the table is believed
+    wherever it stands. Where nobody knows of it the table must stand between the last frame and
+    the steps that may have followed, and one that counts zero is not believed: it may have
+    restarted. ``at``: rad, the angle of the scan at the table's zero.
     """
     last = scan.last_angle
     if not isinstance(turntable, Counting) or math.isnan(last):
         return
-    there, step = turntable.angle, math.radians(abs(plan.step_deg))
+    noted = isinstance(turntable, Noted)
+    same = turntable.still(counting) if isinstance(turntable, Noted) else None
+    if same:
+        return
+    there, step = turntable.angle + at, math.radians(abs(plan.step_deg))
     onwards = (there - last) * math.copysign(1.0, plan.step_deg)
-    if not turntable.remembers or abs(there) < _AGREES:
-        said = "it has restarted, or counts zero as after a restart"
-    elif -_AGREES <= onwards <= 1.25 * step + _AGREES:
+    if alarm := getattr(turntable, "alarm", ""):
+        said = str(alarm).partition(" → ")[0]
+    elif not turntable.remembers or (not noted and abs(turntable.angle) < _AGREES):
+        said = "it has restarted, or counts zero as after a restart, or was switched off since"
+    elif same is False:
+        said = "its zero was set anew since"
+    elif -_AGREES <= onwards <= _AHEAD * step + _AGREES:
         return
     else:
         said = f"{math.degrees(there):.3f}°"
@@ -75,7 +110,7 @@ def check_angle(plan: Plan, scan: Scan, turntable: Turntable) -> None:
     )
 
 
-def reindexed(turntable: Turntable, at: float) -> Turntable:
+def reindexed(turntable: Turntable, at: float) -> Shifted:
     """The table, of which a person says that it stands at ``at`` rad of the scan now.
 
     Raises InputError where that makes no sense because it does not count.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.devices import Camera, frame_deadline
+from turnscan.devices import Camera, alive, frame_deadline
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 
@@ -87,6 +87,7 @@ def auto_exposure(
         accepted, amplified = camera.configure(asked, gain)
         now = asked if math.isnan(accepted) else accepted
         image = camera.grab(frame_deadline(now, first=count == 1))
+        alive()
         peak = stripe_peak(image)
         seen.append(FoundExposure(now, amplified, peak, low <= peak <= high, count))
         if seen[-1].reached:

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -99,6 +100,8 @@ def look(
     off = dark if plan.dark_every else None
     seen = [statistics(signal_of(pictures[name, 0], off, weights)) for name in plan.sets]
     noise = max(s.noise for s in seen)
+    chosen = max(NOISE_FACTOR * noise, LEAST_THRESHOLD) if threshold is None else threshold
+    _check_threshold(chosen, first.dtype, noise, threshold is None)
     scan_plan = ScanPlan(
         width=first.shape[1],
         height=first.shape[0],
@@ -106,7 +109,7 @@ def look(
         channels=1 if first.ndim == 2 else 3,
         lasers=tuple(plan.sets),
         steps=plan.steps,
-        threshold=max(NOISE_FACTOR * noise, LEAST_THRESHOLD) if threshold is None else threshold,
+        threshold=chosen,
         keep=keep,
         orientation="vertical" if orientation == "vertical" else "horizontal",
         weights=weights,
@@ -117,6 +120,20 @@ def look(
     if not plan.dark_every:
         del pictures["", 0]
     return FirstLook(scan_plan, pictures, {0: accepted}, noise, sum(sizes) / len(sizes))
+
+
+def _check_threshold(threshold: float, dtype: np.dtype[Any], noise: float, by_noise: bool) -> None:
+    """Raise InputError where no pixel of this depth could reach it."""
+    top = np.iinfo(dtype).max
+    if threshold < top:
+        return
+    reason = f"chosen for a noise of {noise:.1f}, " if by_noise else ""
+    raise InputError(
+        f"threshold {threshold:g} grey levels, {reason}and a pixel of this camera goes to {top}",
+        hint="darken the room and look at the camera's gain"
+        if by_noise
+        else f"give less than {top}",
+    )
 
 
 def estimate(plan: Plan, first: FirstLook) -> int:

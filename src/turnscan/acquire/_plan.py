@@ -157,6 +157,10 @@ class Acquisition:
     camera: str
     turntable: str
     lasers: str
+    counting: str = ""
+    """The table's own, in which its angles are those of the scan; empty where it has none."""
+    at: float = 0.0
+    """rad, angle of the scan at the table's zero."""
 
 
 _Degrees = Annotated[str, Field(pattern=r"^-?\d{1,18}(/[1-9]\d{0,17})?$")]
@@ -199,6 +203,8 @@ class _AcquisitionText(_Strict):
     camera: str
     turntable: str
     lasers: str
+    counting: str = ""
+    at: float = 0.0
 
 
 def acquisition_to_json(what: Acquisition) -> str:
@@ -234,4 +240,4 @@ def acquisition_from_json(text: str, where: str) -> Acquisition:
         settle=p.settle,
         blind_steps=p.blind_steps,
     )
-    return Acquisition(plan, found.camera, found.turntable, found.lasers)
+    return Acquisition(plan, found.camera, found.turntable, found.lasers, found.counting, found.at)

@@ -16,13 +16,13 @@ from turnscan.errors import (
     DeviceError,
     DeviceRefused,
     InputError,
+    LeaseEnded,
     TurnscanError,
 )
 
 _TRIES = 2
-_LIT = 30.0
-"""s, and five exposures, that a laser burns at most for a picture that does not come."""
-_LONGEST_LIT = 120.0
+_LIGHTED = 4
+"""Times that a laser is lit for it each time, where it went out before the picture came."""
 _MOVE_TIMEOUT = 3600.0
 """s for one move; drivers have shorter ones of their own, and a person may be the driver."""
 
@@ -78,17 +78,22 @@ class Shooter:
             told = self._accepted[0]
             self._hw.lasers.check_exposure(seconds if math.isnan(told) else told)
         timeout = max(20.0 if self._first else 5.0, 5.0 * seconds)
-        longest = min(_LIT + 5.0 * seconds, _LONGEST_LIT)
         cause = ""
         for _ in range(_TRIES):
-            lighted = time.monotonic()
-            with burning(self._hw.lasers, lit, longest):
-                picture, cause = self._exposed(timeout)
-            if lit and time.monotonic() - lighted > longest:
-                picture, cause = None, f"it took longer than the {longest:g} s a laser stays lit"
+            picture, cause = self._lighted(lit, timeout)
             if picture is not None:
                 self._first = False
                 return picture, ""
+        return None, cause
+
+    def _lighted(self, lit: frozenset[str], timeout: float) -> tuple[Image | None, str]:
+        cause = ""
+        for _ in range(_LIGHTED):
+            try:
+                with burning(self._hw.lasers, lit):
+                    return self._exposed(timeout)
+            except LeaseEnded as e:
+                cause = e.message
         return None, cause
 
     def _exposed(self, timeout: float) -> tuple[Image | None, str]:

@@ -10,6 +10,7 @@ from turnscan.app._open_scan import OpenScan
 from turnscan.errors import ExportError, InputError
 from turnscan.export import ExportOptions, Profiles, audit, export
 from turnscan.points import profiles
+from turnscan.surface import settled
 
 
 def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportRequest) -> Job:
@@ -27,7 +28,7 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportR
 
     def work(job: Job) -> Result:
         job.steps(4)
-        mesh = edit.Compact.of(state.document.body).mesh
+        mesh = settled(edit.Compact.of(state.document.body).mesh)
         if not len(mesh.faces):
             raise InputError("there is no surface to export", hint="undo, or open another scan")
         lines = None

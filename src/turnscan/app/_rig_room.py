@@ -203,6 +203,8 @@ class RigRoom:
                 try:
                     seconds, _ = hardware.camera.configure(wish.seconds, wish.gain)
                     wait = frame_deadline(seconds if math.isfinite(seconds) else wish.seconds)
+                    if lit:  # the first picture may take long, and nothing needs light for it
+                        hardware.camera.grab(frame_deadline(wish.seconds, first=True))
                     while self._looking.is_set():
                         began = time.monotonic()
                         with burning(hardware.lasers, lit):

@@ -132,7 +132,7 @@ def _tell(output: Path, done: Reconstruction, found: Deviation, devices: Simulat
     for line in summary(done, devices.world.bench.rig):
         click.echo(line)
     click.echo(
-        f"deviation from the true shape: mean {found.mean:+.3f} mm, rms {found.rms:.3f} mm, "
+        f"deviation from the true shape, measured with the true rig: mean {found.mean:+.3f} mm, rms {found.rms:.3f} mm, "
         f"95 % within {found.quantile(0.95):.3f} mm, worst {np.abs(found.distance).max():.3f} mm"
     )
     for path in sorted(output.iterdir()):

@@ -52,7 +52,8 @@ def demo_report(
         html.paragraph(
             f"A simulated scan of the part “{part}” with the rig “{devices.wish.rig}”, seed "
             f"{devices.wish.seed}. The pictures hold speckle, photon and read noise, shadows and "
-            "defocus; the reconstruction knows nothing of the simulator except its rig."
+            "defocus. The reconstruction is told one thing by the simulator, its true rig: so the "
+            "deviations below hold no error of a calibration."
         ),
         html.table(["quantity", "value"], _rows(devices, found)),
         html.heading("What the camera saw"),

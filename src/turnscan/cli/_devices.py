@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -11,7 +12,14 @@ import click
 
 from turnscan.cli._hardware import addresses_of, device_options, ended_by_signals
 from turnscan.cli._numbers import Finite
-from turnscan.devices import camera_schemes, find_cameras, list_ports, probe_port
+from turnscan.devices import (
+    acknowledge_alarm,
+    camera_schemes,
+    find_cameras,
+    list_ports,
+    probe_port,
+)
+from turnscan.errors import DeviceNotFound, InputError
 from turnscan.findings import findings_json
 
 if TYPE_CHECKING:
@@ -21,12 +29,14 @@ if TYPE_CHECKING:
 @click.command("devices")
 @click.argument("ports", nargs=-1, metavar="[PORT]…")
 @click.option("--probe", is_flag=True, help="Open the ports and ask which board is behind them.")
+@click.option("--acknowledge", is_flag=True, help="You have looked: end the alarm of PORT's board.")
 @click.option("--exposure", type=Finite(), metavar="SECONDS", help="For --camera.  [default: 0.02]")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @device_options
 def verb(
     ports: tuple[str, ...],
     probe: bool,
+    acknowledge: bool,
     exposure: float | None,
     as_json: bool,
     devices: dict[str, str | None],
@@ -37,6 +47,9 @@ def verb(
     languages and at the baud rates turnscan knows; only words for dark and questions are sent. Exit
     code 1 when a named PORT does not answer.
 
+    With --acknowledge the board at PORT, found likewise or given by its address, is taken out of an
+    alarm; it says whether it still knows the angle of the table. Do that after you have looked.
+
     With --camera and --turntable (and --lasers), or --device, it does something else: each laser is
     lit for one picture, and the camera tells which is which.
     """
@@ -46,9 +59,12 @@ def verb(
         with ended_by_signals(), opened(addresses_of(devices)) as bench:
             _tell_lasers(which_laser(bench, exposure), as_json)
         return
+    if acknowledge:
+        _acknowledge(ports)
+        return
     listed = list_ports()
     asked = list(ports) or ([p.path for p in listed] if probe else [])
-    answers = [probe_port(path) for path in asked]
+    answers = [probe_port(path, tell=_say) for path in asked]
     cameras, findings = find_cameras()
     if as_json:
         report = {
@@ -77,6 +93,29 @@ def verb(
             click.echo("turnscan devices --probe asks which boards are behind the ports")
     if ports and not all(a.address for a in answers):
         sys.exit(1)
+
+
+def _say(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _acknowledge(ports: tuple[str, ...]) -> None:
+    """A person has looked at these machines. Raises InputError, DeviceError, SafetyError."""
+    if not ports:
+        raise InputError("--acknowledge: no PORT", hint="name the board's port, or its address")
+    for port in ports:
+        address = port
+        if ":" not in port or os.path.exists(port):
+            found = probe_port(port, tell=_say)
+            if not found.address:
+                raise DeviceNotFound(
+                    f"{port}: no board ({found.why_not.removeprefix(port + ': ')})"
+                )
+            address = found.address
+        alarm, kept = acknowledge_alarm(address)
+        was = "the alarm is over" if alarm else "there was no alarm"
+        angle = "kept; resume as usual" if kept else "lost; resume with --at-deg, or scan anew"
+        click.echo(f"{address}: {was}; the angle of its table is {angle}")
 
 
 def _tell_lasers(lasers: list[Seen], as_json: bool) -> None:

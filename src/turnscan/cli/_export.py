@@ -49,6 +49,7 @@ def verb(
         mesh = surface.decimate(dense, tolerance=decimate.tolerance, faces=decimate.faces)
         for finding in surface.decimation_findings(dense, mesh, decimate.faces):
             click.echo(str(finding), err=True)
+    mesh = surface.settled(mesh)
     options = replace(options, about={"source": source.name})
     for remark in write_results(dict.fromkeys(outputs, mesh), options):
         click.echo(str(remark), err=remark.severity != "note")

@@ -13,6 +13,7 @@ UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """mm in each unit that a file without a unit of its own may be in."""
 
 _MAX_RIG_BYTES = 16 * 2**20
+_START = 1 << 16
 _MAX_MESH_BYTES = 4 * 2**30
 
 
@@ -28,6 +29,12 @@ def read_bytes(path: Path, limit: int) -> bytes:
     if size > limit:
         raise LimitExceeded(f"{path}: {size} bytes; at most {limit} are read")
     return path.read_bytes()
+
+
+def read_start(path: Path) -> bytes:
+    """The first bytes of a file that is there, in which it says where it comes from."""
+    with path.open("rb") as file:
+        return file.read(_START)
 
 
 def read_mesh_file(path: Path, unit: str = "mm") -> Mesh:

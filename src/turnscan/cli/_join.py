@@ -26,7 +26,7 @@ from turnscan.edit import is_grid_edit
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions, exporter_for
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, to_grids, to_mesh
+from turnscan.pipeline import Reconstruction, source_of, to_grids, to_mesh
 from turnscan.points import RangeGrid, placed, without
 from turnscan.poses import Alignment
 from turnscan.rig import Pose, Rig, rig_hash
@@ -46,9 +46,6 @@ class _Source:
 
     name: str
     grids: list[RangeGrid]
-    """As wanted."""
-    meshed: list[RangeGrid]
-    """As a mesh wants them."""
     findings: list[Finding]
     rig: Rig | None = None
     start: Pose | None = None
@@ -126,7 +123,7 @@ def verb(
     ]
     _check_different(read)
     views = [
-        poses.view(s.name, [r for g in s.meshed for r in range_surfaces(g, settings.tears)])
+        poses.view(s.name, [r for g in s.grids for r in range_surfaces(g, settings.tears)])
         for s in read
     ]
     if known is not None:
@@ -190,7 +187,7 @@ def _read(
     """One pose in its own frame, clipped by its own volume."""
     if path.suffix.lower() == ".ply":
         grid, findings = read_range_scan(path, Pose(), unit, settings)
-        return _Source(name, [grid], [grid], findings, start=start)
+        return _Source(name, [grid], findings, start=start)
     with Scan.open(path) as scan:
         mine = rig_for(scan, rig)
         edits = history_of(scan).enabled
@@ -198,23 +195,23 @@ def _read(
         looks = sum(len(lit_in(n, mine)) * len(scan.steps(n)) for n in scan.plan.lasers)
         with progress(f"reading {name}", looks) as tick:
             sights = see(scan, mine, settings.stripes, volume, tick)
-            grids, meshed, _, findings = to_grids(sights, settings, edits)
+            grids, _, findings = to_grids(sights, settings, edits)
     idle = sum(not is_grid_edit(e.edit) for e in edits)
     if idle:
         text = (
             f"{idle} repairs of its mesh are left out: they belong to the mesh of this pose alone"
         )
         findings.append(Finding("poses.edits", "note", text, "", "repair the joined mesh"))
-    return _Source(name, grids, meshed, findings, mine)
+    return _Source(name, grids, findings, mine)
 
 
 def _check_different(read: Sequence[_Source]) -> None:
     """Raise InputError where two files hold the same points."""
     for k, a in enumerate(read):
         for b in read[:k]:
-            if len(a.meshed) == len(b.meshed) and all(
+            if len(a.grids) == len(b.grids) and all(
                 np.array_equal(x.points, y.points, equal_nan=True)
-                for x, y in zip(a.meshed, b.meshed, strict=True)
+                for x, y in zip(a.grids, b.grids, strict=True)
             ):
                 raise InputError(
                     f"{b.name} and {a.name}: the same scan twice", hint="give each pose once"
@@ -230,8 +227,7 @@ def _without(source: _Source, balls: Floats, diameter: float) -> _Source:
             away = np.fmin(away, np.linalg.norm(grid.points - ball, axis=2))
         return without(grid, away < _CUT * diameter / 2, StripeFlag.OUTSIDE)
 
-    grids, meshed = ([cut(g) for g in gs] for gs in (source.grids, source.meshed))
-    return replace(source, grids=grids, meshed=meshed)
+    return replace(source, grids=[cut(g) for g in source.grids])
 
 
 def _merged(read: Sequence[_Source], found: Alignment, settings: Settings) -> Reconstruction:
@@ -243,11 +239,13 @@ def _merged(read: Sequence[_Source], found: Alignment, settings: Settings) -> Re
     ]
     pairs = list(zip(read, found.poses, strict=True))
     grids = [placed(g, p, f"{s.name} {g.laser}") for s, p in pairs for g in s.grids]
-    meshed = [placed(g, p, f"{s.name} {g.laser}") for s, p in pairs for g in s.meshed]
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
-    opened, mesh, remarks = to_mesh(meshed, replace(settings, caps=caps))
+    opened, mesh, remarks = to_mesh(grids, replace(settings, caps=caps))
     findings += poses.alignment_findings(found) + remarks
-    return Reconstruction(tuple(grids), mesh, tuple(findings), (), opened)
+    source = replace(source_of(grids, None), moves=tuple(poses.pose_moves(found, mesh)))
+    return Reconstruction(
+        tuple(grids), mesh, tuple(findings), (), opened, source=source, along=settings.along
+    )
 
 
 def _sections(found: Alignment) -> list[Section]:

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 
-from turnscan.cli._input import read_mesh_file
+from turnscan.cli._input import read_mesh_file, read_start
 from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
-from turnscan.shapes import PlaneAngle, PlaneRegion, find_planes, plane_angles, volume_sigma
+from turnscan.export import read_about
+from turnscan.shapes import (
+    PlaneAngle,
+    PlaneRegion,
+    find_planes,
+    plane_angles,
+    volume_figures,
+    volume_in_words,
+    volume_sigma,
+)
 from turnscan.surface import Mesh, is_closed
 
+_SAME = 1e-6
+"""Relative: a volume that differs by more from what its file says is that of another mesh."""
 _SQUARE = np.deg2rad(20.0)
 """Sides within this of square or parallel are compared with it."""
 
@@ -34,8 +46,8 @@ _SQUARE = np.deg2rad(20.0)
     show_default=True,
     help="Least area of a side, as a part of the whole surface.",
 )
-@click.option("--sphere", is_flag=True, help="The sphere through all points.")
-@click.option("--cylinder", is_flag=True, help="The cylinder through all points.")
+@click.option("--sphere", is_flag=True, help="The sphere through all measured points.")
+@click.option("--cylinder", is_flag=True, help="The cylinder through all measured points.")
 @click.option("--json", "as_json", is_flag=True, help="The figures as JSON, unrounded.")
 def verb(
     file: Path,
@@ -48,13 +60,15 @@ def verb(
 ) -> None:
     """Measure the mesh in FILE (.ply .stl .obj .3mf .glb .dxf, mm).
 
-    Uncertainties follow from the scatter of the points about the fit; what a wrong calibration
-    does to all points alike is not in them.
+    Only what was measured is fitted, no vertex of a filling, as far as the file tells them apart
+    (an STL does not); points weigh 1/sigma² where the file knows their sigma (PLY). Uncertainties
+    follow from the scatter of the points about the fit; what a wrong calibration does to all points
+    alike is not in them.
     """
     mesh = read_mesh_file(file)
     if not len(mesh.vertices):
         raise InputError(f"{file}: no points", hint="give a file with a part in it")
-    result = _whole(mesh)
+    result = _whole(mesh, read_about(read_start(file)))
     if planes:
         if not len(mesh.faces):
             raise InputError(f"{file}: no faces", hint="flat sides are found on a mesh")
@@ -68,17 +82,25 @@ def verb(
     click.echo(json.dumps(result, indent=1) if as_json else "\n".join(_text(result)))
 
 
-def _whole(mesh: Mesh) -> dict[str, Any]:
+def _whole(mesh: Mesh, about: Mapping[str, object]) -> dict[str, Any]:
     closed = is_closed(mesh)
-    known = volume_sigma(mesh).total if closed else np.nan
     return {
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "bounds_mm": mesh.bounds.tolist(),
         "closed": closed,
-        "volume_mm3": mesh.volume if closed else None,
-        "volume_sigma_mm3": known if np.isfinite(known) else None,
+        **(_volume(mesh, about) if closed else {"volume_mm3": None, "volume_sigma_mm3": None}),
     }
+
+
+def _volume(mesh: Mesh, about: Mapping[str, object]) -> dict[str, float | None]:
+    """The volume of a closed mesh; where its file holds what was known when it was made, that."""
+    figures = volume_figures(mesh.volume, volume_sigma(mesh))
+    said = {k: v for k in figures if isinstance(v := about.get(k), float | int)}
+    whole = said.get("volume_mm3")
+    if whole is None or not np.isclose(whole, mesh.volume, rtol=_SAME, atol=0):
+        return figures
+    return {**dict.fromkeys(figures), **said, "volume_mm3": mesh.volume}
 
 
 def _plane(r: PlaneRegion) -> dict[str, Any]:
@@ -110,11 +132,12 @@ def _angle(a: PlaneAngle) -> dict[str, Any]:
 
 
 def _sphere(mesh: Mesh) -> dict[str, Any]:
-    from turnscan.shapes import fit_sphere
+    from turnscan.shapes import fit_sphere, measured_points
 
-    s = fit_sphere(mesh.vertices)
+    s = fit_sphere(*measured_points(mesh))
     sigma = np.sqrt(np.diag(s.covariance))
     return {
+        "points": s.count,
         "centre_mm": s.centre.tolist(),
         "centre_sigma_mm": sigma[:3].tolist(),
         "radius_mm": s.radius,
@@ -124,11 +147,12 @@ def _sphere(mesh: Mesh) -> dict[str, Any]:
 
 
 def _cylinder(mesh: Mesh) -> dict[str, Any]:
-    from turnscan.shapes import fit_cylinder
+    from turnscan.shapes import fit_cylinder, measured_points
 
-    c = fit_cylinder(mesh.vertices)
+    c = fit_cylinder(*measured_points(mesh))
     sigma = np.sqrt(np.diag(c.covariance))
     return {
+        "points": c.count,
         "point_mm": c.point.tolist(),
         "axis": c.axis.tolist(),
         "axis_sigma_deg": float(np.rad2deg(max(sigma[:2]))),
@@ -141,10 +165,7 @@ def _cylinder(mesh: Mesh) -> dict[str, Any]:
 def _text(r: dict[str, Any]) -> list[str]:
     low, high = r["bounds_mm"]
     size = " × ".join(f"{b - a:.3f}" for a, b in zip(low, high, strict=True))
-    wide = "" if r["volume_sigma_mm3"] is None else f" ± {r['volume_sigma_mm3']:.3g}"
-    volume = (
-        f"volume {r['volume_mm3']:.3f}{wide} mm³" if r["closed"] else "not closed, so no volume"
-    )
+    volume = f"volume {volume_in_words(r)}" if r["closed"] else "not closed, so no volume"
     lines = [f"{r['vertices']} vertices, {r['faces']} faces, {size} mm, {volume}"]
     for number, p in enumerate(r.get("planes", ()), start=1):
         normal = ", ".join(f"{x:+.4f}" for x in p["normal"])
@@ -165,13 +186,14 @@ def _text(r: dict[str, Any]) -> list[str]:
         centre = ", ".join(f"{x:.4f}" for x in s["centre_mm"])
         lines.append(
             f"sphere: radius {s['radius_mm']:.4f} ± {s['radius_sigma_mm']:.4f} mm, centre "
-            f"({centre}) mm, rms {s['rms_mm']:.4f} mm"
+            f"({centre}) mm, rms {s['rms_mm']:.4f} mm over {s['points']} measured points"
         )
     if "cylinder" in r:
         c = r["cylinder"]
         axis = ", ".join(f"{x:+.5f}" for x in c["axis"])
         lines.append(
             f"cylinder: radius {c['radius_mm']:.4f} ± {c['radius_sigma_mm']:.4f} mm, axis "
-            f"({axis}) ± {c['axis_sigma_deg']:.4f}°, rms {c['rms_mm']:.4f} mm"
+            f"({axis}) ± {c['axis_sigma_deg']:.4f}°, rms {c['rms_mm']:.4f} mm over "
+            f"{c['points']} measured points"
         )
     return lines

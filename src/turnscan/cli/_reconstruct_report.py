@@ -22,7 +22,7 @@ from turnscan.pipeline import Reconstruction, source_of
 from turnscan.points import profiles, systematic_sigma
 from turnscan.rig import Rig, rig_hash
 from turnscan.settings import Settings
-from turnscan.shapes import volume_sigma
+from turnscan.shapes import volume_figures, volume_in_words, volume_sigma
 from turnscan.surface import is_closed
 
 _OF_PICTURES = (
@@ -30,8 +30,7 @@ _OF_PICTURES = (
     "volume",
     "shortest",
     "every",
-    "spacing",
-    "spacing_by",
+    "along",
     "between",
     "denoise",
 )
@@ -88,7 +87,7 @@ def figures(done: Reconstruction, rig: Rig | None) -> dict[str, Any]:
     """The result in numbers."""
     mesh = done.mesh
     lasers = []
-    for g in done.grids:
+    for g in done.spaced:
         rigs = np.zeros(0) if rig is None else systematic_sigma(rig, g)
         known = g.sigma[~np.isnan(g.sigma)]
         lasers.append(
@@ -107,16 +106,17 @@ def figures(done: Reconstruction, rig: Rig | None) -> dict[str, Any]:
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "closed": closed,
-        "volume_mm3": mesh.volume if closed else None,
-        "volume_sigma_mm3": _volume_sigma(done, rig) if closed else None,
+        **volume_of(done, rig),
         "bounds_mm": mesh.bounds.tolist() if len(mesh.vertices) else None,
     }
 
 
-def _volume_sigma(done: Reconstruction, rig: Rig | None) -> float | None:
-    """Standard uncertainty; None where the points' own is not known."""
-    total = volume_sigma(done.mesh, source_of(done.grids, rig)).total
-    return total if np.isfinite(total) else None
+def volume_of(done: Reconstruction, rig: Rig | None) -> dict[str, float | None]:
+    """What `volume_figures` says of the part; nothing but None where it is open."""
+    if not is_closed(done.mesh):
+        return {"volume_mm3": None, "volume_sigma_mm3": None}
+    source = done.source or source_of(done.grids, rig)
+    return volume_figures(done.mesh.volume, volume_sigma(done.mesh, source))
 
 
 def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
@@ -132,11 +132,13 @@ def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
     if f["vertices"]:
         low, high = f["bounds_mm"]
         size = " × ".join(f"{b - a:.2f}" for a, b in zip(low, high, strict=True))
-        known = f["volume_sigma_mm3"]
-        wide = "" if known is None else f" ± {known:.3g}"
-        volume = f", volume {f['volume_mm3']:.2f}{wide} mm³" if f["closed"] else ", open"
+        volume = f", volume {volume_in_words(f)}" if f["closed"] else ", open"
         lines.append(f"mesh: {f['vertices']} vertices, {f['faces']} faces, {size} mm{volume}")
     return lines + holes_line(done)
+
+
+def _known(figures: dict[str, float | None]) -> dict[str, float]:
+    return {k: v for k, v in figures.items() if v is not None}
 
 
 @dataclass(frozen=True)
@@ -167,10 +169,10 @@ def finish(
         click.echo(str(finding), err=True)
     failed = any(f.severity == "error" for f in done.findings)
     if not failed:
-        options = replace(options, about=told)
+        options = replace(options, about={**told, **_known(volume_of(done, rig))})
         lines: dict[str, tuple[object, ...]] = {}
         if "profiles" in options.dxf_forms:
-            for grid in done.grids:
+            for grid in done.spaced:
                 runs = [p.points for step in profiles(grid) for p in step]
                 lines[grid.laser] = (*lines.get(grid.laser, ()), *runs)
         held = Profiles(lines) if lines else None  # type: ignore[arg-type]

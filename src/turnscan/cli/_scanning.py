@@ -12,6 +12,7 @@ import click
 from turnscan.acquire import Event, FirstLook, Hardware, Missing, Plan, StepDone, run
 from turnscan.cli._hardware import was_interrupted
 from turnscan.cli._progress import progress
+from turnscan.devices import Steady
 from turnscan.errors import TurnscanError
 from turnscan.scan import Scan
 from turnscan.station import steps_left
@@ -48,6 +49,8 @@ def take(plan: Plan, hardware: Hardware, scan: Scan, first: FirstLook | None) ->
                 click.echo(what, err=True)
 
         outcome = run(plan, hardware, scan, first=first, listener=listen)
+    if isinstance(hardware.camera, Steady) and (again := hardware.camera.told):
+        click.echo(f"camera: {again}", err=True)
     lost = f", {outcome.missing} missing" if outcome.missing else ""
     click.echo(f"{scan.path}: {outcome.frames} frames taken{lost}; whole")
 

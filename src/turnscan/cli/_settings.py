@@ -14,7 +14,7 @@ from turnscan.cli._caps import caps_options
 from turnscan.cli._decimation import Fewer, decimate_option
 from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
-from turnscan.points import Between, Volume, working_volume
+from turnscan.points import Along, Between, Volume, working_volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in
 from turnscan.settings import Settings
@@ -85,14 +85,15 @@ def settings_options(command: Command) -> Command:
         "the steps are small enough; auto: the same, without a word where they are not.",
     )
     @click.option("--threshold", type=_length, help="Grey levels; without it from the noise.")
-    @click.option("--spacing", type=_length, help="mm between points along a profile.")
+    @click.option(
+        "--spacing", type=_length, help="mm between points along a profile; both ends of it stay."
+    )
     @click.option(
         "--spacing-by",
         type=click.Choice(["height", "arc"]),
         default="height",
         show_default=True,
-        help="Points at common heights, or at equal length along each profile; the latter are for "
-        "--dxf-form profiles, and the mesh keeps the points as measured.",
+        help="Points at common heights, or at equal length along each profile.",
     )
     @click.option(
         "--spacing-between",
@@ -173,8 +174,7 @@ def settings_options(command: Command) -> Command:
                 strategy=strategy, choose=choose, refine=refine, threshold=threshold
             ),
             every=every,
-            spacing=spacing,
-            spacing_by=spacing_by,
+            along=None if spacing is None else Along(spacing, spacing_by),
             between=spacing_between,
             island=island,
             clean=replace(usual, support=0, piece=0.0) if keep_strays else usual,

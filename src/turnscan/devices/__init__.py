@@ -3,11 +3,17 @@
 from turnscan.devices._aravis import aravis_library
 from turnscan.devices._cameras import camera_schemes, find_cameras, open_camera
 from turnscan.devices._discover import Answer, Port, list_ports, probe_port
-from turnscan.devices._lit import burning
+from turnscan.devices._lit import alive, burning
 from turnscan.devices._options import split_address
 from turnscan.devices._pixels import image_of
 from turnscan.devices._protocols import Camera, CameraTraits, Lasers, Sweeping, Turntable
-from turnscan.devices._registry import Devices, open_devices, open_lasers, open_turntable
+from turnscan.devices._registry import (
+    Devices,
+    acknowledge_alarm,
+    open_devices,
+    open_lasers,
+    open_turntable,
+)
 from turnscan.devices._steady import Steady, frame_deadline
 
 __all__ = [
@@ -20,6 +26,8 @@ __all__ = [
     "Steady",
     "Sweeping",
     "Turntable",
+    "acknowledge_alarm",
+    "alive",
     "aravis_library",
     "burning",
     "camera_schemes",

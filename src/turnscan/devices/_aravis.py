@@ -11,8 +11,10 @@ from typing import Any
 
 from turnscan.arrays import Image
 from turnscan.devices._gain import gain_of_node, gain_to_node
+from turnscan.devices._lit import alive
 from turnscan.devices._options import check_wish, split_address, whole_of
 from turnscan.devices._pixels import image_of
+from turnscan.devices._protocols import CameraTraits
 from turnscan.errors import (
     DeviceDisconnected,
     DeviceError,
@@ -27,18 +29,20 @@ _PREFERRED = ("Mono8", "Mono16", "Mono12", "BayerRG8", "BayerGR8", "BayerGB8", "
 
 
 class AravisCamera:
-    """``aravis:NAME[?format=Mono8&width=…&height=…&lag=2]``: a camera that Aravis finds.
+    """``aravis:NAME[?format=Mono8&width=…&height=…&lag=2&packet=8192]``: one that Aravis finds.
 
     NAME is the identity, serial number, model or address; without it, the first. A camera that
     can is triggered by software; of another the pictures in the buffers and then ``lag`` more are
     thrown away before each grab. Picture numbers of the camera are not relied on: they wrap.
+    Packets are as large as the network is found to take, or have ``packet`` bytes; the camera is
+    asked again for those that get lost, where it can.
 
     Raises DeviceNotFound where Aravis or the camera is missing, DeviceRefused where another
     program has the camera or it cannot have this format or size.
     """
 
     def __init__(self, address: str) -> None:
-        wanted, options = split_address(address, ("format", "width", "height", "lag"))
+        wanted, options = split_address(address, ("format", "width", "height", "lag", "packet"))
         self._name = f"aravis:{wanted}"
         self._lag = whole_of(options, "lag", 2, 0, 100)
         self._aravis = aravis_library()
@@ -96,6 +100,23 @@ class AravisCamera:
         self._triggered = bool(camera.is_software_trigger_supported())
         if self._triggered:
             camera.set_trigger("Software")
+        # What a trigger makes was not exposed before it, however soon it comes.
+        self.traits = CameraTraits(instant=self._triggered)
+        if camera.is_gv_device():
+            self._set_packets(whole_of(options, "packet", 0, 0, 65535))
+
+    def _set_packets(self, wanted: int) -> None:
+        """Raises DeviceRefused for a size that the camera cannot have."""
+        from gi.repository import GLib
+
+        if not wanted:
+            with contextlib.suppress(GLib.Error):  # a camera that cannot be asked
+                self._camera.gv_auto_packet_size()
+            return
+        self._camera.gv_set_packet_size(wanted)
+        has = self._camera.gv_get_packet_size()
+        if has != wanted:
+            raise DeviceRefused(f"{self._name}: packets of {wanted} bytes", hint=f"it has {has}")
 
     def configure(self, seconds: float, gain: float) -> tuple[float, float]:
         """Set and read back; NaN for what this camera does not have."""
@@ -160,6 +181,7 @@ class AravisCamera:
         left = max(until - time.monotonic(), 0.0)
         buffer = self._stream.timeout_pop_buffer(int(left * 1e6))
         if buffer is not None:
+            alive()
             return buffer
         self._restart = True
         self._check_there()
@@ -173,7 +195,8 @@ class AravisCamera:
             self._restart = True
             raise DeviceGarbled(
                 f"{self._name}: a picture with parts missing ({status.value_nick})",
-                hint="look at the network: a cable of its own, and jumbo packets",
+                hint="look at the network: a cable of its own, and larger packets (packet=8192 in "
+                "its address, where the network takes them)",
             )
         size = buffer.get_image_width(), buffer.get_image_height()
         if size != self._size:

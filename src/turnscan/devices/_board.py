@@ -7,16 +7,24 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from turnscan.devices._guard import LONGEST_LEASE
+from turnscan.devices._left import Ledger, Left, new_counting
 from turnscan.devices._lines import Lines
 from turnscan.devices._link import Deadlines, Link
-from turnscan.devices._sentences import Kind, Sentence, sentence
+from turnscan.devices._sentences import (
+    Kind,
+    Sentence,
+    look_and_acknowledge,
+    lost_place,
+    sentence,
+)
 from turnscan.devices._steps import Steps
 from turnscan.errors import (
     DeviceAlarm,
+    DeviceDisconnected,
     DeviceError,
     DeviceGarbled,
     DeviceRefused,
@@ -24,9 +32,15 @@ from turnscan.errors import (
     DeviceTimeout,
     InterlockOpen,
     LaserStateUnknown,
+    LeaseEnded,
     SafetyError,
     TurnscanError,
 )
+
+_SETTLING = 0.03
+"""s between two looks at a table that slows down."""
+FEW_TURNS = 16
+"""So far from its zero a board's count is exact."""
 
 _NEEDS_A_PERSON = (
     DeviceAlarm, DeviceRestarted, DeviceTimeout, DeviceGarbled, InterlockOpen,
@@ -66,8 +80,9 @@ class Board(ABC):
         self._unsettled = False
         self._lit: frozenset[str] = frozenset()
         self._lost: TurnscanError | None = None
-        self._unit = 0
-        self._remembers = True
+        self._remembers = False
+        self._left = Left(new_counting(), 0, 0)
+        self._ledger: Ledger | None = None
         self._steps = setup.steps or Steps(Fraction(self._default_units()))
         try:
             self._lines.clear()
@@ -84,17 +99,33 @@ class Board(ABC):
 
     @property
     def angle(self) -> float:
-        """rad where the table stands, counted from the board's own zero where `remembers`."""
+        """rad where the table stands, counted from where it was zero in this `counting`."""
         return self._steps.angle_of(self._unit)
 
     @property
     def remembers(self) -> bool:
-        """Whether `angle` at connecting came from the board, which had kept it; otherwise it is 0.
+        """Whether `angle` at connecting was that of an earlier time; otherwise it counts anew.
 
-        After a restart a board counts from zero: an angle that differs from what a scan file says
-        means that the angle is lost.
+        A board that counts zero may just as well have restarted; it is believed only where this
+        computer has noted that the table was left there.
         """
         return self._remembers and self._lost is None
+
+    @property
+    def counting(self) -> str:
+        """Names the stretch in which `angle` has one and the same zero; empty where not noted."""
+        kept = self._ledger is not None and self._ledger.kept
+        return self._left.counting if kept else ""
+
+    def still(self, counting: str) -> bool | None:
+        """Whether `angle` has the zero that it had in that `counting`; None where nobody knows."""
+        if self._lost is not None:
+            return False
+        if counting and self._left.counting == counting:
+            return True
+        if not self._remembers:
+            return False
+        return None if not counting or self._left.adopted else False
 
     @property
     def alarm(self) -> str:
@@ -106,15 +137,16 @@ class Board(ABC):
 
         Raises DeviceRefused when `stop` was called, InputError for an angle that is none.
         """
-        target = self._steps.unit_of(angle)
+        nearest = self._steps.unit_of(angle)
         end = time.monotonic() + timeout
         with self._command(timeout):
             if self._lit:
                 self._switch(frozenset(), 1.0)
             self._stop.clear()
+            target = self._reachable(nearest)
             beyond = self._steps.unit_of(self.setup.overshoot)
             if target < self._unit and beyond:
-                self._leg(target - beyond, end)
+                self._leg(self._reachable(target - beyond), end)
             if target != self._unit:
                 self._leg(target, end)
         reached = self._steps.angle_of(target)
@@ -151,29 +183,32 @@ class Board(ABC):
         if b"ALARM" in heard:
             self._lose(DeviceAlarm(
                 f"{self.setup.port}: lasers were switched off while the table turned",
-                hint="the position is lost: set the table to its mark, then acknowledge",
+                hint=lost_place(self.setup.port),
             ))  # fmt: skip
 
     def acknowledge(self) -> None:
-        """A person has looked: the table stands at zero from now on."""
+        """A person has looked and set the table to its mark: it stands at zero from now on."""
         with self._locked(self._d.acknowledge):
             self._lines.clear()
             self._unlock()
             self._zero()
-            self._lost, self._unit, self._unsettled = None, 0, False
+            self._lost, self._unsettled, self._remembers = None, False, True
+            self._note(replace(self._left, fresh=False))
             self._settle()
+
+    def look_over(self) -> bool:
+        """A person has looked and turned nothing: the alarm is over. Whether `angle` was kept."""
+        with self._locked(self._d.acknowledge):
+            self._lines.clear()
+            self._unlock()
+            self._lost, self._unsettled = None, False
+            self._settle()
+        return self._remembers
 
     def close(self) -> None:
         """Dark, and let go of the port. Raises LaserStateUnknown."""
         self._stop.set()
         self._link.close()
-
-    def _found_locked(self) -> None:
-        """Connected to a board that waits for a person; it is believed, not unlocked."""
-        self._lose(DeviceAlarm(
-            f"{self.setup.port}: the board was found in an alarm",
-            hint="look at the machine, set the table to its mark, then acknowledge",
-        ))  # fmt: skip
 
     # What a dialect adds.
 
@@ -188,8 +223,13 @@ class Board(ABC):
     def _settle(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Set the modes again after a dark. Raises DeviceRestarted where the place is lost."""
 
-    def _zero(self) -> None:  # noqa: B027 (a hook that may stay empty)
-        """Where the table stands is the board's zero from now on."""
+    def _count(self) -> int | None:
+        """Units that the board says it has turned; None where it cannot say."""
+        return None
+
+    def _zero(self) -> None:
+        """Where the table stands is zero from now on."""
+        self._lose_count(self._count() or 0, 0)
 
     def _unlock(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Take a board out of its alarm."""
@@ -197,6 +237,41 @@ class Board(ABC):
     @abstractmethod
     def _go(self, unit: int, end: float) -> None:
         """Turn there and be at rest; the counted unit is the caller's business."""
+
+    def _tolerance(self) -> int:
+        """Units by which the board may tell its place wrong."""
+        return 0
+
+    def _before_move(self) -> None:  # noqa: B027 (a hook that may stay empty)
+        """Make sure that the board is as it was left; until then nothing turns."""
+
+    def _come_to_rest(self) -> None:  # noqa: B027 (a hook that may stay empty)
+        """A move was broken off: let the table come to rest, and note where it is."""
+
+    def _reachable(self, unit: int) -> int:
+        """The unit nearest to one at which the board can stop."""
+        return unit
+
+    def _hold_still(self, ask: str) -> Sentence:
+        """Hold, of GRBL and its kin; the status once the table is at rest.
+
+        Raises DeviceTimeout where it does not come to rest.
+        """
+        end = time.monotonic() + self._d.acknowledge + self._d.move_extra
+        self._lines.clear()
+        self._link.write(b"!")
+        before = None
+        while True:
+            self._link.write(ask.encode("ascii"))
+            while (said := sentence(self._lines.next(end, "'?'"))).kind is not Kind.STATUS:
+                if said.kind in (Kind.ALARM, Kind.BANNER):
+                    raise said.as_error(self.setup.port)
+            slowing = said.fields["state"] in ("Run", "Jog") or said.text.startswith("<Hold:1")
+            place = said.fields.get("MPos")
+            if not slowing and place == before:
+                return said
+            before = place
+            time.sleep(_SETTLING)
 
     def _halt(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Ask a turning board to stop; called from any thread."""
@@ -223,7 +298,7 @@ class Board(ABC):
             if self._lost is not None:
                 raise DeviceAlarm(
                     f"{self.setup.port}: waits for a person after: {self._lost.message}",
-                    hint="look at the machine, set the table to its mark, then acknowledge",
+                    hint=look_and_acknowledge(self.setup.port),
                 )
             try:
                 if self._unsettled:
@@ -233,9 +308,13 @@ class Board(ABC):
                 self._lines.expect_nothing()
                 yield
             except BaseException as e:
+                # A dark from another thread, which waits for the table's rest, is no alarm.
+                interrupted = isinstance(e, DeviceAlarm) and self._unsettled
                 if not isinstance(e, LaserStateUnknown):
                     self._panic(e)
-                if isinstance(e, _NEEDS_A_PERSON):
+                if isinstance(e, _NEEDS_A_PERSON) and not (
+                    interrupted or isinstance(e, LeaseEnded)
+                ):
                     self._lose(e)
                 raise
 
@@ -257,13 +336,22 @@ class Board(ABC):
             error.add_note(f"and then: {e}")
 
     def _lose(self, error: TurnscanError) -> None:
+        if isinstance(error, DeviceRestarted):
+            self._lose_count(self._unit - self._left.base, self._unit)
+        elif isinstance(error, DeviceAlarm) and self._left.target is not None:
+            self._note(replace(self._left, alarmed=True))
         if self._lost is None:
             self._lost = error
 
     def _switch(self, lit: frozenset[str], lease: float) -> None:
         mask = sum(1 << i for i, name in enumerate(self.names) if name in lit)
         self._lit = self._lit | lit
-        self._link.light(mask, lease)
+        try:
+            self._link.light(mask, lease)
+        except DeviceTimeout:
+            with contextlib.suppress(DeviceGarbled):
+                self._lines.expect_nothing()  # an alarm that came before says why
+            raise
         self._lines.expect_nothing()  # a door that opened while it was lit
         self._lit = lit
 
@@ -274,22 +362,86 @@ class Board(ABC):
             there = target
             if piece is not None:
                 there = self._unit + max(-piece, min(piece, target - self._unit))
+                there = self._reachable(there)
             if self._stop.is_set():
                 raise DeviceRefused(f"{self.setup.port}: stopped")
+            self._turn(there, end)
+
+    def _turn(self, there: int, end: float) -> None:
+        """One move; where it is broken off the table comes to rest, so that its place is known."""
+        self._before_move()
+        self._note(replace(self._left, target=there, sent=False, fresh=False))
+        try:
             self._go(there, end)
-            self._unit = there
+        except BaseException as e:
+            if not isinstance(e, (DeviceDisconnected, SafetyError, DeviceAlarm, DeviceRestarted)):
+                with contextlib.suppress(TurnscanError):
+                    self._come_to_rest()
+            raise
+        self._note(replace(self._left, unit=there, target=None, sent=False, alarmed=False))
 
-    def _turn_end(self, base: int, target: int) -> int | None:
-        """The whole turn from ``base`` that a move crosses, where a board's zero is set anew."""
-        turns = int(Fraction(target - base) / self._steps.per_turn)
-        if turns == 0 or self._steps.per_turn.denominator != 1:
+    def _rebased(self, unit: int) -> int | None:
+        """The whole turn at which the board is to count from zero again, before it counts too far.
+
+        None where a move to ``unit`` needs no such thing.
+        """
+        turns = int(Fraction(unit - self._left.base) / self._steps.per_turn)
+        if abs(turns) < FEW_TURNS or self._steps.per_turn.denominator != 1:
             return None
-        return base + int(turns * self._steps.per_turn)
+        return self._left.base + int(turns * self._steps.per_turn)
 
-    def _moved_by_itself(self, place: float, expected: float) -> DeviceRestarted:
+    # Where the table is.
+
+    @property
+    def _unit(self) -> int:
+        return self._left.unit
+
+    def _note(self, left: Left) -> None:
+        """What is known of the table, from now on and for the next who connects."""
+        self._left = left
+        if self._ledger is not None:
+            self._ledger.write(left)
+
+    def _found(self, count: int | None, *, locked: bool = False) -> None:
+        """Connected: where the table stands by the board's own count and by what was noted.
+
+        ``count`` is None where the board has none. ``locked``: it waits in an alarm.
+        """
+        self._ledger = Ledger(self.setup.port, type(self).__name__, self._steps)
+        before = self._ledger.read()
+        place = None if before is None else before.place(count, self._tolerance(), locked=locked)
+        self._remembers = True
+        if before is not None and place is not None:
+            self._remembers = not before.fresh
+            self._note(replace(before, unit=place, target=None, sent=False, alarmed=False))
+        elif before is None and count and not locked:
+            self._note(Left(new_counting(), 0, count, adopted=True))
+        else:
+            self._lose_count(count or 0, count or 0)
+        if locked:
+            self._lose(DeviceAlarm(
+                f"{self.setup.port}: the board was found in an alarm",
+                hint=look_and_acknowledge(self.setup.port),
+            ))  # fmt: skip
+
+    def _lose_count(self, count: int, unit: int) -> None:
+        """What was counted is worth nothing any more: from now on ``count`` means ``unit``."""
+        self._remembers = False
+        self._note(Left(new_counting(), unit - count, unit, fresh=True))
+
+    def _agree(self, count: int | None = None) -> None:
+        """The table is at rest. Raises DeviceRestarted where it is not where it was left."""
+        count = self._count() if count is None else count
+        place = self._left.place(count, self._tolerance(), watched=True)
+        if place is None:
+            raise self._elsewhere(count, self._unit)
+        self._note(replace(self._left, unit=place, target=None, sent=False, alarmed=False))
+
+    def _elsewhere(self, count: int | None, unit: int) -> DeviceRestarted:
         return DeviceRestarted(
-            f"{self.setup.port}: the board stands at {place:g}, it was left at {expected:g}",
-            hint="its position is lost: set the table to its mark, then acknowledge",
+            f"{self.setup.port}: the board counts {count} steps where {unit - self._left.base} are "
+            "right",
+            hint=lost_place(self.setup.port),
         )
 
     def _ask(

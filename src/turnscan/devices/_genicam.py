@@ -12,6 +12,7 @@ from typing import Any
 
 from turnscan.arrays import Image
 from turnscan.devices._gain import gain_of_node, gain_to_node
+from turnscan.devices._lit import alive
 from turnscan.devices._options import check_wish, split_address, whole_of
 from turnscan.devices._pixels import image_of
 from turnscan.errors import (
@@ -149,6 +150,7 @@ class GenicamCamera:
         left = until - time.monotonic()
         buffer = self._camera.try_fetch(timeout=left) if left > 0 else None
         if buffer is not None:
+            alive()
             return buffer
         self._restart = True
         if time.monotonic() < until:

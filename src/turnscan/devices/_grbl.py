@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from fractions import Fraction
 
 from turnscan.devices._board import Board
@@ -36,6 +35,12 @@ class GrblBoard(Board):
                 f"{self.setup.port}: GRBL has soft limits, which a turntable has not",
                 hint="send $20=0",
             )
+        for key in ("$100", "$110", "$120"):
+            if number[key] <= 0:
+                raise DeviceRefused(
+                    f"{self.setup.port}: GRBL has {key}={values[key]}, with which nothing turns",
+                    hint="set steps/°, °/min and °/s² of the table: $100, $110, $120",
+                )
         per_degree = number["$100"]
         if self.setup.steps is None:
             self._steps = Steps(Fraction(round(per_degree * 360)))
@@ -49,89 +54,75 @@ class GrblBoard(Board):
         if self.setup.speed is not None:
             self._rate = min(self._rate, math.degrees(self.setup.speed) * 60)
         self._acceleration = float(number["$120"])
-        self._offset = 0.0
-        if self._status().fields["state"] == "Alarm":
-            self._found_locked()
-            return
-        per_turn = float(self._steps.per_turn)
-        self._unit = round(self._position() / 360 * per_turn)
-        self._settle()
+        self._per_degree = float(per_degree)
+        inches = values.get("$13") == "1"  # of reports alone; lines are in G21
+        self._told_in, self._shown = (25.4, 0.00254) if inches else (1.0, 0.001)
+        status = self._status()
+        locked = status.fields["state"] == "Alarm"
+        self._found(self._steps_at(status), locked=locked)
+        if not locked:
+            self._settle()
 
     def _unlock(self) -> None:
         self._ask("$X\n")
 
     def _settle(self) -> None:
         self._ask("G21 G90 G94\n")
-        place = self._position()
-        if self._misses(place, expected := self._degrees(self._unit) + self._offset):
-            raise self._moved_by_itself(place, expected)
+        self._agree()
         self._rebase()
-
-    def _zero(self) -> None:
-        self._offset = self._position()
 
     def _rebase(self) -> None:
         self._ask("G92 X0\n")
-        self._base, self._base_position = self._unit, self._position()
+        self._zeroed = self._unit
+
+    def _tolerance(self) -> int:
+        return int(self._shown * self._per_degree)
+
+    def _steps_at(self, status: Sentence) -> int:
+        """Steps of the machine, which no G92 changes."""
+        place = status.fields.get("MPos", status.fields.get("WPos"))
+        if place is None:
+            raise DeviceGarbled(f"{self.setup.port}: no position in {status.text}")
+        return round(float(place.split(",")[0]) * self._told_in * self._per_degree)
 
     def _degrees(self, unit: int) -> float:
         return float(self._steps.degrees_of(unit))
 
-    def _misses(self, place: float, expected: float) -> bool:
-        """Whether two positions of the board are not the same microstep; it shows 0.001°."""
-        return abs(place - expected) > 0.4 * 360 / float(self._steps.per_turn) + 0.002
-
     def _status(self) -> Sentence:
         return self._ask("?", until=Kind.STATUS)
 
-    def _position(self) -> float:
+    def _count(self) -> int:
         status = self._status()
         if status.is_door:
             raise status.as_error(self.setup.port)
         if status.fields["state"] != "Idle":
             raise DeviceGarbled(f"{self.setup.port}: {status.text} where it should be at rest")
-        place = status.fields.get("MPos", status.fields.get("WPos"))
-        if place is None:
-            raise DeviceGarbled(f"{self.setup.port}: no position in {status.text}")
-        return float(place.split(",")[0])
+        return self._steps_at(status)
 
     def _go(self, unit: int, end: float) -> None:
-        if abs(unit - self._base) > self._steps.per_turn and unit != self._base:
+        if abs(unit - self._zeroed) > self._steps.per_turn and unit != self._zeroed:
             self._rebase()
-        x = self._steps.degrees_of(unit - self._base)
+        x = self._steps.degrees_of(unit - self._zeroed)
         distance = self._degrees(unit - self._unit)
         expected = travel_time(distance, self._rate / 60, self._acceleration)
         self._ask(f"G1 X{decimal(x, 5)} F{self._rate:.0f}\n")
         self._finish(self._move_end(expected, end))
-        place = self._position()
-        if self._misses(place, expected := self._base_position + float(x)):
-            raise self._moved_by_itself(place, expected)
+        count = self._count()
+        if abs(count + self._left.base - unit) > self._tolerance():
+            raise self._elsewhere(count, unit)
 
     def _finish(self, end: float) -> None:
-        """Wait for the planner to run empty; or, when told to stop, hold, then forget the rest."""
+        """Wait for the planner to run empty; raises DeviceRefused when told to stop."""
         self._lines.expect_nothing()
         self._link.write(b"G4 P0\n")
-        while True:
-            data = self._lines.poll(0.02, end, "'G4 P0'")
-            if data is not None:
-                self._must_be_ok(data)
-                return
+        while (data := self._lines.poll(0.02, end, "'G4 P0'")) is None:
             if self._stop.is_set():
-                self._held(end)
+                raise DeviceRefused(f"{self.setup.port}: stopped")
+        self._must_be_ok(data)
 
-    def _held(self, end: float) -> None:
-        """Hold has been sent: wait until at rest, reset, keep the place, and say so."""
-        self._link.write(b"!")
-        while time.monotonic() < end:
-            status = self._status()
-            if status.text.startswith(("<Hold:0", "<Idle")) or (
-                "Hold" in status.text and status.fields.get("FS", "").startswith("0")
-            ):
-                place = float(status.fields["MPos"].split(",")[0])
-                turned = (place - self._base_position) / 360 * float(self._steps.per_turn)
-                self._unit = self._base + round(turned)
-                break
-        raise DeviceRefused(f"{self.setup.port}: stopped")
+    def _come_to_rest(self) -> None:
+        status = self._hold_still("?")
+        self._agree(self._steps_at(status))
 
     def _halt(self) -> None:
         if self._lock.locked():

@@ -1,20 +1,22 @@
-"""The laser guard: a tiny process that owns the port and goes dark whenever in doubt.
+"""The laser guard: a small process that owns the port and goes dark whenever in doubt.
 
-It runs as a script of its own, so it imports nothing but the standard library and pyserial (and,
-for an instrument, PyVISA). The scanner talks to the port only through it, in checked frames on its
-standard input and output:
+It runs as a program of its own (`_run_guard.py`), so it imports nothing but the standard library,
+pyserial (and, for an instrument, PyVISA) and `_dialects.py`. The scanner talks to the port only
+through it, in checked frames on its standard input and output:
 
     scanner → guard   W bytes to the port            L seq, lease, mask of the lasers to light
                       D seq: dark, from any state    E lease: what is lit may stay so long
                       Q dark and goodbye
     guard → scanner   R bytes from the port          H the port is open, and whether dark
-                      A seq, result, what it heard  U the port is gone
+                      A seq, result, what it heard   U the port is gone
+                      P the guard's loop goes round  K not confirmed dark; it keeps trying
 
 The lasers go dark on the end of its input (the scanner died, however), when a lease runs out that
 nobody renewed, on any frame that does not check, and when the board tells of an alarm or an open
 door; after that nothing is lit before the scanner itself has asked for dark. No lease is longer
-than 2 s. These are the only bytes in turnscan that light a laser, and nothing else can send them: a
-W frame with such a line is refused.
+than 2 s. A dark that the board does not confirm is repeated every second, also after the scanner
+has gone and while the cable is out, for ten minutes. A W frame with a line that is not on the
+dialect's list is refused.
 """
 
 from __future__ import annotations
@@ -27,23 +29,37 @@ import re
 import signal
 import socket
 import struct
-import sys
 import threading
 import time
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from turnscan.devices._dialects import DIALECTS, LineFilter, darken, open_port
+
 DONE, UNKNOWN, FAILED, LAPSED = 0, 1, 2, 3
 """Results in an A frame: as asked; dark was not confirmed; the board objected and it is dark;
-dark because a lease ran out (seq 0)."""
+dark because a lease ran out (seq 0). Seq 0 answers nothing: FAILED is a door or an alarm."""
 
 LONGEST_FRAME = 4096
 LONGEST_LEASE = 2.0
+LONGEST_HOLD = 1.0
+"""s that a table, with nothing lit, has to come to rest before a reset, which loses its place."""
 LONGEST_LIT = 120.0
 """s that a laser burns at most, however often its lease is renewed."""
+PULSE = 0.25
+"""s between two P frames while a laser may be lit, or an answer is due."""
+AGAIN = 1.0
+"""s from a dark that was not confirmed to the next."""
+REOPEN = 0.25
+"""s between two attempts to open a port that has gone."""
+KEEP_TRYING = 600.0
+"""s for which a guard that nobody needs any more tries to get a dark confirmed."""
+_SOON = 1.0
+"""s for which it does so before it says that it has to keep trying."""
 _HEAD = struct.Struct("<cHI")
+_STATUS = re.compile(rb"<([A-Z][A-Za-z]*)(:\d)?[|,]MPos:(-?[\d.]+)[^<>]*>")
 
 
 def pack(kind: bytes, payload: bytes = b"") -> bytes:
@@ -75,178 +91,6 @@ class Frames:
 
 
 @dataclass(frozen=True)
-class Exchange:
-    """Bytes to send and what confirms them."""
-
-    send: bytes
-    confirm: re.Pattern[bytes]
-    refuse: re.Pattern[bytes] = re.compile(rb"error[: ][^\r\n]*\r\n|ALARM:|Check Door|Hun\?\r\n")
-
-
-def _x(send: str, confirm: str) -> Exchange:
-    return Exchange(send.encode(), re.compile(confirm.encode()))
-
-
-@dataclass(frozen=True)
-class Dialect:
-    """How one kind of board switches lasers."""
-
-    name: str
-    baud: int
-    most: int
-    """Lasers it can switch."""
-    dark: Callable[[tuple[str, ...]], list[Exchange]]
-    light: Callable[[tuple[str, ...], int], list[Exchange]]
-    lights: re.Pattern[bytes]
-    """Lines that light a laser, or could; never passed on from the scanner."""
-    banner: re.Pattern[bytes]
-    """What shows that a board of this kind is there."""
-
-
-_OK = r"(?:^|\n)ok\r\n"
-
-
-def _grbl_dark(outputs: tuple[str, ...]) -> list[Exchange]:
-    ok = rf"{_OK}|error:9\r\n"  # locked after an alarm: the reset has switched everything off
-    return [_x("\x18", r"Grbl [^\r\n]*\r\n"), _x("M5\n", ok), _x("M9\n", ok)]
-
-
-def _grbl_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
-    """Outputs are ``m3:POWER``, ``m7`` or ``m8``; spindle and coolant stand in separate groups."""
-    lit = [output for i, output in enumerate(outputs) if mask >> i & 1]
-    lines = ["M9"]
-    spindle = next((o[3:] for o in lit if o.startswith("m3:")), None)
-    # With $32=1 the beam comes only in modal G1; without an axis word nothing moves.
-    lines += [f"G1 F100 M3 S{spindle}" if spindle else "M5"]
-    lines += [o.upper() for o in lit if not o.startswith("m3:")]
-    return [_x(line + "\n", _OK) for line in lines]
-
-
-def _horus_dark(outputs: tuple[str, ...]) -> list[Exchange]:
-    ok = rf"{_OK}|error: Alarm lock\r\n"
-    off = [_x(f"M70T{output}\r\n", ok) for output in outputs]
-    return [_x("\x18\r\n", r"Horus [^\r\n]*\r\n"), *off]
-
-
-def _horus_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
-    # Dark ones first, and lit ones off and on again: the board cuts a laser after 255 s in silence.
-    off = [_x(f"M70T{output}\r\n", _OK) for output in outputs]
-    return off + [_x(f"M71T{o}\r\n", _OK) for i, o in enumerate(outputs) if mask >> i & 1]
-
-
-_FABSCAN = {"right": ("M21", "M22"), "left": ("M19", "M20")}
-
-
-def _fabscan_dark(outputs: tuple[str, ...]) -> list[Exchange]:
-    # The first line end closes a half line that may lie in the board's buffer; all of it twice.
-    once = [_x(f"{_FABSCAN[o][1]}\n", rf"{_FABSCAN[o][1]}\n>\r\n") for o in _FABSCAN]
-    return [Exchange(b"\n" + once[0].send, once[0].confirm), *once[1:], *once]
-
-
-def _fabscan_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
-    words = [_FABSCAN[o][1 - (mask >> i & 1)] for i, o in enumerate(outputs)]
-    words.sort(key=lambda word: word in ("M19", "M21"))
-    return [_x(f"{word}\n", rf"{word}\n>\r\n") for word in words]
-
-
-def _sardauscan_dark(outputs: tuple[str, ...]) -> list[Exchange]:
-    once = [_x(f"L {i} 0\r", rf"SET_LASER: {i}\(-?\d+\) = (?:0|-1)\r\n") for i in range(4)]
-    return [Exchange(b"\r" + once[0].send, once[0].confirm), *once[1:], *once]
-
-
-def _sardauscan_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
-    want = sorted((mask >> i & 1, o) for i, o in enumerate(outputs))
-    return [_x(f"L {o} {v}\r", rf"SET_LASER: {o}\(-?\d+\) = {v}\r\n") for v, o in want]
-
-
-_ON, _OFF = r"(?:^|\n)(?:1|ON)\r?\n", r"(?:^|\n)(?:0|OFF)\r?\n"
-
-
-def _scpi_dark(outputs: tuple[str, ...]) -> list[Exchange]:
-    return [_x(f"OUTP{output} OFF\nOUTP{output}?\n", _OFF) for output in outputs]
-
-
-def _scpi_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
-    """The gate of the laser, and only while channel 1 swings the mirror."""
-    if not mask:
-        return _scpi_dark(outputs)
-    asked = [("OUTP1?\n", _ON), *((f"OUTP{o} ON\nOUTP{o}?\n", _ON) for o in outputs)]
-    off = re.compile(_OFF.encode())
-    return [Exchange(send.encode(), re.compile(on.encode()), off) for send, on in asked]
-
-
-DIALECTS: dict[str, Dialect] = {
-    d.name: d
-    for d in (
-        Dialect(
-            "grbl", 115200, 2, _grbl_dark, _grbl_light,
-            re.compile(rb"M\+?0*[3478](?!\d)", re.I), re.compile(rb"Grbl "),
-        ),
-        Dialect(
-            "horus", 115200, 4, _horus_dark, _horus_light,
-            re.compile(rb"M\+?0*71", re.I), re.compile(rb"Horus "),
-        ),
-        Dialect(
-            "fabscan", 115200, 2, _fabscan_dark, _fabscan_light,
-            re.compile(rb"M\+?0*(?:19|21)(?!\d)", re.I), re.compile(rb"M22\n>"),
-        ),
-        Dialect(
-            "sardauscan", 115200, 4, _sardauscan_dark, _sardauscan_light,
-            re.compile(rb"(?:^|[\r\n])L", re.I), re.compile(rb"SET_LASER|Sardauscan"),
-        ),
-        # Any output but that of channel 1, the mirror's, and all that could switch one unseen.
-        Dialect(
-            "scpi", 115200, 1, _scpi_dark, _scpi_light,
-            re.compile(
-                rb"OUTP(?!(?:UT)?(?:1(?:ON|OFF|0|1)|\d?\?)(?:[;\r\n]|$))|APPL|\*RCL|MEM", re.I
-            ),
-            re.compile(f"{_ON}|{_OFF}".encode()),
-        ),
-    )
-}  # fmt: skip
-
-
-def open_port(path: str, baud: int, dtr: bool, library: str = "") -> Any:
-    """Open a serial port for us alone, DTR and RTS as told; raises OSError.
-
-    With a ``library`` of PyVISA ``path`` is a VISA resource instead.
-    """
-    if library:
-        from turnscan.devices._visa import VisaPort
-
-        return VisaPort(path, library, baud)
-    import serial
-
-    port = serial.Serial(timeout=0.05, write_timeout=0.05, exclusive=True)
-    port.port, port.baudrate, port.dtr, port.rts = path, baud, dtr, dtr
-    port.open()
-    return port
-
-
-def darken(
-    steps: Iterable[Exchange],
-    send: Callable[[bytes], None],
-    hear: Callable[[float], bytes],
-    patience: float,
-) -> tuple[bool, bytes]:
-    """Send every step, whatever comes back; True where each was confirmed, and all that was heard.
-
-    ``hear`` returns what came within so many seconds.
-    """
-    sure, said = True, bytearray()
-    for step in steps:
-        # After a first silence the rest is sent without hope: what counts is that it goes out.
-        heard, end = bytearray(), time.monotonic() + (patience if sure else patience / 8)
-        send(step.send)
-        while not step.confirm.search(heard) and (left := end - time.monotonic()) > 0:
-            heard += hear(left)
-            del heard[:-LONGEST_FRAME]
-        sure = sure and step.confirm.search(heard) is not None
-        said += heard
-    return sure, bytes(said[-1024:])
-
-
-@dataclass(frozen=True)
 class Settings:
     """What the scanner tells its guard at the start."""
 
@@ -261,6 +105,10 @@ class Settings:
     """s to wait for a board's answer."""
     library: str = ""
     """Of PyVISA, where the port is a VISA resource."""
+    keep_trying: float = KEEP_TRYING
+    """s, see `KEEP_TRYING`."""
+    rescue: bool = False
+    """Whether it takes over from a guard that died: a laser may be lit, and nobody gives orders."""
 
     def open(self) -> Any:
         """The port. Raises OSError and ValueError."""
@@ -277,10 +125,17 @@ class Guard:
         self._later: list[bytes] = []
         self._out: queue.Queue[bytes] = queue.Queue(maxsize=4096)
         self._port: Any = None
-        self._line = b""
+        self._reader: threading.Thread | None = None
+        self._filter = LineFilter(self._dialect)
+        self._tail = b""
+        """The end of what the board said, so that a message is heard that comes in parts."""
         self._lit, self._sure = False, False
+        self._maybe = settings.rescue
+        """Whether a laser may burn: it was ordered, and since then no dark was confirmed."""
         self._lease_end = self._last_end = 0.0
-        self._leave = False
+        self._again = self._pulsed = 0.0
+        self._leave = self._informed = False
+        self._terms = 0
         self._barred = b""
         """What made it go dark by itself; nothing is lit until the scanner has said dark, too."""
         self._hurry = threading.Event()
@@ -289,18 +144,24 @@ class Guard:
     def run(self) -> int:
         """Serve until told or forced to end; 0 dark for certain, 4 not, 3 no port."""
         threading.Thread(target=self._speak, daemon=True).start()
+        if self._set.rescue:
+            return self.last_word()
         try:
-            self._open()
+            self._open_soon()
         except (OSError, ValueError) as e:
-            busy = "lock" in str(e).lower() or getattr(e, "errno", 0) in (11, 16)
-            self._tell(b"U", (b"busy " if busy else b"absent ") + str(e).encode()[:200])
+            self._tell(b"U", (b"busy " if _busy(e) else b"absent ") + str(e).encode()[:200])
             self._flush()
             return 3
         threading.Thread(target=self._listen_parent, daemon=True).start()
         self._first_dark()
         while not self._leave:
-            if self._lit and time.monotonic() >= self._lease_end:
+            self._pulse()
+            now = time.monotonic()
+            if self._lit and now >= self._lease_end:
                 self._dark(0, LAPSED)
+            elif self._again and now >= self._again:
+                self._dark(0, DONE, tries=1)
+                self._inform()
             elif (event := self._next()) is not None:
                 self._act(*event)
         return self.last_word()
@@ -310,21 +171,83 @@ class Guard:
         self._hurry.set()
         self._events.put(("end", b""))
 
+    def terminated(self) -> None:
+        """As `leave`; the second time it does not keep trying any more."""
+        self._terms += 1
+        self.leave()
+
     def last_word(self) -> int:
-        """Dark once more before the end, over a port opened anew where the old one is gone."""
-        end = time.monotonic() + 1.0
-        while self._port is None and not self._sure and time.monotonic() < end:
-            with contextlib.suppress(OSError, ValueError):
-                self._open()
-            time.sleep(0.02)
-        if self._port is not None:
-            self._dark(0, DONE)
+        """Dark once more before the end, over a port opened anew where the old one is gone.
+
+        A laser that may be lit keeps it here until dark is confirmed, for `keep_trying` s.
+        """
+        begin, terms, told = time.monotonic(), self._terms, False
+        end = begin + (max(self._set.keep_trying, _SOON) if self._maybe else _SOON)
+        while True:
+            if self._port is None and not self._sure:
+                with contextlib.suppress(OSError, ValueError):
+                    self._open()
+            if self._port is not None:
+                self._dark(0, DONE, tries=1 if told or not self._maybe else 3)
+            now = time.monotonic()
+            if self._sure or now >= end or self._terms > terms:
+                break
+            if not self._maybe and self._port is not None:
+                break
+            if self._maybe and now >= begin + _SOON and not told:
+                told = True
+                self._tell(b"K", b"")
+                self._inform()
+            self._rest(told)
+        self._inform()
+        if self._informed:
+            self._say("given up: the laser may be lit")
         self._flush()
         return 0 if self._sure else 4
 
+    def _inform(self) -> None:
+        """A person hears that the laser may be lit, and that it is dark again; each once.
+
+        From here, as the scanner may have ended, or be unable to say what it was told.
+        """
+        if self._maybe and not self._informed:
+            self._informed = True
+            self._say("the laser may be lit: cut its power; turnscan keeps trying to reach it")
+        elif self._informed and self._sure:
+            self._informed = False
+            self._say("the laser is dark")
+
+    def _rest(self, keeps_trying: bool) -> None:
+        """Until the next attempt; another program may have the port meanwhile."""
+        pause = REOPEN if self._port is None else AGAIN
+        if keeps_trying:
+            self._let_go()
+        end = time.monotonic() + (pause if keeps_trying else 0.02)
+        while (left := end - time.monotonic()) > 0:
+            self._hear(left)
+
+    def _open_soon(self) -> None:
+        """A guard that keeps trying has the port for moments: it gives way to this one."""
+        end = time.monotonic() + _SOON
+        while True:
+            try:
+                self._open()
+                return
+            except OSError as e:
+                if not _busy(e) or time.monotonic() >= end:
+                    raise
+                time.sleep(0.05)
+
     def _open(self) -> None:
         self._port = self._set.open()
-        threading.Thread(target=self._listen_port, args=(self._port,), daemon=True).start()
+        self._reader = threading.Thread(target=self._listen_port, args=(self._port,), daemon=True)
+        self._reader.start()
+
+    def _let_go(self) -> None:
+        """Close the port, by the thread that reads it."""
+        self._port = None
+        if self._reader is not None:
+            self._reader.join(timeout=0.5)
 
     def _first_dark(self) -> None:
         end, said = time.monotonic() + self._set.connect, b""
@@ -340,19 +263,18 @@ class Guard:
             return "frame", self._later.pop(0)
         longest = 5.0
         if self._lit:
-            longest = max(0.0, min(longest, self._lease_end - time.monotonic()))
+            longest = min(PULSE, self._lease_end - time.monotonic())
+        elif self._again:
+            longest = min(PULSE, self._again - time.monotonic())
         try:
-            return self._events.get(timeout=longest)
+            return self._events.get(timeout=max(longest, 0.0))
         except queue.Empty:
             return None
 
     def _act(self, source: str, data: bytes) -> None:
         kind, payload = data[:1], data[1:]
         if source == "port":
-            self._tell(b"R", data)
-            if self._lit and (b"ALARM" in data or b"Door" in data):
-                self._dark(0, DONE)
-                self._barred = data[-256:]
+            self._overhear(data)
         elif source == "end" or kind == b"Q":
             self._leave = True
         elif kind == b"W":
@@ -365,15 +287,25 @@ class Guard:
             self._barred = b""
             self._dark(struct.unpack("<I", payload)[0], DONE)
 
+    def _overhear(self, data: bytes) -> None:
+        """What the board says goes to the scanner, unless it is the door or an alarm while lit."""
+        self._tail = (self._tail + data)[-256:]
+        if self._lit and (b"ALARM" in self._tail or b"Door" in self._tail):
+            self._barred, self._tail = self._tail, b""
+            self._answer(0, FAILED, self._barred, b"")
+            self._dark(0, DONE)
+        else:
+            self._tell(b"R", data)
+
     def _pass_on(self, data: bytes) -> None:
-        """The scanner's bytes to the port, unless the line they make could light a laser."""
-        self._line += data
-        line = re.sub(rb"\([^)\r\n]*\)?|[ \t/]", b"", self._line)
-        self._line = self._line[max(self._line.rfind(b"\n"), self._line.rfind(b"\r")) + 1 :][-256:]
-        if self._dialect.lights.search(line):
+        """The scanner's bytes to the port, if they are lines that may pass."""
+        try:
+            passed = self._filter.feed(data, self._lit)
+        except ValueError:
             self._leave = True  # only an L frame lights; who tries otherwise is not to be trusted
-        elif not self._hurry.is_set():
-            self._send(data)
+            return
+        if passed and not self._hurry.is_set():
+            self._send(passed)
 
     def _light(self, seq: int, lease: float, mask: int) -> None:
         if not 0.0 < lease <= LONGEST_LEASE or mask >> len(self._set.outputs):
@@ -383,9 +315,10 @@ class Guard:
             self._dark(seq, FAILED, self._barred)
             return
         if mask:  # counted as lit from before the first byte
-            self._lit, self._sure = True, False
+            self._lit, self._sure, self._maybe = True, False, True
             self._lease_end = time.monotonic() + lease
             self._last_end = time.monotonic() + LONGEST_LIT
+        begun = self._tail = self._tail[self._tail.rfind(b"\n") + 1 :]
         for step in self._dialect.light(self._set.outputs, mask):
             heard, end = bytearray(), time.monotonic() + self._set.confirm
             self._send(step.send)
@@ -395,10 +328,12 @@ class Guard:
                     break
                 heard += self._hear(min(left, 0.02))
                 del heard[:-LONGEST_FRAME]
-            if found is None or heard[found.end() :].strip():  # or more than was asked for
-                self._dark(seq, FAILED, bytes(heard))
+            # Or more than was asked for, such as the banner of a board that has restarted.
+            if found is None or (heard[: found.start()] + heard[found.end() :]).strip():
+                self._dark(seq, FAILED, begun + bytes(heard))
                 return
-        self._lit, self._sure = bool(mask), not mask
+        self._lit, self._sure, self._maybe = bool(mask), not mask, bool(mask)
+        self._again = 0.0
         self._answer(seq, DONE, b"", b"")
 
     def _extend(self, payload: bytes) -> None:
@@ -407,23 +342,49 @@ class Guard:
         if self._lit and 0.0 < lease <= LONGEST_LEASE:
             self._lease_end = min(time.monotonic() + lease, self._last_end)
 
-    def _dark(self, seq: int, result: int, objection: bytes = b"") -> None:
+    def _dark(self, seq: int, result: int, objection: bytes = b"", tries: int = 3) -> None:
+        """Dark, and whether it was confirmed as an answer; if not, it is repeated in a second."""
         said = b""
         self._hurry.clear()
-        for _ in range(3):
+        self._hold_still()
+        for _ in range(tries):
             self._sure, heard = self._darken()
             said = (said + heard)[-1024:]
-            if self._sure or self._port is None:
+            if self._sure or self._port is None or self._leave:
                 break
-        self._lit = False  # or unknown, which the answer says; repeating it is up to the scanner
+        self._lit, self._tail = False, b""
+        self._maybe = self._maybe and not self._sure
+        self._again = 0.0 if self._sure else time.monotonic() + AGAIN
         self._answer(seq, result if self._sure else UNKNOWN, objection, said)
+
+    def _hold_still(self) -> None:
+        """Where nothing can be lit, let the table come to rest: a reset in motion loses its place.
+
+        It ends with `LONGEST_HOLD`, and at once where the board does not answer.
+        """
+        if self._maybe or not self._sure or not self._dialect.holds:
+            return
+        end, before = time.monotonic() + LONGEST_HOLD, b""
+        self._send(b"!")
+        while time.monotonic() < end:
+            self._send(b"?")
+            heard, patience = bytearray(), time.monotonic() + self._set.confirm
+            while (found := _STATUS.search(heard)) is None:
+                if (left := patience - time.monotonic()) <= 0:
+                    return
+                heard += self._hear(left)
+            state, more, place = found.groups()
+            if state not in (b"Run", b"Jog", b"Hold") or (place == before and more != b":1"):
+                return
+            before = place
+            self._hear(0.02)
 
     def _darken(self) -> tuple[bool, bytes]:
         """Once through the dark bytes; what still waited to be sent is thrown away first."""
         with contextlib.suppress(OSError):
             if self._port is not None:
                 self._port.reset_output_buffer()
-        self._line = b""
+        self._filter.clear()
         steps = self._dialect.dark(self._set.outputs)
         return darken(steps, self._send, self._hear, self._set.confirm)
 
@@ -436,10 +397,11 @@ class Guard:
         """What the port says within so long; frames of the scanner wait their turn."""
         end = time.monotonic() + longest
         while (left := end - time.monotonic()) > 0:
+            self._pulse()
             try:
-                source, data = self._events.get(timeout=left)
+                source, data = self._events.get(timeout=min(left, PULSE))
             except queue.Empty:
-                break
+                continue
             if source == "port":
                 return data
             if source == "end":
@@ -449,6 +411,13 @@ class Guard:
             else:
                 self._later.append(data)
         return b""
+
+    def _pulse(self) -> None:
+        """Tell the scanner that this loop goes round; only this loop does."""
+        now = time.monotonic()
+        if now >= self._pulsed + 0.8 * PULSE:
+            self._pulsed = now
+            self._tell(b"P", b"")
 
     def _listen_parent(self) -> None:
         frames = Frames(b"WLDEQ")
@@ -462,15 +431,15 @@ class Guard:
 
     def _listen_port(self, port: Any) -> None:
         try:
-            while True:
+            while self._port is port:
                 if data := port.read(port.in_waiting or 1):
                     self._events.put(("port", data))
         except (OSError, TypeError, ValueError) as e:
             self._port = None
-            with contextlib.suppress(OSError):
-                port.close()
             self._tell(b"U", b"gone " + str(e).encode()[:200])
             self._events.put(("end", b""))
+        with contextlib.suppress(OSError):
+            port.close()
 
     def _answer(self, seq: int, result: int, objection: bytes, said: bytes) -> None:
         """What was heard before it went dark, and what since."""
@@ -493,11 +462,26 @@ class Guard:
         while self._out.unfinished_tasks and time.monotonic() < end:
             time.sleep(0.001)
 
+    def _say(self, text: str) -> None:
+        """To the person, whose program may have ended; by a thread, as nobody may be reading."""
+        line = f"turnscan: {self._set.port}: {text}\n".encode()
+        threading.Thread(target=_say_and_let_go, args=(line,), daemon=True).start()
 
-def main(argument: str) -> int:
-    """Run the guard with `Settings` in JSON."""
-    given = json.loads(argument)
-    guard = Guard(Settings(**{**given, "outputs": tuple(given["outputs"])}))
+
+def _say_and_let_go(line: bytes) -> None:
+    """Who waits for the end of the scanner's messages must not wait for this process."""
+    with contextlib.suppress(OSError):
+        os.write(2, line)
+        if not os.isatty(2):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+def _busy(error: Exception) -> bool:
+    return "lock" in str(error).lower() or getattr(error, "errno", 0) in (11, 16)
+
+
+def _own_signals(guard: Guard) -> None:
+    """Whatever the program that started this one had ignored or blocked, `nohup` for one."""
     for name in ("SIGINT", "SIGHUP"):  # meant for the scanner, which then ends or goes on
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -505,20 +489,25 @@ def main(argument: str) -> int:
     # socket is there at once, whichever thread the signal hit.
     heard, told = socket.socketpair()
     told.setblocking(False)
-    signal.set_wakeup_fd(told.fileno())
+    signal.set_wakeup_fd(told.detach())
     signal.signal(signal.SIGTERM, lambda *_: None)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
 
     def listen_signal() -> None:
-        heard.recv(1)
-        guard.leave()
+        while heard.recv(1):
+            guard.terminated()
 
     threading.Thread(target=listen_signal, daemon=True).start()
+
+
+def main(argument: str) -> int:
+    """Run the guard with `Settings` in JSON."""
+    given = json.loads(argument)
+    guard = Guard(Settings(**{**given, "outputs": tuple(given["outputs"])}))
+    _own_signals(guard)
     try:
         return guard.run()
     except BaseException:
         guard.last_word()
         raise
-
-
-if __name__ == "__main__":
-    os._exit(main(sys.argv[1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from fractions import Fraction
 
 from turnscan.devices._board import Board
@@ -13,23 +14,29 @@ from turnscan.errors import DeviceGarbled, DeviceRefused, DeviceTimeout, InputEr
 
 MICROSTEPS = 3200
 """Of one turn of a Ciclop: 200 steps, sixteenths."""
+WHOLE_STEPS = 512
+"""Of one turn of a Sardauscan whose firmware speaks Horus: it is moved by four steps at once."""
 
 
 class HorusBoard(Board):
     """A Horus board. ``ok`` to a move comes after the motion has ended.
 
-    Positions are absolute degrees; G50 sets zero anew before they grow past a turn. A board that
-    shows the banner but does not answer ``?`` is a Sardauscan: whole degrees, slow, no stop.
+    Positions are absolute degrees; G50 sets zero anew before they grow past some turns. A board
+    that shows the banner but does not answer ``?`` is a Sardauscan: whole degrees, of which it
+    makes 512 steps a turn by cutting off; slow, no stop, no count that it could tell.
     """
 
     def _default_units(self) -> int:
         return MICROSTEPS
 
     def _connect(self) -> None:
-        self._speed, self._acceleration, self._base = 180.0, 180.0, 0
+        self._speed, self._acceleration = 180.0, 180.0
+        self._asked_to_move = False
+        locked = False
         try:
             status = self._ask("?\r\n", until=Kind.STATUS)
             self._whole = False
+            locked = status.fields["state"] == "Alarm"
         except DeviceTimeout:
             self._whole = True
             if self.setup.steps not in (None, Steps(Fraction(360))):
@@ -37,19 +44,16 @@ class HorusBoard(Board):
                     f"{self.setup.port}: this board turns whole degrees only",
                     hint="leave out steps_per_rev",
                 ) from None
-            self._steps = Steps(Fraction(360))
+            self._steps = Steps(Fraction(WHOLE_STEPS))
             self._speed, self._acceleration = 8.0, 1000.0
-            self._remembers = False
         if self.setup.speed is not None:
             self._speed = min(self._speed, math.degrees(self.setup.speed))
-        if self._whole:
-            self._zero()
-        elif status.fields["state"] == "Alarm":
-            self._found_locked()
-            return
-        else:
-            self._unit = self._unit_of(self._place())
-        self._settle()
+        self._found(self._count(), locked=locked)
+        if self._whole:  # its zero may be another since; where it stands does not change
+            self._ask("G50\r\n")
+            self._note(replace(self._left, base=self._unit))
+        if not locked:
+            self._settle()
 
     def _unlock(self) -> None:
         if not self._whole:
@@ -58,13 +62,14 @@ class HorusBoard(Board):
     def _settle(self) -> None:
         self._ask(f"G1F{self._speed:.0f}\r\n")
         self._ask("M17\r\n")
-        if not self._whole and self._unit_of(place := self._place()) != self._unit - self._base:
-            expected = float(self._steps.degrees_of(self._unit - self._base))
-            raise self._moved_by_itself(place, expected)
+        self._agree()
 
     def _zero(self) -> None:
         self._ask("G50\r\n")
-        self._base = self._unit = 0
+        super()._zero()
+
+    def _count(self) -> int | None:
+        return None if self._whole else self._steps_at(self._place())
 
     def _place(self) -> float:
         status = self._ask("?\r\n", until=Kind.STATUS)
@@ -72,41 +77,54 @@ class HorusBoard(Board):
             raise DeviceGarbled(f"{self.setup.port}: no position in {status.text}")
         return float(status.fields["MPos"].split(",")[0])
 
-    def _unit_of(self, place: float) -> int:
+    def _steps_at(self, place: float) -> int:
         return round(place / 360 * float(self._steps.per_turn))
 
     def _go(self, unit: int, end: float) -> None:
-        whole = self._turn_end(self._base, unit)
-        if whole is not None:
+        if (whole := self._rebased(unit)) is not None:
             self._turn_to(whole, end)
             self._ask("G50\r\n")
-            self._base = self._unit = whole
+            self._note(replace(self._left, base=whole, unit=whole))
         if unit != self._unit:
             self._turn_to(unit, end)
 
     def _turn_to(self, unit: int, end: float) -> None:
-        degrees = decimal(self._steps.degrees_of(unit - self._base), 0 if self._whole else 4)
+        from_zero = unit - self._left.base
+        degrees = decimal(self._steps.degrees_of(from_zero), 4)
+        if self._whole:
+            degrees = str(_whole_degree(from_zero))
         distance = float(self._steps.degrees_of(unit - self._unit))
         expected = travel_time(distance, self._speed, self._acceleration)
         self._lines.expect_nothing()
+        self._asked_to_move = True
         self._link.write(f"G1X{degrees}\r\n".encode())
         move_end = self._move_end(expected, end)
         while (line := self._lines.poll(0.02, move_end, f"'G1X{degrees}'")) is None:
             if self._stop.is_set() and not self._whole:
-                self._held(move_end)
+                raise DeviceRefused(f"{self.setup.port}: stopped")
+        self._asked_to_move = False
         self._must_be_ok(line)
 
-    def _held(self, end: float) -> None:
-        """At rest after a hold the reset keeps the place, which ``?`` then tells."""
-        before, place = None, self._place()
-        while before != place and time.monotonic() < end:
-            time.sleep(0.02)
-            before, place = place, self._place()
-        self._unit = self._base + self._unit_of(place)
-        raise DeviceRefused(f"{self.setup.port}: stopped")
+    def _reachable(self, unit: int) -> int:
+        if not self._whole:
+            return unit
+        return self._left.base + _steps_of(_whole_degree(unit - self._left.base))
+
+    def _come_to_rest(self) -> None:
+        if not self._whole:
+            place = self._hold_still("?\r\n").fields["MPos"]
+            self._agree(self._steps_at(float(place.split(",")[0])))
+        elif not self._asked_to_move:
+            self._note(replace(self._left, target=None))
+        elif self._left.target is not None:
+            # It cannot be stopped: wait for the end of the piece that it is in.
+            distance = float(self._steps.degrees_of(self._left.target - self._unit))
+            longest = travel_time(distance, self._speed, self._acceleration) + self._d.acknowledge
+            self._must_be_ok(self._lines.next(time.monotonic() + longest, "a move"))
+            self._note(replace(self._left, unit=self._left.target, target=None))
 
     def _piece(self) -> int | None:
-        return 15 if self._whole else None
+        return WHOLE_STEPS // 24 if self._whole else None
 
     def _halt(self) -> None:
         if self._whole:
@@ -115,3 +133,14 @@ class HorusBoard(Board):
             self._link.write(b"!")
         else:
             self.off()
+
+
+def _steps_of(degree: int) -> int:
+    """Steps that a Sardauscan makes of a whole degree: integers, divided towards zero as in C."""
+    return math.trunc(Fraction(degree * WHOLE_STEPS, 360))
+
+
+def _whole_degree(steps: int) -> int:
+    """The degree that brings it nearest to so many steps from its zero."""
+    near = round(Fraction(steps * 360, WHOLE_STEPS))
+    return min(range(near - 1, near + 2), key=lambda d: abs(_steps_of(d) - steps))

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from turnscan.devices._link import Link
 
 
-_REST = 0.05
+_REST = 0.3
 """s to wait for the end of a line that nobody asked for, so that it can be understood."""
 
 
@@ -65,6 +65,22 @@ class Lines:
                 rest = f"; it said {shown(bytes(self._bytes))}" if self._bytes else ""
                 raise DeviceTimeout(f"{self._port}: no answer to {what} in time{rest}")
             self._bytes += data
+
+    def echo(self, expected: bytes, end: float, what: str) -> None:
+        """Take exactly these bytes, which no line end follows.
+
+        Raises DeviceTimeout at the time ``end``, DeviceGarbled where others come.
+        """
+        while len(self._bytes) < len(expected):
+            left = end - time.monotonic()
+            data = self._link.read(max(left, 0.0))
+            if not data and left <= 0:
+                raise DeviceTimeout(f"{self._port}: no answer to {what} in time")
+            self._bytes += data[: self._longest]
+        heard = bytes(self._bytes[: len(expected)])
+        del self._bytes[: len(expected)]
+        if heard != expected:
+            raise DeviceGarbled(f"{self._port}: echoed {shown(heard)} for {what}")
 
     def poll(self, wait: float, end: float, what: str) -> bytes | None:
         """As `next`, but None where nothing came within ``wait`` s and it is not yet ``end``."""

@@ -12,28 +12,39 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from turnscan.devices import _guard
+from turnscan.devices._dialects import DIALECTS, darken
 from turnscan.devices._lines import shown
-from turnscan.devices._sentences import door_open
+from turnscan.devices._port_error import port_error
+from turnscan.devices._sentences import door_open, look_and_acknowledge, lost_place
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
-    DeviceError,
     DeviceGarbled,
-    DeviceNotFound,
     DeviceRefused,
     DeviceRestarted,
     DeviceTimeout,
     LaserStateUnknown,
+    LeaseEnded,
     SafetyError,
     TurnscanError,
 )
 
-GUARD_SCRIPT = Path(_guard.__file__)
+GUARD_SCRIPT = Path(_guard.__file__).with_name("_run_guard.py")
+_SILENT = 4
+"""Pulses of the guard that may stay away, one after the other, before it counts as hanging."""
+_SILENT_INSTRUMENT = 12
+"""The same behind PyVISA, which waits for half a second at a time."""
+_PART = 2048
+"""Bytes of a frame; a pipe takes up to 4096 whole."""
+_LONGEST_ANSWER = 10.0
+"""s; longer than a dark may take that the board never confirms."""
+_LONGEST_END = 15.0
+"""s for a guard to end once it was told to."""
 CUT = "cut the power of the lasers, then look at the cable and the board"
 
 
@@ -47,6 +58,8 @@ class Deadlines:
     """Beyond the time that a move should take."""
     connect: float = 10.0
     """For a board to boot and answer."""
+    keep_trying: float = _guard.KEEP_TRYING
+    """To get a dark confirmed once everything else has ended."""
 
 
 class Link(Protocol):
@@ -98,32 +111,46 @@ class GuardedLink:
     ) -> None:
         d = deadlines or Deadlines()
         self._d = d
+        self._script = script
         self.settings = _guard.Settings(
-            port, dialect, outputs, baud or _guard.DIALECTS[dialect].baud, dtr,
-            d.connect, min(d.acknowledge, 0.6), library,
+            port, dialect, outputs, baud or DIALECTS[dialect].baud, dtr,
+            d.connect, min(d.acknowledge, 0.6), library, d.keep_trying,
         )  # fmt: skip
         self._bytes: queue.Queue[bytes] = queue.Queue(maxsize=4096)
         self._answers: dict[int, queue.SimpleQueue[tuple[int, bytes, bytes]]] = {}
         self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=4)
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
-        self._darks = 0
+        self._darks = self._darks_before = self._heard = 0
         self._failure: TurnscanError | None = None
+        self._barred: TurnscanError | None = None
+        """The door or the alarm for which the guard went dark by itself."""
         self._lapsed = False
         self._maybe_lit = threading.Event()
         self._closing = threading.Event()
+        self._gone = threading.Event()
+        """Set once the port has gone from a laser that may be lit: the guard reopens it."""
+        self._keeps_trying = threading.Event()
+        """Set once that, or a last dark, was not done in a second."""
+        self._ended = threading.Event()
+        """Set once the guard has ended and what follows from that is done."""
         self._alone = threading.Lock()
-        self._guard = subprocess.Popen(  # noqa: S603 (our own script, no shell)
-            [sys.executable, "-I", str(script), json.dumps(self.settings.__dict__)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True,
-        )  # fmt: skip
+        self._rescuer: subprocess.Popen[bytes] | None = None
+        self._guard = self._start(self.settings, subprocess.PIPE)
         self._listener = threading.Thread(target=self._listen, daemon=True, name="guard listener")
         self._listener.start()
+        threading.Thread(target=self._watch, daemon=True, name="guard watch").start()
         try:
             self._greet()
         except BaseException:
             self.close()
             raise
+
+    def _start(self, settings: _guard.Settings, pipe: int) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(  # noqa: S603 (our own script, no shell)
+            [sys.executable, "-I", str(self._script), json.dumps(settings.__dict__)],
+            stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True,
+        )  # fmt: skip
 
     @property
     def guard_pid(self) -> int:
@@ -146,7 +173,7 @@ class GuardedLink:
                 f"{port}: silent, no {dialect} board answered within {self._d.connect:g} s",
                 hint="look at cable, power and baud rate",
             )
-        if not _guard.DIALECTS[dialect].banner.search(said):
+        if not DIALECTS[dialect].banner.search(said):
             raise DeviceGarbled(
                 f"{port}: does not speak {dialect}; it said {shown(said)}",
                 hint="try another dialect: grbl, horus, fabscan, sardauscan"
@@ -157,15 +184,22 @@ class GuardedLink:
 
     def write(self, data: bytes) -> None:
         """Send. Raises DeviceDisconnected, SafetyError where the guard has ended."""
-        self._frame(b"W", data)
+        self._check_barred()
+        self._darks_before = self._darks
+        for at in range(0, len(data), _PART):
+            self._frame(b"W", data[at : at + _PART])
 
     def read(self, timeout: float) -> bytes:
-        """What has come since. Raises DeviceAlarm where a dark from elsewhere fell in between."""
-        darks, end = self._darks, time.monotonic() + timeout
+        """What has come since.
+
+        Who waits for the answer to a `write` meets DeviceAlarm where a dark fell in between.
+        """
+        end = time.monotonic() + timeout
         while True:
             self._check()
-            if darks != self._darks:
+            if timeout > 0.0 and self._darks != self._darks_before:
                 raise DeviceAlarm(f"{self.settings.port}: interrupted, lasers were switched off")
+            self._check_barred()
             left = end - time.monotonic()
             try:
                 return self._bytes.get(timeout=min(left, 0.05)) if left > 0 else self._at_once()
@@ -179,15 +213,16 @@ class GuardedLink:
     def light(self, mask: int, lease: float) -> None:
         """See `Link`. Raises the named error of what the board answered instead, lasers dark."""
         self._check()
+        self._check_barred()
         lapsed, self._lapsed = self._lapsed, False
         if lapsed:
-            raise DeviceTimeout(
+            raise LeaseEnded(
                 f"{self.settings.port}: a laser's lease ran out while it was needed",
-                hint="give a longer lease than exposure and transfer take",
+                hint="nothing that was waited for came in time: look at the camera",
             )
         if mask:
             self._maybe_lit.set()
-        result, heard, _ = self._ask(b"L", struct.pack("<dB", lease, mask))
+        result, heard, said = self._ask(b"L", struct.pack("<dB", lease, mask))
         if result == _guard.DONE:
             if not mask:
                 self._maybe_lit.clear()
@@ -195,10 +230,13 @@ class GuardedLink:
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
         self._maybe_lit.clear()
-        raise objection(self.settings.port, heard)
+        # What follows is the guard's own dark, but a message that was split may end there.
+        door = b"Door" in said or b"ALARM" in said
+        raise objection(self.settings.port, heard + said if door else heard)
 
     def renew(self, lease: float) -> None:
         """See `Link`; nothing is answered. Raises what has befallen the guard."""
+        self._check_barred()
         self._frame(b"E", struct.pack("<d", lease))
 
     def dark(self) -> bytes:
@@ -209,17 +247,31 @@ class GuardedLink:
             result, _, heard = self._ask(b"D", b"")
         except TurnscanError as e:
             self._failure = self._failure or e
+            if self._gone.is_set() and not self._ended.is_set():
+                return self._dark_by_guard()
             self._guard.kill()  # it holds the port; what it cannot do is done without it
             return self._dark_alone()
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
         self._drain()
         self._maybe_lit.clear()
-        self._lapsed = False
+        self._lapsed, self._barred = False, None
         return heard
 
+    def _dark_by_guard(self) -> bytes:
+        """The guard is at it already, as the port has gone. Raises LaserStateUnknown."""
+        end = time.monotonic() + self._longest_alone
+        while self._maybe_lit.is_set() and not self._ended.is_set() and time.monotonic() < end:
+            time.sleep(0.01)
+        if self._maybe_lit.is_set():
+            raise self._unknown(b"")
+        return b""
+
     def close(self) -> None:
-        """Dark, confirmed by the guard before it ends. Raises LaserStateUnknown."""
+        """Dark, confirmed before the guard ends. Raises LaserStateUnknown, and then goes on trying.
+
+        Whatever becomes of the guard meanwhile: `_listen` sees how it ends, and steps in.
+        """
         if self._closing.is_set():
             return
         self._closing.set()
@@ -228,19 +280,22 @@ class GuardedLink:
         with contextlib.suppress(OSError):
             if self._guard.stdin is not None:
                 self._guard.stdin.close()
-        try:
-            code = self._guard.wait(timeout=10.0)
-        except subprocess.TimeoutExpired:
-            self._guard.kill()
-            code = self._guard.wait(timeout=10.0)
-            self._dark_alone()
-            code = 0
-        self._listener.join(timeout=5.0)
-        if code == 4 and self._maybe_lit.is_set():
+        end = time.monotonic() + _LONGEST_END
+        while not self._ended.wait(0.01) and not self._gives_up_waiting():
+            if time.monotonic() >= end:
+                self._guard.kill()
+                self._ended.wait(_LONGEST_END)
+                break
+        if self._maybe_lit.is_set():
             raise self._unknown(b"")
+
+    def _gives_up_waiting(self) -> bool:
+        return self._keeps_trying.is_set() and self._maybe_lit.is_set()
 
     def _unknown(self, heard: bytes) -> LaserStateUnknown:
         said = f"; it said {shown(heard)}" if heard.strip() else ""
+        if self._maybe_lit.is_set():
+            said += f"; turnscan keeps trying for {self.settings.keep_trying / 60:.3g} minutes"
         return LaserStateUnknown(
             f"{self.settings.port}: the board did not confirm lasers off{said}", hint=CUT
         )
@@ -256,8 +311,13 @@ class GuardedLink:
         if self._closing.is_set():
             raise DeviceDisconnected(f"{self.settings.port}: closed")
 
+    def _check_barred(self) -> None:
+        """The door and the alarm are said once, as what they are; a dark is what ends them."""
+        if self._barred is not None:
+            raise self._barred
+
     def _frame(self, kind: bytes, payload: bytes = b"") -> None:
-        """Below 4096 bytes the pipe takes a frame whole; the lock keeps them in one order."""
+        """The lock keeps frames in one order; who waits for a guard that hangs sees it killed."""
         if not self._closing.is_set() or kind != b"Q":
             self._check()
         if not self._pipe.acquire(timeout=1.0):
@@ -266,6 +326,7 @@ class GuardedLink:
             if self._guard.stdin is not None:
                 self._guard.stdin.write(_guard.pack(kind, payload))
         except (OSError, ValueError):
+            self._ended.wait(1.0)  # then it is known how, and what became of the lasers
             raise self._failure or SafetyError(
                 f"{self.settings.port}: the laser guard has ended", hint="start again"
             ) from None
@@ -277,8 +338,7 @@ class GuardedLink:
         answer = self._answers[seq] = queue.SimpleQueue()
         try:
             self._frame(kind, struct.pack("<I", seq) + payload)
-            # A dark tries three times through every step; sixteen steps are the most there are.
-            end = time.monotonic() + 1.0 + 48 * self.settings.confirm
+            end = time.monotonic() + _LONGEST_ANSWER
             while time.monotonic() < end:
                 try:
                     return answer.get(timeout=0.05)
@@ -288,18 +348,53 @@ class GuardedLink:
         finally:
             del self._answers[seq]
 
+    def _watch(self) -> None:
+        """Kill a guard that hangs or was stopped: `_listen` then does what it no longer does.
+
+        What is judged is not a time but pulses that stayed away, so that a scanner that was itself
+        stopped blames nobody.
+        """
+        most = _SILENT_INSTRUMENT if self.settings.library else _SILENT
+        heard, silent = -1, 0
+        while not self._ended.wait(_guard.PULSE):
+            silent = silent + 1 if heard == self._heard and self._waits() else 0
+            heard = self._heard
+            if silent >= most:
+                self._guard.kill()
+                return
+
+    def _waits(self) -> bool:
+        """Whether the guard's loop must be going round."""
+        busy = bool(self._answers) or self._pipe.locked() or self._closing.is_set()
+        return busy or self._maybe_lit.is_set()
+
     def _listen(self) -> None:
-        frames = _guard.Frames(b"RHAU")
+        frames = _guard.Frames(b"RHAUPK")
         out: Any = self._guard.stdout
         with contextlib.suppress(OSError, ValueError):
             while data := os.read(out.fileno(), 65536):
+                self._heard += 1
                 for kind, payload in frames.feed(data):
                     self._take(kind, payload)
         out.close()
-        if not self._closing.is_set() and self._failure is None:
-            self._rescue()
+        self._see_off()
+        self._ended.set()
         with contextlib.suppress(queue.Full):
             self._hello.put_nowait((b"U", b""))
+
+    def _see_off(self) -> None:
+        """The guard has ended. Only its word 0 means dark; after any other it is done from here."""
+        try:
+            code = self._guard.wait(timeout=5.0)
+        except subprocess.TimeoutExpired:  # its output is closed, but it lives
+            self._guard.kill()
+            code = self._guard.wait(timeout=5.0)
+        if code == 0:
+            self._maybe_lit.clear()
+            if not self._closing.is_set():
+                self._failure = self._failure or self._died("has ended")
+        elif self._maybe_lit.is_set() or not (self._closing.is_set() or self._failure):
+            self._rescue()
 
     def _take(self, kind: bytes, payload: bytes) -> None:
         port = self.settings.port
@@ -312,58 +407,98 @@ class GuardedLink:
             self._hello.put_nowait((kind, payload))
         elif kind == b"U":
             word, _, text = payload.decode(errors="replace").partition(" ")
-            self._failure = _port_error(port, word, text)
+            if word == "gone" and self._maybe_lit.is_set():
+                self._gone.set()
+            self._failure = self._failure or port_error(port, word, text)
             self._hello.put_nowait((kind, payload))
-        else:
+        elif kind == b"K":
+            self._gone.set()
+            self._keeps_trying.set()
+        elif kind == b"A":
             seq, result, cut = struct.unpack_from("<IBH", payload)
-            heard = payload[7:]
-            if seq == 0 and result in (_guard.LAPSED, _guard.UNKNOWN):
-                self._lapsed = True
-                if result == _guard.UNKNOWN and not self._closing.is_set():
-                    self._failure = self._unknown(heard)
-            elif seq in self._answers:
-                self._answers[seq].put((result, heard[:cut], heard[cut:]))
+            heard, said = payload[7 : 7 + cut], payload[7 + cut :]
+            if seq in self._answers:
+                self._answers[seq].put((result, heard, said))
+            elif seq == 0:
+                self._by_itself(result, heard, said)
+
+    def _by_itself(self, result: int, heard: bytes, said: bytes) -> None:
+        """The guard went dark without being asked."""
+        if result == _guard.FAILED:
+            self._barred = objection(self.settings.port, heard)
+            return
+        if result == _guard.LAPSED:
+            self._lapsed = True
+        if result == _guard.UNKNOWN:
+            self._failure = self._failure or self._unknown(said)
+        else:
+            self._maybe_lit.clear()
 
     def _rescue(self) -> None:
-        """The guard has died: dark without it, at once, then nothing more over this link."""
-        port = self.settings.port
+        """Dark without the guard, at once, then nothing more over this link."""
         try:
             self._dark_alone()
         except LaserStateUnknown as e:
             self._failure = e
         else:
-            self._failure = SafetyError(
-                f"{port}: the laser guard died; the lasers were switched off without it",
-                hint="start again",
-            )
+            self._failure = self._died("died")
+
+    def _died(self, how: str) -> SafetyError:
+        return SafetyError(
+            f"{self.settings.port}: the laser guard {how}; the lasers were switched off",
+            hint="start again",
+        )
+
+    @property
+    def _longest_alone(self) -> float:
+        return 1.0 + 3 * self.settings.confirm
 
     def _dark_alone(self) -> bytes:
-        """Open the port ourselves and send the dark bytes. Raises LaserStateUnknown."""
-        longest = 1.0 + 3 * self.settings.confirm
+        """Open the port ourselves and send the dark bytes.
+
+        Raises LaserStateUnknown; a guard of its own then goes on trying where a laser may be lit.
+        """
         # One thread at a time: they would take the port away from each other.
-        if not self._alone.acquire(timeout=2 * longest):
+        if not self._alone.acquire(timeout=2 * self._longest_alone):
             raise self._unknown(b"")
         try:
-            return self._dark_by(time.monotonic() + longest)
+            heard = self._dark_by(time.monotonic() + self._longest_alone)
         finally:
             self._alone.release()
+        self._maybe_lit.clear()
+        return heard
 
     def _dark_by(self, end: float) -> bytes:
         s, heard = self.settings, b""
-        dialect = _guard.DIALECTS[s.dialect]
         while time.monotonic() < end:
             try:
                 with contextlib.closing(s.open()) as port:
-                    sure, heard = _guard.darken(
-                        dialect.dark(s.outputs), port.write, _hearing(port), s.confirm
+                    sure, heard = darken(
+                        DIALECTS[s.dialect].dark(s.outputs), port.write, _hearing(port), s.confirm
                     )
             except (OSError, ValueError):
                 time.sleep(0.02)
                 continue
             if sure:
-                self._maybe_lit.clear()
                 return heard
+        if self._maybe_lit.is_set() and (self._rescuer is None or self._rescuer.poll() is not None):
+            self._rescuer = self._start_rescuer()
+            threading.Thread(target=self._mind_rescuer, daemon=True, name="rescuer").start()
         raise self._unknown(heard)
+
+    def _start_rescuer(self) -> subprocess.Popen[bytes]:
+        return self._start(replace(self.settings, rescue=True), subprocess.DEVNULL)
+
+    def _mind_rescuer(self) -> None:
+        """It goes on without this process; while this one lives, it is replaced if it is killed."""
+        while self._rescuer is not None:
+            code = self._rescuer.wait()
+            if code == 0:
+                self._maybe_lit.clear()
+            if code in (0, 4):
+                return
+            time.sleep(_guard.AGAIN)
+            self._rescuer = self._start_rescuer()
 
 
 def _hearing(port: Any) -> Any:
@@ -375,18 +510,6 @@ def _hearing(port: Any) -> Any:
     return hear
 
 
-def _port_error(port: str, word: str, text: str) -> DeviceError:
-    if word == "busy":
-        return DeviceRefused(f"{port}: in use by another program", hint="close that program")
-    if word == "absent":
-        # pyserial says it twice, with the name of the port: the end says why.
-        why = "there is no such port" if "[Errno 2]" in text else text
-        return DeviceNotFound(
-            f"{port}: cannot be opened: {why}", hint="look at the cable and the port's name"
-        )
-    return DeviceDisconnected(f"{port}: gone: {text}", hint="plug it in again, then resume")
-
-
 def objection(port: str, heard: bytes) -> TurnscanError:
     """The error that a board's words amount to."""
     if not heard.strip():
@@ -394,11 +517,11 @@ def objection(port: str, heard: bytes) -> TurnscanError:
     if b"Door" in heard:
         return door_open(port)
     if b"ALARM" in heard:
-        return DeviceAlarm(f"{port}: {shown(heard)}", hint="look at the machine, then acknowledge")
+        return DeviceAlarm(f"{port}: {shown(heard)}", hint=look_and_acknowledge(port))
     if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:
         return DeviceRestarted(
             f"{port}: the board restarted ({shown(heard)})",
-            hint="its position is lost: set the table to its mark again",
+            hint=lost_place(port),
         )
     if b"error" in heard:
         return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")

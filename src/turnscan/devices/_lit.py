@@ -1,45 +1,105 @@
-"""Lasers that burn while somebody needs them, and for two seconds at most when nobody does."""
+"""Lasers that burn while the work goes on, and for two seconds at most once nothing shows it."""
 
 from __future__ import annotations
 
 import contextlib
-import threading
 import time
 from collections.abc import Iterator
+from contextvars import ContextVar
 
 from turnscan.devices._guard import LONGEST_LEASE as LEASE
-from turnscan.devices._guard import LONGEST_LIT
 from turnscan.devices._protocols import Lasers
-from turnscan.errors import TurnscanError
+from turnscan.errors import LeaseEnded, TurnscanError
 
-_RENEWED = LEASE / 4
-"""s from one renewal to the next, so that a busy machine may miss two."""
+_SELDOM = 0.1
+"""s from one renewal to the next, at least; drivers may give many signs of life."""
+
+
+class _Fire:
+    """What burns, and until when if nobody shows any more that the work goes on."""
+
+    def __init__(self, lasers: Lasers) -> None:
+        self._lasers = lasers
+        self.seen = self._renewed = time.monotonic()
+        """Of the last sign of life, and of the last renewal."""
+        self._over = False
+
+    @property
+    def is_out(self) -> bool:
+        """Whether the lease has run out; it never comes back."""
+        self._over = self._over or time.monotonic() >= self._renewed + LEASE
+        return self._over
+
+    def renew(self) -> None:
+        """Never lights anything, so it does no harm when it comes late."""
+        if self.is_out or time.monotonic() < self._renewed + _SELDOM:
+            return
+        begin = time.monotonic()
+        with contextlib.suppress(TurnscanError):  # whoever lit them meets it, too
+            self._lasers.renew(LEASE)
+            self._renewed = begin
+
+    def end(self) -> bool:
+        """No renewal any more; whether it had run out before."""
+        out, self._over = self.is_out, True
+        return out
+
+
+_FIRE: ContextVar[_Fire | None] = ContextVar("fire", default=None)
 
 
 @contextlib.contextmanager
-def burning(lasers: Lasers, lit: frozenset[str], longest: float = LONGEST_LIT) -> Iterator[None]:
-    """Exactly ``lit`` burns inside the block, and nothing after it; for ``longest`` s at most.
+def burning(lasers: Lasers, lit: frozenset[str]) -> Iterator[None]:
+    """Exactly ``lit`` burns inside the block, and nothing after it.
 
-    A lease of 2 s is renewed as long as the block runs. A program that dies, hangs or is stopped
-    renews nothing. Raises DeviceError and SafetyError as ``lasers`` do.
+    For two seconds, and for two more with each sign of life: drivers give one with `alive` for
+    each picture that comes out of a camera, and `Steady` while an exposure lasts. A program that
+    dies, or hangs anywhere, gives none. Raises LeaseEnded at the block's end where the lasers went
+    dark inside it, and DeviceError and SafetyError as ``lasers`` do.
     """
     if not lit:
         yield
         return
-    over = threading.Event()
-    end = time.monotonic() + longest
-    lasers.light(lit, min(LEASE, longest))
-    keeper = threading.Thread(target=_renew, args=(lasers, over, end), daemon=True, name="lease")
-    keeper.start()
+    fire = _Fire(lasers)
+    lasers.light(lit, LEASE)
+    before = _FIRE.set(fire)
+    out = False
     try:
         yield
     finally:
-        over.set()
+        _FIRE.reset(before)
+        out = fire.end()
         lasers.light(frozenset(), LEASE)
+    if out:
+        raise LeaseEnded(
+            f"laser {', '.join(sorted(lit))}: went dark, as no picture came within {LEASE:g} s",
+            hint="look at the camera and its cable",
+        )
 
 
-def _renew(lasers: Lasers, over: threading.Event, end: float) -> None:
-    """Never lights anything, so nothing has to wait for its end."""
-    with contextlib.suppress(TurnscanError):  # the thread that lit them meets it, too
-        while not over.wait(_RENEWED) and (left := end - time.monotonic()) > 0:
-            lasers.renew(min(LEASE, left))
+def alive() -> None:
+    """A sign of life: what this context lit may burn for two seconds from now.
+
+    For the thread that works, when something that it waited for has come: a picture, an answer.
+    Never for one that would go on while the work hangs. It lights nothing, and where nothing burns
+    it does nothing.
+    """
+    if (fire := _FIRE.get(None)) is not None:
+        fire.seen = time.monotonic()
+        fire.renew()
+
+
+def exposing(seconds: float) -> None:
+    """What burns may burn on where the last sign of life is less than ``seconds`` ago.
+
+    For an exposure that lasts longer than a lease: so long nothing can come.
+    """
+    fire = _FIRE.get(None)
+    if fire is not None and time.monotonic() < fire.seen + seconds:
+        fire.renew()
+
+
+def went_out() -> bool:
+    """Whether what this context lit has gone dark meanwhile."""
+    fire = _FIRE.get(None)
+    return fire is not None and fire.is_out

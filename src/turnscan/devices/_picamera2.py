@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from turnscan.arrays import Image
+from turnscan.devices._lit import alive
 from turnscan.devices._options import check_wish, split_address, whole_of
 from turnscan.devices._pixels import locked
 from turnscan.errors import DeviceError, DeviceNotFound, DeviceRefused, DeviceTimeout
@@ -86,6 +87,7 @@ class Picamera2Camera:
         got = math.nan, math.nan
         for _ in range(_TRIES):
             said = self._camera.capture_metadata()
+            alive()
             got = said["ExposureTime"] * 1e-6, float(said["AnalogueGain"])
             if abs(got[0] - seconds) <= _CLOSE * seconds + 1e-4 and abs(got[1] - gain) <= (
                 _CLOSE * gain

@@ -69,6 +69,22 @@ def open_devices(turntable: str, lasers: str | None = None) -> Iterator[Devices]
         _close_all(opened)
 
 
+def acknowledge_alarm(address: str) -> tuple[bool, bool]:
+    """A person has looked at the machine of a board: whether it was in an alarm, and whether the
+    angle of its table is still known.
+
+    Raises as `open_turntable`, and InputError for a turntable that has no alarms.
+    """
+    table: Any = open_turntable(address)
+    try:
+        if not hasattr(table, "look_over"):
+            raise InputError(f"{address}: has no alarms", hint="it needs no --acknowledge")
+        alarm = bool(table.alarm)
+        return alarm, table.look_over()
+    finally:
+        _close_all([table])
+
+
 def _close_all(opened: list[Any]) -> None:
     """Every one is closed, whatever the others raise; the first error leaves."""
     errors: list[TurnscanError] = []

@@ -50,28 +50,39 @@ class Sentence:
         if self.is_door:
             return door_open(port)
         if self.kind is Kind.ALARM:
-            return DeviceAlarm(
-                f"{port}: {self.text}", hint="look at the machine, then acknowledge the alarm"
-            )
+            return DeviceAlarm(f"{port}: {self.text}", hint=look_and_acknowledge(port))
         if self.kind is Kind.BANNER:
             return DeviceRestarted(
                 f"{port}: the board restarted ({self.text})",
-                hint="its position is lost: set the table to its mark again",
+                hint=lost_place(port),
             )
         if self.kind is Kind.ERROR:
             return DeviceRefused(f"{port}: the board answered {self.text!r}")
         return DeviceGarbled(f"{port}: said {self.text!r}, which answers nothing that was asked")
 
 
+def look_and_acknowledge(port: str) -> str:
+    """What a person does about an alarm."""
+    return f"look at the machine, then turnscan devices {port} --acknowledge"
+
+
+def lost_place(port: str) -> str:
+    """What a person does about a table that nobody knows the angle of."""
+    return (
+        f"its position is lost: turnscan devices {port} --acknowledge, then scan anew, or turn the "
+        "table to a mark and resume with --at-deg"
+    )
+
+
 def door_open(port: str) -> InterlockOpen:
     """What a door that opens means: it never goes on by itself."""
     return InterlockOpen(
         f"{port}: the door or the interlock is open",
-        hint="close it, set the table to its mark, then acknowledge",
+        hint=f"close it, {look_and_acknowledge(port)}",
     )
 
 
-_BANNER = re.compile(r"(?:Grbl|Horus) \d+\.\d+\w* \['\$' for help\]")
+_BANNER = re.compile(r"(?:Grbl|Horus) \d+\.\d+\w* \['\$' for help\]|Sardauscan V\d+\.\d+\w{0,8}")
 _SETTING = re.compile(r"(\$\d{1,3})=(-?\d{1,9}(?:\.\d{1,9})?)(?: \(.*\))?")
 _NUMBER = re.compile(r"-?\d{1,9}")
 _STATUS = re.compile(r"<([A-Z][A-Za-z]{2,8})(?::\d)?((?:[|,][^<>]*)?)>")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextvars
 import threading
 import time
 from collections import Counter, deque
@@ -10,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from turnscan.arrays import Image
+from turnscan.devices._lit import alive, exposing, went_out
 from turnscan.devices._picture_faults import blank_rows, fault_of
 from turnscan.devices._protocols import Camera, CameraTraits
 from turnscan.errors import (
@@ -18,6 +20,7 @@ from turnscan.errors import (
     DeviceGarbled,
     DeviceRefused,
     DeviceTimeout,
+    LeaseEnded,
 )
 
 RETRIES = 3
@@ -29,10 +32,15 @@ _SCENE = 3
 """A part without light that is there so often, in the same rows, is the scene and no tear."""
 _GRACE = 1.0
 """s that a driver may go beyond the time-out it was given before it counts as hanging."""
+_SHORT = 0.5
+"""s: longer exposures count as a sign of life while they last."""
+_EXPOSURES = 2.0
+"""For so many: the one that the camera was in, and the one that was asked for."""
+_SLICE = 0.25
 
 _HINTS = {
     "dropped": "look at cable, power and USB or network load",
-    "incomplete": "look at cable, network and packet size",
+    "incomplete": "look at cable and network; larger packets (packet=8192) lose less",
     "stale": "the driver hands out buffered pictures; it must not",
     "frozen": "the camera repeats itself; unplug it and plug it in again",
     "torn": "parts of pictures get lost; look at cable and bandwidth, take fewer pixels",
@@ -54,6 +62,9 @@ class Steady:
     before, or none), of another size or type than the first, black where light is expected, and
     saturated ones are taken again up to three times. A camera that hangs beyond its time-out is
     left alone. ``counts`` says how often each was met.
+
+    Inside `burning` each picture is a sign of life, and so is an exposure above 0.5 s for twice as
+    long as it lasts. Once the laser has gone out there is nothing more to be taken.
     """
 
     def __init__(
@@ -76,6 +87,15 @@ class Steady:
         self._hanging: threading.Thread | None = None
 
     @property
+    def told(self) -> str:
+        """How many pictures had to be taken again and why, with what to do; empty for none."""
+        if not self.counts:
+            return ""
+        kinds = self.counts.most_common()
+        many = ", ".join(f"{n} × {kind}" for kind, n in kinds)
+        return f"pictures that were taken again: {many} → {_HINTS[kinds[0][0]]}"
+
+    @property
     def traits(self) -> CameraTraits:
         """Those of the camera inside."""
         return self._traits
@@ -91,12 +111,18 @@ class Steady:
 
         ``lit`` says that there is light to be seen. Raises DeviceTimeout where none came in any
         attempt, DeviceRefused where all had another size than the first picture ever,
-        DeviceGarbled where all were damaged and DeviceError where the reasons were several.
+        DeviceGarbled where all were damaged and DeviceError where the reasons were several;
+        LeaseEnded where the laser that burnt for it went out before.
         DeviceDisconnected and DeviceRefused of the driver come out at once.
         """
         faults: list[str] = []
         flushed, doubtful = 0, False
         while len(faults) <= self._retries:
+            if went_out():
+                raise LeaseEnded(
+                    f"camera: no good picture before the laser went out{_why(faults)}",
+                    hint="look at the camera and its cable",
+                )
             fault, image = self._attempt(timeout, lit)
             if fault is None and image is not None:
                 if not doubtful:
@@ -168,22 +194,33 @@ class Steady:
             except BaseException as e:  # noqa: BLE001 raised again below, in the caller's thread
                 errors.append(e)
 
-        self._hanging = threading.Thread(target=work, name="camera", daemon=True)
+        inside = contextvars.copy_context()  # so that the driver's signs of life count
+        self._hanging = threading.Thread(
+            target=inside.run, args=(work,), name="camera", daemon=True
+        )
         self._hanging.start()
-        self._hanging.join(timeout + _GRACE)
+        self._wait(self._hanging, timeout + _GRACE)
         if errors:
             raise errors[0]
         if not images:
             raise DeviceTimeout(
                 f"camera: its driver did not come back within {timeout:g} s + {_GRACE:g} s"
             )
+        alive()
         return images[0]
+
+    def _wait(self, driver: threading.Thread, longest: float) -> None:
+        """Until it is back. While it may be exposing, that it is not does not mean it hangs."""
+        end = time.monotonic() + longest
+        declared = _EXPOSURES * self._seconds if self._seconds > _SHORT else 0.0
+        while driver.is_alive() and (left := end - time.monotonic()) > 0:
+            driver.join(min(left, _SLICE) if declared else left)
+            exposing(declared)
 
     def _given_up(self, faults: list[str], timeout: float) -> DeviceError:
         last = faults[-1]
         kinds = set(faults)
-        said = ", ".join(f"{n} × {name}" for name, n in Counter(faults).items())
-        message = f"camera: no good picture in {len(faults)} attempts ({said})"
+        message = f"camera: no good picture in {len(faults)} attempts{_why(faults)}"
         if kinds == {"dropped"}:
             error: type[DeviceError] = DeviceTimeout
             message += f", {timeout:g} s each"
@@ -196,3 +233,8 @@ class Steady:
         else:
             error = DeviceError
         return error(message, hint=_HINTS[last])
+
+
+def _why(faults: list[str]) -> str:
+    said = ", ".join(f"{n} × {name}" for name, n in Counter(faults).items())
+    return f" ({said})" if said else ""

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from turnscan.arrays import Image
+from turnscan.devices._lit import alive
 from turnscan.devices._options import check_wish, number_of, split_address, whole_of
 from turnscan.devices._pixels import locked
 from turnscan.errors import (
@@ -208,6 +209,7 @@ class UvcCamera:
             if self._clock() >= until:
                 raise DeviceTimeout(f"{self._name}: no picture within {timeout:g} s")
             raise self._lost()
+        alive()
         return self._clock() - asked
 
     def _lost(self) -> DeviceDisconnected:

@@ -11,6 +11,7 @@ from turnscan.export._plain import read_obj, read_xyz, write_obj, write_xyz
 from turnscan.export._ply import write_ply
 from turnscan.export._ply_read import read_ply
 from turnscan.export._stl import read_stl, write_stl
+from turnscan.export._text import read_about
 from turnscan.export._threemf import read_3mf, write_3mf
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "export",
     "exporter_for",
     "read_3mf",
+    "read_about",
     "read_dxf",
     "read_dxf_content",
     "read_glb",

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
-from turnscan.export._dxf_read import DxfContent, read_dxf_content
+from turnscan.export._dxf_read import DxfContent, read_dxf, read_dxf_content
 from turnscan.export._formats import exporter_for
 from turnscan.export._options import DEFAULTS, DxfForm, ExportOptions, Profiles
 from turnscan.export._plain import SIGMA_DECIMALS, points_to_write
 from turnscan.export._text import decimals_for
 from turnscan.findings import Finding
 from turnscan.points import PointCloud
-from turnscan.surface import Mesh
+from turnscan.surface import Mesh, is_closed, soundness
 
 EZDXF_BYTES = 2_000_000
 """ezdxf reads about half a megabyte of faces a second; larger files only our own reader reads."""
 VOLUME = 1e-6
 """A part's volume should survive its file to this relative accuracy."""
+_THINNER = "choose a format with more digits, such as PLY, or thin the mesh out first"
 _REMEDY = "write the file again; if it stays, report it as a fault of turnscan"
 
 
@@ -42,8 +44,12 @@ def audit(
     """
     try:
         if suffix.lower() == ".dxf":
-            found = _dxf(read_dxf_content(data), what, options, profiles)
-            return found + ([] if _errors(found) else _by_ezdxf(data))
+            content = read_dxf_content(data)
+            found = _dxf(content, what, options, profiles)
+            if _errors(found):
+                return found
+            seen = less_sound(read_dxf(data), what) if len(content.corners) else []
+            return found + _by_ezdxf(data) + seen
         read = exporter_for(suffix).read(data)
     except InputError as e:
         return [_error("unreadable", e.message)]
@@ -59,7 +65,36 @@ def audit(
         found = _compare_faces(read.triangles, wanted, step, "faces")
         if suffix.lower() in (".ply", ".obj", ".3mf", ".glb"):
             found += _compare_points(read.vertices, points, step, "vertices")
-    return found if _errors(found) else found + _values(read, what, suffix, options)
+    if _errors(found):
+        return found
+    found += _values(read, what, suffix, options) + less_sound(read, what)
+    return found + (_unmarked(what) if suffix.lower() == ".stl" else [])
+
+
+def _unmarked(what: Mesh | PointCloud) -> list[Finding]:
+    """That an STL does not tell the faces that were not measured, where there are some."""
+    if not isinstance(what, Mesh) or what.measured is None or what.measured.all():
+        return []
+    text = f"{int((~what.measured).sum())} faces were not measured; an STL cannot say which"
+    return [Finding("export.unmarked", "note", text, "", "write a PLY, OBJ, 3MF or DXF as well")]
+
+
+def less_sound(read: Mesh, what: Mesh | PointCloud | Profiles) -> list[Finding]:
+    """What is not sound about a mesh as it was read, and was about the one that was written.
+
+    Formats round, and those without vertices join equal corners.
+    """
+    if not isinstance(what, Mesh) or not len(what.faces):
+        return []
+    if np.array_equal(read.triangles, what.triangles) and len(read.vertices) == len(what.vertices):
+        return []
+    now = soundness(read)
+    before = {f.code for f in soundness(what)} if now else set()
+    found = [replace(f, remedy=_THINNER) for f in now if f.code not in before]
+    if is_closed(what) and not is_closed(read):
+        text = "the surface is closed, and open in this file"
+        found.append(Finding("surface.open", "warning", text, "", _THINNER))
+    return found
 
 
 def _error(word: str, message: str, where: str = "") -> Finding:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -21,6 +22,8 @@ RELATIVE = 1e-8
 _LARGEST_WHOLE = 9e18
 _CHUNK = 1 << 16
 _COMMENT = 200
+_HEAD = 1 << 16
+"""Bytes of a file in which its origin stands."""
 
 Longs = npt.NDArray[np.int64]
 
@@ -80,6 +83,17 @@ def rows_text(
     for start in range(0, len(values), chunk):
         block = np.ascontiguousarray(values[start : start + chunk])
         yield out[: put_rows(block, places, text, cuts, out)].tobytes()
+
+
+def read_about(data: bytes) -> dict[str, object]:
+    """What `about_lines` put into a file of text, or a PLY; empty where there is nothing."""
+    found = re.findall(rb"turnscan (\d+)/(\d+) ([^\r\n]*)", data[:_HEAD])
+    pieces = [text for i, (number, _, text) in enumerate(found) if int(number) == i + 1]
+    try:
+        value = json.loads(b"".join(pieces))
+    except ValueError:  # no such lines, or cut short
+        return {}
+    return value if isinstance(value, dict) else {}
 
 
 def about_lines(about: Mapping[str, object]) -> list[str]:

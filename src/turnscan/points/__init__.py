@@ -9,9 +9,9 @@ from turnscan.points._findings import (
     swept_findings,
     together_findings,
 )
-from turnscan.points._grid import PointCloud, RangeGrid
+from turnscan.points._grid import Origin, PointCloud, RangeGrid
 from turnscan.points._placements import placed, placements_from_conf
-from turnscan.points._profile import Profile, Spacing, profiles, resample
+from turnscan.points._profile import Along, Profile, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
 from turnscan.points._sweep import Swept, paths_of, refine
 from turnscan.points._triangulate import (
@@ -33,7 +33,9 @@ from turnscan.points._volume import (
 )
 
 __all__ = [
+    "Along",
     "Between",
+    "Origin",
     "PointCloud",
     "Profile",
     "RangeGrid",

@@ -47,8 +47,9 @@ def respace(grid: RangeGrid, between: Between) -> RangeGrid:
 
     A new point lies on the segment between the points of one line in the profiles before and
     after, never across a gap or a jump, so finer profiles add no detail; its sigma comes from
-    those two. Where an angle was measured its profile stays as it is. Steps are numbered anew from
-    0; what is missing because one of the two is, has that one's cause.
+    those two. Where an angle was measured its profile stays as it is, and an open turn ends with
+    its last profile. Steps are numbered anew from 0; what is missing because one of the two is,
+    has that one's cause.
 
     Raises InputError for a grid whose angles do not run one way, LimitExceeded for more than
     100 000 profiles.
@@ -73,6 +74,8 @@ def respace(grid: RangeGrid, between: Between) -> RangeGrid:
     # The first profile again, a turn later, ends the last gap.
     ends = np.append(angles, angles[0] + way * 2 * np.pi) if grid.closed else angles
     wanted = angles[0] + way * pitch * np.arange(count)
+    if not grid.closed and abs(wanted[-1] - angles[-1]) > _SAME * pitch:
+        wanted = np.append(wanted, angles[-1])
     first = np.clip(np.searchsorted(way * ends, way * wanted, side="right") - 1, 0, len(ends) - 2)
     part = (wanted - ends[first]) / (ends[first + 1] - ends[first])
     part = np.where(part < _SAME, 0.0, np.where(part > 1 - _SAME, 1.0, part))

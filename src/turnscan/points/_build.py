@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.points._grid import RangeGrid
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
+from turnscan.points._wholeness import Light, wholeness
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Stripe, StripeFlag
 
@@ -24,11 +26,16 @@ def build_grid(
     stripes: Sequence[Stripe],
     steps: npt.ArrayLike,
     angles: npt.ArrayLike,
+    angle_sigma: npt.ArrayLike | None = None,
 ) -> RangeGrid:
     """All stripes of one laser → its range grid in the object's frame.
 
     ``steps`` (s,) are step numbers and ``angles`` (s,) table angles in radians, one per stripe,
-    in scan order. A centre whose ray does not meet the sheet is missing, flagged OUTSIDE.
+    in scan order; ``angle_sigma`` (s,) rad their standard uncertainties, NaN or None where nobody
+    knows. A centre whose ray does not meet the sheet is missing, flagged OUTSIDE. Sigma is the root
+    of the sum of squares of the stripe's own, of what its width says (`wholeness`), and of how far
+    the angle's uncertainty carries the point off its surface. Stripes that something cuts where
+    what is seen ends are flagged EDGE.
 
     Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
     """
@@ -56,25 +63,67 @@ def build_grid(
     step_of, line_of = np.nonzero(there)
     pair = (position[there], line_of.astype(np.float64))
     pixels = np.stack(pair if vertical else pair[::-1], axis=-1)
-    sigma_px = np.stack([s.sigma for s in stripes])[there]
-    camera, sigma = triangulate(rig, laser, pixels, sigma_px, across=0 if vertical else 1)
+    ones = np.ones(len(pixels))
+    camera, scale = triangulate(rig, laser, pixels, ones, across=0 if vertical else 1)
     points = np.full((*position.shape, 3), np.nan)
     points[there] = to_object(rig, camera, turns[step_of])
     behind = np.zeros(position.shape, dtype=np.bool_)
     behind[there] = beyond_axis(rig, laser, camera)
     lost = there & np.isnan(points[..., 0])
     eye = rig.T_camera_table.inverse().translation
-    return RangeGrid(
+    grid = RangeGrid(
         laser=laser,
         steps=np.asarray(steps, dtype=np.int32),
         angles=turns,
         points=points,
-        sigma=_spread(sigma, there & ~lost, there),
+        sigma=_spread(np.stack([s.sigma for s in stripes])[there] * scale, there & ~lost, there),
         amplitude=np.where(lost, np.nan, np.stack([s.amplitude for s in stripes])),
         flags=np.where(lost, StripeFlag.OUTSIDE, flags).astype(np.uint16),
         closed=goes_round(turns),
         eyes=np.einsum("sij,j->si", rotation_z(-turns), eye),
         behind=behind & ~lost,
+    )
+    shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
+    width = np.stack([s.width for s in stripes])
+    return _doubted(grid, rig, width, _spread(scale, there & ~lost, there), shaky, vertical)
+
+
+def _doubted(
+    grid: RangeGrid, rig: Rig, width: Floats, scale: Floats, shaky: Floats, vertical: bool
+) -> RangeGrid:
+    """The grid with what the stripes' ``width`` (s, n) px and the angles' uncertainty ``shaky``
+    (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
+    found = grid.found
+    if len(grid.steps) < 2 or grid.eyes is None or not found.any():
+        return grid
+    turn = rotation_z(grid.angles)
+    T, sheet = rig.T_camera_table, rig.sheet(grid.laser)
+    camera = T.apply(np.einsum("sij,snj->sni", turn, grid.points)[found])
+    next_ray = np.zeros((len(camera), 3))
+    slopes = rig.camera.ray_derivatives(camera[:, :2] / camera[:, 2:])
+    next_ray[:, :2] = slopes[:, :, 0 if vertical else 1] * camera[:, 2:]
+
+    def back(vectors: Floats) -> Floats:
+        whole = np.full(grid.points.shape, np.nan)
+        whole[found] = vectors @ T.rotation
+        return np.asarray(np.einsum("sji,snj->sni", turn, whole))
+
+    aside, sheets = back(next_ray), back(sheet.gradient(camera))
+    told = wholeness(
+        Light(
+            grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed
+        )
+    )
+    ray = grid.points - grid.eyes[:, None]
+    slope = np.einsum("sni,sni->sn", sheets, aside) / np.einsum("sni,sni->sn", sheets, ray)
+    along = aside - ray * slope[..., None]
+    carried = np.hypot(grid.points[..., 0], grid.points[..., 1]) * shaky[:, None] * told.slide
+    edge = np.where(told.tail, np.uint16(StripeFlag.EDGE), np.uint16(0))
+    return replace(
+        grid,
+        points=grid.points - along * told.shift[..., None],
+        sigma=np.sqrt(grid.sigma**2 + (told.doubt * scale) ** 2 + carried**2),
+        flags=(grid.flags | edge).astype(np.uint16),
     )
 
 

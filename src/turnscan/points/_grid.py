@@ -10,6 +10,17 @@ from turnscan.arrays import Bools, Flags, Floats, Ints, frozen
 
 
 @dataclass(frozen=True)
+class Origin:
+    """What a resampled grid was made of: which of its points are one surface is asked there."""
+
+    grid: RangeGrid
+    """As it was measured; in its own frame, wherever the resampled one was placed since."""
+    lines: Floats
+    """(s, n) line of ``grid`` at which each point of the new one lies, a fraction between two;
+    ascending along each profile, NaN where there is none."""
+
+
+@dataclass(frozen=True)
 class RangeGrid:
     """Profiles of one laser stacked as (step, line): where each measured point lies, and how well.
 
@@ -38,6 +49,8 @@ class RangeGrid:
     behind: Bools | None = None
     """(s, n) True where the laser sheet was met beyond the rotation axis, so that neighbouring
     steps run the other way round; None when nowhere."""
+    origin: Origin | None = None
+    """The grid that this one was resampled from; None for one that was measured so."""
 
     def __post_init__(self) -> None:
         if self.points.ndim != 3:

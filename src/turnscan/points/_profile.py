@@ -9,11 +9,26 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError, LimitExceeded
-from turnscan.points._grid import RangeGrid
+from turnscan.points._grid import Origin, RangeGrid
+from turnscan.points._places import most_places, places, walks
 from turnscan.stripes import StripeFlag
 
 Spacing = Literal["height", "arc"]
 """height: points at common heights z in all profiles; arc: at equal arc length along each."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """How far apart points are wanted along the profiles."""
+
+    spacing: float
+    """mm."""
+    by: Spacing = "height"
+
+    def __post_init__(self) -> None:
+        if not (self.spacing > 0 and np.isfinite(self.spacing)):
+            raise InputError(f"spacing {self.spacing} mm", hint="give a positive length in mm")
+
 
 _JUMP = 4.0
 """A run ends where neighbours lie further apart than this many usual spacings of the profile."""
@@ -74,46 +89,43 @@ def _breaks(points: Floats) -> Bools:
         return np.asarray(~(gap <= _JUMP * usual[:, None]))
 
 
-def resample(grid: RangeGrid, spacing: float, by: Spacing = "height") -> RangeGrid:
-    """The grid with points ``spacing`` mm apart along every profile.
+def resample(
+    grid: RangeGrid,
+    along: Along,
+    *,
+    joined: Bools | None = None,
+    stays: Bools | None = None,
+) -> RangeGrid:
+    """The grid with points so far apart along every profile, both ends of every run kept.
 
-    ``by="height"`` puts them at common heights z = k·spacing, so that line k is the same height
-    in all profiles; where a profile passes a height twice (an overhang) the first passage in line
-    order counts. ``by="arc"`` puts them at equal arc length along each unbroken run, the first one
-    at the run's first point; lines then count on from run to run. New points lie on the segment
-    between two neighbours of one run, never across a gap; their sigma comes from those two.
+    By height they lie at common heights z = k·spacing, each time the profile passes one, and at
+    equal arc length where it would go on for two spacings without; by arc at equal arc length
+    along each unbroken run, from its first point on. A point nearer than a quarter of the spacing
+    to one that stays is left out. New points lie on the segment between
+    two neighbours of one run, never across a gap; their sigma comes from those two.
 
-    Raises InputError for a spacing that is not positive, LimitExceeded where it would give more
-    than a million points a profile.
+    ``joined`` (s, n) is True where a run leads from the line before to this one; without it runs
+    end as in `profiles`. ``stays`` (s, n) names points that stay where they are. The places of the
+    new grid are in order along the profile, with one empty between runs; by height a place is one
+    height in all profiles as far as they pass it once. The new grid knows where it comes from
+    (`RangeGrid.origin`).
+
+    Raises LimitExceeded where it would give more than a million points a profile.
     """
-    if not (spacing > 0 and np.isfinite(spacing)):
-        raise InputError(f"spacing {spacing} mm", hint="give a positive length in mm")
-    found = grid.found
-    if not found.any():
+    if not grid.found.any():
         return grid
-    runs = ~_breaks(grid.points)
-    if by == "height":
-        z = grid.points[..., 2][found]
-        low = int(np.ceil(float(z.min()) / spacing))
-        count = int(np.floor(float(z.max()) / spacing)) - low + 1
-    else:
-        low = 0
-        gap = np.linalg.norm(np.diff(grid.points, axis=1), axis=-1)
-        inside = np.where(runs[:, 1:], gap, 0.0).sum(axis=1)
-        begins = (found & ~runs).sum(axis=1)
-        count = int((np.floor(inside / spacing) + begins).max())
-    if count > _MOST:
+    walk = walks(grid.points, ~_breaks(grid.points) if joined is None else joined, stays)
+    if (most := most_places(walk, along.spacing)) > _MOST:
         raise LimitExceeded(
-            f"spacing {spacing} mm gives {count} points a profile, at most {_MOST}",
+            f"spacing {along.spacing} mm gives {most:.0f} points a profile, at most {_MOST}",
             hint="choose a wider spacing",
         )
-    from turnscan.points import _profile_kernels as kernels
-
-    if by == "height":
-        at, part = kernels.place_heights(grid.points, runs, found, spacing, low, max(count, 1))
-    else:
-        at, part = kernels.place_arcs(grid.points, runs, found, spacing, max(count, 1))
-    return _between(grid, at, part)
+    end, part, place = places(walk, along.spacing, along.by == "height")
+    at = np.full((len(grid.steps), int(place.max()) + 1), -1, dtype=np.int32)
+    share = np.full(at.shape, np.nan)
+    at[walk.profile[end], place] = walk.line[end]
+    share[walk.profile[end], place] = part
+    return _between(grid, at, share)
 
 
 def _between(grid: RangeGrid, at: Ints, part: Floats) -> RangeGrid:
@@ -133,4 +145,5 @@ def _between(grid: RangeGrid, at: Ints, part: Floats) -> RangeGrid:
         amplitude=(1.0 - w) * grid.amplitude[k, a] + w * grid.amplitude[k, b],
         flags=flags.astype(np.uint16),
         behind=behind,
+        origin=Origin(grid, np.where(there, at - 1 + w, np.nan)),
     )

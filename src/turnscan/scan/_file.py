@@ -424,6 +424,11 @@ class Scan:
         object.__setattr__(row, "id", number)
         self._index.add(row)
 
+    def keep_acquisition(self, text: str) -> None:
+        """Replace `acquisition`. Raises InputError in a file open for reading, ScanError."""
+        self._write(lambda: database.write_meta(self._db, "acquisition", text))
+        self.acquisition = text
+
     def _write(self, change: Callable[[], T]) -> T:
         """One transaction; the file is no longer what it was closed with."""
         self._must_write()

@@ -9,6 +9,7 @@ from turnscan.shapes._measure import (
     area,
     corner_angle,
     distance,
+    measured_points,
     plane_of,
     planes_angle,
     region_diameter,
@@ -18,7 +19,13 @@ from turnscan.shapes._measure import (
 )
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
 from turnscan.shapes._shared import Source, calibration_moves
-from turnscan.shapes._volume import VolumeSigma, mean_curvature, volume_sigma
+from turnscan.shapes._volume import (
+    VolumeSigma,
+    mean_curvature,
+    volume_figures,
+    volume_in_words,
+    volume_sigma,
+)
 
 __all__ = [
     "Circle",
@@ -43,6 +50,7 @@ __all__ = [
     "fit_plane",
     "fit_sphere",
     "mean_curvature",
+    "measured_points",
     "plane_angles",
     "plane_of",
     "planes_angle",
@@ -51,5 +59,7 @@ __all__ = [
     "section_diameter",
     "to_plane",
     "volume",
+    "volume_figures",
+    "volume_in_words",
     "volume_sigma",
 ]

@@ -12,6 +12,10 @@ from turnscan.errors import DidNotConverge, InputError
 from turnscan.shapes._forms import Circle, Cylinder, Plane, Sphere
 
 _ROUNDS = 100
+_TINY = 1e-12
+"""mm that a point is from a centre at the least, so that it has a direction from there."""
+_OPEN = 1e13
+"""Condition number of normal equations, all scales taken out, above which they say nothing."""
 _STARTS = 24
 """Axis directions tried for a cylinder, spread over the half sphere."""
 
@@ -30,8 +34,11 @@ def _weights(sigma: npt.ArrayLike | None, count: int) -> Floats:
     if sigma is None:
         return np.ones(count)
     s = np.broadcast_to(np.asarray(sigma, dtype=np.float64), (count,))
-    if not (s > 0).all():
-        raise InputError(f"sigma {float(s.min())} mm", hint="give positive standard uncertainties")
+    bad = ~((s > 0) & np.isfinite(s))
+    if bad.any():
+        raise InputError(
+            f"sigma {float(s[bad][0])} mm", hint="give positive standard uncertainties"
+        )
     return np.asarray(1.0 / (s * s))
 
 
@@ -82,11 +89,11 @@ def fit_sphere(points: npt.ArrayLike, sigma: npt.ArrayLike | None = None) -> Sph
 
     def model(p: Floats) -> tuple[Floats, Floats]:
         away = d - p[:3]
-        r = np.linalg.norm(away, axis=1)
+        r = np.maximum(np.linalg.norm(away, axis=1), _TINY)
         return r - p[3], np.column_stack([-away / r[:, None], -np.ones(len(r))])
 
     p, residual, N = _settle(model, start, w, "sphere")
-    covariance = np.asarray(np.linalg.inv(N), float) * _variance(residual, w, 4, sigma is not None)
+    covariance = _inverse(N, "sphere") * _variance(residual, w, 4, sigma is not None)
     rms = float(np.sqrt(np.mean(residual**2)))
     return Sphere(middle + p[:3], float(p[3]), rms, covariance, len(X))
 
@@ -102,21 +109,23 @@ def fit_circle(
     X = _checked(points, 3, "circle")
     w = _weights(sigma, len(X))
     n = np.asarray(normal, dtype=np.float64)
+    if not (np.isfinite(n).all() and np.linalg.norm(n) > 0):
+        raise InputError(f"circle: normal {n.tolist()}", hint="give a direction")
     n = n / np.linalg.norm(n)
     e1, e2 = _across(n)
     middle = X.mean(axis=0)
     d = np.stack([(X - middle) @ e1, (X - middle) @ e2], axis=-1)
-    if np.linalg.svd(d, compute_uv=False)[1] <= 1e-9 * np.abs(d).max():
+    if not np.linalg.svd(d, compute_uv=False)[1] > 1e-9 * np.abs(d).max():
         raise InputError("circle: the points lie on one line", hint="choose another section")
     foot, radius, _ = _circle(X - middle, n)
 
     def model(p: Floats) -> tuple[Floats, Floats]:
         away = d - p[:2]
-        r = np.linalg.norm(away, axis=1)
+        r = np.maximum(np.linalg.norm(away, axis=1), _TINY)
         return r - p[2], np.column_stack([-away / r[:, None], -np.ones(len(r))])
 
     p, residual, N = _settle(model, np.array([foot @ e1, foot @ e2, radius]), w, "circle")
-    covariance = np.asarray(np.linalg.inv(N), float) * _variance(residual, w, 3, sigma is not None)
+    covariance = _inverse(N, "circle") * _variance(residual, w, 3, sigma is not None)
     rms = float(np.sqrt(np.mean(residual**2)))
     centre = middle + p[0] * e1 + p[1] * e2
     return Circle(centre, n, float(p[2]), rms, covariance, len(X))
@@ -128,13 +137,19 @@ def fit_cylinder(
     """Least-squares cylinder (orthogonal distances) through points (n, 3) mm, n ≥ 6.
 
     ``axis`` (3,) is a first guess of the direction; without one, directions all round are tried
-    and the best fit is kept. Raises InputError for too few points, DidNotConverge where no start
-    settles.
+    and the best fit is kept. Raises InputError for too few points or points in a plane, such as
+    one ring, DidNotConverge where no start settles.
     """
     X = _checked(points, 6, "cylinder")
     w = _weights(sigma, len(X))
     middle = X.mean(axis=0)
     d = X - middle
+    spread = np.linalg.svd(d, compute_uv=False)
+    if not spread[2] > 1e-9 * spread[0]:
+        raise InputError(
+            "cylinder: the points lie in one plane, which leaves its axis open",
+            hint="choose a region that is longer, or measure a circle in a section",
+        )
     starts = _directions(_STARTS) if axis is None else np.atleast_2d(np.asarray(axis, float))
     best: Cylinder | None = None
     for direction in sorted(starts, key=lambda a: _circle(d, a / np.linalg.norm(a))[2])[:3]:
@@ -159,14 +174,14 @@ def _cylinder_from(d: Floats, w: Floats, axis: Floats, known: bool) -> Cylinder:
         e1, e2 = _across(a)
         away = d - foot
         away = away - np.outer(away @ a, a)
-        r = np.linalg.norm(away, axis=1)
+        r = np.maximum(np.linalg.norm(away, axis=1), _TINY)
         out = away / r[:, None]
         residual = r - radius
         along = (d - foot) @ a
         o1, o2 = out @ e1, out @ e2
         J = np.column_stack([-along * o1, -along * o2, -o1, -o2, -np.ones(len(r))])
         N = (J * w[:, None]).T @ J
-        step = np.linalg.solve(N, J.T @ (w * -residual))
+        step = _solve(N, J.T @ (w * -residual), "cylinder")
         a = a + step[0] * e1 + step[1] * e2
         a /= np.linalg.norm(a)
         foot = foot + step[2] * e1 + step[3] * e2
@@ -180,7 +195,7 @@ def _cylinder_from(d: Floats, w: Floats, axis: Floats, known: bool) -> Cylinder:
     if not radius > 0:
         raise DidNotConverge("cylinder: the fit turned inside out")
     a = a if a[2] >= 0 else -a
-    covariance = np.linalg.inv(N) * _variance(residual, w, 5, known)
+    covariance = _inverse(N, "cylinder") * _variance(residual, w, 5, known)
     rms = float(np.sqrt(np.mean(residual**2)))
     return Cylinder(foot, a, radius, rms, covariance, len(d))
 
@@ -212,6 +227,22 @@ def _directions(count: int) -> Floats:
     return np.vstack([np.column_stack([r * np.cos(turn), r * np.sin(turn), z]), np.eye(3)])
 
 
+def _solve(N: Floats, b: Floats, what: str) -> Floats:
+    """N⁻¹ b of normal equations. Raises DidNotConverge where the points leave a direction open."""
+    scale = np.sqrt(np.maximum(np.diagonal(N), 1e-300))
+    even = N / np.outer(scale, scale)
+    if not np.isfinite(even).all() or not np.linalg.cond(even) < _OPEN:
+        raise DidNotConverge(
+            f"{what}: the points leave a direction open", hint="choose a larger, rounder region"
+        )
+    x = np.linalg.solve(even, (b.T / scale).T)
+    return np.asarray((x.T / scale).T, dtype=np.float64)
+
+
+def _inverse(N: Floats, what: str) -> Floats:
+    return _solve(N, np.eye(len(N)), what)
+
+
 def _settle(
     model: Callable[[Floats], tuple[Floats, Floats]], p: Floats, w: Floats, what: str
 ) -> tuple[Floats, Floats, Floats]:
@@ -219,14 +250,10 @@ def _settle(
     for _ in range(_ROUNDS):
         residual, J = model(p)
         N = (J * w[:, None]).T @ J
-        try:
-            step = np.linalg.solve(N, J.T @ (w * -residual))
-        except np.linalg.LinAlgError:  # the points leave a direction open
-            break
+        step = _solve(N, J.T @ (w * -residual), what)
         p = p + step
         if np.abs(step).max() < 1e-12 * max(1.0, float(np.abs(p).max())):
             return p, residual, N
-    else:
-        if np.abs(step).max() < 1e-7 * max(1.0, float(np.abs(p).max())):
-            return p, residual, N
+    if np.abs(step).max() < 1e-7 * max(1.0, float(np.abs(p).max())):
+        return p, residual, N
     raise DidNotConverge(f"{what}: the fit does not settle", hint="choose a rounder region")

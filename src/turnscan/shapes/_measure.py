@@ -19,7 +19,7 @@ from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Plane
 from turnscan.shapes._shared import Source
 from turnscan.shapes._volume import volume_sigma
-from turnscan.surface import Mesh, is_closed, sections
+from turnscan.surface import Mesh, is_closed, measured_vertices, sections
 
 Unit = Literal["mm", "mm²", "mm³", "rad"]
 _SHARED = 2.0
@@ -157,7 +157,7 @@ def section_diameter(
         loop = min(loops, key=lambda s: float(np.linalg.norm(s.points - at, axis=1).min()))
     seen = loop.measured
     points, bulge = loop.points[seen], loop.bulge[seen]
-    sigma = _sigma(mesh, loop.near[seen])
+    sigma = sigma_of(mesh, loop.near[seen])
     wide = None if sigma is None else sigma * np.sqrt(_SHARED)
     c = fit_circle(points, normal, wide)
     for _ in range(2):
@@ -208,6 +208,9 @@ def volume(mesh: Mesh, source: Source | None = None) -> Measured:
     each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
     known = volume_sigma(mesh, source)
     text = "within the surface" + _unmeasured(mesh, np.ones(len(t), dtype=np.bool_), each)
+    if known.added or known.filled:
+        text += f"; {mesh.volume - known.added:.0f} ± {known.measured:.3g} mm³ of it measured, "
+        text += f"{known.added:.0f} ± {known.filled:.3g} filled"
     if not np.isnan(known.total):
         text += f"; the uncertainty is mostly {known.mostly}"
     return Measured(mesh.volume, "mm³", known.total, _middle(t), text)
@@ -223,13 +226,27 @@ def _gathered(slope: Floats, corners: npt.NDArray[np.int32], count: int) -> Floa
 def _corners(mesh: Mesh, faces: Bools) -> tuple[Floats, Floats | None]:
     """The measured corners of the chosen faces, and their sigma where all have one."""
     known = faces if mesh.measured is None else faces & mesh.measured
-    if not known.any():
+    chosen = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    chosen[mesh.faces[known]] = True
+    used = np.flatnonzero(chosen & measured_vertices(mesh))
+    if not len(used):
         raise InputError("nothing that was measured is selected", hint="select measured faces")
-    used = np.unique(mesh.faces[known])
-    return mesh.vertices[used], _sigma(mesh, used)
+    return mesh.vertices[used], sigma_of(mesh, used)
 
 
-def _sigma(mesh: Mesh, vertices: npt.NDArray[np.integer]) -> Floats | None:
+def measured_points(mesh: Mesh) -> tuple[Floats, Floats | None]:
+    """(n, 3) mm: the vertices that were measured, and their sigma (n,) mm where all have one.
+
+    Raises InputError where there are none.
+    """
+    used = np.flatnonzero(measured_vertices(mesh))
+    if not len(used):
+        raise InputError("nothing of it was measured", hint="measure a scan, not its fillings")
+    return mesh.vertices[used], sigma_of(mesh, used)
+
+
+def sigma_of(mesh: Mesh, vertices: npt.NDArray[np.integer]) -> Floats | None:
+    """(n,) mm: standard uncertainties of those vertices; None unless all have one."""
     if mesh.provenance is None:
         return None
     sigma = mesh.provenance.sigma[vertices]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,8 @@ from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
 from turnscan.shapes._fit import fit_plane
 from turnscan.shapes._forms import Plane
-from turnscan.surface import Mesh, vertex_normals
+from turnscan.shapes._measure import sigma_of
+from turnscan.surface import Mesh, measured_vertices, submesh, vertex_normals
 
 _ROUNDS = 8
 _LEAST = 12
@@ -51,10 +52,33 @@ def find_planes(
     ``smallest`` is the least area of a side, as a part of the whole surface. Points further than
     ``tolerance`` from the final plane are left out of its fit; rms is over the points kept.
 
-    Raises InputError for a mesh without faces.
+    Vertices that nobody measured belong to no side; points weigh 1/sigma² where all know theirs.
+
+    Raises InputError for a mesh without measured faces.
     """
+    known = measured_vertices(mesh)
+    if not known.all():
+        whole = np.asarray(known[mesh.faces].all(axis=1), dtype=np.bool_)
+        used = np.zeros(len(known), dtype=np.bool_)
+        used[mesh.faces[whole]] = True
+        part = submesh(mesh, whole)
+        found = find_planes(part, tolerance=tolerance, turn=turn, smallest=smallest, most=most)
+        return [replace(r, inliers=_among(used, r.inliers)) for r in found]
     if not len(mesh.faces):
-        raise InputError("the mesh has no faces", hint="measure a mesh with a surface")
+        raise InputError("no faces that were measured", hint="measure a mesh with a surface")
+    return _find(mesh, tolerance, turn, smallest, most)
+
+
+def _among(used: Bools, inliers: Bools) -> Bools:
+    """(v,) True for those of the ``used`` vertices that are ``inliers`` among them."""
+    whole = np.zeros(len(used), dtype=np.bool_)
+    whole[np.flatnonzero(used)[inliers]] = True
+    return whole
+
+
+def _find(
+    mesh: Mesh, tolerance: float | None, turn: float, smallest: float, most: int
+) -> list[PlaneRegion]:
     from turnscan.shapes import _plane_kernels as kernels
 
     start, near = _neighbours(mesh)
@@ -80,7 +104,7 @@ def find_planes(
                 break
             member = grown
             try:
-                plane = fit_plane(mesh.vertices[member])
+                plane = _fit(mesh, member)
             except InputError:
                 break
             centre = plane.centre
@@ -103,13 +127,13 @@ def _finish(
     """The plane of a region, fitted again without what lies off it, facing outward."""
     inside = np.zeros(len(mesh.vertices), dtype=np.bool_)
     inside[member] = True
-    plane = fit_plane(mesh.vertices[inside])
+    plane = _fit(mesh, np.flatnonzero(inside))
     for _ in range(_ROUNDS):
         keep = inside & (np.abs(plane.distances(mesh.vertices)) <= limit)
         keep &= np.abs(normals @ plane.normal) >= np.cos(turn)
         if keep.sum() < _LEAST:
             break
-        plane = fit_plane(mesh.vertices[keep])
+        plane = _fit(mesh, np.flatnonzero(keep))
         if (keep == inside).all():
             break
         inside = keep
@@ -121,6 +145,10 @@ def _finish(
     t = mesh.triangles[inside[mesh.faces].all(axis=1)]
     size = (np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) @ plane.normal).sum() / 2
     return PlaneRegion(plane, inside, float(size))
+
+
+def _fit(mesh: Mesh, vertices: npt.NDArray[np.int64]) -> Plane:
+    return fit_plane(mesh.vertices[vertices], sigma_of(mesh, vertices))
 
 
 def _merged(

@@ -5,14 +5,16 @@ The parts of the uncertainty are derived in ``docs/explain/accuracy.md``.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.shapes._added import added_part
 from turnscan.shapes._shared import Source, calibration_moves, moved, profile_sigma
-from turnscan.surface import Mesh, steady_normals, twins
+from turnscan.surface import Mesh, twins
 
 
 @dataclass(frozen=True)
@@ -24,17 +26,25 @@ class VolumeSigma:
     between: float
     """By what the surface bulges between its points."""
     filled: float
-    """By what was filled and never measured."""
+    """By what was filled and never measured (`Added.sigma`)."""
     profiles: float = 0.0
     """By what a merge put between the profiles."""
     shared: float = 0.0
     """By what all points have in common: the rig's calibration, and where the poses lie."""
 
+    added: float = 0.0
+    """mm³ that the fillings hold beyond straight fans over their borders; part of the volume."""
+
+    @property
+    def measured(self) -> float:
+        """Of the measured part, whatever was filled; NaN where the noise is not known."""
+        own = (self.noise, self.between, self.profiles, self.shared)
+        return float(np.sqrt(sum(part**2 for part in own)))
+
     @property
     def total(self) -> float:
         """All together; NaN where the noise is not known."""
-        own = (self.noise, self.between, self.filled, self.profiles, self.shared)
-        return float(np.sqrt(sum(part**2 for part in own)))
+        return float(np.hypot(self.measured, self.filled))
 
     @property
     def mostly(self) -> str:
@@ -58,8 +68,8 @@ def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
       a surface of curvature k stands w²k/12 above its chords of length w on average, and ½ Σ l θ is
       the integral of its mean curvature (Steiner), sharp edges included. Ridges and valleys make up
       for each other.
-    - filled: Σ A δ over the faces that were not measured, δ the distance of a face's middle from
-      the tangent plane of the measured vertex nearest to it.
+    - filled: what the fillings may be wrong by (`added_part`). A lid over an edge of the part is a
+      choice, and no uncertainty.
     - profiles: what a merge in voxels put between the profiles (`profile_sigma`).
     - shared: √Σ(Σ aᵢ·mᵢ)² over the independent ways m in which all vertices move at once, those of
       the rig's covariance (`calibration_moves`) and those of the source; they do not average out.
@@ -68,7 +78,37 @@ def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
     shares = _shares(mesh)
     common = moved(shares, chain(calibration_moves(mesh, known), known.moves))
     between = profile_sigma(known.profiles, mesh)
-    return VolumeSigma(_noise(mesh, shares), abs(_bulge(mesh)), _filled(mesh), between, common)
+    more = added_part(mesh)
+    noise, bulge = _noise(mesh, shares), abs(_bulge(mesh))
+    return VolumeSigma(noise, bulge, more.sigma, between, common, more.volume)
+
+
+def volume_figures(volume: float, known: VolumeSigma) -> dict[str, float | None]:
+    """A volume in numbers, mm³: all of it, what was measured and what was filled, each with its
+    standard uncertainty; None where that is not known.
+    """
+    figures = {
+        "volume_mm3": volume,
+        "volume_sigma_mm3": known.total,
+        "volume_measured_mm3": volume - known.added,
+        "volume_measured_sigma_mm3": known.measured,
+        "volume_added_mm3": known.added,
+        "volume_added_sigma_mm3": known.filled,
+    }
+    return {k: v if np.isfinite(v) else None for k, v in figures.items()}
+
+
+def volume_in_words(figures: Mapping[str, float | None]) -> str:
+    """The same as one phrase; the two parts where something was filled."""
+
+    def one(key: str) -> str:
+        value, wide = figures[f"{key}_mm3"], figures[f"{key}_sigma_mm3"]
+        return f"{value:.2f}" + ("" if wide is None else f" ± {wide:.3g}")
+
+    text = f"{one('volume')} mm³"
+    if figures["volume_added_mm3"] or figures["volume_added_sigma_mm3"]:
+        text += f" ({one('volume_measured')} measured, {one('volume_added')} filled)"
+    return text
 
 
 def _shares(mesh: Mesh) -> Floats:
@@ -121,21 +161,6 @@ def _sides(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
     turned = np.einsum("ij,ij->i", np.cross(n[f], n[there]), side / length[:, None])
     angle = np.arctan2(turned, np.einsum("ij,ij->i", n[f], n[there]))
     return length, angle, (size[f] + size[there]) / (2 * length)
-
-
-def _filled(mesh: Mesh) -> float:
-    from scipy.spatial import cKDTree
-
-    if mesh.measured is None or mesh.measured.all():
-        return 0.0
-    if not mesh.measured.any():
-        return abs(mesh.volume)
-    seen = np.unique(mesh.faces[mesh.measured])
-    middle = mesh.triangles[~mesh.measured].mean(axis=1)
-    near = seen[cKDTree(mesh.vertices[seen]).query(middle)[1]]
-    away = np.einsum("ij,ij->i", middle - mesh.vertices[near], steady_normals(mesh)[near])
-    area = np.linalg.norm(_twice(mesh)[~mesh.measured], axis=1) / 2
-    return float(area @ np.abs(away))
 
 
 def _twice(mesh: Mesh) -> Floats:

@@ -195,7 +195,7 @@ def _table(look: Examination, found: list[Finding], tick: Callable[[], None]) ->
             Finding(
                 "doctor.turn",
                 "note",
-                "the part looks the same from all sides: whether 360° are a turn was not seen",
+                "the part looks the same from several sides: whether 360° are a turn was not seen",
                 where="table",
                 remedy="put up something irregular",
             )

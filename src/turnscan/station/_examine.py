@@ -30,6 +30,12 @@ _SAME = 0.05
 """Share of the largest difference that is none."""
 _TELLING = 0.4
 """A view that differs by less than this share of the largest difference is the same view."""
+_PARTS = (2, 3, 5, 7)
+"""A table that makes several turns of one shows the same view after one of these parts of it."""
+_AGAIN = 1.5
+"""Times the difference of two pictures of one view, up to which another view is the same."""
+_SMOOTH = 0.2
+"""Share of the largest difference by which views at nearly the same angle may differ."""
 _TURN_WITHIN_DEG = 2.0
 """A turn is seen no better than this."""
 
@@ -132,15 +138,15 @@ class Examination:
         )
 
     def turn(self, tick: Callable[[], None] = lambda: None) -> Turn:
-        """Turn the table once and a little more, always forwards, and look on."""
+        """Turn the table once, to parts of a turn, and a little beyond a whole one, and look on."""
         laser = self.hardware.lasers.names[0]
         self._turn_to(0.0)
         start, again = self._line(laser), self._line(laser)
         way = self._outlines(tick)
-        told, apart = [], []
-        for look in _LOOKS_DEG:
-            told.append(360.0 + look)
-            self._turn_to(told[-1])
+        told = [360.0 / part for part in reversed(_PARTS)] + [360.0 + look for look in _LOOKS_DEG]
+        apart = []
+        for degrees in told:
+            self._turn_to(degrees)
             apart.append(_distance(self._line(laser), start))
             tick()
         degrees, telling = _comes_round(told, apart, _distance(again, start))
@@ -207,16 +213,28 @@ class Examination:
 
 
 def _comes_round(told: list[float], apart: list[float], least: float) -> tuple[float, bool]:
-    """Degrees told for which the view is that of the start again, and whether views differ."""
-    most, best = max(apart), int(np.argmin(apart))
+    """Degrees told for which the view is that of the start again, and whether views tell it.
+
+    They do where the part is seen to differ from side to side, and comes round once: one that is
+    the same after half of it, or a third, is symmetric, or turned by several turns.
+    """
+    views = dict(zip(told, apart, strict=True))
+    most = max(apart)
     if most < max(0.5, 5.0 * least):
         return math.nan, False
-    if apart[best] - least > _TELLING * (most - least):
+    near = {t: a for t, a in views.items() if abs(t - 360.0) <= _LOOKS_DEG[-1]}
+    best = min(near, key=near.__getitem__)
+    if near[best] - least > _TELLING * (max(near.values()) - least):
         return math.nan, True
+    if any(a <= _AGAIN * max(least, near[best]) for t, a in views.items() if t not in near):
+        return math.nan, False
+    close = [a for t, a in near.items() if abs(t - best) <= _TURN_WITHIN_DEG]
+    if max(close) - least > _SMOOTH * (most - least):
+        return math.nan, True  # by chance: a table that turns much farther than it is told
     # Where the part changes little near there, several views are as good as the best.
-    alike = [t for t, a in zip(told, apart, strict=True) if a <= apart[best] + _SAME * most]
+    alike = [t for t, a in near.items() if a <= near[best] + _SAME * max(near.values())]
     whole = min(alike) - _TURN_WITHIN_DEG <= 360.0 <= max(alike) + _TURN_WITHIN_DEG
-    return (360.0 if whole else told[best]), True
+    return (360.0 if whole else best), True
 
 
 def _distance(a: Floats, b: Floats) -> float:

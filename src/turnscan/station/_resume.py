@@ -8,9 +8,12 @@ from turnscan.acquire import (
     Acquisition,
     Hardware,
     Plan,
+    Shifted,
     acquisition_from_json,
+    acquisition_to_json,
     check_angle,
     check_room,
+    counting_of,
     reindexed,
 )
 from turnscan.errors import InputError
@@ -58,10 +61,19 @@ def hardware_to_resume(
 ) -> Hardware:
     """The devices, their table counting as the scan does.
 
-    ``at`` is the angle of the scan, rad, at which the table stands now, as a person says; without
-    it the table's own count has to agree with the scan. Raises AngleLost where it does not.
+    ``at`` is the angle of the scan, rad, at which the table stands now, as a person says, which is
+    kept in the scan; without it the table's own count has to be that of the scan. Raises AngleLost
+    where it is not.
     """
+    how = acquisition_of(scan)
     if at is None:
-        check_angle(plan, scan, hardware.turntable)
-        return hardware
-    return replace(hardware, turntable=reindexed(hardware.turntable, at))
+        check_angle(plan, scan, hardware.turntable, how.counting, how.at)
+        if not how.at:
+            return hardware
+        return replace(hardware, turntable=Shifted(hardware.turntable, how.at))
+    shifted = reindexed(hardware.turntable, at)
+    counting = counting_of(hardware.turntable)
+    scan.keep_acquisition(
+        acquisition_to_json(replace(how, counting=counting, at=shifted.at if counting else 0.0))
+    )
+    return replace(hardware, turntable=shifted)

@@ -16,6 +16,7 @@ from turnscan.acquire import (
     acquisition_to_json,
     auto_exposure,
     check_room,
+    counting_of,
     estimate,
     look,
     stripe_peak,
@@ -108,7 +109,8 @@ def prepare(
     used = rig or bench.rig
     if used is not None:
         _check_rig(used, plan, first.scan_plan, rig_name)
-    how = acquisition_to_json(Acquisition(plan, at.camera, at.turntable, at.lasers))
+    counting = counting_of(bench.hardware.turntable)
+    how = acquisition_to_json(Acquisition(plan, at.camera, at.turntable, at.lasers, counting))
     return Prepared(plan, first, used, estimate(plan, first), how, reason)
 
 
@@ -119,6 +121,8 @@ def _exposed(plan: Plan, bench: Opened, wishes: Wishes) -> tuple[Plan, str]:
     hardware, gain = bench.hardware, plan.exposures[0].gain
     seconds, found = plan.exposures[0].seconds, list[FoundExposure]()
     hardware.turntable.move_to(plan.angle(0), _FIRST_MOVE)
+    hardware.camera.configure(seconds, gain)
+    hardware.camera.grab(frame_deadline(seconds, first=True))  # what takes long needs no light
     for lit in plan.sets.values():
         with burning(hardware.lasers, lit):
             found.append(auto_exposure(hardware.camera, seconds, gain=gain))

@@ -107,7 +107,20 @@ def _run_ends(grid: RangeGrid, c: Clean) -> Bools:
         for _ in range(c.edge):
             drop |= ends
             ends = _shifted(ends, -towards) & found
-    return drop
+    return drop | (one_sided & _beside_gaps(grid, c))
+
+
+def _beside_gaps(grid: RangeGrid, c: Clean) -> Bools:
+    """(s, n) True where the profile before or after has no point on one surface with this one."""
+    found, side = grid.found, spacing(grid)[0]
+    closed = grid.closed and len(grid.steps) >= 3
+    far = np.linalg.norm(np.diff(grid.points, axis=0, append=grid.points[:1]), axis=2)
+    with np.errstate(invalid="ignore"):
+        after = ~(far <= c.stretch * side)
+    after[-1] &= closed
+    before = np.roll(after, 1, axis=0)
+    before[0] &= closed
+    return np.asarray(found & (after | before))
 
 
 def _behind_each_other(grid: RangeGrid, c: Clean) -> Bools:

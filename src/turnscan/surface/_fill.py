@@ -15,7 +15,7 @@ from turnscan.surface._fair import Order, fair
 from turnscan.surface._holes import Hole, holes, vector_area
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import measured
-from turnscan.surface._range_surface import steady_normals
+from turnscan.surface._range_surface import roughness, steady_normals
 from turnscan.surface._told import Told, silent
 from turnscan.surface._topology import twins
 
@@ -24,9 +24,12 @@ FillHow = Literal["auto", "flat", "membrane", "tangent", "curvature"]
 border, flat where that is. tangent: goes on in the border's tangent planes. curvature: goes on with
 the border's curvature, too. auto: membrane in a hole that an edge runs round, tangent in others
 (`fill`)."""
-_STEEP = np.cos(np.radians(60.0))
+_STEEPEST = float(np.radians(60.0))
+_STEEP = np.cos(_STEEPEST)
 """A border is an edge where the surface stands steeper than this on the hole's best plane."""
 
+_NOISY = 3.0
+"""Times the roughness of the surface below which a change of a filling's curvature is noise."""
 _LONGEST = 400
 """Corners of a loop that are spanned in one go: the time grows with their third power."""
 _ORDERS: Final[dict[FillHow, Order]] = {"auto": 2, "membrane": 1, "tangent": 2, "curvature": 3}
@@ -271,8 +274,12 @@ def with_patches(mesh: Mesh, done: Sequence[Patch]) -> Mesh:
     old = len(mesh.vertices)
     size = np.concatenate([np.ones(old), np.repeat([_across(mesh, p) for p in done], more)])
     order = np.concatenate([np.zeros(old), np.repeat([float(p.order or 0) for p in done], more)])
-    for k in sorted({p.order for p in done if p.order is not None}):
-        vertices = fair(vertices, sewn, np.asarray(order == k), k, size)
+    plain = np.minimum(order, 2)  # curvature is a correction to the plate
+    for k in sorted({min(p.order, 2) for p in done if p.order is not None}):
+        vertices = fair(vertices, sewn, np.asarray(plain == k), k, size)
+    if (order == 3).any():
+        curved = fair(vertices, sewn, np.asarray(order == 3), 3, size)
+        vertices = vertices + _bounded(curved - vertices, mesh, done)
     return replace(
         mesh,
         vertices=vertices,
@@ -283,6 +290,39 @@ def with_patches(mesh: Mesh, done: Sequence[Patch]) -> Mesh:
             [measured(mesh), np.zeros(len(sewn) - len(mesh.faces), dtype=np.bool_)]
         ),
     )
+
+
+def _bounded(change: Floats, mesh: Mesh, done: Sequence[Patch]) -> Floats:
+    """(v, 3) mm by which curvature moves the plates of patches, no further than is its due.
+
+    Over a hole of radius a whose border leaves its best plane at an angle β, a ball rises
+    a tan(β/2), and the plate in its tangent planes a/2 tan β: a β³/8 more, to the first order.
+    Twice that much the curvature may take back, or add; what moves further follows noise, and so
+    does what is less than three times the roughness of the surface. Where an edge runs round the
+    hole it has nothing to say.
+    """
+    out = np.zeros_like(change)
+    start, normals, least = (
+        len(mesh.vertices),
+        steady_normals(mesh),
+        _NOISY * roughness(mesh, about_middle=True),
+    )
+    for patch in done:
+        new = slice(start, start + len(patch.points))
+        start = new.stop
+        if patch.order != 3 or not len(patch.points):
+            continue
+        ring = patch.loop[::-1]
+        over = -vector_area(mesh.vertices[ring])
+        cosine = normals[ring] @ over / max(float(np.linalg.norm(over)), 1e-300)
+        beta = float(np.sqrt(np.mean(np.arccos(np.clip(cosine, -1, 1)) ** 2)))
+        if beta >= _STEEPEST:
+            continue
+        most = _across(mesh, patch) * abs(np.tan(beta) / 2 - np.tan(beta / 2))
+        far = float(np.linalg.norm(change[new], axis=1).max())
+        known = max(0.0, 1.0 - (least / max(far, 1e-300)) ** 2)
+        out[new] = change[new] * known * min(1.0, most / max(far, 1e-300))
+    return out
 
 
 def _across(mesh: Mesh, patch: Patch) -> float:

@@ -92,6 +92,36 @@ def usual(
 
 
 @njit(cache=True, nogil=True)
+def _alike(points: Any, a: int, b: int, c: int, d: int, j: int, cos_bend: float) -> bool:
+    """Whether the sides from step a to b and from c to d of one line are alike."""
+    uu, vv, uv = 0.0, 0.0, 0.0
+    for i in range(3):
+        u = points[b, j, i] - points[a, j, i]
+        v = points[d, j, i] - points[c, j, i]
+        uu, vv, uv = uu + u * u, vv + v * v, uv + u * v
+    # NaN, where one is missing, is not alike.
+    return uu <= 4.0 * vv and vv <= 4.0 * uu and uv >= cos_bend * np.sqrt(uu * vv)
+
+
+@njit(cache=True, nogil=True)
+def leaps(points: Any, to_step: Any, most: Any, closed: bool, cos_bend: float) -> Any:
+    """(s, n) True for sides to the next step that are longer than ``most`` (s, n) mm and lead on
+    from nothing: neither the side before nor the side after is alike in length and direction."""
+    s, n = to_step.shape
+    out = np.zeros((s, n), dtype=np.bool_)
+    for k in range(s):
+        for j in range(n):
+            if not to_step[k, j] > most[k, j]:
+                continue
+            b = (k + 1) % s
+            goes_on = (k > 0 or closed) and _alike(points, k, b, (k - 1) % s, k, j, cos_bend)
+            if not goes_on and (k + 2 < s or closed):
+                goes_on = _alike(points, k, b, b, (k + 2) % s, j, cos_bend)
+            out[k, j] = not goes_on
+    return out
+
+
+@njit(cache=True, nogil=True)
 def triangulate(
     points: Any,
     noise: Any,

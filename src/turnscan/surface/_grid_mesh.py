@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.points import RangeGrid
+from turnscan.points import Along, Origin, RangeGrid, resample
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._noise import noise, spacing
 
 _LEAST = 0.5
 """Part of the even spacing below which no local one is believed: what is denser is not torn."""
+_LEAP = 2.2
+"""A side between profiles longer than this many even spacings has to lead on from one like it …"""
+_BEND = float(np.cos(np.deg2rad(25.0)))
+"""… in the profiles before or after, bent by no more than this."""
 _TRUSTED = 3.0
 """A sigma above this many usual ones is a stray point's: it excuses no deeper jump than this."""
 
@@ -47,6 +51,9 @@ def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
     vertices, faces, flat = _faces(grid, tears or Tears())
     s, n = grid.flags.shape
     step, line = np.divmod(flat, max(n, 1))
+    if grid.origin is not None:
+        # The measured point that is nearest to it.
+        line = np.rint(grid.origin.lines[step, line])
     return Mesh(
         vertices,
         faces,
@@ -60,22 +67,66 @@ def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
     )
 
 
+def thin(grid: RangeGrid, along: Along | None, tears: Tears | None = None) -> RangeGrid:
+    """`turnscan.points.resample` of a grid whose runs are those of its surface; None: as it is.
+
+    Beside the ends of its profiles all points stay at which the surface is torn, so that the mesh
+    of the new grid is torn there and nowhere else.
+    """
+    from turnscan.surface import _strip_kernels as kernels
+
+    if along is None:
+        return grid
+    joined, ends = kernels.joints(
+        kernels.corners(_quads(grid, tears or Tears()), *grid.flags.shape)
+    )
+    return resample(grid, along, joined=joined, stays=ends)
+
+
 def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints]:
+    """Vertices, faces and the place of each vertex in the grid, a flat index."""
+    from turnscan.surface import _grid_kernels as kernels
+
+    s, n = grid.flags.shape
+    eyes = np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes
+    faces = _quads(grid, tears) if grid.origin is None else _strips(grid, grid.origin, tears)
+    points = grid.points.reshape(s * n, 3)
+    if _inward(points, faces, eyes, n) < 0:
+        faces = np.ascontiguousarray(faces[:, ::-1])
+    flat, faces = kernels.compact(faces, s * n)
+    return points[flat], faces, flat
+
+
+def _strips(grid: RangeGrid, origin: Origin, tears: Tears) -> Ints:
+    """(f, 3) faces of a resampled grid: they cover what those of its origin cover."""
+    from turnscan.surface import _strip_kernels as kernels
+
+    side = np.zeros(grid.flags.shape, np.bool_) if grid.behind is None else grid.behind
+    used = kernels.corners(_quads(origin.grid, tears), *origin.grid.flags.shape)
+    faces: Ints = kernels.zipped(grid.points, origin.lines, side, used)
+    return faces
+
+
+def _quads(grid: RangeGrid, tears: Tears) -> Ints:
+    """(f, 3) faces of a grid as it was measured, in its own winding, of flat indices."""
     from turnscan.surface import _grid_kernels as kernels
 
     s, n = grid.flags.shape
     side = np.zeros((s, n), dtype=np.bool_) if grid.behind is None else grid.behind
-    eyes = np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes
     closed = grid.closed and s >= 3
     to_step, to_line = kernels.edges(grid.points, side, closed)
     step, line = (np.maximum(even, 1e-12) for even in spacing(grid))
+    believed = noise(grid)
+    far = np.maximum(_LEAP * step, tears.stretch * line)
+    far = np.maximum(far, tears.jump * np.sqrt(2.0) * believed)
+    to_step[kernels.leaps(grid.points, to_step, far, closed, _BEND)] = np.nan
     most = 1.0 / max(float(np.cos(tears.grazing)), 1e-3)
-    faces = kernels.triangulate(
+    faces: Ints = kernels.triangulate(
         grid.points,
-        noise(grid),
+        believed,
         np.minimum(grid.sigma, _TRUSTED * _median(grid.sigma)),
         side,
-        eyes,
+        np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes,
         to_step,
         to_line,
         kernels.usual(to_step, step, True, closed, _LEAST, most),
@@ -85,11 +136,7 @@ def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints]:
         tears.jump,
         float(np.cos(tears.grazing)),
     )
-    points = grid.points.reshape(s * n, 3)
-    if _inward(points, faces, eyes, n) < 0:
-        faces = np.ascontiguousarray(faces[:, ::-1])
-    flat, faces = kernels.compact(faces, s * n)
-    return points[flat], faces, flat
+    return faces
 
 
 def _median(values: Floats) -> float:

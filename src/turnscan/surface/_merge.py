@@ -9,7 +9,7 @@ import numpy as np
 
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.points import RangeGrid
+from turnscan.points import Along, RangeGrid
 from turnscan.surface._grid_mesh import Tears
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._overlap import apart_findings, overlap_findings, overlaps
@@ -31,15 +31,18 @@ def merge(
     how: How = "auto",
     voxel: float | None = None,
     *,
+    along: Along | None = None,
     sewn: bool = False,
 ) -> tuple[Mesh, list[Finding]]:
     """One mesh from the grids of several lasers or scans, and what there is to know about it.
 
     ``grid`` averages in cells of angle and height (parts with one radius at each); ``tsdf`` in
     voxels of ``voxel`` mm (None: the usual spacing of the points), for all parts; ``paste`` keeps
-    every measured point and averages nothing (`paste`). ``auto`` pastes a single grid, and merges
-    several by ``grid`` where the part allows it and the table turned, else by ``tsdf``. ``sewn``:
-    the narrow gaps that ``tsdf`` leaves between surfaces are closed by faces not ``measured``.
+    every measured point and averages nothing (`paste`). All points are merged; ``along`` chooses
+    those of a surface that is made of profiles (``paste``, ``grid``). ``auto`` pastes a single
+    grid, and merges several by ``grid`` where the part allows it and the table turned, else by
+    ``tsdf``. ``sewn``: the narrow gaps that ``tsdf`` leaves between surfaces are closed by faces
+    not ``measured``.
 
     The order of the grids does not matter, to the last bit, as long as their lasers have names of
     their own.
@@ -52,10 +55,10 @@ def merge(
     grids = sorted(grids, key=lambda g: (g.laser, *g.steps[:1], *g.angles[:1]))
     there = [g for g in grids if g.found.any()]
     if how == "paste" or (how == "auto" and len(there) < 2) or not there:
-        return paste(grids, t), []
+        return paste(grids, t, along), []
     surfaces = [s for g in there for s in range_surfaces(g, t) if len(s.mesh.faces)]
     if not surfaces:
-        return paste(grids, t), []
+        return paste(grids, t, along), []
     found = overlaps(surfaces)
     findings = [*apart_findings(there, surfaces, found), *overlap_findings(found)]
     turns = all(len(g.angles) > 2 and np.ptp(g.angles) > 0 for g in there)
@@ -67,7 +70,7 @@ def merge(
         cells = polar_grid(surfaces, _steps(there), rise(surfaces))
         why = f"{cells.several:.1%} of the cells have several radii, {cells.flat:.0%} is level"
         if how == "grid" or cells.fits:
-            mesh, off = merge_polar(cells, surfaces, t)
+            mesh, off = merge_polar(cells, surfaces, t, along)
             text = f"{len(there)} grids merged in angle and height ({why}); {off} cells disagreed"
             return mesh, [
                 *findings,
@@ -79,6 +82,8 @@ def merge(
     sigma = float(np.median(np.concatenate([s.sigma for s in surfaces])))
     ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
     text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
+    if along is not None:
+        text += "; the spacing along profiles is for their points alone"
     findings.append(Finding("surface.merge", "note", text, "", "other ways: --merge grid|paste"))
     return fuse(surfaces, size, ramp, _SEAM if sewn else 0), findings
 

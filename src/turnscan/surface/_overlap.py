@@ -111,7 +111,7 @@ class _Woven:
         if p is None:
             raise TypeError("the mesh of a grid knows its steps")
         rank = np.unique(p.step, return_inverse=True)[1].astype(np.int32)
-        before, after = kernels.next_profile(faces, rank, p.line)
+        before, after = s.neighbours
         second = kernels.differences(X, before, after)
         fourth = kernels.differences(second, before, after)
         noise = s.sigma[:, None] * s.moves

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Ints
-from turnscan.points import RangeGrid
-from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh
+from turnscan.points import Along, RangeGrid
+from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh, thin
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._zip import trimmed, zip_up
 
@@ -19,21 +19,26 @@ _ISLAND = 0.01
 
 
 def paste(
-    grids: Iterable[RangeGrid], tears: Tears | None = None, *, keep_double: bool = False
+    grids: Iterable[RangeGrid],
+    tears: Tears | None = None,
+    along: Along | None = None,
+    *,
+    keep_double: bool = False,
 ) -> Mesh:
     """Mesh every grid and join them as one mesh with the provenance of each vertex.
 
     What was measured twice is kept once: grids come in their order, what the sheet met beyond the
     rotation axis comes last, and faces that lie on a surface already there are left out
     (`trimmed`). The pieces that are left are joined across narrow gaps (`zip_up`); measurements of
-    two lasers are not averaged. ``keep_double`` keeps all, side by side.
+    two lasers are not averaged. ``along`` chooses the points along each profile. ``keep_double``
+    keeps all, side by side.
     """
     fronts, backs = [], []
     for grid in grids:
         behind = np.zeros(grid.flags.shape, bool) if grid.behind is None else grid.behind
-        fronts.append(_part(grid, ~behind, tears))
+        fronts.append(_part(grid, ~behind, tears, along))
         if behind.any():
-            backs.append(_part(grid, behind, tears))
+            backs.append(_part(grid, behind, tears, along))
     parts = [m for m in fronts + backs if len(m.faces)]
     if not parts:
         return fronts[0] if fronts else Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
@@ -45,9 +50,9 @@ def paste(
     return zip_up(mesh, piece)
 
 
-def _part(grid: RangeGrid, keep: Bools, tears: Tears | None) -> Mesh:
+def _part(grid: RangeGrid, keep: Bools, tears: Tears | None, along: Along | None) -> Mesh:
     points = np.where(keep[..., None], grid.points, np.nan)
-    return mesh_grid(replace(grid, points=points), tears)
+    return mesh_grid(thin(replace(grid, points=points), along, tears), tears)
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
@@ -68,6 +73,22 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
 def measured(mesh: Mesh) -> Bools:
     """(f,) True for the faces that were measured."""
     return np.ones(len(mesh.faces), bool) if mesh.measured is None else mesh.measured
+
+
+def measured_vertices(mesh: Mesh) -> Bools:
+    """(v,) True for the vertices that were measured: part of a measured face, and not added.
+
+    Files without provenance tell of their faces alone. There the platter's plane under a part that
+    was closed, whose faces count as measured, is known by lying exactly level below all else.
+    """
+    own = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    if not len(mesh.faces):
+        own[:] = True  # points alone
+    real = measured(mesh)
+    if mesh.provenance is None and not real.all():
+        real = real & ~(mesh.triangles[..., 2] == mesh.vertices[:, 2].min()).all(axis=1)
+    own[mesh.faces[real]] = True
+    return own if mesh.provenance is None else own & (mesh.provenance.laser >= 0)
 
 
 def joined_provenance(meshes: Sequence[Mesh]) -> Provenance | None:

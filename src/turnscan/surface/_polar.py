@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, Ints
-from turnscan.points import RangeGrid
-from turnscan.surface._grid_mesh import Tears, mesh_grid
+from turnscan.points import Along, RangeGrid
+from turnscan.surface._grid_mesh import Tears, mesh_grid, thin
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import joined_provenance
 from turnscan.surface._range_surface import RangeSurface
@@ -22,18 +22,26 @@ _FLATS = 0.03
 """Share of the area within 20° of level above which angle and height miss too much of a part."""
 _JUMP = 3.0
 """Combined sigma beyond which two measurements of one cell are not averaged."""
+_COARSE = 2.5
+"""Profiles further apart than this many lines are coarse."""
+_SAME = 0.25
+"""Part of a step within which two profiles are one column of cells."""
 
 
 @dataclass(frozen=True)
 class PolarGrid:
     """The radius of several surfaces in common cells of angle and height."""
 
+    angles: Floats
+    """(s,) rad, ascending from 0 to 2π: where the cells lie."""
     radius: Floats
     """(surfaces, s, n) mm, NaN where nothing was measured."""
     weight: Floats
-    """(surfaces, s, n) cos(incidence)/sigma², 0 where nothing was measured."""
-    sigma: Floats
-    """(surfaces, s, n) mm."""
+    """(surfaces, s, n) cos(incidence)/spread², 0 where nothing was measured."""
+    noise: Floats
+    """(surfaces, s, n) mm: what the sigma of the points makes of the radius."""
+    spread: Floats
+    """(surfaces, s, n) mm: that and what the surface may do between its profiles."""
     source: Ints
     """(surfaces, s, n) number of the nearest vertex of that surface, −1 where none."""
     bottom: float
@@ -53,37 +61,68 @@ class PolarGrid:
 
 
 def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> PolarGrid:
-    """Lay range surfaces into common cells: ``steps`` round the turn, ``rise`` mm high.
+    """Lay range surfaces into common cells, ``rise`` mm high and ``steps`` round the turn or more.
 
-    The cells divide the turn evenly whatever the steps of the scan were, so its seam closes.
+    Where profiles are much further apart than the lines in them, the cells stand on the profiles
+    themselves, those of all surfaces, so that each measured place has one. Elsewhere they divide
+    the turn evenly whatever the steps of the scan were; so the seam closes.
     """
     from turnscan.surface import _face_kernels as faces
     from turnscan.surface import _polar_kernels as kernels
 
+    between = [s.between(radial=True) for s in surfaces]
+    columns = _columns(surfaces, steps, rise)
     heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
     bottom = float(heights.min())
-    shape = (len(surfaces), steps, int((heights.max() - bottom) / rise) + 1)
-    radius, sigma = np.full(shape, np.nan), np.full(shape, np.nan)
+    shape = (len(surfaces), len(columns), int((heights.max() - bottom) / rise) + 1)
+    radius, noise, spread = np.full((3, *shape), np.nan)
     weight, source = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
     met = clashes = 0
     area = level = 0.0
     apart = 0.0
     for i, s in enumerate(surfaces):
         X = s.mesh.vertices
-        around = np.arctan2(X[:, 1], X[:, 0]) % (2 * np.pi) * steps / (2 * np.pi)
-        noise = s.sigma
-        known = noise[noise > 0]
+        known = s.sigma[s.sigma > 0]
         alike = max(3 * rise, 6 * float(np.median(known)) if len(known) else 0.0)
         more = kernels.raster(
-            around, X, s.mesh.faces, _weights(s), noise, bottom, rise, alike,
-            radius[i], weight[i], sigma[i], source[i],
+            _turns(X), X, s.mesh.faces, np.maximum(s.cosine, 0.05), s.sigma, between[i],
+            _ranks(s), columns, bottom, rise, alike,
+            radius[i], weight[i], noise[i], spread[i], source[i],
         )  # fmt: skip
         met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
         both = faces.level(X, s.mesh.faces, s.normals, _FLAT)
         area, level = area + both[0], level + both[1]
     clashes += _unlike(radius, apart)
     several, flat = clashes / max(met, 1), level / max(area, 1e-300)
-    return PolarGrid(radius, weight, sigma, source, bottom, rise, several, flat)
+    angles = 2 * np.pi * columns
+    return PolarGrid(angles, radius, weight, noise, spread, source, bottom, rise, several, flat)
+
+
+def _turns(X: Floats) -> Floats:
+    """(v,) the angle of each vertex about the axis, in turns."""
+    return np.asarray(np.arctan2(X[:, 1], X[:, 0]) / (2 * np.pi) % 1.0)
+
+
+def _ranks(s: RangeSurface) -> Ints:
+    p = s.mesh.provenance
+    return np.zeros(len(s.mesh.vertices), np.int32) if p is None else p.step
+
+
+def _columns(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Floats:
+    """(s,) where cells stand round the turn, in turns."""
+    reach = np.concatenate([np.hypot(*s.mesh.vertices[:, :2].T) for s in surfaces])
+    if 2 * np.pi / steps * float(np.median(reach)) < _COARSE * rise:
+        return np.arange(steps) / steps
+    places = []
+    for s in surfaces:
+        turn, rank = _turns(s.mesh.vertices), _ranks(s)
+        _, which = np.unique(rank, return_inverse=True)
+        ray = np.exp(2j * np.pi * turn)
+        middle = np.bincount(which, ray.real) + 1j * np.bincount(which, ray.imag)
+        places.append(np.angle(middle) / (2 * np.pi) % 1.0)
+    every = np.sort(np.concatenate(places))
+    apart = np.diff(every, prepend=every[-1] - 1.0) > _SAME / steps
+    return np.asarray(every[apart])
 
 
 def _unlike(radius: Floats, apart: float) -> int:
@@ -95,32 +134,30 @@ def _unlike(radius: Floats, apart: float) -> int:
         return int((high - low > apart).sum())
 
 
-def _weights(s: RangeSurface) -> Floats:
-    weights: Floats = np.maximum(s.cosine, 0.05) / np.maximum(s.sigma, 1e-6) ** 2
-    return weights
-
-
 def merge_polar(
-    grid: PolarGrid, surfaces: Sequence[RangeSurface], tears: Tears
+    grid: PolarGrid, surfaces: Sequence[RangeSurface], tears: Tears, along: Along | None = None
 ) -> tuple[Mesh, int]:
     """The merged surface, and how many cells disagreed beyond three sigma.
 
     Where all that was measured in a cell lies within three combined sigma of the best (largest
-    cos(incidence)/sigma²) it is averaged with those weights; what does not, is left out: the best
-    counts. A vertex has the provenance of the nearest vertex of the best surface.
+    cos(incidence)/spread²) it is averaged with those weights; what does not, is left out: the best
+    counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
+    it makes a measurement count less, and the sigma of a cell larger. A vertex has the provenance
+    of the nearest vertex of the best surface.
+    ``along`` chooses the points along the merged profiles.
     """
     best = np.argmax(grid.weight, axis=0)[None]
     chosen = np.take_along_axis(grid.radius, best, 0)
-    spread = np.take_along_axis(grid.sigma, best, 0)
+    noise = np.take_along_axis(grid.noise, best, 0)
     with np.errstate(invalid="ignore"):
-        off = np.abs(grid.radius - chosen) > _JUMP * np.hypot(grid.sigma, spread)
+        off = np.abs(grid.radius - chosen) > _JUMP * np.hypot(grid.noise, noise)
     weight = np.where(off, 0.0, grid.weight)
     total = weight.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         radius = np.nansum(weight * grid.radius, axis=0) / total
-        sigma = np.sqrt(np.nansum((weight * grid.sigma) ** 2, axis=0)) / total
+        sigma = np.sqrt(np.nansum((weight * grid.spread) ** 2, axis=0)) / total
     _, s, n = grid.radius.shape
-    phi = np.arange(s) * 2 * np.pi / s
+    phi = grid.angles
     points = np.stack(
         [
             radius * np.cos(phi)[:, None],
@@ -139,7 +176,7 @@ def merge_polar(
         flags=np.isnan(radius).astype(np.uint16),
         closed=True,
     )
-    mesh = mesh_grid(merged, tears)
+    mesh = mesh_grid(thin(merged, along, tears), tears)
     starts = np.cumsum([0] + [len(p.mesh.vertices) for p in surfaces])[:-1]
     source = np.take_along_axis(grid.source, best, 0)[0] + starts[best[0]]
     return replace(mesh, provenance=_measured_by(mesh, source, surfaces)), int(off.sum())

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.rig import rotation_z
@@ -52,6 +52,42 @@ class RangeSurface:
         usual = float(np.median(known)) if len(known) else roughness(self.mesh)
         return np.where(sigma > 0, sigma, usual)
 
+    @cached_property
+    def neighbours(self) -> tuple[Ints, Ints]:
+        """(v,) twice: the vertex on the same line of the profile before and after; −1: none.
+
+        Raises TypeError for a mesh that does not know its steps.
+        """
+        from turnscan.surface import _overlap_kernels as kernels
+
+        p = self.mesh.provenance
+        if p is None:
+            raise TypeError("the mesh of a grid knows its steps")
+        rank = np.unique(p.step, return_inverse=True)[1].astype(np.int32)
+        before, after = kernels.next_profile(self.mesh.faces, rank, p.line)
+        return before, after
+
+    def between(self, radial: bool = False) -> Floats:
+        """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
+
+        An eighth of its second difference from profile to profile, along the normal (``radial``:
+        of its radius), which is the sagitta of what bends evenly. Where there are not three
+        profiles in a row nothing is known of the bend; there it is an eighth of the usual side.
+        """
+        X, (before, after) = self.mesh.vertices, self.neighbours
+        if radial:
+            r = np.hypot(X[:, 0], X[:, 1])
+            second = r[before] - 2.0 * r + r[after]
+        else:
+            second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
+        off = np.where((before < 0) | (after < 0), np.nan, np.abs(second) / 8.0)
+        aside = np.fmax(
+            np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
+        )
+        off = np.where(np.isnan(off), aside, off)
+        side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
+        return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
+
 
 def steady_normals(mesh: Mesh) -> Floats:
     """(v, 3) unit normals of the vertices, averaged over a few rings of neighbours.
@@ -64,8 +100,11 @@ def steady_normals(mesh: Mesh) -> Floats:
     return normals
 
 
-def roughness(mesh: Mesh) -> float:
-    """mm: how far vertices usually lie from the middle of their neighbours, along their normals."""
+def roughness(mesh: Mesh, *, about_middle: bool = False) -> float:
+    """mm: how far vertices usually lie from the middle of their neighbours, along their normals.
+
+    ``about_middle`` leaves out what all have in common, as on a ball, whose facets are no noise.
+    """
     if not len(mesh.faces):
         return 0.0
     total, count = np.zeros((len(mesh.vertices), 3)), np.zeros(len(mesh.vertices))
@@ -78,7 +117,10 @@ def roughness(mesh: Mesh) -> float:
     with np.errstate(invalid="ignore", divide="ignore"):
         off = np.einsum("ij,ij->i", mesh.vertices - total / count[:, None], vertex_normals(mesh))
     off = off[np.isfinite(off)]
-    return 1.4826 * float(np.median(np.abs(off))) if len(off) else 0.0
+    if not len(off):
+        return 0.0
+    middle = float(np.median(off)) if about_middle else 0.0
+    return 1.4826 * float(np.median(np.abs(off - middle)))
 
 
 def range_surfaces(grid: RangeGrid, tears: Tears | None = None) -> list[RangeSurface]:

@@ -16,6 +16,7 @@ from playwright.sync_api import sync_playwright
 
 from tests.app.e2e.cup import write_cup
 from tests.needs import needs
+from tests.once import once
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = [
@@ -69,7 +70,8 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def cup(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_cup(tmp_path_factory.mktemp("cup") / "cup.turnscan")
+    made = once(tmp_path_factory, "cup", lambda folder: write_cup(folder / "cup.turnscan"))
+    return made / "cup.turnscan"
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ An `Emulator` adds the simulated camera, served over the network.
 Linux only; the drivers that talk to them are not.
 """
 
+from turnscan.simulate.controllers._cable import Cable
 from turnscan.simulate.controllers._emulator import EMULATED, Emulator, LaserTimes
 from turnscan.simulate.controllers._fabscan import FabScanFirmware
 from turnscan.simulate.controllers._firmware import Fault, Firmware, Lit
@@ -22,6 +23,7 @@ from turnscan.simulate.controllers._world import drive
 
 __all__ = [
     "EMULATED",
+    "Cable",
     "Emulator",
     "FabScanFirmware",
     "Fault",

@@ -21,22 +21,71 @@ _BUFFER = 64
 
 
 class FabScanFirmware(Firmware):
-    """FabScanPi. Laser outputs are ``right`` and ``left``; nothing puts them out by itself."""
+    """FabScanPi. Laser outputs are ``right`` and ``left``; nothing puts them out by itself.
+
+    ``T`` counts the four phases of a Gray code on the pins STEP and DIR, of which the motor's
+    driver sees one pulse in four. Each move begins at phase 0 wherever the last one ended, so
+    only whole fours of T turn the table as far as they say.
+    """
 
     outputs = ("right", "left")
 
     def __init__(self, faults: Iterable[Fault] = (), *, per_turn: float = 3200.0) -> None:
+        """``per_turn``: phases (T) of one turn of the table."""
         self._per_turn = per_turn
+        self._pulses = 0
         super().__init__(faults)
 
     @property
+    def steps(self) -> int:
+        """STEP pulses that turned the motor forwards, less those backwards, since it was built."""
+        if self._move is None:
+            return self._pulses
+        return self._pulses + self._pulsed(round(self.place - self._move.start))[0]
+
+    @property
     def turns(self) -> float:
-        """See `Firmware`; the unit is the microstep."""
-        return self.place / self._per_turn
+        """See `Firmware`; the table is where its pulses have turned it, reset or not."""
+        return 4 * self.steps / self._per_turn
 
     def _start(self) -> None:
         self._line = bytearray()
         self._blocked = 0.0
+        self._step_pin, self._dir_pin = False, True
+        self._enabled = False
+
+    def power_on(self, silent: bool = True) -> None:
+        """See `Firmware`; a motor that was turning stops where it is, and it is always silent."""
+        self._end_pulses()
+        super().power_on(silent)
+
+    def _pulsed(self, phases: int) -> tuple[int, bool, bool]:
+        """Net pulses of a move by so many phases from phase 0, and the pins at its end.
+
+        The motor turns where STEP rises, the way that DIR says then; DIR is written after STEP.
+        """
+        pulses, step, way = 0, self._step_pin, self._dir_pin
+        forwards = 1 if phases > 0 else -1
+        for k in range(1, abs(phases) + 1):
+            phase = forwards * k % 4
+            rises = phase in (1, 2) and not step
+            pulses += (1 if way else -1) * rises
+            step, way = phase in (1, 2), phase in (0, 1)
+        return (pulses if self._enabled else 0), step, way
+
+    def _abort_move(self) -> bool:
+        self._end_pulses()
+        return super()._abort_move()
+
+    def _end_move(self) -> None:
+        self._end_pulses()
+        super()._end_move()
+
+    def _end_pulses(self) -> None:
+        if self._move is not None:
+            phases = round(self.place - self._move.start)
+            pulses, self._step_pin, self._dir_pin = self._pulsed(phases)
+            self._pulses += pulses
 
     def _work(self) -> None:
         while self._inbox and self._move is None and self.now >= self._blocked:
@@ -69,7 +118,9 @@ class FabScanFirmware(Firmware):
             ramp = _ACCELERATION if g == 2 else 1e9
             self._begin_move(self.place + numbers["T"], rate, ramp)
             return
-        if m in _LASERS:
+        if m in (13, 14, 17, 18):
+            self._enabled = m in (13, 17)
+        elif m in _LASERS:
             output, on = _LASERS[m]
             if on and self._trip("light"):
                 return

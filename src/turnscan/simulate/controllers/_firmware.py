@@ -12,17 +12,22 @@ from dataclasses import dataclass
 from typing import Literal
 
 FaultKind = Literal[
-    "unplug", "silence", "deaf", "garbage", "half line", "doubled", "late", "alarm", "error",
-    "reboot", "slow", "babble", "stuck",
+    "unplug", "pull", "silence", "deaf", "garbage", "half line", "doubled", "late", "alarm",
+    "error", "reboot", "silent reset", "watchdog", "slow", "babble", "stuck",
 ]  # fmt: skip
+
+_STANDSTILL = 1e-9
+"""Units per board second that count as 0, and the same per second²."""
 
 
 @dataclass(frozen=True)
 class Fault:
     """Something that goes wrong at the n-th move (or laser command) since the start.
 
-    unplug: the port vanishes, the board loses power, and it is back after ``how_long`` s.
-    silence: this command is done, not answered. deaf: nothing is heard or answered for so long.
+    unplug: the port vanishes, the board loses power, and it is back after ``how_long`` s. pull: the
+    same, but the board keeps its power. silence: this command is done, not answered. deaf: nothing
+    is heard for so long. silent reset: the board starts anew without its banner. watchdog: it hears
+    nothing for so long, and then starts anew.
     garbage, half line, doubled, late: what becomes of the answer. alarm, error: with ``number``.
     reboot: the board starts anew. slow: this move takes ten times as long. babble: noise without
     end for so long. stuck: the lasers do not obey for so long.
@@ -64,8 +69,7 @@ class Move:
         t, whole = now - self.begin, self.duration
         if t >= whole:
             return self.target
-        d, a = abs(self.target - self.start), self.acceleration
-        ramp = min(self.speed / a, whole / 2)
+        d, a, ramp = abs(self.target - self.start), self.acceleration, self._ramp
         if t < ramp:
             gone = a * t * t / 2
         elif t < whole - ramp:
@@ -74,78 +78,152 @@ class Move:
             gone = d - a * (whole - t) ** 2 / 2
         return self.start + math.copysign(gone, self.target - self.start)
 
+    @property
+    def _ramp(self) -> float:
+        return min(self.speed / self.acceleration, self.duration / 2)
+
+    def velocity(self, now: float) -> float:
+        """Units per board second, as a magnitude."""
+        t, whole = now - self.begin, self.duration
+        return max(0.0, self.acceleration * min(t, whole - t, self._ramp))
+
+    def slowed(self, now: float) -> Slowing:
+        """From now on: slow down and stop."""
+        place, v = self.at(now), self.velocity(now)
+        way = min(v * v / (2 * self.acceleration), abs(self.target - place))
+        target = float(round(place + math.copysign(way, self.target - self.start)))
+        return Slowing(place, target, now, v, v / self.acceleration)
+
+
+@dataclass
+class Slowing:
+    """The end of a move that was asked to stop, from a speed to rest."""
+
+    start: float
+    target: float
+    begin: float
+    speed: float
+    duration: float
+    """Board seconds."""
+
+    def at(self, now: float) -> float:
+        """The position at a board time."""
+        left = max(0.0, 1.0 - (now - self.begin) / self.duration) if self.duration else 0.0
+        return self.target - (self.target - self.start) * left * left
+
+    def velocity(self, now: float) -> float:
+        """Units per board second, as a magnitude."""
+        left = max(0.0, 1.0 - (now - self.begin) / self.duration) if self.duration else 0.0
+        return self.speed * left
+
 
 class Firmware(ABC):
     """A board without its port: bytes in by `feed`, time by `run`, bytes out by `take`.
 
-    All times but those of the laser log are board seconds; nothing here looks at a clock but the
-    log, so a test may let years pass.
+    All times but those of the two logs are board seconds; nothing here looks at a clock but those,
+    so a test may let years pass, and may give them a clock of its own.
     """
+
+    clock: Callable[[], float] = time.monotonic
+    """Of the logs, s."""
 
     outputs: tuple[str, ...] = ()
     """Of the lasers, in the order in which an address counts them."""
     banner = b""
     boot = 0.0
     """Board seconds from power to the first byte heard."""
+    receive = 4096
+    """Bytes that wait at most until the main program reads them; more are lost."""
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self.faults = list(faults)
         self.now = 0.0
-        self.log: list[Lit] = [Lit(time.monotonic(), frozenset())]
+        self.log: list[Lit] = [Lit(self.clock(), frozenset())]
         self.received: list[tuple[float, bytes]] = []
-        """What came in, with `time.monotonic`, for tests that ask what a driver sent."""
+        """What came in, by `clock`, for tests that ask what a driver sent."""
         self.on_change: Callable[[Firmware], None] | None = None
         self.unplugged = 0.0
-        self._out: list[tuple[float, int, bytes]] = []
+        """s for which the port is to vanish."""
+        self.powered = False
+        """Whether the board keeps its power meanwhile."""
+        self._out: deque[tuple[float, bytes]] = deque()
+        self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._count = 0
         self._moves = self._lights = 0
         self._mangle: Fault | None = None
         self._slow = 1.0
         self._deaf_until = self._babble_until = self._stuck_until = self._awake = 0.0
         self._inbox: deque[int] = deque()
-        self._move: Move | None = None
-        self._place = 0.0
+        self._move: Move | Slowing | None = None
+        self._place = self._before = 0.0
         self.power_on()
 
     # The port's side.
 
-    def power_on(self) -> None:
-        """Power, or a reset by DTR: dark, at rest, position zero; the banner."""
+    def power_on(self, silent: bool = False) -> None:
+        """Power, or a reset by DTR: dark, at rest, position zero; the banner, unless ``silent``.
+
+        The table stays where it is.
+        """
+        self._before = self.turned
         self._out.clear()
+        self._timers.clear()
         self._inbox.clear()
         self._move, self._place = None, 0.0
         self._stuck_until = self._deaf_until = self._babble_until = 0.0
         self._awake = self.now + self.boot
         self._set_lit(frozenset())
         self._start()
-        self.say(self.banner, self.boot)
+        if silent:
+            self._out.clear()
 
     def feed(self, data: bytes) -> None:
-        """Bytes from the host."""
-        self.received.append((time.monotonic(), data))
-        if self.now < max(self._deaf_until, self._awake):
-            return
-        self._inbox += data
+        """Bytes from the host, one at a time to whatever interrupts the board's main program."""
+        self.received.append((self.clock(), data))
+        for byte in data:
+            if self.now < max(self._deaf_until, self._awake):
+                continue
+            if not self._interrupt(byte):
+                if len(self._inbox) < self.receive:
+                    self._inbox.append(byte)
+                self._work()
+
+    def _interrupt(self, byte: int) -> bool:
+        """Whether a byte acts by itself, wherever it stands, and goes no further."""
+        return False
 
     def run(self, now: float) -> None:
         """Let the board live until ``now``."""
-        while True:
+        self._work()
+        while (due := self._due()) is not None and due <= now:
+            self.now = max(self.now, due)
+            if self._timers and self._timers[0][0] <= due:
+                heapq.heappop(self._timers)[2]()
+            else:
+                self._end_move()
             self._work()
-            move_end = None if self._move is None else self._move.begin + self._move.duration
-            if move_end is None or move_end > now or self._held():
-                break
-            self.now = max(self.now, move_end)
-            self._end_move()
         self.now = max(self.now, now)
         if self.now < self._babble_until:
             self.say(bytes((self._count * 37 + k * 91) % 251 + 1 for k in range(16)))
         self._work()
 
+    def _due(self) -> float | None:
+        """When the move or a wait ends."""
+        times = [self._timers[0][0]] if self._timers else []
+        if self._move is not None:
+            times.append(self._move.begin + self._move.duration)
+        return min(times, default=None)
+
+    def after(self, delay: float, act: Callable[[], None]) -> None:
+        """Do something in so many board seconds, unless a reset comes before."""
+        self._count += 1
+        heapq.heappush(self._timers, (self.now + delay, self._count, act))
+
     def wake(self) -> float | None:
         """When something will happen by itself, board time."""
         times = [self._out[0][0]] if self._out else []
-        if self._move is not None and not self._held():
-            times.append(self._move.begin + self._move.duration)
+        if (due := self._due()) is not None:
+            times.append(due)
         if self.now < self._babble_until:
             times.append(self.now + 0.01)
         return min(times, default=None)
@@ -154,8 +232,26 @@ class Firmware(ABC):
         """What is due to be sent."""
         data = bytearray()
         while self._out and self._out[0][0] <= self.now:
-            data += heapq.heappop(self._out)[2]
+            data += self._out.popleft()[1]
         return bytes(data)
+
+    # What befalls a board from outside.
+
+    def unplug(self, seconds: float, *, powered: bool) -> None:
+        """The cable is out for so long; ``powered``: the board does not live on the cable."""
+        self.unplugged, self.powered = max(seconds, 1e-3), powered
+        if not powered:
+            self._set_lit(frozenset())
+
+    def deafen(self, seconds: float) -> None:
+        """Nothing is heard for so long; what burns goes on burning."""
+        self._deaf_until = self.now + seconds
+        self._inbox.clear()
+
+    def hang(self, seconds: float, *, silent: bool = False) -> None:
+        """Deaf for so long, and then the watchdog starts the board anew."""
+        self.deafen(seconds)
+        self.after(seconds, lambda: self.power_on(silent))
 
     # The lasers.
 
@@ -168,7 +264,7 @@ class Firmware(ABC):
         if self.now < self._stuck_until and outputs != self.lit:
             return
         if outputs != self.lit:
-            self.log.append(Lit(time.monotonic(), outputs))
+            self.log.append(Lit(self.clock(), outputs))
             self._changed()
 
     @property
@@ -181,21 +277,34 @@ class Firmware(ABC):
         """Where the table stands, in the board's own unit."""
         return self._place if self._move is None else self._move.at(self.now)
 
+    @property
+    def turned(self) -> float:
+        """How far the table has turned since it was made, in the board's own unit."""
+        return self._before + self.place
+
+    @property
+    def steps(self) -> int:
+        """STEP pulses so far, those backwards taken off."""
+        return round(self.turned)
+
+    @property
+    def rate(self) -> float:
+        """Units per board second at which the table turns now."""
+        return 0.0 if self._move is None else self._move.velocity(self.now)
+
     def _changed(self) -> None:
         if self.on_change is not None:
             self.on_change(self)
 
     # The firmware's side.
 
-    def _start(self) -> None:  # noqa: B027 (a hook that may stay empty)
-        """Forget modes."""
+    def _start(self) -> None:
+        """Forget modes, and say so."""
+        self.say(self.banner, self.boot)
 
     @abstractmethod
     def _work(self) -> None:
         """Do with the inbox what can be done now."""
-
-    def _held(self) -> bool:
-        return False
 
     def say(self, data: bytes, delay: float = 0.0) -> None:
         """Send, after a while; the fault of this command may spoil it."""
@@ -203,10 +312,12 @@ class Firmware(ABC):
         if fault is not None:
             data, delay = _spoilt(fault, data, delay)
         if data:
-            self._count += 1
-            heapq.heappush(self._out, (self.now + delay, self._count, data))
+            before = self._out[-1][0] if self._out else 0.0
+            self._out.append((max(self.now + delay, before), data))
 
     def _begin_move(self, target: float, speed: float, acceleration: float) -> None:
+        """Settings may ask for a speed or an acceleration of 0: then it takes for ever."""
+        speed, acceleration = max(speed, _STANDSTILL), max(acceleration, _STANDSTILL)
         self._move = Move(
             self.place, target, self.now, speed / self._slow, acceleration / self._slow**2
         )
@@ -241,17 +352,18 @@ class Firmware(ABC):
             return False
         self.faults.remove(fault)
         kind = fault.kind
-        if kind == "unplug":
-            self.unplugged = max(fault.how_long, 1e-3)
-            self._set_lit(frozenset())
-        elif kind == "deaf":
-            self._deaf_until = self.now + fault.how_long
-            self._inbox.clear()
+        if kind in ("unplug", "pull"):
+            self.unplug(fault.how_long, powered=kind == "pull")
+            return kind == "unplug"
+        if kind == "deaf":
+            self.deafen(fault.how_long)
+        elif kind == "watchdog":
+            self.hang(fault.how_long)
         elif kind == "stuck":
             self._stuck_until = self.now + fault.how_long
             return False
-        elif kind == "reboot":
-            self.power_on()
+        elif kind in ("reboot", "silent reset"):
+            self.power_on(silent=kind == "silent reset")
         elif kind == "alarm":
             self._alarm(fault.number)
         elif kind == "error":

@@ -1,296 +1,294 @@
-"""GRBL 1.1h as it behaves on an Arduino Uno: planner, real-time bytes, alarms, reports."""
+"""GRBL 1.1h as it behaves on an Arduino Uno, after its published source, in words of our own."""
 
 from __future__ import annotations
 
-import re
-from collections import deque
-from collections.abc import Iterable
+from dataclasses import replace
 
-from turnscan.simulate.controllers._firmware import Fault, Firmware
+from turnscan.simulate.controllers import _grbl_reports as reports
+from turnscan.simulate.controllers._grbl_machine import STARTUP_LINES, GrblMachine, Queued, Waiting
+from turnscan.simulate.controllers._grbl_words import Block, Modes, Refused, number, parse
 
-_DEFAULTS = (
-    "0=10 1=25 2=0 3=0 4=0 5=0 6=0 10=1 11=0.010 12=0.002 13=0 20=0 21=0 22=0 23=0 24=25.000 "
-    "25=500.000 26=250 27=1.000 30=1000 31=0 32=0 100=250.000 101=250.000 102=250.000 110=500.000 "
-    "111=500.000 112=500.000 120=10.000 121=10.000 122=10.000 130=200.000 131=200.000 132=200.000"
-)
-_WORD = re.compile(r"([A-Z])([+-]?\d*\.?\d*)")
-_UNLOCK = b"[MSG:'$H'|'$X' to unlock]\r\n"
-_PLANNER = 15
-_LINE = 80
-_KNOWN_G = {"0", "1", "4", "17", "20", "21", "54", "90", "91", "92", "94"}
-_KNOWN_M = {"3", "4", "5", "7", "8", "9", "0", "2", "30"}
+_DIVISORS = ("100", "101", "102", "110", "111", "112", "120", "121", "122")
+"""Steps/mm, rates and accelerations."""
 
 
-class GrblFirmware(Firmware):
-    """GRBL 1.1h. Laser outputs are ``m3`` (spindle), ``m7`` and ``m8`` (coolant)."""
+class GrblFirmware(GrblMachine):
+    """GRBL 1.1h. Laser outputs are ``m3`` (spindle), ``m8`` and, built with ``mist``, ``m7``.
 
-    outputs = ("m3", "m8", "m7")
-    banner = b"\r\nGrbl 1.1h ['$' for help]\r\n"
+    The table is the X axis; words of the others are read and have no effect.
+    """
 
-    def __init__(
-        self,
-        settings: dict[str, float] | None = None,
-        faults: Iterable[Fault] = (),
-        *,
-        blank_eeprom: bool = False,
-    ) -> None:
-        self.settings = dict(pair.split("=") for pair in _DEFAULTS.split())
-        for key, value in (settings or {}).items():
-            self._set(key, str(value))
-        self._blank = blank_eeprom
-        super().__init__(faults)
+    def _start_up(self) -> Waiting:
+        for line in self.startup:
+            if line:
+                try:
+                    code = yield from self._gcode(line)
+                except Refused as refusal:
+                    code = refusal.code
+                self.say(b">%s:%s" % (line.encode("latin-1"), reports.status(code or 0)))
+        return None
 
-    def _set(self, key: str, value: str) -> None:
-        shown = self.settings[key]
-        self.settings[key] = f"{float(value):.3f}" if "." in shown else f"{float(value):.0f}"
+    def _line(self, text: str, over: bool) -> Waiting:
+        if over:
+            return 11
+        if not text:
+            return 0
+        if text.startswith("$"):
+            return (yield from self._system(text))
+        if self.locked or self.jogging:
+            return 9
+        return (yield from self._gcode(text))
 
-    def _listing(self) -> bytes:
-        return "".join(f"${k}={v}\r\n" for k, v in self.settings.items()).encode()
+    def _gcode(self, text: str, jog: bool = False) -> Waiting:
+        before = self.modes
+        block = parse(text, before, mist=self._mist, jog=jog)
+        if block.moves and self._trip("move"):
+            return None
+        lights = block.modes.spindle != 5 or block.modes.coolant
+        if lights and set(text) & {"M"} and self._trip("light"):
+            return None
+        if jog:
+            return (yield from self._jog(block))
+        yield from self._switch(before, block)
+        if block.once == 4 and not self.check:
+            yield self._idle
+            end = self.now + block.values["P"]
+            self.after(block.values["P"], lambda: None)
+            yield lambda: self.now >= end and not self._suspended
+        self._coordinates(block)
+        yield from self._motion(block)
+        self.modes = replace(self.modes, motion=block.modes.motion)
+        if block.flow >= 0:
+            yield from self._flow_of(block.flow)
+        return 0
 
-    @property
-    def turns(self) -> float:
-        """See `Firmware`; the unit is the microstep."""
-        return self.place / (float(self.settings["100"]) * 360)
+    def _switch(self, before: Modes, block: Block) -> Waiting:
+        """Spindle, then coolant, each after all moves that were planned before it."""
+        modes, laser = block.modes, self._flag("32")
+        disabled = laser and modes.motion not in (1, 2, 3)
+        power = 0.0 if disabled else modes.speed
+        force = (
+            laser and not block.moves and before.spindle == 3
+            and (before.motion in (1, 2, 3)) == disabled
+        )  # fmt: skip
+        changed = (before.speed != modes.speed or force) and not (laser and block.moves)
+        if changed and before.spindle != 5 and not self.check:
+            yield self._idle
+            self._spin(before.spindle, power)
+        if before.spindle != modes.spindle and not self.check:
+            yield self._idle
+            self._spin(modes.spindle, power)
+        self._show()
+        if before.coolant != modes.coolant and not self.check:
+            yield self._idle
+            self._cool(modes.coolant)
+        self.modes = replace(modes, motion=before.motion)
+        self._show()
+        return None
 
-    def _start(self) -> None:
-        self._clear()
-        self._locked, self._asleep = False, False
-        if self._blank:
-            self.say(b"error:7\r\n" + self._listing())
-            self.banner = GrblFirmware.banner + b">:error:7\r\n>:error:7\r\n"
+    def _coordinates(self, block: Block) -> None:
+        """G10, G28.1, G30.1, G92 and G92.1, and the system in force."""
+        x, at = block.values.get("X"), self._planned / self.scale
+        length, system = self.modes.length, str(self.modes.system)
+        if block.once == 92.1:
+            self.shift = 0.0
+        elif block.once in (28.1, 30.1):
+            self.stored[f"{block.once:.0f}"] = at
+        elif x is not None and block.once == 92:
+            self.shift = at - self.stored[system] - x * length
+        elif x is not None and block.once == 10:
+            chosen = int(block.values.get("P", 0))
+            place = at - self.shift - x * length if int(block.values["L"]) == 20 else x * length
+            self.stored[str(53 + chosen) if chosen else system] = place
+        else:
+            return
+        self._reports.offset_due()
 
-    def _clear(self) -> None:
-        """What a reset forgets."""
-        self._line = bytearray()
-        self._overflow = False
-        self._lines: deque[str] = deque()
-        self._queue: deque[tuple[int, float]] = deque()
-        self._planned = round(self._place)
-        self._offset = 0
-        self._modal, self._relative, self._feed = "0", False, 0.0
-        self._spindle, self._coolant = "5", frozenset[str]()
-        self._power = 0.0
-        self._hold = self._door = False
-        self._until_wco = self._until_ov = 0
+    def _motion(self, block: Block) -> Waiting:
+        motion = block.modes.motion
+        if block.once in (28, 30):
+            targets = [self._target(block)] if block.axis and "X" in block.values else []
+            targets.append(round(self.stored[f"{block.once:.0f}"] * self.scale))
+            for target in targets:
+                yield from self._plan(target, 0.0)
+        elif block.moves and motion != 80:
+            yield from self._plan(self._target(block), 0.0 if motion == 0 else self._rate(block))
+            if motion >= 380 and not self.check:
+                yield self._idle
+                if motion in (382, 384):  # nothing touched the probe
+                    self._alarm(5)
+        return None
 
-    # Bytes.
-
-    def _work(self) -> None:
-        while self._inbox:
-            self._byte(self._inbox.popleft())
-        while self._lines and not self._door and self._execute(self._lines[0]):
-            if self._lines:
-                self._lines.popleft()
-        if self._move is None and self._queue and not self._hold:
-            target, rate = self._queue.popleft()
-            scale = float(self.settings["100"])
-            self._begin_move(target, rate / 60 * scale, float(self.settings["120"]) * scale)
-
-    def _byte(self, byte: int) -> None:
-        if byte == 0x18:
-            self._reset()
-        elif byte == ord("?"):
-            self.say(self._status())
-        elif byte == ord("!"):
-            self._hold_now()
-        elif byte == ord("~"):
-            self._resume()
-        elif byte in b"\r\n":
-            text, long = self._line.decode("latin-1"), self._overflow
-            self._line, self._overflow = bytearray(), False
-            self._lines.append("\0" if long else text)
-        elif byte < 0x80:
-            if len(self._line) >= _LINE:
-                self._overflow = True
+    def _target(self, block: Block) -> int:
+        if "X" not in block.values:
+            return self._planned
+        x = block.values["X"] * block.modes.length
+        if block.once != 53:
+            if block.modes.distance == 91:
+                x += self._planned / self.scale
             else:
-                self._line.append(byte)
+                x += self.stored[str(block.modes.system)] + self.shift
+        return round(x * self.scale)
 
-    def _reset(self) -> None:
-        moving = self._abort_move() and not self._hold
-        locked = self._locked or moving or self._asleep
-        self._inbox.clear()
-        self._out.clear()
-        self._clear()
-        self._asleep = False
-        self._show()
-        if moving:
-            self.say(b"ALARM:3\r\n", 0.025)
-        self._locked = locked
-        tail = _UNLOCK if locked else b""
-        self.say(GrblFirmware.banner + tail, 0.55 if moving else 0.025)
+    def _rate(self, block: Block) -> float:
+        if block.modes.feed_mode == 93:  # the whole way in a minute divided by F
+            return abs(self._target(block) - self._planned) / self.scale * block.modes.feed
+        return block.modes.feed
 
-    def _hold_now(self) -> None:
-        if self._move is not None and not self._hold:
-            self._queue.appendleft((round(self._move.target), self._feed or 100.0))
-            self._place, self._move = float(round(self.place)), None
-            self._changed()
-        if not self._locked:
-            self._hold = True
+    def _plan(self, target: int, rate: float) -> Waiting:
+        """A rate of 0 is as fast as it goes."""
+        if self.check:
+            return None
+        yield self._room
+        if target != self._planned:
+            modes, laser = self.modes, self._flag("32")
+            power = 0.0 if modes.spindle == 5 or (laser and not rate) else modes.speed
+            pulsed = laser and modes.spindle == 4
+            self._queue.append(Queued(target, rate, power, pulsed))
+            self._planned = target
+        return None
+
+    def _jog(self, block: Block) -> Waiting:
+        if not block.moves:
+            return 26
+        yield from self._plan(self._target(block), self._rate(block))
+        self.jogging = self.busy
+        return 0
+
+    def _flow_of(self, flow: int) -> Waiting:
+        yield self._idle
+        if flow == 0:
+            if not self.check:
+                self._pause()
+                yield self._idle
+            return None
+        self.modes = replace(
+            self.modes, motion=1, plane=17, distance=90, feed_mode=94, system=54, spindle=5,
+            coolant=frozenset(),
+        )  # fmt: skip
+        if not self.check:
+            self._reports.offset_due()
+            self._spin(5, 0.0)
+            self._cool(frozenset())
             self._show()
+        self.overrides = dict.fromkeys(self.overrides, 100)
+        self.say(reports.message("Pgm End"))
+        return None
 
-    def open_door(self) -> None:
-        """The door switch opens: hold, lasers out, and nothing goes on before a reset."""
-        self._hold_now()
-        self._door = True
-        self._spindle, self._coolant = "5", frozenset()
-        self._show()
-        self.say(b"[MSG:Check Door]\r\n")
-
-    def _resume(self) -> None:
-        self._hold = False
-        self._show()
-
-    def _held(self) -> bool:
-        return self._hold
-
-    @property
-    def _busy(self) -> bool:
-        return self._move is not None or bool(self._queue)
+    # Lines that begin with a dollar.
 
     def _state(self) -> str:
-        if self._asleep:
-            return "Sleep"
-        if self._locked:
-            return "Alarm"
-        if self._door:
-            return "Door:0"
-        if self._hold:
-            return "Hold:0"
-        return "Run" if self._busy else "Idle"
+        return reports.state(self)
 
-    def _status(self) -> bytes:
-        scale = float(self.settings["100"])
-        state, zero = self._state(), "0.000,0.000"
-        feed = round(self._feed) if state == "Run" else 0
-        text = f"<{state}|MPos:{self.place / scale:.3f},{zero}"
-        text += f"|FS:{feed},{round(self._power) if self._spindle != '5' else 0}"
-        if self._until_wco <= 0:
-            text += f"|WCO:{self._offset / scale:.3f},{zero}"
-            self._until_wco = 30 if state == "Run" else 10
-            self._until_ov = max(self._until_ov, 1)
-        elif self._until_ov <= 1:
-            text += "|Ov:100,100,100"
-            self._until_ov = 20 if state == "Run" else 10
-        else:
-            self._until_ov -= 1
-        self._until_wco -= 1
-        return f"{text}>\r\n".encode()
+    def _system(self, text: str) -> Waiting:
+        state, head = self._state(), text[1:2]
+        if head == "":
+            self.say(reports.HELP)
+            return 0
+        if head == "J":
+            if state not in ("Idle", "Jog"):
+                return 8
+            return (yield from self._gcode(text[3:], jog=True)) if text[2:3] == "=" else 3
+        if head in "$GCX":
+            return self._ask(head, state) if len(text) == 2 else 3
+        if state not in ("Idle", "Alarm"):
+            return 8
+        if head == "N" and len(text) > 2:
+            return (yield from self._store_line(text)) if state == "Idle" else 8
+        return self._keep(text)
 
-    # Lines.
+    def _ask(self, head: str, state: str) -> int:
+        if head == "$":
+            if state in ("Run", "Hold:0", "Hold:1"):
+                return 8
+            self.say(reports.settings(self.settings))
+        elif head == "G":
+            self.say(reports.modes(self.modes))
+        elif head == "C":
+            if self.check:
+                self.say(reports.message("Disabled") + b"ok\r\n")
+                self._task = None
+                self._reset()
+                return 0
+            if state != "Idle":
+                return 8
+            self.check = True
+            self.say(reports.message("Enabled"))
+        elif self.locked:
+            if self.door == "open":
+                return 13
+            self.locked = False
+            self.say(reports.message("Caution: Unlocked"))
+        return 0
 
-    def _execute(self, raw: str) -> bool:
-        """Do a line; False while it must wait for the planner."""
-        if raw == "\0":
-            self.say(b"error:11\r\n")
-            return True
-        text = re.sub(r"\([^)]*\)?|[ \t/]", "", raw).upper()
-        if not text:
-            self.say(b"ok\r\n")
-        elif text.startswith("$"):
-            self._system(text)
-        elif self._locked or self._asleep:
-            self.say(b"error:9\r\n")
-        else:
-            return self._gcode(text)
-        return True
-
-    def _system(self, text: str) -> None:
-        idle = self._state() in ("Idle", "Alarm")
-        setting = re.fullmatch(r"\$(\d+)=(-?\d+\.?\d*)", text)
-        if text == "$I" and idle:
-            self.say(b"[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n")
-        elif text == "$X":
-            self.say(b"[MSG:Caution: Unlocked]\r\nok\r\n" if self._locked else b"ok\r\n")
-            self._locked = False
-        elif not idle:
-            self.say(b"error:8\r\n")
-        elif text == "$$":
-            self.say(self._listing() + b"ok\r\n")
+    def _keep(self, text: str) -> int:
+        """Commands for a board at rest, and settings."""
+        if text == "$#":
+            self.say(reports.parameters(self.stored, self.shift))
+        elif text == "$I":
+            self.say(reports.BUILD)
+        elif text == "$N":
+            self.say(
+                b"".join(
+                    b"$N%d=%s\r\n" % (i, s.encode("latin-1")) for i, s in enumerate(self.startup)
+                )
+            )
         elif text == "$H":
-            self.say(b"error:5\r\n")
+            if not self._flag("22"):
+                return 5
+            self._alarm(9)  # a turntable has no switch to find
         elif text == "$SLP":
-            self._spindle, self._coolant, self._asleep = "5", frozenset(), True
-            self._show()
-            self.say(b"ok\r\n[MSG:Sleeping]\r\n")
-        elif setting is None or setting[1] not in self.settings:
-            self.say(b"error:3\r\n")
+            self.after(0.0, self._sleep)
+        elif text in ("$RST=$", "$RST=*", "$RST=#"):
+            if text != "$RST=#":
+                self.settings = dict(reports.DEFAULTS)
+            if text != "$RST=$":
+                self.stored = dict.fromkeys(reports.STORED, 0.0)
+            if text == "$RST=*":
+                self.startup = [""] * STARTUP_LINES
+            self.say(reports.message("Restoring defaults") + b"ok\r\n")
+            self._task = None
+            self._reset()
         else:
-            self._set(setting[1], setting[2])
-            self.say(b"ok\r\n")
+            return self._setting(text)
+        return 0
 
-    def _gcode(self, text: str) -> bool:
-        words: list[tuple[str, str]] = []
-        while text:
-            found = _WORD.match(text)
-            if found is None or not found[2].strip("+-."):
-                self.say(b"error:1\r\n" if found is None else b"error:2\r\n")
-                return True
-            words.append((found[1], found[2]))
-            text = text[found.end() :]
-        whole = [(letter, f"{float(number):g}") for letter, number in words]
-        g = [number for letter, number in whole if letter == "G"]
-        m = [number for letter, number in whole if letter == "M"]
-        if not set(g) <= _KNOWN_G or not set(m) <= _KNOWN_M:
-            self.say(b"error:20\r\n")
-            return True
-        if (m or "4" in g) and self._busy:
-            return False
-        if len(self._queue) >= _PLANNER:
-            return False
-        values = {letter: float(number) for letter, number in words if letter not in "GM"}
-        self._do(g, m, values)
-        return True
-
-    def _do(self, g: list[str], m: list[str], values: dict[str, float]) -> None:
-        moves = "X" in values and "92" not in g
-        if moves and self._trip("move"):
-            return
-        if (set(m) & {"3", "4", "7", "8"}) and self._trip("light"):
-            return
-        self._feed = values.get("F", self._feed)
-        self._power = values.get("S", self._power)
-        self._modal = next((x for x in g if x in ("0", "1")), self._modal)
-        self._relative = {"90": False, "91": True}.get(
-            next((x for x in g if x in ("90", "91")), ""), self._relative
-        )
-        if moves and self._modal == "1" and not self._feed:
-            self.say(b"error:22\r\n")
-            return
-        self._switch(m)
-        scale = float(self.settings["100"])
-        if "92" in g and "X" in values:
-            self._offset = self._planned - round(values["X"] * scale)
-        elif moves:
-            base = self._planned if self._relative else self._offset
-            self._planned = base + round(values["X"] * scale)
-            top = float(self.settings["110"])
-            rate = min(top, self._feed) if self._modal == "1" else top
-            self._queue.append((self._planned, rate))
+    def _sleep(self) -> None:
+        self.asleep = True
+        self.speed, self._flow = 0.0, frozenset()
         self._show()
-        self.say(b"ok\r\n")
+        self.say(reports.message("Sleeping"))
 
-    def _switch(self, m: list[str]) -> None:
-        for number in m:
-            if number in ("3", "4", "5"):
-                self._spindle = number
-            elif number == "9":
-                self._coolant = frozenset()
-            elif number in ("7", "8"):
-                self._coolant |= {f"m{number}"}
+    def _setting(self, text: str) -> int:
+        key, at = number(text, 1)
+        if text[at : at + 1] != "=":
+            return 3
+        value, at = number(text, at + 1)
+        name = str(int(key))
+        if at != len(text) or key > 255 or name not in self.settings:
+            return 3
+        if value < 0 or (name in _DIVISORS and float(reports.shown("0.000", value)) == 0):
+            return 4  # the firmware takes a zero, and divides by it at the next move
+        if name == "0" and value < 3:
+            return 6
+        if name == "20" and value and not self._flag("22"):
+            return 10
+        self.settings[name] = reports.shown(self.settings[name], value)
+        if name == "22" and not value:
+            self.settings["20"] = "0"
+        return 0
 
-    def _show(self) -> None:
-        laser_mode = self.settings["32"] == "1"
-        spindle = self._spindle in ("3", "4") and self._power > 0
-        if laser_mode and (self._modal == "0" or self._hold or self._spindle == "4"):
-            spindle = False
-        self._set_lit(self._coolant | ({"m3"} if spindle else set()))
-
-    def _alarm(self, number: int) -> None:
-        self._abort_move()
-        self._clear()
-        self._locked = True
-        self._show()
-        self.say(f"ALARM:{number}\r\n".encode())
-
-    def _error(self, number: int) -> None:
-        self.say(f"error:{number}\r\n".encode())
+    def _store_line(self, text: str) -> Waiting:
+        """A line that every start runs; it is run at once, too."""
+        key, at = number(text, 2)
+        if text[at : at + 1] != "=":
+            return 3
+        line = text[at + 1 :]
+        if line:
+            code = yield from self._gcode(line)
+            if code:
+                return code
+        if int(key) >= STARTUP_LINES:
+            return 3
+        self.startup[int(key)] = line
+        return 0

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
+from fractions import Fraction
 
 from turnscan.simulate.controllers._firmware import Fault, Firmware
 
@@ -21,18 +23,19 @@ class SardauscanFirmware(Firmware):
 
     outputs = ("0", "1", "2", "3")
     banner = b"Sardauscan V0.1a\r\n"
+    receive = 63
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         super().__init__(faults)
 
     @property
     def turns(self) -> float:
-        """See `Firmware`; the unit is four half-steps, zero is that of ``T C``."""
-        return (self.place + self._zeroed) / 1018
+        """See `Firmware`; the unit is four half-steps."""
+        return self.turned / 1018
 
     def _start(self) -> None:
-        self._line = bytearray()
-        self._zeroed, self._reply = 0.0, ""
+        self._line, self._reply = bytearray(), ""
+        super()._start()
 
     def _work(self) -> None:
         while self._inbox and self._move is None:
@@ -65,7 +68,7 @@ class SardauscanFirmware(Firmware):
         elif words[0] == "S":
             self.say(b"REVOLUTION STEPS  => 1018\r\n")
         elif words[0] == "C":
-            self._zeroed, self._place = self._zeroed + self._place, 0.0
+            self._before, self._place = self.turned, 0.0
             self.say(b"RESET CUTTENT POSITION  => 0\r\n")
         elif words[0] in ("R", "A"):
             if self._trip("move"):
@@ -85,7 +88,11 @@ class SardauscanFirmware(Firmware):
         output = str(_atoi(words[0]))
         pin = _PINS.get(output, -1)
         if len(words) > 1:
-            on = _atoi(words[1]) != 0
+            on = _atoi(words[1]) == 1
+            if output == "4" and on:  # writes beyond its table, and starts anew in mid-answer
+                self.power_on()
+                self._out.appendleft((self.now, b"SET"))
+                return
             if on and self._trip("light"):
                 return
             if pin >= 0:
@@ -101,15 +108,16 @@ class SardauscanHorusFirmware(Firmware):
     """The Horus-compatible firmware: prefixes only, whole degrees, silent to what it knows not."""
 
     banner = b"\r\nHorus 0.2 ['$' for help]\r\n"
+    receive = 63
 
     @property
     def turns(self) -> float:
-        """See `Firmware`; the unit is the degree."""
-        return (self.place + self._zeroed) / 360
+        """See `Firmware`; the unit is four steps of the motor, 512 a turn."""
+        return self.turned / 512
 
     def _start(self) -> None:
         self._line = bytearray()
-        self._zeroed = 0.0
+        super()._start()
 
     def _work(self) -> None:
         while self._inbox and self._move is None:
@@ -133,16 +141,18 @@ class SardauscanHorusFirmware(Firmware):
         if text.startswith("G1X"):
             if self._trip("move"):
                 return
-            self._begin_move(_atoi(text[3:]), 9.0, 1000.0)
+            # Whole degrees, and integers that C divides towards zero.
+            self._begin_move(math.trunc(Fraction(_atoi(text[3:]) * 512, 360)), 12.8, 1400.0)
             return
-        if found := re.match(r"M7([01])T([12])", text):
+        if found := re.match(r"M7([01])T(.?)", text):
             on, output = found[1] == "1", found[2]
             if on and self._trip("light"):
                 return
-            self._set_lit(self.lit | {output} if on else self.lit - {output})
+            if output in ("1", "2"):
+                self._set_lit(self.lit | {output} if on else self.lit - {output})
         elif text.startswith("G50"):
-            self._zeroed, self._place = self._zeroed + self._place, 0.0
-        elif not text.startswith(("M0", "M2", "M17", "M18", "M50", "G1F", "$1")):
+            self._before, self._place = self.turned, 0.0
+        elif not text.startswith(("M0", "M2", "M17", "M18", "M50", "G1", "$1")):
             return
         self.say(b"ok\r\n")
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 
+from turnscan.simulate.controllers._cable import Cable
 from turnscan.simulate.controllers._firmware import Firmware
 
 
@@ -32,11 +33,13 @@ class Socket:
         reset_on_open: bool = False,
         path: Path | None = None,
         baud: int = 0,
+        cable: Cable | None = None,
     ) -> None:
         """``path``: where the port shall appear; without it, in a folder of its own.
 
         ``baud``: the rate at which the board talks; at another one both sides hear noise. 0: any.
         """
+        self.cable = cable or Cable()
         self._baud = baud
         self.firmware = firmware
         self._scale, self._reset_on_open = scale, reset_on_open
@@ -106,15 +109,19 @@ class Socket:
             if board.unplugged:
                 self._pull(board)
                 continue
-            data = self._at_rate(board.take())
+            self.cable.up(board.take(), time.monotonic())
+            data = self._at_rate(self.cable.arrived(time.monotonic()))
             with contextlib.suppress(OSError):  # nobody there, or nobody reads
                 if data and self._open:
                     os.write(self._master, data)
             self._hear(board, self._patience(board))
 
     def _patience(self, board: Firmware) -> float:
-        wake = board.wake()
-        return 0.05 if wake is None else max(0.0, min(0.05, (wake - self._now()) / self._scale))
+        wake, arrives = board.wake(), self.cable.wake()
+        waits = [] if wake is None else [(wake - self._now()) / self._scale]
+        if arrives is not None:
+            waits.append(arrives - time.monotonic())
+        return max(0.0, min([0.05, *waits]))
 
     def _hear(self, board: Firmware, patience: float) -> None:
         poll = select.poll()
@@ -132,7 +139,7 @@ class Socket:
             with contextlib.suppress(OSError):
                 data = os.read(self._master, 4096)
                 board.run(self._now())
-                board.feed(self._at_rate(data))
+                board.feed(self.cable.down(self._at_rate(data)))
         elif hung:
             self._closing.wait(0.001)
 
@@ -146,9 +153,16 @@ class Socket:
         return bytes(0x80 | (byte * 37 + 11) % 128 for byte in data)
 
     def _pull(self, board: Firmware) -> None:
+        """The port is gone for a while; a board that keeps its power lives on."""
         self._unplug()
-        self._closing.wait(board.unplugged)
+        self.cable.cut()
+        end = time.monotonic() + board.unplugged
+        while (left := end - time.monotonic()) > 0 and not self._closing.wait(min(left, 0.01)):
+            if board.powered:
+                board.run(self._now())
+                board.take()
         board.unplugged = 0.0
         board.run(self._now())
-        board.power_on()
+        if not board.powered:
+            board.power_on()
         self._plug()

@@ -1,0 +1,152 @@
+"""How whole the light of each point was: cut at an edge, on two surfaces, or as it should be.
+
+A stripe is as wide as its sheet is thick on the surface that it lies on. Where it is narrower,
+something cuts it off; where it is wider, it lies on more than one surface. Either way its centre
+is off the surface, and by more than noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats
+
+_NOISE = 0.06
+"""Speckle makes the median of five widths this much narrower or wider."""
+_SMOOTH = 0.05
+"""Difference of two surfaces to the light, as a part, up to which they are one."""
+_FEW = 50
+"""Points that are enough to know how thick the sheet is."""
+_UNLIKE = 1.2
+"""Squares of two slopes differ by this much where they can tell thickness from blur."""
+_CUT = 0.9
+"""A stripe where what is seen ends is cut when it is narrower than this part of its due …"""
+_HALF = 0.6
+"""… and not narrower than this: a cut at the very middle leaves so much."""
+_FAINT, _AS_BRIGHT = 0.6, 0.85
+"""A stripe there is a tail when it is fainter than this part of the one beside it; the second where
+it is narrower than any cut makes it."""
+_MODEL = 0.5
+"""Part of a cut stripe's shift that is doubted: by the second laser's and the true surface."""
+_MOST = 0.5
+"""What is missing of a width tells no more beyond this."""
+_WIDER = 0.8
+"""Width that a second surface adds, as width that a cut takes away: the two parts of a stripe lie
+that far apart where both are alike."""
+_TORN = 0.5
+"""Part of the larger of two biases that counts, where the profiles on either side say two."""
+_LEAST = 0.25
+"""Part of the median arc below which no step is believed to be: beside the axis it is none."""
+
+
+@dataclass(frozen=True)
+class Light:
+    """What is known of the light of the points of one grid, in the object's frame."""
+
+    points: Floats
+    """(s, n, 3) mm, NaN where missing."""
+    eyes: Floats
+    """(s, 3) mm: the camera at each step."""
+    moves: Floats
+    """(s, n, 3) mm: where the ray of the next pixel across ends, at the point's depth."""
+    sheets: Floats
+    """(s, n, 3) the laser sheet's normal."""
+    width: Floats
+    """(s, n) px rms of the stripe."""
+    amplitude: Floats
+    """(s, n) grey levels."""
+    angles: Floats
+    """(s,) rad."""
+    closed: bool
+
+
+@dataclass(frozen=True)
+class Wholeness:
+    """What the light of each point says of it."""
+
+    shift: Floats
+    """(s, n) px by which the centre of a cut stripe lies off that of the whole one; 0 elsewhere."""
+    doubt: Floats
+    """(s, n) px: standard uncertainty of the centre because of what cuts or bends the stripe."""
+    tail: Bools
+    """(s, n) True where the sheet's middle passes beside the surface, and its tail alone is seen."""
+    slide: Floats
+    """(s, n) the share of a turn's movement that leads off the surface, 0 to 1; 1 where it is not
+    known how the surface lies."""
+
+
+def wholeness(light: Light) -> Wholeness:
+    """Compare each stripe's width with what is due on a surface that lies like its own.
+
+    How the surface lies is known by the profiles before and after. Where both are there, the one
+    that explains the width better counts, and the other as far as `_TORN`. Where one of them is
+    missing, what ends the surface there cuts the stripe, too: the light that is left is a Gaussian
+    cut off on that side, which tells how far its centre is off. A stripe that is much fainter there
+    than on the surface beside is the tail of one whose middle passes by.
+    """
+    from turnscan.points import _wholeness_kernels as kernels
+
+    found = ~np.isnan(light.points[..., 0])
+    width = kernels.steady(np.where(found, light.width, np.nan))
+    walk, slide, side = kernels.across(
+        light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
+    )
+    due = _due(walk, width)
+    ratio = width / due
+    bias = _bias(ratio)
+    doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
+    border = found & (np.isnan(walk[0]) != np.isnan(walk[1]))
+    first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
+    beside = np.where(first, np.roll(light.amplitude, -1, 0), np.roll(light.amplitude, 1, 0))
+    with np.errstate(invalid="ignore"):
+        faint = light.amplitude < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
+        cut = border & ~faint & (narrow < _CUT) & (narrow >= _HALF)
+    off = np.where(first, side[0] * bias[0] * due[0], side[1] * bias[1] * due[1])
+    shift = np.where(cut, np.nan_to_num(off), 0.0)
+    return Wholeness(
+        shift=shift,
+        doubt=np.where(cut, _MODEL * np.abs(shift), doubt),
+        tail=border & faint,
+        slide=np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1])),
+    )
+
+
+def _arcs(light: Light) -> Floats:
+    """(s, n) mm: the usual way of each point from step to step."""
+    turn = np.abs(np.diff(np.unwrap(light.angles)))
+    usual = float(np.median(turn)) if len(turn) else 0.0
+    arc = np.hypot(light.points[..., 0], light.points[..., 1]) * usual
+    have = arc[~np.isnan(arc)]
+    return np.asarray(np.maximum(arc, _LEAST * float(np.median(have)) if len(have) else 0.0))
+
+
+def _due(walk: Floats, width: Floats) -> Floats:
+    """(2, s, n) px: how wide stripes are on surfaces that lie so to the light.
+
+    The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth:
+    the profiles before and after tell the same of it there.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        smooth = np.abs(np.log(walk[0] / walk[1])) < _SMOOTH
+    smooth &= ~np.isnan(width)
+    if smooth.sum() < _FEW:
+        return np.full(walk.shape, np.nan)
+    x, y = 1.0 / walk.mean(axis=0)[smooth] ** 2, width[smooth] ** 2
+    steep = x > np.median(x)
+    ends = [(float(np.median(x[k])), float(np.median(y[k]))) for k in (~steep, steep) if k.any()]
+    (x0, y0), (x1, y1) = ends[0], ends[-1]
+    slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if x1 > x0 * _UNLIKE else y0 / x0
+    return np.asarray(np.sqrt(slope / walk**2 + max(y0 - slope * x0, 0.0)))
+
+
+def _bias(ratio: Floats) -> Floats:
+    """How far a stripe's centre is off, in widths of the whole one, by the part of its due width.
+
+    Of a Gaussian cut off c sigma beyond its middle the width is √(1 − cλ − λ²) and the centre λ
+    off, λ = φ(c)/Φ(c). What is too wide lies on two surfaces; its centre is off alike.
+    """
+    x = np.where(ratio < 1, 1.0 - ratio, _WIDER * (ratio - 1.0))
+    x = np.sqrt(np.maximum(np.minimum(x, _MOST) ** 2 - _NOISE**2, 0.0))
+    return np.asarray(0.9 * x + 2.75 * x * x)

@@ -1,0 +1,101 @@
+"""Compiled kernels of how whole the light of each point was; imported only when they are used."""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from turnscan.compiled import njit
+
+_BESIDE = 2
+"""Lines on either side that a width is the median of: speckle widens single lines by a tenth."""
+_LINKED = 3.0
+"""Usual arcs of a step that two points of one line may lie apart on one surface."""
+
+
+@njit(cache=True, nogil=True)
+def steady(width: Any) -> Any:
+    """(s, n) the median of each width and up to two beside it along the run; NaN where none is."""
+    s, n = width.shape
+    out = np.full((s, n), np.nan)
+    some = np.empty(2 * _BESIDE + 1)
+    for k in range(s):
+        for j in range(n):
+            if np.isnan(width[k, j]):
+                continue
+            low, high = j, j
+            while low > max(0, j - _BESIDE) and not np.isnan(width[k, low - 1]):
+                low -= 1
+            while high < min(n - 1, j + _BESIDE) and not np.isnan(width[k, high + 1]):
+                high += 1
+            for i in range(low, high + 1):
+                some[i - low] = width[k, i]
+            out[k, j] = np.median(some[: high + 1 - low])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _normal(points: Any, k: int, m: int, j: int, sign: float, normal: Any) -> bool:
+    """Write the normal (any sign, unit) of a surface through a point and one of step ``m``."""
+    n = points.shape[1]
+    low = j - 1 if j > 0 and not np.isnan(points[k, j - 1, 0]) else j
+    high = j + 1 if j + 1 < n and not np.isnan(points[k, j + 1, 0]) else j
+    if low == high:
+        return False
+    u0 = points[k, high, 0] - points[k, low, 0]
+    u1 = points[k, high, 1] - points[k, low, 1]
+    u2 = points[k, high, 2] - points[k, low, 2]
+    v0 = sign * (points[m, j, 0] - points[k, j, 0])
+    v1 = sign * (points[m, j, 1] - points[k, j, 1])
+    v2 = sign * (points[m, j, 2] - points[k, j, 2])
+    normal[0], normal[1], normal[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+    size = np.sqrt((normal * normal).sum())
+    if not size > 0.0:
+        return False
+    normal /= size
+    return True
+
+
+@njit(cache=True, nogil=True)
+def across(points: Any, eyes: Any, moves: Any, sheets: Any, arc: Any, closed: bool) -> Any:
+    """How the surface between each point and the next profile lies to the light, both ways.
+
+    ``moves`` (s, n, 3) is ∂X/∂u at the point's depth, square to nothing in particular: the ray's
+    end for the next pixel; ``sheets`` (s, n, 3) the sheet's normal, ``arc`` (s, n) mm the usual
+    way to the next step. Gives walk (2, s, n): mm that one pixel leads away from the sheet on the
+    plane through the profile and its neighbour after and before, NaN where that is no neighbour;
+    slide (2, s, n): the share of a turn's movement that is along the plane's normal; and side
+    (2, s, n): 1 where the neighbour lies on the side of higher pixels, else −1.
+    """
+    s, n, _ = points.shape
+    walk, slide = np.full((2, s, n), np.nan), np.full((2, s, n), np.nan)
+    side = np.full((2, s, n), np.nan)
+    normal = np.empty(3)
+    for k in range(s):
+        for j in range(n):
+            if np.isnan(points[k, j, 0]):
+                continue
+            for way in range(2):
+                m = k + 1 - 2 * way
+                if closed:
+                    m %= s
+                if m < 0 or m >= s or np.isnan(points[m, j, 0]):
+                    continue
+                gap = points[m, j] - points[k, j]
+                if np.sqrt((gap * gap).sum()) > _LINKED * arc[k, j]:
+                    continue
+                if not _normal(points, k, m, j, 1.0 - 2.0 * way, normal):
+                    continue
+                ray = points[k, j] - eyes[k]
+                along = (normal * moves[k, j]).sum() / (normal * ray).sum()
+                away = moves[k, j] - ray * along
+                walk[way, k, j] = abs((sheets[k, j] * away).sum())
+                # Both as the camera sees them, square to the ray.
+                flat = gap - ray * ((gap * ray).sum() / (ray * ray).sum())
+                side[way, k, j] = 1.0 if (flat * moves[k, j]).sum() > 0.0 else -1.0
+                reach = np.hypot(points[k, j, 0], points[k, j, 1])
+                turn = normal[1] * points[k, j, 0] - normal[0] * points[k, j, 1]
+                slide[way, k, j] = abs(turn) / max(reach, 1e-9)
+    return walk, slide, side

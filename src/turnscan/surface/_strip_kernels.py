@@ -1,0 +1,152 @@
+"""Compiled kernels of resampled profiles; imported only when they are used."""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from turnscan.compiled import njit
+
+
+@njit(cache=True, nogil=True)
+def corners(faces: Any, s: int, n: int) -> Any:
+    """(s, n, 4) True where the faces (f, 3) between profile k and the next, and between line j and
+    the next, use the corners (k, j), (k, j + 1), (k + 1, j) and (k + 1, j + 1) of their quad.
+    """
+    used = np.zeros((s, n, 4), dtype=np.bool_)
+    for f in range(len(faces)):
+        k, j = s, n
+        last = False
+        for i in range(3):
+            step = faces[f, i] // n
+            k, j = min(k, step), min(j, faces[f, i] % n)
+            last |= step == s - 1
+        if k == 0 and last and s > 2:
+            k = s - 1
+        for i in range(3):
+            step, line = faces[f, i] // n, faces[f, i] % n
+            used[k, j, 2 * (step != k) + (line != j)] = True
+    return used
+
+
+@njit(cache=True, nogil=True)
+def _chain(used: Any, j: int) -> int:
+    """The last quad of the chain of faces that begins at quad ``j`` of a strip (n, 4)."""
+    n = len(used)
+    while j + 1 < n and used[j, 1] and used[j, 3] and used[j + 1, 0] and used[j + 1, 2]:
+        j += 1
+    return j
+
+
+@njit(cache=True, nogil=True)
+def joints(used: Any) -> tuple[Any, Any]:
+    """Where profiles are one with the line before, and which of their points end a chain of faces.
+
+    Both (s, n); of the corners (s, n, 4) that faces use.
+    """
+    s, n, _ = used.shape
+    joined = np.zeros((s, n), dtype=np.bool_)
+    ends = np.zeros((s, n), dtype=np.bool_)
+    for k in range(s):
+        k1 = (k + 1) % s
+        j = 0
+        while j < n:
+            u = used[k, j]
+            if not (u[0] or u[1]):
+                j += 1
+                continue
+            last = _chain(used[k], j)
+            v = used[k, last]
+            ends[k, j if u[0] else j + 1] = True
+            ends[k1, j if u[2] else j + 1] = True
+            ends[k, last + 1 if v[1] else last] = True
+            ends[k1, last + 1 if v[3] else last] = True
+            for i in range(j, last + 1):
+                joined[k, i + 1] |= used[k, i, 0] and used[k, i, 1]
+                joined[k1, i + 1] |= used[k, i, 2] and used[k, i, 3]
+            j = last + 1
+    return joined, ends
+
+
+@njit(cache=True, nogil=True)
+def zipped(points: Any, lines: Any, behind: Any, used: Any) -> Any:
+    """Faces (f, 3) of flat indices of resampled points (s, m, 3), one strip for each chain.
+
+    ``lines`` (s, m) tell at which line of the first grid each lies, ascending, NaN where there is
+    none; ``used`` (s, n, 4) are that grid's corners. The border of a chain stays where it was.
+    """
+    s, m = lines.shape
+    n = used.shape[1]
+    faces = np.empty((2 * s * m, 3), dtype=np.int32)
+    made = 0
+    order = np.empty((s, m), dtype=np.int32)
+    size = np.zeros(s, dtype=np.int64)
+    for k in range(s):
+        for i in range(m):
+            if not np.isnan(lines[k, i]):
+                order[k, size[k]] = i
+                size[k] += 1
+    for k in range(s):
+        k1 = (k + 1) % s
+        a, b, j = 0, 0, 0
+        while j < n:
+            u = used[k, j]
+            if not (u[0] or u[1]):
+                j += 1
+                continue
+            last = _chain(used[k], j)
+            v = used[k, last]
+            a = _first(lines[k], order[k], size[k], a, j if u[0] else j + 1)
+            b = _first(lines[k1], order[k1], size[k1], b, j if u[2] else j + 1)
+            to_a, to_b = last + 1 if v[1] else last, last + 1 if v[3] else last
+            while True:
+                more_a = a + 1 < size[k] and lines[k, order[k, a + 1]] <= to_a
+                more_b = b + 1 < size[k1] and lines[k1, order[k1, b + 1]] <= to_b
+                if not (more_a or more_b):
+                    break
+                x, y = k * m + order[k, a], k1 * m + order[k1, b]
+                if more_a and (not more_b or _left(points, lines, order, k, k1, a, b)):
+                    a += 1
+                    z = k * m + order[k, a]
+                    made = _face(faces, made, points, x, z, y, behind[k, order[k, a]])
+                else:
+                    b += 1
+                    z = k1 * m + order[k1, b]
+                    made = _face(faces, made, points, x, z, y, behind[k1, order[k1, b]])
+            j = last + 1
+    return faces[:made].copy()
+
+
+@njit(cache=True, nogil=True)
+def _first(lines: Any, order: Any, size: int, at: int, line: int) -> int:
+    """The first place from ``at`` on whose line is not before ``line``."""
+    while at + 1 < size and lines[order[at]] < line:
+        at += 1
+    return at
+
+
+@njit(cache=True, nogil=True)
+def _left(points: Any, lines: Any, order: Any, k: int, k1: int, a: int, b: int) -> bool:
+    """Whether the strip goes on with the profile ``k``: its next point comes before the other's,
+    or, where both come alike, makes the shorter side."""
+    near = lines[k, order[k, a + 1]] - lines[k1, order[k1, b + 1]]
+    if abs(near) > 1e-9:
+        return near < 0  # type: ignore[no-any-return]
+    one = points[k, order[k, a + 1]] - points[k1, order[k1, b]]
+    other = points[k, order[k, a]] - points[k1, order[k1, b + 1]]
+    return (one * one).sum() <= (other * other).sum()  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def _face(faces: Any, made: int, points: Any, x: int, y: int, z: int, behind: bool) -> int:
+    """Add a face whose three corners are there."""
+    m = points.shape[1]
+    for p in (x, y, z):
+        if np.isnan(points[p // m, p % m, 0]):
+            return made
+    faces[made, 0] = x
+    faces[made, 1] = z if behind else y
+    faces[made, 2] = y if behind else z
+    return made + 1

@@ -1,0 +1,173 @@
+"""A process that has turnscan in memory and forks: each child is one command, stopped on request.
+
+Run as ``python -m tests.devices.stopper``. An order is a line of JSON on standard input: ``argv``
+of the command line, ``said`` (the file for what it prints) and, if it is to be stopped, ``how``
+(SIGINT, SIGKILL, disk, alarm), in which ``phase`` (turning, settling, lit, storing), at which
+``count`` of it and how many seconds after it began (``delay``). A line on standard output tells the
+exit code of an order that has ended, or that its alarm is due now.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import sqlite3
+import sys
+import threading
+import time
+from typing import Any
+
+import numpy as np
+
+from turnscan import acquire, station  # noqa: F401 in memory before the first fork
+from turnscan.acquire._shoot import Shooter
+from turnscan.arrays import Image
+from turnscan.cli import _resume, _scan, main  # noqa: F401 likewise
+from turnscan.devices import CameraTraits, _cameras, _link
+from turnscan.devices._link import GuardedLink
+from turnscan.scan import _database as database
+
+EXPOSURE = 0.01
+MOVES = (b"G1 X", b"G1X", b"G02", b"T A")
+
+
+class Camera:
+    """Sees a stripe while a laser is lit."""
+
+    traits = CameraTraits()
+    lit = False
+
+    def __init__(self, address: str) -> None:
+        self._dice = np.random.default_rng(3)
+
+    def configure(self, seconds: float, gain: float) -> tuple[float, float]:
+        return seconds, gain
+
+    def grab(self, timeout: float) -> Image:
+        picture = self._dice.normal(6.0, 1.0, (48, 64))
+        if Camera.lit:
+            picture += 150.0 * np.exp(-0.5 * ((np.arange(64) - 30.0) / 1.5) ** 2)
+        time.sleep(EXPOSURE)
+        return picture.clip(0, 255).astype(np.uint8)
+
+
+class Entry:
+    """Its entry point."""
+
+    name, value = "fake", "tests.devices.stopper:Camera"
+
+    @staticmethod
+    def load() -> type[Camera]:
+        return Camera
+
+
+class Stop:
+    """Stops the process at its moment."""
+
+    def __init__(self, order: dict[str, Any]) -> None:
+        self.order, self.seen = order, 0
+
+    def phase(self, name: str) -> None:
+        if name != self.order.get("phase"):
+            return
+        self.seen += 1
+        if self.seen == self.order["count"]:
+            threading.Thread(target=self._stop, daemon=True).start()
+
+    def _stop(self) -> None:
+        how = self.order["how"]
+        time.sleep(self.order["delay"])
+        if how == "alarm":
+            os.write(self.order["tell"], json.dumps({"alarm": self.order["id"]}).encode() + b"\n")
+        elif how != "disk":
+            os.kill(os.getpid(), getattr(signal, how))
+
+
+def instrument(stop: Stop) -> None:
+    write, light, settle, insert = (
+        GuardedLink.write, GuardedLink.light, Shooter.settle, database.insert,
+    )  # fmt: skip
+
+    def writes(self: GuardedLink, data: bytes) -> None:
+        write(self, data)
+        if data.startswith(MOVES):
+            stop.phase("turning")
+
+    def lights(self: GuardedLink, mask: int, lease: float) -> None:
+        light(self, mask, lease)
+        Camera.lit = bool(mask)
+        if mask:
+            stop.phase("lit")
+
+    def settles(self: Shooter) -> None:
+        stop.phase("settling")
+        settle(self)
+
+    def inserts(*args: Any) -> int:
+        stop.phase("storing")
+        if stop.order.get("how") == "disk" and stop.seen >= stop.order["count"]:
+            full = sqlite3.OperationalError("database or disk is full")
+            full.sqlite_errorname = "SQLITE_FULL"
+            raise full
+        return insert(*args)
+
+    GuardedLink.write = writes  # type: ignore[method-assign]
+    GuardedLink.light = lights  # type: ignore[method-assign]
+    Shooter.settle = settles  # type: ignore[method-assign]
+    database.insert = inserts
+
+
+def child(order: dict[str, Any]) -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    out = os.open(order["said"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    order["tell"] = os.dup(1)
+    os.dup2(out, 1)
+    os.dup2(out, 2)
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, 0)
+    instrument(Stop(order))
+    sys.argv = ["turnscan", *order["argv"]]
+    code = 1
+    try:
+        main()
+        code = 0
+    except SystemExit as e:
+        code = e.code if isinstance(e.code, int) else 1
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def serve() -> None:
+    _cameras._known = lambda: {"fake": Entry()}  # type: ignore[assignment,dict-item]
+    # Deadlines are those of a real board; these boards only turn faster.
+    assert _link.Deadlines().acknowledge == 2.0
+    running: dict[int, int] = {}
+    orders = b""
+    while True:
+        ready, _, _ = select.select([0], [], [], 0.01 if running else 1.0)
+        if ready:
+            more = os.read(0, 65536)
+            if not more:
+                return
+            orders += more
+        while b"\n" in orders:
+            line, orders = orders.split(b"\n", 1)
+            order = json.loads(line)
+            pid = os.fork()
+            if pid == 0:
+                child(order)
+            running[pid] = order["id"]
+        while running:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+            if pid == 0:
+                break
+            code = os.waitstatus_to_exitcode(status)
+            os.write(1, json.dumps({"id": running.pop(pid), "code": code}).encode() + b"\n")
+
+
+if __name__ == "__main__":
+    serve()

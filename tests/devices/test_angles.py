@@ -1,0 +1,113 @@
+"""The angle that is stored is the one to which the motor's STEP pulses have turned the table."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import pytest
+
+from tests.devices.boards import DIALECTS, UNITS, firmware, near
+from turnscan.devices._board import Board
+from turnscan.errors import DeviceRestarted
+from turnscan.simulate.controllers import FabScanFirmware, Firmware, SardauscanHorusFirmware
+from turnscan.station import stops_of
+
+STEPS = {**UNITS, "sardauscan as horus": 512}
+"""STEP pulses (or what a board makes at once) of one turn."""
+TURN, PART, TURNS, BACK = (Fraction(0), Fraction(360)), (0, 45), (0, 1080), (90, -300)
+
+
+def table(dialect: str) -> tuple[Board, Firmware]:
+    if dialect in DIALECTS:
+        board = firmware(dialect)
+        return near(dialect, board)[0], board
+    board = SardauscanHorusFirmware()
+    return near("horus", board)[0], board
+
+
+@pytest.mark.parametrize("dialect", STEPS)
+@pytest.mark.parametrize("ends", [TURN, PART, TURNS, BACK], ids=str)
+@pytest.mark.parametrize("stops", [24, 25, 46, 400])
+def test_stored_angles_are_those_of_the_pulses(
+    dialect: str, ends: tuple[int, int], stops: int
+) -> None:
+    first, last = Fraction(ends[0]), Fraction(ends[1])
+    step, count = stops_of((first, last), stops, None, 400)
+    device, board = table(dialect)
+    resolution = 2 * math.pi / STEPS[dialect] * (1.5 if "as" in dialect else 0.5)
+    for k in range(count):
+        wanted = 2 * math.pi * float((first + k * step) / 360)
+        stored = device.move_to(wanted, 600.0)
+        assert stored == pytest.approx(2 * math.pi * board.steps / STEPS[dialect], abs=1e-9)
+        assert stored == pytest.approx(wanted, abs=1.001 * resolution)
+    if dialect == "grbl":  # in its own steps, of which 3200.04 would be a turn
+        assert board.turns == pytest.approx(board.steps / (8.889 * 360), abs=1e-12)
+    else:
+        assert board.turns == pytest.approx(board.steps / STEPS[dialect], abs=1e-12)
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3, 5, 7, 133])
+def test_the_emulated_fabscan_loses_what_is_no_whole_pulse(lost: int) -> None:
+    """As its firmware does, whose moves each begin at phase 0 of the Gray code."""
+    board = FabScanFirmware()
+    board.feed(b"M17\nG02 T-4 F1200\n")
+    board.run(10.0)
+    assert board.steps == -1
+    for _ in range(8):
+        board.feed(f"G02 T{lost} F1200\n".encode())
+        board.run(board.now + 10.0)
+    assert 4 * (board.steps + 1) != 8 * lost
+    board.feed(f"G02 T-{4 * lost} F1200\n".encode())
+    before = board.steps
+    board.run(board.now + 10.0)
+    assert board.steps == before - lost
+
+
+def test_a_move_by_phases_is_seen_to_lose_pulses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The driver as it was: T counted one by one. --steps 24 ended 3.04° behind."""
+    from turnscan.devices import _fabscan
+
+    monkeypatch.setattr(_fabscan, "PER_PULSE", 1)
+    device, board = table("fabscan")
+    device._in_phase = True  # it began with a pulse of its own, too
+    for k in range(24):
+        stored = device.move_to(2 * math.pi * k / 24, 600.0)
+    behind = math.degrees(stored) - 360 * board.turns
+    assert behind == pytest.approx(3.04, abs=0.01)
+
+
+def test_a_board_that_gives_back_its_motor_does_not_turn() -> None:
+    board = FabScanFirmware()
+    board.feed(b"G02 T-400 F1200\n")
+    board.run(10.0)
+    assert board.steps == 0
+
+
+@pytest.mark.parametrize("after_light", [False, True])
+def test_a_fabscan_that_restarted_at_rest_is_noticed(after_light: bool) -> None:
+    device, link = near("fabscan")
+    device.move_to(0.5, 60.0)
+    if after_light:
+        device.light(frozenset({"a"}), 1.0)
+        device.light(frozenset(), 1.0)
+    link.board.power_on()
+    with pytest.raises(DeviceRestarted, match="restarted since"):
+        device.move_to(0.6, 60.0)
+    assert device.alarm
+    assert not device.remembers
+    device.acknowledge()
+    before = link.board.turns
+    assert device.move_to(0.1, 60.0) == pytest.approx(0.1, abs=0.004)
+    assert (link.board.turns - before) * 2 * math.pi == pytest.approx(device.angle, abs=1e-9)
+
+
+def test_a_fabscan_that_restarted_in_an_exposure_still_turns_as_far_as_it_says() -> None:
+    """No half line lies in its buffer then; its motor is asked to hold before every move."""
+    device, link = near("fabscan")
+    device.move_to(0.5, 60.0)
+    device.light(frozenset({"a"}), 1.0)
+    link.board.power_on()
+    device.light(frozenset(), 1.0)
+    device.move_to(0.8, 60.0)
+    assert link.board.turns * 2 * math.pi == pytest.approx(device.angle, abs=1e-9)

@@ -1,0 +1,211 @@
+"""How whole a stripe was: by Gaussians that are cut, and rays that meet planes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from tests.analytic import make_rig, scan_shape, sphere
+from turnscan.points import _wholeness_kernels as kernels
+from turnscan.points import build_grid, pixels_of
+from turnscan.points._wholeness import Light, _bias, wholeness
+
+S, N = 14, 12
+
+
+def plane(rng):
+    """Points (S, N, 3) of a plane in general position, its normal, and eyes far from it."""
+    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    a, b = np.meshgrid(0.5 * np.arange(S), 0.3 * np.arange(N), indexing="ij")
+    points = np.array([30.0, -20.0, 40.0]) + a[..., None] * turn[0] + b[..., None] * turn[1]
+    eyes = points[:, 0] + 500.0 * (turn[2] + 0.3 * rng.standard_normal((S, 3)))
+    return points, turn[2], eyes
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_surface_between_profiles_lies_to_the_light_as_rays_that_meet_it(seed):
+    rng = np.random.default_rng(seed)
+    points, normal, eyes = plane(rng)
+    moves = 0.1 * rng.standard_normal(points.shape)
+    sheets = rng.standard_normal(points.shape)
+    sheets /= np.linalg.norm(sheets, axis=-1, keepdims=True)
+    walk, slide, side = kernels.across(points, eyes, moves, sheets, np.ones((S, N)), False)
+    small = 1e-4
+    ray = points + small * moves - eyes[:, None]
+    met = eyes[:, None] + ray * (((points - eyes[:, None]) @ normal) / (ray @ normal))[..., None]
+    way = np.abs(np.einsum("sni,sni->sn", met - points, sheets)) / small
+    turned = np.stack([-points[..., 1], points[..., 0], 0 * points[..., 0]], -1)
+    turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+    towards = (points - eyes[:, None]) / np.linalg.norm(points - eyes[:, None], axis=-1)[..., None]
+    for k, beyond in ((0, S - 1), (1, 0)):
+        there = np.arange(S) != beyond
+        assert np.isnan(walk[k, beyond]).all()
+        assert walk[k][there] == pytest.approx(way[there], rel=2e-3, abs=1e-5)
+        assert slide[k][there] == pytest.approx(np.abs(turned @ normal)[there], abs=1e-9)
+        gap = np.roll(points, (-1, 1)[k], axis=0) - points
+        seen = gap - towards * np.einsum("sni,sni->sn", gap, towards)[..., None]
+        higher = np.einsum("sni,sni->sn", seen, moves) > 0
+        assert np.array_equal(side[k][there], np.where(higher, 1.0, -1.0)[there])
+
+
+def test_what_is_no_neighbour_says_nothing():
+    points, _, eyes = plane(np.random.default_rng(1))
+    points[5:] += 3.0  # a jump, further than three arcs
+    points[9, 4] = np.nan
+    ones = np.ones(points.shape)
+    walk, _, _ = kernels.across(points, eyes, ones, ones, np.full((S, N), 0.5), False)
+    known = ~np.isnan(walk)
+    assert not known[0, 4].any()
+    assert not known[1, 5].any()
+    assert known[0, 5:8].all()
+    assert not known[:, 9, 4].any()
+    assert not known[0, 8, 4]
+    assert not known[1, 10, 4]
+    alone = points.copy()
+    alone[:, np.arange(N) != 3] = np.nan
+    assert np.isnan(kernels.across(alone, eyes, ones, ones, np.ones((S, N)), False)[0]).all()
+
+
+def test_a_closed_turn_has_no_end():
+    turn = np.linspace(0, 2 * np.pi, S, endpoint=False)[:, None] + np.zeros((S, N))
+    z = 0.3 * np.arange(N) + np.zeros((S, N))
+    points = np.stack([10 * np.cos(turn), 10 * np.sin(turn), z], -1)
+    eyes = 50.0 * points[:, 0]
+    ones = np.ones(points.shape)
+    arc = np.full((S, N), 10 * 2 * np.pi / S)
+    assert not np.isnan(kernels.across(points, eyes, ones, ones, arc, True)[0]).any()
+    walk, slide, _ = kernels.across(points, eyes, ones, ones, arc, False)
+    assert np.isnan(walk).sum() == 2 * N
+    # A chord leaves the tangent by half a step.
+    assert np.nanmax(slide) == pytest.approx(np.sin(np.pi / S), rel=1e-6)
+
+
+def test_a_width_is_the_middle_of_five_of_its_run():
+    width = np.array([[1.0, 9, 3, 4, 5, np.nan, 7, 2, 8]])
+    steady = kernels.steady(width)[0]
+    assert steady[[0, 1, 2, 3, 4]] == pytest.approx([3, 3.5, 4, 4.5, 4])
+    assert np.isnan(steady[5])
+    assert steady[[6, 7, 8]] == pytest.approx([7, 7, 7])
+
+
+def test_a_cut_gaussian_is_as_far_off_as_its_width_says():
+    """Of a Gaussian cut off c sigma beyond its middle, λ = φ(c)/Φ(c) off, √(1 − cλ − λ²) wide."""
+    c = np.linspace(-0.2, 1.6, 30)
+    off = norm.pdf(c) / norm.cdf(c)
+    assert _bias(np.sqrt(1 - c * off - off**2)) == pytest.approx(off, rel=0.25, abs=0.05)
+    assert _bias(np.array([1.0, 0.96, 1.05])) == pytest.approx(0.0, abs=1e-12), "that is speckle"
+    wider = _bias(np.array([1.2, 1.4, 1.6]))
+    assert np.all(np.diff(wider) > 0.05)
+
+
+def wall(*, width=2.0, slope=0.0):
+    """The light of a wall before the camera; pixels go to the right, as steps do."""
+    x = 0.5 * (np.arange(S) - S / 2)[:, None] + np.zeros((S, N))
+    z = 0.3 * np.arange(N) + np.zeros((S, N))
+    points = np.stack([x, 40.0 + slope * np.abs(x), z], -1)
+    return Light(
+        points,
+        np.tile([0.0, -500.0, 1.5], (S, 1)),
+        np.tile([0.2, 0.0, 0.0], (S, N, 1)),
+        np.tile([np.cos(0.4), np.sin(0.4), 0.0], (S, N, 1)),
+        np.full((S, N), width),
+        np.full((S, N), 100.0),
+        0.5 / 40.0 * np.arange(S),
+        False,
+    )
+
+
+def test_whole_stripes_are_left_alone():
+    told = wholeness(wall())
+    assert not told.shift.any()
+    assert not told.tail.any()
+    assert told.doubt == pytest.approx(0.0, abs=1e-9)
+    assert told.slide[:, 5] == pytest.approx(
+        np.abs(wall().points[:, 5, 0]) / np.hypot(wall().points[:, 5, 0], 40.0), abs=1e-9
+    ), "a wall's own turn leads off it by the sine of its place"
+
+
+@pytest.mark.parametrize(("end", "sign"), [(0, 1.0), (S - 1, -1.0)])
+@pytest.mark.parametrize("c", [0.3, 0.7])
+def test_a_stripe_that_the_end_of_a_wall_cuts_is_put_back(end, sign, c):
+    off = norm.pdf(c) / norm.cdf(c)
+    light = wall()
+    light.width[end] *= np.sqrt(1 - c * off - off**2)
+    told = wholeness(light)
+    assert told.shift[end] == pytest.approx(sign * 2.0 * off, rel=0.25)
+    assert told.doubt[end] == pytest.approx(np.abs(told.shift[end]) / 2)
+    inner = np.arange(S) != end
+    assert not told.shift[inner].any()
+    assert not told.tail.any()
+
+
+@pytest.mark.parametrize(
+    ("end", "bright", "width", "tail"),
+    [(0, 0.5, 1.0, True), (S - 1, 0.5, 1.0, True), (0, 0.7, 1.0, False), (0, 0.7, 0.5, True),
+     (0, 0.95, 0.5, False), (4, 0.3, 1.0, False)],
+)  # fmt: skip
+def test_what_is_much_fainter_at_the_end_is_a_tail(end, bright, width, tail):
+    light = wall()
+    light.amplitude[end] *= bright
+    light.width[end] *= width
+    told = wholeness(light)
+    assert (told.tail[end] == tail).all()
+    assert not told.tail[np.arange(S) != end].any()
+    assert not told.shift.any(), "what is no clean cut is not put back"
+
+
+def test_a_wide_stripe_lies_on_two_surfaces_and_is_doubted():
+    light = wall()
+    light.width[6] *= 1.5
+    told = wholeness(light)
+    assert (told.doubt[6] > 0.5 * 2.0).all()
+    assert told.doubt[[3, 9]] == pytest.approx(0.0, abs=1e-9)
+    assert not told.shift.any()
+
+
+def test_blur_widens_what_the_sheets_thickness_does_not():
+    """On a roof the sheet is seen under two angles: width² = (thickness / walk)² + blur²."""
+    light = wall(slope=0.9)
+    walk, _, _ = kernels.across(
+        light.points, light.eyes, light.moves, light.sheets, np.ones((S, N)), False
+    )
+    usual = np.nanmean(walk, axis=0)
+    assert usual.max() > 2 * usual.min()
+    width = np.sqrt((0.3 / usual) ** 2 + 1.5**2)
+    light.width[:] = width
+    told = wholeness(light)
+    ridge = np.abs(np.arange(S) - S // 2) <= 1
+    assert told.doubt[~ridge] == pytest.approx(0.0, abs=0.05)
+    light.width[2] = 1.3 * width[2]
+    alone = width[2] * _bias(np.array(1.3))
+    assert (wholeness(light).doubt[2] > 0.9 * alone).all()
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_cut_stripe_of_a_scan_goes_back_to_its_surface(end):
+    """The end of a part of a turn: what is left of the light there is pushed to the part's side."""
+    rig = make_rig(elevation=0.2, lift=25.0)
+    angles = np.deg2rad(8.0) * np.arange(20)
+    middle = np.array([6.0, 2.0, 25.0])
+    stripes = list(scan_shape(rig, sphere(20.0, tuple(middle)), angles))
+    whole = build_grid(rig, "L0", stripes, range(20), angles)
+    found, beside = whole.found[end] & whole.found[(1, -2)[end]], (1, -2)[end]
+    here = pixels_of(rig, whole.points[end][found], np.full(found.sum(), angles[end]))
+    there = pixels_of(rig, whole.points[beside][found], np.full(found.sum(), angles[end]))
+    sign = np.sign(there - here)[:, 0]
+    c = 0.9
+    off = norm.pdf(c) / norm.cdf(c)
+    cut = stripes[end]
+    position, width = cut.position.copy(), cut.width.copy()
+    position[found] += sign * off * width[found]
+    width[found] *= np.sqrt(1 - c * off - off**2)
+    stripes[end] = replace(cut, position=position, width=width)
+    moved = build_grid(rig, "L0", stripes, range(20), angles)
+    line = np.abs(np.linalg.norm(moved.points[end][found] - middle, axis=1) - 20.0)
+    pushed = build_grid(rig, "L0", [stripes[end]], [0], [angles[end]])
+    before = np.abs(np.linalg.norm(pushed.points[0][found] - middle, axis=1) - 20.0)
+    assert np.median(before) > 0.02, "there is something to put back"
+    assert np.median(line) < 0.4 * np.median(before)
