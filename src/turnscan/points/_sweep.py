@@ -19,7 +19,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats
 from turnscan.points._build import goes_round
 from turnscan.rig import Rig, rotation_z
-from turnscan.stripes import Light, Orientation, Stripe, scattered
+from turnscan.stripes import Light, Orientation, Stripe, StripeFlag, scattered
 
 _PITCH = 8
 """px between the places where paths are computed; they change slowly in between."""
@@ -131,6 +131,7 @@ def _combined(old: Stripe, found: Floats) -> tuple[Stripe, Bools]:
         old,
         position=np.where(new, centre, old.position),
         sigma=np.where(new, whole, np.hypot(old.sigma, lost)),
+        flags=old.flags | np.where(new, np.uint16(StripeFlag.REFINED), np.uint16(0)),
     )
     return stripe, np.asarray(new)
 
