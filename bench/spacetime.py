@@ -102,6 +102,8 @@ class Outcome:
     sigma_before: Floats
     after: Floats
     sigma_after: Floats
+    ordinary: tuple[Stripe, ...]
+    """The stripes before."""
     swept: points.Swept
     seconds: tuple[float, float]
     """Of detection and of the refinement."""
@@ -194,7 +196,7 @@ def outcome(case: Case) -> Outcome:
     seconds = (middle - start, time.perf_counter() - again)
     before, sigma_before = _errors(made, stripes, seen.angles)
     after, sigma_after = _errors(made, swept.stripes, seen.angles)
-    return Outcome(before, sigma_before, after, sigma_after, swept, seconds)
+    return Outcome(before, sigma_before, after, sigma_after, tuple(stripes), swept, seconds)
 
 
 def _errors(

@@ -13,7 +13,7 @@ from turnscan import points
 from turnscan.detection import Sight, see
 from turnscan.rig import Camera, Pose, Rig, rotation_z
 from turnscan.scan import Frame, Scan, ScanPlan
-from turnscan.stripes import Light, Stripe, StripeSettings
+from turnscan.stripes import Light, Stripe, StripeFlag, StripeSettings
 
 BARS = Case("modern", "cylinder", 0.45, 24, bars=2.0, waves="rays")
 """As ALGORITHMS has it: 10 : 1, R = 30 mm, a sheet of 0.15 mm, no lens."""
@@ -90,7 +90,11 @@ def test_centres_at_a_depth_edge_that_are_no_place_of_the_surface_say_so() -> No
     assert rms((done.before / done.sigma_before)[wrong]) > 8
     assert rms((done.after / done.sigma_after)[wrong]) < 2.5
     # What was not refined keeps its place.
-    assert np.array_equal(done.after[wrong], done.before[wrong])
+    for old, new, refined in zip(
+        done.ordinary, done.swept.stripes, done.swept.refined, strict=True
+    ):
+        assert np.array_equal(new.position[~refined], old.position[~refined], equal_nan=True)
+        assert np.array_equal((new.flags & StripeFlag.REFINED) != 0, refined)
 
 
 def test_beyond_the_allowed_step_nothing_changes() -> None:
