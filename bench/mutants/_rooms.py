@@ -71,7 +71,7 @@ ROOMS = {
         ("points/_*.py",),
         (
             Suite(("points/test_range_scan.py",), only=("points/_range*", "points/_placements*")),
-            Suite(("points/test_wholeness.py",), only=("points/_wholeness*",)),
+            Suite(("points/test_wholeness.py",), only=("points/_wholeness*", "points/_build.py")),
             Suite(("points/test_between.py", "points/test_grid.py", "points/test_triangulate.py")),
         ),
         28,

@@ -54,7 +54,7 @@ class View:
         """
         scan, signal = self.scan, self._signal
 
-        def find(shots: list[Stored]) -> tuple[int, float, Stripe]:
+        def find(shots: list[Stored]) -> tuple[int, float, Stripe, float]:
             frames = [stored.decode() for stored in shots]
             for _ in frames:
                 tick()
@@ -65,25 +65,25 @@ class View:
                 stripe = signal.detect(
                     first.lit, first.dark, self.settings, first.level, first.noise, self.inside
                 )
-            return first.step, first.angle, stripe
+            return first.step, first.angle, stripe, first.angle_sigma
 
         # A bracket tells what is clipped by the colours as they were taken.
         stored = scan.stored(self.lit, signal.project if scan.plan.exposures == 1 else None)
         with ThreadPoolExecutor() as pool:
             brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
-
             done = list(pool.map(find, brackets))
-        good = [k for k, (_, angle, _) in enumerate(done) if not np.isnan(angle)]
+        good = [k for k, (_, angle, *_) in enumerate(done) if not np.isnan(angle)]
         findings = points.lost_frames(self.lit, scan.missing(self.lit), len(done) - len(good))
         steps = tuple(done[k][0] for k in good)
         angles = np.array([done[k][1] for k in good], np.float64)
         stripes = tuple(done[k][2] for k in good)
+        shaky = np.array([done[k][3] for k in good], np.float64)
         if self.settings.refine != "none":
             swept = self._refined(stripes, angles, [brackets[k] for k in good])
             asked = self.settings.refine == "spacetime"
             findings += points.swept_findings(self.laser, swept, asked=asked)
             stripes = swept.stripes
-        return Stripes(self.laser, steps, angles, stripes), findings
+        return Stripes(self.laser, steps, angles, stripes, shaky), findings
 
     def _refined(
         self, stripes: tuple[Stripe, ...], angles: Floats, brackets: list[list[Stored]]

@@ -101,7 +101,9 @@ def to_grids(
         v = sight.view
         mine = part(told, k / len(seen), (k + 1) / len(seen))
         mended, nothing = edit.mend_stripes(sight.stripes, edits, v, part(mine, 0, 0.5))
-        whole = points.build_grid(v.rig, v.laser, mended.stripes, mended.steps, mended.angles)
+        whole = points.build_grid(
+            v.rig, v.laser, mended.stripes, mended.steps, mended.angles, mended.angle_sigma
+        )
         turns, again = points.whole_turns(points.every(whole, s.every))
         findings += [*sight.findings, *nothing, *points.angle_findings(turns[0], again)]
         for i, turn in enumerate(turns):
@@ -109,7 +111,7 @@ def to_grids(
             now(0)
             seamed = edit.mend_grid(turn, edits)
             kept = points.drop_specks(points.clip(seamed, v.volume), s.shortest)
-            findings += points.grid_findings(turn, kept, v.volume)
+            findings += points.grid_findings(turn, kept, v.volume, v.settings.strategy)
             findings += points.together_findings(kept, v.rig, v.others, v.volume)
             if s.clean is not None:
                 kept, taken = surface.clean(kept, s.clean)

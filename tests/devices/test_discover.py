@@ -150,14 +150,18 @@ def test_a_port_that_is_not_there(tmp_path: Path) -> None:
 
 def locked_board(fw: Firmware, path: str, *, moving: bool) -> float:
     """Scan a little, and then an alarm comes, in a move or at rest; the angle at the end."""
-    from turnscan.simulate.controllers import Fault
-
     device = board(f"grbl:{path}?lasers=a", deadlines=QUICK)
     at = device.move_to(0.5, 5.0)
     if moving:
-        fw.faults.append(Fault(fw._moves + 1, "alarm"))
+
+        def alarm() -> None:
+            while not fw.rate:
+                time.sleep(0.001)
+            fw._alarm(1)
+
+        threading.Thread(target=alarm, daemon=True).start()
         with pytest.raises(DeviceAlarm, match=f"turnscan devices {path} --acknowledge"):
-            device.move_to(0.7, 5.0)
+            device.move_to(30.0, 30.0)
     else:
         fw._alarm(1)
         time.sleep(0.1)

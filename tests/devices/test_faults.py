@@ -107,7 +107,7 @@ def test_every_fault_at_every_step(dialect: str, kind: str, steps: int) -> None:
             how_long = HOW_LONG.get(kind, 0.1)
             if kind == "late":  # a move may take what it takes, and that is board time
                 how_long = (0.25 if dialect == "grbl" or on == "light" else 1.2) * SCALE
-            fault = Fault(count + 1, kind, how_long, number=step % 9 + 1, on=on)  # type: ignore[arg-type]
+            fault = Fault(count + 1, kind, how_long, number=step % 8 + 1, on=on)  # type: ignore[arg-type]
             board_.faults.append(fault)
             begin = time.monotonic()
             try:

@@ -230,5 +230,7 @@ def test_two_hundred_moments(commands: Commands, tmp_path: Path) -> None:
         unheard = (
             m.dialect == "fabscan" and m.how == "SIGKILL" and m.phase in ("turning", "storing")
         )
-        assert m.turning or unheard, (m, m.lost)
+        # The alarm may also come when the table is there and the driver does not know it yet.
+        alarm = m.how == "alarm" and (m.turning or m.phase in ("turning", "storing"))
+        assert alarm or unheard, (m, m.lost)
     assert sum(m.dialect == "fabscan" for m in lost) <= MOMENTS // 20

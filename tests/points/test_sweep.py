@@ -97,6 +97,24 @@ def test_centres_at_a_depth_edge_that_are_no_place_of_the_surface_say_so() -> No
         assert np.array_equal((new.flags & StripeFlag.REFINED) != 0, refined)
 
 
+def test_the_width_of_a_stripe_does_not_count_for_a_refined_centre() -> None:
+    done, made, angles = outcome(EDGES), built(EDGES), photographed(EDGES).angles
+    laser = made.beams[0].name
+    flagged = [replace(s, flags=s.flags | np.uint16(StripeFlag.REFINED)) for s in done.ordinary]
+    plain, free = (
+        points.build_grid(made.rig, laser, some, np.arange(len(angles)), angles)
+        for some in (done.ordinary, flagged)
+    )
+    X, sigma = points.triangulate(
+        made.rig, laser, np.stack([s.pixels for s in flagged]), np.stack([s.sigma for s in flagged])
+    )
+    assert np.allclose(free.sigma, sigma, equal_nan=True)
+    expected = points.to_object(made.rig, X, angles[:, None])
+    assert np.allclose(free.points, expected, equal_nan=True)
+    assert not np.allclose(plain.points, expected, equal_nan=True)
+    assert (plain.sigma[plain.found] > 1.5 * sigma[plain.found]).any()
+
+
 def test_beyond_the_allowed_step_nothing_changes() -> None:
     done = outcome(TOO_FAR)
     assert not done.swept.followed.any()

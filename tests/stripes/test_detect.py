@@ -224,6 +224,28 @@ def test_saturation_is_learned_or_given() -> None:
     assert (given.flags & StripeFlag.SATURATED).all()
 
 
+@pytest.mark.parametrize("top", [1009, 1019, 4040, 16_100])
+def test_a_peak_that_ends_near_the_top_of_some_depth_is_not_taken_for_clipped(top: int) -> None:
+    lit = light(np.full(10, 50.3), 2.0, float(top), 100)
+    whole = detect(lit.astype(np.uint16))
+    assert not (whole.flags & StripeFlag.SATURATED).any()
+    bits = int(top).bit_length()
+    clipped = detect(np.minimum(4 * lit, 2**bits - 1).astype(np.uint16))
+    assert (clipped.flags & StripeFlag.SATURATED).all()
+    # Five times as large, when the one value decided.
+    assert np.median(whole.sigma) < 0.5 * np.median(clipped.sigma)
+
+
+def test_a_line_that_falls_back_to_another_strategy_has_the_sigma_of_that() -> None:
+    rng = np.random.default_rng(3)
+    lit = light(np.full(60, 60.0), 1.5, 120.0, 120)
+    lit[:, 62:] += 40.0 * np.exp(-(np.arange(58) / 12.0))
+    lit = (lit + rng.normal(10.0, 1.0, lit.shape)).round().astype(np.uint8)
+    fell, chosen = detect(lit), detect(lit, None, StripeSettings(strategy="blais-rioux"))
+    np.testing.assert_array_equal(fell.position, chosen.position)
+    np.testing.assert_allclose(fell.sigma, chosen.sigma, rtol=1e-9)
+
+
 @given(seed=st.integers(0, 1000), sigma=st.floats(0.8, 4.0), sixteen=st.booleans())
 @settings(max_examples=25)
 def test_horizontal_is_vertical_turned(seed: int, sigma: float, sixteen: bool) -> None:

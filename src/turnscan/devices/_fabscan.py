@@ -130,10 +130,9 @@ class FabScanBoard(Board):
         """It cannot be stopped: wait for the end of the piece that it is in."""
         sent, self._move_sent = self._move_sent, b""
         end = time.monotonic() + self._d.acknowledge + self._d.move_extra
-        while sent and (line := self._lines.next(end, "'G02'")) != b">":
-            if line == sent:
-                self._note(replace(self._left, sent=True))
-        if self._left.sent and self._left.target is not None:
+        while sent and self._lines.next(end, "'G02'") != b">":
+            pass  # the prompt comes after the echo, which a signal may have swallowed
+        if sent and self._left.target is not None:
             self._in_phase = True
             self._note(replace(self._left, unit=self._left.target, target=None, sent=False))
         elif not sent:

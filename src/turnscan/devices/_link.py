@@ -20,7 +20,13 @@ from turnscan.devices import _guard
 from turnscan.devices._dialects import DIALECTS, darken
 from turnscan.devices._lines import shown
 from turnscan.devices._port_error import port_error
-from turnscan.devices._sentences import door_open, look_and_acknowledge, lost_place
+from turnscan.devices._sentences import (
+    LOCKED,
+    door_open,
+    locked,
+    look_and_acknowledge,
+    lost_place,
+)
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
@@ -523,6 +529,9 @@ def objection(port: str, heard: bytes) -> TurnscanError:
             f"{port}: the board restarted ({shown(heard)})",
             hint=lost_place(port),
         )
+    for said in LOCKED:
+        if said.encode() in heard.splitlines():
+            return locked(port, said)
     if b"error" in heard:
         return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")
     return DeviceGarbled(f"{port}: answered a laser command with {shown(heard)}")

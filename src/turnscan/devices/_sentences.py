@@ -56,9 +56,22 @@ class Sentence:
                 f"{port}: the board restarted ({self.text})",
                 hint=lost_place(port),
             )
+        if self.text in LOCKED:
+            return locked(port, self.text)
         if self.kind is Kind.ERROR:
             return DeviceRefused(f"{port}: the board answered {self.text!r}")
         return DeviceGarbled(f"{port}: said {self.text!r}, which answers nothing that was asked")
+
+
+LOCKED = ("error:9", "error: Alarm lock")
+"""What a board answers to everything while it waits in an alarm."""
+
+
+def locked(port: str, said: str) -> DeviceAlarm:
+    """The error that such an answer is; the alarm itself may have gone by unheard."""
+    return DeviceAlarm(
+        f"{port}: the board waits in an alarm ({said})", hint=look_and_acknowledge(port)
+    )
 
 
 def look_and_acknowledge(port: str) -> str:

@@ -52,6 +52,8 @@ class Stripes:
     angles: Floats
     """(s,) rad, of the table."""
     stripes: tuple[Stripe, ...]
+    angle_sigma: Floats | None = None
+    """(s,) rad, standard uncertainties of the angles, NaN where nobody knows; None: of none."""
 
     def without(self, gone: set[int]) -> Stripes:
         """The same without these steps."""
@@ -61,6 +63,7 @@ class Stripes:
             tuple(self.steps[k] for k in keep),
             self.angles[keep],
             tuple(self.stripes[k] for k in keep),
+            None if self.angle_sigma is None else self.angle_sigma[keep],
         )
 
 

@@ -23,7 +23,7 @@ _WORDS = (
     (
         StripeFlag.HALO,
         "halo",
-        "lie in a halo",
+        "lie in a halo that moves them by more than their sigma",
         "compare --strategy blais-rioux, which keeps to the core",
     ),
     (StripeFlag.GRAZING, "grazing", "are seen at a grazing angle", "their sigma is larger"),
@@ -31,8 +31,13 @@ _WORDS = (
 )
 
 
-def grid_findings(grid: RangeGrid, clipped: RangeGrid, volume: Volume) -> list[Finding]:
-    """Findings on one laser's points: ``grid`` as triangulated, ``clipped`` as kept."""
+def grid_findings(
+    grid: RangeGrid, clipped: RangeGrid, volume: Volume, strategy: str = ""
+) -> list[Finding]:
+    """Findings on one laser's points: ``grid`` as triangulated, ``clipped`` as kept.
+
+    ``strategy`` is how the stripes were measured, lest it be advised again.
+    """
     where = f"laser {grid.laser}"
     before, after = int(grid.found.sum()), int(clipped.found.sum())
     if not after:
@@ -63,6 +68,8 @@ def grid_findings(grid: RangeGrid, clipped: RangeGrid, volume: Volume) -> list[F
         share = float(((flags & bit) != 0).mean())
         if share >= _SHARE:
             text = f"{share:.0%} of the points {what}"
+            if bit == StripeFlag.HALO and strategy == "blais-rioux":
+                remedy = "their core is measured already; light from the other side, or powder"
             out.append(Finding(f"points.{word}", "note", text, where, remedy))
     return out
 

@@ -15,7 +15,7 @@ from turnscan.arrays import Bools, Floats
 
 _NOISE = 0.06
 """Speckle makes the median of five widths this much narrower or wider."""
-_SMOOTH = 0.05
+_SMOOTH = 0.08
 """Difference of two surfaces to the light, as a part, up to which they are one."""
 _FEW = 50
 """Points that are enough to know how thick the sheet is."""
@@ -71,7 +71,7 @@ class Wholeness:
     doubt: Floats
     """(s, n) px: standard uncertainty of the centre because of what cuts or bends the stripe."""
     tail: Bools
-    """(s, n) True where the sheet's middle passes beside the surface, and its tail alone is seen."""
+    """(s, n) True where the sheet's middle passes beside the surface: its tail alone is seen."""
     slide: Floats
     """(s, n) the share of a turn's movement that leads off the surface, 0 to 1; 1 where it is not
     known how the surface lies."""

@@ -11,7 +11,7 @@ from turnscan.compiled import njit
 
 _BESIDE = 2
 """Lines on either side that a width is the median of: speckle widens single lines by a tenth."""
-_LINKED = 3.0
+_LINKED = 2.2
 """Usual arcs of a step that two points of one line may lie apart on one surface."""
 
 

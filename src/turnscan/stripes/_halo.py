@@ -55,13 +55,14 @@ def glowing_nearby(some: Any, n: int, terms: Any, lines: int) -> Any:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def haloed(some: Any, n: int, terms: Any, lines: int) -> Any:
-    """(H,) the highest of each line, and True where light has spread beside the stripe there.
+    """(H,) the highest of each line, True where light has spread beside the stripe there, and how
+    far that moves its centre, in its widths.
 
     A grain of speckle in the tail of one line looks like a halo. But grains differ from line to
     line and light that spread in the material does not, so the sums over many lines decide: of the
     pedestal beside the highest candidates, and of how far they lean, weighted by their light.
     """
-    sums = np.zeros((lines + 1, 5))
+    sums = np.zeros((lines + 1, 6))
     highest = np.zeros(lines)
     for i in range(n):
         v = int(some[i, ROW])
@@ -73,15 +74,22 @@ def haloed(some: Any, n: int, terms: Any, lines: int) -> Any:
             sums[v + 1, 2] = lean * some[i, FLUX]
             sums[v + 1, 3] = some[i, FLUX]
             sums[v + 1, 4] = 1.0
+            sums[v + 1, 5] = lean * lean * some[i, FLUX]
     for v in range(lines):
-        for k in range(5):
+        for k in range(6):
             sums[v + 1, k] += sums[v, k]
     out = np.zeros(lines, np.bool_)
-    part = np.empty(5)
+    shift = np.zeros(lines)
+    part = np.empty(6)
     for v in range(lines):
         a, b = max(0, v - HALO_REACH), min(lines, v + HALO_REACH + 1)
-        for k in range(5):
+        for k in range(6):
             part[k] = sums[b, k] - sums[a, k]
         noise = 4.0 * terms.noise * math.sqrt(part[4] / (2.0 * FLANK))
         out[v] = part[0] > max(HALO_LIMIT * part[1], noise) or abs(part[2]) > LEAN_LIMIT * part[3]
-    return highest, out
+        flux, count = max(part[3], 1.0), max(part[4], 2.0)
+        mean = abs(part[2]) / flux
+        # What speckle makes of the mean is no shift: three standard errors are taken off.
+        error = math.sqrt(max(part[5] / flux - mean * mean, 0.0) / (count - 1.0))
+        shift[v] = max(0.0, mean - 3.0 * error)
+    return highest, out, shift

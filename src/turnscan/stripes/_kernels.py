@@ -149,10 +149,8 @@ def write_down(
     """From the list to ``table`` and ``bits``: sigma, flags, and the centre by the strategy."""
     u0, _, u1, _ = roi
     paired = dark.shape[0] > 1
-    factor = NOISE_FACTOR[terms.strategy]
-    phase = PHASE_ERROR[terms.strategy]
     nearby = glowing_nearby(some, n, terms, table.shape[1])
-    highest, halos = haloed(some, n, terms, table.shape[1])
+    highest, halos, shift = haloed(some, n, terms, table.shape[1])
     row = -1
     j = 0
     for i in range(n):
@@ -180,21 +178,27 @@ def write_down(
         halo = some[i, PEDESTAL] / max(amplitude, 1.0)
         lean = abs(some[i, CENTRE] + left - some[i, MIDDLE]) / some[i, WIDTH]
         glow = glows(some, i, terms)
-        if halos[v] or (glow and some[i, HEIGHT] < highest[v]):
+        moved = (shift[v] * some[i, WIDTH]) ** 2
+        if some[i, HEIGHT] < highest[v]:
             # A weaker peak that stands in light may be that light's alone.
+            if glow or halos[v]:
+                flags |= HALO
+        elif halos[v] and moved > spread:
+            # By more than its sigma; a halo on both sides moves nothing.
             flags |= HALO
         if glow or lean > LEAN_LIMIT:
             spread += (HALO_BIAS * some[i, WIDTH] * min(1.0, halo + lean)) ** 2
-        if terms.strategy in (CENTROID, MEDIAN):
-            # Their phase error comes from what the threshold cuts off.
-            phase = PHASE_ERROR[WINDOW] + PHASE_ERROR[terms.strategy] * min(
-                1.0, terms.level / (0.2 * max(amplitude, 1.0))
-            )
         strategy = terms.strategy
         if strategy == WINDOW and (glow or nearby[v]):
             # Light that spread beside the stripe drags the window along; its core stays in place.
             # A line between glowing ones is measured as they are, lest the surface be stepped.
             strategy = BLAIS_RIOUX
+        factor, phase = NOISE_FACTOR[strategy], PHASE_ERROR[strategy]
+        if strategy in (CENTROID, MEDIAN):
+            # Their phase error comes from what the threshold cuts off.
+            phase = PHASE_ERROR[WINDOW] + phase * min(
+                1.0, terms.level / (0.2 * max(amplitude, 1.0))
+            )
         if strategy != WINDOW:
             fill(light, lit, dark, v, w, terms.base, left, right + 1)
             position = by_strategy(
@@ -219,7 +223,7 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
     peaks = np.empty(((v1 - v0) * PEAKS, 7))
     counts = np.zeros(v1 - v0, np.int64)
     first_pass(lit, dark, roi, terms, peaks, counts)
-    usual, brightest = usual_peak(lit, v0, peaks, counts)
+    usual, brightest, flat = usual_peak(lit, v0, peaks, counts)
     fixed = terms.width > 0.0
     room = counts.sum()
     some = np.zeros((room + 1, COLUMNS))
@@ -247,6 +251,6 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
             measure_round(some, n, pool, stops, terms, 1)
     saturation = terms.saturation
     if saturation <= 0.0:
-        saturation = learned_saturation(lit, brightest)
+        saturation = learned_saturation(lit, brightest, flat)
     write_down(lit, dark, roi, terms, saturation, some, n, light, stops, table, bits)
     drop_glow(table, bits)

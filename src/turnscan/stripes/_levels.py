@@ -69,11 +69,16 @@ def typical(values: Any, n: int) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def learned_saturation(lit: Any, brightest: float) -> float:
-    """8 bits: 250 (JPEG rings around 255). 16: 98 % of the 10, 12, 14 or 16 bits in use."""
+def learned_saturation(lit: Any, brightest: float, plateau: bool) -> float:
+    """8 bits: 250 (JPEG rings around 255). 16: 98 % of the 10, 12, 14 or 16 bits in use.
+
+    How many bits those are only a ``plateau`` at the very top of them tells: a peak may end there
+    by itself.
+    """
     if np.iinfo(lit.dtype).max == 255:
         return 250.0
     for bits in (10, 12, 14):
-        if brightest < 2.0**bits:
-            return 0.98 * (2.0**bits - 1.0)
+        top = 0.98 * (2.0**bits - 1.0)
+        if plateau and top <= brightest < 2.0**bits:
+            return top
     return 0.98 * 65535.0

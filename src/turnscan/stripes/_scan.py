@@ -25,6 +25,8 @@ SEED, LEFT, RIGHT, TOP, VALLEY, LOW, HIGH = range(7)
 """What is known of a peak: middle of its plateau, the valleys (or ends of the run) on both sides,
 its height, the light in the right valley, and where it falls to half."""
 PEAK_COLUMNS = 7
+PLATEAU = 3
+"""Equal pixels in a row that no peak has by chance: two may lie on either side of its middle."""
 FWHM = 2.3548
 """Full width at half maximum of a Gaussian, in sigma."""
 
@@ -263,12 +265,25 @@ def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: An
         line += count
 
 
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def plateau_at(lit: Any, v: int, x: int) -> bool:
+    """Whether `PLATEAU` pixels in a row about x are as bright as the one there."""
+    first = last = x
+    while first > 0 and lit[v, first - 1] == lit[v, x]:
+        first -= 1
+    while last < lit.shape[1] - 1 and lit[v, last + 1] == lit[v, x]:
+        last += 1
+    return last - first + 1 >= PLATEAU
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def usual_peak(lit: Any, v0: int, peaks: Any, counts: Any) -> Any:
-    """Usual rms width of the highest peaks of the lines, and the brightest raw grey level."""
+    """Usual rms width of the highest peaks of the lines, the brightest raw grey level, and whether
+    `PLATEAU` pixels in a row are as bright."""
     widths = np.empty(counts.size)
     found = 0
     brightest: Any = 0
+    flat = False
     line = 0
     for i in range(counts.size):
         if counts[i] == 0:
@@ -277,8 +292,11 @@ def usual_peak(lit: Any, v0: int, peaks: Any, counts: Any) -> Any:
         for j in range(line + 1, line + counts[i]):
             if peaks[j, TOP] > peaks[best, TOP]:
                 best = j
-        brightest = max(brightest, np.int64(lit[v0 + i, int(peaks[best, SEED])]))
+        seed = int(peaks[best, SEED])
+        raw = np.int64(lit[v0 + i, seed])
+        flat = raw >= brightest and (plateau_at(lit, v0 + i, seed) or (flat and raw == brightest))
+        brightest = max(brightest, raw)
         widths[found] = (peaks[best, HIGH] - peaks[best, LOW]) * (1.0 / FWHM)
         found += 1
         line += counts[i]
-    return typical(widths, found), brightest
+    return typical(widths, found), brightest, flat

@@ -27,7 +27,7 @@ class StripeFlag(IntFlag):
     SATURATED = 8
     """Clipped pixels inside the window."""
     HALO = 16
-    """Skewed or heavy-tailed: light that spread inside or around the surface."""
+    """Light spread inside or around the surface, and moves the centre by more than its sigma."""
     EDGE = 32
     """The stripe ends here, or is cut by the picture's border: one-sided light."""
     MULTI = 64

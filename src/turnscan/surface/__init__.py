@@ -26,6 +26,7 @@ from turnscan.surface._soundness import crossings, soundness
 from turnscan.surface._told import Told, part, silent
 from turnscan.surface._topology import boundary_loops, cut_touching, fans_about, is_closed, twins
 from turnscan.surface._tsdf import fuse
+from turnscan.surface._zip import longest_sides
 
 __all__ = [
     "CAUSE_WORDS",
@@ -72,6 +73,7 @@ __all__ = [
     "holes",
     "is_closed",
     "join",
+    "longest_sides",
     "measured_vertices",
     "merge",
     "mesh_findings",

@@ -107,7 +107,7 @@ def _run_ends(grid: RangeGrid, c: Clean) -> Bools:
         for _ in range(c.edge):
             drop |= ends
             ends = _shifted(ends, -towards) & found
-    return drop | (one_sided & _beside_gaps(grid, c))
+    return np.asarray(drop | (one_sided & _beside_gaps(grid, c)))
 
 
 def _beside_gaps(grid: RangeGrid, c: Clean) -> Bools:

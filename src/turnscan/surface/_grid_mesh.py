@@ -117,7 +117,9 @@ def _quads(grid: RangeGrid, tears: Tears) -> Ints:
     to_step, to_line = kernels.edges(grid.points, side, closed)
     step, line = (np.maximum(even, 1e-12) for even in spacing(grid))
     believed = noise(grid)
-    far = np.maximum(_LEAP * step, tears.stretch * line)
+    # By the arc of whichever end is nearer to the axis: the other may be what it leaps to.
+    nearer = np.fmin(step, np.roll(step, -1, axis=0))
+    far = np.maximum(_LEAP * nearer, tears.stretch * line)
     far = np.maximum(far, tears.jump * np.sqrt(2.0) * believed)
     to_step[kernels.leaps(grid.points, to_step, far, closed, _BEND)] = np.nan
     most = 1.0 / max(float(np.cos(tears.grazing)), 1e-3)

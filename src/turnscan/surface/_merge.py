@@ -10,13 +10,15 @@ import numpy as np
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.points import Along, RangeGrid
-from turnscan.surface._grid_mesh import Tears
+from turnscan.surface._carve import carved
+from turnscan.surface._grid_mesh import Tears, submesh
 from turnscan.surface._mesh import Mesh
 from turnscan.surface._overlap import apart_findings, overlap_findings, overlaps
 from turnscan.surface._paste import paste
 from turnscan.surface._polar import merge_polar, polar_grid
-from turnscan.surface._range_surface import range_surfaces, rise, spacing
+from turnscan.surface._range_surface import RangeSurface, range_surfaces, rise, spacing
 from turnscan.surface._tsdf import fuse
+from turnscan.surface._witness import borne_out
 
 How = Literal["auto", "grid", "tsdf", "paste"]
 _SEAM = 3
@@ -59,8 +61,14 @@ def merge(
     surfaces = [s for g in there for s in range_surfaces(g, t) if len(s.mesh.faces)]
     if not surfaces:
         return paste(grids, t, along), []
+    sigma = float(np.median(np.concatenate([s.sigma for s in surfaces])))
+    surfaces, through = carved(surfaces, max(rise(surfaces), 3 * sigma))
+    surfaces = [s for s in surfaces if len(s.mesh.faces)]
     found = overlaps(surfaces)
     findings = [*apart_findings(there, surfaces, found), *overlap_findings(found)]
+    if through:
+        text = f"{through} faces between profiles are left out: a camera looked through them"
+        findings.append(Finding("surface.through", "note", text))
     turns = all(len(g.angles) > 2 and np.ptp(g.angles) > 0 for g in there)
     if how == "grid" and not turns:
         raise InputError(
@@ -79,13 +87,35 @@ def merge(
     else:
         why = "asked for" if how == "tsdf" else "the scans have no common axis"
     size = spacing(surfaces) if voxel is None else voxel
-    sigma = float(np.median(np.concatenate([s.sigma for s in surfaces])))
     ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
     text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
     if along is not None:
         text += "; the spacing along profiles is for their points alone"
     findings.append(Finding("surface.merge", "note", text, "", "other ways: --merge grid|paste"))
-    return fuse(surfaces, size, ramp, _SEAM if sewn else 0), findings
+    mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, max(size, 3 * sigma))
+    mesh, lost = _witnessed(mesh, surfaces, size)
+    return mesh, [*findings, *lost]
+
+
+def _witnessed(
+    mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float
+) -> tuple[Mesh, list[Finding]]:
+    """The mesh without the faces at vertices that no measured surface bears out.
+
+    Faces that close a seam are not measured, and need no witness.
+    """
+    good = borne_out(mesh, surfaces, voxel)
+    if mesh.measured is not None:
+        made = np.zeros(len(mesh.vertices), dtype=np.bool_)
+        made[mesh.faces[~mesh.measured]] = True
+        good |= made
+    if good.all():
+        return mesh, []
+    text = f"{int((~good).sum())} places that no laser measured are left out"
+    x, y, z = np.median(mesh.vertices[~good], axis=0)
+    where = f"about ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+    kept = submesh(mesh, np.asarray(good[mesh.faces].all(axis=1)))
+    return kept, [Finding("surface.unmeasured", "note", text, where)]
 
 
 def _steps(grids: Sequence[RangeGrid]) -> int:

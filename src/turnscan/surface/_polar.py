@@ -142,10 +142,15 @@ def merge_polar(
     Where all that was measured in a cell lies within three combined sigma of the best (largest
     cos(incidence)/spread²) it is averaged with those weights; what does not, is left out: the best
     counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
-    it makes a measurement count less, and the sigma of a cell larger. A vertex has the provenance
-    of the nearest vertex of the best surface.
+    it makes a measurement count less, and the sigma of a cell larger. Where it may be more than a
+    line's distance and more than three usual sigma, nothing was measured, and the cell is left to
+    the other surfaces. A vertex has the provenance of the nearest vertex of the best surface.
     ``along`` chooses the points along the merged profiles.
     """
+    usual = float(np.nanmedian(grid.noise)) if grid.radius.size else 0.0
+    with np.errstate(invalid="ignore"):
+        guess = grid.spread**2 - grid.noise**2 > max(grid.rise, _JUMP * usual) ** 2
+    grid = replace(grid, weight=np.where(guess, 0.0, grid.weight))
     best = np.argmax(grid.weight, axis=0)[None]
     chosen = np.take_along_axis(grid.radius, best, 0)
     noise = np.take_along_axis(grid.noise, best, 0)

@@ -29,19 +29,28 @@ _RIM = 6
 """Rings of faces along a border that count along their normals, too."""
 _FAINT = 0.01
 """Weight of that: it decides only where nothing else is known."""
+Singles = npt.NDArray[np.float32]
 _RELAXED = 8
 """Sweeps of relaxation for each voxel that a surface is carried on by."""
 
 
-def fuse(surfaces: Sequence[RangeSurface], voxel: float, ramp: float, seam: int = 0) -> Mesh:
+def fuse(
+    surfaces: Sequence[RangeSurface],
+    voxel: float,
+    ramp: float,
+    seam: int = 0,
+    most: float = np.inf,
+) -> Mesh:
     """One surface from several that were measured (Curless & Levoy 1996).
 
     Each range surface adds its signed distance, along the camera's ray and times the cosine of
     incidence, to the voxels (``voxel`` mm) within ``ramp`` mm of it, weighted by
-    cos(incidence)/sigma²; near the border of a surface the weight falls to a tenth. The merged
-    surface is where the mean is zero. It ends where no surface was seen. Each vertex has the
-    provenance of the measured vertex nearest to it. The result does not depend on the order of
-    the surfaces, up to rounding.
+    cos(incidence)/sigma²; near the border of a surface the weight falls to a tenth. Sigma there is
+    that of the points and what the surface may do between its profiles; what may be off by more
+    than ``most`` mm for that says nothing. What lies beyond three sigma of the strongest word in a
+    voxel is not averaged with it. The merged surface is where the mean is zero. It ends where no
+    surface was seen. Each vertex has the provenance of the measured vertex nearest to it, and the
+    sigma of the mean. The result does not depend on the order of the surfaces, up to rounding.
 
     ``seam``: gaps between surfaces of up to twice so many voxels are closed by carrying the
     distances on (volumetric diffusion; Davis et al., Filling holes in complex surfaces, 2002);
@@ -90,13 +99,14 @@ def fuse(surfaces: Sequence[RangeSurface], voxel: float, ramp: float, seam: int 
     index = np.full(tuple(shape), -1, dtype=np.int32)
     index[used] = np.arange(len(blocks))
     del used
-    value, near, source = _filled(parts, looks, origin, voxel, ramp, index, len(blocks))
+    filled = _Grid(origin, voxel, ramp, most, index, len(blocks))
+    value, near, spread, source = _filled(parts, looks, filled)
     made = kernels.grow(index, blocks, value, seam, _RELAXED * seam)
     table, sizes = _cubes.table()
-    vertices, faces, origins, known = kernels.march(
-        index, blocks, value, near, source, _cubes.CORNERS, _cubes.EDGES, made, table, sizes
+    vertices, faces, origins, known, sigma = kernels.march(
+        index, blocks, value, near, spread, source, _cubes.CORNERS, _cubes.EDGES, made, table, sizes
     )
-    mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, origins))
+    mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, origins, sigma))
     return mesh if known.all() else _taut(_without_flaps(replace(mesh, measured=known), seam))
 
 
@@ -167,47 +177,66 @@ def _taut(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=fair(mesh.vertices, mesh.faces, free, 1, np.ones(len(free))))
 
 
+@dataclass(frozen=True)
+class _Grid:
+    """Where the voxels lie, and how far a surface reaches into them."""
+
+    origin: Floats
+    voxel: float
+    ramp: float
+    most: float
+    index: Ints
+    blocks: int
+
+
 def _filled(
-    parts: Sequence[RangeSurface],
-    looks: Sequence[tuple[_Look, ...]],
-    origin: Floats,
-    voxel: float,
-    ramp: float,
-    index: Ints,
-    blocks: int,
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], Ints]:
+    parts: Sequence[RangeSurface], looks: Sequence[tuple[_Look, ...]], grid: _Grid
+) -> tuple[Singles, Singles, Singles, Ints]:
+    """(blocks, cells) each: signed distance, least distance, sigma, and the nearest vertex."""
     from turnscan.surface import _tsdf_kernels as kernels
 
-    shape = (blocks, kernels.CELLS)
-    distance, total = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    near = np.full(shape, np.inf, dtype=np.float32)
-    source = np.full(shape, -1, dtype=np.int32)
+    volume = np.zeros((kernels.VALUES, grid.blocks, kernels.CELLS), dtype=np.float32)
+    volume[kernels.NEAR] = np.inf
+    source = np.full(volume.shape[1:], -1, dtype=np.int32)
     usual = float(np.median(np.concatenate([s.sigma for s in parts]))) or 1.0
-    first = 0
-    for s, both in zip(parts, looks, strict=True):
-        weights = _weights(s, usual)
-        for k in both:
-            kernels.add(
-                s.mesh.vertices, k.faces, k.eyes, s.normals, k.cosine, k.weight * weights, first,
-                origin, voxel, ramp, _GRAZING, index, distance, total, near, source,
-            )  # fmt: skip
-        first += len(s.mesh.vertices)
+    told = [(_weights(s, usual), _limited(s.sigma, usual), s.between(), _steps(s)) for s in parts]
+    for decide in (True, False):
+        first = 0
+        for s, both, (weight, sigma, between, step) in zip(parts, looks, told, strict=True):
+            for k in both:
+                kernels.add(
+                    s.mesh.vertices, k.faces, k.eyes, s.normals, k.cosine, k.weight * weight, sigma,
+                    between, step, grid.most, first, grid.origin, grid.voxel, grid.ramp, _GRAZING,
+                    grid.index, decide, volume, source,
+                )  # fmt: skip
+            first += len(s.mesh.vertices)
+    total = volume[kernels.TOTAL]
     with np.errstate(invalid="ignore", divide="ignore"):
-        distance /= total
-    return distance, near, source
+        value = volume[kernels.DISTANCE] / total
+        spread = np.sqrt(volume[kernels.SPREAD]) / total
+    return value, volume[kernels.NEAR], spread, source
+
+
+def _limited(sigma: Floats, usual: float) -> Floats:
+    """Sigma from a tenth to ten times the usual one: no word is worth more, and none nothing."""
+    return np.asarray(np.clip(sigma, 0.1 * usual, 10.0 * usual))
+
+
+def _steps(s: RangeSurface) -> Ints:
+    p = s.mesh.provenance
+    return np.zeros(len(s.mesh.vertices), np.int32) if p is None else p.step
 
 
 def _weights(s: RangeSurface, usual: float) -> Floats:
-    """(v,) 1/sigma² in units of the usual one, from 0.01 to 100, less near the border."""
-    weight = np.clip((usual / np.maximum(s.sigma, 1e-9)) ** 2, 0.01, 100.0)
+    """(v,) the square of the usual sigma, less near the border."""
     border = np.zeros(len(s.mesh.vertices), dtype=np.bool_)
     border[np.concatenate(half_edges(s.mesh.faces))] = True
     beside = np.zeros_like(border)
     beside[s.mesh.faces[border[s.mesh.faces].any(axis=1)]] = True
-    return weight * np.where(border, _BORDER[0], np.where(beside, _BORDER[1], 1.0))
+    return usual**2 * np.where(border, _BORDER[0], np.where(beside, _BORDER[1], 1.0))
 
 
-def _provenance(parts: Sequence[RangeSurface], origins: Ints) -> Provenance | None:
+def _provenance(parts: Sequence[RangeSurface], origins: Ints, sigma: Floats) -> Provenance | None:
     whole = joined_provenance([s.mesh for s in parts])
     if whole is None:
         return None
@@ -215,4 +244,5 @@ def _provenance(parts: Sequence[RangeSurface], origins: Ints) -> Provenance | No
     laser, step, line = (
         np.where(none, -1, k[origins]) for k in (whole.laser, whole.step, whole.line)
     )
-    return Provenance(np.where(none, np.nan, whole.sigma[origins]), laser, step, line, whole.lasers)
+    known = ~none & ~np.isnan(whole.sigma[origins])
+    return Provenance(np.where(known, sigma, np.nan), laser, step, line, whole.lasers)

@@ -12,6 +12,16 @@ from turnscan.compiled import njit
 SIDE = 8
 """Voxels along one side of a block."""
 CELLS = SIDE**3
+VALUES = 7
+DISTANCE, TOTAL, SPREAD, NEAR, BEST, HELD, GRAIN = range(VALUES)
+"""What is known of a voxel: sums of weight × distance, of weights and of (weight × sigma)², the
+least distance, and of the strongest word its strength, its distance and its variance."""
+_AGREE = 3.0
+"""Sigma within which two words on one voxel are averaged …"""
+_SLANT = 0.25
+"""… and part of the distance, for rays at an angle measure it along ways of their own."""
+_FAINTEST = 0.01
+"""Strength that a word keeps at the end of the ramp."""
 _SLACK = 0.02
 """Part of a face by which its shadow is widened, so that rays that fan out leave no cracks."""
 _BENT = float(np.cos(np.deg2rad(45.0)))
@@ -116,6 +126,21 @@ def _rise(points: Any, normals: Any, a: int, b: int) -> float:
 
 
 @njit(cache=True, nogil=True)
+def _told(
+    face: Any, u: float, v: float, sigma: Any, between: Any, step: Any
+) -> tuple[float, float]:
+    """Variances, mm², of the place b1 = u, b2 = v of a face: of its corners' noise alone, and with
+    what the surface may do between the two profiles that it spans."""
+    a, b, c = face
+    w = 1.0 - u - v
+    own = (w * sigma[a]) ** 2 + (u * sigma[b]) ** 2 + (v * sigma[c]) ** 2
+    part = w + (u if step[b] == step[a] else 0.0) + (v if step[c] == step[a] else 0.0)
+    part = min(max(part, 0.0), 1.0)
+    gap = 4.0 * part * (1.0 - part) * max(between[a], between[b], between[c])
+    return own, own + gap * gap
+
+
+@njit(cache=True, nogil=True)
 def add(
     points: Any,
     faces: Any,
@@ -123,25 +148,31 @@ def add(
     normals: Any,
     cosines: Any,
     weight: Any,
+    sigma: Any,
+    between: Any,
+    step: Any,
+    most: float,
     first: int,
     origin: Any,
     voxel: float,
     ramp: float,
     least_cos: float,
     index: Any,
-    distance: Any,
-    total: Any,
-    near: Any,
+    decide: bool,
+    volume: Any,
     source: Any,
 ) -> None:
-    """Add one range surface to the volume.
+    """Add one range surface to the volume, or ``decide`` whose word counts in each voxel.
 
     Between its corners a face bulges as the normals there say: profiles that are far apart would
     else cut a round part short by the sagitta. Every voxel that a face shadows, seen along the
-    camera's ray through the face, within ``ramp`` mm of the surface, gets its signed distance
+    camera's ray through the face, within ``ramp`` mm of the surface, is told its signed distance
     (along the ray, times the cosine of incidence; positive on the camera's side) with the weight
-    of the corners times that cosine. ``near`` and ``source`` keep the least distance seen and the
-    number (from ``first``) of the vertex that it belongs to.
+    of the corners times that cosine, over the variance there (`_told`). What may be more than
+    ``most`` mm off between profiles is not told. ``volume`` (`VALUES`, blocks, cells) holds the
+    sums. First, with ``decide``, the strongest word of all surfaces is found, where the nearer ones
+    are stronger; then what lies within three sigma of it is averaged. ``source`` keeps the number
+    (from ``first``) of the vertex nearest to what was seen closest.
     """
     inverse = np.empty((3, 3))
     e1, e2, r = np.empty(3), np.empty(3), np.empty(3)
@@ -177,23 +208,53 @@ def add(
                 z0, z1 = _within(t, st, -far, far, z0, z1)
                 for z in range(z0, z1 + 1):
                     u, v = b1 + s1 * z, b2 + s2 * z
+                    own, wide = _told(faces[f], u, v, sigma, between, step)
+                    if wide - own > most * most:
+                        continue
                     rest = 1.0 - u - v
                     d = (t + st * z) * cosine - (rest * (u * ab + v * ca) + u * v * bc)
                     w = rest * weight[a] + u * weight[b] + v * weight[c]
-                    w *= cosine
+                    w *= cosine / max(wide, 1e-12)
                     block = index[x // SIDE, y // SIDE, z // SIDE]
                     cell = ((x % SIDE) * SIDE + y % SIDE) * SIDE + z % SIDE
-                    if w > 0.0:
-                        distance[block, cell] += w * d
-                        total[block, cell] += w
-                    if abs(d) < near[block, cell]:
-                        near[block, cell] = abs(d)
-                        nearest = a
-                        if u >= v and u >= rest:
-                            nearest = b
-                        elif v >= u and v >= rest:
-                            nearest = c
-                        source[block, cell] = first + nearest
+                    nearest = a
+                    if u >= v and u >= rest:
+                        nearest = b
+                    elif v >= u and v >= rest:
+                        nearest = c
+                    if decide:
+                        _decide(volume, block, cell, w, d, own, ramp, source, first + nearest)
+                    elif w > 0.0:
+                        _average(volume, block, cell, w, d, own, wide)
+
+
+@njit(cache=True, nogil=True)
+def _decide(
+    volume: Any, block: int, cell: int, w: float, d: float, own: float, ramp: float, source: Any,
+    nearest: int,
+) -> None:  # fmt: skip
+    """Keep the strongest word of a voxel, and what was seen closest to it."""
+    strong = w * max(1.0 - abs(d) / ramp, _FAINTEST) ** 2
+    if strong > volume[BEST, block, cell]:
+        volume[BEST, block, cell] = strong
+        volume[HELD, block, cell] = d
+        volume[GRAIN, block, cell] = own
+    if abs(d) < volume[NEAR, block, cell]:
+        volume[NEAR, block, cell] = abs(d)
+        source[block, cell] = nearest
+
+
+@njit(cache=True, nogil=True)
+def _average(
+    volume: Any, block: int, cell: int, w: float, d: float, own: float, wide: float
+) -> None:
+    """Add a word to the sums of a voxel, where it agrees with the strongest one."""
+    held = volume[HELD, block, cell]
+    most = _AGREE * np.sqrt(own + volume[GRAIN, block, cell]) + _SLANT * abs(held)
+    if abs(d - held) <= most:
+        volume[DISTANCE, block, cell] += w * d
+        volume[TOTAL, block, cell] += w
+        volume[SPREAD, block, cell] += w * w * wide
 
 
 @njit(cache=True, nogil=True)
@@ -309,23 +370,26 @@ def march(
     blocks: Any,
     value: Any,
     near: Any,
+    spread: Any,
     source: Any,
     corners: Any,
     ends: Any,
     made: Any,
     table: Any,
     sizes: Any,
-) -> tuple[Any, Any, Any, Any]:
+) -> tuple[Any, Any, Any, Any, Any]:
     """Marching cubes over the blocks: vertices (v, 3) in voxels, faces (f, 3), sources (v,).
 
     ``value`` (blocks, cells) is the signed distance, NaN where nothing is known: no cube with such
-    a corner makes a face. A vertex takes the source of the nearer end of its edge. Last (f,) False
-    for the faces of cubes with a corner that `grow` ``made``.
+    a corner makes a face. A vertex takes the source of the nearer end of its edge. Then (f,) False
+    for the faces of cubes with a corner that `grow` ``made``, and (v,) mm, what lies between the
+    ``spread`` of both ends.
     """
     number = np.full((len(blocks), CELLS, 3), -1, dtype=np.int32)
     room = 1 << 16
     vertices = np.empty((room, 3))
     origin = np.empty(room, dtype=np.int64)
+    sigma = np.empty(room)
     faces = np.empty((room, 3), dtype=np.int32)
     known = np.empty(room, dtype=np.bool_)
     total, count = 0, 0
@@ -344,6 +408,7 @@ def march(
             if total + 12 > len(vertices):
                 vertices = np.concatenate((vertices, np.empty_like(vertices)))
                 origin = np.concatenate((origin, np.empty_like(origin)))
+                sigma = np.concatenate((sigma, np.empty_like(sigma)))
             if count + 12 > len(faces):
                 faces = np.concatenate((faces, np.empty_like(faces)))
                 known = np.concatenate((known, np.empty_like(known)))
@@ -360,6 +425,8 @@ def march(
                     vertices[total, 2] = z + corners[a, 2]
                     part = d[a] / (d[a] - d[b])
                     vertices[total, axis] += min(max(part, _APART), 1.0 - _APART)
+                    here, there = spread[low[0], low[1]], spread[high[0], high[1]]
+                    sigma[total] = here + part * (there - here)
                     nearer = low if near[low[0], low[1]] <= near[high[0], high[1]] else high
                     origin[total] = source[nearer[0], nearer[1]]
                     total += 1
@@ -375,4 +442,5 @@ def march(
         faces[:count].copy(),
         origin[:total].copy(),
         known[:count].copy(),
+        sigma[:total].copy(),
     )

@@ -1,0 +1,154 @@
+"""Merged surfaces of simulated scans against the parts' own: what each way of merging keeps.
+
+``python -m bench truth`` scans every part on both rigs, with one line and two, in coarse and in
+fine steps, merges it every way, and writes the table into docs/explain/accuracy.md between its
+marks; ``--quick`` takes the paper rig with 60 steps alone. ``python -m bench.truth --keep FOLDER``
+keeps the simulated scans there and finds them again, ``--calibrated`` measures with a rig
+calibrated from pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from bench import _hole_truth as truth
+from bench._rigs import from_pictures
+from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
+from turnscan import pipeline, shapes, surface
+from turnscan.arrays import Bools
+from turnscan.detection import see
+from turnscan.rig import Rig
+from turnscan.scan import Scan
+from turnscan.settings import Settings
+from turnscan.simulate import Wish
+from turnscan.surface import How, Mesh
+
+PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove")
+RIGS, LASERS, STEPS = ("paper", "modern"), (1, 2), (24, 60, 120, 200)
+WAYS: Sequence[How] = ("grid", "tsdf", "paste")
+PAGE = Path(__file__).parents[1] / "docs" / "explain" / "accuracy.md"
+BEGIN, END = "<!-- bench truth -->", "<!-- end of bench truth -->"
+HEAD = (
+    "part, rig", "lines", "steps", "way", "vertices", "max mm", "rms mm", "rms / σ",
+    "within 1, 2, 3 σ %", "invented", "complete %",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """One merged surface against the part."""
+
+    name: str
+    lasers: int
+    steps: int
+    way: str
+    vertices: int
+    worst: float
+    """mm."""
+    rms: float
+    """mm."""
+    ratio: float
+    """rms of error over sigma."""
+    within: tuple[float, float, float]
+    """Shares within one, two, three sigma."""
+    invented: int
+    """Vertices further off than three sigma and half the longest side there."""
+    complete: float
+    """Share of what could be seen that lies within what the rig can tell of the surface."""
+
+    def cells(self) -> tuple[str, ...]:
+        shares = ", ".join(f"{100 * w:.1f}" for w in self.within)
+        return (
+            self.name, str(self.lasers), str(self.steps), self.way, str(self.vertices),
+            f"{self.worst:.2f}", f"{self.rms:.3f}", f"{self.ratio:.2f}", shares,
+            str(self.invented), f"{100 * self.complete:.1f}",
+        )  # fmt: skip
+
+
+def row(run: Run, name: str, lasers: int, way: str, mesh: Mesh, seen: Bools) -> Row:
+    """Hold one merged surface against the part. Raises ValueError for one without sigma."""
+    p = mesh.provenance
+    if p is None:
+        raise ValueError("the mesh does not know its sigma")
+    off = np.abs(shapes.deviation(mesh.vertices, truth.made_mesh(run.made)).distance)
+    z = off / p.sigma
+    half = surface.longest_sides(mesh) / 2
+    return Row(
+        name, lasers, run.steps, way, len(off), float(off.max()),
+        float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(z**2))),
+        (float((z <= 1).mean()), float((z <= 2).mean()), float((z <= 3).mean())),
+        int((off > 3 * p.sigma + half).sum()),
+        covered(mesh, places(run.made), seen, run.near),
+    )  # fmt: skip
+
+
+def rows(
+    parts: Sequence[str], rigs: Sequence[str], steps: Sequence[int], folder: Path, calibrated: bool
+) -> Iterator[Row]:
+    """The table's rows, each scan simulated once."""
+    believed: dict[str, Rig] = {}
+    for part, rig, lasers, count in product(parts, rigs, LASERS, steps):
+        wish = Wish(part, rig, lasers=lasers, steps=count)
+        made, path = scanned(wish, folder)
+        if calibrated and rig not in believed:
+            believed[rig] = from_pictures(Wish("charuco", rig, lasers=1))
+        # Pictures of the board are taken with the first line alone.
+        if calibrated and lasers > 1:
+            continue
+        with Scan.open(path) as scan:
+            seen = tuple(see(scan, believed.get(rig, made.rig), Settings().stripes))
+        _, grids, _, _ = pipeline.to_grids(seen, Settings())
+        run = Run(made, count, seen)
+        sees = visible(run, places(made), FLAT, lasers)
+        for way in WAYS if lasers > 1 else ("paste",):
+            mesh, _ = surface.merge(grids, how=way)
+            mesh, _ = surface.cut_touching(mesh)
+            mesh, _, _ = surface.drop_islands(mesh)
+            name = f"{part}, {rig}" + (", calibrated" if calibrated else "")
+            yield row(run, name, lasers, way, mesh, sees)
+
+
+def table(found: Sequence[Row]) -> str:
+    """The rows as a table in Markdown."""
+    lines = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
+    return "\n".join([*lines, *("| " + " | ".join(r.cells()) + " |" for r in found)])
+
+
+def written(page: str, text: str) -> str:
+    """The page with what stands between its marks replaced. Raises ValueError without marks."""
+    if BEGIN not in page or END not in page:
+        raise ValueError(f"the page lacks {BEGIN} or {END}")
+    before, rest = page.split(BEGIN, 1)
+    return f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END, 1)[1]}"
+
+
+def run(quick: bool = False, keep: Path | None = None, calibrated: bool = False) -> None:
+    """Print every row as it is measured, and write the table into the page."""
+    found = []
+    with tempfile.TemporaryDirectory() as scratch:
+        rigs, steps = (("paper",), (60,)) if quick else (RIGS, STEPS)
+        for one in rows(PARTS, rigs, steps, keep or Path(scratch), calibrated):
+            print(" | ".join(one.cells()), flush=True)
+            found.append(one)
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8"), table(found)), encoding="utf-8")
+
+
+def main() -> None:
+    """Parse the options."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="the paper rig with 60 steps")
+    parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--calibrated", action="store_true", help="from a calibrated rig")
+    given = parser.parse_args()
+    run(given.quick, given.keep, given.calibrated)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""What a stripe's width and the table's angle do to a point: put right, taken away, or doubted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape
+from turnscan.points import build_grid
+from turnscan.stripes import StripeFlag
+
+STEPS = 48
+
+
+def grid_of(shape, angle_sigma=None, change=None):
+    rig, angles = make_rig(lift=28.0), full_turn(STEPS)
+    stripes = scan_shape(rig, shape, angles)
+    if change is not None:
+        stripes = change(stripes)
+    return build_grid(rig, "L0", stripes, range(STEPS), angles, angle_sigma)
+
+
+def test_an_uncertain_angle_counts_where_it_leads_off_the_surface() -> None:
+    shaky = np.full(STEPS, 0.005)
+    block = box((20.0, 6.0, 25.0), (0.0, 0.0, 26.0), 0.0)
+    for shape, least, most in ((cylinder(20.0, 0.0, 60.0), 0.0, 0.02), (block, 0.05, 0.12)):
+        still, moving = grid_of(shape), grid_of(shape, shaky)
+        more = np.sqrt(moving.sigma**2 - still.sigma**2)[still.found]
+        # 20 mm from the axis an angle of 5 mrad is 0.1 mm: along a cylinder, off a block.
+        assert least <= np.nanquantile(more, 0.9) <= most
+
+
+def test_an_angle_that_nobody_doubts_adds_nothing() -> None:
+    shape = cylinder(20.0, 0.0, 60.0)
+    known = grid_of(shape, np.full(STEPS, np.nan))
+    np.testing.assert_array_equal(known.sigma, grid_of(shape).sigma)
+
+
+def with_gap(width: float, light: float):
+    """Steps 20 and 21 hidden; the stripe of step 19 of this share of its width and light."""
+
+    def change(stripes):
+        out = list(stripes)
+        for k in (20, 21):
+            s = out[k]
+            gone = np.full(len(s.position), np.nan)
+            dark = np.full(len(gone), StripeFlag.DARK, np.uint16)
+            out[k] = replace(s, position=gone, sigma=gone, amplitude=gone, width=gone, flags=dark)
+        s = out[19]
+        out[19] = replace(s, width=width * s.width, amplitude=light * s.amplitude)
+        return out
+
+    return change
+
+
+@pytest.mark.parametrize(("width", "off"), [(0.79, 0.29), (0.7, 0.51)])
+def test_a_stripe_cut_beside_a_gap_is_put_back_by_what_is_cut(width: float, off: float) -> None:
+    shape = cylinder(20.0, 0.0, 60.0)
+    whole, cut = (
+        grid_of(shape, change=with_gap(1.0, 1.0)),
+        grid_of(shape, change=with_gap(width, 1)),
+    )
+    moved = np.linalg.norm(cut.points[19] - whole.points[19], axis=1)
+    there = whole.found[19]
+    # A truncated Gaussian: 0.29 and 0.51 of the whole stripe's width, 1.5 px; 0.1 px is one sigma.
+    pixel = np.nanmedian(whole.sigma[19]) / 0.1
+    assert np.median(moved[there]) / (1.5 * pixel) == pytest.approx(off, rel=0.3)
+    others = np.arange(STEPS) != 19
+    np.testing.assert_array_equal(cut.points[others], whole.points[others])
+    assert (cut.sigma[19][there] > 1.3 * whole.sigma[19][there]).mean() > 0.9
+
+
+def test_the_tail_of_a_stripe_that_passes_by_is_flagged_for_what_it_is() -> None:
+    shape = cylinder(20.0, 0.0, 60.0)
+    grid = grid_of(shape, change=with_gap(1.0, 0.3))
+    edge = (grid.flags & StripeFlag.EDGE) != 0
+    assert edge[19][grid.found[19]].all()
+    assert not edge[np.arange(STEPS) != 19].any()
