@@ -11,14 +11,14 @@ from itertools import groupby
 import numpy as np
 
 from turnscan import points
-from turnscan.arrays import Bools
+from turnscan.arrays import Bools, Floats
 from turnscan.edit import Redetect, Stripes
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.points import Volume
 from turnscan.rig import Rig
 from turnscan.scan import Frame, Scan, Stored, lit_in
-from turnscan.stripes import Candidates, Exposed, Signal, Stripe, StripeSettings
+from turnscan.stripes import Candidates, Exposed, Light, Signal, Stripe, StripeSettings
 
 FLANKS = 24
 """px beyond the working volume in which a stripe is still seen, but does not count."""
@@ -72,13 +72,34 @@ class View:
         with ThreadPoolExecutor() as pool:
             brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
             done = list(pool.map(find, brackets))
-        good = [d for d in done if not np.isnan(d[1])]
+        good = [k for k, (_, angle, *_) in enumerate(done) if not np.isnan(angle)]
         findings = points.lost_frames(self.lit, scan.missing(self.lit), len(done) - len(good))
-        angles = np.array([angle for _, angle, _, _ in good], np.float64)
-        shaky = np.array([sigma for *_, sigma in good], np.float64)
-        steps = tuple(step for step, *_ in good)
-        found = tuple(stripe for _, _, stripe, _ in good)
-        return Stripes(self.laser, steps, angles, found, shaky), findings
+        steps = tuple(done[k][0] for k in good)
+        angles = np.array([done[k][1] for k in good], np.float64)
+        stripes = tuple(done[k][2] for k in good)
+        shaky = np.array([done[k][3] for k in good], np.float64)
+        if self.settings.refine != "none":
+            swept = self._refined(stripes, angles, [brackets[k] for k in good])
+            asked = self.settings.refine == "spacetime"
+            findings += points.swept_findings(self.laser, swept, asked=asked)
+            stripes = swept.stripes
+        return Stripes(self.laser, steps, angles, stripes, shaky), findings
+
+    def _refined(
+        self, stripes: tuple[Stripe, ...], angles: Floats, brackets: list[list[Stored]]
+    ) -> points.Swept:
+        """The stripes of these frames, refined with the light of the frames around each."""
+        signal = self._signal
+
+        def look(k: int) -> Light:
+            frames = [stored.decode() for stored in brackets[k]]
+            if self.scan.plan.exposures > 1:
+                return signal.light_of_bracket(_bracket(frames), self.settings)
+            first = frames[0]
+            return signal.light(first.lit, first.dark, self.settings, first.level, first.noise)
+
+        with ThreadPoolExecutor() as pool:
+            return points.refine(self.rig, self.laser, stripes, angles, look, pool.map)
 
     def candidates(self, step: int) -> Candidates:
         """Everything in the frame of a step that might be the stripe.

@@ -93,6 +93,26 @@ def test_profiles_are_spaced_points_denoised_and_faces_thinned(scan_path, tmp_pa
     assert f"{len(few.faces)} of {len(whole.faces)} faces are left" in result.stderr
 
 
+def test_a_refinement_that_the_steps_do_not_allow_is_declined(scan_path, tmp_path):
+    """24 steps carry the can's wall 6.5 mm further; only who asked for it is told."""
+    ply, report = tmp_path / "can.ply", tmp_path / "can.json"
+
+    def made(refine):
+        result = run("reconstruct", scan_path, "-o", ply, "--report", report, "--refine", refine)
+        parameters = json.loads(report.read_text())["parameters"]
+        return read_mesh(ply.read_bytes(), ".ply").vertices, parameters, result.stderr
+
+    plain, _, _ = made("none")
+    asked, parameters, said = made("spacetime")
+    assert parameters["stripes"]["refine"] == "spacetime"
+    assert "points.not-refined" in said
+    assert "times as many steps" in said
+    auto, _, said = made("auto")
+    assert "refined" not in said
+    assert np.array_equal(plain, asked)
+    assert np.array_equal(plain, auto)
+
+
 @pytest.mark.parametrize("wish", ["5", "0deg", "-1mm", "nanmm", "5rad"])
 def test_a_spacing_that_is_none_is_refused(scan_path, tmp_path, wish):
     out = tmp_path / "can.ply"

@@ -25,6 +25,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 STRATEGIES = (
     "window", "maximum", "centroid", "median", "parabola", "gauss3", "squared", "blais-rioux",
 )  # fmt: skip
+REFINEMENTS = ("none", "auto", "spacetime")
 _length = Finite(min=0, min_open=True)
 
 
@@ -74,6 +75,14 @@ def settings_options(command: Command) -> Command:
         default="brightest",
         show_default=True,
         help="Which stripe counts where a line of the picture shows several.",
+    )
+    @click.option(
+        "--refine",
+        type=click.Choice(REFINEMENTS),
+        default="none",
+        show_default=True,
+        help="spacetime: also follow each place of the surface through the pictures around, where "
+        "the steps are small enough; auto: the same, without a word where they are not.",
     )
     @click.option("--threshold", type=_length, help="Grey levels; without it from the noise.")
     @click.option(
@@ -139,6 +148,7 @@ def settings_options(command: Command) -> Command:
         *args: Any,
         strategy: Any,
         choose: Any,
+        refine: Any,
         threshold: float | None,
         spacing: float | None,
         spacing_by: Any,
@@ -160,7 +170,9 @@ def settings_options(command: Command) -> Command:
     ) -> Any:
         usual = Clean(edge=edge, outlier=outliers)
         settings = Settings(
-            stripes=StripeSettings(strategy=strategy, choose=choose, threshold=threshold),
+            stripes=StripeSettings(
+                strategy=strategy, choose=choose, refine=refine, threshold=threshold
+            ),
             every=every,
             along=None if spacing is None else Along(spacing, spacing_by),
             between=spacing_between,

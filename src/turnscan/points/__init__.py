@@ -2,11 +2,18 @@
 
 from turnscan.points._between import Between, respace
 from turnscan.points._build import build_grid, every, goes_round, whole_turns
-from turnscan.points._findings import angle_findings, grid_findings, lost_frames, together_findings
+from turnscan.points._findings import (
+    angle_findings,
+    grid_findings,
+    lost_frames,
+    swept_findings,
+    together_findings,
+)
 from turnscan.points._grid import Origin, PointCloud, RangeGrid
 from turnscan.points._placements import placed, placements_from_conf
 from turnscan.points._profile import Along, Profile, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
+from turnscan.points._sweep import Swept, paths_of, refine
 from turnscan.points._triangulate import (
     pixels_of,
     point_covariance,
@@ -34,6 +41,7 @@ __all__ = [
     "RangeGrid",
     "RangeScan",
     "Spacing",
+    "Swept",
     "Volume",
     "angle_findings",
     "build_grid",
@@ -44,15 +52,18 @@ __all__ = [
     "goes_round",
     "grid_findings",
     "lost_frames",
+    "paths_of",
     "pixels_of",
     "placed",
     "placements_from_conf",
     "point_covariance",
     "profiles",
     "range_scan_from_ply",
+    "refine",
     "resample",
     "respace",
     "rig_moves",
+    "swept_findings",
     "systematic_sigma",
     "to_object",
     "together_findings",

@@ -33,9 +33,9 @@ def build_grid(
     ``steps`` (s,) are step numbers and ``angles`` (s,) table angles in radians, one per stripe,
     in scan order; ``angle_sigma`` (s,) rad their standard uncertainties, NaN or None where nobody
     knows. A centre whose ray does not meet the sheet is missing, flagged OUTSIDE. Sigma is the root
-    of the sum of squares of the stripe's own, of what its width says (`wholeness`), and of how far
-    the angle's uncertainty carries the point off its surface. Stripes that something cuts where
-    what is seen ends are flagged EDGE.
+    of the sum of squares of the stripe's own, of what its width says (`wholeness`; nothing where
+    it was refined), and of how far the angle's uncertainty carries the point off its surface.
+    Stripes that something cuts where what is seen ends are flagged EDGE.
 
     Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
     """
@@ -118,11 +118,13 @@ def _doubted(
     slope = np.einsum("sni,sni->sn", sheets, aside) / np.einsum("sni,sni->sn", sheets, ray)
     along = aside - ray * slope[..., None]
     carried = np.hypot(grid.points[..., 0], grid.points[..., 1]) * shaky[:, None] * told.slide
-    edge = np.where(told.tail, np.uint16(StripeFlag.EDGE), np.uint16(0))
+    # What its own surface element told does not hang on the stripe's width.
+    single = (grid.flags & StripeFlag.REFINED) == 0
+    edge = np.where(told.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     return replace(
         grid,
-        points=grid.points - along * told.shift[..., None],
-        sigma=np.sqrt(grid.sigma**2 + (told.doubt * scale) ** 2 + carried**2),
+        points=grid.points - along * (told.shift * single)[..., None],
+        sigma=np.sqrt(grid.sigma**2 + (told.doubt * single * scale) ** 2 + carried**2),
         flags=(grid.flags | edge).astype(np.uint16),
     )
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from turnscan.findings import Finding
 from turnscan.points._grid import RangeGrid
+from turnscan.points._sweep import Swept
 from turnscan.points._triangulate import beyond_axis
 from turnscan.points._volume import Volume
 from turnscan.rig import Rig, rotation_z
@@ -125,6 +126,31 @@ def together_findings(
     )
     remedy = "give the part's height with --z-max, or scan with one laser after the other"
     return [Finding("points.together", "warning", text, f"laser {grid.laser}", remedy)]
+
+
+def swept_findings(laser: str, swept: Swept, asked: bool) -> list[Finding]:
+    """Findings on the space-time refinement of a laser; nothing where it could not be and nobody
+    ``asked`` for it.
+    """
+    where = f"laser {laser}"
+    if swept.refined.any():
+        found = sum(int(stripe.found.sum()) for stripe in swept.stripes)
+        text = (
+            f"{swept.refined.sum() / found:.0%} of the points refined with the pictures around; "
+            f"the sheet of light is {swept.thickness:.2f} mm thick (rms), "
+            f"and a step moves the surface by {swept.arc:.2f} mm"
+        )
+        return [Finding("points.refined", "note", text, where)]
+    if not asked or np.isnan(swept.arc):
+        return []
+    why = f"no point refined: a step moves the surface by {swept.arc:.2f} mm through light that is "
+    if swept.arc > swept.most:
+        text = f"{why}so thin that {swept.most:.2f} mm is the most"
+        remedy = f"take {swept.arc / swept.most:.1f} times as many steps, or leave --refine out"
+    else:
+        text = f"{why}{swept.thickness:.2f} mm thick: what turns that near the axis stays in it"
+        remedy = "place the part further out, or leave --refine out"
+    return [Finding("points.not-refined", "warning", text, where, remedy)]
 
 
 def lost_frames(laser: str, missing: Mapping[int, str], no_angle: int) -> list[Finding]:

@@ -2,9 +2,10 @@
 
 from turnscan.stripes._background import background_beside, temporal_background, without_lines
 from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
-from turnscan.stripes._detect import choose, detect, find_candidates
+from turnscan.stripes._detect import choose, detect, find_candidates, scattered
 from turnscan.stripes._fuse import Fused, fuse_exposures
-from turnscan.stripes._settings import Choice, Strategy, StripeSettings
+from turnscan.stripes._light import Light
+from turnscan.stripes._settings import Choice, Refinement, Strategy, StripeSettings
 from turnscan.stripes._signal import Exposed, Signal
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
@@ -14,7 +15,9 @@ __all__ = [
     "Choice",
     "Exposed",
     "Fused",
+    "Light",
     "Orientation",
+    "Refinement",
     "Signal",
     "Strategy",
     "Stripe",
@@ -27,6 +30,7 @@ __all__ = [
     "fuse_exposures",
     "learn_colour",
     "project_colour",
+    "scattered",
     "temporal_background",
     "without_lines",
 ]

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, Image
 from turnscan.errors import InputError
+from turnscan.stripes._light import Light
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
+
+if TYPE_CHECKING:
+    from turnscan.stripes._scan import Terms
 
 Table = npt.NDArray[np.float64]
 Bits = npt.NDArray[np.uint16]
@@ -62,6 +66,29 @@ def detect(lit: Image, dark: Image | None = None, settings: StripeSettings | Non
     settings = settings or StripeSettings()
     table, bits = _tables(lit, dark, settings)
     return _stripe(table, bits, settings.orientation, settings)
+
+
+def light(lit: Image, dark: Image | None, settings: StripeSettings) -> Light:
+    """The laser's light in a picture, for those who look at more than the stripe's centre.
+
+    Background, noise and shot noise are those that `detect` takes. Raises InputError like it.
+    """
+    lit, off, roi = _prepare(lit, dark, settings)
+    terms = _terms(lit, off, roi, settings)
+    return Light(lit, off, terms.base, math.sqrt(terms.variance), terms.per_level)
+
+
+def scattered(stripe: Stripe) -> Floats:
+    """The sigmas (n,) px of a stripe, raised to the scatter of its centres along it.
+
+    As `choose` does where the electrons per grey level are unknown.
+    """
+    from turnscan.stripes._choice import scatter
+
+    table = np.stack([stripe.position, stripe.sigma, stripe.amplitude, stripe.width])
+    per_width = scatter(table, np.array(stripe.flags))
+    raised: Floats = np.sqrt(stripe.sigma**2 + per_width * stripe.width)
+    return raised
 
 
 def _tables(lit: Image, dark: Image | None, settings: StripeSettings) -> tuple[Table, Bits]:
@@ -143,7 +170,7 @@ def _masked(
     return lit, dark, (u0, v0, max(u0, u1), max(v0, v1))
 
 
-def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSettings) -> object:
+def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSettings) -> Terms:
     """The threshold, the noise and the rest of what the kernel needs to know."""
     from turnscan.stripes import _levels, _scan
 

@@ -27,6 +27,9 @@ Strategy = Literal[
 Choice = Literal["brightest", "first", "last", "nearest"]
 """Which candidate of a line is the stripe; see `StripeSettings.choose`."""
 
+Refinement = Literal["none", "auto", "spacetime"]
+"""Whether centres are refined with the pictures around theirs; see `StripeSettings.refine`."""
+
 MAX_CANDIDATES = 5
 
 
@@ -46,6 +49,10 @@ class StripeSettings:
     choose: Choice = "brightest"
     """Among several candidates in a line: the brightest, the first or last along the line, or the
     one nearest to its neighbours in the adjacent lines (the cheapest path through the picture)."""
+    refine: Refinement = "none"
+    """spacetime: once all pictures of a scan are there, follow each surface element through them
+    (`turnscan.points.refine`), and say so where the table's step does not allow it; auto: the same,
+    but say nothing. It concerns scans, not single pictures."""
     threshold: float | None = None
     """Grey levels above the background; None takes it from the noise of the picture."""
     noise_factor: float = 7.0
@@ -80,6 +87,7 @@ class StripeSettings:
     def __post_init__(self) -> None:
         _one_of("strategy", self.strategy, get_args(Strategy))
         _one_of("choose", self.choose, get_args(Choice))
+        _one_of("refine", self.refine, get_args(Refinement))
         _one_of("orientation", self.orientation, get_args(Orientation))
         if not 1 <= self.max_candidates <= MAX_CANDIDATES:
             raise InputError(

@@ -13,8 +13,9 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, Image
 from turnscan.errors import InputError
 from turnscan.stripes._colour import UINT16_SCALE, Weights, project_colour
-from turnscan.stripes._detect import choose, find_candidates
+from turnscan.stripes._detect import choose, find_candidates, light
 from turnscan.stripes._fuse import fuse_exposures
+from turnscan.stripes._light import Light
 from turnscan.stripes._settings import StripeSettings
 from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
 
@@ -122,6 +123,21 @@ class Signal:
         """What `detect_bracket` chooses from, in one exposure or several. Raises like it."""
         return self._fused(exposures, settings).candidates(inside)
 
+    def light(
+        self,
+        lit: Image,
+        dark: Image | None,
+        settings: StripeSettings,
+        level: float = math.nan,
+        noise: float = math.nan,
+    ) -> Light:
+        """The light that `detect` finds the stripe in. Raises like it."""
+        return self._ready(lit, dark, settings, level, noise).light()
+
+    def light_of_bracket(self, exposures: Sequence[Exposed], settings: StripeSettings) -> Light:
+        """The light that `detect_bracket` finds the stripe in. Raises like it."""
+        return self._fused(exposures, settings).light()
+
     def _fused(self, exposures: Sequence[Exposed], settings: StripeSettings) -> _Ready:
         if len(exposures) == 1:  # the others are missing
             return self._alone(exposures[0], settings)
@@ -227,6 +243,9 @@ class _Ready:
 
     def candidates(self, inside: Bools | None) -> Candidates:
         return self._in_grey_levels(self._found(inside))
+
+    def light(self) -> Light:
+        return light(self.lit, self.dark, self.settings)
 
     def _found(self, inside: Bools | None) -> Candidates:
         found = find_candidates(self.lit, self.dark, self.settings)

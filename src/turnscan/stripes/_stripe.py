@@ -34,6 +34,8 @@ class StripeFlag(IntFlag):
     """More than one candidate in this line."""
     GRAZING = 128
     """Far wider than the stripe's usual width."""
+    REFINED = 256
+    """Moved to where the light of its surface element balances in the pictures around."""
 
 
 @dataclass(frozen=True)
