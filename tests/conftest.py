@@ -42,8 +42,16 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give tests that share a module's fixture to one process, so that it is made once."""
+    """Give tests that share a module's fixture to one process, so that it is made once.
+
+    All that drives a browser goes to one process: it draws with the processor, and two of them
+    leave nothing of two cores to the boards and leases that other tests wait for.
+    """
+    here = Path(__file__).parent
     for item in items:
+        if item.path.is_relative_to(here / "app" / "e2e"):
+            item.add_marker(pytest.mark.xdist_group("browser"))
+            continue
         known = getattr(item, "_fixtureinfo", None)
         if known and any(
             definitions[-1].scope == "module" for definitions in known.name2fixturedefs.values()

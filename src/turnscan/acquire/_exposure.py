@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.devices import Camera, alive, frame_deadline
+from turnscan.devices import Camera, frame_deadline
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 
@@ -65,12 +66,14 @@ def auto_exposure(
     longest: float = 1.0,
     low: float = LOW,
     high: float = HIGH,
+    light: Callable[[], AbstractContextManager[None]] = nullcontext,
 ) -> FoundExposure:
     """Bring the stripe that the camera sees to 60 to 80 % of the scale.
 
-    The laser must be lit and the brightest part of the object turned into it. Each test picture
-    tells the next exposure; cameras with gamma take one or two more. Where the limits or the
-    camera do not let it get there, ``reached`` is False and the best that was met is returned.
+    ``light`` lights the laser for one picture, where it is not lit anyway; the brightest part of
+    the object must be turned into it. Each test picture tells the next exposure; cameras with
+    gamma take one or two more. Where the limits or the camera do not let it get there,
+    ``reached`` is False and the best that was met is returned.
 
     Raises InputError for limits that cannot be, and DeviceError as the camera does.
     """
@@ -86,8 +89,8 @@ def auto_exposure(
     for count in range(1, _TRIES + 1):
         accepted, amplified = camera.configure(asked, gain)
         now = asked if math.isnan(accepted) else accepted
-        image = camera.grab(frame_deadline(now, first=count == 1))
-        alive()
+        with light():
+            image = camera.grab(frame_deadline(now, first=count == 1))
         peak = stripe_peak(image)
         seen.append(FoundExposure(now, amplified, peak, low <= peak <= high, count))
         if seen[-1].reached:

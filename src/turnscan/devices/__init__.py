@@ -3,7 +3,7 @@
 from turnscan.devices._aravis import aravis_library
 from turnscan.devices._cameras import camera_schemes, find_cameras, open_camera
 from turnscan.devices._discover import Answer, Port, list_ports, probe_port
-from turnscan.devices._lit import alive, burning
+from turnscan.devices._lit import alive, burning, exposed
 from turnscan.devices._options import split_address
 from turnscan.devices._pixels import image_of
 from turnscan.devices._protocols import Camera, CameraTraits, Lasers, Sweeping, Turntable
@@ -31,6 +31,7 @@ __all__ = [
     "aravis_library",
     "burning",
     "camera_schemes",
+    "exposed",
     "find_cameras",
     "frame_deadline",
     "image_of",

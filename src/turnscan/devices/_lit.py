@@ -22,13 +22,27 @@ class _Fire:
         self._lasers = lasers
         self.seen = self._renewed = time.monotonic()
         """Of the last sign of life, and of the last renewal."""
-        self._over = False
+        self._over = self._exposed = False
 
     @property
     def is_out(self) -> bool:
         """Whether the lease has run out; it never comes back."""
         self._over = self._over or time.monotonic() >= self._renewed + LEASE
         return self._over
+
+    @property
+    def failed(self) -> bool:
+        """Whether it was out in an exposure, or has gone out while one may be under way."""
+        return not self.lasted and self.is_out
+
+    @property
+    def lasted(self) -> bool:
+        """Whether it burned throughout the last exposure, which is over."""
+        return self._exposed
+
+    def exposed(self) -> None:
+        """Whether it lasted is decided now."""
+        self._exposed = not self.is_out
 
     def renew(self) -> None:
         """Never lights anything, so it does no harm when it comes late."""
@@ -40,9 +54,9 @@ class _Fire:
             self._renewed = begin
 
     def end(self) -> bool:
-        """No renewal any more; whether it had run out before."""
-        out, self._over = self.is_out, True
-        return out
+        """No renewal any more; whether it had failed before."""
+        failed, self._over = self.failed, True
+        return failed
 
 
 _FIRE: ContextVar[_Fire | None] = ContextVar("fire", default=None)
@@ -63,14 +77,15 @@ def burning(lasers: Lasers, lit: frozenset[str]) -> Iterator[None]:
     fire = _Fire(lasers)
     lasers.light(lit, LEASE)
     before = _FIRE.set(fire)
-    out = False
+    failed = False
     try:
         yield
     finally:
         _FIRE.reset(before)
-        out = fire.end()
-        lasers.light(frozenset(), LEASE)
-    if out:
+        failed = fire.end()
+        with contextlib.suppress(*([LeaseEnded] if fire.lasted else [])):
+            lasers.light(frozenset(), LEASE)
+    if failed:
         raise LeaseEnded(
             f"laser {', '.join(sorted(lit))}: went dark, as no picture came within {LEASE:g} s",
             hint="look at the camera and its cable",
@@ -99,7 +114,16 @@ def exposing(seconds: float) -> None:
         fire.renew()
 
 
+def exposed() -> None:
+    """The exposure of the next picture is over, however long the picture itself takes to come.
+
+    No sign of life: what burns goes dark with its lease, but that is no fault any more.
+    """
+    if (fire := _FIRE.get(None)) is not None:
+        fire.exposed()
+
+
 def went_out() -> bool:
-    """Whether what this context lit has gone dark meanwhile."""
+    """Whether what this context lit has gone dark while a picture needed it."""
     fire = _FIRE.get(None)
-    return fire is not None and fire.is_out
+    return fire is not None and fire.failed

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.devices import CameraTraits
+from turnscan.devices import CameraTraits, exposed
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
 from turnscan.simulate._bench import Bench
 from turnscan.simulate._hand import Hand
@@ -119,6 +119,7 @@ class SimCamera:
         """One picture; raises DeviceTimeout for one that a fault has dropped."""
         world, faults = self._world, self._world.faults
         place = (world.angle, world.burning, self._seconds, self._gain)
+        exposed()  # what takes long from here on is arithmetic, which needs no light
         attempt = self._attempts[place] = self._attempts.get(place, -1) + 1
         luck = chance(world.bench, world.commanded, world.burning, attempt)
         if luck[0] < faults.drop:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 from turnscan.acquire import (
@@ -124,8 +125,8 @@ def _exposed(plan: Plan, bench: Opened, wishes: Wishes) -> tuple[Plan, str]:
     hardware.camera.configure(seconds, gain)
     hardware.camera.grab(frame_deadline(seconds, first=True))  # what takes long needs no light
     for lit in plan.sets.values():
-        with burning(hardware.lasers, lit):
-            found.append(auto_exposure(hardware.camera, seconds, gain=gain))
+        light = partial(burning, hardware.lasers, lit)
+        found.append(auto_exposure(hardware.camera, seconds, gain=gain, light=light))
     best = min(found, key=lambda f: f.seconds)
     hardware.camera.configure(best.seconds, gain)
     dark = hardware.camera.grab(frame_deadline(best.seconds))

@@ -27,6 +27,9 @@ its height, the light in the right valley, and where it falls to half."""
 PEAK_COLUMNS = 7
 PLATEAU = 3
 """Equal pixels in a row that no peak has by chance: two may lie on either side of its middle."""
+LEVEL = 0.01
+"""Of a grey level: what counts as equal. In a projected colour picture the other channels' noise
+lies on a clipped one; three pixels of a peak are that level only where it is 7 px wide (sigma)."""
 FWHM = 2.3548
 """Full width at half maximum of a Gaussian, in sigma."""
 
@@ -268,10 +271,11 @@ def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: An
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def plateau_at(lit: Any, v: int, x: int) -> bool:
     """Whether `PLATEAU` pixels in a row about x are as bright as the one there."""
+    lowest = (1.0 - LEVEL) * lit[v, x]
     first = last = x
-    while first > 0 and lit[v, first - 1] == lit[v, x]:
+    while first > 0 and lit[v, first - 1] >= lowest:
         first -= 1
-    while last < lit.shape[1] - 1 and lit[v, last + 1] == lit[v, x]:
+    while last < lit.shape[1] - 1 and lit[v, last + 1] >= lowest:
         last += 1
     return last - first + 1 >= PLATEAU
 
