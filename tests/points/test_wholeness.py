@@ -128,6 +128,53 @@ def test_whole_stripes_are_left_alone():
     ), "a wall's own turn leads off it by the sine of its place"
 
 
+def test_noise_of_points_and_widths_is_no_cut():
+    """Planes through noisy points lie anyhow: whole stripes are then neither moved nor doubted."""
+    rng = np.random.default_rng(3)
+    light, n = wall(), 100
+    points = np.tile(light.points[:, :1], (1, n, 1))
+    points[..., 2] = 0.3 * np.arange(n)
+    points[..., 1] += 0.05 * rng.standard_normal((S, n))
+    noisy = replace(
+        light,
+        points=points,
+        moves=np.tile(light.moves[:, :1], (1, n, 1)),
+        sheets=np.tile(light.sheets[:, :1], (1, n, 1)),
+        width=2.0 * (1 + 0.08 * rng.standard_normal((S, n))),
+        amplitude=np.full((S, n), 100.0),
+    )
+    told = wholeness(noisy)
+    assert (told.doubt > 0).mean() < 0.05
+    assert (told.shift != 0).mean() < 0.005
+    noisy.width[6] *= 1.6
+    assert (wholeness(noisy).doubt[6] > 0.3 * 2.0).mean() > 0.9, "noise does not hide an edge"
+
+
+def test_coarse_chords_of_a_round_part_are_no_crease():
+    """In steps of 18° only the table under a tube is smooth, and its light is another."""
+    n = 60
+    turn = np.deg2rad(18.0) * (np.arange(8) - 3.5)[:, None] + np.zeros((8, n))
+    out = np.stack([np.sin(turn), -np.cos(turn), 0 * turn], -1)
+    aside = np.stack([np.cos(turn), np.sin(turn), 0 * turn], -1)
+    tube = np.arange(n) < 46
+    reach = np.where(tube, 40.0, 50.0 + np.arange(n))
+    points = out * reach[:, None]
+    points[..., 2] = np.where(tube, 30.0 - 0.3 * np.arange(n), 0.0)
+    light = Light(
+        points,
+        500.0 * out[:, 0] + np.array([0.0, 0.0, 200.0]),
+        0.2 * aside,
+        np.cos(0.4) * aside + np.sin(0.4) * out,
+        np.where(tube, 2.0, 5.0) + np.zeros((8, n)),
+        np.full((8, n), 100.0),
+        turn[:, 0],
+        False,
+    )
+    told = wholeness(light)
+    assert told.doubt[:, tube] == pytest.approx(0.0, abs=1e-9)
+    assert not told.shift[:, tube].any()
+
+
 @pytest.mark.parametrize(("end", "sign"), [(0, 1.0), (S - 1, -1.0)])
 @pytest.mark.parametrize("c", [0.3, 0.7])
 def test_a_stripe_that_the_end_of_a_wall_cuts_is_put_back(end, sign, c):
@@ -189,8 +236,12 @@ def test_a_cut_stripe_of_a_scan_goes_back_to_its_surface(end):
     """The end of a part of a turn: what is left of the light there is pushed to the part's side."""
     rig = make_rig(elevation=0.2, lift=25.0)
     angles = np.deg2rad(8.0) * np.arange(20)
-    middle = np.array([6.0, 2.0, 25.0])
-    stripes = list(scan_shape(rig, sphere(20.0, tuple(middle)), angles))
+    middle = np.array([0.0, 0.0, 25.0])
+    stripes = [
+        # Narrow, lest what is pushed tilts the plane through it and the next profile.
+        replace(s, width=s.width / 3)
+        for s in scan_shape(rig, sphere(20.0, tuple(middle)), angles)
+    ]
     whole = build_grid(rig, "L0", stripes, range(20), angles)
     found, beside = whole.found[end] & whole.found[(1, -2)[end]], (1, -2)[end]
     here = pixels_of(rig, whole.points[end][found], np.full(found.sum(), angles[end]))

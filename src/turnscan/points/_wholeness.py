@@ -15,14 +15,21 @@ from turnscan.arrays import Bools, Floats
 
 _NOISE = 0.06
 """Speckle makes the median of five widths this much narrower or wider."""
+_SURE = 2.5
+"""Spreads of the widths' shares beyond which a stripe is not whole: noise of the points, through
+the planes that they make, makes as much of a difference as speckle, and curvature does, too."""
 _SMOOTH = 0.08
-"""Difference of two surfaces to the light, as a part, up to which they are one."""
+"""Difference of two surfaces to the light, as a part, up to which they are one …"""
+_SHARE = 0.25
+"""… or half as much again as that of this share of all, where curvature and coarse steps make it
+more."""
 _FEW = 50
 """Points that are enough to know how thick the sheet is."""
 _UNLIKE = 1.2
 """Squares of two slopes differ by this much where they can tell thickness from blur."""
 _CUT = 0.9
-"""A stripe where what is seen ends is cut when it is narrower than this part of its due …"""
+"""A stripe where what is seen ends is cut when it is narrower than this part of its due, beyond
+doubt (`_SURE`) …"""
 _HALF = 0.6
 """… and not narrower than this: a cut at the very middle leaves so much."""
 _FAINT, _AS_BRIGHT = 0.6, 0.85
@@ -93,16 +100,19 @@ def wholeness(light: Light) -> Wholeness:
     walk, slide, side = kernels.across(
         light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
     )
-    due = _due(walk, width)
+    walk = np.stack([kernels.steady(w) for w in walk])
+    smooth = _smooth(walk, width)
+    due = _due(walk, width, smooth)
     ratio = width / due
-    bias = _bias(ratio)
+    sure = _SURE * _noise(ratio[:, smooth])
+    bias = _bias(ratio, sure)
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
     border = found & (np.isnan(walk[0]) != np.isnan(walk[1]))
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
     beside = np.where(first, np.roll(light.amplitude, -1, 0), np.roll(light.amplitude, 1, 0))
     with np.errstate(invalid="ignore"):
         faint = light.amplitude < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
-        cut = border & ~faint & (narrow < _CUT) & (narrow >= _HALF)
+        cut = border & ~faint & (narrow < min(_CUT, 1.0 - sure)) & (narrow >= _HALF)
     off = np.where(first, side[0] * bias[0] * due[0], side[1] * bias[1] * due[1])
     shift = np.where(cut, np.nan_to_num(off), 0.0)
     return Wholeness(
@@ -122,15 +132,22 @@ def _arcs(light: Light) -> Floats:
     return np.asarray(np.maximum(arc, _LEAST * float(np.median(have)) if len(have) else 0.0))
 
 
-def _due(walk: Floats, width: Floats) -> Floats:
+def _smooth(walk: Floats, width: Floats) -> Bools:
+    """(s, n) True where the profiles before and after tell the same of how the surface lies."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        differ = np.where(np.isnan(width), np.nan, np.abs(np.log(walk[0] / walk[1])))
+    known = differ[~np.isnan(differ)]
+    some = 1.5 * float(np.quantile(known, _SHARE)) if len(known) else 0.0
+    return np.asarray(differ <= max(_SMOOTH, some))
+
+
+def _due(walk: Floats, width: Floats, smooth: Bools) -> Floats:
     """(2, s, n) px: how wide stripes are on surfaces that lie so to the light.
 
-    The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth:
-    the profiles before and after tell the same of it there.
+    The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth.
+    Chords of a curved surface lie to the light otherwise than it does, one way before and the
+    other after: what is usual there is due.
     """
-    with np.errstate(invalid="ignore", divide="ignore"):
-        smooth = np.abs(np.log(walk[0] / walk[1])) < _SMOOTH
-    smooth &= ~np.isnan(width)
     if smooth.sum() < _FEW:
         return np.full(walk.shape, np.nan)
     x, y = 1.0 / walk.mean(axis=0)[smooth] ** 2, width[smooth] ** 2
@@ -138,15 +155,25 @@ def _due(walk: Floats, width: Floats) -> Floats:
     ends = [(float(np.median(x[k])), float(np.median(y[k]))) for k in (~steep, steep) if k.any()]
     (x0, y0), (x1, y1) = ends[0], ends[-1]
     slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if x1 > x0 * _UNLIKE else y0 / x0
-    return np.asarray(np.sqrt(slope / walk**2 + max(y0 - slope * x0, 0.0)))
+    due = np.sqrt(slope / walk**2 + max(y0 - slope * x0, 0.0))
+    usual = np.median(width[smooth] / due[:, smooth], axis=1)
+    return np.asarray(due * usual[:, None, None])
 
 
-def _bias(ratio: Floats) -> Floats:
+def _noise(ratio: Floats) -> float:
+    """Spread of the parts (2, n) of due widths where the surface is smooth, for noise of points,
+    speckle and changing curvature; at least what speckle makes of a width."""
+    off = np.abs(np.log(ratio[~np.isnan(ratio)]))
+    return max(_NOISE, 1.4826 * float(np.median(off))) if len(off) else _NOISE
+
+
+def _bias(ratio: Floats, sure: float = 0.0) -> Floats:
     """How far a stripe's centre is off, in widths of the whole one, by the part of its due width.
 
+    Nothing where that part is within ``sure`` of the whole.
     Of a Gaussian cut off c sigma beyond its middle the width is √(1 − cλ − λ²) and the centre λ
     off, λ = φ(c)/Φ(c). What is too wide lies on two surfaces; its centre is off alike.
     """
     x = np.where(ratio < 1, 1.0 - ratio, _WIDER * (ratio - 1.0))
-    x = np.sqrt(np.maximum(np.minimum(x, _MOST) ** 2 - _NOISE**2, 0.0))
+    x = np.sqrt(np.maximum(np.minimum(x, _MOST) ** 2 - _NOISE**2, 0.0)) * ~(x < sure)
     return np.asarray(0.9 * x + 2.75 * x * x)
