@@ -10,7 +10,7 @@ _SMALL = "not any_picture and not turned and not moves and not more_light"
 _SHORT = (
     "garbage_on or refuses_a_long or frames or first_bytes or lease_lasts or ran_out or opens or "
     "share_its_port or terminated or no_lease_and or signs_of_life or waits_for or power_out or "
-    "passes"
+    "passes or no_hold"
 )
 """What judges the guard in half a minute."""
 _JUDGED = "goes_on or can_reach or mended or same_seed"

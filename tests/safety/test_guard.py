@@ -441,6 +441,15 @@ def test_what_a_board_objects_to_light_passes_on_as_its_own_error(
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_board_that_knows_no_hold_is_sent_none(dialect: str) -> None:
+    """Where nothing is lit the table comes to rest first, by a word that some boards misread."""
+    with plugged(dialect) as (device, socket):
+        device.off()
+        said = b"".join(data for _, data in socket.firmware.received)
+        assert (b"!" in said) == TABLE[dialect].holds
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
 def test_an_off_that_nobody_confirms(dialect: str) -> None:
     with plugged(dialect) as (device, socket):
         device.light(frozenset({"a"}), 2.0)
