@@ -32,8 +32,8 @@ KEPT = ROOT / "build" / "mutants.json"
 SEED = 10
 _PATIENCE = 4.0
 """Times what the tests take without a fault: then a mutant runs for ever."""
-_LEAST = 20.0
-"""s"""
+_LEAST = 100.0
+"""s: kernels of a mutant are compiled first."""
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -63,8 +63,7 @@ def main(words: Sequence[str] | None = None) -> int:
                 Copy(ROOT, Path(folder)), [m for m in chosen if m.key not in known]
             ):
                 results.append(result)
-                kept[result.mutant.key] = result
-                _keep(kept)
+                _keep(result)
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
     ).stdout.strip()
@@ -78,10 +77,14 @@ def main(words: Sequence[str] | None = None) -> int:
     return int(bool(unexplained) or found.share < 0.9)
 
 
-def _keep(kept: Mapping[str, Result]) -> None:
+def _keep(result: Result) -> None:
+    """With what other runs have found meanwhile, of other rooms."""
     KEPT.parent.mkdir(exist_ok=True)
+    kept = _kept() | {result.mutant.key: result}
     rows = {key: [r.by, round(r.seconds, 1)] for key, r in kept.items()}
-    KEPT.write_text(json.dumps(rows, indent=1, ensure_ascii=False))
+    whole = KEPT.with_suffix(f".{os.getpid()}")
+    whole.write_text(json.dumps(rows, indent=1, ensure_ascii=False))
+    whole.replace(KEPT)
 
 
 def _kept() -> dict[str, Result]:

@@ -85,9 +85,9 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
     ],
     "surface": [
         (
-            "surface/_tsdf.py",
-            "(usual / np.maximum(s.sigma, 1e-9)) ** 2",
-            "(usual / np.maximum(s.sigma, 1e-9))",
+            "surface/_tsdf_kernels.py",
+            "w *= cosine / max(wide, 1e-12)",
+            "w *= cosine / max(wide, 1e-12) ** 0.5",
             "surfaces are merged with weight 1/σ",
         ),
         (

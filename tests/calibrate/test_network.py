@@ -12,10 +12,11 @@ from turnscan.calibrate import CalibrationSettings, calibrate_rig, figures
 from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._findings import _of_camera
 from turnscan.calibrate._network import BOARD, RigNetwork
+from turnscan.calibrate._normal import Block, cost_of, weight
 from turnscan.calibrate._rig import Calibration
 from turnscan.calibrate._start_table import start_markers
 from turnscan.calibrate._state import State
-from turnscan.calibrate._terms import stripe_term, trace
+from turnscan.calibrate._terms import lens, stripe_term, trace
 from turnscan.errors import Degenerate
 from turnscan.rig import rotation_from_vector
 
@@ -210,6 +211,35 @@ def test_a_stripe_in_a_bent_sheet_has_the_derivatives_of_its_residual() -> None:
             for s in (-1, 1)
         ]
         assert (ends[0] - ends[1]) / 2e-7 == pytest.approx(term.by_normal[:, k], rel=1e-3, abs=1e-4)
+
+
+def test_a_strong_lens_is_as_steep_as_its_pixels_say() -> None:
+    """All terms at once, far out, where none of them is small beside the others."""
+    camera = replace(true_rig().camera, distortion=np.array([-0.2, 0.1, 0.02, -0.03, 0.05]))
+    xy = np.random.default_rng(1).uniform(-0.6, 0.6, (40, 2))
+    _, by_xy, _ = lens(camera, xy)
+    for k in range(2):
+        h = 1e-6 * np.eye(2)[k]
+        ends = [lens(camera, xy + s * h)[0] for s in (-1, 1)]
+        assert (ends[1] - ends[0]) / 2e-6 == pytest.approx(by_xy[:, :, k], rel=1e-5, abs=1e-3)
+
+
+def test_a_residual_pulls_by_the_slope_of_its_cost() -> None:
+    """Beyond the limit, too: else a step down by the pull would be a step up in cost."""
+    huber, scales = 2.0, {"boards": 0.3}
+    for residual in np.array([0.1, 0.5, 0.61, 2.0, -9.0]):
+
+        def at(r: float) -> Block:
+            return Block(0, "boards", np.array([r]), np.zeros((1, 1)), np.zeros((1, 0)))
+
+        def cost(r: float) -> float:
+            return cost_of([at(r)], scales, huber)
+
+        slope = (cost(residual + 1e-6) - cost(residual - 1e-6)) / 2e-6
+        pull = 2 * float(weight(at(residual), scales, huber)[0]) * residual
+        assert slope == pytest.approx(pull, rel=1e-5)
+    edge = 0.3 * huber
+    assert cost_of([at(edge + 1e-9)], scales, huber) == pytest.approx(huber**2, rel=1e-6)
 
 
 def test_a_bent_board_is_said_where_it_is_sure() -> None:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.calibrate import angle_model
+from turnscan.calibrate._steps import _smooth
 from turnscan.errors import Degenerate, NotEnoughViews
 
 SIGMA = np.radians(0.03)
@@ -65,6 +66,18 @@ def test_an_even_turn_has_nothing_to_complain_about() -> None:
     model = angle_model(wrapped(turn()), np.full(120, SIGMA), nominal_step=np.radians(3.0))
     assert codes(model) == {"calibrate.turn"}
     assert "counter-clockwise" in model.findings[0].message
+
+
+@pytest.mark.parametrize("count", [9, 12])
+def test_the_noise_of_a_few_angles_is_no_uneven_motion(count: int) -> None:
+    """Six waves and a line go through nine angles, whatever these are."""
+    k, all_good = np.arange(float(count)), np.ones(count, np.bool_)
+    for seed in range(20):
+        noise = 0.01 * np.random.default_rng(seed).standard_normal(count)
+        a = 2 * np.pi / count * k + noise
+        fit, step, _ = _smooth(k, a, np.full(count, SIGMA), all_good, None)
+        assert np.allclose(np.diff(fit), step, atol=1e-9)
+        assert 0.003 < (a - fit).std() < 0.02
 
 
 def test_a_wrong_nominal_step_is_named() -> None:

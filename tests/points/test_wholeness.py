@@ -204,6 +204,16 @@ def test_what_is_much_fainter_at_the_end_is_a_tail(end, bright, width, tail):
     assert not told.shift.any(), "what is no clean cut is not put back"
 
 
+@pytest.mark.parametrize(("end", "beside"), [(0, 1), (S - 1, S - 2)])
+def test_a_tail_is_faint_against_the_profile_next_to_it_and_no_other(end, beside):
+    """A wall that grows darker towards its end, by 0.7 from profile to profile, has no tail."""
+    light = wall()
+    light.amplitude[[end, beside]] *= [[0.7 * 0.7], [0.7]]
+    assert not wholeness(light).tail.any()
+    light.amplitude[beside] = 100.0
+    assert wholeness(light).tail[end].all()
+
+
 def test_a_wide_stripe_lies_on_two_surfaces_and_is_doubted():
     light = wall()
     light.width[6] *= 1.5

@@ -26,12 +26,14 @@ from tests.safety.faults import DIALECTS, SCALE, firmware
 from turnscan.devices import alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._guard import LONGEST_LEASE, Frames, pack
-from turnscan.devices._link import Deadlines, GuardedLink
+from turnscan.devices._link import Deadlines, GuardedLink, objection
 from turnscan.devices._registry import board
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
+    DeviceGarbled,
     DeviceRefused,
+    DeviceRestarted,
     DeviceTimeout,
     InputError,
     InterlockOpen,
@@ -409,6 +411,42 @@ def test_the_first_bytes_are_off(dialect: str) -> None:
         said = b"".join(data for _, data in socket.firmware.received)
         assert said.startswith(OFF[dialect][0])
         assert not any(entry.outputs for entry in socket.firmware.log)
+
+
+@pytest.mark.parametrize(
+    ("heard", "meant", "said"),
+    [
+        (b"", DeviceTimeout, "no answer"),
+        (b" \r\n", DeviceTimeout, "no answer"),
+        (b"<Door:1|MPos:0.0>\r\n", InterlockOpen, "door"),
+        (b"ALARM:1\r\n<Door:0>", InterlockOpen, "door"),
+        (b"ALARM:1\r\n", DeviceAlarm, "ALARM:1"),
+        (b"error:9\r\n", DeviceAlarm, "error:9"),
+        (b"error: Alarm lock\r\n", DeviceAlarm, "Alarm lock"),
+        (b"\r\nGrbl 1.1f ['$' for help]\r\n", DeviceRestarted, "Grbl 1.1f"),
+        (b"Horus 0.1\r\n", DeviceRestarted, "Horus 0.1"),
+        (b"Sardauscan V0.1a\r\n", DeviceRestarted, "Sardauscan"),
+        (b"error:20\r\n", DeviceRefused, "error:20"),
+        (b"error:90\r\n", DeviceRefused, "error:90"),
+        (b"#!*\r\n", DeviceGarbled, "#!*"),
+    ],
+)
+def test_what_a_board_objects_to_light_passes_on_as_its_own_error(
+    heard: bytes, meant: type[TurnscanError], said: str
+) -> None:
+    error = objection("/dev/ttyX", heard)
+    assert type(error) is meant
+    assert "/dev/ttyX" in str(error)
+    assert said in str(error)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_board_that_knows_no_hold_is_sent_none(dialect: str) -> None:
+    """Where nothing is lit the table comes to rest first, by a word that some boards misread."""
+    with plugged(dialect) as (device, socket):
+        device.off()
+        said = b"".join(data for _, data in socket.firmware.received)
+        assert (b"!" in said) == TABLE[dialect].holds
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)

@@ -236,6 +236,20 @@ def test_a_peak_that_ends_near_the_top_of_some_depth_is_not_taken_for_clipped(to
     assert np.median(whole.sigma) < 0.5 * np.median(clipped.sigma)
 
 
+@pytest.mark.parametrize(("share", "told"), [(0.02, False), (0.08, True)])
+def test_a_weaker_peak_in_lines_whose_stripe_glows_is_said(share: float, told: bool) -> None:
+    """It stands where the light beside the stripe has faded; the stripe's own glow decides, and
+    what is less than a fiftieth of its height close by is none."""
+    strong, weak = np.full(60, 60.3), np.full(60, 110.4)
+    glow = 20_000 * share * np.exp(-np.abs(np.arange(321) - 60.3) / 12)
+    lit = light(strong, 2.0, 20_000.0, 321) + light(weak, 2.0, 6000.0, 321) + glow
+    noise = np.random.default_rng(1).normal(100.0, 5.0, lit.shape)
+    found = find_candidates((lit + noise).round().astype(np.uint16))
+    at = np.abs(found.position - 110.4) < 3
+    assert at.sum() == 60
+    assert (((found.flags[at] & StripeFlag.HALO) != 0) == told).all()
+
+
 def test_a_line_that_falls_back_to_another_strategy_has_the_sigma_of_that() -> None:
     rng = np.random.default_rng(3)
     lit = light(np.full(60, 60.0), 1.5, 120.0, 120)
