@@ -377,7 +377,8 @@ class CountingRig(Rig):
 @pytest.mark.parametrize(
     ("remembers", "at_deg", "good"),
     [(True, 9.0, True), (True, 18.0, True), (True, 13.0, True), (True, 0.0, False),
-     (True, 8.9, False), (True, 27.0, False), (False, 9.0, False), (False, 0.0, False)],
+     (True, 8.9, False), (True, 38.0, True), (True, 38.5, False), (False, 9.0, False),
+     (False, 0.0, False)],
 )  # fmt: skip
 def test_the_angle_is_lost_where_the_controller_says_otherwise(
     tmp_path: Path, remembers: bool, at_deg: float, good: bool

@@ -298,8 +298,9 @@ def usual_peak(lit: Any, v0: int, peaks: Any, counts: Any) -> Any:
                 best = j
         seed = int(peaks[best, SEED])
         raw = np.int64(lit[v0 + i, seed])
-        flat = raw >= brightest and (plateau_at(lit, v0 + i, seed) or (flat and raw == brightest))
-        brightest = max(brightest, raw)
+        if raw >= brightest:
+            flat = plateau_at(lit, v0 + i, seed) or (flat and raw == brightest)
+            brightest = raw
         widths[found] = (peaks[best, HIGH] - peaks[best, LOW]) * (1.0 / FWHM)
         found += 1
         line += counts[i]
