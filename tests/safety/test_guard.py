@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -25,7 +26,7 @@ from tests.safety.conftest import Metronome
 from tests.safety.faults import DIALECTS, SCALE, firmware
 from turnscan.devices import alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
-from turnscan.devices._guard import LONGEST_LEASE, Frames, pack
+from turnscan.devices._guard import LONGEST_LEASE, UNKNOWN, Frames, pack
 from turnscan.devices._link import Deadlines, GuardedLink, objection
 from turnscan.devices._registry import board
 from turnscan.errors import (
@@ -438,6 +439,23 @@ def test_what_a_board_objects_to_light_passes_on_as_its_own_error(
     assert type(error) is meant
     assert "/dev/ttyX" in str(error)
     assert said in str(error)
+
+
+@pytest.mark.parametrize("earlier", [None, DeviceTimeout("earlier")])
+def test_what_a_guard_did_unasked_passes_as_the_links_failure(
+    earlier: TurnscanError | None,
+) -> None:
+    """Dark that nobody confirmed, and a guard that ended; what failed first is not forgotten."""
+    link = GuardedLink.__new__(GuardedLink)
+    link.settings = SimpleNamespace(port="/dev/ttyX")  # type: ignore[assignment]
+    link._maybe_lit, link._closing = threading.Event(), threading.Event()
+    link._failure = earlier
+    link._by_itself(UNKNOWN, b"", b"")
+    assert link._failure is earlier if earlier else isinstance(link._failure, LaserStateUnknown)
+    link._guard = SimpleNamespace(wait=lambda timeout: 0)  # type: ignore[assignment]
+    link._failure = earlier
+    link._see_off()
+    assert link._failure is earlier if earlier else "has ended" in str(link._failure)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
