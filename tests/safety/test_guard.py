@@ -24,9 +24,9 @@ from hypothesis import strategies as st
 import turnscan.devices
 from tests.safety.conftest import Metronome
 from tests.safety.faults import DIALECTS, SCALE, firmware
-from turnscan.devices import alive, burning, open_devices, open_lasers, open_turntable
+from turnscan.devices import _lit, alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
-from turnscan.devices._guard import LONGEST_LEASE, UNKNOWN, Frames, pack
+from turnscan.devices._guard import LONGEST_FRAME, LONGEST_LEASE, UNKNOWN, Frames, pack
 from turnscan.devices._link import Deadlines, GuardedLink, objection
 from turnscan.devices._registry import board
 from turnscan.errors import (
@@ -247,6 +247,15 @@ def test_frames_are_whole_or_an_error(data: bytes) -> None:
         pass
 
 
+def test_frames_too_long_are_refused_at_their_head() -> None:
+    """Else the guard would wait for the rest, deaf to what follows."""
+    whole = pack(b"W", bytes(LONGEST_FRAME))
+    assert list(Frames(b"WLDEQ").feed(whole)) == [(b"W", bytes(LONGEST_FRAME))]
+    for length in (LONGEST_FRAME + 1, 65535):
+        with pytest.raises(ValueError, match="not a frame"):
+            list(Frames(b"WLDEQ").feed(struct.pack("<cHI", b"W", length, 0)))
+
+
 # S4
 
 
@@ -439,6 +448,19 @@ def test_what_a_board_objects_to_light_passes_on_as_its_own_error(
     assert type(error) is meant
     assert "/dev/ttyX" in str(error)
     assert said in str(error)
+
+
+def test_a_long_exposure_passes_for_a_sign_of_life_as_long_as_it_lasts() -> None:
+    renewed: list[float] = []
+    fire = SimpleNamespace(seen=time.monotonic() - 5.0, renew=lambda: renewed.append(1.0))
+    token = _lit._FIRE.set(fire)  # type: ignore[arg-type]
+    try:
+        _lit.exposing(4.0)
+        assert not renewed
+        _lit.exposing(600.0)
+        assert len(renewed) == 1
+    finally:
+        _lit._FIRE.reset(token)
 
 
 @pytest.mark.parametrize("earlier", [None, DeviceTimeout("earlier")])
