@@ -450,6 +450,16 @@ def test_what_a_board_objects_to_light_passes_on_as_its_own_error(
     assert said in str(error)
 
 
+def test_a_crowd_of_signs_of_life_is_one_renewal() -> None:
+    """A picture a millisecond would else be a message to the guard each."""
+    renewed: list[float] = []
+    fire = _lit._Fire(SimpleNamespace(renew=renewed.append))  # type: ignore[arg-type]
+    fire._renewed -= 0.5
+    for _ in range(20):
+        fire.renew()
+    assert len(renewed) < 5
+
+
 def test_a_long_exposure_passes_for_a_sign_of_life_as_long_as_it_lasts() -> None:
     renewed: list[float] = []
     fire = SimpleNamespace(seen=time.monotonic() - 5.0, renew=lambda: renewed.append(1.0))
