@@ -453,7 +453,7 @@ def test_what_a_board_objects_to_light_passes_on_as_its_own_error(
 def test_a_crowd_of_signs_of_life_is_one_renewal() -> None:
     """A picture a millisecond would else be a message to the guard each."""
     renewed: list[float] = []
-    fire = _lit._Fire(SimpleNamespace(renew=renewed.append))  # type: ignore[arg-type]
+    fire = _lit._Fire(SimpleNamespace(renew=renewed.append))
     fire._renewed -= 0.5
     for _ in range(20):
         fire.renew()
