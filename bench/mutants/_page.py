@@ -101,7 +101,9 @@ should notice. Some are written by hand: faults that a room's tests had once let
 kind. The others are drawn with a seed from all that the operators make of a room: comparisons and
 conditions negated, arithmetic exchanged, constants doubled, signs, factors and terms dropped,
 minimum for maximum. A mutant is killed when a test fails, or when the tests run four times as
-long as without it.
+long as without it, and 100 s at least. `python -m bench.mutants --survivors` runs again what lived
+and takes the others as earlier runs with the seed found them; the figures below came about so, over
+several states of the sources.
 
 Each runs in a process of its own, forked from one that has the libraries loaded. Small tests of
 kernels run them as plain Python first; what survives that is compiled. What a room's slow tests
