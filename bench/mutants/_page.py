@@ -39,9 +39,15 @@ class Found:
         return [r for r in self.results if not r.killed]
 
     @property
+    def same(self) -> int:
+        """How many survived that are equivalent."""
+        return sum(equivalent(r.mutant) for r in self.survivors)
+
+    @property
     def share(self) -> float:
-        """Part that was killed, equivalent ones counted as not killed."""
-        return 1.0 - len(self.survivors) / max(len(self.results), 1)
+        """Part that was killed of those that are not equivalent."""
+        killed = len(self.results) - len(self.survivors)
+        return killed / max(len(self.results) - self.same, 1)
 
 
 def table(found: Found) -> str:
@@ -67,8 +73,9 @@ def page(found: Found) -> str:
             *_HOW.splitlines(),
             "",
             f"The last run, of {found.commit} with seed {found.seed}, killed {killed} of "
-            f"{len(found.results)} mutants ({found.share:.1%}) in {minutes:.0f} minutes "
-            f"on a busy machine.{waiting}",
+            f"{len(found.results)} mutants in {minutes:.0f} minutes on a busy machine. "
+            f"{found.same} are equivalent: nothing that anybody could see differs. Of the others "
+            f"{found.share:.1%} were killed.{waiting}",
             "",
             *_rows(found),
             "",
@@ -94,7 +101,9 @@ should notice. Some are written by hand: faults that a room's tests had once let
 kind. The others are drawn with a seed from all that the operators make of a room: comparisons and
 conditions negated, arithmetic exchanged, constants doubled, signs, factors and terms dropped,
 minimum for maximum. A mutant is killed when a test fails, or when the tests run four times as
-long as without it.
+long as without it, and 100 s at least. `python -m bench.mutants --survivors` runs again what lived
+and takes the others as earlier runs with the seed found them; the figures below came about so, over
+several states of the sources.
 
 Each runs in a process of its own, forked from one that has the libraries loaded. Small tests of
 kernels run them as plain Python first; what survives that is compiled. What a room's slow tests

@@ -63,6 +63,7 @@ ROOMS = {
                 ("stripes/test_detect.py", "-k", _SMALL), compiled=False, only=("stripes/_[!bf]*",)
             ),
             Suite(("stripes/test_fuse.py",), only=("stripes/_fuse*",)),
+            Suite(("points/test_sweep.py", "-k", "piece_of_light"), only=("stripes/_light.py",)),
             Suite(("stripes/test_colour_background.py",), only=("stripes/_[bc]*",)),
             Suite(("stripes/test_sigma.py", "stripes/test_detect.py", "stripes/test_signal.py")),
             Suite(("stripes/test_accuracy.py", "-k", "not speckle_is_averaged")),

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,9 +24,9 @@ from hypothesis import strategies as st
 import turnscan.devices
 from tests.safety.conftest import Metronome
 from tests.safety.faults import DIALECTS, SCALE, firmware
-from turnscan.devices import alive, burning, open_devices, open_lasers, open_turntable
+from turnscan.devices import _lit, alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
-from turnscan.devices._guard import LONGEST_LEASE, Frames, pack
+from turnscan.devices._guard import LONGEST_FRAME, LONGEST_LEASE, UNKNOWN, Frames, pack
 from turnscan.devices._link import Deadlines, GuardedLink, objection
 from turnscan.devices._registry import board
 from turnscan.errors import (
@@ -246,6 +247,15 @@ def test_frames_are_whole_or_an_error(data: bytes) -> None:
         pass
 
 
+def test_frames_too_long_are_refused_at_their_head() -> None:
+    """Else the guard would wait for the rest, deaf to what follows."""
+    whole = pack(b"W", bytes(LONGEST_FRAME))
+    assert list(Frames(b"WLDEQ").feed(whole)) == [(b"W", bytes(LONGEST_FRAME))]
+    for length in (LONGEST_FRAME + 1, 65535):
+        with pytest.raises(ValueError, match="not a frame"):
+            list(Frames(b"WLDEQ").feed(struct.pack("<cHI", b"W", length, 0)))
+
+
 # S4
 
 
@@ -438,6 +448,46 @@ def test_what_a_board_objects_to_light_passes_on_as_its_own_error(
     assert type(error) is meant
     assert "/dev/ttyX" in str(error)
     assert said in str(error)
+
+
+def test_a_crowd_of_signs_of_life_is_one_renewal() -> None:
+    """A picture a millisecond would else be a message to the guard each."""
+    renewed: list[float] = []
+    fire = _lit._Fire(SimpleNamespace(renew=renewed.append))
+    fire._renewed -= 0.5
+    for _ in range(20):
+        fire.renew()
+    assert len(renewed) < 5
+
+
+def test_a_long_exposure_passes_for_a_sign_of_life_as_long_as_it_lasts() -> None:
+    renewed: list[float] = []
+    fire = SimpleNamespace(seen=time.monotonic() - 5.0, renew=lambda: renewed.append(1.0))
+    token = _lit._FIRE.set(fire)  # type: ignore[arg-type]
+    try:
+        _lit.exposing(4.0)
+        assert not renewed
+        _lit.exposing(600.0)
+        assert len(renewed) == 1
+    finally:
+        _lit._FIRE.reset(token)
+
+
+@pytest.mark.parametrize("earlier", [None, DeviceTimeout("earlier")])
+def test_what_a_guard_did_unasked_passes_as_the_links_failure(
+    earlier: TurnscanError | None,
+) -> None:
+    """Dark that nobody confirmed, and a guard that ended; what failed first is not forgotten."""
+    link = GuardedLink.__new__(GuardedLink)
+    link.settings = SimpleNamespace(port="/dev/ttyX")  # type: ignore[assignment]
+    link._maybe_lit, link._closing = threading.Event(), threading.Event()
+    link._failure = earlier
+    link._by_itself(UNKNOWN, b"", b"")
+    assert link._failure is earlier if earlier else isinstance(link._failure, LaserStateUnknown)
+    link._guard = SimpleNamespace(wait=lambda timeout: 0)  # type: ignore[assignment]
+    link._failure = earlier
+    link._see_off()
+    assert link._failure is earlier if earlier else "has ended" in str(link._failure)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)

@@ -18,6 +18,8 @@ from turnscan.stripes import (
     detect,
     find_candidates,
 )
+from turnscan.stripes._levels import background
+from turnscan.stripes._measure import plateau
 
 
 def lines(rows: list[list[int]]) -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -234,6 +236,28 @@ def test_a_peak_that_ends_near_the_top_of_some_depth_is_not_taken_for_clipped(to
     assert (clipped.flags & StripeFlag.SATURATED).all()
     # Five times as large, when the one value decided.
     assert np.median(whole.sigma) < 0.5 * np.median(clipped.sigma)
+
+
+def test_the_background_is_known_between_grey_levels_and_in_one() -> None:
+    nothing, roi = np.zeros((1, 400), np.uint8), (0, 0, 400, 300)
+    level, noise = background(np.full((300, 400), 20, np.uint8), nothing, roi)
+    assert level == pytest.approx(20.0)
+    assert noise < 0.5
+    seen = np.random.default_rng(0).normal(20.3, 1.5, (300, 400))
+    level, noise = background(seen.round().astype(np.uint8), nothing, roi)
+    assert level == pytest.approx(20.3, abs=0.1)
+    assert noise == pytest.approx(1.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("run", "middle"), [([5, 9, 9, 9, 4], 2.0), ([9, 9, 3, 9, 9], 0.5)])
+def test_the_first_run_of_the_highest_pixels_is_the_plateau(run: list[int], middle: float) -> None:
+    assert plateau(np.array(run, float), 0, len(run) - 1) == (middle, 9.0)
+
+
+def test_settings_are_compared_without_their_masks() -> None:
+    one, two = (StripeSettings(mask=np.full((2, 2), k)) for k in (True, False))
+    assert one == two
+    assert hash(one) == hash(two)
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.02, False), (0.08, True)])
