@@ -22,7 +22,7 @@ _SMOOTH = 0.08
 """Difference of two surfaces to the light, as a part, up to which they are one …"""
 _SHARE = 0.25
 """… or half as much again as that of this share of all, where curvature and coarse steps make it
-more."""
+more, but no more than twice of it: beyond that nobody knows what is due."""
 _FEW = 50
 """Points that are enough to know how thick the sheet is."""
 _UNLIKE = 1.2
@@ -135,7 +135,7 @@ def _smooth(walk: Floats, width: Floats) -> Bools:
         differ = np.where(np.isnan(width), np.nan, np.abs(np.log(walk[0] / walk[1])))
     known = differ[~np.isnan(differ)]
     some = 1.5 * float(np.quantile(known, _SHARE)) if len(known) else 0.0
-    return np.asarray(differ <= max(_SMOOTH, some))
+    return np.asarray(differ <= min(max(_SMOOTH, some), 2 * _SMOOTH))
 
 
 def _due(walk: Floats, width: Floats) -> Floats:
