@@ -15,21 +15,20 @@ from turnscan.arrays import Bools, Floats
 
 _NOISE = 0.06
 """Speckle makes the median of five widths this much narrower or wider."""
-_SURE = 2.5
-"""Spreads of the widths' shares beyond which a stripe is not whole: noise of the points, through
-the planes that they make, makes as much of a difference as speckle, and curvature does, too."""
+_SURE = 0.15
+"""Difference of a width and its due, as a part beyond `_NOISE`, up to which the stripe is whole:
+noise of the points, through the planes that they make, and curvature make as much of it."""
 _SMOOTH = 0.08
 """Difference of two surfaces to the light, as a part, up to which they are one …"""
 _SHARE = 0.25
 """… or half as much again as that of this share of all, where curvature and coarse steps make it
-more."""
+more, but no more than twice of it: beyond that nobody knows what is due."""
 _FEW = 50
 """Points that are enough to know how thick the sheet is."""
 _UNLIKE = 1.2
 """Squares of two slopes differ by this much where they can tell thickness from blur."""
-_CUT = 0.9
-"""A stripe where what is seen ends is cut when it is narrower than this part of its due, beyond
-doubt (`_SURE`) …"""
+_CUT = 0.85
+"""A stripe where what is seen ends is cut when it is narrower than this part of its due …"""
 _HALF = 0.6
 """… and not narrower than this: a cut at the very middle leaves so much."""
 _FAINT, _AS_BRIGHT = 0.6, 0.85
@@ -101,18 +100,16 @@ def wholeness(light: Light) -> Wholeness:
         light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
     )
     walk = np.stack([kernels.steady(w) for w in walk])
-    smooth = _smooth(walk, width)
-    due = _due(walk, width, smooth)
+    due = _due(walk, width)
     ratio = width / due
-    sure = _SURE * _noise(ratio[:, smooth])
-    bias = _bias(ratio, sure)
+    bias = _bias(ratio, _SURE)
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
     border = found & (np.isnan(walk[0]) != np.isnan(walk[1]))
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
     beside = np.where(first, np.roll(light.amplitude, -1, 0), np.roll(light.amplitude, 1, 0))
     with np.errstate(invalid="ignore"):
         faint = light.amplitude < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
-        cut = border & ~faint & (narrow < min(_CUT, 1.0 - sure)) & (narrow >= _HALF)
+        cut = border & ~faint & (narrow < _CUT) & (narrow >= _HALF)
     off = np.where(first, side[0] * bias[0] * due[0], side[1] * bias[1] * due[1])
     shift = np.where(cut, np.nan_to_num(off), 0.0)
     return Wholeness(
@@ -138,16 +135,17 @@ def _smooth(walk: Floats, width: Floats) -> Bools:
         differ = np.where(np.isnan(width), np.nan, np.abs(np.log(walk[0] / walk[1])))
     known = differ[~np.isnan(differ)]
     some = 1.5 * float(np.quantile(known, _SHARE)) if len(known) else 0.0
-    return np.asarray(differ <= max(_SMOOTH, some))
+    return np.asarray(differ <= min(max(_SMOOTH, some), 2 * _SMOOTH))
 
 
-def _due(walk: Floats, width: Floats, smooth: Bools) -> Floats:
+def _due(walk: Floats, width: Floats) -> Floats:
     """(2, s, n) px: how wide stripes are on surfaces that lie so to the light.
 
     The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth.
     Chords of a curved surface lie to the light otherwise than it does, one way before and the
     other after: what is usual there is due.
     """
+    smooth = _smooth(walk, width)
     if smooth.sum() < _FEW:
         return np.full(walk.shape, np.nan)
     x, y = 1.0 / walk.mean(axis=0)[smooth] ** 2, width[smooth] ** 2
@@ -158,13 +156,6 @@ def _due(walk: Floats, width: Floats, smooth: Bools) -> Floats:
     due = np.sqrt(slope / walk**2 + max(y0 - slope * x0, 0.0))
     usual = np.median(width[smooth] / due[:, smooth], axis=1)
     return np.asarray(due * usual[:, None, None])
-
-
-def _noise(ratio: Floats) -> float:
-    """Spread of the parts (2, n) of due widths where the surface is smooth, for noise of points,
-    speckle and changing curvature; at least what speckle makes of a width."""
-    off = np.abs(np.log(ratio[~np.isnan(ratio)]))
-    return max(_NOISE, 1.4826 * float(np.median(off))) if len(off) else _NOISE
 
 
 def _bias(ratio: Floats, sure: float = 0.0) -> Floats:
