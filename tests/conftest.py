@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 from tests.needs import budget, in_ci, needs_shared
 
@@ -40,23 +42,20 @@ def pytest_configure(config: pytest.Config) -> None:
                 signal.signal(number, lambda *_: None)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give tests that share a module's fixture to one process, so that it is made once.
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadScopeScheduling:
+    return ByModule(config, log)
+
+
+class ByModule(LoadScopeScheduling):
+    """A module's tests go to one process, so that what they share is made once.
 
     All that drives a browser goes to one process: it draws with the processor, and two of them
     leave nothing of two cores to the boards and leases that other tests wait for.
     """
-    here = Path(__file__).parent
-    for item in items:
-        if item.path.is_relative_to(here / "app" / "e2e"):
-            item.add_marker(pytest.mark.xdist_group("browser"))
-            continue
-        known = getattr(item, "_fixtureinfo", None)
-        if known and any(
-            definitions[-1].scope == "module" for definitions in known.name2fixturedefs.values()
-        ):
-            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
+
+    def _split_scope(self, nodeid: str) -> str:
+        return "browser" if "app/e2e/" in nodeid else nodeid.partition("::")[0]
 
 
 def _skipped(config: pytest.Config) -> Counter[str]:

@@ -46,7 +46,7 @@ def tested(python: Path, minor: int, words: list[str]) -> bool:
         install = [own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         subprocess.run([*install, "-c", "constraints.txt", "-e", ".[dev]"], cwd=TOP, check=True)
         ready.touch()
-    run = [own, "-m", "pytest", "-q", "-n", "2", "--dist", "loadgroup", "-m", "not slow"]
+    run = [own, "-m", "pytest", "-q", "-n", "2", "--dist", "loadscope", "-m", "not slow"]
     where = words or [f"tests/{room}" for room in ROOMS]
     return subprocess.run([*run, *where], cwd=TOP, check=False).returncode == 0
 
