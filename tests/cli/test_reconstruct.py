@@ -58,7 +58,7 @@ def test_a_scan_becomes_files_that_agree(scan_path, tmp_path):
     assert body["closed"] is True
     assert body["volume_mm3"] == pytest.approx(volumes[0], rel=1e-9)
     assert 0 < body["volume_sigma_mm3"] < 0.1 * volumes[0], "what is beyond the rim may bulge"
-    assert body["volume_measured_sigma_mm3"] < 0.001 * volumes[0], "what was measured is known"
+    assert body["volume_measured_sigma_mm3"] < 0.002 * volumes[0], "what was measured is known"
     assert body["lasers"][0]["profiles"] == STEPS
     assert f" ± {body['volume_sigma_mm3']:.3g} mm³" in result.stdout
     assert "surface.caps" in result.stderr

@@ -82,9 +82,10 @@ def _unmarked(what: Mesh | PointCloud) -> list[Finding]:
 def less_sound(read: Mesh, what: Mesh | PointCloud | Profiles) -> list[Finding]:
     """What is not sound about a mesh as it was read, and was about the one that was written.
 
-    Formats round, and those without vertices join equal corners.
+    Formats round, and those without vertices join equal vertices. A file of points alone has
+    nothing that could be sound.
     """
-    if not isinstance(what, Mesh) or not len(what.faces):
+    if not isinstance(what, Mesh) or not len(what.faces) or not len(read.faces):
         return []
     if np.array_equal(read.triangles, what.triangles) and len(read.vertices) == len(what.vertices):
         return []

@@ -25,6 +25,9 @@ _SHARE = 0.25
 more, but no more than twice of it: beyond that nobody knows what is due."""
 _FEW = 50
 """Points that are enough to know how thick the sheet is."""
+_VARIES = 0.12
+"""Scatter of widths about what is due, as a part, beyond which something else makes them: a halo,
+clipping. Then they tell nothing of the surface."""
 _UNLIKE = 1.2
 """Squares of two slopes differ by this much where they can tell thickness from blur."""
 _CUT = 0.85
@@ -104,7 +107,7 @@ def wholeness(light: Light) -> Wholeness:
     ratio = width / due
     bias = _bias(ratio, _SURE)
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
-    border = found & (np.isnan(walk[0]) != np.isnan(walk[1]))
+    border = found & (np.isnan(walk[0]) != np.isnan(walk[1])) & ~np.isnan(ratio).all(axis=0)
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
     beside = np.where(first, np.roll(light.amplitude, -1, 0), np.roll(light.amplitude, 1, 0))
     with np.errstate(invalid="ignore"):
@@ -154,8 +157,12 @@ def _due(walk: Floats, width: Floats) -> Floats:
     (x0, y0), (x1, y1) = ends[0], ends[-1]
     slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if x1 > x0 * _UNLIKE else y0 / x0
     due = np.sqrt(slope / walk**2 + max(y0 - slope * x0, 0.0))
-    usual = np.median(width[smooth] / due[:, smooth], axis=1)
-    return np.asarray(due * usual[:, None, None])
+    part = np.log(width[smooth] / due[:, smooth])
+    usual = np.median(part, axis=1)
+    scatter = 1.4826 * float(np.median(np.abs(part - usual[:, None])))
+    if scatter > _VARIES:
+        return np.full(walk.shape, np.nan)
+    return np.asarray(due * np.exp(usual)[:, None, None])
 
 
 def _bias(ratio: Floats, sure: float = 0.0) -> Floats:
