@@ -154,8 +154,10 @@ def locked_board(fw: Firmware, path: str, *, moving: bool) -> float:
     at = device.move_to(0.5, 5.0)
     if moving:
 
+        rest = fw.steps
+
         def alarm() -> None:
-            while not fw.rate:
+            while fw.steps == rest:  # before the first step nothing is lost
                 time.sleep(0.001)
             fw._alarm(1)
 

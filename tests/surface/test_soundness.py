@@ -68,6 +68,14 @@ def test_all_pairs_that_cut_through_each_other_are_found():
     assert some == {pair for pair in found if {3, 40} & set(pair)}
 
 
+def test_a_heap_of_loose_faces_is_searched_up_to_a_limit():
+    corners = np.random.default_rng(4).random((6000, 3))
+    heap = Mesh(corners, np.arange(6000).reshape(2000, 3))
+    assert len(crossings(heap)) == 16 * 2000
+    crossed = next(f for f in soundness(heap) if f.code == "surface.crossing")
+    assert crossed.message == "32000 pairs of faces cut through each other, or more"
+
+
 def test_cubes_that_cut_through_each_other():
     two = join([CUBE, moved(CUBE, 0.5, 0.3, 0.2)])
     (finding,) = soundness(two)

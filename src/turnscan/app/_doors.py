@@ -135,6 +135,7 @@ class Doors:
             if refusal is not None:
                 await refusal(scope, receive, send)
                 return
+            scope["browser"] = self.cookie_of(Headers(scope=scope))
             await self._app(scope, receive, send)
             return
         guarded = _Guarded(scope, receive, send, scope["path"] in self._uploads)

@@ -14,14 +14,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from turnscan.app._doors import is_loopback
 from turnscan.app._envelope import Array, unpack
 from turnscan.app._hub import Client
+from turnscan.app._limits import Allowance
 from turnscan.app._protocol import Refused
 from turnscan.app._requests import REQUESTS, Ack, ClientMessage
 from turnscan.app._workshop import Workshop
 from turnscan.errors import FormatError, InputError
 
 MESSAGE_BYTES = 2**20
-RATE, BURST = 60.0, 120.0
-"""Messages a second, and at once."""
 SEND_SECONDS = 10.0
 """s that a message may take; who reads slower is hung up on."""
 _NOT_A_MESSAGE, _BAD_REQUEST, _TOO_MUCH, _BEHIND, _FULL = 1003, 1008, 1008, 1013, 1013
@@ -66,14 +65,12 @@ async def _send(websocket: WebSocket, client: Client) -> None:
 
 
 async def _receive(websocket: WebSocket, client: Client, workshop: Workshop) -> None:
-    left, at = BURST, time.monotonic()
+    allowance = Allowance(websocket.scope["browser"])
     while True:
         received = await websocket.receive()
         if received["type"] == "websocket.disconnect":
             return
-        now = time.monotonic()
-        left, at = min(BURST, left + RATE * (now - at)) - 1.0, now
-        if left < 0:
+        if not allowance.take():
             await _close(websocket, _TOO_MUCH, "too many messages")
             return
         data = received.get("bytes") or received.get("text") or ""

@@ -14,11 +14,11 @@ _FLAT = 1e-12
 
 
 @njit(cache=True, nogil=True)
-def crossings(corners: Any, numbers: Any, asked: Any, low: Any, high: Any) -> Any:
+def crossings(corners: Any, numbers: Any, asked: Any, low: Any, high: Any, most: int) -> Any:
     """Pairs (k, 2) of triangles (f, 3, 3) that have more than common corners and sides in common.
 
     ``numbers`` (f, 3) are the vertices; only pairs with a triangle ``asked`` (f,) for are looked
-    for. ``low`` and ``high`` the boxes of a heap over the
+    for, and no more than ``most`` of them. ``low`` and ``high`` are the boxes of a heap over the
     triangles, as `boxes` gives them.
     """
     leaves = len(low) // 2
@@ -55,6 +55,8 @@ def crossings(corners: Any, numbers: Any, asked: Any, low: Any, high: Any) -> An
                         found = np.concatenate((found, np.empty_like(found)))
                     found[made, 0], found[made, 1] = i, j
                     made += 1
+                    if made == most:
+                        return found[:made].copy()
     return found[:made].copy()
 
 

@@ -12,6 +12,9 @@ from turnscan.surface._topology import fans_about
 
 _THIN = 1e-9
 """A face has no area where its height is less than this share of its longest side."""
+_PAIRS = 16
+"""Pairs of faces that cut through each other are looked for up to so many times the faces: in a
+heap of loose faces they are millions, and nobody needs them all."""
 
 
 def soundness(mesh: Mesh) -> list[Finding]:
@@ -34,7 +37,8 @@ def soundness(mesh: Mesh) -> list[Finding]:
          mesh.vertices[_touching(mesh)]),
         ("surface.equal", "corners lie at the same place as another", _equal_places(mesh)),
         ("surface.degenerate", "faces have no area", t[_without_area(t)].mean(axis=1)),
-        ("surface.crossing", "pairs of faces cut through each other",
+        ("surface.crossing", "pairs of faces cut through each other"
+         + (", or more" if len(crossed) == _PAIRS * len(t) else ""),
          t[crossed[:, 0]].mean(axis=1)),
     )  # fmt: skip
     return [_finding(code, text, places) for code, text, places in checks if len(places)]
@@ -51,6 +55,7 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     """(k, 2) pairs of faces, lower number first, that cut through or overlap each other.
 
     Only pairs with a face ``asked`` (f,) for; None looks at all. Faces without area are left out.
+    No more than 16 times as many pairs as faces are looked for.
     """
     from turnscan.surface import _crossing_kernels as kernels
     from turnscan.surface._cast_tree import boxes, morton_order
@@ -70,7 +75,8 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(corners) / 4)))))
     which = np.ones(len(corners), dtype=np.bool_) if asked is None else asked[order]
     low, high = boxes(corners, leaves)
-    pairs = kernels.crossings(corners, np.ascontiguousarray(mesh.faces[order]), which, low, high)
+    numbers, most = np.ascontiguousarray(mesh.faces[order]), _PAIRS * len(mesh.faces)
+    pairs = kernels.crossings(corners, numbers, which, low, high, most)
     pairs = np.sort(order[pairs].astype(np.int32), axis=1)
     found: Ints = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     return found

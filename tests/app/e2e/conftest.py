@@ -59,7 +59,7 @@ def steady(page: Any, expression: str) -> Any:
         before = said
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")  # its event loop must not run on under other tests
 def browser() -> Iterator[Any]:
     needs("chromium")
     with sync_playwright() as p:
