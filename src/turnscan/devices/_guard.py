@@ -90,6 +90,10 @@ class Frames:
             yield kind, payload
 
 
+QUIET = 2.5
+"""s in which a board that was opened says something; they boot for two."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """What the scanner tells its guard at the start."""
@@ -250,11 +254,13 @@ class Guard:
             self._reader.join(timeout=0.5)
 
     def _first_dark(self) -> None:
-        end, said = time.monotonic() + self._set.connect, b""
+        begun, said = time.monotonic(), b""
         while True:
             self._sure, heard = self._darken()
             said = (said + heard)[-1024:]
-            if self._sure or self._leave or time.monotonic() >= end:
+            waited = time.monotonic() - begun
+            over = waited >= self._set.connect or (not said and waited >= QUIET)
+            if self._sure or self._leave or over:
                 self._tell(b"H", bytes([self._sure]) + said)
                 return
 

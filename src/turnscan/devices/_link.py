@@ -63,7 +63,7 @@ class Deadlines:
     move_extra: float = 5.0
     """Beyond the time that a move should take."""
     connect: float = 10.0
-    """For a board to boot and answer."""
+    """For a board to boot and answer; one that says nothing at all is given up sooner."""
     keep_trying: float = _guard.KEEP_TRYING
     """To get a dark confirmed once everything else has ended."""
 
@@ -176,7 +176,8 @@ class GuardedLink:
         said = text[1:]
         if not said.strip():
             raise DeviceTimeout(
-                f"{port}: silent, no {dialect} board answered within {self._d.connect:g} s",
+                f"{port}: silent, no {dialect} board answered within "
+                f"{min(self._d.connect, _guard.QUIET):g} s",
                 hint="look at cable, power and baud rate",
             )
         if not DIALECTS[dialect].banner.search(said):
