@@ -153,7 +153,6 @@ def locked_board(fw: Firmware, path: str, *, moving: bool) -> float:
     device = board(f"grbl:{path}?lasers=a", deadlines=QUICK)
     at = device.move_to(0.5, 5.0)
     if moving:
-
         rest = fw.steps
 
         def alarm() -> None:
