@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
-from turnscan.export._dxf_read import DxfContent, read_dxf, read_dxf_content
+from turnscan.export._dxf_read import DxfContent, read_dxf_content
 from turnscan.export._formats import exporter_for
 from turnscan.export._options import DEFAULTS, DxfForm, ExportOptions, Profiles
 from turnscan.export._plain import SIGMA_DECIMALS, points_to_write
+from turnscan.export._read import soup
 from turnscan.export._text import decimals_for
 from turnscan.findings import Finding
 from turnscan.points import PointCloud
@@ -48,9 +49,10 @@ def audit(
             found = _dxf(content, what, options, profiles)
             if _errors(found):
                 return found
-            # Several forms hold the surface several times; each alone is as sound as the other.
-            alone = len(content.corners) and len(options.dxf_forms) == 1
-            seen = less_sound(read_dxf(data), what) if alone else []
+            # Several forms hold the surface several times, with the same corners: one is judged.
+            forms = (content.faces, content.polyfaces, content.meshes)
+            one = next((corners for corners in forms if len(corners)), None)
+            seen = [] if one is None else less_sound(soup("DXF", one), what)
             return found + _by_ezdxf(data) + seen
         read = exporter_for(suffix).read(data)
     except InputError as e:
