@@ -35,6 +35,7 @@ from turnscan.acquire import (
     reindexed,
     run,
 )
+from turnscan.arrays import Image
 from turnscan.errors import (
     AngleLost,
     DeviceDisconnected,
@@ -271,6 +272,46 @@ def test_abort_is_at_once_and_resumable(tmp_path: Path) -> None:
     assert "moved" not in after
     scan_with(Rig(), plan_of(6), tmp_path / "a.turnscan", fresh=False)
     assert rows_of(tmp_path / "a.turnscan") == rows_of(tmp_path / "whole.turnscan")
+
+
+def test_after_an_abort_nothing_lights_turns_or_is_stored(tmp_path: Path) -> None:
+    """At fifty moments of turning, dark and lit pictures; a picture cut short is taken again."""
+
+    class Rolling(Rig):
+        """A picture whose laser goes out meanwhile has its lower half dark."""
+
+        def grab(self, timeout: float) -> Image:
+            lit = self.lit
+            picture = super().grab(timeout)
+            if self.lit != lit:
+                picture[24:] = picture_of(self.at, frozenset(), self.seconds, 0)[24:]
+            return picture
+
+    plan, aborted = plan_of(4, dark_every=1), 0
+    scan_with(Rig(), plan, tmp_path / "whole.turnscan")
+    whole = rows_of(tmp_path / "whole.turnscan")
+    first = look(plan, Rig().hardware)
+    for k in range(50):
+        path, rig, control = tmp_path / f"{k}.turnscan", Rolling(), Control()
+        rig.exposing = rig.moving = 0.004
+        returned: list[float] = []
+
+        def abort(control: Control = control, returned: list[float] = returned) -> None:
+            control.abort()
+            returned.append(time.monotonic())
+
+        Scan.create(path, first.scan_plan).close()
+        timer = threading.Timer(0.0014 * k, abort)
+        timer.start()
+        outcome, _ = scan_with(rig, plan, path, control, fresh=False)
+        timer.join()
+        aborted += not outcome.complete
+        late = [what for at, what in rig.log if at > returned[0]]
+        orders = [w for w in late if w.startswith(("move ", "light ")) and w != "light none"]
+        assert not orders, (k, late)
+        scan_with(Rig(), plan, path, fresh=False)
+        assert rows_of(path) == whole, k
+    assert aborted >= 25
 
 
 def test_lit_only_while_a_shutter_is_open(tmp_path: Path) -> None:

@@ -43,8 +43,10 @@ class Control:
         return self._aborted.is_set()
 
     def on_abort(self, at_once: Callable[[], None]) -> None:
-        """What `abort` does in its own thread; for the one who runs the scan."""
+        """What `abort` does in its own thread, at once where it has come already."""
         self._at_once = at_once
+        if self.aborted:
+            at_once()
 
     def wait(self) -> None:
         """Return when there is no pause any more."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from turnscan.acquire import _events as events
 from turnscan.acquire._control import Control
@@ -17,7 +18,8 @@ from turnscan.acquire._sink import Sink
 from turnscan.acquire._watch import LaserWatch
 from turnscan.acquire._writer import Writer
 from turnscan.arrays import Image
-from turnscan.errors import DeviceError, DeviceTimeout, LaserStateUnknown
+from turnscan.devices import StopSwitch
+from turnscan.errors import DeviceError, DeviceTimeout, LaserStateUnknown, TurnscanError
 from turnscan.scan import Frame, Setting
 
 _LOST_IN_A_ROW = 5
@@ -86,11 +88,13 @@ class _Job:
         control: Control,
         clock: Callable[[], float],
     ) -> None:
-        self._plan, self._hw, self._sink = plan, hardware, sink
+        self._switch = switch = StopSwitch(hardware.lasers, hardware.turntable)
+        self._hw = replace(hardware, lasers=switch.lasers, turntable=switch.turntable)
+        self._plan, self._sink = plan, sink
         self._given = dict(first.pictures) if first else {}
         self._listener, self._control, self._clock = listener, control, clock
         self._telling = threading.Lock()
-        self._shooter = Shooter(plan, hardware)
+        self._shooter = Shooter(plan, self._hw)
         self._watch = LaserWatch(plan, sink.plan)
         self._darks: dict[int, tuple[Image | None, str]] = {}
         self._dark_of = -1
@@ -107,7 +111,7 @@ class _Job:
         self._shooter.check_names()
         todo = [step for step in range(self._plan.steps) if self._wanted(step)]
         self.tell(events.Started(self._plan.steps, len(todo)))
-        self._control.on_abort(self._shooter.all_stop)
+        self._control.on_abort(self._stop)
         self._writer = Writer()
         try:
             with self._shooter.dark_at_the_end():
@@ -117,6 +121,11 @@ class _Job:
             self._control.on_abort(lambda: None)
             self._writer.close()
         return Outcome(complete, self._frames, self._missing)
+
+    def _stop(self) -> None:
+        """Dark and at rest, from any thread. Raises nothing: the thread of the scan will."""
+        with contextlib.suppress(TurnscanError):
+            self._switch.press()
 
     def _steps(self, todo: list[int]) -> bool:
         began = time.monotonic()
@@ -168,6 +177,7 @@ class _Job:
             if every:
                 dark, cause = self._dark(home, k)
             lit, why = self._shot(step, name, k)
+            self._check_aborted()  # it may have gone dark in the middle of this picture
             if lit is None or (every and dark is None):
                 self._store_missing(step, name, k, why or cause)
                 continue
@@ -233,6 +243,7 @@ class _Job:
         assert texture is not None
         seconds, gain = self._shooter.configure(texture.exposure)
         picture, _ = self._shooter.picture(frozenset(texture.lamps))
+        self._check_aborted()
         self._count_lost(picture)
         if picture is None:
             return  # not there; the next resume tries again
@@ -281,6 +292,9 @@ class _Job:
             self._control.wait()
             self._paused += time.monotonic() - since
             self.tell(events.WentOn())
+        self._check_aborted()
+
+    def _check_aborted(self) -> None:
         if self._control.aborted:
             raise _Aborted
 

@@ -17,7 +17,6 @@ from turnscan.errors import (
     DeviceRefused,
     InputError,
     LeaseEnded,
-    TurnscanError,
 )
 
 _TRIES = 2
@@ -123,10 +122,3 @@ class Shooter:
             raise
         else:
             self._hw.lasers.off()
-
-    def all_stop(self) -> None:
-        """Dark and at rest, from any thread. Raises nothing: the thread of the scan will."""
-        with contextlib.suppress(TurnscanError):
-            self._hw.lasers.off()
-        with contextlib.suppress(TurnscanError):
-            self._hw.turntable.stop()

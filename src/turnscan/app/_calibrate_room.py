@@ -113,7 +113,8 @@ class CalibrateRoom:
             shots = len(series.angles_deg()) * max(len(lasers), 1)
             job.steps(shots)
             good = 0
-            with self._rig.using("pictures for a calibration are being taken") as bench:
+            what = "pictures for a calibration are being taken"
+            with self._rig.using(what, job) as bench:
                 if wish.stage == "table":
                     with self._lock:
                         self.table.clear()

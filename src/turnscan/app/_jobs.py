@@ -13,7 +13,7 @@ from typing import Literal
 
 from turnscan.app._hub import Hub
 from turnscan.app._protocol import JobState, Remark
-from turnscan.errors import TurnscanError
+from turnscan.errors import SafetyError, TurnscanError
 from turnscan.findings import Finding
 
 What = Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
@@ -87,6 +87,11 @@ class Job:
         if self.shown and time.monotonic() - self._told > _TELL_EVERY:
             self._told = time.monotonic()
             self.tell("running")
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether somebody has cancelled it."""
+        return self._cancelled.is_set()
 
     def check(self) -> None:
         """Raise Cancelled where somebody has cancelled it."""
@@ -223,7 +228,9 @@ class Jobs:
         except Cancelled:
             job.tell("cancelled")
         except TurnscanError as e:
-            job.tell("failed", Result(self._hub.hide(e.message)), self._hub.hide(e.hint))
+            stopped = job.cancelled and not isinstance(e, SafetyError)
+            text, hint = self._hub.hide(e.message), self._hub.hide(e.hint)
+            job.tell("cancelled" if stopped else "failed", Result(text), hint)
         except MemoryError:
             job.tell("failed", Result("out of memory"), "close other programs, or use less")
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake

@@ -16,9 +16,16 @@ from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, Jobs, Result, remarks
 from turnscan.app._library import Library
 from turnscan.app._live import see, stripe_of
-from turnscan.app._watched import WatchedLasers
-from turnscan.devices import burning, find_cameras, frame_deadline, list_ports, probe_port
-from turnscan.errors import InputError, TurnscanError
+from turnscan.app._watched import WatchedLasers, watched
+from turnscan.devices import (
+    StopSwitch,
+    burning,
+    find_cameras,
+    frame_deadline,
+    list_ports,
+    probe_port,
+)
+from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.rig import Rig
 from turnscan.station import DEFAULT_DEVICE, Addresses, Opened, examine, opened
 
@@ -48,6 +55,11 @@ class RigRoom:
         """That of a file or of a calibration; None takes that of a simulated bench."""
         self._rig_name = ""
         self._using = threading.Lock()
+        self._stops = 0
+        """How often `stop` was called: what waited for the devices meanwhile is not begun."""
+        self._job: Job | None = None
+        """That of whoever uses the devices."""
+        self._switch: StopSwitch | None = None
         self._stack = ExitStack()
         self._bench: Opened | None = None
         self._at: Addresses | None = None
@@ -57,7 +69,6 @@ class RigRoom:
         self._looking = threading.Event()
         self._looker: threading.Thread | None = None
         self._what = ""
-        self._on_stop: Callable[[], None] = lambda: None
         self.busy = False
         """Whether a scan is being taken: then the devices are told of each second."""
         self._closed = threading.Event()
@@ -90,9 +101,11 @@ class RigRoom:
             at = Addresses(camera, turntable, lasers)
             try:
                 bench = self._stack.enter_context(opened(at))
-                self._lasers = WatchedLasers(bench.hardware.lasers)
+                self._lasers = watched(bench.hardware.lasers)
                 self._lasers.off()
-                self._bench = replace(bench, hardware=replace(bench.hardware, lasers=self._lasers))
+                switch = self._switch = StopSwitch(self._lasers, bench.hardware.turntable)
+                hardware = replace(bench.hardware, lasers=switch.lasers, turntable=switch.turntable)
+                self._bench = replace(bench, hardware=hardware)
             except BaseException:
                 self._let_go()
                 raise
@@ -121,25 +134,21 @@ class RigRoom:
         self.tell()
 
     def stop(self) -> None:
-        """Lasers dark and table stopped at once, whatever is under way, which ends."""
-        self._looking.clear()
-        bench = self._bench
-        self._on_stop()
-        if bench is None:
-            return
-        errors: list[TurnscanError] = []
-        for act in (bench.hardware.lasers.off, bench.hardware.turntable.stop):
-            try:
-                act()
-            except TurnscanError as e:
-                errors.append(e)
-        self.tell()
-        if errors:
-            raise errors[0]
+        """Lasers dark and table stopped at once, whatever is under way, which ends.
 
-    def on_stop(self, call: Callable[[], None]) -> None:
-        """What `stop` does first."""
-        self._on_stop = call
+        Nothing lights or turns any more until somebody begins anew. Raises DeviceError and
+        SafetyError where that cannot be confirmed.
+        """
+        self._stops += 1
+        self._looking.clear()
+        switch, job = self._switch, self._job
+        if job is not None:
+            job.cancel()  # first, so that it knows why its orders are refused
+        if switch is not None:
+            try:
+                switch.press()
+            finally:
+                self.tell()
 
     @property
     def connected(self) -> tuple[Addresses, Opened]:
@@ -149,13 +158,21 @@ class RigRoom:
         return at, bench
 
     def close(self) -> None:
-        """End everything; lasers dark."""
+        """End everything; lasers dark. Raises SafetyError where they may be lit still."""
         self._closed.set()
         with contextlib.suppress(TurnscanError):
             self.stop()
         self.look_off()
-        with contextlib.suppress(TurnscanError), self._using:
+        alone = self._using.acquire(timeout=_PATIENCE)  # what does not end does not keep them lit
+        try:
             self._let_go()
+        except SafetyError:
+            raise
+        except TurnscanError:
+            pass  # a device that fails is no reason to stay
+        finally:
+            if alone:
+                self._using.release()
 
     def tell(self) -> None:
         """Tell everybody how the devices are."""
@@ -217,7 +234,8 @@ class RigRoom:
                 finally:
                     hardware.lasers.off()
         except TurnscanError as e:
-            self._camera = p.DeviceState(state="failed", text=str(e)[:300])
+            if self._looking.is_set() or isinstance(e, SafetyError):  # not what a stop broke off
+                self._camera = p.DeviceState(state="failed", text=str(e)[:300])
         finally:
             self._looking.clear()
             self.tell()
@@ -250,7 +268,7 @@ class RigRoom:
         self._there()
 
         def work(job: Job) -> Result:
-            with self.using("the doctor is looking") as bench:
+            with self.using("the doctor is looking", job) as bench:
                 seen = examine(bench, seconds, still=still, tick=job.tick)
             wrong = [f for f in seen.findings if f.severity != "note"]
             text = f"{len(wrong)} findings" if wrong else "ready"
@@ -259,20 +277,38 @@ class RigRoom:
         return self._jobs.start("doctor", "Looking the devices over", work)
 
     @contextlib.contextmanager
-    def using(self, what: str = "the devices are in use") -> Iterator[Opened]:
-        """The devices, for one alone. Raises InputError where others have them, or for none."""
-        with self._alone(what):
+    def using(
+        self, what: str = "the devices are in use", job: Job | None = None
+    ) -> Iterator[Opened]:
+        """The devices, for one alone; ``job`` is cancelled by `stop`.
+
+        Raises InputError where others have them, or for none.
+        """
+        with self._alone(what, job):
             yield self._there()
 
     @contextlib.contextmanager
-    def _alone(self, what: str) -> Iterator[None]:
+    def _alone(self, what: str, job: Job | None = None) -> Iterator[None]:
+        stops = self._stops
         if not self._using.acquire(timeout=_PATIENCE):
             raise InputError(self._what, hint="wait for its end, or stop it")
-        self._what = what
+        self._what, self._job = what, job
         try:
+            self._release(stops)
             yield
         finally:
+            self._job = None
             self._using.release()
+
+    def _release(self, stops: int) -> None:
+        """Let the devices obey again. Raises InputError where there were more stops since."""
+        switch = self._switch
+        if switch is not None:
+            switch.release()
+        if self._stops != stops:
+            if switch is not None:
+                switch.press()
+            raise InputError("stopped before it began", hint="start it again")
 
     def _there(self) -> Opened:
         if self._bench is None:
@@ -281,7 +317,7 @@ class RigRoom:
 
     def _let_go(self) -> None:
         """Close the devices, whatever they make of it; the first error leaves."""
-        self._bench = self._at = self._lasers = None
+        self._bench = self._at = self._lasers = self._switch = None
         self._camera = self._table = _NOTHING
         self._angle = None
         stack, self._stack = self._stack, ExitStack()

@@ -51,7 +51,6 @@ class ScanRoom:
         self._open_scans = open_scans
         self._lock = threading.Lock()
         self._control: acquire.Control | None = None
-        rig.on_stop(self._abort)
 
     def start(self, wish: q.ScanPlan) -> Job:
         """Take a scan, as a job.
@@ -104,7 +103,7 @@ class ScanRoom:
         def work(job: Job) -> Result:
             job.on_cancel = control.abort
             try:
-                with self._rig.using("a scan is being taken") as bench, self._told():
+                with self._rig.using("a scan is being taken", job) as bench, self._told():
                     outcome = take(_Taking(self._hub, self._library, job, control), bench)
             finally:
                 self._control = None
@@ -133,11 +132,6 @@ class ScanRoom:
         if self._control is None:
             raise InputError("no scan is being taken")
         return self._control
-
-    def _abort(self) -> None:
-        control = self._control
-        if control is not None:
-            control.abort()
 
     @contextlib.contextmanager
     def _told(self) -> Iterator[None]:

@@ -22,7 +22,7 @@ from turnscan.app._keys import Keys
 from turnscan.app._routes import UPLOADS, routes
 from turnscan.app._socket import MESSAGE_BYTES
 from turnscan.app._workshop import Workshop
-from turnscan.errors import InputError
+from turnscan.errors import InputError, SafetyError
 
 HEADER_SECONDS = 10.0
 """s in which the head of a connection's first request has to come."""
@@ -80,7 +80,10 @@ def application(
         try:
             yield
         finally:
-            await asyncio.to_thread(workshop.close)
+            try:
+                await asyncio.to_thread(workshop.close)
+            except SafetyError as e:  # the server would drop it; `serve` raises it
+                workshop.unsafe = e
 
     router = Router(routes(workshop, keys, cookie), redirect_slashes=False, lifespan=life)
 
@@ -177,7 +180,7 @@ def serve(
     """Listen until somebody ends it; lasers are dark and files closed when this returns.
 
     ``say`` gets a link for one browser, and another one each time one was used. Raises InputError
-    where the port cannot be had.
+    where the port cannot be had, and SafetyError where a laser may still be lit at the end.
     """
     logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
     opened = bind(where)
@@ -199,6 +202,8 @@ def serve(
             asyncio.get_running_loop().run_in_executor(None, _open_browser, first)
 
     Server(app, listening).run([opened])
+    if workshop.unsafe is not None:
+        raise workshop.unsafe
 
 
 def _open_browser(link: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from turnscan.app._protocol import LaserState
-from turnscan.devices import Lasers
+from turnscan.devices import Lasers, Sweeping
 
 
 class WatchedLasers:
@@ -55,3 +55,22 @@ class WatchedLasers:
 
     def _confirmed(self, lit: frozenset[str]) -> None:
         self._lit, self._at = lit, time.monotonic()
+
+
+class WatchedSweeping(WatchedLasers):
+    """The same around lasers whose line a mirror draws."""
+
+    def __init__(self, lasers: Lasers, sweeping: Sweeping) -> None:
+        super().__init__(lasers)
+        self._sweeping = sweeping
+
+    def check_exposure(self, seconds: float) -> None:
+        """See `Sweeping`."""
+        self._sweeping.check_exposure(seconds)
+
+
+def watched(lasers: Lasers) -> WatchedLasers:
+    """Lasers that remember, and can what the given ones can."""
+    if isinstance(lasers, Sweeping):
+        return WatchedSweeping(lasers, lasers)
+    return WatchedLasers(lasers)

@@ -24,7 +24,7 @@ from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan, Stale
 from turnscan.app._rig_room import RigRoom
 from turnscan.app._scan_room import ScanRoom
-from turnscan.errors import InputError, TurnscanError
+from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.rig import rig_from_json
 
 _log = logging.getLogger("turnscan.app")
@@ -74,6 +74,8 @@ class Workshop:
         self.rig = RigRoom(self.hub, self.jobs, library, self._operator_may_light)
         self.taking = ScanRoom(self.hub, self.jobs, library, self.rig, self._open_names)
         self.calibration = CalibrateRoom(self.hub, self.jobs, library, self.rig)
+        self.unsafe: SafetyError | None = None
+        """What `close` raised."""
         self._scans: dict[str, OpenScan] = {}
         self._opening: dict[str, Job] = {}
         self._lock = threading.RLock()
@@ -129,13 +131,27 @@ class Workshop:
         )
 
     def answer(self, client: Client, request: Any, arrays: Mapping[str, Array]) -> None:
-        """Answer a request, sooner or later."""
-        self._pool.submit(self._answer, Call(client, request, arrays))
+        """Answer a request, sooner or later; a stop at once, whatever others wait for."""
+        call = Call(client, request, arrays)
+        if isinstance(request, q.Stop):
+            threading.Thread(target=self._answer, args=(call,), name="stop", daemon=True).start()
+        else:
+            self._pool.submit(self._answer, call)
 
     def close(self) -> None:
-        """End everything that is under way, lasers dark."""
-        self.rig.close()
+        """End everything that is under way, lasers dark.
+
+        Raises SafetyError, as the last thing, where they may be lit still.
+        """
+        with contextlib.suppress(TurnscanError):  # what it cannot do `close` meets, too
+            self.rig.stop()
         self.jobs.close()
+        try:
+            self.rig.close()
+        finally:
+            self._put_away()
+
+    def _put_away(self) -> None:
         self._pool.shutdown(wait=True, cancel_futures=True)
         with self._lock:
             scans = list(self._scans.values())

@@ -15,6 +15,7 @@ from turnscan.devices._registry import (
     open_turntable,
 )
 from turnscan.devices._steady import Steady, frame_deadline
+from turnscan.devices._stop_switch import StopSwitch
 
 __all__ = [
     "Answer",
@@ -24,6 +25,7 @@ __all__ = [
     "Lasers",
     "Port",
     "Steady",
+    "StopSwitch",
     "Sweeping",
     "Turntable",
     "acknowledge_alarm",
