@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.web.running import Browser, Running, serving
 from turnscan.app import _hub, _rig_room, _socket
-from turnscan.app._watched import WatchedLasers
+from turnscan.app._watched import WatchedLasers, watched
 from turnscan.arrays import Image
-from turnscan.errors import DeviceDisconnected, LaserStateUnknown
+from turnscan.devices import Sweeping
+from turnscan.errors import DeviceDisconnected, DeviceRefused, LaserStateUnknown
 from turnscan.scan import Scan
 from turnscan.simulate import World
 
 DEVICE = "sim:sphere?seed=3"
+BOARD = "charuco:7x5:30:22:DICT_4X4_50"
 
 
 def _connected(browser: Browser) -> World:
@@ -122,13 +126,116 @@ def test_a_scan_goes_on_without_its_operator(server: Running, folder: Path) -> N
         assert {e["name"] for e in late.hello["scans"]} == {"ball", "alone"}
 
 
-def test_anybody_may_stop(server: Running) -> None:
+class Orders:
+    """Writes down what lights and what turns; a move lasts until it is stopped, or a while."""
+
+    def __init__(self, server: Running) -> None:
+        rig = server.workshop.rig
+        assert rig._lasers is not None
+        assert rig._switch is not None
+        self.given: list[str] = []
+        self._light, table = rig._lasers.light, rig._switch._turntable
+        self._move, self._stop, self._stopped = table.move_to, table.stop, threading.Event()
+        rig._lasers.light = self.light  # type: ignore[method-assign]
+        table.move_to, table.stop = self.move_to, self.stop  # type: ignore[method-assign]
+
+    def light(self, lit: frozenset[str], lease: float) -> None:
+        if lit:
+            self.given.append("light")
+        self._light(lit, lease)
+
+    def move_to(self, angle: float, timeout: float) -> float:
+        self.given.append("turn")
+        self._stopped.clear()
+        if self._stopped.wait(0.3):
+            raise DeviceRefused("stopped")
+        return self._move(angle, timeout)
+
+    def stop(self) -> None:
+        self._stopped.set()
+        self._stop()
+
+
+BEGIN: dict[str, dict[str, Any]] = {
+    "look": {"on": True, "seconds": 0.04},
+    "turn": {"angle_deg": 90.0},
+    "doctor": {},
+    "capture": {"stage": "laser", "count": 20, "every": 0.05, "seconds": 0.04},
+    "scan": {"plan": {"name": "part", "steps": 40}},
+}
+
+
+@pytest.mark.parametrize("orders", [1, 4])
+@pytest.mark.parametrize("what", list(BEGIN))
+def test_stop_by_anybody_ends_whatever_is_under_way(
+    server: Running, what: str, orders: int
+) -> None:
+    """The first orders of a scan prepare it, the fourth takes it."""
+    with Browser(server) as one, Browser(server) as two:
+        world = _connected(one)
+        given, asked = Orders(server), dict(BEGIN[what])
+        if what == "look":
+            asked["lit"] = [world.bench.beams[0].name]
+        if what == "capture":
+            one.ask("calibrate_begin", board=BOARD, table=BOARD)
+        one.send(what, **asked)
+        enough = 1 if what == "turn" else orders
+        assert _becomes(lambda: len(given.given) >= enough, 60.0)
+        assert two.ask("stop")["kind"] == "done"
+        until_stop = list(given.given)
+        assert not world.burning
+        assert _becomes(lambda: not server.workshop.rig._using.locked(), 20.0), "it does not end"
+        time.sleep(0.3)
+        assert given.given == until_stop
+        assert not world.burning
+        one.ask("look", on=True, lit=[world.bench.beams[0].name], seconds=0.04)
+        one.until("frame")  # and then it obeys again
+
+
+def test_stop_waits_for_no_other_request(server: Running, monkeypatch: pytest.MonkeyPatch) -> None:
+    """More searches for devices than the server has threads for, none of which comes to an end."""
+    go_on = threading.Event()
+    monkeypatch.setattr(_rig_room, "find_cameras", lambda: (go_on.wait(60.0), ([], []))[1])
     with Browser(server) as one, Browser(server) as two:
         world = _connected(one)
         one.ask("look", on=True, lit=[world.bench.beams[0].name], seconds=0.04)
         one.until("frame")
-        assert two.ask("stop")["kind"] == "done"
-        assert _becomes(lambda: _dark_for(world, 0.3), 5.0)
+        for _ in range(24):
+            one.send("find_devices", probe=False)
+        try:
+            assert two.ask("stop")["kind"] == "done"
+            assert not world.burning
+        finally:
+            go_on.set()
+
+
+def test_the_end_says_that_a_laser_may_be_lit(folder: Path) -> None:
+    """And what else is open is closed all the same."""
+
+    def close() -> None:
+        raise LaserStateUnknown("no answer")
+
+    with serving(folder) as server:
+        with Browser(server) as one:
+            _connected(one)
+        server.workshop.rig._stack.callback(close)
+    assert isinstance(server.workshop.unsafe, LaserStateUnknown)
+    with pytest.raises(RuntimeError, match="shutdown"):
+        server.workshop._pool.submit(int)
+
+
+def test_lasers_drawn_by_a_mirror_still_check_their_exposure() -> None:
+    class Mirror:
+        names = ("left",)
+        light = renew = off = lambda self, *_: None
+
+        def check_exposure(self, seconds: float) -> None:
+            raise DeviceRefused(f"{seconds:g} s")
+
+    seen = watched(Mirror())
+    assert isinstance(seen, Sweeping)
+    with pytest.raises(DeviceRefused, match=r"^0\.1 s"):
+        seen.check_exposure(0.1)
 
 
 def test_a_camera_that_disappears_while_looking_is_said_in_words(server: Running) -> None:
