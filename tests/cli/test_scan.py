@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -83,7 +84,7 @@ def test_a_scan_is_whole_and_reconstructed(whole: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGKILL"])
 def test_interrupted_and_resumed_to_the_byte(whole: Path, tmp_path: Path, number: str) -> None:
     needs("POSIX")
-    path = tmp_path / "a.turnscan"
+    path = tmp_path / "a part.turnscan"
     child = start("scan", path, "--device", BENCH, "--steps", "14")
     try:
         when_frames_are_in(path, 2, child)
@@ -102,7 +103,7 @@ def test_interrupted_and_resumed_to_the_byte(whole: Path, tmp_path: Path, number
         assert child.returncode == -signal.SIGKILL
     else:
         assert child.returncode == 130, said
-        assert f"of 14 steps are stored → turnscan resume {path}" in said
+        assert f"of 14 steps are stored → turnscan resume {shlex.quote(str(path))}\n" in said
     with Scan.open(path) as scan:
         assert 2 <= len(scan) < 14
     made = cli("reconstruct", path, "-o", tmp_path / "a.ply")
@@ -110,7 +111,7 @@ def test_interrupted_and_resumed_to_the_byte(whole: Path, tmp_path: Path, number
     done = cli("resume", path)
     assert done.exit_code == 0, done.output
     assert pixels(path) == pixels(whole)
-    assert sorted(os.listdir(tmp_path)) == ["a.ply", "a.turnscan"]
+    assert sorted(os.listdir(tmp_path)) == ["a part.turnscan", "a.ply"]
 
 
 def test_damaged_frames_are_taken_again_on_request(whole: Path, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -43,6 +44,11 @@ def device_options(command: Command) -> Command:
     return with_devices  # type: ignore[return-value]
 
 
+def again(given: dict[str, str | None]) -> str:
+    """The options as they were given, to be typed once more after a command; "" for none."""
+    return "".join(f" --{name} {shlex.quote(at)}" for name, at in given.items() if at)
+
+
 def addresses_of(given: dict[str, str | None], known: Addresses | None = None) -> Addresses:
     """What the options say, else ``known``, else the simulator.
 
@@ -71,7 +77,8 @@ def addresses_of(given: dict[str, str | None], known: Addresses | None = None) -
 def ended_by_signals() -> Iterator[None]:
     """Ctrl-C, hanging up and a polite kill end the block once, as KeyboardInterrupt.
 
-    More of them while it cleans up are ignored: nothing may keep the lasers from going dark.
+    More of them while it cleans up are ignored: nothing may keep the lasers from going dark. A
+    signal that was ignored before, as ``nohup`` does with hanging up, stays so.
     """
     came = False
 
@@ -82,7 +89,8 @@ def ended_by_signals() -> Iterator[None]:
             raise KeyboardInterrupt
 
     names = ("SIGINT", "SIGTERM", "SIGHUP")
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    there = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    numbers = [number for number in there if signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, end) for number in numbers}
     try:
         yield

@@ -10,6 +10,7 @@ import click
 
 from turnscan.cli._hardware import (
     addresses_of,
+    again,
     device_options,
     ended_by_signals,
     was_interrupted,
@@ -68,4 +69,4 @@ def _resume(scan: Scan, devices: dict[str, str | None], at_deg: float | None, re
         at = None if at_deg is None else math.radians(at_deg)
         hardware = hardware_to_resume(how.plan, scan, bench.hardware, at)
         click.echo(f"{left} of {how.plan.steps} steps to take")
-        take(how.plan, hardware, scan, None)
+        take(how.plan, hardware, scan, None, again(devices))

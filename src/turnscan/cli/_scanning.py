@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,11 +34,16 @@ class _Line:
             click.echo(f"{event.done} of {event.total} steps, {left}", err=True)
 
 
-def take(plan: Plan, hardware: Hardware, scan: Scan, first: FirstLook | None) -> None:
-    """Run the plan, with progress; say how to go on when it ends early."""
+def take(
+    plan: Plan, hardware: Hardware, scan: Scan, first: FirstLook | None, options: str = ""
+) -> None:
+    """Run the plan, with progress; say how to go on when it ends early.
+
+    ``options`` are what the command to go on with needs, as " --device sim:cup".
+    """
     line = _Line()
     left = steps_left(plan, scan)
-    with _said_how_to_go_on(plan, scan), progress("scanning", left) as tick:
+    with _said_how_to_go_on(plan, scan, options), progress("scanning", left) as tick:
 
         def listen(event: Event) -> None:
             if isinstance(event, StepDone):
@@ -56,7 +62,7 @@ def take(plan: Plan, hardware: Hardware, scan: Scan, first: FirstLook | None) ->
 
 
 @contextmanager
-def _said_how_to_go_on(plan: Plan, scan: Scan) -> Iterator[None]:
+def _said_how_to_go_on(plan: Plan, scan: Scan, options: str) -> Iterator[None]:
     try:
         yield
     except (KeyboardInterrupt, SystemError, TurnscanError) as e:
@@ -64,7 +70,8 @@ def _said_how_to_go_on(plan: Plan, scan: Scan) -> Iterator[None]:
             raise
         scan.close()
         done = plan.steps - steps_left(plan, scan)
-        where = f"{done} of {plan.steps} steps are stored → turnscan resume {scan.path}"
+        command = f"turnscan resume {shlex.quote(str(scan.path))}{options}"
+        where = f"{done} of {plan.steps} steps are stored → {command}"
         if isinstance(e, TurnscanError):
             click.echo(f"turnscan: {where}", err=True)
             raise
