@@ -106,9 +106,9 @@ def fuse(
     del used
     value, near, spread, source = _filled(parts, looks, space, index, len(blocks), most)
     made = kernels.grow(index, blocks, value, seam, _RELAXED * seam)
-    table, sizes = _cubes.table()
+    cubes = kernels.Cubes(_cubes.CORNERS, _cubes.EDGES, *_cubes.table())
     vertices, faces, origins, known, sigma = kernels.march(
-        index, blocks, value, near, spread, source, _cubes.CORNERS, _cubes.EDGES, made, table, sizes
+        index, blocks, value, near, spread, source, made, cubes
     )
     mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, origins, sigma))
     return mesh if known.all() else _taut(_without_flaps(replace(mesh, measured=known), seam))

@@ -58,6 +58,19 @@ class Look(NamedTuple):
     """(v,) times the variance."""
 
 
+class Cubes(NamedTuple):
+    """The tables of marching cubes, as `_cubes` has them."""
+
+    corners: Any
+    """(8, 3) voxels."""
+    edges: Any
+    """(12, 3) the two corners of each, and its axis."""
+    table: Any
+    """(256, t, 3) edges whose vertices make a face, for each pattern of corners inside."""
+    sizes: Any
+    """(256,) how many faces."""
+
+
 @njit(cache=True, nogil=True)
 def _reach(
     points: Any,
@@ -367,11 +380,8 @@ def march(
     near: Any,
     spread: Any,
     source: Any,
-    corners: Any,
-    ends: Any,
     made: Any,
-    table: Any,
-    sizes: Any,
+    cubes: Cubes,
 ) -> tuple[Any, Any, Any, Any, Any]:
     """Marching cubes over the blocks: vertices (v, 3) in voxels, faces (f, 3), sources (v,).
 
@@ -380,6 +390,7 @@ def march(
     for the faces of cubes with a corner that `grow` ``made``, and (v,) mm, what lies between the
     ``spread`` of both ends.
     """
+    corners, ends, table, sizes = cubes
     number = np.full((len(blocks), CELLS, 3), -1, dtype=np.int32)
     room = 1 << 16
     vertices = np.empty((room, 3))
