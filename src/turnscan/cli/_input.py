@@ -32,7 +32,7 @@ def read_bytes(path: Path, limit: int) -> bytes:
 
 
 def read_start(path: Path) -> bytes:
-    """The first bytes of an existing file, which hold what it says of its origin."""
+    """The first bytes of a file that is there, in which it says where it comes from."""
     with path.open("rb") as file:
         return file.read(_START)
 
