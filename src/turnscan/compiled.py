@@ -142,7 +142,7 @@ def _remove_old(base: Path, kind: str, folder: Path) -> None:
 
 
 class _Locator(UserProvidedCacheLocator):  # type: ignore[misc]
-    """Tells numba the folder."""
+    """Gives numba the folder."""
 
     def __init__(self, function: Callable[..., Any], path: str) -> None:
         super().__init__(function, path)

@@ -24,7 +24,7 @@ def test_a_scan_is_small_and_storing_quick(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("threshold", "said"),
-    [(452.6, "threshold 452.6 grey levels, and a pixel"), (255.0, "goes to 255")],
+    [(452.6, "threshold 452.6 grey levels, and the pixels"), (255.0, "end at 255")],
 )
 def test_a_threshold_beyond_the_depth_of_the_pixels_is_refused(threshold: float, said: str) -> None:
     rig = Rig()

@@ -300,26 +300,24 @@ def long_exposure_hangs(dialect: str) -> Span:
 # The guard.
 
 
-def guard_killed(dialect: str) -> Span:
+def _guard_signalled(dialect: str, number: signal.Signals) -> Span:
     with lit(dialect) as (device, socket):
         begin = time.monotonic()
-        os.kill(device._link.guard_pid, signal.SIGKILL)
-        return dark_since(socket, begin, 3.0)
+        os.kill(device._link.guard_pid, number)
+        return dark_since(socket, begin, 6.0)
+
+
+def guard_killed(dialect: str) -> Span:
+    return _guard_signalled(dialect, signal.SIGKILL)
 
 
 def guard_terminated(dialect: str) -> Span:
-    with lit(dialect) as (device, socket):
-        begin = time.monotonic()
-        os.kill(device._link.guard_pid, signal.SIGTERM)
-        return dark_since(socket, begin, 3.0)
+    return _guard_signalled(dialect, signal.SIGTERM)
 
 
 def guard_stopped(dialect: str) -> Span:
     """And nobody asks it for anything."""
-    with lit(dialect) as (device, socket):
-        begin = time.monotonic()
-        os.kill(device._link.guard_pid, signal.SIGSTOP)
-        return dark_since(socket, begin, 6.0)
+    return _guard_signalled(dialect, signal.SIGSTOP)
 
 
 def guard_stopped_when_asked(dialect: str) -> Span:
@@ -407,19 +405,19 @@ def _said(dialect: str, message: bytes, piece: int = 0) -> Span:
     with lit(dialect) as (_, socket):
         socket.cable.piece, socket.cable.gap = piece, 0.02
         carried, sent = socket.cable.arrived, bytearray()
-        told: list[float] = []
+        reported: list[float] = []
 
         def arrived(now: float) -> bytes:
             data = carried(now)
             sent.extend(data)
-            if message in sent and not told:
-                told.append(time.monotonic())
+            if message in sent and not reported:
+                reported.append(time.monotonic())
             return data
 
         with mock.patch.object(socket.cable, "arrived", arrived):
             socket.firmware.say(message)
-            until(lambda: bool(told))
-            return dark_since(socket, told[0], 3.0)
+            until(lambda: bool(reported))
+            return dark_since(socket, reported[0], 3.0)
 
 
 def door(dialect: str) -> Span:
@@ -492,7 +490,7 @@ CASES = (
         2.0 + 2 * LONG + 0.1, long_exposure_hangs, ("horus", "fabscan"), waits=True,
     ),
     Case("guard killed", "the scanner opens the port and sends dark", 0.2, guard_killed),
-    Case("guard told to end (SIGTERM)", "dark, then it ends", 0.1, guard_terminated),
+    Case("guard terminated (SIGTERM)", "dark, then it ends", 0.1, guard_terminated),
     Case("guard stopped or hanging", _TAKES_OVER, 1.5, guard_stopped, waits=True),
     Case("the same, and dark is asked for", _TAKES_OVER, 1.5, guard_stopped_when_asked, waits=True),
     Case("guard killed while closing", "the same", 0.2, guard_killed_while_closing),
@@ -510,8 +508,8 @@ CASES = (
         waits=True,
     ),
     Case("door", "dark by the guard", 0.1, door, ("grbl",)),
-    Case("door, told in two parts", "the same", 0.1, door_in_two_parts, ("grbl",)),
-    Case("alarm, told in two parts", "the same", 0.1, alarm_in_two_parts, ("grbl",)),
+    Case("door, reported in two parts", "the same", 0.1, door_in_two_parts, ("grbl",)),
+    Case("alarm, reported in two parts", "the same", 0.1, alarm_in_two_parts, ("grbl",)),
     Case("bytes at the guard that are no order", "dark, then it ends", 0.1, garbage),
     Case("a line that is not on the list", "dark, then it ends", 0.1, refused_line),
 )  # fmt: skip

@@ -12,7 +12,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 import turnscan.devices
 from tests.safety.conftest import Metronome
-from tests.safety.faults import DIALECTS, SCALE, firmware
+from tests.safety.faults import DIALECTS, SCALE, firmware, until
 from turnscan.devices import _lit, alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._guard import LONGEST_FRAME, LONGEST_LEASE, UNKNOWN, Frames, pack
@@ -65,14 +65,6 @@ def plugged(dialect: str, **link: Any) -> Iterator[tuple[Any, Socket]]:
         finally:
             with suppress(TurnscanError):
                 device.close()
-
-
-def until(happened: Callable[[], bool]) -> None:
-    """Wait for it."""
-    end = time.monotonic() + 30.0
-    while not happened():
-        assert time.monotonic() < end, "it does not happen"
-        time.sleep(0.002)
 
 
 def wait_dark(socket: Socket, begin: float, patience: float = 1.0) -> float:
@@ -346,29 +338,42 @@ def test_off_that_remembers_its_last_state_is_found(monkeypatch: pytest.MonkeyPa
         assert count_offs(socket, "grbl") == before
 
 
+@contextmanager
+def slow_table() -> Iterator[tuple[Any, Any]]:
+    """A driver and its board, which takes half a minute to 3 rad."""
+    with (
+        Socket(GrblFirmware({"100": 8.889, "110": 300, "120": 800})) as socket,
+        closing(board(f"grbl:{socket.path}?lasers=a", deadlines=QUICK)) as device,
+    ):
+        yield device, socket.firmware
+
+
+def broken_off(device: Any, firmware: Any, act: Callable[[], None]) -> TurnscanError:
+    """The error of a move to 3 rad where ``act`` is done once the table turns."""
+    errors: list[TurnscanError] = []
+
+    def turn() -> None:
+        try:
+            device.move_to(3.0, 30.0)
+        except TurnscanError as e:
+            errors.append(e)
+
+    thread = threading.Thread(target=turn)
+    thread.start()
+    until(lambda: firmware.rate > 0.0)
+    act()
+    thread.join(timeout=10.0)
+    assert not thread.is_alive()
+    return errors[0]
+
+
 def test_off_in_the_middle_of_a_move() -> None:
-    with Socket(GrblFirmware({"100": 8.889, "110": 300, "120": 800})) as socket:
-        device = board(f"grbl:{socket.path}?lasers=a", deadlines=QUICK)
-        errors: list[BaseException] = []
-
-        def turn() -> None:
-            try:
-                device.move_to(3.0, 30.0)
-            except TurnscanError as e:
-                errors.append(e)
-
-        thread = threading.Thread(target=turn)
-        thread.start()
-        until(lambda: socket.firmware.rate > 0.0)
-        device.off()
-        thread.join(timeout=10.0)  # the move would take half a minute
-        assert not thread.is_alive()
-        assert "lasers were switched off" in str(errors[0])
+    with slow_table() as (device, firmware):
+        assert "lasers were switched off" in str(broken_off(device, firmware, device.off))
         # Nothing was lit, so the guard let the table come to rest first: its place is known.
         assert not device.alarm
         assert device.move_to(0.05, 5.0) == pytest.approx(0.05, abs=1e-3)
-        assert socket.firmware.turns * 2 * math.pi == pytest.approx(0.05, abs=2e-3)
-        device.close()
+        assert firmware.turns * 2 * math.pi == pytest.approx(0.05, abs=2e-3)
 
 
 ON_THE_WIRE = 8192
@@ -530,7 +535,7 @@ def test_a_guard_that_believes_an_off_is_found(mutant: Callable[..., Path]) -> N
         socket.firmware._deaf_until = 0.0
 
 
-def test_a_lease_that_ran_out_is_told() -> None:
+def test_a_lease_that_ran_out_is_reported() -> None:
     with plugged("fabscan") as (device, socket):
         device.light(frozenset({"a"}), 0.1)
         assert wait_dark(socket, time.monotonic(), 3.0) < WITHOUT_LEASE
@@ -602,25 +607,8 @@ def test_a_guard_deaf_to_the_door_is_found(mutant: Callable[..., Path]) -> None:
 
 
 def test_a_door_that_opens_while_turning() -> None:
-    with Socket(GrblFirmware({"100": 8.889, "110": 300, "120": 800})) as socket:
-        device = board(f"grbl:{socket.path}?lasers=a", deadlines=QUICK)
-        errors: list[BaseException] = []
-
-        def turn() -> None:
-            try:
-                device.move_to(3.0, 30.0)
-            except TurnscanError as e:
-                errors.append(e)
-
-        thread = threading.Thread(target=turn)
-        thread.start()
-        board_: Any = socket.firmware
-        until(lambda: board_._moves > 0)
-        board_.open_door()
-        thread.join(timeout=10.0)  # the move would take half a minute
-        assert not thread.is_alive()
-        assert isinstance(errors[0], InterlockOpen)
-        device.close()
+    with slow_table() as (device, firmware):
+        assert isinstance(broken_off(device, firmware, firmware.open_door), InterlockOpen)
 
 
 # S9
@@ -674,7 +662,7 @@ def test_the_guard_passes_no_lighting_line_on(dialect: str) -> None:
             with suppress(SafetyError, DeviceDisconnected):
                 device._link.write(line[:1])
                 device._link.write(line[1:])
-            device._link._guard.wait(timeout=5.0)  # it leaves, and the scanner is told
+            device._link._guard.wait(timeout=5.0)  # it ends, and the scanner hears of it
             assert not any(entry.outputs for entry in socket.firmware.log), line
 
 

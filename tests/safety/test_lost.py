@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from tests.safety import faults
+from tests.safety.conftest import no_guard_left
 from tests.safety.faults import QUICK, dark_since, firmware, lit, until
 from turnscan.devices import _steady
 from turnscan.devices._link import GuardedLink
@@ -97,6 +98,8 @@ def test_the_person_is_told_and_the_guard_goes_on_after_the_scanner_has_ended() 
         begin = time.monotonic()
         socket.firmware._deaf_until = 0.0
         assert dark_since(socket, begin, 6.0).seconds < 2.5
+        # Without a port it would go on for ten minutes.
+        assert no_guard_left([socket.path])
 
 
 def test_a_guard_that_keeps_trying_gives_way_to_the_next_scan() -> None:

@@ -23,8 +23,9 @@ from turnscan.devices import Camera
 PAUSE = 0.05
 """s that the camera takes for a picture."""
 PICTURES = 40
+"""That the scan takes while the flood lasts."""
 PATIENCE = 120.0
-"""s in which pictures are counted."""
+"""s that they, and so the flood, may take."""
 FLOOD = """
 import sys, time
 from websockets.exceptions import ConnectionClosed

@@ -123,13 +123,13 @@ def look(
 
 
 def _check_threshold(threshold: float, dtype: np.dtype[Any], noise: float, by_noise: bool) -> None:
-    """Raise InputError where no pixel of this depth could reach it."""
+    """Raise InputError for a threshold that no pixel of this depth can exceed."""
     top = np.iinfo(dtype).max
     if threshold < top:
         return
     reason = f"chosen for a noise of {noise:.1f}, " if by_noise else ""
     raise InputError(
-        f"threshold {threshold:g} grey levels, {reason}and a pixel of this camera goes to {top}",
+        f"threshold {threshold:g} grey levels, {reason}and the pixels of this camera end at {top}",
         hint="darken the room and look at the camera's gain"
         if by_noise
         else f"give less than {top}",

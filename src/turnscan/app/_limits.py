@@ -8,13 +8,13 @@ RATE, BURST = 60.0, 120.0
 """Messages a second, and at once."""
 
 _spent: dict[str, float] = {}
-"""When a browser was hung up for sending too much; those that have a whole burst again are gone."""
+"""When a browser was disconnected for sending too much, until it has a whole burst again."""
 
 
 class Allowance:
     """What one connection of a browser may still send.
 
-    A browser that was hung up for too much, and connects again, does not begin with a new burst.
+    A browser that was disconnected for too much, and connects again, gets no new burst at once.
     It belongs to the thread of the event loop.
     """
 

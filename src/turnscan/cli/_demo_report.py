@@ -52,8 +52,8 @@ def demo_report(
         html.paragraph(
             f"A simulated scan of the part “{part}” with the rig “{devices.wish.rig}”, seed "
             f"{devices.wish.seed}. The pictures hold speckle, photon and read noise, shadows and "
-            "defocus. The reconstruction is told one thing by the simulator, its true rig: so the "
-            "deviations below hold no error of a calibration."
+            "defocus. The reconstruction uses the true rig of the simulator, so the deviations "
+            "below contain no error of a calibration."
         ),
         html.table(["quantity", "value"], _rows(devices, found)),
         html.heading("What the camera saw"),

@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 @click.command("devices")
 @click.argument("ports", nargs=-1, metavar="[PORT]…")
 @click.option("--probe", is_flag=True, help="Open the ports and ask which board is behind them.")
-@click.option("--acknowledge", is_flag=True, help="You have looked: end the alarm of PORT's board.")
+@click.option(
+    "--acknowledge", is_flag=True, help="After inspecting the machine: end its board's alarm."
+)
 @click.option("--exposure", type=Finite(), metavar="SECONDS", help="For --camera.  [default: 0.02]")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @device_options
@@ -48,7 +50,7 @@ def verb(
     code 1 when a named PORT does not answer.
 
     With --acknowledge the board at PORT, found likewise or given by its address, is taken out of an
-    alarm; it says whether it still knows the angle of the table. Do that after you have looked.
+    alarm, and whether it still knows the angle of the table is printed. Inspect the machine first.
 
     With --camera and --turntable (and --lasers), or --device, it does something else: each laser is
     lit for one picture, and the camera tells which is which.
@@ -100,7 +102,7 @@ def _say(text: str) -> None:
 
 
 def _acknowledge(ports: tuple[str, ...]) -> None:
-    """A person has looked at these machines. Raises InputError, DeviceError, SafetyError."""
+    """End the alarms of these boards. Raises InputError, DeviceError, SafetyError."""
     if not ports:
         raise InputError("--acknowledge: no PORT", hint="name the board's port, or its address")
     for port in ports:

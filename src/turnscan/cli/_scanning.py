@@ -55,7 +55,7 @@ def take(
                 click.echo(what, err=True)
 
         outcome = run(plan, hardware, scan, first=first, listener=listen)
-    if isinstance(hardware.camera, Steady) and (again := hardware.camera.told):
+    if isinstance(hardware.camera, Steady) and (again := hardware.camera.retaken):
         click.echo(f"camera: {again}", err=True)
     lost = f", {outcome.missing} missing" if outcome.missing else ""
     click.echo(f"{scan.path}: {outcome.frames} frames taken{lost}; whole")

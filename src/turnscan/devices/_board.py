@@ -197,7 +197,7 @@ class Board(ABC):
             self._settle()
 
     def look_over(self) -> bool:
-        """A person has looked and turned nothing: the alarm is over. Whether `angle` was kept."""
+        """End the alarm after a person has inspected the machine. Whether `angle` was kept."""
         with self._locked(self._d.acknowledge):
             self._lines.clear()
             self._unlock()
@@ -239,7 +239,7 @@ class Board(ABC):
         """Turn there and be at rest; the counted unit is the caller's business."""
 
     def _tolerance(self) -> int:
-        """Units by which the board may tell its place wrong."""
+        """Units by which the position that the board reports may be wrong."""
         return 0
 
     def _before_move(self) -> None:  # noqa: B027 (a hook that may stay empty)

@@ -1,4 +1,4 @@
-"""What each kind of board is told to light its lasers and to put them out, and what may pass.
+"""The commands that switch the lasers of each kind of board, and the lines that may pass.
 
 These are the only bytes in turnscan that light a laser. The guard imports this module without the
 rest of turnscan, so it needs nothing but the standard library and pyserial (and, for an
@@ -212,7 +212,7 @@ class LineFilter:
 
 
 def open_port(path: str, baud: int, dtr: bool, library: str = "") -> Any:
-    """Open a serial port for us alone, DTR and RTS as told; raises OSError.
+    """Open a serial port for us alone, DTR and RTS both ``dtr``; raises OSError.
 
     With a ``library`` of PyVISA ``path`` is a VISA resource instead.
     """

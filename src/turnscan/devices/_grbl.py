@@ -56,7 +56,7 @@ class GrblBoard(Board):
         self._acceleration = float(number["$120"])
         self._per_degree = float(per_degree)
         inches = values.get("$13") == "1"  # of reports alone; lines are in G21
-        self._told_in, self._shown = (25.4, 0.00254) if inches else (1.0, 0.001)
+        self._report_unit, self._last_digit = (25.4, 0.00254) if inches else (1.0, 0.001)
         status = self._status()
         locked = status.fields["state"] == "Alarm"
         self._found(self._steps_at(status), locked=locked)
@@ -76,14 +76,14 @@ class GrblBoard(Board):
         self._zeroed = self._unit
 
     def _tolerance(self) -> int:
-        return int(self._shown * self._per_degree)
+        return int(self._last_digit * self._per_degree)
 
     def _steps_at(self, status: Sentence) -> int:
         """Steps of the machine, which no G92 changes."""
         place = status.fields.get("MPos", status.fields.get("WPos"))
         if place is None:
             raise DeviceGarbled(f"{self.setup.port}: no position in {status.text}")
-        return round(float(place.split(",")[0]) * self._told_in * self._per_degree)
+        return round(float(place.split(",")[0]) * self._report_unit * self._per_degree)
 
     def _degrees(self, unit: int) -> float:
         return float(self._steps.degrees_of(unit))
@@ -112,7 +112,7 @@ class GrblBoard(Board):
             raise self._elsewhere(count, unit)
 
     def _finish(self, end: float) -> None:
-        """Wait for the planner to run empty; raises DeviceRefused when told to stop."""
+        """Wait for the planner to run empty; raises DeviceRefused once `stop` was called."""
         self._lines.expect_nothing()
         self._link.write(b"G4 P0\n")
         while (data := self._lines.poll(0.02, end, "'G4 P0'")) is None:

@@ -146,7 +146,7 @@ class Guard:
         """Set while the scanner waits for dark: nothing else is sent any more."""
 
     def run(self) -> int:
-        """Serve until told or forced to end; 0 dark for certain, 4 not, 3 no port."""
+        """Serve until asked or forced to end; 0 dark for certain, 4 not, 3 no port."""
         threading.Thread(target=self._speak, daemon=True).start()
         if self._set.rescue:
             return self.last_word()
@@ -185,24 +185,24 @@ class Guard:
 
         A laser that may be lit keeps it here until dark is confirmed, for `keep_trying` s.
         """
-        begin, terms, told = time.monotonic(), self._terms, False
+        begin, terms, announced = time.monotonic(), self._terms, False
         end = begin + (max(self._set.keep_trying, _SOON) if self._maybe else _SOON)
         while True:
             if self._port is None and not self._sure:
                 with contextlib.suppress(OSError, ValueError):
                     self._open()
             if self._port is not None:
-                self._dark(0, DONE, tries=1 if told or not self._maybe else 3)
+                self._dark(0, DONE, tries=1 if announced or not self._maybe else 3)
             now = time.monotonic()
             if self._sure or now >= end or self._terms > terms:
                 break
             if not self._maybe and self._port is not None:
                 break
-            if self._maybe and now >= begin + _SOON and not told:
-                told = True
+            if self._maybe and now >= begin + _SOON and not announced:
+                announced = True
                 self._tell(b"K", b"")
                 self._inform()
-            self._rest(told)
+            self._rest(announced)
         self._inform()
         if self._informed:
             self._say("given up: the laser may be lit")
@@ -212,7 +212,7 @@ class Guard:
     def _inform(self) -> None:
         """A person hears that the laser may be lit, and that it is dark again; each once.
 
-        From here, as the scanner may have ended, or be unable to say what it was told.
+        From here, as the scanner may have ended, or be unable to pass it on.
         """
         if self._maybe and not self._informed:
             self._informed = True
@@ -493,9 +493,9 @@ def _own_signals(guard: Guard) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     # Python runs a handler only when the main thread wakes, which may be long after; a byte in a
     # socket is there at once, whichever thread the signal hit.
-    heard, told = socket.socketpair()
-    told.setblocking(False)
-    signal.set_wakeup_fd(told.detach())
+    heard, woken = socket.socketpair()
+    woken.setblocking(False)
+    signal.set_wakeup_fd(woken.detach())
     signal.signal(signal.SIGTERM, lambda *_: None)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})

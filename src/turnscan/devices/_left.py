@@ -1,4 +1,4 @@
-"""Where a table was left, noted on this computer: what a board does not know, or cannot prove."""
+"""Where a table was left, noted on this computer: boards do not know it, or cannot prove it."""
 
 from __future__ import annotations
 
@@ -62,15 +62,15 @@ class Left:
             if self.target is None:
                 return self.unit
             return self.target if self.sent else None
-        told = self.base + count
+        counted = self.base + count
         if self.target is None:
-            return self.unit if abs(told - self.unit) <= tolerance else None
-        if told == self.unit and (locked or self.alarmed):
+            return self.unit if abs(counted - self.unit) <= tolerance else None
+        if counted == self.unit and (locked or self.alarmed):
             return self.unit
         low, high = sorted((self.unit, self.target))
-        between = low - tolerance <= told <= high + tolerance
+        between = low - tolerance <= counted <= high + tolerance
         sound = not (locked or self.alarmed) and (count != 0 or watched)
-        return told if between and sound else None
+        return counted if between and sound else None
 
 
 class Ledger:

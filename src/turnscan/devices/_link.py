@@ -50,7 +50,7 @@ _PART = 2048
 _LONGEST_ANSWER = 10.0
 """s; longer than a dark may take that the board never confirms."""
 _LONGEST_END = 15.0
-"""s for a guard to end once it was told to."""
+"""s for a guard to end once it was asked to."""
 CUT = "cut the power of the lasers, then look at the cable and the board"
 
 

@@ -70,9 +70,9 @@ def open_devices(turntable: str, lasers: str | None = None) -> Iterator[Devices]
 
 
 def acknowledge_alarm(address: str) -> tuple[bool, bool]:
-    """A person has looked at the machine of a board: whether it was in an alarm, and whether the
-    angle of its table is still known.
+    """End the alarm of a board whose machine a person has inspected.
 
+    Returns whether it was in an alarm, and whether the angle of its table is still known.
     Raises as `open_turntable`, and InputError for a turntable that has no alarms.
     """
     table: Any = open_turntable(address)

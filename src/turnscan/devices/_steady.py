@@ -87,7 +87,7 @@ class Steady:
         self._hanging: threading.Thread | None = None
 
     @property
-    def told(self) -> str:
+    def retaken(self) -> str:
         """How many pictures had to be taken again and why, with what to do; empty for none."""
         if not self.counts:
             return ""

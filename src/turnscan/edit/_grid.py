@@ -53,7 +53,7 @@ class Stripes:
     """(s,) rad, of the table."""
     stripes: tuple[Stripe, ...]
     angle_sigma: Floats | None = None
-    """(s,) rad, standard uncertainties of the angles, NaN where nobody knows; None: of none."""
+    """(s,) rad, standard uncertainties of the angles, NaN where not known; None where none is."""
 
     def without(self, gone: set[int]) -> Stripes:
         """The same without these steps."""

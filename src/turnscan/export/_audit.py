@@ -49,9 +49,9 @@ def audit(
             found = _dxf(content, what, options, profiles)
             if _errors(found):
                 return found
-            # Several forms hold the surface several times, with the same corners: one is judged.
+            # Several forms hold the same triangles several times: one is examined.
             forms = (content.faces, content.polyfaces, content.meshes)
-            one = next((corners for corners in forms if len(corners)), None)
+            one = next((triangles for triangles in forms if len(triangles)), None)
             seen = [] if one is None else less_sound(soup("DXF", one), what)
             return found + _by_ezdxf(data) + seen
         read = exporter_for(suffix).read(data)
@@ -76,7 +76,7 @@ def audit(
 
 
 def _unmarked(what: Mesh | PointCloud) -> list[Finding]:
-    """That an STL does not tell the faces that were not measured, where there are some."""
+    """That an STL does not mark the faces that were not measured, where there are some."""
     if not isinstance(what, Mesh) or what.measured is None or what.measured.all():
         return []
     text = f"{int((~what.measured).sum())} faces were not measured; an STL cannot say which"
@@ -84,7 +84,7 @@ def _unmarked(what: Mesh | PointCloud) -> list[Finding]:
 
 
 def less_sound(read: Mesh, what: Mesh | PointCloud | Profiles) -> list[Finding]:
-    """What is not sound about a mesh as it was read, and was about the one that was written.
+    """What is not sound about a mesh as it was read, but was about the one that was written.
 
     Formats round, and those without vertices join equal vertices. A file of points alone has
     nothing that could be sound.
@@ -97,7 +97,7 @@ def less_sound(read: Mesh, what: Mesh | PointCloud | Profiles) -> list[Finding]:
     before = {f.code for f in soundness(what)} if now else set()
     found = [replace(f, remedy=_THINNER) for f in now if f.code not in before]
     if is_closed(what) and not is_closed(read):
-        text = "the surface is closed, and open in this file"
+        text = "the surface is closed, but open in this file"
         found.append(Finding("surface.open", "warning", text, "", _THINNER))
     return found
 

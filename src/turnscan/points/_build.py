@@ -109,7 +109,7 @@ def _doubted(
         return np.asarray(np.einsum("sji,snj->sni", turn, whole))
 
     aside, sheets = back(next_ray), back(sheet.gradient(camera))
-    told = wholeness(
+    light = wholeness(
         Light(
             grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed
         )
@@ -117,14 +117,14 @@ def _doubted(
     ray = grid.points - grid.eyes[:, None]
     slope = np.einsum("sni,sni->sn", sheets, aside) / np.einsum("sni,sni->sn", sheets, ray)
     along = aside - ray * slope[..., None]
-    carried = np.hypot(grid.points[..., 0], grid.points[..., 1]) * shaky[:, None] * told.slide
-    # What its own surface element told does not hang on the stripe's width.
+    carried = np.hypot(grid.points[..., 0], grid.points[..., 1]) * shaky[:, None] * light.slide
+    # A centre that was refined by its own surface element does not depend on the stripe's width.
     single = (grid.flags & StripeFlag.REFINED) == 0
-    edge = np.where(told.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
+    edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     return replace(
         grid,
-        points=grid.points - along * (told.shift * single)[..., None],
-        sigma=np.sqrt(grid.sigma**2 + (told.doubt * single * scale) ** 2 + carried**2),
+        points=grid.points - along * (light.shift * single)[..., None],
+        sigma=np.sqrt(grid.sigma**2 + (light.doubt * single * scale) ** 2 + carried**2),
         flags=(grid.flags | edge).astype(np.uint16),
     )
 

@@ -36,7 +36,7 @@ def grid_findings(
 ) -> list[Finding]:
     """Findings on one laser's points: ``grid`` as triangulated, ``clipped`` as kept.
 
-    ``strategy`` is how the stripes were measured, lest it be advised again.
+    ``strategy`` is how the stripes were measured, so that it is not recommended again.
     """
     where = f"laser {grid.laser}"
     before, after = int(grid.found.sum()), int(clipped.found.sum())
@@ -69,7 +69,9 @@ def grid_findings(
         if share >= _SHARE:
             text = f"{share:.0%} of the points {what}"
             if bit == StripeFlag.HALO and strategy == "blais-rioux":
-                remedy = "their core is measured already; light from the other side, or powder"
+                remedy = (
+                    "the core is measured already; light the other side, or matt it with powder"
+                )
             out.append(Finding(f"points.{word}", "note", text, where, remedy))
     return out
 
@@ -129,8 +131,8 @@ def together_findings(
 
 
 def swept_findings(laser: str, swept: Swept, asked: bool) -> list[Finding]:
-    """Findings on the space-time refinement of a laser; nothing where it could not be and nobody
-    ``asked`` for it.
+    """Findings on the space-time refinement of a laser; none where it was neither possible nor
+    ``asked`` for.
     """
     where = f"laser {laser}"
     if swept.refined.any():
@@ -143,12 +145,14 @@ def swept_findings(laser: str, swept: Swept, asked: bool) -> list[Finding]:
         return [Finding("points.refined", "note", text, where)]
     if not asked or np.isnan(swept.arc):
         return []
-    why = f"no point refined: a step moves the surface by {swept.arc:.2f} mm through light that is "
+    why = f"no point refined: a step moves the surface by {swept.arc:.2f} mm; "
     if swept.arc > swept.most:
-        text = f"{why}so thin that {swept.most:.2f} mm is the most"
+        text = f"{why}at most {swept.most:.2f} mm is possible with a sheet of light this thin"
         remedy = f"take {swept.arc / swept.most:.1f} times as many steps, or leave --refine out"
     else:
-        text = f"{why}{swept.thickness:.2f} mm thick: what turns that near the axis stays in it"
+        text = (
+            f"{why}so near the axis it stays in the sheet of light, {swept.thickness:.2f} mm thick"
+        )
         remedy = "place the part further out, or leave --refine out"
     return [Finding("points.not-refined", "warning", text, where, remedy)]
 

@@ -130,16 +130,16 @@ def _lay_out(w: Walk, at: Floats, known: Floats, height: Floats) -> Ints:
     cum = np.cumsum(size + 1) - size - 1
     begins, index = np.unique(profile, return_inverse=True)
     start = cum - cum[np.searchsorted(profile, begins)][index]
-    wish = np.full(len(size), np.nan)
+    wanted = np.full(len(size), np.nan)
     if len(known):
         index = np.searchsorted(at, known)
         of, which = np.unique(run[index], return_index=True)
         falls = np.sum(np.where(w.begins, 0.0, np.diff(w.height, prepend=w.height[0]))) <= 0
-        wish[of] = (-height if falls else height)[which] - (index[which] - first[of])
-    low = np.nanmin(wish) if len(known) else 0.0
-    wish = np.where(np.isnan(wish), start, wish - low)
+        wanted[of] = (-height if falls else height)[which] - (index[which] - first[of])
+    low = np.nanmin(wanted) if len(known) else 0.0
+    wanted = np.where(np.isnan(wanted), start, wanted - low)
     # The furthest shift so far, profile by profile.
-    far = (np.abs(wish - start).max() + 1.0) * 2
-    shift = np.maximum.accumulate(wish - start + profile * far) - profile * far
+    far = (np.abs(wanted - start).max() + 1.0) * 2
+    shift = np.maximum.accumulate(wanted - start + profile * far) - profile * far
     begin = start + np.round(np.maximum(shift, 0.0)).astype(np.intp)
     return np.asarray(begin[run] + np.arange(len(at)) - first[run], dtype=np.int32)

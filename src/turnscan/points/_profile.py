@@ -101,8 +101,8 @@ def resample(
     By height they lie at common heights z = k·spacing, each time the profile passes one, and at
     equal arc length where it would go on for two spacings without; by arc at equal arc length
     along each unbroken run, from its first point on. A point nearer than a quarter of the spacing
-    to one that stays is left out. New points lie on the segment between
-    two neighbours of one run, never across a gap; their sigma comes from those two.
+    to one that stays is left out. New points lie on the segment between two neighbours of one run,
+    never across a gap; their sigma comes from those two.
 
     ``joined`` (s, n) is True where a run leads from the line before to this one; without it runs
     end as in `profiles`. ``stays`` (s, n) names points that stay where they are. The places of the

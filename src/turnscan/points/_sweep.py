@@ -28,7 +28,7 @@ _MOST = 16
 _CHUNK = 16
 """Frames that are refined at once."""
 _PROBES, _ROUNDS = 5, 4
-"""Frames that tell how thick the sheet is, and how often they are asked."""
+"""Frames by which the thickness of the sheet is measured, and rounds of that."""
 _START = 1.5
 """Thickness to begin with, in that of the stripe: next to brightness steps it looks thinner."""
 _SURE, _FAR = 1.5, 3.0
@@ -152,8 +152,9 @@ class _Places:
     width: float
     """mm rms of the sheet, as wide as the stripe looks; median."""
     arc: float
-    """mm through the sheet in a step, median; its twentieth part is the next."""
+    """mm through the sheet in a step, median."""
     slow: float
+    """The same, 5 % quantile: elements near the axis, which stay in the light for longest."""
     top: int
     """First line of the pieces of pictures that are needed: where the stripe is, and as far beside
     it as an element runs while it is lit."""

@@ -30,7 +30,7 @@ FLAT, STEEP = 0.3, 1.2
 """Imbalance, px, per px that a centre is off: about 1, and more only where brightness jumps, which
 makes nothing more certain."""
 FIRST_MOVE = 0.05
-"""px: a shorter first step would not tell the slope."""
+"""px: a shorter first step would not show the slope."""
 LONGEST, FARTHEST = 1.0, 3.0
 """A step, and all of them together, in thicknesses."""
 BLUR = 0.3

@@ -143,16 +143,16 @@ class Examination:
         self._turn_to(0.0)
         start, again = self._line(laser), self._line(laser)
         way = self._outlines(tick)
-        told = [360.0 / part for part in reversed(_PARTS)] + [360.0 + look for look in _LOOKS_DEG]
+        stops = [360.0 / part for part in reversed(_PARTS)] + [360.0 + look for look in _LOOKS_DEG]
         apart = []
-        for degrees in told:
+        for degrees in stops:
             self._turn_to(degrees)
             apart.append(_distance(self._line(laser), start))
             tick()
-        degrees, telling = _comes_round(told, apart, _distance(again, start))
+        degrees, telling = _comes_round(stops, apart, _distance(again, start))
         if self._is_round and (way is None or not telling):
             # Outlines of a part that is round and in the middle are alike but for their pixels.
-            way = self._drifts(told[-1])
+            way = self._drifts(stops[-1])
         return Turn(way, degrees, telling)
 
     def _turn_to(self, degrees: float) -> None:
@@ -212,13 +212,13 @@ class Examination:
         return detect(signal.project(lit), signal.project(dark))
 
 
-def _comes_round(told: list[float], apart: list[float], least: float) -> tuple[float, bool]:
-    """Degrees told for which the view is that of the start again, and whether views tell it.
+def _comes_round(stops: list[float], apart: list[float], least: float) -> tuple[float, bool]:
+    """The stop, degrees, at which the view is that of the start again, and whether views show it.
 
     They do where the part is seen to differ from side to side, and comes round once: one that is
     the same after half of it, or a third, is symmetric, or turned by several turns.
     """
-    views = dict(zip(told, apart, strict=True))
+    views = dict(zip(stops, apart, strict=True))
     most = max(apart)
     if most < max(0.5, 5.0 * least):
         return math.nan, False
@@ -230,7 +230,7 @@ def _comes_round(told: list[float], apart: list[float], least: float) -> tuple[f
         return math.nan, False
     close = [a for t, a in near.items() if abs(t - best) <= _TURN_WITHIN_DEG]
     if max(close) - least > _SMOOTH * (most - least):
-        return math.nan, True  # by chance: a table that turns much farther than it is told
+        return math.nan, True  # by chance: a table that turns much farther than it should
     # Where the part changes little near there, several views are as good as the best.
     alike = [t for t, a in near.items() if a <= near[best] + _SAME * max(near.values())]
     whole = min(alike) - _TURN_WITHIN_DEG <= 360.0 <= max(alike) + _TURN_WITHIN_DEG

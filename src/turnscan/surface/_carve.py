@@ -15,7 +15,7 @@ from turnscan.surface._range_surface import RangeSurface
 _NOISE = 6.0
 """Sigma that a point has to lie behind a face for its ray to have passed through it …"""
 _ROOM = 0.5
-"""… on top of this part of the face's longest side."""
+"""… on top of this part of the face's longest edge."""
 _ROUNDS = 8
 """Faces that one ray may pass through."""
 _ON = 0.02
@@ -25,9 +25,10 @@ _ON = 0.02
 def carved(surfaces: Sequence[RangeSurface], most: float) -> tuple[list[RangeSurface], int]:
     """The surfaces without the faces that a camera looked through, and how many those were.
 
-    Asked are the faces on which nothing was measured: where the surface may be further than
-    ``most`` mm off between its profiles. One goes where a point that any of the surfaces measured
-    was seen through it, from further behind than half its longest side and six sigma explain.
+    Examined are the faces on which nothing was measured: where the surface may be further than
+    ``most`` mm off between its profiles. One is removed where a point that any of the surfaces
+    measured was seen through it, from further behind than half its longest edge and six sigma
+    explain.
     Source: space carving (Curless & Levoy 1996, §4), with single rays.
     """
     doubted = [s.between()[s.mesh.faces].max(axis=1) > most for s in surfaces]

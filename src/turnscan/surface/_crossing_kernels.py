@@ -15,7 +15,7 @@ _FLAT = 1e-12
 
 @njit(cache=True, nogil=True)
 def crossings(corners: Any, numbers: Any, asked: Any, low: Any, high: Any, most: int) -> Any:
-    """Pairs (k, 2) of triangles (f, 3, 3) that have more than common corners and sides in common.
+    """Pairs (k, 2) of triangles (f, 3, 3) that have more in common than vertices and edges.
 
     ``numbers`` (f, 3) are the vertices; only pairs with a triangle ``asked`` (f,) for are looked
     for, and no more than ``most`` of them. ``low`` and ``high`` are the boxes of a heap over the

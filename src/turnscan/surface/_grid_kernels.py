@@ -93,7 +93,7 @@ def usual(
 
 @njit(cache=True, nogil=True)
 def _alike(points: Any, a: int, b: int, c: int, d: int, j: int, cos_bend: float) -> bool:
-    """Whether the sides from step a to b and from c to d of one line are alike."""
+    """Whether the edges from step a to b and from c to d of one line are alike."""
     uu, vv, uv = 0.0, 0.0, 0.0
     for i in range(3):
         u = points[b, j, i] - points[a, j, i]
@@ -105,8 +105,8 @@ def _alike(points: Any, a: int, b: int, c: int, d: int, j: int, cos_bend: float)
 
 @njit(cache=True, nogil=True)
 def leaps(points: Any, to_step: Any, most: Any, closed: bool, cos_bend: float) -> Any:
-    """(s, n) True for sides to the next step that are longer than ``most`` (s, n) mm and lead on
-    from nothing: neither the side before nor the side after is alike in length and direction."""
+    """(s, n) True for edges to the next step that are longer than ``most`` (s, n) mm and continue
+    none: neither the edge before nor the one after is alike in length and direction."""
     s, n = to_step.shape
     out = np.zeros((s, n), dtype=np.bool_)
     for k in range(s):

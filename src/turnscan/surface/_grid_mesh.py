@@ -14,7 +14,7 @@ from turnscan.surface._noise import noise, spacing
 _LEAST = 0.5
 """Part of the even spacing below which no local one is believed: what is denser is not torn."""
 _LEAP = 2.2
-"""A side between profiles longer than this many even spacings has to lead on from one like it …"""
+"""An edge between profiles longer than this many even spacings has to continue one like it …"""
 _BEND = float(np.cos(np.deg2rad(25.0)))
 """… in the profiles before or after, bent by no more than this."""
 _TRUSTED = 3.0
@@ -78,7 +78,7 @@ def thin(grid: RangeGrid, along: Along | None, tears: Tears | None = None) -> Ra
     if along is None:
         return grid
     joined, ends = kernels.joints(
-        kernels.corners(_quads(grid, tears or Tears()), *grid.flags.shape)
+        kernels.used_vertices(_quads(grid, tears or Tears()), *grid.flags.shape)
     )
     return resample(grid, along, joined=joined, stays=ends)
 
@@ -88,10 +88,9 @@ def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints]:
     from turnscan.surface import _grid_kernels as kernels
 
     s, n = grid.flags.shape
-    eyes = np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes
     faces = _quads(grid, tears) if grid.origin is None else _strips(grid, grid.origin, tears)
     points = grid.points.reshape(s * n, 3)
-    if _inward(points, faces, eyes, n) < 0:
+    if _inward(points, faces, _eyes(grid), n) < 0:
         faces = np.ascontiguousarray(faces[:, ::-1])
     flat, faces = kernels.compact(faces, s * n)
     return points[flat], faces, flat
@@ -101,19 +100,25 @@ def _strips(grid: RangeGrid, origin: Origin, tears: Tears) -> Ints:
     """(f, 3) faces of a resampled grid: they cover what those of its origin cover."""
     from turnscan.surface import _strip_kernels as kernels
 
-    side = np.zeros(grid.flags.shape, np.bool_) if grid.behind is None else grid.behind
-    used = kernels.corners(_quads(origin.grid, tears), *origin.grid.flags.shape)
-    faces: Ints = kernels.zipped(grid.points, origin.lines, side, used)
+    used = kernels.used_vertices(_quads(origin.grid, tears), *origin.grid.flags.shape)
+    faces: Ints = kernels.zipped(grid.points, origin.lines, _behind(grid), used)
     return faces
+
+
+def _behind(grid: RangeGrid) -> Bools:
+    return np.zeros(grid.flags.shape, np.bool_) if grid.behind is None else grid.behind
+
+
+def _eyes(grid: RangeGrid) -> Floats:
+    return np.full((len(grid.steps), 3), np.nan) if grid.eyes is None else grid.eyes
 
 
 def _quads(grid: RangeGrid, tears: Tears) -> Ints:
     """(f, 3) faces of a grid as it was measured, in its own winding, of flat indices."""
     from turnscan.surface import _grid_kernels as kernels
 
-    s, n = grid.flags.shape
-    side = np.zeros((s, n), dtype=np.bool_) if grid.behind is None else grid.behind
-    closed = grid.closed and s >= 3
+    side = _behind(grid)
+    closed = grid.closed and len(grid.steps) >= 3
     to_step, to_line = kernels.edges(grid.points, side, closed)
     step, line = (np.maximum(even, 1e-12) for even in spacing(grid))
     believed = noise(grid)
@@ -128,7 +133,7 @@ def _quads(grid: RangeGrid, tears: Tears) -> Ints:
         believed,
         np.minimum(grid.sigma, _TRUSTED * _median(grid.sigma)),
         side,
-        np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes,
+        _eyes(grid),
         to_step,
         to_line,
         kernels.usual(to_step, step, True, closed, _LEAST, most),

@@ -67,7 +67,7 @@ def merge(
     found = overlaps(surfaces)
     findings = [*apart_findings(there, surfaces, found), *overlap_findings(found)]
     if through:
-        text = f"{through} faces between profiles are left out: a camera looked through them"
+        text = f"{through} faces between profiles are removed: a camera saw points behind them"
         findings.append(Finding("surface.through", "note", text))
     turns = all(len(g.angles) > 2 and np.ptp(g.angles) > 0 for g in there)
     if how == "grid" and not turns:
@@ -90,7 +90,7 @@ def merge(
     ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
     text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
     if along is not None:
-        text += "; the spacing along profiles is for their points alone"
+        text += "; the spacing along profiles has no effect on it"
     findings.append(Finding("surface.merge", "note", text, "", "other ways: --merge grid|paste"))
     mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, max(size, 3 * sigma))
     mesh, lost = _witnessed(mesh, surfaces, size)
@@ -100,7 +100,7 @@ def merge(
 def _witnessed(
     mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float
 ) -> tuple[Mesh, list[Finding]]:
-    """The mesh without the faces at vertices that no measured surface bears out.
+    """The mesh without the faces at vertices that no measured surface confirms.
 
     Faces that close a seam are not measured, and need no witness.
     """
@@ -111,7 +111,7 @@ def _witnessed(
         good |= made
     if good.all():
         return mesh, []
-    text = f"{int((~good).sum())} places that no laser measured are left out"
+    text = f"{int((~good).sum())} vertices far from every measured surface are removed"
     x, y, z = np.median(mesh.vertices[~good], axis=0)
     where = f"about ({x:.0f}, {y:.0f}, {z:.0f}) mm"
     kept = submesh(mesh, np.asarray(good[mesh.faces].all(axis=1)))

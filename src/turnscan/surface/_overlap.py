@@ -107,10 +107,7 @@ class _Woven:
     def of(cls, s: RangeSurface) -> _Woven:
         from turnscan.surface import _overlap_kernels as kernels
 
-        p, X, faces = s.mesh.provenance, s.mesh.vertices, s.mesh.faces
-        if p is None:
-            raise TypeError("the mesh of a grid knows its steps")
-        rank = np.unique(p.step, return_inverse=True)[1].astype(np.int32)
+        X, faces = s.mesh.vertices, s.mesh.faces
         before, after = s.neighbours
         second = kernels.differences(X, before, after)
         fourth = kernels.differences(second, before, after)
@@ -120,7 +117,7 @@ class _Woven:
             most = _KINK * _FOURTH * np.abs(np.einsum("ij,ij->i", s.normals, noise))
             smooth = kernels.inner(faces, len(X)) & (bend <= most)
         start, numbers = kernels.about(faces, len(X))
-        return cls(s, start, numbers, rank, before, after, second, smooth, noise)
+        return cls(s, start, numbers, s.ranks, before, after, second, smooth, noise)
 
 
 def _compared(one: _Woven, other: _Woven, a: Ints, b: Ints) -> Overlap | None:

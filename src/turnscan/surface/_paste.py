@@ -78,8 +78,8 @@ def measured(mesh: Mesh) -> Bools:
 def measured_vertices(mesh: Mesh) -> Bools:
     """(v,) True for the vertices that were measured: part of a measured face, and not added.
 
-    Files without provenance tell of their faces alone. There the platter's plane under a part that
-    was closed, whose faces count as measured, is known by lying exactly level below all else.
+    Files without provenance mark faces alone. There the platter's plane under a part that was
+    closed, whose faces count as measured, is recognised as what lies exactly level below all else.
     """
     own = np.zeros(len(mesh.vertices), dtype=np.bool_)
     if not len(mesh.faces):

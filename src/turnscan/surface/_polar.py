@@ -69,6 +69,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     """
     from turnscan.surface import _face_kernels as faces
     from turnscan.surface import _polar_kernels as kernels
+    from turnscan.surface._variance_kernels import Vertices
 
     between = [s.between(radial=True) for s in surfaces]
     columns = _columns(surfaces, steps, rise)
@@ -85,10 +86,16 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         known = s.sigma[s.sigma > 0]
         alike = max(3 * rise, 6 * float(np.median(known)) if len(known) else 0.0)
         more = kernels.raster(
-            _turns(X), X, s.mesh.faces, np.maximum(s.cosine, 0.05), s.sigma, between[i],
-            _ranks(s), columns, bottom, rise, alike,
-            radius[i], weight[i], noise[i], spread[i], source[i],
-        )  # fmt: skip
+            Vertices(X, s.sigma, between[i], s.ranks),
+            _turns(X),
+            np.maximum(s.cosine, 0.05),
+            s.mesh.faces,
+            columns,
+            bottom,
+            rise,
+            alike,
+            kernels.Cells(radius[i], weight[i], noise[i], spread[i], source[i]),
+        )
         met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
         both = faces.level(X, s.mesh.faces, s.normals, _FLAT)
         area, level = area + both[0], level + both[1]
@@ -103,11 +110,6 @@ def _turns(X: Floats) -> Floats:
     return np.asarray(np.arctan2(X[:, 1], X[:, 0]) / (2 * np.pi) % 1.0)
 
 
-def _ranks(s: RangeSurface) -> Ints:
-    p = s.mesh.provenance
-    return np.zeros(len(s.mesh.vertices), np.int32) if p is None else p.step
-
-
 def _columns(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Floats:
     """(s,) where cells stand round the turn, in turns."""
     reach = np.concatenate([np.hypot(*s.mesh.vertices[:, :2].T) for s in surfaces])
@@ -115,10 +117,9 @@ def _columns(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Float
         return np.arange(steps) / steps
     places = []
     for s in surfaces:
-        turn, rank = _turns(s.mesh.vertices), _ranks(s)
-        _, which = np.unique(rank, return_inverse=True)
+        turn = _turns(s.mesh.vertices)
         ray = np.exp(2j * np.pi * turn)
-        middle = np.bincount(which, ray.real) + 1j * np.bincount(which, ray.imag)
+        middle = np.bincount(s.ranks, ray.real) + 1j * np.bincount(s.ranks, ray.imag)
         places.append(np.angle(middle) / (2 * np.pi) % 1.0)
     every = np.sort(np.concatenate(places))
     apart = np.diff(every, prepend=every[-1] - 1.0) > _SAME / steps

@@ -3,47 +3,56 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from turnscan.compiled import njit
+from turnscan.surface._variance_kernels import Vertices, variances
+
+
+class Cells(NamedTuple):
+    """What is known of one surface in each cell (s, n) of angle and height."""
+
+    radius: Any
+    """mm, NaN where the cell was not met."""
+    weight: Any
+    """cos(incidence)/spread², 0 where the cell was not met."""
+    noise: Any
+    """mm: what the sigma of the vertices makes of the radius."""
+    spread: Any
+    """mm: that and what the surface may do between its profiles."""
+    source: Any
+    """The nearest vertex, −1 where the cell was not met."""
 
 
 @njit(cache=True, nogil=True)
 def raster(
+    vertices: Vertices,
     around: Any,
-    points: Any,
-    faces: Any,
     cosine: Any,
-    sigma: Any,
-    between: Any,
-    step: Any,
+    faces: Any,
     columns: Any,
     bottom: float,
     rise: float,
     alike: float,
-    radius: Any,
-    strength: Any,
-    noise: Any,
-    spread: Any,
-    source: Any,
+    cells: Cells,
 ) -> tuple[int, int]:
-    """Radius of a mesh in every cell of angle and height: fills five (s, n) arrays.
+    """Fill the ``cells`` with the radius of a mesh at every angle and height.
 
     ``around`` (v,) are the vertices' angles and ``columns`` (s,) those of the cells, both in turns,
-    from 0 to 1, the columns ascending. ``noise`` is what the sigma of a face's corners makes of it,
-    ``spread`` that and what the surface may do ``between`` (v,) its profiles, none of it on them
-    and all half-way. Where a cell is met twice the stronger face (cosine / spread²) counts. Gives
-    how many cells were met, and how often at a radius more than ``alike`` mm away.
+    from 0 to 1, the columns ascending. Where a cell is met twice the face of more weight counts.
+    Returns how many cells were met, and how often at a radius more than ``alike`` mm away.
     """
+    points, sigma, between, step = vertices
+    radius, weight, noise, spread, source = cells
     s, n = radius.shape
     met, clashes = 0, 0
     away = np.hypot(points[:, 0], points[:, 1])
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         xa, xb, xc = around[a], around[b], around[c]
-        # The face lies where its corners are nearest to the first, across the seam too.
+        # The face lies where its vertices are nearest to the first, across the seam too.
         xb -= np.round(xb - xa)
         xc -= np.round(xc - xa)
         za = (points[a, 2] - bottom) / rise
@@ -56,7 +65,6 @@ def raster(
         ra, rb, rc = away[a], away[b], away[c]
         low = max(0, int(np.ceil(min(za, zb, zc) - 1e-9)))
         high = min(n - 1, int(np.floor(max(za, zb, zc) + 1e-9)))
-        gap = max(between[a], between[b], between[c])
         whole = np.floor(left - 1e-9)
         k = np.searchsorted(columns, left - 1e-9 - whole)
         while True:
@@ -72,19 +80,17 @@ def raster(
                 if u < -1e-6 or v < -1e-6 or w < -1e-6:
                     continue
                 r = w * ra + u * rb + v * rc
-                part = w + (u if step[b] == step[a] else 0.0) + (v if step[c] == step[a] else 0.0)
-                own = (w * sigma[a]) ** 2 + (u * sigma[b]) ** 2 + (v * sigma[c]) ** 2
-                wide = own + (4.0 * part * (1.0 - part) * gap) ** 2
+                own, wide = variances(faces[f], u, v, sigma, between, step)
                 strong = (w * cosine[a] + u * cosine[b] + v * cosine[c]) / max(wide, 1e-12)
                 if np.isnan(radius[k, z]):
                     met += 1
                 else:
                     if abs(r - radius[k, z]) > alike:
                         clashes += 1
-                    if strong <= strength[k, z]:
+                    if strong <= weight[k, z]:
                         continue
                 radius[k, z] = r
-                strength[k, z] = strong
+                weight[k, z] = strong
                 noise[k, z] = np.sqrt(own)
                 spread[k, z] = np.sqrt(wide)
                 source[k, z] = a if w >= u and w >= v else (b if u >= v else c)

@@ -13,7 +13,7 @@ from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.rig import rotation_z
 from turnscan.surface._grid_mesh import Tears, mesh_grid, vertex_normals
-from turnscan.surface._mesh import Mesh
+from turnscan.surface._mesh import Mesh, Provenance
 
 _ROUNDS = 4
 """Rings of neighbours that a normal is averaged over."""
@@ -53,6 +53,14 @@ class RangeSurface:
         return np.where(sigma > 0, sigma, usual)
 
     @cached_property
+    def ranks(self) -> Ints:
+        """(v,) the profile of each vertex, numbered from 0 in the order of their steps.
+
+        Raises TypeError for a mesh that does not know its steps.
+        """
+        return np.unique(self._known().step, return_inverse=True)[1].astype(np.int32)
+
+    @cached_property
     def neighbours(self) -> tuple[Ints, Ints]:
         """(v,) twice: the vertex on the same line of the profile before and after; −1: none.
 
@@ -60,19 +68,22 @@ class RangeSurface:
         """
         from turnscan.surface import _overlap_kernels as kernels
 
-        p = self.mesh.provenance
-        if p is None:
-            raise TypeError("the mesh of a grid knows its steps")
-        rank = np.unique(p.step, return_inverse=True)[1].astype(np.int32)
-        before, after = kernels.next_profile(self.mesh.faces, rank, p.line)
+        p = self._known()
+        before, after = kernels.next_profile(self.mesh.faces, self.ranks, p.line)
         return before, after
+
+    def _known(self) -> Provenance:
+        if self.mesh.provenance is None:
+            raise TypeError("the mesh of a grid knows its steps")
+        return self.mesh.provenance
 
     def between(self, radial: bool = False) -> Floats:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
         An eighth of its second difference from profile to profile, along the normal (``radial``:
         of its radius), which is the sagitta of what bends evenly. Where there are not three
-        profiles in a row nothing is known of the bend; there it is an eighth of the usual side.
+        profiles in a row nothing is known of the bend; there it is an eighth of the usual distance
+        between two profiles.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
         if radial:

@@ -1,4 +1,4 @@
-"""Settle: a mesh whose corners every file format can hold, without faces too thin for that."""
+"""Settle: a mesh whose vertices every file format can hold, without faces too thin for that."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from turnscan.surface._soundness import crossings
 
 _BITS = 21
 """Steps of the lattice to the farthest coordinate, as a power of two: three bits fewer than a
-32-bit number holds, so that an STL keeps each corner, and a text of six decimals nearly so."""
+32-bit number holds, so that an STL keeps each vertex, and a text of six decimals nearly so."""
 _THIN = 2.0
 """Steps of the lattice below which a face is too thin: rounding would turn it over."""
 _NUDGE = 4.0
-"""Steps by which a corner moves away from another one at its place."""
+"""Steps by which a vertex moves away from another one at its place."""
 _ROUNDS = 12
 _ALONG = 0.2
-"""Cosine of the angle by which a face may turn when one of its corners goes."""
+"""Cosine of the angle by which a face may turn when one of its vertices goes."""
 
 
 def lattice(mesh: Mesh) -> float:
-    """mm between the places that corners are put to: a power of two, 0.06 µm for parts of 128 mm,
+    """mm between the places that vertices are put to: a power of two, 0.06 µm for parts of 128 mm,
     far below what is measured.
     """
     far = float(np.abs(mesh.vertices).max(initial=0.0))
@@ -36,9 +36,9 @@ def lattice(mesh: Mesh) -> float:
 def settled(mesh: Mesh) -> Mesh:
     """The mesh as STL, PLY, OBJ, 3MF, DXF and GLB can all carry it: what is sound stays sound.
 
-    All corners go to the nearest place of a `lattice`. Faces thinner than two of its steps, which
-    rounding would turn over or leave without area, go: their short side is collapsed, or their
-    long one is flipped, where the surface hangs together as it did. A corner at the place of
+    All vertices go to the nearest place of a `lattice`. Faces thinner than two of its steps, which
+    rounding would turn over or leave without area, are removed: their short edge is collapsed, or
+    their long one is flipped, where that leaves the topology as it was. A vertex at the place of
     another one moves four steps inward, so that surfaces that touch do not become one. Where a
     closed surface cuts through itself after that, the place is made anew (`mend`). What cannot be
     repaired stays; `soundness` says where.
@@ -62,7 +62,7 @@ def _closed(mesh: Mesh) -> bool:
 
 
 def _placed(mesh: Mesh) -> Mesh:
-    """The mesh with its corners on the lattice, no two of them at one place."""
+    """The mesh with its vertices on the lattice, no two of them at one place."""
     step = lattice(mesh)
     places = np.round(mesh.vertices / step)
     used = np.zeros(len(places), dtype=np.bool_)
@@ -108,7 +108,7 @@ def _turned(t: Floats) -> Floats:
 
 
 class _Net:
-    """Faces that know what is about their corners, for a few repairs among many faces."""
+    """A mesh with the faces about each vertex, for a few repairs among many faces."""
 
     def __init__(self, mesh: Mesh, least: float) -> None:
         self.points, self.faces = mesh.vertices, mesh.faces.copy()
@@ -159,7 +159,7 @@ class _Net:
         return bool(n @ m > _ALONG * np.linalg.norm(n) * np.linalg.norm(m))
 
     def _collapse(self, gone: int, to: int) -> bool:
-        """Move a corner into another one along a side, where all hangs together as before."""
+        """Move a vertex into another one along an edge, where the topology stays as it was."""
         shared = self._of(gone) & self._of(to)
         thirds = {int(w) for f in shared for w in self.faces[f]} - {gone, to}
         common = self._neighbours(gone) & self._neighbours(to)
@@ -184,7 +184,7 @@ class _Net:
         return True
 
     def _flip(self, f: int, a: int, b: int, top: int) -> bool:
-        """Turn the side a–b of face ``f``, whose third corner is ``top``, the other way."""
+        """Flip the edge a–b of face ``f``, whose third vertex is ``top``."""
         other = (self._of(a) & self._of(b)) - {f}
         if len(other) != 1:
             return False

@@ -13,8 +13,8 @@ from turnscan.surface._topology import fans_about
 _THIN = 1e-9
 """A face has no area where its height is less than this share of its longest side."""
 _PAIRS = 16
-"""Pairs of faces that cut through each other are looked for up to so many times the faces: in a
-heap of loose faces they are millions, and nobody needs them all."""
+"""Times the number of faces: the most pairs of faces that cut through each other to search for.
+A heap of loose faces has millions, and nobody needs them all."""
 
 
 def soundness(mesh: Mesh) -> list[Finding]:

@@ -11,9 +11,9 @@ from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def corners(faces: Any, s: int, n: int) -> Any:
+def used_vertices(faces: Any, s: int, n: int) -> Any:
     """(s, n, 4) True where the faces (f, 3) between profile k and the next, and between line j and
-    the next, use the corners (k, j), (k, j + 1), (k + 1, j) and (k + 1, j + 1) of their quad.
+    the next, use the vertices (k, j), (k, j + 1), (k + 1, j) and (k + 1, j + 1) of their quad.
     """
     used = np.zeros((s, n, 4), dtype=np.bool_)
     for f in range(len(faces)):
@@ -32,41 +32,48 @@ def corners(faces: Any, s: int, n: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _chain(used: Any, j: int) -> int:
-    """The last quad of the chain of faces that begins at quad ``j`` of a strip (n, 4)."""
+def _next_chain(used: Any, j: int) -> tuple[int, int, int, int, int, int]:
+    """The next chain of faces in a strip (n, 4), from quad ``j`` on.
+
+    Gives its first and last quad, the lines at which its border begins and ends on the profile, and
+    those on the next profile. The first quad is n where no chain is left.
+    """
     n = len(used)
-    while j + 1 < n and used[j, 1] and used[j, 3] and used[j + 1, 0] and used[j + 1, 2]:
+    while j < n and not (used[j, 0] or used[j, 1]):
         j += 1
-    return j
+    if j == n:
+        return n, n, n, n, n, n
+    last = j
+    while last + 1 < n and (
+        used[last, 1] and used[last, 3] and used[last + 1, 0] and used[last + 1, 2]
+    ):
+        last += 1
+    begin = j if used[j, 0] else j + 1
+    begin_next = j if used[j, 2] else j + 1
+    end = last + 1 if used[last, 1] else last
+    end_next = last + 1 if used[last, 3] else last
+    return j, last, begin, end, begin_next, end_next
 
 
 @njit(cache=True, nogil=True)
 def joints(used: Any) -> tuple[Any, Any]:
     """Where profiles are one with the line before, and which of their points end a chain of faces.
 
-    Both (s, n); of the corners (s, n, 4) that faces use.
+    Both (s, n); of the vertices (s, n, 4) that faces use, as `used_vertices` gives them.
     """
     s, n, _ = used.shape
     joined = np.zeros((s, n), dtype=np.bool_)
     ends = np.zeros((s, n), dtype=np.bool_)
     for k in range(s):
         k1 = (k + 1) % s
-        j = 0
+        j, last, begin, end, begin_next, end_next = _next_chain(used[k], 0)
         while j < n:
-            u = used[k, j]
-            if not (u[0] or u[1]):
-                j += 1
-                continue
-            last = _chain(used[k], j)
-            v = used[k, last]
-            ends[k, j if u[0] else j + 1] = True
-            ends[k1, j if u[2] else j + 1] = True
-            ends[k, last + 1 if v[1] else last] = True
-            ends[k1, last + 1 if v[3] else last] = True
+            ends[k, begin] = ends[k, end] = True
+            ends[k1, begin_next] = ends[k1, end_next] = True
             for i in range(j, last + 1):
                 joined[k, i + 1] |= used[k, i, 0] and used[k, i, 1]
                 joined[k1, i + 1] |= used[k, i, 2] and used[k, i, 3]
-            j = last + 1
+            j, last, begin, end, begin_next, end_next = _next_chain(used[k], last + 1)
     return joined, ends
 
 
@@ -74,8 +81,8 @@ def joints(used: Any) -> tuple[Any, Any]:
 def zipped(points: Any, lines: Any, behind: Any, used: Any) -> Any:
     """Faces (f, 3) of flat indices of resampled points (s, m, 3), one strip for each chain.
 
-    ``lines`` (s, m) tell at which line of the first grid each lies, ascending, NaN where there is
-    none; ``used`` (s, n, 4) are that grid's corners. The border of a chain stays where it was.
+    ``lines`` (s, m) is the line of the original grid at which each lies, ascending, NaN where there
+    is none; ``used`` (s, n, 4) that grid's `used_vertices`. A chain's border stays where it was.
     """
     s, m = lines.shape
     n = used.shape[1]
@@ -90,20 +97,14 @@ def zipped(points: Any, lines: Any, behind: Any, used: Any) -> Any:
                 size[k] += 1
     for k in range(s):
         k1 = (k + 1) % s
-        a, b, j = 0, 0, 0
+        a, b = 0, 0
+        j, last, begin, end, begin_next, end_next = _next_chain(used[k], 0)
         while j < n:
-            u = used[k, j]
-            if not (u[0] or u[1]):
-                j += 1
-                continue
-            last = _chain(used[k], j)
-            v = used[k, last]
-            a = _first(lines[k], order[k], size[k], a, j if u[0] else j + 1)
-            b = _first(lines[k1], order[k1], size[k1], b, j if u[2] else j + 1)
-            to_a, to_b = last + 1 if v[1] else last, last + 1 if v[3] else last
+            a = _first(lines[k], order[k], size[k], a, begin)
+            b = _first(lines[k1], order[k1], size[k1], b, begin_next)
             while True:
-                more_a = a + 1 < size[k] and lines[k, order[k, a + 1]] <= to_a
-                more_b = b + 1 < size[k1] and lines[k1, order[k1, b + 1]] <= to_b
+                more_a = a + 1 < size[k] and lines[k, order[k, a + 1]] <= end
+                more_b = b + 1 < size[k1] and lines[k1, order[k1, b + 1]] <= end_next
                 if not (more_a or more_b):
                     break
                 x, y = k * m + order[k, a], k1 * m + order[k1, b]
@@ -115,7 +116,7 @@ def zipped(points: Any, lines: Any, behind: Any, used: Any) -> Any:
                     b += 1
                     z = k1 * m + order[k1, b]
                     made = _face(faces, made, points, x, z, y, behind[k1, order[k1, b]])
-            j = last + 1
+            j, last, begin, end, begin_next, end_next = _next_chain(used[k], last + 1)
     return faces[:made].copy()
 
 
@@ -130,7 +131,7 @@ def _first(lines: Any, order: Any, size: int, at: int, line: int) -> int:
 @njit(cache=True, nogil=True)
 def _left(points: Any, lines: Any, order: Any, k: int, k1: int, a: int, b: int) -> bool:
     """Whether the strip goes on with the profile ``k``: its next point comes before the other's,
-    or, where both come alike, makes the shorter side."""
+    or, where both come alike, makes the shorter edge."""
     near = lines[k, order[k, a + 1]] - lines[k1, order[k1, b + 1]]
     if abs(near) > 1e-9:
         return near < 0  # type: ignore[no-any-return]
@@ -141,7 +142,7 @@ def _left(points: Any, lines: Any, order: Any, k: int, k1: int, a: int, b: int) 
 
 @njit(cache=True, nogil=True)
 def _face(faces: Any, made: int, points: Any, x: int, y: int, z: int, behind: bool) -> int:
-    """Add a face whose three corners are there."""
+    """Add a face whose three vertices are there; returns the number of faces made."""
     m = points.shape[1]
     for p in (x, y, z):
         if np.isnan(points[p // m, p % m, 0]):

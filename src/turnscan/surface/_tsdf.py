@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,9 @@ from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._paste import components, joined_provenance
 from turnscan.surface._range_surface import RangeSurface
 
+if TYPE_CHECKING:
+    from turnscan.surface._tsdf_kernels import Space
+
 _GRAZING = float(np.cos(np.deg2rad(75.0)))
 """Cosine of incidence below which a face says nothing about where the surface lies."""
 _BLOCKS = 400_000_000
@@ -29,9 +33,10 @@ _RIM = 6
 """Rings of faces along a border that count along their normals, too."""
 _FAINT = 0.01
 """Weight of that: it decides only where nothing else is known."""
-Singles = npt.NDArray[np.float32]
 _RELAXED = 8
 """Sweeps of relaxation for each voxel that a surface is carried on by."""
+
+Singles = npt.NDArray[np.float32]
 
 
 def fuse(
@@ -45,12 +50,13 @@ def fuse(
 
     Each range surface adds its signed distance, along the camera's ray and times the cosine of
     incidence, to the voxels (``voxel`` mm) within ``ramp`` mm of it, weighted by
-    cos(incidence)/sigma²; near the border of a surface the weight falls to a tenth. Sigma there is
-    that of the points and what the surface may do between its profiles; what may be off by more
-    than ``most`` mm for that says nothing. What lies beyond three sigma of the strongest word in a
-    voxel is not averaged with it. The merged surface is where the mean is zero. It ends where no
-    surface was seen. Each vertex has the provenance of the measured vertex nearest to it, and the
-    sigma of the mean. The result does not depend on the order of the surfaces, up to rounding.
+    cos(incidence)/sigma²; near the border of a surface the weight falls to a tenth. Sigma includes
+    the points' own and what the surface may do between its profiles; where that alone may be more
+    than ``most`` mm a surface does not count. What lies beyond three sigma of the strongest
+    contribution to a voxel is not averaged with it. The merged surface is where the mean is zero.
+    It ends where no surface was seen. Each vertex has the provenance of the measured vertex nearest
+    to it, and the sigma of the mean. The result does not depend on the order of the surfaces, up to
+    rounding.
 
     ``seam``: gaps between surfaces of up to twice so many voxels are closed by carrying the
     distances on (volumetric diffusion; Davis et al., Filling holes in complex surfaces, 2002);
@@ -83,11 +89,10 @@ def fuse(
         )
     used = np.zeros(tuple(shape), dtype=np.bool_)
     looks = [(_look(s), _rim(s)) if seam else (_look(s),) for s in parts]
+    space = kernels.Space(origin, voxel, ramp, _GRAZING)
     for s, both in zip(parts, looks, strict=True):
         for k in both:
-            kernels.mark(
-                s.mesh.vertices, k.faces, k.eyes, k.cosine, origin, voxel, ramp, _GRAZING, used
-            )
+            kernels.mark(s.mesh.vertices, k.faces, k.eyes, k.cosine, space, used)
     if seam:
         used = _dilated(used)
     blocks = np.argwhere(used)
@@ -99,12 +104,11 @@ def fuse(
     index = np.full(tuple(shape), -1, dtype=np.int32)
     index[used] = np.arange(len(blocks))
     del used
-    filled = _Grid(origin, voxel, ramp, most, index, len(blocks))
-    value, near, spread, source = _filled(parts, looks, filled)
+    value, near, spread, source = _filled(parts, looks, space, index, len(blocks), most)
     made = kernels.grow(index, blocks, value, seam, _RELAXED * seam)
-    table, sizes = _cubes.table()
+    cubes = kernels.Cubes(_cubes.CORNERS, _cubes.EDGES, *_cubes.table())
     vertices, faces, origins, known, sigma = kernels.march(
-        index, blocks, value, near, spread, source, _cubes.CORNERS, _cubes.EDGES, made, table, sizes
+        index, blocks, value, near, spread, source, made, cubes
     )
     mesh = Mesh(origin + voxel * vertices, faces, _provenance(parts, origins, sigma))
     return mesh if known.all() else _taut(_without_flaps(replace(mesh, measured=known), seam))
@@ -177,39 +181,36 @@ def _taut(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=fair(mesh.vertices, mesh.faces, free, 1, np.ones(len(free))))
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Where the voxels lie, and how far a surface reaches into them."""
-
-    origin: Floats
-    voxel: float
-    ramp: float
-    most: float
-    index: Ints
-    blocks: int
-
-
 def _filled(
-    parts: Sequence[RangeSurface], looks: Sequence[tuple[_Look, ...]], grid: _Grid
+    parts: Sequence[RangeSurface],
+    looks: Sequence[tuple[_Look, ...]],
+    space: Space,
+    index: Ints,
+    blocks: int,
+    most: float,
 ) -> tuple[Singles, Singles, Singles, Ints]:
     """(blocks, cells) each: signed distance, least distance, sigma, and the nearest vertex."""
     from turnscan.surface import _tsdf_kernels as kernels
+    from turnscan.surface._variance_kernels import Vertices
 
-    volume = np.zeros((kernels.VALUES, grid.blocks, kernels.CELLS), dtype=np.float32)
+    volume = np.zeros((kernels.VALUES, blocks, kernels.CELLS), dtype=np.float32)
     volume[kernels.NEAR] = np.inf
     source = np.full(volume.shape[1:], -1, dtype=np.int32)
     usual = float(np.median(np.concatenate([s.sigma for s in parts]))) or 1.0
-    told = [(_weights(s, usual), _limited(s.sigma, usual), s.between(), _steps(s)) for s in parts]
+    known = [
+        (Vertices(s.mesh.vertices, _limited(s.sigma, usual), s.between(), s.ranks),
+         s.normals, _border_weights(s, usual))
+        for s in parts
+    ]  # fmt: skip
     for decide in (True, False):
         first = 0
-        for s, both, (weight, sigma, between, step) in zip(parts, looks, told, strict=True):
+        for (vertices, normals, weight), both in zip(known, looks, strict=True):
             for k in both:
+                look = kernels.Look(k.faces, k.eyes, k.cosine, k.weight * weight)
                 kernels.add(
-                    s.mesh.vertices, k.faces, k.eyes, s.normals, k.cosine, k.weight * weight, sigma,
-                    between, step, grid.most, first, grid.origin, grid.voxel, grid.ramp, _GRAZING,
-                    grid.index, decide, volume, source,
-                )  # fmt: skip
-            first += len(s.mesh.vertices)
+                    vertices, normals, look, most, first, space, index, decide, volume, source
+                )
+            first += len(vertices.points)
     total = volume[kernels.TOTAL]
     with np.errstate(invalid="ignore", divide="ignore"):
         value = volume[kernels.DISTANCE] / total
@@ -218,17 +219,13 @@ def _filled(
 
 
 def _limited(sigma: Floats, usual: float) -> Floats:
-    """Sigma from a tenth to ten times the usual one: no word is worth more, and none nothing."""
+    """Sigma, limited to a tenth and ten times the usual one: no point decides alone, and each
+    counts for something."""
     return np.asarray(np.clip(sigma, 0.1 * usual, 10.0 * usual))
 
 
-def _steps(s: RangeSurface) -> Ints:
-    p = s.mesh.provenance
-    return np.zeros(len(s.mesh.vertices), np.int32) if p is None else p.step
-
-
-def _weights(s: RangeSurface, usual: float) -> Floats:
-    """(v,) the square of the usual sigma, less near the border."""
+def _border_weights(s: RangeSurface, usual: float) -> Floats:
+    """(v,) the weight of each vertex times its variance: usual sigma², less near the border."""
     border = np.zeros(len(s.mesh.vertices), dtype=np.bool_)
     border[np.concatenate(half_edges(s.mesh.faces))] = True
     beside = np.zeros_like(border)

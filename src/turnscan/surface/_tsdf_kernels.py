@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from turnscan.compiled import njit
+from turnscan.surface._variance_kernels import Vertices, variances
 
 SIDE = 8
 """Voxels along one side of a block."""
@@ -15,20 +16,59 @@ CELLS = SIDE**3
 VALUES = 7
 DISTANCE, TOTAL, SPREAD, NEAR, BEST, HELD, GRAIN = range(VALUES)
 """What is known of a voxel: sums of weight × distance, of weights and of (weight × sigma)², the
-least distance, and of the strongest word its strength, its distance and its variance."""
+least distance, and of the strongest contribution its strength, its distance and its variance."""
 _AGREE = 3.0
-"""Sigma within which two words on one voxel are averaged …"""
+"""Sigma within which two contributions to one voxel are averaged …"""
 _SLANT = 0.25
 """… and part of the distance, for rays at an angle measure it along ways of their own."""
 _FAINTEST = 0.01
-"""Strength that a word keeps at the end of the ramp."""
+"""Strength that a contribution keeps at the end of the ramp."""
 _SLACK = 0.02
 """Part of a face by which its shadow is widened, so that rays that fan out leave no cracks."""
 _BENT = float(np.cos(np.deg2rad(45.0)))
 """Cosine of the angle between normals of neighbours beyond which there is an edge between them."""
 _APART = 0.02
-"""Voxels that a vertex keeps from the corners of its cube: the vertices on several sides of one
+"""Voxels that a vertex keeps from the corners of its cube: the vertices on several edges at one
 corner would else fall on one place in the 32-bit numbers of an STL."""
+
+
+class Space(NamedTuple):
+    """Where the voxels lie, and how far a surface reaches into them."""
+
+    origin: Any
+    """(3,) mm."""
+    voxel: float
+    """mm."""
+    ramp: float
+    """mm on either side of a surface."""
+    least_cos: float
+    """Cosine of incidence below which a face does not count."""
+
+
+class Look(NamedTuple):
+    """Faces of a range surface, and along which rays they are carried into the volume."""
+
+    faces: Any
+    """(f, 3)."""
+    eyes: Any
+    """(v, 3) mm: where the ray through each vertex comes from."""
+    cosines: Any
+    """(v,) of incidence."""
+    weights: Any
+    """(v,) times the variance."""
+
+
+class Cubes(NamedTuple):
+    """The tables of marching cubes, as `_cubes` has them."""
+
+    corners: Any
+    """(8, 3) voxels."""
+    edges: Any
+    """(12, 3) the two corners of each, and its axis."""
+    table: Any
+    """(256, t, 3) edges whose vertices make a face, for each pattern of corners inside."""
+    sizes: Any
+    """(256,) how many faces."""
 
 
 @njit(cache=True, nogil=True)
@@ -37,17 +77,16 @@ def _reach(
     face: Any,
     eyes: Any,
     cosines: Any,
-    origin: Any,
-    voxel: float,
-    ramp: float,
+    space: Space,
     e1: Any,
     e2: Any,
     r: Any,
     low: Any,
     high: Any,
 ) -> float:
-    """Write sides, ray (towards the camera) and box of voxels of a face; gives cos(incidence)."""
+    """Write edges, ray (towards the camera) and box of voxels of a face; gives cos(incidence)."""
     a, b, c = face
+    origin, voxel, ramp, _ = space
     length = 0.0
     for i in range(3):
         e1[i], e2[i] = points[b, i] - points[a, i], points[c, i] - points[a, i]
@@ -68,23 +107,13 @@ def _reach(
 
 
 @njit(cache=True, nogil=True)
-def mark(
-    points: Any,
-    faces: Any,
-    eyes: Any,
-    cosines: Any,
-    origin: Any,
-    voxel: float,
-    ramp: float,
-    least_cos: float,
-    used: Any,
-) -> None:
+def mark(points: Any, faces: Any, eyes: Any, cosines: Any, space: Space, used: Any) -> None:
     """Set the blocks (bx, by, bz) of ``used`` that `add` may write to."""
     e1, e2, r = np.empty(3), np.empty(3), np.empty(3)
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     for f in range(faces.shape[0]):
-        cosine = _reach(points, faces[f], eyes, cosines, origin, voxel, ramp, e1, e2, r, low, high)
-        if not cosine > least_cos:
+        cosine = _reach(points, faces[f], eyes, cosines, space, e1, e2, r, low, high)
+        if not cosine > space.least_cos:
             continue
         for x in range(low[0] // SIDE, high[0] // SIDE + 1):
             for y in range(low[1] // SIDE, high[1] // SIDE + 1):
@@ -126,61 +155,40 @@ def _rise(points: Any, normals: Any, a: int, b: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _told(
-    face: Any, u: float, v: float, sigma: Any, between: Any, step: Any
-) -> tuple[float, float]:
-    """Variances, mm², of the place b1 = u, b2 = v of a face: of its corners' noise alone, and with
-    what the surface may do between the two profiles that it spans."""
-    a, b, c = face
-    w = 1.0 - u - v
-    own = (w * sigma[a]) ** 2 + (u * sigma[b]) ** 2 + (v * sigma[c]) ** 2
-    part = w + (u if step[b] == step[a] else 0.0) + (v if step[c] == step[a] else 0.0)
-    part = min(max(part, 0.0), 1.0)
-    gap = 4.0 * part * (1.0 - part) * max(between[a], between[b], between[c])
-    return own, own + gap * gap
-
-
-@njit(cache=True, nogil=True)
 def add(
-    points: Any,
-    faces: Any,
-    eyes: Any,
+    vertices: Vertices,
     normals: Any,
-    cosines: Any,
-    weight: Any,
-    sigma: Any,
-    between: Any,
-    step: Any,
+    look: Look,
     most: float,
     first: int,
-    origin: Any,
-    voxel: float,
-    ramp: float,
-    least_cos: float,
+    space: Space,
     index: Any,
     decide: bool,
     volume: Any,
     source: Any,
 ) -> None:
-    """Add one range surface to the volume, or ``decide`` whose word counts in each voxel.
+    """Add one range surface to the volume, or ``decide`` which surface counts in each voxel.
 
-    Between its corners a face bulges as the normals there say: profiles that are far apart would
+    Between its vertices a face bulges as the normals there say: profiles that are far apart would
     else cut a round part short by the sagitta. Every voxel that a face shadows, seen along the
-    camera's ray through the face, within ``ramp`` mm of the surface, is told its signed distance
-    (along the ray, times the cosine of incidence; positive on the camera's side) with the weight
-    of the corners times that cosine, over the variance there (`_told`). What may be more than
-    ``most`` mm off between profiles is not told. ``volume`` (`VALUES`, blocks, cells) holds the
-    sums. First, with ``decide``, the strongest word of all surfaces is found, where the nearer ones
-    are stronger; then what lies within three sigma of it is averaged. ``source`` keeps the number
-    (from ``first``) of the vertex nearest to what was seen closest.
+    camera's ray through the face, within the ramp of the surface, gets its signed distance (along
+    the ray, times the cosine of incidence; positive on the camera's side) with the weight of the
+    vertices times that cosine, over the variance there (`variances`). A place that may be more
+    than ``most`` mm off between profiles adds nothing. ``volume`` (`VALUES`, blocks, cells) holds
+    the sums. First, with ``decide``, the strongest contribution of all surfaces is found, the
+    nearer the stronger; then what lies within three sigma of it is averaged. ``source`` keeps the
+    number (from ``first``) of the vertex nearest to what was seen closest.
     """
+    points, sigma, between, step = vertices
+    faces, eyes, cosines, weight = look
+    origin, voxel, ramp, least_cos = space
     inverse = np.empty((3, 3))
     e1, e2, r = np.empty(3), np.empty(3), np.empty(3)
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     for f in range(faces.shape[0]):
         a, b, c = faces[f]
         p = points[a]
-        cosine = _reach(points, faces[f], eyes, cosines, origin, voxel, ramp, e1, e2, r, low, high)
+        cosine = _reach(points, faces[f], eyes, cosines, space, e1, e2, r, low, high)
         if not cosine > least_cos or not _solve(e1, e2, r, inverse):
             continue
         far = ramp / cosine
@@ -208,7 +216,7 @@ def add(
                 z0, z1 = _within(t, st, -far, far, z0, z1)
                 for z in range(z0, z1 + 1):
                     u, v = b1 + s1 * z, b2 + s2 * z
-                    own, wide = _told(faces[f], u, v, sigma, between, step)
+                    own, wide = variances(faces[f], u, v, sigma, between, step)
                     if wide - own > most * most:
                         continue
                     rest = 1.0 - u - v
@@ -233,7 +241,7 @@ def _decide(
     volume: Any, block: int, cell: int, w: float, d: float, own: float, ramp: float, source: Any,
     nearest: int,
 ) -> None:  # fmt: skip
-    """Keep the strongest word of a voxel, and what was seen closest to it."""
+    """Keep the strongest contribution to a voxel, and what was seen closest to it."""
     strong = w * max(1.0 - abs(d) / ramp, _FAINTEST) ** 2
     if strong > volume[BEST, block, cell]:
         volume[BEST, block, cell] = strong
@@ -248,7 +256,7 @@ def _decide(
 def _average(
     volume: Any, block: int, cell: int, w: float, d: float, own: float, wide: float
 ) -> None:
-    """Add a word to the sums of a voxel, where it agrees with the strongest one."""
+    """Add to the sums of a voxel what agrees with the strongest contribution."""
     held = volume[HELD, block, cell]
     most = _AGREE * np.sqrt(own + volume[GRAIN, block, cell]) + _SLANT * abs(held)
     if abs(d - held) <= most:
@@ -372,11 +380,8 @@ def march(
     near: Any,
     spread: Any,
     source: Any,
-    corners: Any,
-    ends: Any,
     made: Any,
-    table: Any,
-    sizes: Any,
+    cubes: Cubes,
 ) -> tuple[Any, Any, Any, Any, Any]:
     """Marching cubes over the blocks: vertices (v, 3) in voxels, faces (f, 3), sources (v,).
 
@@ -385,6 +390,7 @@ def march(
     for the faces of cubes with a corner that `grow` ``made``, and (v,) mm, what lies between the
     ``spread`` of both ends.
     """
+    corners, ends, table, sizes = cubes
     number = np.full((len(blocks), CELLS, 3), -1, dtype=np.int32)
     room = 1 << 16
     vertices = np.empty((room, 3))

@@ -1,4 +1,4 @@
-"""Witness: what a merge made is held to the surfaces that were measured."""
+"""Witness: what a merge made is checked against the surfaces that were measured."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from turnscan.surface._mesh import Mesh
 from turnscan.surface._range_surface import RangeSurface
 
 _SIGMAS = 3.0
-"""Combined sigma that a merged vertex may lie off a surface that bears it out."""
+"""Combined sigma that a merged vertex may lie off a surface that confirms it."""
 _ROUNDED = 0.1
-"""Voxels that a merge rounds its vertices by, and carries them on over a border."""
+"""Voxels by which a merge rounds its vertices, and carries them on over a border."""
 
 
 def borne_out(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float) -> Bools:

@@ -7,7 +7,7 @@ from random import Random
 
 
 class Cable:
-    """Carries bytes whole and at once, unless it is told otherwise.
+    """Carries bytes whole and at once, unless it is set otherwise.
 
     Set at any moment: ``late`` s that answers take; ``piece`` bytes and ``gap`` s between pieces,
     where an answer comes in parts; how many of the next answers to ``lose`` or ``double``; the

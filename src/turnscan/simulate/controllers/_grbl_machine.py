@@ -21,7 +21,7 @@ _LINE = 79
 _MESSAGE = 0.025
 """s to a first answer after a reset."""
 _ALARM = 0.5
-"""s for which the board hears nothing once it has told of an alarm."""
+"""s for which the board hears nothing after it has reported an alarm."""
 STARTUP_LINES = 2
 _SPINDLE_DELAY, _COOLANT_DELAY = 4.0, 1.0
 """s for what is switched on again after a door."""

@@ -104,11 +104,11 @@ class Reports:
         self._offset = self._overrides = 0
 
     def offset_due(self) -> None:
-        """The next report tells the offset."""
+        """The next report contains the offset."""
         self._offset = 0
 
     def overrides_due(self) -> None:
-        """The next report without an offset tells overrides and outputs."""
+        """The next report without an offset contains overrides and outputs."""
         self._overrides = 0
 
     def status(self, board: GrblMachine) -> bytes:

@@ -59,7 +59,7 @@ _ERRORS = {
     20: "Unsupported command", 21: "Modal group violation", 22: "Undefined feed rate",
 }  # fmt: skip
 _ALARM = 0.5
-"""s for which the board hears nothing once it has told of an alarm."""
+"""s for which the board hears nothing after it has reported an alarm."""
 
 
 def _lines(text: str) -> bytes:
