@@ -4,7 +4,8 @@ Simulated scans of parts that stand, lean and lie, on the paper's rig, each with
 two. For every hole the simulator says which cause hinders the most of the part's surface that is
 missing there (`bench._hole_truth`), and a hole is right where it bears that name; it counts with
 its missing area, whether its cause is clear or mixed. ``python -m bench.causes --write`` puts the
-table into docs/explain/surface.md. ``--keep FOLDER`` keeps the scans there and finds them again,
+table of the held-out scenes into docs/explain/surface.md. ``--keep FOLDER`` keeps the scans there
+and finds them again,
 ``--only made`` and ``--only held`` take one set of scenes, ``--light assumed`` measures without the
 place of the light, ``--light moved`` with a wrong one.
 """
@@ -170,18 +171,6 @@ def shares(scene: Scene, folder: Path, light: str = "known") -> tuple[Share, Sha
     return out[0], out[1]
 
 
-def table(scenes: Sequence[Scene], folder: Path, light: str) -> tuple[list[str], Share]:
-    """Rows of a table, printed as they come, and the sum of them."""
-    rows, whole = list[str](), Share()
-    for scene in scenes:
-        one, two = shares(scene, folder, light)
-        row = f"| {scene} | {' | '.join(one.cells())} | {' | '.join(two.cells())} |"
-        print(row, flush=True)
-        rows.append(row)
-        whole += one + two
-    return rows, whole
-
-
 HEAD = (
     "| part | one line: missing mm² | in holes named right, % | right at the place, % "
     "| two lines: missing mm² | in holes named right, % | right at the place, % |",
@@ -200,16 +189,21 @@ def run(
         for word, scenes in SETS.items():
             if only not in (None, word):
                 continue
-            rows, whole = table(scenes, keep or Path(scratch), light)
-            said = (
-                f"{whole.right / whole.missing:.1%} of {whole.missing:.0f} mm² of hole is named "
-                f"right; at the place itself {whole.places / whole.missing:.1%}."
-            )
+            rows, whole, said = list[str](), Share(), ""
+            for scene in scenes:
+                one, two = shares(scene, keep or Path(scratch), light)
+                rows.append(f"| {scene} | {' | '.join(one.cells())} | {' | '.join(two.cells())} |")
+                print(rows[-1], flush=True)
+                whole += one + two
+                said = (
+                    f"{whole.right / whole.missing:.1%} of {whole.missing:.0f} mm² of hole bears "
+                    f"the right name; at the place itself {whole.places / whole.missing:.1%}."
+                )
+                if write and word == "held":
+                    _page.write(PAGE, f"causes {word}", [*HEAD, *rows, "", said])
             print(f"{word}, light {light}: {said} Wanted: 95 %")
             for (true, named), area in sorted(whole.taken.items()):
                 print(f"  truly {true:<10} named {named:<10} {area:>9} mm²")
-            if write:
-                _page.write(PAGE, f"causes {word}", [*HEAD, *rows, "", said])
 
 
 def main() -> None:
