@@ -118,8 +118,8 @@ def to_grids(
                 findings += taken
             if s.denoise is not None:
                 kept = surface.denoise(kept, s.denoise, now)
-            light = turn.amplitude
-            sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation, light))
+            light, places = turn.amplitude, turn.points
+            sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation, light, places))
             if s.between is not None:
                 kept = points.respace(kept, s.between)
             grids.append(kept)

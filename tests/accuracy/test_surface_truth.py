@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bench import _hole_truth as truth
+from bench.causes import share
 from bench.surface_truth import (
     Run,
     agreement,
@@ -70,9 +72,20 @@ def test_both_ends_are_holes_with_the_right_cause(run: Run) -> None:
     assert {h.cause for h in run.both.holes} <= {"laser", "camera", "outside", "removed"}
 
 
+def test_the_missing_area_bears_the_right_cause(run: Run) -> None:
+    told = share(run.made, STEPS, run.both.opened or run.both.mesh, run.both.holes)
+    assert told.missing > 100.0
+    assert told.right > 0.95 * told.missing
+    # Names that say something else must count as wrong, or the measure is blind.
+    wrong = [replace(h, cause="dark") for h in run.both.holes]
+    assert share(run.made, STEPS, run.both.opened or run.both.mesh, wrong).right == 0.0
+
+
 def test_the_light_of_points_that_were_taken_away_is_kept_for_the_causes(run: Run) -> None:
     for sought in run.both.sought:
         assert sought.light is not None
         known = ~np.isnan(sought.light)
         assert known[sought.grid.found].all()
         assert (known & ~sought.grid.found).any()
+        assert sought.taken is not None
+        assert (~np.isnan(sought.taken[..., 0]))[sought.grid.found].all()

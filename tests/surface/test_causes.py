@@ -254,3 +254,37 @@ def test_a_slender_hole_looks_where_its_border_does() -> None:
     normals = places_in(mesh, [hole]).normal
     riser = np.array([10.0, 2.0, 0.0]) / np.hypot(10.0, 2.0)
     assert np.abs(normals @ riser).min() > 0.99
+
+
+@pytest.mark.parametrize(("off", "cause"), [(0.0, "removed"), (12.0, "dark")])
+def test_only_points_that_were_taken_away_there_leave_a_hole_by_that(
+    scanned: tuple[Rig, RangeGrid], off: float, cause: Cause
+) -> None:
+    """A stray on the same line of the picture, far from the place, says that here was no light."""
+    rig, grid = scanned
+    window = _window(grid, StripeFlag.AMBIGUOUS)
+    taken = np.where(window.found[..., None], grid.points, grid.points + [0.0, 0.0, off])
+    mesh = surface.mesh_grid(window)
+    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, window, Volume(), taken=taken)])
+    assert next(h.cause for h in named if h.size < 40) == cause
+
+
+def _leaning_box(p: np.ndarray) -> np.ndarray:
+    q = p - np.array([0.0, 0.0, 27.0])
+    c, s = np.cos(np.deg2rad(40.0)), np.sin(np.deg2rad(40.0))
+    x, y, z = c * q[..., 0] + s * q[..., 2], q[..., 1], c * q[..., 2] - s * q[..., 0]
+    off = np.abs(np.stack([x, y, z], axis=-1)) - (20.0, 14.0, 8.0)
+    return np.linalg.norm(np.maximum(off, 0.0), axis=-1) + np.minimum(off.max(axis=-1), 0.0)
+
+
+def test_what_turns_away_at_an_edge_is_hidden_and_not_dark() -> None:
+    """Flat patches over the gaps of a leaning box lie off it, in free sight of lamp and lens."""
+    rig = make_rig(elevation=0.1, lift=20.0, lasers=(-0.4, 0.4))
+    turn = full_turn(STEPS)
+    stripes = scan_shape(rig, _leaning_box, turn)
+    grid = points.build_grid(rig, "L0", stripes, np.arange(STEPS), turn)
+    mesh = surface.cut_touching(surface.mesh_grid(grid))[0]
+    mesh = surface.drop_islands(mesh)[0]
+    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, grid, Volume())])
+    assert sum(h.area > 100 for h in named) >= 3
+    assert {h.cause for h in named if h.area > 100} <= {"laser", "camera"}

@@ -103,6 +103,7 @@ def surface_figures(done: Reconstruction) -> dict[str, Any]:
             }
             for k, (h, how) in enumerate(zip(done.holes, _filled(done), strict=True))
         ],
+        "light_assumed": _assumed(done),
         "maps": {
             "angle_deg": np.rad2deg(m.angle).tolist(),
             "height_mm": m.height.tolist(),
@@ -119,6 +120,24 @@ def holes_line(done: Reconstruction) -> list[str]:
     known = Counter(h.cause for h in done.holes if h.cause is not None)
     why = ", ".join(f"{n} {CAUSE_WORDS[cause]}" for cause, n in known.most_common())
     return [f"holes: {len(done.holes)}" + (f" ({why})" if why else "")]
+
+
+def light_line(done: Reconstruction) -> list[str]:
+    """That the place of a laser's light was assumed where causes were sought; none where known."""
+    names = _assumed(done)
+    if not names or not done.holes:
+        return []
+    whose = ("laser " if len(names) == 1 else "lasers ") + ", ".join(names)
+    return [
+        f"causes: where the light of {whose} comes from is not known; it was taken to stand as "
+        "high and as far from the axis as the camera"
+    ]
+
+
+def _assumed(done: Reconstruction) -> list[str]:
+    """Names of the lasers whose rig does not say where the light comes from."""
+    unsaid = [s.grid.laser for s in done.sought if s.rig.sheet(s.grid.laser).source is None]
+    return list(dict.fromkeys(unsaid))
 
 
 def surface_parts(done: Reconstruction) -> list[str]:
@@ -139,6 +158,7 @@ def surface_parts(done: Reconstruction) -> list[str]:
     parts += [html.paragraph(line) for line in holes_line(done) or ["No hole."]]
     if done.holes:
         parts.append(_table(figures["holes"]))
+        parts += [html.paragraph(line) for line in light_line(done)]
     if len(done.holes) > _ROWS:
         text = f"The {_ROWS} longest of {len(done.holes)}; a .json report has all."
         parts.append(html.paragraph(text))

@@ -13,6 +13,7 @@ from turnscan.surface._grid_mesh import vertex_normals
 from turnscan.surface._hole_places import Places, flat_lids
 from turnscan.surface._holes import Hole
 from turnscan.surface._mesh import Mesh
+from turnscan.surface._spans import smoothed, unit
 
 _MOST = 0.5
 """Share of the places in either end that must look through the other."""
@@ -22,8 +23,6 @@ _CORNERS = 48
 """Corners of a rim below which its wall is asked, at most."""
 _DEPTHS = (1.0 / 6.0, 3.0 / 6.0, 5.0 / 6.0)
 """Where it is asked: in the middle of each third of the way to the other end."""
-_ALONG = 2
-"""Corners to either side over which the direction of a rim is taken: single ones zigzag."""
 
 
 def through(mesh: Mesh, found: Sequence[Hole], places: Places, some: Bools) -> Floats:
@@ -41,7 +40,7 @@ def through(mesh: Mesh, found: Sequence[Hole], places: Places, some: Bools) -> F
     own = np.searchsorted(which, places.hole[asked])
     opening = np.zeros((len(ends), 3))
     np.add.at(opening, own, places.normal[asked])
-    met = _met(mesh, ends, places.at[asked], -_unit(opening)[own], 1e-3 * places.face)
+    met = _met(mesh, ends, places.at[asked], -unit(opening)[own], 1e-3 * places.face)
     entered = met[np.arange(len(own)), own]
     passed = np.zeros((len(ends), len(ends)))
     np.add.at(passed, own[entered], met[entered])
@@ -88,9 +87,9 @@ def walls(mesh: Mesh, found: Sequence[Hole], places: Places, deep: Floats) -> Pl
             continue
         loop = h.loop
         corners = mesh.vertices[loop]
-        up = _unit(_smoothed(normals[loop]))
+        up = unit(smoothed(normals[loop]))
         along = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
-        outward = _unit(np.cross(_smoothed(along), up))
+        outward = unit(np.cross(smoothed(along), up))
         opening = places.normal[places.hole == k].sum(axis=0)
         # 60°: rims that turn down by more are edges.
         outside = (up @ opening > 0.5 * np.linalg.norm(opening))[:, None]
@@ -106,12 +105,3 @@ def walls(mesh: Mesh, found: Sequence[Hole], places: Places, deep: Floats) -> Pl
     return replace(
         places, at=X, normal=np.concatenate(normal), hole=np.concatenate(hole), bent=straight
     )
-
-
-def _smoothed(values: Floats) -> Floats:
-    """(m, 3) sums over the corners of a rim (m, 3) and those beside them."""
-    return np.asarray(sum(np.roll(values, k, axis=0) for k in range(-_ALONG, _ALONG + 1)))
-
-
-def _unit(v: Floats) -> Floats:
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12))

@@ -12,11 +12,16 @@ from turnscan.surface._fill import patches
 from turnscan.surface._grid_mesh import vertex_normals
 from turnscan.surface._holes import Hole, vector_area
 from turnscan.surface._mesh import Mesh
+from turnscan.surface._spans import spanned, unit
 
 _MARGIN = 2.0
 """Usual sides of faces by which a surface ends before the volume does: a sample, and clean-up."""
 _SMALL = 6.0
 """Usual sides of faces up to which a hole's patch has no direction of its own."""
+_RINGS = 2
+"""Distances beyond an island's border at which what is about it is asked."""
+_SPANNED = 0.75
+"""Share of a hole's border that must be faced over a smooth arc for one surface to span it."""
 _SAMPLES = 48
 """Places in a hole that are asked, at most."""
 _RIM = 100
@@ -44,6 +49,18 @@ class Places:
     wide: Bools
     """(h,) True for the holes that are wide enough for their patch to have a direction."""
 
+    reach: Floats
+    """(h,) mm: how far each hole reaches, its size."""
+    smooth: Bools
+    """(h,) True for the holes that a smooth surface may span (`spanned`)."""
+
+    island: Bools
+    """(h,) True for borders of islands: what they enclose is there, and what is about it lacks."""
+
+    def some(self, which: Ints) -> Places:
+        at, normal, bent = self.at[which], self.normal[which], self.bent[which]
+        return replace(self, at=at, normal=normal, hole=self.hole[which], bent=bent)
+
     def part(self, which: slice) -> Places:
         at, normal, bent = self.at[which], self.normal[which], self.bent[which]
         return replace(self, at=at, normal=normal, hole=self.hole[which], bent=bent)
@@ -70,11 +87,16 @@ def places_in(mesh: Mesh, found: Sequence[Hole]) -> Places:
     at = X + lift[:, None] * n
     island = np.einsum("ij,ij->i", own, rims.normals[rim]) < -0.5
     over = rims.normals[rim[island]]
-    at[island] = mesh.vertices[rim[island]] + _MARGIN * usual * rims.outward[rim[island]]
+    beyond = (_MARGIN * usual * (1 + np.arange(len(X)) % _RINGS))[island, None]
+    at[island] = mesh.vertices[rim[island]] + beyond * rims.outward[rim[island]]
     at[island] += 0.25 * usual * over
     n[island] = over
     bent = np.einsum("ij,ij->i", n, rims.normals[rim]) < 0.5
-    return Places(at, n, hole, face, _MARGIN * usual, bent, wide)
+    asked = np.maximum(np.bincount(hole, minlength=len(found)), 1)
+    inner = np.bincount(hole, island, len(found)) > 0.5 * asked
+    smooth = spanned(mesh, found) >= _SPANNED
+    smooth &= np.bincount(hole, bent, len(found)) <= 0.5 * asked
+    return Places(at, n, hole, face, _MARGIN * usual, bent, wide, size, smooth, inner)
 
 
 def flat_lids(mesh: Mesh, found: Sequence[Hole]) -> tuple[Mesh, Ints]:
@@ -101,7 +123,7 @@ def _directions(
     """
     area = np.array([h.area for h in found])
     flat = (area > (_SMALL * usual) ** 2) & (area > 0.5 * total)
-    whole = -_unit(np.stack([vector_area(mesh.vertices[h.loop]) for h in found]))
+    whole = -unit(np.stack([vector_area(mesh.vertices[h.loop]) for h in found]))
     return np.where(flat[:, None], whole, rims.mean)
 
 
@@ -152,8 +174,8 @@ class _Rims:
             along[h.loop] = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
         mean = np.stack([normals[h.loop].mean(axis=0) for h in found])
         loops = tuple(h.loop[:: max(1, len(h.loop) // _RIM)] for h in found)
-        outward = _unit(np.cross(along, normals))
-        return _Rims(mesh.vertices, normals, outward, loops, _unit(mean))
+        outward = unit(np.cross(along, normals))
+        return _Rims(mesh.vertices, normals, outward, loops, unit(mean))
 
     def beside(self, X: Floats, n: Floats, hole: Ints) -> tuple[Floats, Ints]:
         """How far (m,) mm the surface would rise over places on a patch, and the nearest corners.
@@ -171,7 +193,3 @@ class _Rims:
             rise[begin:end] = 0.5 * np.sum(near * up * (tilt > 0.5), axis=1) / near.sum(axis=1)
             rim[begin:end] = loop[near.argmax(axis=1)]
         return rise, rim
-
-
-def _unit(v: Floats) -> Floats:
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12))

@@ -33,6 +33,10 @@ class Sought:
     """(s, n) grey levels of the stripes before any point was dropped, NaN where none was chosen;
     None where only those of the grid are known."""
 
+    taken: Floats | None = None
+    """(s, n, 3) mm: places of all points before any was dropped, NaN where there was none; None
+    where only those of the grid are known."""
+
     @cached_property
     def faint(self) -> Bools:
         """(s, n) True where there was a stripe that tells of a dark place.

@@ -1,0 +1,221 @@
+"""Causes of holes against truth, by the area that is missing: ``python -m bench causes``.
+
+Simulated scans of parts that stand, lean and lie, on the paper's rig, each with one line and with
+two. For every hole the simulator says which cause hinders the most of the part's surface that is
+missing there (`bench._hole_truth`), and a hole is right where it bears that name; it counts with
+its missing area, whether its cause is clear or mixed. ``python -m bench.causes --write`` puts the
+table of the held-out scenes into docs/explain/surface.md. ``--keep FOLDER`` keeps the scans there
+and finds them again,
+``--only made`` and ``--only held`` take one set of scenes, ``--light assumed`` measures without the
+place of the light, ``--light moved`` with a wrong one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from bench import _hole_truth as truth
+from bench import _page
+from bench._cause_scenes import HELD_OUT, MADE_WITH, Scene
+from bench.surface_truth import Run, scanned
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.detection import see
+from turnscan.rig import Rig
+from turnscan.scan import Scan
+from turnscan.settings import Settings
+from turnscan.simulate import Bench
+from turnscan.surface import Hole, Mesh
+
+RIG, STEPS = "paper", 48
+ASKED = 5_000
+"""Missing triangles of a scan that are asked, about."""
+PAGE = _page.DOCS / "explain" / "surface.md"
+
+
+@dataclass(frozen=True)
+class Share:
+    """How much of the missing area bears the right name; mm²."""
+
+    missing: float = 0.0
+    """Of the part's surface, beside any hole."""
+    right: float = 0.0
+    """In holes that bear the name of the most of it."""
+    places: float = 0.0
+    """Where the name of the hole is right at the place itself: less, as one hole has one name."""
+    taken: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """Missing area by the true cause of the most of its hole and by the name."""
+
+    def __add__(self, other: Share) -> Share:
+        return Share(
+            self.missing + other.missing,
+            self.right + other.right,
+            self.places + other.places,
+            self.taken + other.taken,
+        )
+
+    def cells(self) -> tuple[str, ...]:
+        """For a table: area, and both shares."""
+        whole = max(self.missing, 1e-9)
+        return f"{self.missing:.0f}", *(
+            f"{100 * some / whole:.1f}" for some in (self.right, self.places)
+        )
+
+
+def share(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> Share:
+    """How much of what an open mesh lacks is in holes with the right cause.
+
+    What counts as too flat, too faint or clipped has a lower and an upper limit
+    (`bench._hole_truth`): a name is right that is right for half of the missing area, or for more
+    of it than any other, under either.
+    """
+    true = truth.patches(made)
+    gone, owner = truth.gaps(made, true, mesh, holes)
+    few = np.arange(0, len(gone), max(1, len(gone) // ASKED))
+    area = float(true.area[gone].sum()) / max(float(true.area[gone[few]].sum()), 1e-9)
+    some, owner = true.some(gone[few]), owner[few]
+    names = np.array([truth.NAMES.index(h.cause) if h.cause in truth.NAMES else -1 for h in holes])
+    right, placed = np.zeros(len(holes), np.bool_), np.zeros(len(owner), np.bool_)
+    word = np.zeros(len(holes), np.int32)
+    for limits in zip(truth.GRAZING, truth.FAINT, truth.CLIPPED, strict=True):
+        label = truth.labels(made, some, steps, *limits)
+        votes, total = _votes(made, some, owner, label, steps, len(holes))
+        word = np.argmax(votes, axis=1).astype(np.int32)
+        best = votes.max(axis=1)
+        mine = np.where(names < 0, -1.0, votes[np.arange(len(holes)), names])
+        half = 0.5 * total
+        right |= (mine >= np.minimum(best - 1e-9, half)) & (best > 0)
+        placed |= (_RIGHT[label, names[owner]] > 0) & (names[owner] >= 0)
+    taken: Counter[tuple[str, str]] = Counter()
+    lost = area * np.bincount(owner, some.area, len(holes))
+    for k, h in enumerate(holes):
+        said = str(h.cause)
+        taken[said if right[k] else truth.NAMES[word[k]], said] += round(float(lost[k]))
+    return Share(
+        float(lost.sum()),
+        float(lost[right].sum()),
+        area * float(some.area[placed].sum()),
+        taken,
+    )
+
+
+_RIGHT: Floats = np.array(
+    [[name in truth.RIGHT[label] for name in truth.NAMES] for label in truth.LABELS], np.float64
+)
+
+
+def _votes(
+    made: Bench, some: truth.Patches, owner: Ints, label: Ints, steps: int, holes: int
+) -> tuple[Floats, Floats]:
+    """(h, names) missing area by right name, and (h,) the area that has a say: what only the
+    sampling left out has none where anything else has."""
+    say = _say(made, some, label, steps)
+    votes, total = np.zeros((2, holes, len(truth.NAMES))), np.zeros((2, holes))
+    for k, which in enumerate((say, ~say)):
+        np.add.at(votes[k], owner[which], some.area[which, None] * _RIGHT[label[which]])
+        total[k] = np.bincount(owner[which], some.area[which], holes)
+    silent = total[0] == 0
+    return np.where(silent[:, None], votes[1], votes[0]), np.where(silent, total[1], total[0])
+
+
+def _say(made: Bench, some: truth.Patches, label: Ints, steps: int) -> Bools:
+    """(f,) as rule 4 of `bench._hole_truth`: not what is measurable beside what is not."""
+    from scipy.spatial import cKDTree
+
+    lost = label != truth.MEASURABLE
+    if not lost.any():
+        return np.ones(len(label), np.bool_)
+    reach = truth.SAMPLES * truth.spacing(made, some.middle, steps) + truth.FINE
+    away = np.asarray(cKDTree(some.middle[lost]).query(some.middle)[0])
+    return np.asarray(lost | (away > reach))
+
+
+def without_sources(rig: Rig) -> Rig:
+    """The rig as a calibration knows it that was not told where the light comes from."""
+    return replace(rig, sheets=tuple(replace(s, source=None) for s in rig.sheets))
+
+
+def moved_sources(rig: Rig) -> Rig:
+    """The rig with its light a quarter nearer to the axis and 60 mm higher than it is."""
+    T, sheets = rig.T_camera_table, []
+    for s in rig.sheets:
+        at = T.inverse().apply(rig.light_source(s.name)) * (0.75, 0.75, 1.0) + (0.0, 0.0, 60.0)
+        sheets.append(replace(s, source=T.apply(at)))
+    return replace(rig, sheets=tuple(sheets))
+
+
+LIGHT: Mapping[str, Callable[[Rig], Rig]] = {
+    "known": lambda rig: rig,
+    "assumed": without_sources,
+    "moved": moved_sources,
+}
+"""What is believed of the place of the light."""
+
+
+def shares(scene: Scene, folder: Path, light: str = "known") -> tuple[Share, Share]:
+    """Of one scene, with one line and with two."""
+    made, path = scanned(scene.wish(RIG, STEPS, folder), folder, scene.paint)
+    rig = LIGHT[light](made.rig)
+    with Scan.open(path) as scan:
+        run = Run(made, STEPS, tuple(see(scan, rig, Settings().stripes)))
+    out = []
+    for lines, done in ((1, run.one), (2, run.both)):
+        lit = replace(made, beams=made.beams[:lines])
+        out.append(share(lit, STEPS, done.opened or done.mesh, done.holes))
+    return out[0], out[1]
+
+
+HEAD = (
+    "| part | one line: missing mm² | in holes named right, % | right at the place, % "
+    "| two lines: missing mm² | in holes named right, % | right at the place, % |",
+    "|---|---|---|---|---|---|---|",
+)
+
+
+SETS = {"made": MADE_WITH, "held": HELD_OUT}
+
+
+def run(
+    keep: Path | None = None, only: str | None = None, light: str = "known", write: bool = False
+) -> None:
+    """Print the tables and what was taken for what."""
+    with tempfile.TemporaryDirectory() as scratch:
+        for word, scenes in SETS.items():
+            if only not in (None, word):
+                continue
+            rows, whole, said = list[str](), Share(), ""
+            for scene in scenes:
+                one, two = shares(scene, keep or Path(scratch), light)
+                rows.append(f"| {scene} | {' | '.join(one.cells())} | {' | '.join(two.cells())} |")
+                print(rows[-1], flush=True)
+                whole += one + two
+                said = (
+                    f"{whole.right / whole.missing:.1%} of {whole.missing:.0f} mm² of hole bears "
+                    f"the right name; at the place itself {whole.places / whole.missing:.1%}."
+                )
+                if write and word == "held":
+                    _page.write(PAGE, f"causes {word}", [*HEAD, *rows, "", said])
+            print(f"{word}, light {light}: {said} Wanted: 95 %")
+            for (true, named), area in sorted(whole.taken.items()):
+                print(f"  truly {true:<10} named {named:<10} {area:>9} mm²")
+
+
+def main() -> None:
+    """Parse the options."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--only", choices=list(SETS), help="this set of scenes alone")
+    parser.add_argument("--light", choices=list(LIGHT), default="known", help="its believed place")
+    parser.add_argument("--write", action="store_true", help="put the tables into the documents")
+    given = parser.parse_args()
+    run(given.keep, given.only, given.light, given.write)
+
+
+if __name__ == "__main__":
+    main()

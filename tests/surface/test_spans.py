@@ -1,0 +1,53 @@
+"""Only a border that another one faces over a smooth arc bounds a gap in one surface."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from turnscan import surface
+from turnscan.arrays import Floats
+from turnscan.surface import Mesh
+from turnscan.surface._spans import smoothed, spanned, unit
+
+R, HIGH = 20.0, 40.0
+
+
+def _tube(gap: tuple[float, float] | None) -> Mesh:
+    """An open cylinder about z, faces outward, without a window of these limits of angle."""
+    turn = np.linspace(0.0, 2 * np.pi, 73)[:-1]
+    z = np.linspace(0.0, HIGH, 21)
+    t, h = np.meshgrid(turn, z)
+    vertices = np.stack([R * np.cos(t), R * np.sin(t), h], axis=-1).reshape(-1, 3)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(20), np.arange(72), indexing="ij"))
+    if gap is not None:
+        out = (turn[j] > gap[0]) & (turn[j] < gap[1]) & (i > 4) & (i < 15)
+        i, j = i[~out], j[~out]
+    a, b = i * 72 + j, i * 72 + (j + 1) % 72
+    c, d = a + 72, b + 72
+    faces = np.concatenate([np.stack([a, b, d], -1), np.stack([a, d, c], -1)]).astype(np.int32)
+    used, faces = np.unique(faces, return_inverse=True)
+    return Mesh(vertices[used], faces.reshape(-1, 3).astype(np.int32))
+
+
+def _shares(mesh: Mesh) -> Floats:
+    """Of the lower end, the window, the upper end."""
+    found = sorted(surface.holes(mesh), key=lambda h: h.centre[2])
+    return spanned(mesh, found)
+
+
+def test_the_ends_of_a_tube_face_nothing() -> None:
+    share = _shares(_tube(None))
+    assert share.tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("wide", [0.4, 1.2, 2.2])
+def test_a_window_is_faced_all_round(wide: float) -> None:
+    share = _shares(_tube((1.0, 1.0 + wide)))
+    assert share[1] > 0.9
+    assert share[[0, 2]].max() == 0.0
+
+
+def test_the_sums_go_round_the_border_and_nothing_has_no_direction() -> None:
+    assert smoothed(np.eye(6)[:, :3]).sum() == pytest.approx(15.0)
+    assert unit(np.array([[0.0, 3.0, 4.0], [0.0, 0.0, 0.0]])).tolist() == [[0, 0.6, 0.8], [0, 0, 0]]
