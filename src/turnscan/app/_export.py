@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from turnscan import edit
 from turnscan.app import _requests as q
 from turnscan.app._downloads import Downloads
 from turnscan.app._jobs import Job, Jobs, Result
@@ -10,7 +9,6 @@ from turnscan.app._open_scan import OpenScan
 from turnscan.errors import ExportError, InputError
 from turnscan.export import ExportOptions, Profiles, audit, export
 from turnscan.points import profiles
-from turnscan.surface import settled
 
 
 def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportRequest) -> Job:
@@ -27,14 +25,15 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportR
     suffix, state = f".{wish.format}", scan.now
 
     def work(job: Job) -> Result:
-        job.steps(4)
-        mesh = settled(edit.Compact.of(state.document.body).mesh)
+        mesh, remarks = scan.finished(state, job.share)
+        job.steps(3)
+        job.at(0)
         if not len(mesh.faces):
             raise InputError("there is no surface to export", hint="undo, or open another scan")
         lines = None
         if wish.format == "dxf" and "profiles" in wish.dxf_forms:
             held: dict[str, tuple[object, ...]] = {}
-            for grid in state.grids:
+            for grid in scan.spaced(state):
                 runs = [run.points for step in profiles(grid) for run in step]
                 held[grid.laser] = (*held.get(grid.laser, ()), *runs)
             lines = Profiles(held)  # type: ignore[arg-type]
@@ -48,6 +47,6 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportR
         job.tick()
         name = downloads.add(data, scan.path.stem + suffix)
         size = f"{len(data) / 1e6:.2f} MB, read back the same"
-        return Result(f"{scan.path.stem}{suffix}: {size}", name, found)
+        return Result(f"{scan.path.stem}{suffix}: {size}", name, [*remarks, *found])
 
     return jobs.start("export", f"Exporting {scan.path.stem}{suffix}", work, scan.name)
