@@ -38,7 +38,7 @@ from turnscan.points import RangeGrid
 from turnscan.scan import Scan, rig_for
 from turnscan.shapes import Source
 from turnscan.surface import Mesh
-from turnscan.workflows import kept_options
+from turnscan.workflows import ReconstructResult, about, kept_options
 
 MOST_HOLES = 1000
 """The largest ones are told."""
@@ -111,14 +111,23 @@ class OpenScan:
         text = f"the settings of this scan have its surface {done}: it will be when it is exported"
         return (*found, Finding("scan.finished-on-export", "note", text))
 
-    def finished(self, state: State, told: surface.Told) -> tuple[Mesh, list[Finding]]:
+    def result(self, state: State, told: surface.Told) -> ReconstructResult:
         """The surface as files get it: closed and thinned out as the scan's settings say."""
-        mesh, found = finished(edit.Compact.of(state.document.body).mesh, self._settings, told)
-        return surface.settled(mesh), found
-
-    def spaced(self, state: State) -> list[RangeGrid]:
-        """The grids as files get them: with the points along their profiles that are asked for."""
-        return [surface.thin(grid, self._settings.along) for grid in state.grids]
+        s = self._settings
+        opened = edit.Compact.of(state.document.body).mesh
+        mesh, found = finished(opened, s, told)
+        done = Reconstruction(
+            state.grids,
+            surface.settled(mesh),
+            tuple(found),
+            state.document.history.enabled,
+            opened,
+            state.sought,
+            s.caps,
+            along=s.along,
+        )
+        rig = self._seen[0].view.rig
+        return ReconstructResult(done, about(self.path, rig, s, done.edits), rig)
 
     # Seeing
 

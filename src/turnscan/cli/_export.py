@@ -9,8 +9,7 @@ import click
 from turnscan.cli._flags import flags_of
 from turnscan.cli._output import format_options
 from turnscan.cli._progress import progress_bar
-from turnscan.export import ExportOptions
-from turnscan.workflows import ReconstructOptions, check_targets, export_mesh
+from turnscan.workflows import ExportOptions, ReconstructOptions, check_targets, export_mesh
 
 
 @click.command("export")

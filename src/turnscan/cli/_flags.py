@@ -19,7 +19,7 @@ class _Text(click.ParamType[str]):
     """A text that an option checks by itself."""
 
     def __init__(self, option: Declared) -> None:
-        self.name = {"decimate": "TOL|COUNT"}.get(option.name, "SPACING")
+        self.name = {"colour": "COLOUR", "decimate": "TOL|COUNT"}.get(option.name, "SPACING")
         self._option = option
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:

@@ -11,8 +11,14 @@ from turnscan.cli._numbers import Finite
 from turnscan.cli._output import format_options
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._show import show_result
-from turnscan.export import ExportOptions
-from turnscan.workflows import UNITS, ReconstructOptions, check_targets, join, read_rig_file
+from turnscan.workflows import (
+    UNITS,
+    ExportOptions,
+    ReconstructOptions,
+    check_targets,
+    join,
+    read_rig_file,
+)
 
 _path = click.Path(path_type=Path)
 

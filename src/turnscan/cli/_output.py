@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from turnscan.export import ExportOptions
+from turnscan.workflows import ExportOptions
 from turnscan.workflows._files import check_apart, check_output, check_writable, write_atomically
 
 __all__ = ["check_apart", "check_output", "check_writable", "format_options", "write_atomically"]

@@ -12,8 +12,8 @@ from turnscan.cli._own_settings import chosen_options, settings_options, show_ow
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._show import show_result
 from turnscan.errors import InputError
-from turnscan.export import ExportOptions
 from turnscan.workflows import (
+    ExportOptions,
     ReconstructOptions,
     check_targets,
     read_rig_file,

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import click
 
-from turnscan.export import ExportOptions
-from turnscan.workflows import ReconstructResult
+from turnscan.workflows import ExportOptions, ReconstructResult
 
 
 def show_result(

@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from turnscan.export import ExportOptions
     from turnscan.workflows._compare import Agreement, Comparison, compare
     from turnscan.workflows._declare import Declared, declared
     from turnscan.workflows._export import Exported, export_mesh
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._reading import UNITS, read_mesh_file, read_rig_file
     from turnscan.workflows._reconstruct import reconstruct
     from turnscan.workflows._reconstruct_options import ReconstructOptions
+    from turnscan.workflows._report import about
     from turnscan.workflows._result import ReconstructResult
     from turnscan.workflows._saving import save
     from turnscan.workflows._targets import check_targets
@@ -35,8 +37,9 @@ _MODULES = {
     "_reading": ("UNITS", "read_mesh_file", "read_rig_file"),
     "_reconstruct": ("reconstruct",),
     "_reconstruct_options": ("ReconstructOptions",),
+    "_report": ("about",),
     "_result": ("ReconstructResult",),
-    "_saving": ("save",),
+    "_saving": ("ExportOptions", "save"),
     "_targets": ("check_targets",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
@@ -46,11 +49,13 @@ __all__ = [
     "Agreement",
     "Comparison",
     "Declared",
+    "ExportOptions",
     "Exported",
     "MeasureOptions",
     "Measured",
     "ReconstructOptions",
     "ReconstructResult",
+    "about",
     "check_targets",
     "compare",
     "declared",

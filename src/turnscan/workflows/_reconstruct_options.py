@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from turnscan.errors import InputError
 from turnscan.points import Along, Between, Spacing, Volume, working_volume
@@ -57,10 +57,6 @@ def spacing_between(text: str) -> Between:
     return Between(math.radians(size), "rad") if unit == "deg" else Between(size, "mm")
 
 
-def _length(help: str) -> Any:
-    return option(None, "number", help, least=0, above=True)
-
-
 @dataclass(frozen=True)
 class ReconstructOptions(Checked):
     """How the points of a scan become a surface; lengths in mm, None leaves it to turnscan."""
@@ -78,8 +74,16 @@ class ReconstructOptions(Checked):
         "the steps are small enough; auto: the same, without a word where they are not.",
         choices=("none", "auto", "spacetime"),
     )  # fmt: skip
-    threshold: float | None = _length("Grey levels; without it from the noise.")
-    spacing: float | None = _length("mm between points along a profile; both ends of it stay.")
+    threshold: float | None = option(
+        None, "number", "Grey levels; without it from the noise.", least=0, above=True
+    )
+    spacing: float | None = option(
+        None,
+        "number",
+        "mm between points along a profile; both ends of it stay.",
+        least=0,
+        above=True,
+    )
     spacing_by: Spacing = option(
         "height", "choice",
         "Points at common heights, or at equal length along each profile.",
@@ -92,7 +96,9 @@ class ReconstructOptions(Checked):
         parse=spacing_between,
     )  # fmt: skip
     every: int = option(1, "count", "Use every N-th profile.", least=1)
-    radius: float | None = _length("mm from the axis; what is further out is dropped.")
+    radius: float | None = option(
+        None, "number", "mm from the axis; what is further out is dropped.", least=0, above=True
+    )
     z_min: float | None = option(None, "number", "mm above the platter; what is lower is dropped.")
     z_max: float | None = option(None, "number", "mm above the platter; what is higher is dropped.")
     island: int | None = option(
@@ -105,8 +111,12 @@ class ReconstructOptions(Checked):
         "Points dropped where a run ends at a jump in depth or in one-sided light.",
         least=0, most=20,
     )  # fmt: skip
-    outliers: float | None = _length(
-        "Sigmas: points further off the surface of their neighbours are taken away."
+    outliers: float | None = option(
+        None,
+        "number",
+        "Sigmas: points further off the surface of their neighbours are taken away.",
+        least=0,
+        above=True,
     )
     keep_strays: bool = option(False, "switch", "Keep points without a surface round them.")
     denoise: float | None = option(
@@ -119,7 +129,9 @@ class ReconstructOptions(Checked):
         "Several lasers or scans: average in angle and height, in voxels, or keep every point.",
         choices=get_args(How),
     )  # fmt: skip
-    voxel: float | None = _length("mm: voxels of tsdf.  [default: the points' spacing]")
+    voxel: float | None = option(
+        None, "number", "mm: voxels of tsdf.  [default: the points' spacing]", least=0, above=True
+    )
     decimate: str | None = option(
         None, "text",
         "Thin the mesh out: as far as a tolerance (0.05mm) allows, or to a number of faces.",
@@ -145,8 +157,12 @@ class ReconstructOptions(Checked):
         "plane, filled like any hole, or left open.  [default: floor]",
         choices=("floor", "hole", "open"),
     )  # fmt: skip
-    largest_hole: float | None = _length(
-        "With close, mm across; larger holes stay open.  [default: all are filled]"
+    largest_hole: float | None = option(
+        None,
+        "number",
+        "With close, mm across; larger holes stay open.  [default: all are filled]",
+        least=0,
+        above=True,
     )
 
     def __post_init__(self) -> None:

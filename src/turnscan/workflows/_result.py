@@ -143,14 +143,21 @@ class ReconstructResult:
         error = next((f for f in self.findings if f.severity == "error"), None)
         if error is not None:
             raise ExportError(f"nothing is saved: {error.message}", hint=error.remedy)
-        chosen = replace(options or ExportOptions(), about={**self.about, **self.volume()})
+        formats, profiles = self.content(options or ExportOptions())
+        return save(dict.fromkeys(map(Path, paths), self.mesh), formats, profiles)
+
+    def content(self, options: ExportOptions) -> tuple[ExportOptions, Profiles | None]:
+        """What goes into files besides the mesh: provenance, and profiles where they are asked for.
+
+        Returns the options with the provenance, and the profiles.
+        """
         lines: dict[str, tuple[Any, ...]] = {}
-        if "profiles" in chosen.dxf_forms:
+        if "profiles" in options.dxf_forms:
             for grid in self.reconstruction.spaced:
                 runs = [p.points for step in profiles(grid) for p in step]
                 lines[grid.laser] = (*lines.get(grid.laser, ()), *runs)
-        files = dict.fromkeys(map(Path, paths), self.mesh)
-        return save(files, chosen, Profiles(lines) if lines else None)
+        described = replace(options, about={**self.about, **self.volume()})
+        return described, Profiles(lines) if lines else None
 
     def save_report(self, path: str | Path) -> None:
         """Write the report: .html with pictures, or .json.
