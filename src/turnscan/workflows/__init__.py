@@ -1,0 +1,78 @@
+"""The verbs of turnscan as functions, which the command line, the browser and Python call.
+
+Each takes typed options and one `turnscan.progress.Progress`, and returns its result with what was
+found. Names are imported when they are used, so that a door waits only for what it needs.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from turnscan.export import ExportOptions
+    from turnscan.workflows._compare import Agreement, Comparison, compare
+    from turnscan.workflows._declare import Declared, declared
+    from turnscan.workflows._export import Exported, export_mesh
+    from turnscan.workflows._join import join
+    from turnscan.workflows._kept_options import kept_options, options_of
+    from turnscan.workflows._measure import Measured, MeasureOptions, measure
+    from turnscan.workflows._opening import open_scan
+    from turnscan.workflows._reading import UNITS, read_mesh_file, read_rig_file
+    from turnscan.workflows._reconstruct import reconstruct
+    from turnscan.workflows._reconstruct_options import ReconstructOptions
+    from turnscan.workflows._report import about
+    from turnscan.workflows._result import ReconstructResult
+    from turnscan.workflows._saving import save
+    from turnscan.workflows._targets import check_targets
+
+_MODULES = {
+    "_compare": ("Agreement", "Comparison", "compare"),
+    "_declare": ("Declared", "declared"),
+    "_export": ("Exported", "export_mesh"),
+    "_join": ("join",),
+    "_kept_options": ("kept_options", "options_of"),
+    "_measure": ("MeasureOptions", "Measured", "measure"),
+    "_opening": ("open_scan",),
+    "_reading": ("UNITS", "read_mesh_file", "read_rig_file"),
+    "_reconstruct": ("reconstruct",),
+    "_reconstruct_options": ("ReconstructOptions",),
+    "_report": ("about",),
+    "_result": ("ReconstructResult",),
+    "_saving": ("ExportOptions", "save"),
+    "_targets": ("check_targets",),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+__all__ = [
+    "UNITS",
+    "Agreement",
+    "Comparison",
+    "Declared",
+    "ExportOptions",
+    "Exported",
+    "MeasureOptions",
+    "Measured",
+    "ReconstructOptions",
+    "ReconstructResult",
+    "about",
+    "check_targets",
+    "compare",
+    "declared",
+    "export_mesh",
+    "join",
+    "kept_options",
+    "measure",
+    "open_scan",
+    "options_of",
+    "read_mesh_file",
+    "read_rig_file",
+    "reconstruct",
+    "save",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
