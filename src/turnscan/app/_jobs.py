@@ -223,7 +223,7 @@ class Jobs:
         except Cancelled:
             job.tell("cancelled")
         except TurnscanError as e:
-            job.tell("failed", Result(self._hub.hide(e.message)), self._hub.hide(e.hint))
+            job.tell("failed", Result(self._hub.hide(e.message)), self._hub.hide(str(e.hint)))
         except MemoryError:
             job.tell("failed", Result("out of memory"), "close other programs, or use less")
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
@@ -245,7 +245,7 @@ def remarks(findings: Sequence[Finding]) -> list[Remark]:
             severity=f.severity,
             text=f.message,
             where=f.where,
-            remedy="" if "--" in f.remedy else f.remedy,
+            remedy="" if "--" in str(f.remedy) else str(f.remedy),
         )
         for f in findings
     ]
