@@ -1,0 +1,79 @@
+"""Flags of the command line, made from the option classes of the workflows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+import click
+from click.core import ParameterSource
+
+from turnscan.cli._numbers import Finite
+from turnscan.workflows import Declared, declared
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class _Text(click.ParamType[str]):
+    """A text that an option checks by itself."""
+
+    def __init__(self, option: Declared) -> None:
+        self.name = {"colour": "COLOUR", "decimate": "TOL|COUNT"}.get(option.name, "SPACING")
+        self._option = option
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the text, or refuse it naming the flag."""
+        trouble = self._option.trouble(value)
+        if trouble is not None:
+            self.fail(trouble, param, ctx)
+        return value
+
+
+def flags_of(options: type[Any], *only: str) -> Callable[[Command], Command]:
+    """Give a verb a flag for each option of a class; it receives the value as ``options``.
+
+    With names given, it gets flags for those alone.
+    """
+    wanted = {n: o for n, o in declared(options).items() if not only or n in only}
+
+    def decorate(command: Command) -> Command:
+        @wraps(command)
+        def with_flags(*args: Any, **values: Any) -> Any:
+            own = {name: values.pop(name) for name in wanted}
+            return command(*args, options=options(**own), **values)
+
+        made: Any = with_flags
+        for option in reversed(wanted.values()):
+            made = _flag(option)(made)
+        return made  # type: ignore[no-any-return]
+
+    return decorate
+
+
+def given(*names: str) -> list[str]:
+    """The flags of these options that are on the command line."""
+    context = click.get_current_context()
+    here = [n for n in names if context.get_parameter_source(n) is ParameterSource.COMMANDLINE]
+    return ["--" + n.removesuffix("_path").replace("_", "-") for n in here]
+
+
+def _flag(option: Declared) -> Callable[[Any], Any]:
+    name = "--" + option.name.replace("_", "-")
+    if option.kind == "switch":
+        return click.option(name, is_flag=True, help=option.help)
+    kind: click.ParamType[Any]
+    match option.kind:
+        case "choice":
+            kind = click.Choice(option.choices)
+        case "count":
+            low, high = (None if x is None else int(x) for x in (option.least, option.most))
+            kind = click.INT if low is high is None else click.IntRange(low, high)
+        case "text":
+            kind = _Text(option)
+        case _:
+            kind = Finite(option.least, option.most, min_open=option.above)
+    shown = option.default is not None and "[default" not in option.help
+    return click.option(
+        name, option.name, type=kind, default=option.default, show_default=shown, help=option.help
+    )

@@ -1,0 +1,63 @@
+"""The verbs of turnscan as functions, which the command line, the browser and Python call.
+
+Each takes typed options and one `turnscan.progress.Progress`, and returns its result with what was
+found. Names are imported when they are used, so that a door waits only for what it needs.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from turnscan.workflows._check import CheckedLaser, CheckedScan, check
+    from turnscan.workflows._check_mesh import CheckedMesh
+    from turnscan.workflows._declare import Declared, declared
+    from turnscan.workflows._import_options import (
+        AngleSource,
+        EvenSteps,
+        ImportOptions,
+        ListedAngles,
+        MarkerAngles,
+        parse_angles,
+    )
+    from turnscan.workflows._import_pictures import ImportedScan, import_pictures
+
+_MODULES = {
+    "_check": ("CheckedLaser", "CheckedScan", "check"),
+    "_check_mesh": ("CheckedMesh",),
+    "_declare": ("Declared", "declared"),
+    "_import_options": (
+        "AngleSource",
+        "EvenSteps",
+        "ImportOptions",
+        "ListedAngles",
+        "MarkerAngles",
+        "parse_angles",
+    ),
+    "_import_pictures": ("ImportedScan", "import_pictures"),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+__all__ = [
+    "AngleSource",
+    "CheckedLaser",
+    "CheckedMesh",
+    "CheckedScan",
+    "Declared",
+    "EvenSteps",
+    "ImportOptions",
+    "ImportedScan",
+    "ListedAngles",
+    "MarkerAngles",
+    "check",
+    "declared",
+    "import_pictures",
+    "parse_angles",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)

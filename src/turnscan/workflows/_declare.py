@@ -1,0 +1,125 @@
+"""Options of the workflows: each is declared once, as a field of a frozen dataclass.
+
+The command line makes its flags and their help from the fields, a scan file keeps their values,
+and all of them are checked by the same limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+from turnscan.errors import InputError
+from turnscan.remedy import Option
+
+Kind = Literal["choice", "number", "count", "switch", "text"]
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What there is to know of one option."""
+
+    name: str
+    kind: Kind
+    help: str
+    default: Any
+    choices: tuple[str, ...]
+    least: float | None
+    most: float | None
+    above: bool
+    """Whether the value must be more than ``least``, not equal to it."""
+    optional: bool
+    """Whether None is a value: it leaves the choice to turnscan."""
+    parse: Callable[[str], object] | None
+    """Of a text: refuses it with ValueError."""
+
+    def trouble(self, value: object) -> str | None:
+        """What is wrong with a value; None where nothing is."""
+        if value is None:
+            return None if self.optional else "no value"
+        match self.kind:
+            case "switch":
+                return None if isinstance(value, bool) else f"{value!r} is not true or false"
+            case "choice":
+                listed = ", ".join(self.choices)
+                return None if value in self.choices else f"{value!r} is not one of {listed}"
+            case "text":
+                return self._trouble_of_text(value)
+        return self._trouble_of_number(value)
+
+    def _trouble_of_text(self, value: object) -> str | None:
+        if not isinstance(value, str):
+            return f"{value!r} is not a text"
+        try:
+            if self.parse is not None:
+                self.parse(value)
+        except ValueError as e:
+            return str(e)
+        return None
+
+    def _trouble_of_number(self, value: object) -> str | None:
+        whole = self.kind == "count"
+        if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
+            return f"{value!r} is not a {'whole ' if whole else ''}number"
+        if not math.isfinite(value):
+            return f"{value!r} is not a finite number"
+        if self.least is not None and (value <= self.least if self.above else value < self.least):
+            return f"{value} is not {'more than' if self.above else 'at least'} {self.least:g}"
+        if self.most is not None and value > self.most:
+            return f"{value} is more than {self.most:g}"
+        return None
+
+
+def option(
+    default: Any,
+    kind: Kind,
+    help: str,
+    *,
+    choices: tuple[str, ...] = (),
+    least: float | None = None,
+    most: float | None = None,
+    above: bool = False,
+    optional: bool | None = None,
+    parse: Callable[[str], object] | None = None,
+) -> Any:
+    """A field of an option class; ``optional`` is whether None is a value, by the default."""
+    declared = {
+        "kind": kind,
+        "help": help,
+        "choices": choices,
+        "least": least,
+        "most": most,
+        "above": above,
+        "optional": default is None if optional is None else optional,
+        "parse": parse,
+    }
+    return field(default=default, metadata={"declared": declared})
+
+
+def declared(options: Any) -> dict[str, Declared]:
+    """The options of an option class, or of a value of one, by name."""
+    return {
+        f.name: Declared(f.name, default=f.default, **f.metadata["declared"])
+        for f in fields(options)
+        if "declared" in f.metadata
+    }
+
+
+class Checked:
+    """Base of the option classes: every value is within its limits, or InputError names it."""
+
+    def __post_init__(self) -> None:
+        for name, option in declared(self).items():
+            trouble = option.trouble(getattr(self, name))
+            if trouble is not None:
+                raise InputError(trouble, hint="choose another value", option=Option(name))
+
+    def changed(self) -> Mapping[str, Any]:
+        """The options that are not at their default, by name."""
+        return {
+            name: getattr(self, name)
+            for name, option in declared(self).items()
+            if getattr(self, name) != option.default
+        }

@@ -1,0 +1,42 @@
+"""Where the edits of a reconstruction come from: the scan itself, another scan, or a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from turnscan.edit import History, history_from_json, history_from_log
+from turnscan.errors import FormatError
+from turnscan.scan import Scan
+from turnscan.workflows._reading import read_bytes
+
+_MOST_BYTES = 64 << 20
+
+
+def history_of(scan: Scan) -> History:
+    """The edits kept in a scan file. Raises ScanCorrupt and FormatError, ScanNewer."""
+    return history_from_log((entry.text for entry in scan.edits()), str(scan.path))
+
+
+def wanted_history(scan: Scan, wish: str) -> History:
+    """``own``, ``none``, or the edits of another scan file or of a JSON file.
+
+    Raises InputError where there is no such file, FormatError, ScanNewer, ScanCorrupt.
+    """
+    if wish == "none":
+        return History()
+    return history_of(scan) if wish == "own" else read_history(Path(wish))
+
+
+def read_history(path: Path) -> History:
+    """The edits of a scan file, or of a file that ``turnscan edits -o`` wrote.
+
+    Raises InputError where there is no such file, FormatError, ScanNewer, ScanCorrupt.
+    """
+    if path.suffix.lower() != ".json":
+        with Scan.open(path) as other:
+            return history_of(other)
+    try:
+        text = read_bytes(path, _MOST_BYTES).decode()
+    except UnicodeDecodeError:
+        raise FormatError(f"{path}: not a text file", hint="give a file of edits") from None
+    return history_from_json(text, str(path))

@@ -1,0 +1,58 @@
+"""Reading the files that a workflow is given: meshes and rigs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from turnscan.errors import FormatError, InputError, LimitExceeded
+from turnscan.rig import Rig, rig_from_json
+from turnscan.surface import Mesh
+
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+"""mm in each unit that a file without a unit of its own may be in."""
+
+_MAX_RIG_BYTES = 16 * 2**20
+_START = 1 << 16
+_MAX_MESH_BYTES = 4 * 2**30
+
+
+def read_bytes(path: Path, limit: int) -> bytes:
+    """The bytes of a file of at most ``limit`` bytes.
+
+    Raises InputError where there is no such file, LimitExceeded where it is larger.
+    """
+    if not path.is_file():
+        what = "is a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {what}", hint="check the name")
+    size = path.stat().st_size
+    if size > limit:
+        raise LimitExceeded(f"{path}: {size} bytes; at most {limit} are read")
+    return path.read_bytes()
+
+
+def read_start(path: Path) -> bytes:
+    """The first bytes of a file that is there, in which it says where it comes from."""
+    with path.open("rb") as file:
+        return file.read(_START)
+
+
+def read_mesh_file(path: Path, unit: str = "mm") -> Mesh:
+    """Read a mesh in ``unit`` from a file whose suffix names its form; complaints name the file."""
+    from turnscan.export import read_mesh
+
+    data = read_bytes(path, _MAX_MESH_BYTES)
+    try:
+        mesh = read_mesh(data, path.suffix)
+    except InputError as e:
+        raise type(e)(f"{path}: {e.message}", hint=e.hint) from None
+    return replace(mesh, vertices=mesh.vertices * UNITS[unit]) if unit != "mm" else mesh
+
+
+def read_rig_file(path: Path) -> Rig:
+    """Read a rig. Raises InputError where there is none, FormatError naming the key."""
+    try:
+        text = read_bytes(path, _MAX_RIG_BYTES).decode()
+    except UnicodeDecodeError:
+        raise FormatError(f"{path}: not a text file", hint="give a rig.json") from None
+    return rig_from_json(text, str(path))
