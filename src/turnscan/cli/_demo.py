@@ -15,11 +15,9 @@ from turnscan.cli import _html as html
 from turnscan.cli._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
 from turnscan.cli._deviation_map import deviation_figure
 from turnscan.cli._output import write_atomically, write_results
-from turnscan.cli._png import write_png
-from turnscan.cli._progress import progress
+from turnscan.cli._progress import progress, progress_bar
 from turnscan.cli._reconstruct_report import about, summary
 from turnscan.cli._render import render
-from turnscan.cli._simulated import plan_of, scan_into_file, truth
 from turnscan.devices import burning
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
@@ -30,6 +28,8 @@ from turnscan.settings import Settings
 from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, Wish, simulated
 from turnscan.surface import Caps, close
+from turnscan.workflows._png import write_png
+from turnscan.workflows._simulated import plan_of, scan_into_file, truth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,8 +76,8 @@ def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> No
     plan = plan_of(devices)
     clock.lap("preparing")
     path = output / f"{name}.turnscan"
-    with progress("scanning", plan.steps) as tick:
-        scan_into_file(devices, plan, path, "sparse", tick)
+    with progress_bar() as bar:
+        scan_into_file(devices, plan, path, "sparse", bar.subrange(0, 1, "scanning"))
     clock.lap(f"scanning {plan.steps} steps × {', '.join(plan.lasers)}")
     settings = Settings()
     with Scan.open(path) as scan, progress("reconstructing", len(scan)) as tick:

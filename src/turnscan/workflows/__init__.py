@@ -10,6 +10,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from turnscan.workflows._calibrate import CalibratedRig, CalibrationPictures, calibrate
+    from turnscan.workflows._calibrate_options import CalibrateOptions
     from turnscan.workflows._check import CheckedLaser, CheckedScan, check
     from turnscan.workflows._check_mesh import CheckedMesh
     from turnscan.workflows._declare import Declared, declared
@@ -22,8 +24,11 @@ if TYPE_CHECKING:
         parse_angles,
     )
     from turnscan.workflows._import_pictures import ImportedScan, import_pictures
+    from turnscan.workflows._simulate import SimulatedScan, SimulateOptions, simulate
 
 _MODULES = {
+    "_calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
+    "_calibrate_options": ("CalibrateOptions",),
     "_check": ("CheckedLaser", "CheckedScan", "check"),
     "_check_mesh": ("CheckedMesh",),
     "_declare": ("Declared", "declared"),
@@ -36,11 +41,15 @@ _MODULES = {
         "parse_angles",
     ),
     "_import_pictures": ("ImportedScan", "import_pictures"),
+    "_simulate": ("SimulateOptions", "SimulatedScan", "simulate"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "AngleSource",
+    "CalibrateOptions",
+    "CalibratedRig",
+    "CalibrationPictures",
     "CheckedLaser",
     "CheckedMesh",
     "CheckedScan",
@@ -50,10 +59,14 @@ __all__ = [
     "ImportedScan",
     "ListedAngles",
     "MarkerAngles",
+    "SimulateOptions",
+    "SimulatedScan",
+    "calibrate",
     "check",
     "declared",
     "import_pictures",
     "parse_angles",
+    "simulate",
 ]
 
 
