@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "src" / "turnscan"
 
-THIN = ("_calibrate", "_check", "_import", "_simulate")
+THIN = ("_calibrate", "_check", "_design", "_import", "_simulate")
 """Modules of the command line whose verbs are in `workflows`."""
 HELPERS = ("_degrees", "_flags", "_numbers", "_output", "_progress", "_show", "_words")
 """Modules of the command line that declare flags, show progress and word results."""
@@ -24,7 +24,7 @@ FLAG = re.compile(r"(?<!var\()--[a-z][a-z-]*\b(?!: *#)")
 NOT_YET_CLEAN = {
     "acquire/_angle.py", "acquire/_watch.py", "devices/_picamera2.py", "devices/_registry.py",
     "devices/_sentences.py", "points/_build.py", "points/_findings.py", "poses/_align.py",
-    "poses/_place.py", "rig/_design.py", "scan/_edit_log.py", "scan/_fit.py", "station/_wishes.py",
+    "poses/_place.py", "scan/_edit_log.py", "scan/_fit.py", "station/_wishes.py",
     "surface/_clean.py", "surface/_decimate.py", "surface/_findings.py", "surface/_merge.py",
     "surface/_range_surface.py", "surface/_tsdf.py",
 }  # fmt: skip

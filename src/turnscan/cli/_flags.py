@@ -20,6 +20,8 @@ _METAVARS = {
     "decimate": "TOL|COUNT",
     "laser_board": "SPEC",
     "markers": "DICT:SIDE_MM",
+    "pixel_um": "W[,H]",
+    "sensor": "COLSxROWS",
     "spacing_between": "SPACING",
     "table_board": "SPEC",
     "table_laser": "NAME",

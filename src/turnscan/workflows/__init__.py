@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from turnscan.workflows._check import CheckedLaser, CheckedScan, check
     from turnscan.workflows._check_mesh import CheckedMesh
     from turnscan.workflows._declare import Declared, declared
+    from turnscan.workflows._design import DesignedRig, design, published_design
+    from turnscan.workflows._design_options import DesignOptions, parse_theta
     from turnscan.workflows._import_options import (
         AngleSource,
         EvenSteps,
@@ -32,6 +34,8 @@ _MODULES = {
     "_check": ("CheckedLaser", "CheckedScan", "check"),
     "_check_mesh": ("CheckedMesh",),
     "_declare": ("Declared", "declared"),
+    "_design": ("DesignedRig", "design", "published_design"),
+    "_design_options": ("DesignOptions", "parse_theta"),
     "_import_options": (
         "AngleSource",
         "EvenSteps",
@@ -54,6 +58,8 @@ __all__ = [
     "CheckedMesh",
     "CheckedScan",
     "Declared",
+    "DesignOptions",
+    "DesignedRig",
     "EvenSteps",
     "ImportOptions",
     "ImportedScan",
@@ -64,8 +70,11 @@ __all__ = [
     "calibrate",
     "check",
     "declared",
+    "design",
     "import_pictures",
     "parse_angles",
+    "parse_theta",
+    "published_design",
     "simulate",
 ]
 
