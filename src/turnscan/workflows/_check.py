@@ -62,7 +62,7 @@ class CheckedScan:
         return any(f.severity == "error" for f in self.findings)
 
 
-def check(path: Path, progress: Progress = no_progress) -> CheckedScan | CheckedMesh:
+def check(path: str | Path, progress: Progress = no_progress) -> CheckedScan | CheckedMesh:
     """Read all of a file and say what it holds, and whether it is whole.
 
     Parameters
@@ -85,6 +85,7 @@ def check(path: Path, progress: Progress = no_progress) -> CheckedScan | Checked
     Cancelled
         By ``progress``.
     """
+    path = Path(path)
     if path.suffix.lower() in _MESHES:
         return check_mesh(path)
     with _opened(path) as scan:

@@ -21,7 +21,7 @@ class EvenSteps:
     """The table turned by the same angle from each step to the next."""
 
     step_deg: float
-    """Degrees, counter-clockwise seen from above; negative for clockwise; 0 < |step| ≤ 180."""
+    """Degrees, counter-clockwise seen from above; negative for clockwise; up to 180, not 0."""
 
     def __post_init__(self) -> None:
         given = Option("angles", str(self))

@@ -58,11 +58,11 @@ class ImportedScan:
 
 def import_pictures(
     pictures: Pictures | Mapping[str, Pictures],
-    output: Path,
+    output: str | Path,
     angles: AngleSource,
     *,
     dark: Pictures | Mapping[str, Pictures] = (),
-    rig: Path | None = None,
+    rig: Rig | str | Path | None = None,
     options: ImportOptions | None = None,
     progress: Progress = no_progress,
 ) -> ImportedScan:
@@ -83,7 +83,7 @@ def import_pictures(
         With the laser off: as many as lit ones, or one for all; also by laser. Without them the
         background is found from the scan itself.
     rig
-        The rig file to store with it; its camera must have the size of the pictures.
+        The rig to store with it, or its file; its camera must have the size of the pictures.
 
     Returns
     -------
@@ -99,8 +99,8 @@ def import_pictures(
     Cancelled
         By ``progress``; the output is as it was.
     """
-    chosen = options or ImportOptions()
-    stored = None if rig is None else read_rig_file(rig)
+    output, chosen = Path(output), options or ImportOptions()
+    stored = read_rig_file(Path(rig)) if isinstance(rig, str | Path) else rig
     lit = _by_laser(pictures)
     series, steps, found = find_series(lit, _dark_by_laser(dark, list(lit)), chosen)
     check_output(output, (".turnscan",))

@@ -67,7 +67,7 @@ class SimulatedScan:
 
 def simulate(
     scene: str,
-    output: Path,
+    output: str | Path,
     options: SimulateOptions | None = None,
     progress: Progress = no_progress,
 ) -> SimulatedScan:
@@ -96,7 +96,7 @@ def simulate(
     Cancelled
         By ``progress``. No scan file is written then; a folder keeps the pictures so far.
     """
-    chosen = options or SimulateOptions()
+    output, chosen = Path(output), options or SimulateOptions()
     into_file = output.suffix == ".turnscan"
     if into_file:
         check_output(output)
