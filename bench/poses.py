@@ -19,7 +19,6 @@ import numpy as np
 
 from bench.surface_truth import scanned
 from turnscan import poses
-from turnscan.cli._range_scans import placed_scans, read_range_scan
 from turnscan.pipeline import reconstruct
 from turnscan.points import RangeGrid
 from turnscan.rig import Pose, rotation_from_vector
@@ -27,6 +26,7 @@ from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Wish, part
 from turnscan.surface import range_surfaces
+from turnscan.workflows._range_scans import placed_scans, read_range_scan
 
 STEPS = 120
 WALL = part("cup").dimensions["wall"]

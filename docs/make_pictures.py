@@ -22,11 +22,11 @@ from PIL import Image as Pillow
 
 from turnscan.arrays import Floats, Image
 from turnscan.cli import turnscan
-from turnscan.cli._render import render
 from turnscan.export import read_mesh
 from turnscan.rig import design_preset
 from turnscan.simulate import Bench, Renderer, Wish, bench, part, seconds_of
 from turnscan.surface import FillHow, cut_touching, decimate, fill, holes, submesh
+from turnscan.workflows._render import render
 
 HERE = Path(__file__).parent / "pictures"
 SECONDS = seconds_of(Wish())

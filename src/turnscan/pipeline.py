@@ -73,18 +73,32 @@ def reconstruct(
 
 
 def build(
-    seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
+    seen: Sequence[Sight],
+    s: Settings,
+    edits: Sequence[Entry] = (),
+    told: Told = silent,
+    *,
+    finish: bool = True,
 ) -> Reconstruction:
     """Stripes → grids → mesh, with these edits. Raises InputError where no angle is known.
 
-    ``told`` hears how much of it is done.
+    ``told`` hears how much of it is done; without ``finish`` the mesh is neither closed nor
+    thinned out, so that more edits can be made on it.
     """
     grids, sought, findings = to_grids(seen, s, edits, part(told, 0, _GRIDS))
     rig = seen[0].view.rig if seen else None
-    opened, mesh, remarks = to_mesh(grids, s, edits, part(told, _GRIDS, 1), rig)
+    told = part(told, _GRIDS, 1)
+    opened, mesh, remarks = to_mesh(grids, s, edits, told, rig, finish=finish)
     said = (*findings, *remarks)
     return Reconstruction(
-        tuple(grids), mesh, said, tuple(edits), opened, tuple(sought), s.caps, along=s.along
+        tuple(grids),
+        mesh,
+        said,
+        tuple(edits),
+        opened,
+        tuple(sought),
+        s.caps if finish else None,
+        along=s.along,
     )
 
 
@@ -132,11 +146,14 @@ def to_mesh(
     edits: Sequence[Entry] = (),
     told: Told = silent,
     rig: Rig | None = None,
+    *,
+    finish: bool = True,
 ) -> tuple[Mesh, Mesh, list[Finding]]:
     """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for.
 
     ``rig`` is the one that measured the grids; volumes are as uncertain as it is.
-    ``told`` hears of merging, closing and thinning out.
+    ``told`` hears of merging, closing and thinning out. Without ``finish`` the mesh is neither
+    closed nor thinned out nor settled.
     """
     told(0)
     sewn = s.caps is not None and s.caps.holes is not None
@@ -145,15 +162,25 @@ def to_mesh(
     mesh, islands, faces = surface.drop_islands(mesh, s.island)
     opened, mending = edit.mend_mesh(mesh, edits, lambda: source_of(grids, rig))
     mesh, closing = opened, list[Finding]()
+    if finish:
+        mesh, closing = finished(mesh, s, part(told, 0.4, 1))
+    whole = surface.settled(mesh)
+    closed = finish and s.caps is not None
+    remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
+    said = findings + touching + mending + closing + remarks
+    return opened, whole if finish else opened, said
+
+
+def finished(mesh: Mesh, s: Settings, told: Told = silent) -> tuple[Mesh, list[Finding]]:
+    """An edited mesh, closed and thinned out as asked for; ``told`` hears of both."""
+    findings = list[Finding]()
     if s.caps is not None:
-        mesh, closing = surface.close(mesh, s.caps, part(told, 0.4, 0.6))
+        mesh, findings = surface.close(mesh, s.caps, part(told, 0, 1 / 3))
     if s.tolerance is not None or s.faces is not None:
-        dense, thinning = mesh, part(told, 0.6, 1)
+        dense, thinning = mesh, part(told, 1 / 3, 1)
         mesh = surface.decimate(dense, tolerance=s.tolerance, faces=s.faces, told=thinning)
-        closing += surface.decimation_findings(dense, mesh, s.faces)
-    mesh = surface.settled(mesh)
-    remarks = surface.mesh_findings(mesh, islands, faces, closed=s.caps is not None)
-    return opened, mesh, findings + touching + mending + closing + remarks
+        findings += surface.decimation_findings(dense, mesh, s.faces)
+    return mesh, findings
 
 
 def source_of(grids: Sequence[RangeGrid], rig: Rig | None) -> Source:

@@ -9,23 +9,24 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from turnscan.cli._caps import caps_options
+from turnscan.cli._flags import flags_of
 from turnscan.cli._reconstruct import verb
 from turnscan.errors import InputError
 from turnscan.export import read_mesh
 from turnscan.surface import Caps, holes
+from turnscan.workflows import ReconstructOptions
 
 
 def chosen(*words: str) -> Caps | None:
-    got: list[Caps | None] = []
+    got: list[ReconstructOptions] = []
 
     @click.command()
-    @caps_options
-    def command(caps: Caps | None) -> None:
-        got.append(caps)
+    @flags_of(ReconstructOptions)
+    def command(options: ReconstructOptions) -> None:
+        got.append(options)
 
     CliRunner().invoke(command, list(words), catch_exceptions=False)
-    return got[0]
+    return got[0].caps
 
 
 def test_what_is_asked_for_is_what_is_done() -> None:
@@ -41,7 +42,7 @@ def test_what_is_asked_for_is_what_is_done() -> None:
 
 
 def test_options_that_do_nothing_are_refused() -> None:
-    with pytest.raises(InputError, match="--fill, --top: nothing is closed"):
+    with pytest.raises(InputError, match="fill, top: no effect without close"):
         chosen("--fill", "flat", "--top", "plane")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def run(*words, fails=None):
 
 
 @pytest.fixture(scope="module")
-def scan_path(tmp_path_factory):
+def only_scan(tmp_path_factory):
     path = tmp_path_factory.mktemp("scan") / "can.turnscan"
     rig = make_rig(elevation=0.1, lift=20.0)
     u = np.arange(320)
@@ -38,6 +39,12 @@ def scan_path(tmp_path_factory):
             dark = np.full((240, 320), 10, np.uint8)
             scan.add(Frame(k, "L0", lit, dark, commanded=float(full_turn(STEPS)[k])))
     return path
+
+
+@pytest.fixture
+def scan_path(only_scan, tmp_path_factory):
+    """A copy of its own, for a scan file keeps the settings of its last reconstruction."""
+    return shutil.copy(only_scan, tmp_path_factory.mktemp("own") / only_scan.name)
 
 
 def test_a_scan_becomes_files_that_agree(scan_path, tmp_path):

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from turnscan import edit
 from turnscan.app import _requests as q
 from turnscan.app._downloads import Downloads
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._open_scan import OpenScan
 from turnscan.errors import ExportError, InputError
-from turnscan.export import ExportOptions, Profiles, audit, export
-from turnscan.points import profiles
-from turnscan.surface import settled
+from turnscan.export import ExportOptions, audit, export
 
 
 def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportRequest) -> Job:
@@ -22,32 +19,27 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportR
         dxf_forms=tuple(dict.fromkeys(wish.dxf_forms)),
         dxf_version=version,
         ascii=wish.ascii,
-        about={"source": scan.path.name},
     )
     suffix, state = f".{wish.format}", scan.now
 
     def work(job: Job) -> Result:
-        job.steps(4)
-        mesh = settled(edit.Compact.of(state.document.body).mesh)
+        result = scan.result(state, job.share)
+        mesh = result.mesh
+        job.steps(3)
+        job.at(0)
         if not len(mesh.faces):
             raise InputError("there is no surface to export", hint="undo, or open another scan")
-        lines = None
-        if wish.format == "dxf" and "profiles" in wish.dxf_forms:
-            held: dict[str, tuple[object, ...]] = {}
-            for grid in state.grids:
-                runs = [run.points for step in profiles(grid) for run in step]
-                held[grid.laser] = (*held.get(grid.laser, ()), *runs)
-            lines = Profiles(held)  # type: ignore[arg-type]
+        formats, lines = result.content(options)
         job.tick()
-        data = export(mesh, suffix, options=options, profiles=lines)
+        data = export(mesh, suffix, options=formats, profiles=lines)
         job.tick()
-        found = audit(data, mesh, suffix, options=options, profiles=lines)
+        found = audit(data, mesh, suffix, options=formats, profiles=lines)
         for finding in found:
             if finding.severity == "error":
                 raise ExportError(finding.message, hint=finding.remedy)
         job.tick()
         name = downloads.add(data, scan.path.stem + suffix)
         size = f"{len(data) / 1e6:.2f} MB, read back the same"
-        return Result(f"{scan.path.stem}{suffix}: {size}", name, found)
+        return Result(f"{scan.path.stem}{suffix}: {size}", name, [*result.findings, *found])
 
     return jobs.start("export", f"Exporting {scan.path.stem}{suffix}", work, scan.name)

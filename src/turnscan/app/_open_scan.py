@@ -33,12 +33,12 @@ from turnscan.app._wire_mesh import (
 from turnscan.detection import see
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, build, source_of
+from turnscan.pipeline import Reconstruction, build, finished, source_of
 from turnscan.points import RangeGrid
 from turnscan.scan import Scan, rig_for
-from turnscan.settings import Settings
 from turnscan.shapes import Source
 from turnscan.surface import Mesh
+from turnscan.workflows import ReconstructResult, about, kept_options
 
 MOST_HOLES = 1000
 """The largest ones are told."""
@@ -74,14 +74,15 @@ class OpenScan:
         self._lock = threading.RLock()
         self._looking = threading.Lock()
         self._found: tuple[int, Mesh, list[surface.Hole]] | None = None
-        self._settings = Settings()
         self._built: dict[tuple[edit.Entry, ...], Reconstruction] = {}
         self._times: dict[int, float] = {}
         self.scan = Scan.resume(path)
         try:
             rig = rig_for(self.scan)
+            self._settings = kept_options(self.scan).settings(rig, self.scan)
             job.steps(len(self.scan))
-            self._seen = see(self.scan, rig, self._settings.stripes, tick=job.tick)
+            stripes, volume = self._settings.stripes, self._settings.volume
+            self._seen = see(self.scan, rig, stripes, volume, job.tick)
             self._views = {s.view.laser: s.view for s in self._seen}
             log = self.scan.edits()
             history = edit.history_from_log([e.text for e in log], f"{path.name}: edits")
@@ -103,7 +104,30 @@ class OpenScan:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be said about the scan and its edits."""
-        return self.now.document.findings
+        s, found = self._settings, tuple(self.now.document.findings)
+        if s.caps is None and s.tolerance is None and s.faces is None:
+            return found
+        done = "closed" if s.caps is not None else "thinned out"
+        text = f"the settings of this scan have its surface {done}: it will be when it is exported"
+        return (*found, Finding("scan.finished-on-export", "note", text))
+
+    def result(self, state: State, told: surface.Told) -> ReconstructResult:
+        """The surface as files get it: closed and thinned out as the scan's settings say."""
+        s = self._settings
+        opened = edit.Compact.of(state.document.body).mesh
+        mesh, found = finished(opened, s, told)
+        done = Reconstruction(
+            state.grids,
+            surface.settled(mesh),
+            tuple(found),
+            state.document.history.enabled,
+            opened,
+            state.sought,
+            s.caps,
+            along=s.along,
+        )
+        rig = self._seen[0].view.rig
+        return ReconstructResult(done, about(self.path, rig, s, done.edits), rig)
 
     # Seeing
 
@@ -130,7 +154,7 @@ class OpenScan:
             figures=state.figures,
             history=self._entries(state),
             cursor=state.document.history.cursor,
-            findings=remarks(state.document.findings),
+            findings=remarks(self.findings),
             measures=measures(state.document),
         )
 
@@ -383,7 +407,7 @@ class OpenScan:
     def _build(
         self, entries: Sequence[edit.Entry], told: surface.Told
     ) -> tuple[Mesh, Sequence[Finding]]:
-        done = build(self._seen, self._settings, entries, told)
+        done = build(self._seen, self._settings, entries, told, finish=False)
         self._built[tuple(entries)] = done
         return done.mesh, done.findings
 

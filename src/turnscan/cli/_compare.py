@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from turnscan.cli._input import UNITS, read_mesh_file
 from turnscan.cli._numbers import Finite
-from turnscan.errors import InputError
-
-if TYPE_CHECKING:
-    from turnscan.shapes import Deviation
-
-Row = tuple[float, float, float]
-"""tolerance mm, precision, completeness"""
+from turnscan.cli._output import check_output
+from turnscan.cli._progress import progress_bar
+from turnscan.workflows import UNITS, compare
 
 
 @click.command(name="compare")
@@ -50,62 +44,21 @@ def verb(
 ) -> None:
     """How far MEASURED lies from REFERENCE, and how much of REFERENCE was measured.
 
-    Both are meshes (STL, PLY, OBJ, 3MF, GLB, DXF) in the same frame. Precision is the share of the
-    measured vertices within the tolerance of the reference; completeness the share of the
-    reference's area within the tolerance of the measured mesh. Faces marked as not measured do
-    not count, nor do vertices off the end of an open reference.
+    Both are meshes (STL, PLY, OBJ, 3MF, GLB, DXF) or scans (.turnscan), which are reconstructed
+    with their own settings, in the same frame. Precision is the share of the measured vertices
+    within the tolerance of the reference; completeness the share of the reference's area within
+    the tolerance of the measured mesh. Faces marked as not measured do not count, nor do vertices
+    off the end of an open reference.
     """
-    from turnscan.cli._output import check_output, write_atomically
-    from turnscan.shapes import deviation, sample_surface
-    from turnscan.surface import submesh
-
     if picture is not None:
         check_output(picture, (".png",), [measured, reference])
-    got, truth = read_mesh_file(measured, unit), read_mesh_file(reference, reference_unit)
-    if not len(got.faces):
-        raise InputError(f"{measured}: no faces", hint="compare a mesh, not a cloud of points")
-    if got.measured is not None:
-        got = submesh(got, got.measured)
-    every = deviation(got.vertices, truth)
-    out = every.covered()
-    back = deviation(sample_surface(truth, samples), got)
-    rows = [(t, out.within(t), back.within(t)) for t in tolerances]
+    with progress_bar() as progress:
+        found = compare(
+            measured, reference, tolerances=tolerances, samples=samples, unit=unit,
+            reference_unit=reference_unit, progress=progress,
+        )  # fmt: skip
+    for finding in found.findings:
+        click.echo(str(finding), err=True)
     if picture is not None:
-        from turnscan.cli._deviation_map import deviation_figure
-        from turnscan.cli._html import png
-
-        write_atomically(picture, png(deviation_figure(got, every, limit)))
-    click.echo(_json(out, rows) if as_json else _text(out, rows))
-
-
-def _f_score(precision: float, completeness: float) -> float:
-    both = precision + completeness
-    return 2 * precision * completeness / both if both > 0 else 0.0
-
-
-def _json(out: Deviation, rows: list[Row]) -> str:
-    figures = {
-        "vertices": len(out.distance),
-        "mean_mm": out.mean,
-        "rms_mm": out.rms,
-        "p95_mm": out.quantile(0.95),
-        "max_mm": out.quantile(1.0),
-        "tolerances": [
-            {"tolerance_mm": t, "precision": p, "completeness": c, "f_score": _f_score(p, c)}
-            for t, p, c in rows
-        ],
-    }
-    return json.dumps(figures, indent=1)
-
-
-def _text(out: Deviation, rows: list[Row]) -> str:
-    lines = [
-        f"{len(out.distance)} measured vertices against the reference: mean {out.mean:+.4f} mm, "
-        f"rms {out.rms:.4f} mm, 95 % within {out.quantile(0.95):.4f} mm, "
-        f"worst {out.quantile(1.0):.4f} mm"
-    ]
-    lines += [
-        f"within {t:g} mm: precision {p:.2%}, completeness {c:.2%}, F-score {_f_score(p, c):.4f}"
-        for t, p, c in rows
-    ]
-    return "\n".join(lines)
+        found.save_picture(picture, limit)
+    click.echo(json.dumps(found.figures(), indent=1) if as_json else str(found))

@@ -11,13 +11,9 @@ import click
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.cli import _html as html
 from turnscan.cli._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
-from turnscan.cli._deviation_map import deviation_figure
-from turnscan.cli._output import write_atomically, write_results
+from turnscan.cli._output import write_atomically
 from turnscan.cli._progress import progress, progress_bar
-from turnscan.cli._reconstruct_report import about, summary
-from turnscan.cli._render import render
 from turnscan.devices import burning
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
@@ -28,7 +24,12 @@ from turnscan.settings import Settings
 from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, Wish, simulated
 from turnscan.surface import Caps, close
+from turnscan.workflows import _html as html
+from turnscan.workflows import save
+from turnscan.workflows._deviation_map import deviation_figure
 from turnscan.workflows._png import write_png
+from turnscan.workflows._render import render
+from turnscan.workflows._report import about, summary
 from turnscan.workflows._simulated import plan_of, scan_into_file, truth
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> No
     clock.lap("reconstructing")
     options = ExportOptions(about=about(path, devices.world.bench.rig, settings))
     results = {output / f"{name}.{suffix}": mended for suffix in ("dxf", "stl", "ply")}
-    write_results(dict.fromkeys(results, mended), options)
+    save(dict.fromkeys(results, mended), options)
     write_atomically(output / "rig.json", rig_to_json(devices.world.bench.rig).encode())
     write_png(output / "frame.png", frames[0].picture)
     clock.lap("writing DXF, STL and PLY, each read back")

@@ -10,10 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Floats, Image
-from turnscan.cli import _html as html
-from turnscan.cli._deviation_map import deviation_figure
-from turnscan.cli._reconstruct_report import summary
-from turnscan.cli._render import render
 from turnscan.findings import Finding
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid
@@ -21,6 +17,10 @@ from turnscan.shapes import Deviation
 from turnscan.simulate import Simulated
 from turnscan.stripes import Stripe
 from turnscan.surface import Mesh
+from turnscan.workflows import _html as html
+from turnscan.workflows._deviation_map import deviation_figure
+from turnscan.workflows._render import render
+from turnscan.workflows._report import summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,11 +11,12 @@ import click
 
 from turnscan.cli._hardware import ended_by_signals
 from turnscan.cli._numbers import Finite
-from turnscan.cli._output import check_writable, write_atomically, write_results
+from turnscan.cli._output import check_writable, write_atomically
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
 from turnscan.rig import rig_to_json
 from turnscan.simulate import simulated, wish_of
+from turnscan.workflows import save
 from turnscan.workflows._simulated import truth
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def verb(
     if rig_file is not None:
         write_atomically(rig_file, rig_to_json(bench.world.bench.rig).encode())
     if truth_file is not None:
-        write_results({truth_file: truth(bench)}, ExportOptions())
+        save({truth_file: truth(bench)}, ExportOptions())
     with ended_by_signals():
         try:
             with emulator:

@@ -66,9 +66,17 @@ def flags_of(options: type[Any], *only: str) -> Callable[[Command], Command]:
 
 def given(*names: str) -> list[str]:
     """The flags of these options that are on the command line."""
-    context = click.get_current_context()
-    here = [n for n in names if context.get_parameter_source(n) is ParameterSource.COMMANDLINE]
-    return ["--" + n.removesuffix("_path").replace("_", "-") for n in here]
+    return ["--" + n.removesuffix("_path").replace("_", "-") for n in names if _is_given(n)]
+
+
+def values_given(kind: type[Any], options: object) -> dict[str, Any]:
+    """The options of a class that are on the command line, with their values."""
+    return {name: getattr(options, name) for name in declared(kind) if _is_given(name)}
+
+
+def _is_given(name: str) -> bool:
+    source = click.get_current_context().get_parameter_source(name)
+    return source is ParameterSource.COMMANDLINE
 
 
 def _flag(option: Declared) -> Callable[[Any], Any]:

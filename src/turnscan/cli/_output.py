@@ -1,26 +1,23 @@
-"""Writing what a verb made: the options of the file formats, and files never half written."""
+"""The options of the file formats, and the outputs of a verb checked before work is spent."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable
 from functools import wraps
-from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from turnscan.errors import ExportError, InputError
-from turnscan.export import ExportOptions, Profiles, audit, export
-from turnscan.findings import Finding
-from turnscan.points import PointCloud
-from turnscan.surface import Mesh
+from turnscan.workflows import ExportOptions
+from turnscan.workflows._files import check_apart, check_output, check_writable, write_atomically
+
+__all__ = ["check_apart", "check_output", "check_writable", "format_options", "write_atomically"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def format_options(command: Command) -> Command:
-    """Give a verb the options of the file formats; it receives them as ``options``."""
+    """Give a verb the options of the file formats; it receives them as ``formats``."""
 
     @click.option(
         "--dxf-form",
@@ -49,116 +46,6 @@ def format_options(command: Command) -> Command:
             ascii=text,
             single=single,
         )
-        return command(*args, options=options, **others)
+        return command(*args, formats=options, **others)
 
     return with_options  # type: ignore[return-value]
-
-
-def write_results(
-    results: Mapping[Path, Mesh | PointCloud | Profiles],
-    options: ExportOptions,
-    profiles: Profiles | None = None,
-) -> list[Finding]:
-    """Write results to files whose suffixes name the formats, each re-read and compared first.
-
-    Nothing is written unless all of them are sound. Returns what the audits remark, with the
-    file's name as the place.
-
-    Raises InputError where a format is unknown or cannot hold a result, ExportError where a
-    file does not read back the same or cannot be written.
-    """
-    ready: dict[Path, bytes] = {}
-    remarks: list[Finding] = []
-    for path, what in results.items():
-        check_writable(path)
-        data = export(what, path.suffix, options=options, profiles=profiles)
-        for finding in audit(data, what, path.suffix, options=options, profiles=profiles):
-            if finding.severity == "error":
-                raise ExportError(f"{path}: {finding.message}", hint=finding.remedy)
-            where = ", ".join(filter(None, [path.name, finding.where]))
-            remarks.append(
-                Finding(finding.code, finding.severity, finding.message, where, finding.remedy)
-            )
-        ready[path] = data
-    for path, data in ready.items():
-        write_atomically(path, data)
-    return remarks
-
-
-def check_apart(paths: Sequence[Path]) -> None:
-    """Raise InputError where two files to be written are one."""
-    seen = set[Path]()
-    for path in paths:
-        if path.resolve() in seen:
-            raise InputError(f"{path}: is to be written twice", hint="give each -o another name")
-        seen.add(path.resolve())
-
-
-def check_output(path: Path, suffixes: Sequence[str] = (), inputs: Iterable[Path] = ()) -> None:
-    """Check the name of a file to be written, before work is spent.
-
-    ``suffixes`` are what its name may end in (any where there are none); ``inputs`` are the files
-    the verb reads, which are never replaced by what is made of them.
-
-    Raises InputError for another suffix and for an input, ExportError where no file can be written.
-    """
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise InputError(
-            f"{path}: the name of what is written here ends {' or '.join(suffixes)}",
-            hint="choose such a name; nothing was written",
-        )
-    for source in inputs:
-        if _same_file(path, source):
-            raise InputError(
-                f"{path}: this file is read, so it is not replaced", hint="choose another name"
-            )
-    check_writable(path)
-
-
-def _same_file(a: Path, b: Path) -> bool:
-    try:
-        return a.samefile(b)
-    except OSError:  # one of them is not there
-        return a.resolve() == b.resolve()
-
-
-def check_writable(path: Path) -> None:
-    """Raise ExportError where a file at ``path`` could not be written, before work is spent."""
-    folder = path.resolve().parent
-    if not folder.is_dir():
-        raise ExportError(f"{path}: there is no folder {folder}", hint="make the folder first")
-    if path.is_dir():
-        raise ExportError(f"{path}: this is a folder", hint="name a file")
-    if path.exists() and not path.is_file():
-        raise ExportError(f"{path}: this is a device or pipe", hint="name an ordinary file")
-    if path.exists() and not os.access(path, os.W_OK):
-        raise ExportError(f"{path}: the file is read-only", hint="choose another name")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise ExportError(f"{path}: the folder {folder} is read-only", hint="choose another folder")
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that its name holds all of the old content or all of the new, at any time.
-
-    Raises ExportError where it cannot be written; what was there before then stays.
-    """
-    check_writable(path)
-    target = path.resolve()
-    part = target.with_name(f".{target.name[:200]}.{os.getpid()}.part")
-    try:
-        with part.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        if target.exists():
-            part.chmod(target.stat().st_mode & 0o7777)
-        part.replace(target)
-    except OSError as e:
-        part.unlink(missing_ok=True)
-        raise ExportError(
-            f"{path}: {len(data)} bytes could not be written: {e.strerror or e}",
-            hint="check the free space and the permissions",
-        ) from e
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise

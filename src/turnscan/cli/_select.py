@@ -16,9 +16,9 @@ from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan, rig_for
-from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag
 from turnscan.surface import CAUSE_WORDS, Mesh, Told
+from turnscan.workflows import kept_options
 
 RULES = """\b
 laser=NAME         seen by one laser
@@ -36,15 +36,16 @@ def region_where(scan: Scan, history: History, rules: Sequence[str], rounds: int
 
     Raises InputError for a rule that is none, and where nothing is like it.
     """
-    settings = Settings()
+    rig = rig_for(scan)
+    settings = kept_options(scan).settings(rig, scan)
     made: list[Reconstruction] = []
 
     def built(entries: Sequence[Entry], told: Told) -> tuple[Mesh, Sequence[Finding]]:
-        made.append(build(seen, settings, entries, told))
+        made.append(build(seen, settings, entries, told, finish=False))
         return made[-1].mesh, made[-1].findings
 
     with progress("reconstructing", len(scan)) as tick:
-        seen = see(scan, rig_for(scan), settings.stripes, tick=tick)
+        seen = see(scan, rig, settings.stripes, settings.volume, tick)
     body = edit.Document.open(built, history).body
     live = edit.Compact.of(body)
     chosen = np.zeros(len(live.mesh.faces), dtype=np.bool_)

@@ -65,6 +65,8 @@ class Scan:
         self.rig = rig_from_json(meta["rig"], f"{path}: rig") if "rig" in meta else None
         self.acquisition = meta.get("acquisition", "")
         """How the frames are taken, as JSON of whoever takes them; empty for an import."""
+        self.settings = meta.get("settings", "")
+        """How its surface was last made, as JSON of whoever makes it; empty where nobody said."""
         self.writing = lock is not None
         self._lock = lock
         self.sealed = False
@@ -263,6 +265,17 @@ class Scan:
             self._last_edit = new
         return new
 
+    def keep_settings(self, text: str) -> None:
+        """Replace `settings`; they are on the disk when this returns.
+
+        Frames and their seal stay as they are. Raises InputError in a file open for reading,
+        StorageFull, ScanError.
+        """
+        self._must_write()
+        with self._thread, storage(self.path), transaction(self._db):
+            database.write_meta(self._db, "settings", text)
+        self.settings = text
+
     # Reading
 
     def edits(self) -> tuple[LogEntry, ...]:
@@ -289,9 +302,13 @@ class Scan:
             yield self._unpacker.stored(row, project)
 
     def frame(
-        self, step: int, laser: str, exposure: int = 0, project: Project | None = None
+        self, step: int, laser: str = "", exposure: int = 0, project: Project | None = None
     ) -> Frame:
-        """One frame. Raises InputError where there is none."""
+        """One frame, of the first laser where none is named.
+
+        Raises InputError where there is none.
+        """
+        laser = laser or self.plan.lasers[0]
         row = self._index.row(laser, step, exposure)
         if row is None or row.kind != "lit":
             cause = self.missing(laser).get(step, "it was never taken")

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True)
@@ -88,3 +92,20 @@ class Mesh:
         if not len(self.vertices):
             return np.full((2, 3), np.nan)
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """The same mesh for the library trimesh, which is installed beside turnscan.
+
+        Vertices keep their order; ``vertex_attributes["sigma"]`` is the standard uncertainty in mm,
+        ``face_attributes["measured"]`` is False for faces that close a gap.
+        """
+        import trimesh
+
+        out = trimesh.Trimesh(self.vertices, self.faces, process=False)
+        if self.provenance is not None:
+            out.vertex_attributes["sigma"] = self.provenance.sigma
+        if self.measured is not None:
+            out.face_attributes["measured"] = self.measured
+        if self.colour is not None:
+            out.visual.vertex_colors = self.colour
+        return out

@@ -37,10 +37,35 @@ def read_start(path: Path) -> bytes:
         return file.read(_START)
 
 
-def read_mesh_file(path: Path, unit: str = "mm") -> Mesh:
-    """Read a mesh in ``unit`` from a file whose suffix names its form; complaints name the file."""
+def read_mesh_file(path: str | Path, unit: str = "mm") -> Mesh:
+    """Read a mesh from a file.
+
+    Parameters
+    ----------
+    path
+        The file; its suffix names the format: .stl .ply .obj .3mf .glb .dxf .xyz.
+    unit
+        Unit of the file: mm, cm, m or inch; the mesh is in mm.
+
+    Returns
+    -------
+    Mesh
+        Its triangles, with what the format says of them.
+
+    Raises
+    ------
+    InputError
+        Where there is no such file, its format is unknown, or it is damaged.
+
+    >>> import turnscan as ts
+    >>> part = ts.reconstruct("cup.turnscan")
+    >>> remarks = part.save("cup.ply")
+    >>> len(ts.read_mesh_file("cup.ply").faces) == len(part.mesh.faces)
+    True
+    """
     from turnscan.export import read_mesh
 
+    path = Path(path)
     data = read_bytes(path, _MAX_MESH_BYTES)
     try:
         mesh = read_mesh(data, path.suffix)
@@ -49,8 +74,32 @@ def read_mesh_file(path: Path, unit: str = "mm") -> Mesh:
     return replace(mesh, vertices=mesh.vertices * UNITS[unit]) if unit != "mm" else mesh
 
 
-def read_rig_file(path: Path) -> Rig:
-    """Read a rig. Raises InputError where there is none, FormatError naming the key."""
+def read_rig_file(path: str | Path) -> Rig:
+    """Read a rig.
+
+    Parameters
+    ----------
+    path
+        The file, like ``rig.json``.
+
+    Returns
+    -------
+    Rig
+        Camera, laser sheets and rotation axis, with their uncertainty where it is known.
+
+    Raises
+    ------
+    InputError
+        Where there is no such file.
+    FormatError
+        Naming the key that is wrong.
+
+    >>> import turnscan as ts
+    >>> ts.read_rig_file("none.json")
+    Traceback (most recent call last):
+    turnscan.errors.InputError: none.json: no such file → check the name
+    """
+    path = Path(path)
     try:
         text = read_bytes(path, _MAX_RIG_BYTES).decode()
     except UnicodeDecodeError:

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from turnscan.cli._input import UNITS, read_bytes
-from turnscan.cli._progress import progress
 from turnscan.errors import FormatError, InputError, UnsafePath
 from turnscan.findings import Finding
 from turnscan.pipeline import Reconstruction, to_mesh
 from turnscan.points import RangeGrid, placements_from_conf, range_scan_from_ply
+from turnscan.progress import Progress
 from turnscan.rig import Pose
 from turnscan.settings import Settings
 from turnscan.surface import clean
+from turnscan.workflows._reading import UNITS, read_bytes
 
 _CONF_BYTES = 2**20
 _PLY_BYTES = 2 * 2**30
@@ -50,7 +50,11 @@ def read_range_scan(
 
 
 def join_scans(
-    source: Path, placed: Mapping[Path, Pose], unit: str, settings: Settings
+    source: Path,
+    placed: Mapping[Path, Pose],
+    unit: str,
+    settings: Settings,
+    progress: Progress,
 ) -> Reconstruction:
     """The range scans that ``source`` places, merged into one mesh in mm.
 
@@ -58,16 +62,17 @@ def join_scans(
     """
     grids: list[RangeGrid] = []
     findings: list[Finding] = []
-    with progress("reading range scans", len(placed)) as tick:
-        for path, pose in placed.items():
-            grid, remarks = read_range_scan(path, pose, unit, settings)
-            grids.append(grid)
-            findings += remarks
-            tick()
+    for path, pose in progress.subrange(0, 0.7, "reading range scans").track(list(placed.items())):
+        grid, remarks = read_range_scan(path, pose, unit, settings)
+        grids.append(grid)
+        findings += remarks
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
-    opened, mesh, remarks = to_mesh(grids, replace(settings, caps=caps))
+    told = progress.subrange(0.7, 1, "building the surface")
+    opened, mesh, remarks = to_mesh(grids, replace(settings, caps=caps), told=told)
     size = np.ptp(mesh.vertices, axis=0).max() if len(mesh.vertices) else 0.0
     points = sum(int(g.found.sum()) for g in grids)
     text = f"{points} points of {len(grids)} scans, unit {unit}: {size:.1f} mm across"
-    about = Finding("points.range-scans", "note", text, source.name, "other units: --unit")
+    about = Finding(
+        "points.range-scans", "note", text, source.name, "for other units, give the unit"
+    )
     return Reconstruction(tuple(grids), mesh, (about, *findings, *remarks), (), opened, (), caps)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.cli._render import render
 from turnscan.shapes import Deviation
 from turnscan.surface import Mesh
+from turnscan.workflows._render import render
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

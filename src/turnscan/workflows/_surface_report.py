@@ -123,7 +123,7 @@ def holes_line(done: Reconstruction) -> list[str]:
 
 def surface_parts(done: Reconstruction) -> list[str]:
     """The surface's part of the HTML page."""
-    from turnscan.cli import _html as html
+    from turnscan.workflows import _html as html
 
     figures = surface_figures(done)
     s = figures["surface"]
@@ -154,7 +154,7 @@ def surface_parts(done: Reconstruction) -> list[str]:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:
-    from turnscan.cli import _html as html
+    from turnscan.workflows import _html as html
 
     head = ["hole", "cause", "filled", "angle", "x, y, z mm", "size mm", "border mm", "area mm²"]
     shown = [
@@ -229,7 +229,7 @@ def _sigma(m: Maps) -> Figure:
 
 
 def _picture(mesh: Mesh, azimuth: float) -> Image:
-    from turnscan.cli._render import render
+    from turnscan.workflows._render import render
 
     if mesh.measured is None or mesh.measured.all():
         return render(mesh, azimuth=azimuth)

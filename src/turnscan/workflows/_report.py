@@ -1,29 +1,26 @@
-"""What ``turnscan reconstruct`` tells about its result: summary, report, embedded provenance."""
+"""What there is to tell about a reconstruction: provenance, figures, summary, report."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
 from turnscan import __version__
-from turnscan.cli._output import check_output, write_atomically, write_results
-from turnscan.cli._surface_report import holes_line, surface_figures, surface_parts
 from turnscan.edit import Entry, edit_to_value, in_words
-from turnscan.export import ExportOptions, Profiles
 from turnscan.pipeline import Reconstruction, source_of
-from turnscan.points import profiles, systematic_sigma
+from turnscan.points import systematic_sigma
 from turnscan.rig import Rig, rig_hash
 from turnscan.settings import Settings
 from turnscan.shapes import volume_figures, volume_in_words, volume_sigma
 from turnscan.surface import is_closed
+from turnscan.workflows._files import write_atomically
+from turnscan.workflows._surface_report import holes_line, surface_figures, surface_parts
 
 _OF_PICTURES = (
     "stripes",
@@ -35,12 +32,6 @@ _OF_PICTURES = (
     "denoise",
 )
 """Settings without a meaning for range scans."""
-
-
-def check_report(path: Path | None, inputs: Sequence[Path]) -> None:
-    """Raise InputError or ExportError where a report could not be written, before work is spent."""
-    if path is not None:
-        check_output(path, (".html", ".json"), inputs)
 
 
 def about(
@@ -137,7 +128,8 @@ def summary(done: Reconstruction, rig: Rig | None) -> list[str]:
     return lines + holes_line(done)
 
 
-def _known(figures: dict[str, float | None]) -> dict[str, float]:
+def known(figures: Mapping[str, float | None]) -> dict[str, float]:
+    """The figures that have a value."""
     return {k: v for k, v in figures.items() if v is not None}
 
 
@@ -152,43 +144,7 @@ class Section:
     values: object
 
 
-def finish(
-    outputs: Sequence[Path],
-    done: Reconstruction,
-    told: Mapping[str, object],
-    rig: Rig | None,
-    report: Path | None,
-    options: ExportOptions,
-    sections: Sequence[Section] = (),
-) -> None:
-    """Say what was found, write the outputs and the report; exit code 1 where one is an error.
-
-    ``told`` is what `about` says; an error among the findings leaves only the report to be written.
-    """
-    for finding in done.findings:
-        click.echo(str(finding), err=True)
-    failed = any(f.severity == "error" for f in done.findings)
-    if not failed:
-        options = replace(options, about={**told, **_known(volume_of(done, rig))})
-        lines: dict[str, tuple[object, ...]] = {}
-        if "profiles" in options.dxf_forms:
-            for grid in done.spaced:
-                runs = [p.points for step in profiles(grid) for p in step]
-                lines[grid.laser] = (*lines.get(grid.laser, ()), *runs)
-        held = Profiles(lines) if lines else None  # type: ignore[arg-type]
-        for remark in write_results(dict.fromkeys(outputs, done.mesh), options, held):
-            click.echo(str(remark), err=True)
-    for line in summary(done, rig):
-        click.echo(line)
-    if report is not None:
-        _write_report(report, told, done, rig, sections)
-    if failed:
-        sys.exit(1)
-    for path in outputs:
-        click.echo(f"{path}: {path.stat().st_size / 1e6:.2f} MB, read back the same")
-
-
-def _write_report(
+def write_report(
     path: Path,
     told: Mapping[str, object],
     done: Reconstruction,
@@ -206,7 +162,7 @@ def _write_report(
         }
         write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
         return
-    from turnscan.cli import _html as html
+    from turnscan.workflows import _html as html
 
     rows = [
         [

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.cli._input import read_bytes
 from turnscan.errors import FormatError
+from turnscan.workflows._reading import read_bytes
 
 _MOST_BYTES = 2**20
 _HINT = "rows `point,pose,x,y,z` in CSV, or JSON {point: {pose: [x, y, z]}}; mm"
@@ -68,5 +68,5 @@ def _add(
         raise FormatError(f"{where}: {place!r} is not three numbers", hint=_HINT)
     seen = out.setdefault(name, {})
     if pose in seen:
-        raise FormatError(f"{where}: point {name} stands twice for {pose}", hint="keep one")
+        raise FormatError(f"{where}: point {name} given twice for {pose}", hint="keep one")
     seen[pose] = np.array(values)

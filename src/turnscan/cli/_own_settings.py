@@ -1,0 +1,43 @@
+"""The settings that a scan keeps, and the flags that change them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from turnscan.cli._flags import flags_of, values_given
+from turnscan.workflows import ReconstructOptions, ReconstructResult, options_of
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def settings_options(command: Command) -> Command:
+    """Give a verb the flags of a reconstruction and what they change: ``options``, ``base``."""
+    base = click.option(
+        "--settings",
+        "base",
+        type=click.Choice(["own", "default"]),
+        help="What the options of this command change: the scan's own settings, those of its last "
+        "reconstruction, or turnscan's.  [default: own without such options, default with]",
+    )
+    return flags_of(ReconstructOptions)(base(command))
+
+
+def chosen_options(
+    source: Path, options: ReconstructOptions, base: str | None
+) -> ReconstructOptions | None:
+    """The options to reconstruct with; None for the scan's own."""
+    named = values_given(ReconstructOptions, options)
+    if base == "own":
+        return options_of(source, **named)
+    return options if named or base == "default" else None
+
+
+def show_own(result: ReconstructResult) -> None:
+    """Say what the scan's own settings are, where they are not the usual ones."""
+    own = ", ".join(f"{name}={value}" for name, value in result.options.changed().items())
+    if own:
+        click.echo(f"settings kept in the scan: {own}", err=True)

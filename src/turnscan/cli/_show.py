@@ -1,0 +1,33 @@
+"""Showing what became of a scan: findings, files, summary, report."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from turnscan.workflows import ExportOptions, ReconstructResult
+
+
+def show_result(
+    result: ReconstructResult, outputs: Sequence[Path], report: Path | None, formats: ExportOptions
+) -> None:
+    """Print what was found, write the outputs and the report; exit code 1 where one is an error.
+
+    An error among the findings leaves only the report to be written.
+    """
+    for finding in result.findings:
+        click.echo(str(finding), err=True)
+    if not result.failed:
+        for remark in result.save(*outputs, options=formats):
+            click.echo(str(remark), err=True)
+    for line in result.summary():
+        click.echo(line)
+    if report is not None:
+        result.save_report(report)
+    if result.failed:
+        sys.exit(1)
+    for path in outputs:
+        click.echo(f"{path}: {path.stat().st_size / 1e6:.2f} MB, read back the same")

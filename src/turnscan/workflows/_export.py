@@ -1,0 +1,84 @@
+"""Export: a surface in other formats, thinned out where that is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from turnscan import surface
+from turnscan.errors import InputError
+from turnscan.export import ExportOptions
+from turnscan.findings import Finding
+from turnscan.progress import Progress, no_progress
+from turnscan.surface import Mesh
+from turnscan.workflows._loading import Source, load
+from turnscan.workflows._reconstruct_options import decimation
+from turnscan.workflows._saving import save
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """What was written."""
+
+    mesh: Mesh
+    """The surface as it is in the files."""
+    findings: tuple[Finding, ...]
+    """Of the reconstruction and of thinning out."""
+    remarks: tuple[Finding, ...]
+    """Of reading the files back."""
+
+
+def export_mesh(
+    source: Source,
+    *paths: str | Path,
+    formats: ExportOptions | None = None,
+    decimate: str | None = None,
+    progress: Progress = no_progress,
+) -> Exported:
+    """Write a surface in formats that the suffixes of the files name, each read back and compared.
+
+    Parameters
+    ----------
+    source
+        A mesh, a mesh file in mm, the result of `reconstruct`, or a scan, which is reconstructed
+        with its own settings.
+    paths
+        Files to write: .dxf .stl .ply .obj .3mf .glb .xyz.
+    formats
+        Choices about the formats; None takes the usual ones.
+    decimate
+        Thin the mesh out: a tolerance like ``0.05mm``, or a number of faces like ``100000``.
+    progress
+        Told how far the work is; it may cancel.
+
+    Returns
+    -------
+    Exported
+        The surface as it was written, and remarks.
+
+    Raises
+    ------
+    InputError
+        Where a format is unknown or profiles are asked for, which only `reconstruct` has.
+    ExportError
+        Where a file cannot be written or does not read back the same.
+
+    >>> import turnscan as ts
+    >>> done = ts.export_mesh("cup.turnscan", "cup.stl", decimate="500")
+    >>> len(done.mesh.faces) <= 500
+    True
+    """
+    chosen = formats or ExportOptions()
+    if "profiles" in chosen.dxf_forms:
+        raise InputError("a mesh file holds no profiles", hint="reconstruct the scan with them")
+    loaded = load(source, progress=progress.subrange(0, 0.7))
+    mesh, findings = loaded.mesh, list(loaded.findings)
+    if decimate is not None:
+        fewer, dense = decimation(decimate), mesh
+        told = progress.subrange(0.7, 1, "thinning out")
+        mesh = surface.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, told=told)
+        findings += surface.decimation_findings(dense, mesh, fewer.faces)
+    mesh = surface.settled(mesh)
+    about = loaded.about if loaded.reconstructed else {"source": Path(loaded.name).name}
+    remarks = save(dict.fromkeys(map(Path, paths), mesh), replace(chosen, about=about))
+    return Exported(mesh, tuple(findings), tuple(remarks))

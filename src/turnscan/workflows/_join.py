@@ -1,0 +1,263 @@
+"""Join: several poses of one part → one surface."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from turnscan import poses
+from turnscan.arrays import Floats
+from turnscan.detection import see
+from turnscan.edit import is_grid_edit
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.pipeline import Reconstruction, source_of, to_grids, to_mesh
+from turnscan.points import RangeGrid, placed, without
+from turnscan.poses import Alignment
+from turnscan.progress import Progress, no_progress
+from turnscan.rig import Pose, Rig, rig_hash
+from turnscan.scan import Scan, lit_in, rig_for
+from turnscan.settings import Settings
+from turnscan.stripes import StripeFlag
+from turnscan.surface import range_surfaces
+from turnscan.workflows._history import history_of
+from turnscan.workflows._joined_report import joined_sections
+from turnscan.workflows._landmarks import read_landmarks
+from turnscan.workflows._range_scans import placed_scans, read_range_scan
+from turnscan.workflows._reconstruct_options import ReconstructOptions
+from turnscan.workflows._report import about
+from turnscan.workflows._result import ReconstructResult
+
+_CUT = 1.1
+"""Radii round a marker sphere's centre that are left out: its foot belongs to it."""
+_READ, _PLACED = 0.6, 0.8
+"""Of the work, until the poses are read, and until they are placed."""
+Landmarks = Mapping[str, Mapping[str, Floats]]
+"""Name of a point → name of a pose → (3,) mm in the frame of that pose."""
+
+
+@dataclass(frozen=True)
+class _Source:
+    """One pose, as its file holds it."""
+
+    name: str
+    grids: list[RangeGrid]
+    findings: list[Finding]
+    rig: Rig | None = None
+    start: Pose | None = None
+    """Where a .conf file puts it."""
+
+
+def join(
+    sources: Sequence[str | Path],
+    options: ReconstructOptions | None = None,
+    *,
+    points: str | Path | Landmarks | None = None,
+    markers: float | None = None,
+    rig: Rig | None = None,
+    unit: str = "m",
+    progress: Progress = no_progress,
+) -> ReconstructResult:
+    """Bring several poses of one part together as one surface.
+
+    Without ``points`` and ``markers`` the poses find each other by their shape. The first one gives
+    the frame.
+
+    Parameters
+    ----------
+    sources
+        Scan files (.turnscan), range scans of another scanner (.ply), or one .conf file that says
+        where its range scans lie, roughly.
+    options
+        How points become a surface, for all poses alike; None takes the usual ones.
+    points
+        Points picked in several poses: a CSV or JSON file, or a mapping of them.
+    markers
+        mm: diameter of three or more spheres fixed to the part; the result is without them.
+    rig
+        The rig of all scans; None takes the one in each scan file.
+    unit
+        Unit of range scans: mm, cm, m or inch; results are always mm.
+    progress
+        Told how far it is; it may cancel.
+
+    Returns
+    -------
+    ReconstructResult
+        The joined surface; where the poses lie is in its report.
+
+    Raises
+    ------
+    InputError
+        Where poses do not overlap, or fit in several ways, or one file is given twice.
+
+    >>> import turnscan as ts
+    >>> ts.join(["cup.turnscan", "cup.turnscan"])
+    Traceback (most recent call last):
+    turnscan.errors.InputError: cup.turnscan: given twice → give each pose once
+    """
+    wanted = options or ReconstructOptions()
+    settings = wanted.settings()
+    if points is not None and markers is not None:
+        raise InputError("points and markers: mutually exclusive", hint="give one of them")
+    files = [Path(source) for source in sources]
+    read = _read_all(_paths(files, unit), rig, unit, wanted, progress.subrange(0, _READ))
+    placing = progress.subrange(_READ, _PLACED, "placing poses")
+    found, read = _aligned(read, settings, points, markers, placing)
+    done = _merged(read, found, settings, progress.subrange(_PLACED, 1, "building the surface"))
+    told = {**about(files[0], None, settings), "source": " + ".join(p.name for p in files)}
+    told["rig_sha256"] = {s.name: rig_hash(s.rig) for s in read if s.rig is not None} or None
+    return ReconstructResult(done, told, sections=joined_sections(found), options=wanted)
+
+
+def _read_all(
+    paths: Mapping[Path, Pose | None],
+    rig: Rig | None,
+    unit: str,
+    options: ReconstructOptions,
+    progress: Progress,
+) -> list[_Source]:
+    read = []
+    for k, (name, (path, start)) in enumerate(zip(_names(list(paths)), paths.items(), strict=True)):
+        mine = progress.subrange(k / len(paths), (k + 1) / len(paths), f"reading {name}")
+        read.append(_read(name, path, start, rig, unit, options, mine))
+    _check_different(read)
+    return read
+
+
+def _aligned(
+    read: list[_Source],
+    settings: Settings,
+    points: str | Path | Landmarks | None,
+    markers: float | None,
+    progress: Progress,
+) -> tuple[Alignment, list[_Source]]:
+    """Where the poses lie, and the poses without their marker spheres."""
+    names = [s.name for s in read]
+    views = [
+        poses.view(s.name, [r for g in s.grids for r in range_surfaces(g, settings.tears)])
+        for s in read
+    ]
+    if points is not None:
+        known = read_landmarks(Path(points)) if isinstance(points, str | Path) else points
+        starts = poses.from_landmarks(names, {k: dict(v) for k, v in known.items()})
+    elif markers is not None:
+        balls = [poses.marker_spheres(v, markers) for v in views]
+        starts = poses.from_markers(names, balls, markers)
+        read = [_without(s, b, markers) for s, b in zip(read, balls, strict=True)]
+    elif read[0].start is not None:
+        starts = [read[0].start.inverse() @ s.start for s in read if s.start is not None]
+    else:
+        starts = poses.place(views, progress.counter(len(views)))
+    found = poses.align(views, starts)
+    by_shape = points is None and markers is None and read[0].start is None
+    poses.check(found, by_shape=by_shape)
+    return found, read
+
+
+def _paths(sources: Sequence[Path], unit: str) -> dict[Path, Pose | None]:
+    """The files of the poses, and where a .conf file puts them.
+
+    Raises InputError for one pose alone, a file given twice, a .conf among others.
+    """
+    confs = [p for p in sources if p.suffix.lower() == ".conf"]
+    if confs and len(sources) > 1:
+        raise InputError(f"{confs[0]}: a .conf stands alone", hint="give its range scans by name")
+    if confs:
+        return dict(placed_scans(confs[0], unit))
+    if len(sources) < 2:
+        raise InputError(
+            f"{sources[0]}: one pose, nothing to join it to",
+            hint="give two or more, or reconstruct it",
+        )
+    seen: dict[Path, Path] = {}
+    for path in sources:
+        if path.resolve() in seen:
+            raise InputError(f"{path}: given twice", hint="give each pose once")
+        seen[path.resolve()] = path
+    return dict.fromkeys(sources)
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """File names without suffix; with their folder where two are the same."""
+    stems = [p.stem for p in paths]
+    return [s if stems.count(s) == 1 else str(p) for s, p in zip(stems, paths, strict=True)]
+
+
+def _read(
+    name: str,
+    path: Path,
+    start: Pose | None,
+    rig: Rig | None,
+    unit: str,
+    options: ReconstructOptions,
+    progress: Progress,
+) -> _Source:
+    """One pose in its own frame, clipped by its own volume."""
+    settings = options.settings()
+    if path.suffix.lower() == ".ply":
+        grid, findings = read_range_scan(path, Pose(), unit, settings)
+        return _Source(name, [grid], findings, start=start)
+    with Scan.open(path) as scan:
+        mine = rig_for(scan, rig)
+        edits = history_of(scan).enabled
+        volume = options.settings(mine, scan).volume
+        looks = sum(len(lit_in(n, mine)) * len(scan.steps(n)) for n in scan.plan.lasers)
+        tick = progress.subrange(0, 0.8).counter(looks)
+        sights = see(scan, mine, settings.stripes, volume, tick)
+        grids, _, findings = to_grids(sights, settings, edits, progress.subrange(0.8, 1))
+    idle = sum(not is_grid_edit(e.edit) for e in edits)
+    if idle:
+        text = (
+            f"{idle} repairs of its mesh are left out: they belong to the mesh of this pose alone"
+        )
+        findings.append(Finding("poses.edits", "note", text, "", "repair the joined mesh"))
+    return _Source(name, grids, findings, mine)
+
+
+def _check_different(read: Sequence[_Source]) -> None:
+    """Raise InputError where two files hold the same points."""
+    for k, a in enumerate(read):
+        for b in read[:k]:
+            if len(a.grids) == len(b.grids) and all(
+                np.array_equal(x.points, y.points, equal_nan=True)
+                for x, y in zip(a.grids, b.grids, strict=True)
+            ):
+                raise InputError(
+                    f"{b.name} and {a.name}: the same scan twice", hint="give each pose once"
+                )
+
+
+def _without(source: _Source, balls: Floats, diameter: float) -> _Source:
+    """A pose without its marker spheres."""
+
+    def cut(grid: RangeGrid) -> RangeGrid:
+        away = np.full(grid.found.shape, np.inf)
+        for ball in balls:
+            away = np.fmin(away, np.linalg.norm(grid.points - ball, axis=2))
+        return without(grid, away < _CUT * diameter / 2, StripeFlag.OUTSIDE)
+
+    return replace(source, grids=[cut(g) for g in source.grids])
+
+
+def _merged(
+    read: Sequence[_Source], found: Alignment, settings: Settings, progress: Progress
+) -> Reconstruction:
+    """All grids where they belong, and one mesh of them; it stands on no platter any more."""
+    findings = [
+        replace(f, where=", ".join(filter(None, [s.name, f.where])))
+        for s in read
+        for f in s.findings
+    ]
+    pairs = list(zip(read, found.poses, strict=True))
+    grids = [placed(g, p, f"{s.name} {g.laser}") for s, p in pairs for g in s.grids]
+    caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
+    opened, mesh, remarks = to_mesh(grids, replace(settings, caps=caps), told=progress)
+    findings += poses.alignment_findings(found) + remarks
+    source = replace(source_of(grids, None), moves=tuple(poses.pose_moves(found, mesh)))
+    return Reconstruction(
+        tuple(grids), mesh, tuple(findings), (), opened, source=source, along=settings.along
+    )

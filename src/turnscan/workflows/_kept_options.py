@@ -1,0 +1,119 @@
+"""The settings that a scan file keeps: those of its last reconstruction, for every door."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from turnscan.errors import FormatError, InputError, ScanError, ScanNewer, TurnscanError
+from turnscan.findings import Finding
+from turnscan.json_text import strict_json
+from turnscan.scan import Scan
+from turnscan.workflows._declare import declared
+from turnscan.workflows._reconstruct_options import ReconstructOptions
+
+_SET = "default"
+"""Name of the set that is opened with the scan."""
+_VERSION = 1
+_WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
+
+
+def kept_options(scan: Scan) -> ReconstructOptions:
+    """The options that a scan was last reconstructed with; the usual ones where it never was.
+
+    Raises FormatError naming what is wrong with them, ScanNewer where only a later turnscan knows
+    them.
+    """
+    if not scan.settings:
+        return ReconstructOptions()
+    where = f"{scan.path}: settings"
+    body = strict_json(scan.settings, where)
+    version = body.get("version") if isinstance(body, dict) else None
+    if isinstance(version, int) and version > _VERSION:
+        raise _newer(where)
+    sets = body.get("sets") if isinstance(body, dict) else None
+    held = sets.get(_SET, {}) if isinstance(sets, dict) else None
+    if version != _VERSION or not isinstance(held, dict):
+        raise FormatError(f"{where}: not in the form they should have", hint="choose them anew")
+    if set(held) - set(declared(ReconstructOptions)):
+        raise _newer(where)
+    try:
+        return ReconstructOptions(**held)
+    except InputError as e:
+        raise FormatError(f"{where}: {e.message}", hint="choose them anew") from None
+
+
+def keep_options(scan: Scan, options: ReconstructOptions) -> None:
+    """Keep these options in a scan that is open for writing, for who opens it next."""
+    body: Any = {"version": _VERSION, "sets": {_SET: asdict(options)}}
+    scan.keep_settings(json.dumps(body, sort_keys=True))
+
+
+def options_of(source: Scan | str | Path, **changes: Any) -> ReconstructOptions:
+    """The settings of a scan, with these options changed.
+
+    Parameters
+    ----------
+    source
+        A scan file, or an open scan.
+    changes
+        Options to change, by name.
+
+    Returns
+    -------
+    ReconstructOptions
+        Those the scan was last reconstructed with, or the usual ones, changed.
+
+    Raises
+    ------
+    InputError
+        Where there is no such file, or an option has no such value.
+    FormatError
+        Where the settings in the file are damaged.
+
+    >>> import turnscan as ts
+    >>> ts.options_of("cup.turnscan", denoise=2.0).changed()
+    {'denoise': 2.0}
+    """
+    if not isinstance(source, Scan):
+        with Scan.open(source) as scan:
+            return options_of(scan, **changes)
+    return replace(kept_options(source), **changes)
+
+
+def store_options(path: Path, options: ReconstructOptions) -> Finding | None:
+    """Keep the options of a reconstruction in the scan file, where it has others.
+
+    Returns a note where the file cannot be changed: it is read-only, or open elsewhere.
+    """
+    with Scan.open(path) as scan:
+        if _has(scan, options):
+            return None
+    if not path.stat().st_mode & _WRITABLE or not os.access(path, os.W_OK):
+        return _note(path, "the file is read-only")
+    try:
+        with Scan.resume(path) as scan:
+            keep_options(scan, options)
+    except ScanError as e:
+        return _note(path, e.message)
+    return None
+
+
+def _has(scan: Scan, options: ReconstructOptions) -> bool:
+    try:
+        return kept_options(scan) == options
+    except TurnscanError:
+        return False
+
+
+def _note(path: Path, why: str) -> Finding:
+    text = f"these settings are not kept in the scan: {why}"
+    return Finding("scan.settings-not-kept", "note", text, path.name, "give them again next time")
+
+
+def _newer(where: str) -> ScanNewer:
+    return ScanNewer(f"{where}: of a later turnscan", hint="update turnscan, or choose them anew")

@@ -1,0 +1,107 @@
+"""Reconstruct: a scan file, or placed range scans → surface, points and what is known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from turnscan.detection import see
+from turnscan.edit import Entry
+from turnscan.pipeline import build
+from turnscan.progress import Progress, no_progress
+from turnscan.rig import Rig
+from turnscan.scan import Scan, lit_in, rig_for
+from turnscan.workflows._history import wanted_history
+from turnscan.workflows._kept_options import kept_options, store_options
+from turnscan.workflows._range_scans import join_scans, placed_scans
+from turnscan.workflows._reconstruct_options import ReconstructOptions
+from turnscan.workflows._report import about
+from turnscan.workflows._result import ReconstructResult
+
+_DETECTION = 0.6
+"""Of the work, until all stripes are found."""
+
+
+def reconstruct(
+    source: Scan | str | Path,
+    options: ReconstructOptions | None = None,
+    *,
+    rig: Rig | None = None,
+    edits: str | Sequence[Entry] = "own",
+    unit: str = "m",
+    store: bool = False,
+    progress: Progress = no_progress,
+) -> ReconstructResult:
+    """Turn a scan into a surface.
+
+    Parameters
+    ----------
+    source
+        A scan file (.turnscan), an open scan, or the .conf file that places the range scans (PLY)
+        of another scanner beside it.
+    options
+        How points become a surface; None takes the scan's own, those it was last reconstructed
+        with, or the usual ones.
+    rig
+        The rig; None takes the one in the scan file.
+    edits
+        Repairs to do: ``own`` (those kept in the scan), ``none``, the name of another scan file or
+        of a .json file, or entries of a history.
+    unit
+        Unit of range scans: mm, cm, m or inch; results are always mm.
+    store
+        Keep the options in the scan file, so that every door opens it with them. A file that
+        cannot be changed stays as it is, with a note among the findings.
+    progress
+        Told how far it is; it may cancel.
+
+    Returns
+    -------
+    ReconstructResult
+        Mesh, grids, points and findings; an error among the findings says why there is no surface.
+
+    Raises
+    ------
+    InputError
+        Where there is no such file, scan and rig do not fit, or no angle is known.
+    ScanCorrupt
+        Naming the frame that is damaged.
+
+    >>> import turnscan as ts
+    >>> part = ts.reconstruct("cup.turnscan", ts.ReconstructOptions(strategy="gauss3"))
+    >>> part.failed
+    False
+    """
+    if isinstance(source, Scan):
+        return _of_scan(source, options or kept_options(source), rig, edits, progress)
+    path = Path(source)
+    if path.suffix.lower() == ".conf":
+        wanted = options or ReconstructOptions()
+        settings = wanted.settings()
+        done = join_scans(path, placed_scans(path, unit), unit, settings, progress)
+        return ReconstructResult(done, about(path, None, settings), options=wanted)
+    with Scan.open(path) as scan:
+        result = _of_scan(scan, options or kept_options(scan), rig, edits, progress)
+    note = store_options(path, result.options) if store and not result.failed else None
+    return result if note is None else replace(result, notes=(note,))
+
+
+def _of_scan(
+    scan: Scan,
+    options: ReconstructOptions,
+    rig: Rig | None,
+    edits: str | Sequence[Entry],
+    progress: Progress,
+) -> ReconstructResult:
+    rig = rig_for(scan, rig)
+    by_hand = wanted_history(scan, edits).enabled if isinstance(edits, str) else edits
+    settings = options.settings(rig, scan)
+    looks = sum(len(lit_in(name, rig)) * len(scan.steps(name)) for name in scan.plan.lasers)
+    tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
+    seen = see(scan, rig, settings.stripes, settings.volume, tick)
+    surfacing = progress.subrange(_DETECTION, 1, "building the surface")
+    done = build(seen, settings, by_hand, surfacing)
+    return ReconstructResult(
+        done, about(scan.path, rig, settings, done.edits), rig, options=options
+    )

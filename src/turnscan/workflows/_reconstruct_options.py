@@ -1,0 +1,234 @@
+"""ReconstructOptions: how the points of a scan become a surface."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+from turnscan.errors import InputError
+from turnscan.points import Along, Between, Spacing, Volume, working_volume
+from turnscan.rig import Rig
+from turnscan.scan import Scan, lit_in
+from turnscan.settings import Settings
+from turnscan.stripes import Choice, Refinement, Strategy, StripeSettings
+from turnscan.surface import Bottom, Caps, Clean, FillHow, How, Top
+from turnscan.workflows._declare import Checked, option
+
+
+@dataclass(frozen=True)
+class Decimation:
+    """How far a mesh is thinned out: one of the two is given."""
+
+    tolerance: float | None = None
+    """mm."""
+    faces: int | None = None
+
+
+def decimation(text: str) -> Decimation:
+    """``0.05mm`` is a tolerance, ``100000`` a number of faces. Raises ValueError."""
+    told = text.strip().lower()
+    if told.isdecimal():
+        if int(told) < 4:
+            raise ValueError(f"{text!r} faces are no surface; a tolerance ends in mm.")
+        return Decimation(faces=int(told))
+    try:
+        tolerance = float(told.removesuffix("mm").strip())
+    except ValueError:
+        tolerance = math.nan
+    if not (tolerance > 0 and math.isfinite(tolerance)):
+        raise ValueError(f"{text!r}: give a length like 0.05mm or a number of faces.")
+    return Decimation(tolerance=tolerance)
+
+
+def spacing_between(text: str) -> Between:
+    """``2deg`` is a table angle, ``1.5mm`` a length on the part's outermost circle.
+
+    Raises ValueError.
+    """
+    told = text.strip().lower()
+    unit = "deg" if told.endswith("deg") else "mm" if told.endswith("mm") else ""
+    try:
+        size = float(told.removesuffix(unit)) if unit else math.nan
+    except ValueError:
+        size = math.nan
+    if not (size > 0 and math.isfinite(size)):
+        raise ValueError(f"{text!r}: give an angle like 2deg or a length like 1.5mm.")
+    return Between(math.radians(size), "rad") if unit == "deg" else Between(size, "mm")
+
+
+@dataclass(frozen=True)
+class ReconstructOptions(Checked):
+    """How the points of a scan become a surface; lengths in mm, None leaves it to turnscan."""
+
+    strategy: Strategy = option(
+        "window", "choice", "How the centre of the stripe is computed.", choices=get_args(Strategy)
+    )
+    choose: Choice = option(
+        "brightest", "choice",
+        "Which stripe counts where a line of the picture shows several.", choices=get_args(Choice),
+    )  # fmt: skip
+    refine: Refinement = option(
+        "none", "choice",
+        "spacetime: also follow each place of the surface through the pictures around, where "
+        "the steps are small enough; auto: the same, without a word where they are not.",
+        choices=("none", "auto", "spacetime"),
+    )  # fmt: skip
+    threshold: float | None = option(
+        None, "number", "Grey levels; without it from the noise.", least=0, above=True
+    )
+    spacing: float | None = option(
+        None,
+        "number",
+        "mm between points along a profile; both ends of it stay.",
+        least=0,
+        above=True,
+    )
+    spacing_by: Spacing = option(
+        "height", "choice",
+        "Points at common heights, or at equal length along each profile.",
+        choices=get_args(Spacing),
+    )  # fmt: skip
+    spacing_between: str | None = option(
+        None, "text",
+        "Between profiles, 2deg or 1.5mm (there where the part is widest); new ones lie "
+        "between two that were measured.  [default: the profiles of the scan]",
+        parse=spacing_between,
+    )  # fmt: skip
+    every: int = option(1, "count", "Use every N-th profile.", least=1)
+    radius: float | None = option(
+        None, "number", "mm from the axis; what is further out is dropped.", least=0, above=True
+    )
+    z_min: float | None = option(None, "number", "mm above the platter; what is lower is dropped.")
+    z_max: float | None = option(None, "number", "mm above the platter; what is higher is dropped.")
+    island: int | None = option(
+        None, "count",
+        "Loose pieces of fewer faces are taken away.  [default: 1 % of the largest piece]",
+        least=0,
+    )  # fmt: skip
+    edge: int = option(
+        1, "count",
+        "Points dropped where a run ends at a jump in depth or in one-sided light.",
+        least=0, most=20,
+    )  # fmt: skip
+    outliers: float | None = option(
+        None,
+        "number",
+        "Sigmas: points further off the surface of their neighbours are taken away.",
+        least=0,
+        above=True,
+    )
+    keep_strays: bool = option(False, "switch", "Keep points without a surface round them.")
+    denoise: float | None = option(
+        None, "number",
+        "Denoise along camera rays: maximum shift of a point in sigma, like 2.",
+        least=0, above=True, most=10,
+    )  # fmt: skip
+    merge: How = option(
+        "auto", "choice",
+        "Several lasers or scans: average in angle and height, in voxels, or keep every point.",
+        choices=get_args(How),
+    )  # fmt: skip
+    voxel: float | None = option(
+        None, "number", "mm: voxels of tsdf.  [default: the points' spacing]", least=0, above=True
+    )
+    decimate: str | None = option(
+        None, "text",
+        "Thin the mesh out: as far as a tolerance (0.05mm) allows, or to a number of faces.",
+        parse=decimation,
+    )  # fmt: skip
+    close: bool = option(False, "switch", "Close the surface; the faces added are marked.")
+    fill: FillHow | Literal["none"] | None = option(
+        None, "choice",
+        "Hole filling: flat, membrane (minimal area), tangent (in the tangent planes of the "
+        "border), curvature (with its curvature too), or none; auto takes membrane where an edge "
+        "runs round the hole, and tangent elsewhere.  [default: auto]",
+        choices=(*get_args(FillHow), "none"),
+    )  # fmt: skip
+    top: Top | Literal["hole"] | None = option(
+        None, "choice",
+        "With close, the gap at the top: in its plane, to the axis, with the curvature of "
+        "its border, filled like any hole, or left open.  [default: plane]",
+        choices=("plane", "fan", "smooth", "hole", "open"),
+    )  # fmt: skip
+    bottom: Bottom | Literal["hole"] | None = option(
+        None, "choice",
+        "With close, the gap at the foot: led down to the platter and closed with its "
+        "plane, filled like any hole, or left open.  [default: floor]",
+        choices=("floor", "hole", "open"),
+    )  # fmt: skip
+    largest_hole: float | None = option(
+        None,
+        "number",
+        "With close, mm across; larger holes stay open.  [default: all are filled]",
+        least=0,
+        above=True,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        idle = [n for n in ("fill", "top", "bottom", "largest_hole") if getattr(self, n)]
+        if idle and not self.close:
+            raise InputError(f"{', '.join(idle)}: no effect without close", hint="add close")
+        if self.z_min is not None and self.z_max is not None and self.z_max <= self.z_min:
+            raise InputError(
+                f"no height between {self.z_min} and {self.z_max} mm",
+                hint="choose z_min below z_max",
+            )
+
+    @property
+    def caps(self) -> Caps | None:
+        """How the surface is closed; None leaves its borders open."""
+        if not self.close:
+            return None
+        return Caps(
+            holes=None if self.fill == "none" else self.fill or "auto",
+            top=None if self.top == "hole" else self.top or "plane",
+            bottom="open" if self.bottom == "open" else "floor",
+            floor=None if self.bottom == "hole" else 0.0,
+            largest=self.largest_hole,
+        )
+
+    def settings(self, rig: Rig | None = None, scan: Scan | None = None) -> Settings:
+        """The settings of the reconstruction of a scan with a rig; without them, of range scans.
+
+        Raises InputError where no height of the rig's working volume is left.
+        """
+        clean = Clean(edge=self.edge, outlier=self.outliers)
+        fewer = Decimation() if self.decimate is None else decimation(self.decimate)
+        between = self.spacing_between
+        return Settings(
+            stripes=StripeSettings(
+                strategy=self.strategy,
+                choose=self.choose,
+                refine=self.refine,
+                threshold=self.threshold,
+            ),
+            volume=None if rig is None or scan is None else self._volume(rig, scan),
+            every=self.every,
+            along=None if self.spacing is None else Along(self.spacing, self.spacing_by),
+            between=None if between is None else spacing_between(between),
+            island=self.island,
+            clean=replace(clean, support=0, piece=0.0) if self.keep_strays else clean,
+            denoise=self.denoise,
+            merge=self.merge,
+            voxel=self.voxel,
+            caps=self.caps,
+            tolerance=fewer.tolerance,
+            faces=fewer.faces,
+        )
+
+    def _volume(self, rig: Rig, scan: Scan) -> Volume | None:
+        """What is wanted, and the rig's own limits for the rest; None for those alone."""
+        if self.radius is None and self.z_min is None and self.z_max is None:
+            return None
+        names = [name for lit in scan.plan.lasers for name in lit_in(lit, rig)]
+        usual = [working_volume(rig, laser) for laser in names]
+        low = usual[0].z_min if self.z_min is None else self.z_min
+        high = usual[0].z_max if self.z_max is None else self.z_max
+        if high <= low:
+            raise InputError(
+                f"no height between {low} and {high} mm", hint="choose z_min below z_max"
+            )
+        reach = max(v.r_max for v in usual) if self.radius is None else self.radius
+        return Volume(reach, low, high)

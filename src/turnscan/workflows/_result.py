@@ -1,0 +1,167 @@
+"""ReconstructResult: a surface with where it comes from and what there is to know about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan import edit
+from turnscan.errors import ExportError
+from turnscan.export import ExportOptions, Profiles
+from turnscan.findings import Finding
+from turnscan.pipeline import Reconstruction
+from turnscan.points import RangeGrid, cloud, profiles
+from turnscan.rig import Rig
+from turnscan.surface import Hole, Mesh
+from turnscan.workflows._reconstruct_options import ReconstructOptions
+from turnscan.workflows._report import Section, figures, known, summary, volume_of, write_report
+from turnscan.workflows._saving import save
+
+POINT = np.dtype(
+    [
+        ("x", "f8"), ("y", "f8"), ("z", "f8"), ("sigma", "f8"),
+        ("laser", "i4"), ("step", "i4"), ("row", "i4"),
+    ]
+)  # fmt: skip
+"""A measured point: mm, its standard uncertainty (mm), and the pixel row it comes from."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReconstructResult:
+    """The surface of a part, the points it was made from, and what there is to know about both.
+
+    >>> import turnscan as ts
+    >>> part = ts.reconstruct("cup.turnscan", ts.ReconstructOptions(close=True))
+    >>> part.mesh.faces.shape[1], part.points.dtype.names
+    (3, ('x', 'y', 'z', 'sigma', 'laser', 'step', 'row'))
+    """
+
+    reconstruction: Reconstruction
+    """All that the pipeline made."""
+    about: Mapping[str, object]
+    """Where it comes from: version, source, rig, parameters, edits; embedded in files."""
+    rig: Rig | None = None
+    """The rig that measured it; None for range scans of other scanners and for joined poses."""
+    sections: Sequence[Section] = ()
+    """Tables of the report that concern this result alone."""
+    options: ReconstructOptions = field(default_factory=ReconstructOptions)
+    """What it was made with."""
+    notes: tuple[Finding, ...] = ()
+    """What there is to know about its making, not about the surface."""
+
+    @property
+    def mesh(self) -> Mesh:
+        """The surface, mm, in the object's frame."""
+        return self.reconstruction.mesh
+
+    @property
+    def grids(self) -> tuple[RangeGrid, ...]:
+        """The points as they were measured: one grid for each laser and turn."""
+        return self.reconstruction.grids
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found about scan, points and surface."""
+        return (*self.reconstruction.findings, *self.notes)
+
+    @property
+    def edits(self) -> tuple[edit.Entry, ...]:
+        """The repairs by hand that were done."""
+        return self.reconstruction.edits
+
+    @property
+    def holes(self) -> list[Hole]:
+        """The gaps of the surface as it was measured and edited, each with its cause."""
+        return self.reconstruction.holes
+
+    @property
+    def failed(self) -> bool:
+        """Whether an error is among the findings; such a result is not saved."""
+        return any(f.severity == "error" for f in self.findings)
+
+    @cached_property
+    def points(self) -> npt.NDArray[Any]:
+        """(n,) structured array ``x y z sigma laser step row`` of all points of the grids.
+
+        ``laser`` counts the `grids`; ``sigma`` is NaN where it is not known.
+        """
+        loose = cloud(self.grids)
+        out = np.empty(len(loose.points), POINT)
+        for k, name in enumerate("xyz"):
+            out[name] = loose.points[:, k]
+        out["sigma"], out["laser"] = loose.sigma, loose.laser
+        out["step"], out["row"] = loose.step, loose.line
+        return out
+
+    def figures(self) -> dict[str, Any]:
+        """The result in numbers: points, faces, size, volume with its uncertainty."""
+        return figures(self.reconstruction, self.rig)
+
+    def summary(self) -> list[str]:
+        """The same in words, one line each."""
+        return summary(self.reconstruction, self.rig)
+
+    def volume(self) -> dict[str, float]:
+        """What is known of the volume, mm³, measured and filled; empty where it is open."""
+        return known(volume_of(self.reconstruction, self.rig))
+
+    def save(self, *paths: str | Path, options: ExportOptions | None = None) -> list[Finding]:
+        """Write the surface to files, whose suffixes name the formats.
+
+        Each file is read back and compared first; nothing is written unless all are sound.
+
+        Parameters
+        ----------
+        paths
+            Files to write: .dxf .stl .ply .obj .3mf .glb .xyz.
+        options
+            Choices about the formats; None takes the usual ones.
+
+        Returns
+        -------
+        list of Finding
+            Remarks of the comparison, like what a format cannot hold.
+
+        Raises
+        ------
+        InputError
+            Where a format is unknown.
+        ExportError
+            Where the result has an error among its findings, a file cannot be written, or does not
+            read back the same.
+
+        >>> import turnscan as ts
+        >>> ts.reconstruct("cup.turnscan").save("cup.dxf")
+        []
+        """
+        error = next((f for f in self.findings if f.severity == "error"), None)
+        if error is not None:
+            raise ExportError(f"nothing is saved: {error.message}", hint=error.remedy)
+        formats, profiles = self.content(options or ExportOptions())
+        return save(dict.fromkeys(map(Path, paths), self.mesh), formats, profiles)
+
+    def content(self, options: ExportOptions) -> tuple[ExportOptions, Profiles | None]:
+        """What goes into files besides the mesh: provenance, and profiles where they are asked for.
+
+        Returns the options with the provenance, and the profiles.
+        """
+        lines: dict[str, tuple[Any, ...]] = {}
+        if "profiles" in options.dxf_forms:
+            for grid in self.reconstruction.spaced:
+                runs = [p.points for step in profiles(grid) for p in step]
+                lines[grid.laser] = (*lines.get(grid.laser, ()), *runs)
+        described = replace(options, about={**self.about, **self.volume()})
+        return described, Profiles(lines) if lines else None
+
+    def save_report(self, path: str | Path) -> None:
+        """Write the report: .html with pictures, or .json.
+
+        Raises ExportError where it cannot be written.
+        """
+        write_report(Path(path), self.about, self.reconstruction, self.rig, self.sections)

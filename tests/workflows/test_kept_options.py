@@ -1,0 +1,150 @@
+"""The settings in a scan file: kept, opened by every door, and of no concern to the frames."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from tests.workflows.scans import write_can
+from turnscan.cli import turnscan
+from turnscan.errors import FormatError, InputError, ScanNewer
+from turnscan.scan import Scan
+from turnscan.workflows import ReconstructOptions, kept_options, options_of, reconstruct
+
+
+@pytest.fixture(scope="module")
+def can(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_can(tmp_path_factory.mktemp("can") / "can.turnscan")
+
+
+@pytest.fixture
+def scan(can: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copy(can, tmp_path / "can.turnscan"))
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(turnscan, [str(w) for w in words])
+
+
+def test_the_command_line_keeps_what_it_was_told_and_opens_with_it(scan: Path) -> None:
+    out = scan.with_name("can.ply")
+    first = run("reconstruct", scan, "-o", out, "--strategy", "gauss3", "--close")
+    assert first.exit_code == 0, first.output
+    wanted = ReconstructOptions(strategy="gauss3", close=True)
+    with Scan.open(scan) as kept:
+        assert kept_options(kept) == wanted
+        assert kept.sealed
+        assert [trouble for _, trouble in kept.verify() if trouble] == []
+    assert sorted(p.name for p in scan.parent.iterdir()) == ["can.ply", "can.turnscan"]
+    made = out.read_bytes()
+    again = run("reconstruct", scan, "-o", out)
+    assert "settings kept in the scan: strategy=gauss3, close=True" in again.stderr
+    assert out.read_bytes() == made
+
+
+def test_options_replace_the_whole_set_or_change_it(scan: Path) -> None:
+    out = scan.with_name("can.ply")
+    run("reconstruct", scan, "-o", out, "--strategy", "gauss3")
+    run("reconstruct", scan, "-o", out, "--settings", "own", "--edge", 2)
+    assert options_of(scan) == ReconstructOptions(strategy="gauss3", edge=2)
+    run("reconstruct", scan, "-o", out, "--every", 2)
+    assert options_of(scan) == ReconstructOptions(every=2)
+    run("reconstruct", scan, "-o", out, "--settings", "default")
+    assert options_of(scan) == ReconstructOptions()
+    assert options_of(scan, every=3).changed() == {"every": 3}
+
+
+def test_a_scan_that_nobody_chose_settings_for_is_not_touched(scan: Path) -> None:
+    before = scan.read_bytes()
+    assert run("reconstruct", scan, "-o", scan.with_name("a.stl")).exit_code == 0
+    reconstruct(scan, ReconstructOptions(every=2))
+    assert scan.read_bytes() == before
+
+
+def test_a_file_that_cannot_be_changed_is_reconstructed_with_a_note(scan: Path) -> None:
+    options = ReconstructOptions(every=2)
+    with Scan.resume(scan):
+        (note,) = reconstruct(scan, options, store=True).notes
+        assert "another process" in note.message
+    before = scan.read_bytes()
+    scan.chmod(0o444)
+    done = run("reconstruct", scan, "-o", scan.with_name("a.stl"), "--every", 2)
+    assert done.exit_code == 0
+    assert "scan.settings-not-kept" in done.stderr
+    assert "read-only" in done.stderr
+    assert scan.read_bytes() == before
+
+
+def test_a_result_without_a_surface_keeps_nothing(scan: Path) -> None:
+    before = scan.read_bytes()
+    run("reconstruct", scan, "-o", scan.with_name("a.stl"), "--threshold", 240)
+    assert scan.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "says"),
+    [
+        ("{}", FormatError, "not in the form"),
+        ("[]", FormatError, "not in the form"),
+        ('{"version": 1, "sets": {"default": []}}', FormatError, "not in the form"),
+        ('{"version": 1, "sets": {"default": {"every": 0}}}', FormatError, "every: 0 is not"),
+        ('{"version": 1, "sets": {"default": {"every": true}}}', FormatError, "every: True"),
+        ('{"version": 1, "sets": {"default": {"fill": "flat"}}}', FormatError, "no effect"),
+        ('{"version": 1, "sets": {"default": {"warp": 9}}}', ScanNewer, "later turnscan"),
+        ('{"version": 2}', ScanNewer, "later turnscan"),
+    ],
+)
+def test_settings_that_are_none_are_named_and_can_be_replaced(
+    scan: Path, text: str, kind: type[Exception], says: str
+) -> None:
+    with Scan.resume(scan) as writing:
+        writing.keep_settings(text)
+    with pytest.raises(kind, match=says):
+        options_of(scan)
+    if text == "{}":
+        done = run("reconstruct", scan, "-o", scan.with_name("a.stl"), "--settings", "default")
+        assert done.exit_code == 0, done.output
+        assert options_of(scan) == ReconstructOptions()
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"strategy": "guess"}, "strategy: 'guess' is not one of window"),
+        ({"denoise": 11}, "denoise: 11 is more than 10"),
+        ({"threshold": 0.0}, "threshold: 0.0 is not more than 0"),
+        ({"radius": float("nan")}, "radius: nan is not a finite number"),
+        ({"edge": 1.5}, "edge: 1.5 is not a whole number"),
+        ({"close": 1}, "close: 1 is not true or false"),
+        ({"decimate": "3"}, "decimate: '3' faces are no surface"),
+        ({"spacing_between": "5"}, "give an angle like 2deg"),
+        ({"z_min": 9.0, "z_max": 3.0}, "no height between 9.0 and 3.0"),
+        ({"every": None}, "every: no value"),
+    ],
+)
+def test_an_option_out_of_its_limits_is_named(changes: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        ReconstructOptions(**changes)  # type: ignore[arg-type]
+
+
+def test_a_scan_is_measured_like_the_file_made_of_it(scan: Path) -> None:
+    ply = scan.with_name("can.ply")
+    run("reconstruct", scan, "-o", ply, "--strategy", "blais-rioux", "--close")
+    of_scan = json.loads(run("measure", scan, "--cylinder", "--json").stdout)
+    of_file = json.loads(run("measure", ply, "--cylinder", "--json").stdout)
+    assert of_scan.keys() == of_file.keys()
+    assert of_scan["volume_mm3"] == pytest.approx(of_file["volume_mm3"], rel=1e-9)
+    assert of_scan["volume_sigma_mm3"] == pytest.approx(of_file["volume_sigma_mm3"], rel=1e-9)
+    assert of_scan["cylinder"]["radius_mm"] == pytest.approx(
+        of_file["cylinder"]["radius_mm"], rel=1e-9
+    )
+    compared = json.loads(run("compare", scan, ply, "--json").stdout)
+    assert compared["rms_mm"] < 1e-4
+    exported = run("export", scan, "-o", scan.with_name("b.stl"))
+    assert exported.exit_code == 0, exported.output
+    scan.with_name("no.turnscan").write_text("")
+    assert isinstance(run("measure", scan.with_name("none.turnscan")).exception, InputError)
