@@ -21,7 +21,6 @@ import numpy as np
 from bench import _hole_truth as truth
 from turnscan import shapes, surface
 from turnscan.arrays import Bools, Floats
-from turnscan.cli._simulated import plan_of, scan_into_file
 from turnscan.detection import Sight, see
 from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan
@@ -39,6 +38,7 @@ from turnscan.simulate import (
 )  # fmt: skip
 from turnscan.stripes import StripeFlag
 from turnscan.surface import Caps, Mesh, Tears
+from turnscan.workflows._simulated import plan_of, scan_into_file
 
 NEAR = 0.2
 """mm: so close to the mesh a place of the part counts as measured."""
@@ -137,7 +137,7 @@ def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Be
     if not path.exists():
         world = World(made)
         devices = Simulated(wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
-        scan_into_file(devices, plan_of(devices), path, "sparse", lambda: None)
+        scan_into_file(devices, plan_of(devices), path, "sparse")
     return made, path
 
 

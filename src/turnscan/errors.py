@@ -39,19 +39,26 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from turnscan.remedy import Option, Remedy
+
 
 class TurnscanError(Exception):
     """Base of all errors that turnscan raises on purpose.
 
-    ``message`` says what, where and which value; ``hint`` says what to do next.
+    ``message`` says what, where and which value; ``hint`` says what to do next; ``option`` is the
+    option whose value cannot be used, where there is one, and ``problem`` what is wrong with it.
     """
 
     exit_code: ClassVar[int] = 1
 
-    def __init__(self, message: str, *, hint: str = "") -> None:
-        super().__init__(message)
-        self.message = message
+    def __init__(
+        self, problem: str, *, hint: str | Remedy = "", option: Option | None = None
+    ) -> None:
+        self.problem = problem
         self.hint = hint
+        self.option = option
+        self.message = problem if option is None else f"{option}: {problem}"
+        super().__init__(self.message)
 
     def __str__(self) -> str:
         """One line: the message, then the hint."""

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+from turnscan.remedy import Remedy
+
 Severity = Literal["note", "warning", "error"]
 
 
@@ -23,7 +25,7 @@ class Finding:
     severity: Severity
     message: str
     where: str = ""
-    remedy: str = ""
+    remedy: str | Remedy = ""
 
     def __str__(self) -> str:
         """One line for a terminal or a report."""
@@ -33,5 +35,6 @@ class Finding:
 
 
 def findings_json(findings: Iterable[Finding]) -> str:
-    """Write findings as a JSON list of objects."""
-    return json.dumps([asdict(f) for f in findings], indent=2, ensure_ascii=False)
+    """Write findings as a JSON list of objects of strings."""
+    listed = [{**asdict(f), "remedy": str(f.remedy)} for f in findings]
+    return json.dumps(listed, indent=2, ensure_ascii=False)

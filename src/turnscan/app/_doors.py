@@ -152,7 +152,7 @@ class Doors:
             await guarded.fail(problem(e.status_code, HTTPStatus(e.status_code).phrase))
         except TurnscanError as e:
             await guarded.fail(
-                problem(_STATUS.get(e.exit_code, 500), e.message, e.hint, name_of(e))
+                problem(_STATUS.get(e.exit_code, 500), e.message, str(e.hint), name_of(e))
             )
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
             _log.error("a mistake inside turnscan (%s) at %s", type(e).__name__, _route(scope))

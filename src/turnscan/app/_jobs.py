@@ -229,7 +229,7 @@ class Jobs:
             job.tell("cancelled")
         except TurnscanError as e:
             stopped = job.cancelled and not isinstance(e, SafetyError)
-            text, hint = self._hub.hide(e.message), self._hub.hide(e.hint)
+            text, hint = self._hub.hide(e.message), self._hub.hide(str(e.hint))
             job.tell("cancelled" if stopped else "failed", Result(text), hint)
         except MemoryError:
             job.tell("failed", Result("out of memory"), "close other programs, or use less")
@@ -252,7 +252,7 @@ def remarks(findings: Sequence[Finding]) -> list[Remark]:
             severity=f.severity,
             text=f.message,
             where=f.where,
-            remedy="" if "--" in f.remedy else f.remedy,
+            remedy="" if "--" in str(f.remedy) else str(f.remedy),
         )
         for f in findings
     ]

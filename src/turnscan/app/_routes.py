@@ -188,7 +188,7 @@ def _download(workshop: Workshop) -> Endpoint:
         try:
             path, name = workshop.downloads.find(request.path_params["download"])
         except InputError as e:
-            return problem(404, e.message, e.hint)
+            return problem(404, e.message, str(e.hint))
         return FileResponse(path, filename=name, media_type="application/octet-stream")
 
     return download

@@ -218,7 +218,7 @@ class Workshop:
             self.hub.tell(message or p.Done(id=call.id), arrays, to=client)
 
     def _refuse(self, call: Call, code: str, e: TurnscanError) -> None:
-        text, hint = self.hub.hide(e.message), self.hub.hide(e.hint)
+        text, hint = self.hub.hide(e.message), self.hub.hide(str(e.hint))
         self.hub.tell(p.Refused(id=call.id, code=code, text=text, hint=hint), to=call.client)
 
     @contextlib.contextmanager

@@ -25,6 +25,7 @@ from turnscan.calibrate._start import (
 from turnscan.calibrate._start_table import FEWEST_STEPS, start_board, start_markers
 from turnscan.calibrate._state import RiderView, State, StripeView
 from turnscan.errors import Degenerate, NotEnoughViews
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Camera, Pose, Rig
 
 REJECT = 3.0  # times the usual residual of a view
@@ -43,8 +44,12 @@ def refuse_no_boards(asked: Sequence[BoardView], kept: Sequence[BoardView]) -> N
     raise NotEnoughViews(
         f"camera: the board was found in {len(kept)} of {len(asked)} pictures, at least "
         f"{FEWEST_VIEWS} are needed{example}",
-        hint="check the size of the board (--board counts inner corners of a chessboard, squares "
-        "of a ChArUco board) and that it is sharp and evenly lit",
+        hint=Remedy(
+            "check the size of the board (",
+            Option("board"),
+            " counts inner corners of a chessboard, squares of a ChArUco board) and that it is "
+            "sharp and evenly lit",
+        ),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.calibrate._board import BoardView
 from turnscan.errors import Degenerate, InputError, NotEnoughViews
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Camera, LaserSheet, Pose
 
 FEWEST_VIEWS = 3
@@ -101,8 +102,14 @@ def start_sheet(name: str, stripes: Sequence[Floats]) -> tuple[LaserSheet, list[
     if len(stripes) < 2:
         raise NotEnoughViews(
             f"laser {name!r}: its stripe was found on {len(stripes)} boards; at least 2 are needed",
-            hint="take pictures with the stripe on the board or its white margin, and check the "
-            "laser's colour (--colour) and the margin (--margin-mm)",
+            hint=Remedy(
+                "take pictures with the stripe on the board or its white margin, and check the "
+                "laser's colour (",
+                Option("colour"),
+                ") and the margin (",
+                Option("margin_mm"),
+                ")",
+            ),
         )
     few = [s[np.linspace(0, len(s) - 1, min(len(s), _FEW)).astype(int)] for s in stripes]
     best, best_off = 0.0, np.full(len(few), np.inf)

@@ -76,7 +76,7 @@ def angle_model(
         raise NotEnoughViews(
             f"table angles: {np.count_nonzero(have)} of {len(a)} pictures show a marker; "
             f"at least {_LEAST_ANGLES} are needed",
-            hint="give the angles by --step-deg, or uncover the markers",
+            hint="uncover the markers, or give the angles in another way",
         )
     a[have] = _unwrapped(k[have], a[have], nominal_step)
     good = _without_jumps(k, a, have)

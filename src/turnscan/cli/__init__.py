@@ -73,7 +73,9 @@ def main() -> None:
     except click.exceptions.Exit as e:
         sys.exit(e.exit_code)
     except TurnscanError as e:
-        _fail(str(e), e.exit_code)
+        from turnscan.cli._words import error_line
+
+        _fail(error_line(e), e.exit_code)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)

@@ -18,9 +18,9 @@ from turnscan.cli._hardware import (
     was_interrupted,
 )
 from turnscan.cli._numbers import Finite
-from turnscan.cli._png import write_png
 from turnscan.errors import InputError
 from turnscan.station import Series, Shot, opened, photograph
+from turnscan.workflows._png import write_png
 
 _STAGES = ("camera", "laser", "table")
 

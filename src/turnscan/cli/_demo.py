@@ -13,9 +13,7 @@ import numpy as np
 from turnscan.arrays import Image
 from turnscan.cli._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
 from turnscan.cli._output import write_atomically
-from turnscan.cli._png import write_png
-from turnscan.cli._progress import progress
-from turnscan.cli._simulated import plan_of, scan_into_file, truth
+from turnscan.cli._progress import progress, progress_bar
 from turnscan.devices import burning
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
@@ -29,8 +27,10 @@ from turnscan.surface import Caps, close
 from turnscan.workflows import _html as html
 from turnscan.workflows import save
 from turnscan.workflows._deviation_map import deviation_figure
+from turnscan.workflows._png import write_png
 from turnscan.workflows._render import render
 from turnscan.workflows._report import about, summary
+from turnscan.workflows._simulated import plan_of, scan_into_file, truth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,8 +77,8 @@ def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> No
     plan = plan_of(devices)
     clock.lap("preparing")
     path = output / f"{name}.turnscan"
-    with progress("scanning", plan.steps) as tick:
-        scan_into_file(devices, plan, path, "sparse", tick)
+    with progress_bar() as bar:
+        scan_into_file(devices, plan, path, "sparse", bar.subrange(0, 1, "scanning"))
     clock.lap(f"scanning {plan.steps} steps × {', '.join(plan.lasers)}")
     settings = Settings()
     with Scan.open(path) as scan, progress("reconstructing", len(scan)) as tick:

@@ -15,11 +15,24 @@ from turnscan.workflows import Declared, declared
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
+_METAVARS = {
+    "colour": "COLOUR",
+    "decimate": "TOL|COUNT",
+    "laser_board": "SPEC",
+    "markers": "DICT:SIDE_MM",
+    "pixel_um": "W[,H]",
+    "sensor": "COLSxROWS",
+    "spacing_between": "SPACING",
+    "table_board": "SPEC",
+    "table_laser": "NAME",
+}
+
+
 class _Text(click.ParamType[str]):
     """A text that an option checks by itself."""
 
     def __init__(self, option: Declared) -> None:
-        self.name = {"colour": "COLOUR", "decimate": "TOL|COUNT"}.get(option.name, "SPACING")
+        self.name = _METAVARS.get(option.name, "TEXT")
         self._option = option
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:

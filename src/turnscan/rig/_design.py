@@ -334,5 +334,5 @@ def _check_number(name: str, value: float) -> None:
 
 def _wrong(name: str, value: float, expected: str) -> InputError:
     shown = f"{math.degrees(value):g}°" if name in _ANGLES else f"{value:g}"
-    hint = "10° to 60° are usual" if name == "theta" else "`turnscan design --help` has the units"
+    hint = "10° to 60° are usual" if name == "theta" else "check its unit"
     return InputError(f"{name} is {shown}, expected {expected}", hint=hint)

@@ -11,9 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from turnscan.export import ExportOptions
+    from turnscan.workflows._calibrate import CalibratedRig, CalibrationPictures, calibrate
+    from turnscan.workflows._calibrate_options import CalibrateOptions
+    from turnscan.workflows._check import CheckedLaser, CheckedScan, check
+    from turnscan.workflows._check_mesh import CheckedMesh
     from turnscan.workflows._compare import Agreement, Comparison, compare
     from turnscan.workflows._declare import Declared, declared
+    from turnscan.workflows._design import DesignedRig, design, published_design
+    from turnscan.workflows._design_options import DesignOptions, parse_theta
     from turnscan.workflows._export import Exported, export_mesh
+    from turnscan.workflows._import_options import (
+        AngleSource,
+        EvenSteps,
+        ImportOptions,
+        ListedAngles,
+        MarkerAngles,
+        parse_angles,
+    )
+    from turnscan.workflows._import_pictures import ImportedScan, import_pictures
     from turnscan.workflows._join import join
     from turnscan.workflows._kept_options import kept_options, options_of
     from turnscan.workflows._measure import Measured, MeasureOptions, measure
@@ -24,6 +39,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._report import about
     from turnscan.workflows._result import ReconstructResult
     from turnscan.workflows._saving import save
+    from turnscan.workflows._simulate import SimulatedScan, SimulateOptions, simulate
     from turnscan.workflows._targets import check_targets
 
 _MODULES = {
@@ -41,34 +57,74 @@ _MODULES = {
     "_result": ("ReconstructResult",),
     "_saving": ("ExportOptions", "save"),
     "_targets": ("check_targets",),
+    "_calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
+    "_calibrate_options": ("CalibrateOptions",),
+    "_check": ("CheckedLaser", "CheckedScan", "check"),
+    "_check_mesh": ("CheckedMesh",),
+    "_design": ("DesignedRig", "design", "published_design"),
+    "_design_options": ("DesignOptions", "parse_theta"),
+    "_import_options": (
+        "AngleSource",
+        "EvenSteps",
+        "ImportOptions",
+        "ListedAngles",
+        "MarkerAngles",
+        "parse_angles",
+    ),
+    "_import_pictures": ("ImportedScan", "import_pictures"),
+    "_simulate": ("SimulateOptions", "SimulatedScan", "simulate"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "UNITS",
     "Agreement",
+    "AngleSource",
+    "CalibrateOptions",
+    "CalibratedRig",
+    "CalibrationPictures",
+    "CheckedLaser",
+    "CheckedMesh",
+    "CheckedScan",
     "Comparison",
     "Declared",
+    "DesignOptions",
+    "DesignedRig",
+    "EvenSteps",
     "ExportOptions",
     "Exported",
+    "ImportOptions",
+    "ImportedScan",
+    "ListedAngles",
+    "MarkerAngles",
     "MeasureOptions",
     "Measured",
     "ReconstructOptions",
     "ReconstructResult",
+    "SimulateOptions",
+    "SimulatedScan",
     "about",
+    "calibrate",
+    "check",
     "check_targets",
     "compare",
     "declared",
+    "design",
     "export_mesh",
+    "import_pictures",
     "join",
     "kept_options",
     "measure",
     "open_scan",
     "options_of",
+    "parse_angles",
+    "parse_theta",
+    "published_design",
     "read_mesh_file",
     "read_rig_file",
     "reconstruct",
     "save",
+    "simulate",
 ]
 
 
@@ -76,3 +132,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

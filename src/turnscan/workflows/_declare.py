@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 from turnscan.errors import InputError
+from turnscan.remedy import Option
 
 Kind = Literal["choice", "number", "count", "switch", "text"]
 
@@ -113,7 +114,7 @@ class Checked:
         for name, option in declared(self).items():
             trouble = option.trouble(getattr(self, name))
             if trouble is not None:
-                raise InputError(f"{name}: {trouble}", hint="choose another value")
+                raise InputError(trouble, hint="choose another value", option=Option(name))
 
     def changed(self) -> Mapping[str, Any]:
         """The options that are not at their default, by name."""

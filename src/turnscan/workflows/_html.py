@@ -69,7 +69,7 @@ def findings(found: Sequence[Finding]) -> str:
     lines = []
     for f in sorted(found, key=lambda f: order[f.severity]):
         where = f" [{html.escape(f.where)}]" if f.where else ""
-        remedy = f"<br>→ {html.escape(f.remedy)}" if f.remedy else ""
+        remedy = f"<br>→ {html.escape(str(f.remedy))}" if f.remedy else ""
         lines.append(
             f'<p class="{f.severity}"><b>{html.escape(f.code)}</b>{where}: '
             f"{html.escape(f.message)}{remedy}</p>"

@@ -1,4 +1,4 @@
-"""Which picture belongs to which step and laser, for ``turnscan import``."""
+"""Which picture belongs to which step and laser, for an import."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from turnscan.arrays import Image
 from turnscan.errors import InputError
 from turnscan.findings import Finding
+from turnscan.remedy import Option, Remedy
 from turnscan.scan import (
     is_video,
     list_pictures,
@@ -18,6 +19,7 @@ from turnscan.scan import (
     read_picture,
     read_video,
 )
+from turnscan.workflows._import_options import ImportOptions
 
 _SPARSE_NUMBERS = 5
 """Numbers in names are steps only where at least one in so many of them has a picture."""
@@ -63,22 +65,23 @@ class Series:
 
 
 def find_series(
-    lit: dict[str, list[str]], dark: dict[str, list[str]], first: int | None, every: int
+    lit: dict[str, list[str]], dark: dict[str, list[str]], options: ImportOptions
 ) -> tuple[list[Series], int, list[Finding]]:
     """Series of each laser, the number of steps, and what is worth saying.
 
-    ``lit`` and ``dark`` give folders, patterns or files by laser; ``first`` is the number of step
-    0 (default: the lowest there is); only every ``every``-th step is taken.
+    ``lit`` and ``dark`` give folders, patterns or files by laser.
     Raises InputError where pictures are missing or lit and dark ones do not match.
     """
     found: list[Finding] = []
+    first = options.first_step
     paths = {laser: _paths(specs) for laser, specs in lit.items()}
     numbers = {laser: _numbers(some, found) for laser, some in paths.items()}
     lowest = min(min(n) for n in numbers.values()) if first is None else first
     if any(n < lowest for some in numbers.values() for n in some):
         raise InputError(
-            f"--first-step {first}: there are pictures with lower numbers",
+            "there are pictures with lower numbers",
             hint="give the lowest number that takes part, or leave the option out",
+            option=Option("first_step", first),
         )
     apart = numbers_apart([n for some in numbers.values() for n in some], lowest)
     series = []
@@ -89,7 +92,7 @@ def find_series(
                                numbers[laser], strict=not _one_video(some))
         )  # fmt: skip
         series.append(_with_dark(Series(laser, shots, tuple(some)), dark.get(laser, [])))
-    series = [_thinned(s, every) for s in series]
+    series = [_thinned(s, options.every) for s in series]
     steps = 1 + max(shot.step for s in series for shot in s.shots)
     return series, steps, found
 
@@ -184,7 +187,9 @@ def _with_dark(series: Series, specs: list[str]) -> Series:
         return series
     dark = _paths(specs)
     if _one_video(dark) or _one_video(list(series.lit)):
-        raise InputError("a video has no laser-off pictures", hint="leave --dark out")
+        raise InputError(
+            "a video has no laser-off pictures", hint=Remedy("leave ", Option("dark"), " out")
+        )
     if len(dark) == 1:
         return replace(series, dark=tuple(dark))
     numbers = picture_numbers([p.name for p in dark])
@@ -206,7 +211,9 @@ def _thinned(series: Series, every: int) -> Series:
         return series
     keep = [i for i, shot in enumerate(series.shots) if shot.step % every == 0]
     if not keep:
-        raise InputError(f"--every {every} leaves no picture of laser {series.laser!r}")
+        raise InputError(
+            f"this leaves no picture of laser {series.laser!r}", option=Option("every", every)
+        )
     shots = tuple(replace(series.shots[i], step=series.shots[i].step // every) for i in keep)
     each = len(series.dark) == len(series.shots) > 1
     return Series(

@@ -1,4 +1,4 @@
-"""The picture of ``turnscan design``: working volume, resolution, and what limits it where."""
+"""The picture of a design: working volume, resolution, and what limits it where."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures that ``turnscan design`` prints: key in JSON, label, and how to compute each."""
+"""The figures of a design: key in JSON, label, and how to compute each."""
 
 from __future__ import annotations
 

@@ -1,18 +1,21 @@
-"""What is laser and what is not, found from samples of the pictures, for ``turnscan import``."""
+"""What is laser and what is not, found from samples of the pictures, for an import."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.cli._import_series import Series, Shot
 from turnscan.errors import InputError
+from turnscan.progress import Progress
+from turnscan.remedy import Option, Remedy
 from turnscan.scan import LEAST_THRESHOLD, NOISE_FACTOR, read_picture, signal_of, statistics
+from turnscan.workflows._import_options import ImportOptions, Orientation
+from turnscan.workflows._series import Series, Shot
 
 if TYPE_CHECKING:
     from turnscan.stripes import Candidates
@@ -23,7 +26,6 @@ _BEND = 2.0  # px between a centre and the line through its neighbours, at most
 _SAMPLE_BYTES = 512 << 20
 
 Weights = tuple[float, float, float]
-Orientation = Literal["vertical", "horizontal"]
 
 
 @dataclass(frozen=True)
@@ -42,19 +44,8 @@ class Signal:
     """Grey levels of the signal from which pixels are kept."""
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What the user said about the signal."""
-
-    colour: str
-    """learn, a name or three weights; for colour pictures."""
-    background: str
-    """auto, median, beside or darkest; where there is no laser-off picture."""
-    orientation: Orientation
-
-
 def find_signal(
-    series: Series, wishes: Wishes, known: Weights | None, first: Image, tick: Callable[[], None]
+    series: Series, options: ImportOptions, known: Weights | None, first: Image, progress: Progress
 ) -> Signal:
     """Look at up to 41 pictures of a series.
 
@@ -63,22 +54,24 @@ def find_signal(
     """
     lit: list[Image] = []
     own: list[Image] = []
-    for shot, picture in series.pictures(_samples(series, first)):
+    samples = _samples(series, first)
+    count = progress.counter(len(samples))
+    for shot, picture in series.pictures(samples):
         check_kind(picture, first, shot.name)
         lit.append(picture)
         path = series.dark_of(shot)
         if path is not None:
             own.append(read_picture(path))
             check_kind(own[-1], first, str(path))
-        tick()
+        count()
     trials = []
-    for background, origin in _backgrounds(series, lit, own, first, wishes, known):
+    for background, origin in _backgrounds(series, lit, own, first, options, known):
         darks: list[Image | None] = list(own) or [background] * len(lit)
-        weights = None if first.ndim == 2 else known or _weights(wishes.colour, lit, darks)
+        weights = None if first.ndim == 2 else known or _weights(options.colour, lit, darks)
         trials.append((background, origin, darks, weights))
     scores = [0]
     if len(trials) > 1:
-        scores = [_smooth_lines(lit, t[2], t[3], wishes.orientation) for t in trials]
+        scores = [_smooth_lines(lit, t[2], t[3], options.orientation) for t in trials]
     background, origin, darks, weights = trials[int(np.argmax(scores))]
     some = range(0, len(lit), max(1, len(lit) // 16))
     noise = float(np.median([statistics(signal_of(lit[i], darks[i], weights)).noise for i in some]))
@@ -107,7 +100,7 @@ def _backgrounds(
     lit: list[Image],
     own: list[Image],
     first: Image,
-    wishes: Wishes,
+    options: ImportOptions,
     known: Weights | None,
 ) -> Iterator[tuple[Image | None, str]]:
     """Pictures without the laser that may serve, with their origin in words."""
@@ -122,20 +115,24 @@ def _backgrounds(
     if len(lit) < 3:
         raise InputError(
             f"{len(series.shots)} pictures of laser {series.laser!r}, none with the laser off",
-            hint="give --dark, or at least 3 pictures from which the background can be learned",
+            hint=Remedy(
+                "give ",
+                Option("dark"),
+                ", or at least 3 pictures from which the background can be learned",
+            ),
         )
     from turnscan.stripes import background_beside, temporal_background
 
-    if wishes.background in ("auto", "median"):
+    if options.background in ("auto", "median"):
         yield temporal_background(lit), f"median of {len(lit)} pictures"
-    if wishes.background in ("auto", "beside"):
-        background = background_beside(lit, _lines(lit, wishes, known))
+    if options.background in ("auto", "beside"):
+        background = background_beside(lit, _lines(lit, options, known))
         yield background, f"median of {len(lit)} pictures, of each pixel away from the stripe"
-    if wishes.background in ("auto", "darkest"):
+    if options.background in ("auto", "darkest"):
         yield temporal_background(lit, 0.0), f"darkest of {len(lit)} pictures"
 
 
-def _lines(lit: list[Image], wishes: Wishes, known: Weights | None) -> list[Candidates]:
+def _lines(lit: list[Image], options: ImportOptions, known: Weights | None) -> list[Candidates]:
     """What may be the stripe in each of the pictures, by what is narrow and bright in them."""
     from turnscan.stripes import StripeSettings, find_candidates, project_colour, without_lines
 
@@ -143,12 +140,12 @@ def _lines(lit: list[Image], wishes: Wishes, known: Weights | None) -> list[Cand
     if lit[0].ndim == 3 and known is None:
         some = lit[:: max(1, len(lit) // _LESSONS)]
         weights = _weights(
-            wishes.colour, some, [without_lines(p, wishes.orientation) for p in some]
+            options.colour, some, [without_lines(p, options.orientation) for p in some]
         )
-    settings = StripeSettings(orientation=wishes.orientation, max_candidates=5)
+    settings = StripeSettings(orientation=options.orientation, max_candidates=5)
     out = []
     for picture in lit:
-        dark = without_lines(picture, wishes.orientation)
+        dark = without_lines(picture, options.orientation)
         if weights is not None:
             picture, dark = (project_colour(p, weights, np.uint16) for p in (picture, dark))
         out.append(find_candidates(picture, dark, settings))
@@ -192,8 +189,9 @@ def _weights(colour: str, lit: list[Image], darks: list[Image | None]) -> Weight
         red = green = blue = math.nan
     if not all(math.isfinite(w) for w in (red, green, blue)) or max(red, green, blue) <= 0.0:
         raise InputError(
-            f"--colour {colour}: neither a colour nor three weights",
+            "neither a colour nor three weights",
             hint=f"give learn, {', '.join(COLOURS)}, or weights like 1,-0.5,-0.5",
+            option=Option("colour", colour),
         )
     return red, green, blue
 
@@ -213,7 +211,7 @@ def _learned(lit: list[Image], darks: list[Image | None]) -> Weights:
         assert trouble is not None
         raise InputError(
             f"the laser's colour cannot be learned: {trouble.message}",
-            hint="give --colour red, green, blue or three weights",
+            hint=Remedy("give ", Option("colour"), " red, green, blue or three weights"),
         )
     red, green, blue = (round(float(w), 4) for w in np.mean(learned, axis=0))
     return red, green, blue

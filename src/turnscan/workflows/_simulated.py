@@ -1,4 +1,4 @@
-"""One simulated turn into a scan file or a folder, for ``turnscan simulate`` and ``demo``."""
+"""One simulated turn into a scan file or a folder, for the workflows that simulate."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from pathlib import Path
 
 from turnscan.acquire import Event, FirstLook, Hardware, Plan, StepDone, look, run, turn_of
 from turnscan.arrays import Image
-from turnscan.cli._output import write_atomically
-from turnscan.cli._png import write_png
-from turnscan.errors import InputError
+from turnscan.progress import Progress, no_progress
 from turnscan.rig import rig_to_json
 from turnscan.scan import Frame, Keep, ScanPlan, Setting, replacing_scan
 from turnscan.simulate import Simulated
 from turnscan.station import laser_colour
 from turnscan.surface import Mesh
-
-Tick = Callable[[], None]
+from turnscan.workflows._files import write_atomically
+from turnscan.workflows._png import write_png
 
 
 def plan_of(devices: Simulated, seconds: float | None = None) -> Plan:
@@ -28,25 +26,31 @@ def plan_of(devices: Simulated, seconds: float | None = None) -> Plan:
     return replace(turn, blind_steps=0)  # what is simulated on purpose is no danger
 
 
-def scan_into_file(devices: Simulated, plan: Plan, path: Path, keep: Keep, tick: Tick) -> None:
-    """Write a scan file with the true rig in it; it appears only when it is whole."""
+def scan_into_file(
+    devices: Simulated, plan: Plan, path: Path, keep: Keep, progress: Progress = no_progress
+) -> None:
+    """Write a scan file with the true rig in it; it appears only when it is whole.
+
+    Raises Cancelled by ``progress``.
+    """
+    heard = _steps_of(plan, progress)
     hardware, first = _first_look(devices, plan, keep)
     with replacing_scan(path, first.scan_plan, devices.world.bench.rig) as scan:
-        run(plan, hardware, scan, first=first, listener=_ticking(tick), clock=lambda: math.nan)
+        run(plan, hardware, scan, first=first, listener=heard, clock=lambda: math.nan)
 
 
-def scan_into_folder(devices: Simulated, plan: Plan, folder: Path, tick: Tick) -> None:
+def scan_into_folder(
+    devices: Simulated, plan: Plan, folder: Path, progress: Progress = no_progress
+) -> None:
     """Write pictures: a folder per laser and one for dark, angles.csv, rig.json.
 
-    Raises InputError where the folder holds anything already.
+    Raises Cancelled by ``progress``; the pictures so far stay.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: exists and is not an empty folder", hint="name a new folder")
+    hardware, first = _first_look(devices, plan, "full")
     for name in ("dark", *plan.lasers):
         (folder / name).mkdir(parents=True, exist_ok=True)
-    hardware, first = _first_look(devices, plan, "full")
     sink = _Folder(folder, first.scan_plan)
-    run(plan, hardware, sink, first=first, listener=_ticking(tick))
+    run(plan, hardware, sink, first=first, listener=_steps_of(plan, progress))
     rows = [f"{step},{math.degrees(plan.angle(step)):.9f}" for step in range(plan.steps)]
     text = "\n".join(["number,angle_deg", *rows, ""])
     write_atomically(folder / "angles.csv", text.encode())
@@ -71,10 +75,12 @@ def _first_look(devices: Simulated, plan: Plan, keep: Keep) -> tuple[Hardware, F
     return hardware, look(plan, hardware, keep=keep, source=source, weigh=laser_colour)
 
 
-def _ticking(tick: Tick) -> Callable[[Event], None]:
+def _steps_of(plan: Plan, progress: Progress) -> Callable[[Event], None]:
+    count = progress.counter(plan.steps)
+
     def listen(event: Event) -> None:
         if isinstance(event, StepDone):
-            tick()
+            count()
 
     return listen
 

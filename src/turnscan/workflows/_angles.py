@@ -1,20 +1,23 @@
-"""The table's angle of every picture, for ``turnscan import``: even steps, a list, or markers."""
+"""The table's angle of every picture, for an import: even steps, a list, or markers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.cli._import_series import Series, Shot
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.findings import Finding
+from turnscan.progress import Progress
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig
 from turnscan.scan import is_video, read_picture
+from turnscan.workflows._import_options import AngleSource, EvenSteps, MarkerAngles
+from turnscan.workflows._series import Series, Shot
 
 _TABLE_BYTES = 16 << 20
 
@@ -33,38 +36,35 @@ Angles = dict[tuple[str, int], Angle]
 
 
 def find_angles(
-    choice: str,
+    source: AngleSource,
     series: Sequence[Series],
     every: int,
     rig: Rig | None,
-    tick: Callable[[], None],
+    progress: Progress,
 ) -> tuple[Angles, list[Finding], str]:
     """Angles of all shots, findings, and in words where they come from.
 
-    ``choice`` is ``step:DEG``, ``markers`` or the name of a CSV file; ``tick`` is called for every
-    picture that is searched for markers. Raises InputError where it is none of these, or where a
-    shot has no angle.
+    ``progress`` hears of the pictures that are searched for markers. Raises InputError,
+    FormatError where a shot has no angle, or the list cannot be read.
     """
-    if choice.startswith("step:"):
-        step = _number(choice[5:], f"--angles {choice}")
-        if step == 0.0 or abs(step) > 180.0:
-            raise InputError(f"--angles {choice}: not a step", hint="give degrees, like step:1.8")
+    if isinstance(source, EvenSteps):
+        step = source.step_deg
         even = {
             (s.laser, shot.step): Angle(math.radians(step * every * shot.step))
             for s in series
             for shot in s.shots
         }
         return even, [], f"steps of {step:g}°"
-    if choice == "markers":
-        angles, found = _by_markers(series, rig, tick)
+    if isinstance(source, MarkerAngles):
+        angles, found = _by_markers(series, rig, progress)
         return angles, found, "markers"
-    path = Path(choice)
-    if not path.is_file():
+    if not source.path.is_file():
         raise InputError(
-            f"--angles {choice}: there is no such file",
+            "there is no such file",
             hint="give step:DEG, markers, or a CSV file",
+            option=Option("angles", str(source)),
         )
-    return _by_table(path, series), [], f"the list {path.name}"
+    return _by_table(source.path, series), [], f"the list {source.path.name}"
 
 
 def _by_table(path: Path, series: Sequence[Series]) -> Angles:
@@ -146,16 +146,18 @@ def _number(text: str, where: str) -> float:
 
 
 def _by_markers(
-    series: Sequence[Series], rig: Rig | None, tick: Callable[[], None]
+    series: Sequence[Series], rig: Rig | None, progress: Progress
 ) -> tuple[Angles, list[Finding]]:
     """Angles seen by the markers on the platter, outliers out and gaps filled by the motion."""
     from turnscan.calibrate import angle_model, measure_table_angle
 
     if rig is None or not rig.markers:
         raise InputError(
-            "--angles markers needs a rig that knows the markers on its table",
-            hint="give --rig with a file made by turnscan calibrate",
+            "this needs a rig that knows the markers on its table",
+            hint=Remedy("give ", Option("rig"), " with a file made by turnscan calibrate"),
+            option=Option("angles", "markers"),
         )
+    count = progress.counter(sum(len(one.shots) for one in series))
     places: list[tuple[str, int]] = []
     seen: list[tuple[float, float]] = []
     for one in series:
@@ -163,7 +165,7 @@ def _by_markers(
             angle = measure_table_angle(picture, rig)
             places.append((one.laser, shot.step))
             seen.append((math.nan, math.nan) if angle is None else (angle.angle, angle.sigma))
-            tick()
+            count()
     table = np.array(seen)
     model = angle_model(table[:, 0], table[:, 1], np.array([step for _, step in places]))
     angles = {

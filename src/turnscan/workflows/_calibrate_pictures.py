@@ -18,8 +18,9 @@ from turnscan.calibrate import (
     laser_weights,
     stripe_candidates,
 )
-from turnscan.cli._progress import progress
 from turnscan.errors import InputError
+from turnscan.progress import Progress
+from turnscan.remedy import Option
 from turnscan.scan import list_pictures, numbers_apart, picture_numbers, read_picture
 from turnscan.stripes import Orientation
 
@@ -52,25 +53,28 @@ class SameSize:
         return picture
 
 
-def camera_views(paths: list[Path], board: Board, size: SameSize) -> list[BoardView]:
+def camera_views(
+    paths: list[Path], board: Board, size: SameSize, progress: Progress
+) -> list[BoardView]:
     """The board in each picture."""
-    out = []
-    with progress("camera boards", len(paths)) as tick:
-        for p in paths:
-            out.append(detect_board(size.check(p, read_picture(p)), board, p.name))
-            tick()
-    return out
+    return [
+        detect_board(size.check(p, read_picture(p)), board, p.name) for p in progress.track(paths)
+    ]
 
 
-def with_dark(lit: list[Path], dark: str | None, option: str) -> list[tuple[Path, Path | None]]:
-    """Each picture with the laser on and the one with it off, None where there is none."""
+def with_dark(lit: list[Path], dark: str | None, option: Option) -> list[tuple[Path, Path | None]]:
+    """Each picture with the laser on and the one with it off, None where there is none.
+
+    Raises InputError naming ``option`` where their numbers do not fit.
+    """
     if dark is None:
         return [(p, None) for p in lit]
     off = list_pictures(dark)
     if len(off) not in (1, len(lit)):
         raise InputError(
-            f"{option}: {len(lit)} pictures with the laser on, {len(off)} with it off",
+            f"{len(lit)} pictures with the laser on, {len(off)} with it off",
             hint="give as many, or one for all",
+            option=option,
         )
     return [(p, off[0] if len(off) == 1 else q) for p, q in zip(lit, off * len(lit), strict=False)]
 
@@ -88,8 +92,9 @@ def colour_weights(
             weights = np.zeros(0)
         if weights.shape != (3,) or not np.isfinite(weights).all() or not weights.any():
             raise InputError(
-                f"--colour {colour!r} is no colour",
+                "this is no colour",
                 hint="give red, green, blue, grey, three weights like -0.5,1,-0.5, or learn",
+                option=Option("colour", colour),
             )
         return weights
     lessons = []
@@ -117,19 +122,18 @@ def laser_pictures(
     weights: Floats | None,
     orientation: Orientation,
     size: SameSize,
+    progress: Progress,
 ) -> list[LaserPicture]:
     """The board, and what may be the stripe on it, in each picture."""
     out = []
-    with progress("laser boards", len(pairs)) as tick:
-        for lit, dark in pairs:
-            picture = size.check(lit, read_picture(lit))
-            off = None if dark is None else size.check(dark, read_picture(dark))
-            view = detect_board(picture if off is None else off, board, lit.name)
-            light = np.zeros((0, 2))
-            if not view.failure:
-                light = stripe_candidates(picture, off, weights, orientation)
-            out.append(LaserPicture(view, light))
-            tick()
+    for lit, dark in progress.track(pairs):
+        picture = size.check(lit, read_picture(lit))
+        off = None if dark is None else size.check(dark, read_picture(dark))
+        view = detect_board(picture if off is None else off, board, lit.name)
+        light = np.zeros((0, 2))
+        if not view.failure:
+            light = stripe_candidates(picture, off, weights, orientation)
+        out.append(LaserPicture(view, light))
     return out
 
 
@@ -139,25 +143,24 @@ def table_pictures(
     laser: str | None,
     weights: Floats | None,
     size: SameSize,
+    progress: Progress,
 ) -> list[TablePicture]:
     """Markers or board on the table, and what may be stripes there, in each picture."""
     steps = _steps([p.name for p, _ in pairs])
     out = []
-    with progress("table", len(pairs)) as tick:
-        for (lit, dark), step in zip(pairs, steps, strict=True):
-            picture = size.check(lit, read_picture(lit))
-            off = None if dark is None else size.check(dark, read_picture(dark))
-            clear = picture if off is None else off
-            light = {}
-            if laser is not None:
-                light[laser] = stripe_candidates(picture, off, weights, settings.orientation)
-            if settings.table_board is None:
-                seen = detect_markers(clear, settings.dictionary)
-                out.append(TablePicture(seen, light, lit.name, step))
-            else:
-                view = detect_board(clear, settings.table_board, lit.name)
-                out.append(TablePicture(view, light, lit.name, step))
-            tick()
+    for (lit, dark), step in zip(progress.track(pairs), steps, strict=True):
+        picture = size.check(lit, read_picture(lit))
+        off = None if dark is None else size.check(dark, read_picture(dark))
+        clear = picture if off is None else off
+        light = {}
+        if laser is not None:
+            light[laser] = stripe_candidates(picture, off, weights, settings.orientation)
+        if settings.table_board is None:
+            seen = detect_markers(clear, settings.dictionary)
+            out.append(TablePicture(seen, light, lit.name, step))
+        else:
+            view = detect_board(clear, settings.table_board, lit.name)
+            out.append(TablePicture(view, light, lit.name, step))
     return out
 
 

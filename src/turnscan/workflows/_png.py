@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.cli._output import write_atomically
+from turnscan.workflows._files import write_atomically
 
 
 def write_png(path: Path, picture: Image) -> None:

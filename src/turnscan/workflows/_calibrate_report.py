@@ -1,4 +1,4 @@
-"""The report of ``turnscan calibrate``: what was found, how well, and what was not used."""
+"""The report of a calibration: what was found, how well, and what was not used."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from turnscan.arrays import Image
 from turnscan.calibrate import Calibration, Figures
-from turnscan.cli import _html
 from turnscan.findings import Finding
 from turnscan.scan import read_picture
+from turnscan.workflows import _html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,0 +1,31 @@
+"""Errors and findings in the words of the command line: an option is a flag."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from turnscan.errors import TurnscanError
+from turnscan.findings import Finding
+from turnscan.remedy import Option, Remedy
+
+
+def error_line(error: TurnscanError) -> str:
+    """An error as one line: what is wrong, and what to do."""
+    text = error.message if error.option is None else f"{_flag(error.option)}: {error.problem}"
+    if error.hint:
+        text += f" → {_worded(error.hint)}"
+    return " ".join(text.split())
+
+
+def with_flags(finding: Finding) -> Finding:
+    """A finding whose remedy names flags."""
+    return replace(finding, remedy=_worded(finding.remedy))
+
+
+def _worded(remedy: str | Remedy) -> str:
+    return remedy if isinstance(remedy, str) else remedy.worded(_flag)
+
+
+def _flag(option: Option) -> str:
+    flag = "--" + option.name.replace("_", "-")
+    return flag if option.value is None else f"{flag} {option.value_text}"

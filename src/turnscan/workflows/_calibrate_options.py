@@ -1,0 +1,100 @@
+"""What a user knows about a rig that is calibrated from pictures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import get_args
+
+from turnscan.calibrate import CalibrationSettings, aruco_dictionary, parse_board
+from turnscan.errors import InputError
+from turnscan.remedy import Option, Remedy
+from turnscan.stripes import Orientation
+from turnscan.workflows._declare import Checked, option
+
+
+@dataclass(frozen=True)
+class CalibrateOptions(Checked):
+    """What is known about a rig besides its pictures; None where it is not known.
+
+    Nominal sizes of markers and steps are compared with what the pictures say and never trusted.
+    """
+
+    laser_board: str | None = option(None, "text", "Board in the laser's pictures, if another one.")
+    margin_mm: float | None = option(None, "number", "Flat part around the pattern.", least=0)
+    table_laser: str | None = option(
+        None, "text",
+        "Laser lit in the table pictures; none for a dark table.  [default: the only laser]",
+    )  # fmt: skip
+    markers: str | None = option(None, "text", "Markers on the platter, nominal side.")
+    table_board: str | None = option(None, "text", "Or: a board that rides on the table.")
+    table_board_mm: float = option(
+        0.0, "number", "Height of its lowest corner between squares above the table."
+    )
+    table_step_deg: float | None = option(
+        None, "number", "Nominal step between pictures; compared only."
+    )
+    colour: str = option(
+        "learn", "text",
+        "Of the lasers: red, green, blue, grey, three weights R,G,B, or learn.",
+    )  # fmt: skip
+    orientation: Orientation = option(
+        "vertical", "choice", "Of the stripe in the picture.", choices=get_args(Orientation)
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.markers is None) == (self.table_board is None):
+            raise InputError(
+                "table: it has either markers or a board",
+                hint=Remedy("give either ", Option("markers"), " or ", Option("table_board")),
+            )
+
+    def settings(self) -> CalibrationSettings:
+        """The settings of the calibration. Raises InputError for an unknown board or marker."""
+        dictionary, side = _markers(self.markers)
+        return CalibrationSettings(
+            dictionary=dictionary,
+            marker_side=side,
+            step=None if self.table_step_deg is None else math.radians(self.table_step_deg),
+            margin=self.margin_mm,
+            orientation=self.orientation,
+            table_board=None if self.table_board is None else parse_board(self.table_board),
+            lowest=self.table_board_mm,
+        )
+
+    def lit_on_table(self, lasers: list[str]) -> str | None:
+        """Which of these lasers is lit in the table pictures; None where none is.
+
+        Raises InputError where that is not known.
+        """
+        if self.table_laser == "none":
+            return None
+        if self.table_laser is None and len(lasers) > 1:
+            raise InputError(
+                f"which of {', '.join(lasers)} is lit in the table pictures?",
+                hint="name one of them, or none",
+                option=Option("table_laser"),
+            )
+        if self.table_laser is not None and self.table_laser not in lasers:
+            raise InputError(
+                f"there is {', '.join(lasers)}", option=Option("table_laser", self.table_laser)
+            )
+        return self.table_laser or lasers[0]
+
+
+def _markers(text: str | None) -> tuple[str, float]:
+    """Dictionary and nominal side, mm, of markers like ``DICT_4X4_50:30``."""
+    if text is None:
+        return "DICT_4X4_50", 0.0
+    name, _, side = text.partition(":")
+    try:
+        length = float(side)
+    except ValueError:
+        length = -1.0
+    if not 0 < length < 1e5:
+        raise InputError(
+            "no side in mm", hint="write DICT_4X4_50:30", option=Option("markers", text)
+        )
+    aruco_dictionary(name)
+    return name, length

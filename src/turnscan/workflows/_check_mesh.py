@@ -1,0 +1,57 @@
+"""Check of a mesh file: is it sound enough to print or machine?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from turnscan.findings import Finding
+from turnscan.surface import Mesh, holes, is_closed, soundness
+from turnscan.workflows._reading import read_mesh_file
+
+
+@dataclass(frozen=True)
+class CheckedMesh:
+    """What a mesh file holds, and whether it is sound."""
+
+    path: Path
+    bytes: int
+    """Of the file."""
+    vertices: int
+    faces: int
+    faces_not_measured: int | None
+    """None in a format that cannot say so."""
+    closed: bool
+    volume_mm3: float | None
+    """mm³; None for an open surface."""
+    findings: tuple[Finding, ...]
+
+
+def check_mesh(path: Path) -> CheckedMesh:
+    """Say whether the mesh in a file is closed and sound.
+
+    Raises InputError, FormatError where the file cannot be read.
+    """
+    mesh = read_mesh_file(path)
+    closed, borders, found = is_closed(mesh), holes(mesh), soundness(mesh)
+    if not closed:
+        size = f", the largest {borders[0].size:.2f} mm across" if borders else ""
+        text = f"the surface has {len(borders)} open borders{size}"
+        found.append(Finding("surface.open", "warning", text, "", "close it before it is made"))
+    return CheckedMesh(
+        path=path,
+        bytes=path.stat().st_size,
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        faces_not_measured=_not_measured(path, mesh),
+        closed=closed,
+        volume_mm3=mesh.volume if closed else None,
+        findings=tuple(found),
+    )
+
+
+def _not_measured(path: Path, mesh: Mesh) -> int | None:
+    """How many faces were not measured; None in a format that cannot say so."""
+    if path.suffix.lower() == ".stl":
+        return None
+    return 0 if mesh.measured is None else int((~mesh.measured).sum())

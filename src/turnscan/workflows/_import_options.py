@@ -1,0 +1,111 @@
+"""What a user may choose about an import of pictures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from turnscan.errors import FormatError, InputError
+from turnscan.remedy import Option
+from turnscan.scan import Keep
+from turnscan.workflows._declare import Checked, option
+
+Background = Literal["auto", "median", "beside", "darkest"]
+Orientation = Literal["vertical", "horizontal"]
+
+
+@dataclass(frozen=True)
+class EvenSteps:
+    """The table turned by the same angle from each step to the next."""
+
+    step_deg: float
+    """Degrees, counter-clockwise seen from above; negative for clockwise; up to 180, not 0."""
+
+    def __post_init__(self) -> None:
+        given = Option("angles", str(self))
+        if not math.isfinite(self.step_deg):
+            raise FormatError(
+                f"{self.step_deg} is not an angle", hint="give finite degrees", option=given
+            )
+        if self.step_deg == 0.0 or abs(self.step_deg) > 180.0:
+            raise InputError("not a step", hint="give degrees, like step:1.8", option=given)
+
+    def __str__(self) -> str:
+        return f"step:{self.step_deg:g}"
+
+
+@dataclass(frozen=True)
+class MarkerAngles:
+    """The markers on the platter tell the angle of each picture."""
+
+    def __str__(self) -> str:
+        return "markers"
+
+
+@dataclass(frozen=True)
+class ListedAngles:
+    """A CSV file lists the angles.
+
+    One line of ``angle_deg`` for each picture in order, or lines of ``number,angle_deg`` or
+    ``number,angle_deg,sigma_deg`` with the number in the picture's name; all in degrees.
+    """
+
+    path: Path
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+AngleSource = EvenSteps | MarkerAngles | ListedAngles
+
+
+def parse_angles(text: str) -> AngleSource:
+    """The source of angles that ``step:DEG``, ``markers`` or the name of a CSV file stands for.
+
+    Raises FormatError and InputError for what is not a step.
+    """
+    if text == "markers":
+        return MarkerAngles()
+    if not text.startswith("step:"):
+        return ListedAngles(Path(text))
+    try:
+        return EvenSteps(float(text[5:]))
+    except ValueError as e:
+        if isinstance(e, InputError):
+            raise
+        raise FormatError(f"{text[5:]!r} is not a number", option=Option("angles", text)) from None
+
+
+@dataclass(frozen=True)
+class ImportOptions(Checked):
+    """What a user may choose about an import; InputError names a value that none can have."""
+
+    colour: str = option(
+        "learn", "text",
+        "Of the laser, in colour pictures: red, green, blue, grey, three weights R,G,B, or learn.",
+    )  # fmt: skip
+    keep: Keep = option(
+        "sparse", "choice", "Keep the pixels around the stripe, or all; both to the bit.",
+        choices=get_args(Keep),
+    )  # fmt: skip
+    threshold: float | None = option(
+        None, "number",
+        "Grey levels above the background from which pixels are kept.  [default: from the noise]",
+        least=0.0,
+    )  # fmt: skip
+    orientation: Orientation = option(
+        "vertical", "choice", "Of the stripe in the picture.", choices=get_args(Orientation)
+    )
+    background: Background = option(
+        "auto", "choice",
+        "Without laser-off pictures: the median of each pixel over the scan, that over the "
+        "pictures in which it lies beside the stripe, or its darkest; auto takes the one with "
+        "which more of the stripe is seen.",
+        choices=get_args(Background),
+    )  # fmt: skip
+    every: int = option(1, "count", "Take every N-th step only.", least=1)
+    first_step: int | None = option(
+        None, "count", "Number (in the names) of step 0.  [default: lowest]"
+    )

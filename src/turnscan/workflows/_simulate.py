@@ -1,0 +1,115 @@
+"""Simulate: pictures or a scan file of a part, made by a simulated rig."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, get_args
+
+from turnscan.errors import InputError
+from turnscan.progress import Progress, no_progress
+from turnscan.scan import Keep
+from turnscan.simulate import simulated, wish_of
+from turnscan.workflows._declare import Checked, option
+from turnscan.workflows._files import check_output
+from turnscan.workflows._simulated import plan_of, scan_into_file, scan_into_folder
+
+
+@dataclass(frozen=True)
+class SimulateOptions(Checked):
+    """How a part is scanned by a simulated rig; None leaves it to the scene's address."""
+
+    rig: str | None = option(None, "text", "paper, modern or ciclop.  [default: paper]")
+    theta_deg: float | None = option(
+        None, "number", "Angle of triangulation.  [default: the rig's]"
+    )
+    lasers: int | None = option(None, "count", "1 or 2.  [default: what the scene needs]")
+    steps: int | None = option(None, "count", "Table positions in one turn.  [default: the rig's]")
+    tip_deg: float | None = option(None, "number", "The part tipped over by so much: another pose.")
+    seed: int | None = option(None, "count", "Of speckle and noise.  [default: 0]")
+    exposure: float | None = option(None, "number", "Seconds.  [default: the rig's]")
+    keep: Keep = option(
+        "sparse", "choice", "In a scan file: the pixels around the stripe, or all.",
+        choices=get_args(Keep),
+    )  # fmt: skip
+    no_speckle: bool = option(False, "switch", "A laser without speckle.")
+    perfect: bool = option(False, "switch", "Thin sheet, no speckle, blur or noise, 16 bits.")
+
+    def changes(self) -> dict[str, Any]:
+        """What they change of the bench that the scene's address describes."""
+        given: dict[str, Any] = {
+            "rig": self.rig,
+            "lasers": self.lasers,
+            "steps": self.steps,
+            "seed": self.seed,
+            "theta": None if self.theta_deg is None else math.radians(self.theta_deg),
+            "tip": None if self.tip_deg is None else math.radians(self.tip_deg),
+            "waves": "diffraction" if self.no_speckle else None,
+            "perfect": self.perfect or None,
+        }
+        return {name: value for name, value in given.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class SimulatedScan:
+    """A scan file or a folder of pictures that a simulated rig took."""
+
+    path: Path
+    scene: str
+    rig: str
+    """Name of the design preset."""
+    steps: int
+    lasers: tuple[str, ...]
+    exposure: float
+    """s."""
+
+
+def simulate(
+    scene: str,
+    output: str | Path,
+    options: SimulateOptions | None = None,
+    progress: Progress = no_progress,
+) -> SimulatedScan:
+    """Scan a part with a simulated rig. The same arguments always give the same pictures.
+
+    Parameters
+    ----------
+    scene
+        A part (cup, head, bust, sphere, shaft, …), a board (charuco, chessboard), a mesh file, or
+        an address like ``sim:cup?galvo=105&backlash_deg=0.2`` with everything the simulator knows.
+    output
+        A scan file (``….turnscan``), which holds the true rig; or a new or empty folder for
+        pictures, angles.csv and rig.json.
+
+    Returns
+    -------
+    SimulatedScan
+        What was taken.
+
+    Raises
+    ------
+    InputError
+        What cannot be simulated, before anything is written; a folder that holds something.
+    ScanError, ExportError
+        The output cannot be written.
+    Cancelled
+        By ``progress``. No scan file is written then; a folder keeps the pictures so far.
+    """
+    output, chosen = Path(output), options or SimulateOptions()
+    into_file = output.suffix == ".turnscan"
+    if into_file:
+        check_output(output)
+    elif output.exists() and (not output.is_dir() or any(output.iterdir())):
+        raise InputError(f"{output}: exists and is not an empty folder", hint="name a new folder")
+    wish, faults = wish_of(scene if scene.startswith("sim:") else f"sim:{scene}")
+    wish = replace(wish, **chosen.changes())
+    devices = simulated(wish, faults)
+    plan = plan_of(devices, chosen.exposure)
+    scanning = progress.subrange(0, 1, "scanning")
+    if into_file:
+        scan_into_file(devices, plan, output, chosen.keep, scanning)
+    else:
+        scan_into_folder(devices, plan, output, scanning)
+    seconds = plan.exposures[0].seconds
+    return SimulatedScan(output, wish.scene, wish.rig, plan.steps, tuple(plan.lasers), seconds)
