@@ -44,6 +44,9 @@ _MOST = 0.5
 _WIDER = 0.8
 """Width that a second surface adds, as width that a cut takes away: the two parts of a stripe lie
 that far apart where both are alike."""
+_ALIKE = 1.35
+"""Bends of three profiles in a row that differ by no more than this factor are one round surface.
+A crease bends one profile, or two unlike."""
 _TORN = 0.5
 """Part of the larger of two biases that counts, where the profiles on either side say two."""
 _LEAST = 0.25
@@ -90,10 +93,11 @@ def wholeness(light: Light) -> Wholeness:
     """Compare each stripe's width with what is due on a surface that lies like its own.
 
     How the surface lies is known by the profiles before and after. Where both are there, the one
-    that explains the width better counts, and the other as far as `_TORN`. Where one of them is
-    missing, what ends the surface there cuts the stripe, too: the light that is left is a Gaussian
-    cut off on that side, which tells how far its centre is off. A stripe that is much fainter there
-    than on the surface beside is the tail of one whose middle passes by.
+    that explains the width better counts, and the other as far as `_TORN`; where the surface is
+    round, what lies between them. Where one of them is missing, what ends the surface there cuts
+    the stripe, too: the light that is left is a Gaussian cut off on that side, which tells how far
+    its centre is off. A stripe that is much fainter there than on the surface beside is the tail of
+    one whose middle passes by.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -104,6 +108,7 @@ def wholeness(light: Light) -> Wholeness:
     )
     walk = np.stack([kernels.steady(w) for w in walk])
     due = _due(walk, width)
+    due = _beyond(walk, np.where(_round(walk), np.sqrt(due[0] * due[1]), due))
     ratio = width / due
     bias = _bias(ratio, _SURE)
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
@@ -139,6 +144,30 @@ def _smooth(walk: Floats, width: Floats) -> Bools:
     known = differ[~np.isnan(differ)]
     some = 1.5 * float(np.quantile(known, _SHARE)) if len(known) else 0.0
     return np.asarray(differ <= min(max(_SMOOTH, some), 2 * _SMOOTH))
+
+
+def _round(walk: Floats) -> Bools:
+    """(s, n) True where the profiles about a point bend alike, and one way: it is on no crease.
+
+    In coarse steps the chords before and after lie unlike there, and neither as the surface does.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bend = np.log(walk[0] / walk[1])
+    three = np.stack([np.roll(bend, 1, axis=0), bend, np.roll(bend, -1, axis=0)])
+    size = np.abs(three)
+    with np.errstate(invalid="ignore"):
+        one_way = np.abs(np.sign(three).sum(axis=0)) == 3
+        return np.asarray(one_way & (size.max(axis=0) <= _ALIKE * size.min(axis=0)))
+
+
+def _beyond(walk: Floats, due: Floats) -> Floats:
+    """(2, s, n) px: ``due``, but where what is seen ends that of the profile beside, further in.
+
+    What cuts a stripe moves its point, and so tilts the plane through it and the one beside.
+    """
+    inner = np.stack([np.roll(due[0], -1, axis=0), np.roll(due[1], 1, axis=0)])
+    ends = np.isnan(walk[::-1]) & ~np.isnan(walk) & ~np.isnan(inner)
+    return np.asarray(np.where(ends, inner, due))
 
 
 def _due(walk: Floats, width: Floats) -> Floats:
