@@ -7,6 +7,7 @@ is off the surface, and by more than noise.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,8 +108,14 @@ def wholeness(light: Light) -> Wholeness:
         light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
     )
     walk = np.stack([kernels.steady(w) for w in walk])
-    due = _due(walk, width)
-    due = _beyond(walk, np.where(_round(walk), np.sqrt(due[0] * due[1]), due))
+    due_on = _due(walk, width)
+    due = due_on(walk)
+    due = np.where(_round(walk), np.sqrt(due[0] * due[1]), due)
+    ends, flat, turned = _further_in(light, walk)
+    inner = np.stack([due_on(flat), due_on(turned)])
+    unlike = np.nan_to_num(np.abs(np.log(width / inner)), nan=np.inf)
+    inner = np.take_along_axis(inner, unlike.argmin(axis=0)[None], axis=0)[0]
+    due = np.where(ends & ~np.isnan(inner), inner, due)
     ratio = width / due
     bias = _bias(ratio, _SURE)
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
@@ -160,38 +167,45 @@ def _round(walk: Floats) -> Bools:
         return np.asarray(one_way & (size.max(axis=0) <= _ALIKE * size.min(axis=0)))
 
 
-def _beyond(walk: Floats, due: Floats) -> Floats:
-    """(2, s, n) px: ``due``, but where what is seen ends that of the profile beside, further in.
+def _further_in(light: Light, walk: Floats) -> tuple[Bools, Floats, Floats]:
+    """(2, s, n) True where what is seen ends, and two walks (2, s, n) mm of the surface further in.
 
-    What cuts a stripe moves its point, and so tilts the plane through it and the one beside.
+    What cuts a stripe moves its point, and so tilts the plane through it and the one beside. The
+    surface may go on flat, or turn with the table as round parts do: what explains more counts.
     """
-    inner = np.stack([np.roll(due[0], -1, axis=0), np.roll(due[1], 1, axis=0)])
-    ends = np.isnan(walk[::-1]) & ~np.isnan(walk) & ~np.isnan(inner)
-    return np.asarray(np.where(ends, inner, due))
+    from turnscan.points import _wholeness_kernels as kernels
+
+    flat = kernels.further_in(
+        light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
+    )
+    flat = np.stack([kernels.steady(w) for w in flat])
+    turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
+    return np.isnan(walk[::-1]) & ~np.isnan(walk), flat, turned
 
 
-def _due(walk: Floats, width: Floats) -> Floats:
-    """(2, s, n) px: how wide stripes are on surfaces that lie so to the light.
+def _due(walk: Floats, width: Floats) -> Callable[[Floats], Floats]:
+    """How wide (2, s, n) px stripes are on surfaces that lie so (2, s, n) mm to the light.
 
     The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth.
     Chords of a curved surface lie to the light otherwise than it does, one way before and the
-    other after: what is usual there is due.
+    other after: what is usual there is due. NaN where nothing can be told.
     """
     smooth = _smooth(walk, width)
     if smooth.sum() < _FEW:
-        return np.full(walk.shape, np.nan)
+        return lambda other: np.full(other.shape, np.nan)
     x, y = 1.0 / walk.mean(axis=0)[smooth] ** 2, width[smooth] ** 2
     steep = x > np.median(x)
     ends = [(float(np.median(x[k])), float(np.median(y[k]))) for k in (~steep, steep) if k.any()]
     (x0, y0), (x1, y1) = ends[0], ends[-1]
     slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if x1 > x0 * _UNLIKE else y0 / x0
-    due = np.sqrt(slope / walk**2 + max(y0 - slope * x0, 0.0))
-    part = np.log(width[smooth] / due[:, smooth])
+    blur = max(y0 - slope * x0, 0.0)
+    part = np.log(width[smooth] / np.sqrt(slope / walk[:, smooth] ** 2 + blur))
     usual = np.median(part, axis=1)
     scatter = 1.4826 * float(np.median(np.abs(part - usual[:, None])))
     if scatter > _VARIES:
-        return np.full(walk.shape, np.nan)
-    return np.asarray(due * np.exp(usual)[:, None, None])
+        return lambda other: np.full(other.shape, np.nan)
+    more = np.exp(usual)[:, None, None]
+    return lambda other: np.asarray(more * np.sqrt(slope / other**2 + blur))
 
 
 def _bias(ratio: Floats, sure: float = 0.0) -> Floats:
