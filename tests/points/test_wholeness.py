@@ -358,5 +358,5 @@ def test_a_cut_stripe_of_a_scan_goes_back_to_its_surface(end, middle):
     pushed = build_grid(rig, "L0", [stripes[end]], [0], [angles[end]])
     before = np.abs(np.linalg.norm(pushed.points[0][found] - middle, axis=1) - 20.0)
     assert np.median(before) > 0.02, "there is something to put back"
-    # What is left of its shift is 2 to 45 %: where round and flat explain the width, less is done.
+    # How much is left hangs on whether the surface is taken to turn or to go on flat.
     assert np.median(line) < 0.5 * np.median(before)

@@ -113,8 +113,7 @@ def wholeness(light: Light) -> Wholeness:
     due = np.where(_round(walk), np.sqrt(due[0] * due[1]), due)
     ends, flat, turned = _further_in(light, walk)
     inner = np.stack([due_on(flat), due_on(turned)])
-    unlike = np.nan_to_num(np.abs(np.log(width / inner)), nan=np.inf)
-    inner = np.take_along_axis(inner, unlike.argmin(axis=0)[None], axis=0)[0]
+    inner = np.exp(np.log(inner).mean(axis=0))
     due = np.where(ends & ~np.isnan(inner), inner, due)
     ratio = width / due
     bias = _bias(ratio, _SURE)
@@ -171,7 +170,7 @@ def _further_in(light: Light, walk: Floats) -> tuple[Bools, Floats, Floats]:
     """(2, s, n) True where what is seen ends, and two walks (2, s, n) mm of the surface further in.
 
     What cuts a stripe moves its point, and so tilts the plane through it and the one beside. The
-    surface may go on flat, or turn with the table as round parts do: what explains more counts.
+    surface may go on flat, or turn with the table as round parts do: what lies between is taken.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
