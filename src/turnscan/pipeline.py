@@ -158,8 +158,10 @@ def to_mesh(
     told(0)
     sewn = s.caps is not None and s.caps.holes is not None
     merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
-    mesh, touching = surface.cut_touching(merged)
-    mesh, islands, faces = surface.drop_islands(mesh, s.island)
+    loose, touching = surface.cut_touching(merged)
+    mesh, islands, faces = surface.drop_islands(loose, s.island)
+    if islands:
+        touching += surface.long_islands(loose, s.island)
     opened, mending = edit.mend_mesh(mesh, edits, lambda: source_of(grids, rig))
     mesh, closing = opened, list[Finding]()
     if finish:

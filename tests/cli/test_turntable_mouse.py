@@ -14,7 +14,7 @@ from tests.needs import needs_shared
 from tests.once import once
 from turnscan.cli import turnscan
 from turnscan.export import read_mesh
-from turnscan.surface import components, is_closed, soundness
+from turnscan.surface import components, holes, is_closed, soundness
 
 pytestmark = pytest.mark.slow
 
@@ -38,6 +38,7 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # fmt: skip
     _run(
         "reconstruct", out / "part.turnscan", "-o", out / "part.dxf", "-o", out / "part.ply",
+        "--report", out / "part.json",
     )  # fmt: skip
     return out
 
@@ -54,8 +55,36 @@ def test_the_box_is_a_box(job: Path, suffix: str) -> None:
     opposite = angle[angle > 135]
     adjacent = angle[angle < 135]
     assert len(opposite) == 2
-    assert np.abs(opposite - 180).max() <= 0.8
-    assert np.abs(adjacent - 90).max() <= 1.5
+    # 0.28° and 0.33°; without sigmas, of which a DXF has none, 0.62° and 0.44°. The rig's own
+    # uncertainty makes 0.11° of it, one sigma (docs/decisions/0020-sides-of-a-box.md).
+    assert 0.02 < np.abs(opposite - 180).max() <= {".ply": 0.4, ".dxf": 0.7}[suffix]
+    assert np.abs(adjacent - 90).max() <= 0.6
+
+
+def test_no_row_of_small_holes_runs_along_an_edge_of_the_box(job: Path) -> None:
+    """One side is seen at 80° beside its edge; every second face was torn there."""
+    mesh = read_mesh((job / "part.ply").read_bytes(), ".ply")
+    small = [h for h in holes(mesh) if len(h.loop) < 40]
+    middle = np.array([h.centre for h in small])
+    # Upright edges stand at least 30 mm off the axis; the foot is light on the platter.
+    beside = (np.hypot(middle[:, 0], middle[:, 1]) > 30.0) & (middle[:, 2] > 8.0)
+    assert (beside & (middle[:, 2] < 34.0)).sum() <= 1
+
+
+def test_the_tail_is_named_by_what_took_it_away(job: Path, tmp_path: Path) -> None:
+    """It was seen, but nothing between it and the body: it is an island, and can be kept."""
+    findings = json.loads((job / "part.json").read_text(encoding="utf-8"))["findings"]
+    (tail,) = [f for f in findings if f["code"] == "surface.island-long"]
+    assert tail["severity"] == "warning"
+    *_, faces = tail["remedy"].split()
+    out = tmp_path / "tail.ply"
+    _run("reconstruct", job / "part.turnscan", "-o", out, "--island", faces)
+    mesh = read_mesh(out.read_bytes(), ".ply")
+    piece = components(mesh)
+    assert piece.max() == 1, "body and tail"
+    tip = mesh.vertices[mesh.faces[piece == np.bincount(piece).argmin()]].reshape(-1, 3)
+    assert 40.0 < np.ptp(tip[:, 2]) < 60.0
+    assert np.hypot(tip[:, 0], tip[:, 1]).min() > 30.0
 
 
 def test_box_and_mouse_are_there_and_nothing_else(job: Path) -> None:

@@ -111,6 +111,7 @@ def test_the_width_of_a_stripe_does_not_count_for_a_refined_centre() -> None:
     assert np.allclose(free.sigma, sigma, equal_nan=True)
     expected = points.to_object(made.rig, X, angles[:, None])
     assert np.allclose(free.points, expected, equal_nan=True)
+    assert not np.allclose(plain.points, expected, equal_nan=True)
     assert (plain.sigma[plain.found] > 1.5 * sigma[plain.found]).any()
 
 

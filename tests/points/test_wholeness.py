@@ -12,6 +12,7 @@ from tests.analytic import make_rig, scan_shape, sphere
 from turnscan.points import _wholeness_kernels as kernels
 from turnscan.points import build_grid, pixels_of
 from turnscan.points._wholeness import Light, _bias, wholeness
+from turnscan.rig import rotation_z
 
 S, N = 14, 12
 
@@ -175,6 +176,85 @@ def test_coarse_chords_of_a_round_part_are_no_crease():
     assert not told.shift[:, tube].any()
 
 
+def tube_on_a_table(steps: int, crease: bool = False) -> Light:
+    """A whole turn about a tube of 20 mm on a table, whose stripes are as wide as is due on both.
+
+    With ``crease`` it is a hexagon, with profiles on its edges.
+    """
+    n = 60
+    turn = (2 * np.pi / steps) * (np.arange(steps)[:, None] + 1e-9) + np.zeros((steps, n))
+    out = np.stack([np.cos(turn), np.sin(turn), 0 * turn], -1)
+    aside = np.stack([-np.sin(turn), np.cos(turn), 0 * turn], -1)
+    tube = np.arange(n) < 40
+    hexagon = 20.0 * np.cos(np.pi / 6) / np.cos(turn % (np.pi / 3) - np.pi / 6)
+    reach = np.where(tube, hexagon if crease else 20.0, 50.0 + np.arange(n))
+    points = out * reach[..., None]
+    points[..., 2] = np.where(tube, 30.0 - 0.3 * np.arange(n), 0.0)
+    sheets, moves = np.cos(0.9) * aside + np.sin(0.9) * out, 0.2 * aside
+    eyes = 500.0 * out[:, 0] + np.array([0.0, 0.0, 200.0])
+    side = turn - (turn % (np.pi / 3) - np.pi / 6) * (crease & (turn % (np.pi / 3) > 1e-6))
+    normal = np.stack([np.cos(side), np.sin(side), 0 * side], -1)
+    normal = np.where(tube[:, None], normal, [0.0, 0.0, 1.0])
+    ray = points - eyes[:, None]
+    away = np.sum(normal * moves, -1) / np.sum(normal * ray, -1)
+    walk = np.abs(np.sum(sheets * (moves - ray * away[..., None]), -1))
+    width = np.hypot(0.4 / walk, 0.2)
+    bright = np.full((steps, n), 100.0)
+    return Light(points, eyes, moves, sheets, width, bright, turn[:, 0], True)
+
+
+@pytest.mark.parametrize("steps", [12, 18, 36])
+def test_a_round_part_in_coarse_steps_is_not_doubted_for_its_chords(steps):
+    """Although the table beneath it is smooth in any steps, and so tells what is due."""
+    light = tube_on_a_table(steps)
+    told = wholeness(light)
+    assert told.doubt == pytest.approx(0.0, abs=1e-9)
+    assert not told.shift.any()
+    wide = replace(light, width=light.width * np.where(np.arange(steps) == 4, 1.5, 1.0)[:, None])
+    assert (wholeness(wide).doubt[4] > 0.1 * light.width[4]).all(), "a wide stripe still is"
+
+
+def test_a_crease_is_not_round():
+    """Where one profile in three bends, a stripe as wide as on a round part lies on two."""
+    light = tube_on_a_table(18, crease=True)
+    arc = np.full(light.width.shape, 20.0)
+    walk, _, _ = kernels.across(
+        light.points, light.eyes, light.moves, light.sheets, arc, light.closed
+    )
+    light.width[::3, :40] = np.hypot(0.4 / np.sqrt(walk[0] * walk[1]), 0.2)[::3, :40]
+    told = wholeness(light)
+    assert (told.doubt[::3, 2:38] > 0).all()
+
+
+def test_widths_that_do_not_follow_the_surface_tell_nothing_of_it():
+    """Of a line with a halo, or clipped, in 30 % of scatter: it is neither moved nor doubted."""
+    n = 400
+    light = wall()
+    rng = np.random.default_rng(5)
+    # Over five lines and more a halo stays the same: medians along the stripe do not remove it.
+    patches = np.repeat(np.exp(0.3 * rng.standard_normal((S, n // 10))), 10, axis=1)
+    points = np.tile(light.points[:, :1], (1, n, 1))
+    points[..., 2] = 0.3 * np.arange(n)
+    haloed = replace(
+        light,
+        points=points,
+        moves=np.tile(light.moves[:, :1], (1, n, 1)),
+        sheets=np.tile(light.sheets[:, :1], (1, n, 1)),
+        width=2.0 * patches,
+        amplitude=np.full((S, n), 100.0),
+    )
+    haloed.amplitude[0] = 30.0
+    told = wholeness(haloed)
+    assert not told.doubt.any()
+    assert not told.shift.any()
+    assert not told.tail.any()
+    # A tenth of that is speckle, which hides no edge.
+    calm = replace(haloed, width=2.0 * patches**0.1)
+    calm.width[6] *= 1.6
+    assert (wholeness(calm).doubt[6] > 0.3 * 2.0).mean() > 0.9
+    assert wholeness(calm).tail[0].all()
+
+
 @pytest.mark.parametrize(("end", "sign"), [(0, 1.0), (S - 1, -1.0)])
 @pytest.mark.parametrize("c", [0.3, 0.7])
 def test_a_stripe_that_the_end_of_a_wall_cuts_is_put_back(end, sign, c):
@@ -241,17 +321,26 @@ def test_blur_widens_what_the_sheets_thickness_does_not():
     assert (wholeness(light).doubt[2] > 0.9 * alone).all()
 
 
+def lit_by_a_sheet(rig, stripes, angles, middle, radius=20.0):
+    """The stripes of a sphere, as wide as a sheet of light 0.5 mm thick (rms) makes them on it."""
+    out = []
+    for stripe, angle in zip(stripes, angles, strict=True):
+        X = rig.sheet("L0").intersect(rig.camera.rays(stripe.pixels))
+        centre = rig.T_camera_table.apply(rotation_z(float(angle)) @ np.asarray(middle))
+        normal = (X - centre) / radius
+        ray = rig.camera.rays(stripe.pixels + (1.0, 0.0))
+        met = ray * (np.sum(X * normal, -1) / np.sum(ray * normal, -1))[:, None]
+        out.append(replace(stripe, width=0.5 / np.abs(rig.sheet("L0").distance(met))))
+    return out
+
+
 @pytest.mark.parametrize("end", [0, -1])
-def test_a_cut_stripe_of_a_scan_goes_back_to_its_surface(end):
+@pytest.mark.parametrize("middle", [(0.0, 0.0, 25.0), (6.0, 2.0, 25.0)])
+def test_a_cut_stripe_of_a_scan_goes_back_to_its_surface(end, middle):
     """The end of a part of a turn: what is left of the light there is pushed to the part's side."""
     rig = make_rig(elevation=0.2, lift=25.0)
     angles = np.deg2rad(8.0) * np.arange(20)
-    middle = np.array([0.0, 0.0, 25.0])
-    stripes = [
-        # Narrow, lest what is pushed tilts the plane through it and the next profile.
-        replace(s, width=s.width / 3)
-        for s in scan_shape(rig, sphere(20.0, tuple(middle)), angles)
-    ]
+    stripes = lit_by_a_sheet(rig, scan_shape(rig, sphere(20.0, middle), angles), angles, middle)
     whole = build_grid(rig, "L0", stripes, range(20), angles)
     found, beside = whole.found[end] & whole.found[(1, -2)[end]], (1, -2)[end]
     here = pixels_of(rig, whole.points[end][found], np.full(found.sum(), angles[end]))
@@ -269,4 +358,5 @@ def test_a_cut_stripe_of_a_scan_goes_back_to_its_surface(end):
     pushed = build_grid(rig, "L0", [stripes[end]], [0], [angles[end]])
     before = np.abs(np.linalg.norm(pushed.points[0][found] - middle, axis=1) - 20.0)
     assert np.median(before) > 0.02, "there is something to put back"
-    assert np.median(line) < 0.4 * np.median(before)
+    # How much is left hangs on whether the surface is taken to turn or to go on flat.
+    assert np.median(line) < 0.5 * np.median(before)

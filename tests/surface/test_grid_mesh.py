@@ -275,3 +275,30 @@ def test_the_seam_closes_whatever_the_step(step_deg, start):
     mesh = mesh_grid(turned(angles, np.full(8, 25.0)))
     check_sound(mesh)
     assert euler(mesh) == 0, "a band"
+
+
+def grazed_wall(degrees: float, leap: float = 0.0) -> RangeGrid:
+    """A wall seen at this angle from far away, in noise; its middle step leads ``leap`` mm away."""
+    rng = np.random.default_rng(2)
+    s, n = 16, 30
+    out = 1.5 * np.arange(s) + leap * (np.arange(s) >= s // 2)
+    points = np.zeros((s, n, 3))
+    points[..., 0] = 150.0 + out[:, None] * np.sin(np.deg2rad(degrees))
+    points[..., 1] = out[:, None] * np.cos(np.deg2rad(degrees))
+    points[..., 2] = 0.6 * np.arange(n)
+    points[..., 1] += 0.05 * rng.standard_normal((s, n))
+    return RangeGrid(
+        "L0", np.arange(s), 0.01 * np.arange(s), points, np.full((s, n), 0.05),
+        np.full((s, n), 100.0), np.zeros((s, n), np.uint16), False,
+        np.tile([-1e5, 0.0, 9.0], (s, 1)),
+    )  # fmt: skip
+
+
+def test_a_side_seen_at_just_the_angle_of_tears_has_no_row_of_holes():
+    grid = grazed_wall(80.0)
+    s, n = grid.flags.shape
+    assert len(mesh_grid(grid).faces) == 2 * (s - 1) * (n - 1)
+    # Where it leaps from one surface to another it is still torn.
+    apart = mesh_grid(grazed_wall(80.0, leap=6.0))
+    assert components(apart).max() == 1
+    assert len(apart.faces) == 2 * (s - 2) * (n - 1)

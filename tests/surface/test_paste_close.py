@@ -29,6 +29,7 @@ from turnscan.surface import (
     holes,
     is_closed,
     join,
+    long_islands,
     mesh_findings,
     paste,
     soundness,
@@ -111,6 +112,27 @@ def test_islands_go_by_their_size():
     assert [f.code for f in found] == ["surface.islands", "surface.open"]
     none = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
     assert mesh_findings(none, 0, 0)[0].severity == "error"
+
+
+def test_an_island_that_is_long_is_named_with_its_place():
+    (grid,) = grids((0.4,), cylinder(25.0, 0.0, 40.0), 24, lift=20.0)
+    body = paste([grid])
+    body = Mesh(body.vertices, body.faces)
+    k = np.arange(80)
+    ribbon = np.stack([40.0 + k % 2, 0.0 * k, 0.25 * k], axis=-1)
+    strip = Mesh(ribbon, np.stack([k[:-2], k[1:-1], k[2:]], axis=-1))
+    short = Mesh(ribbon * 0.1 - 60.0, strip.faces)
+    both = join([body, strip, short])
+    assert long_islands(both, 30) == [], "both are kept"
+    (said,) = long_islands(both, 100)
+    assert (said.code, said.severity) == ("surface.island-long", "warning")
+    assert "78 faces" in said.message
+    assert "1 × 0 × 20 mm" in said.message
+    assert said.where == "(40, 0, 10) mm"
+    assert said.remedy == "keep it with --island 78"
+    assert drop_islands(both, 78)[1] == 0, "as advised, it stays"
+    wisp = Mesh(ribbon * 2.0, strip.faces[:40])
+    assert long_islands(join([body, wisp]), 100) == [], "few faces are strays"
 
 
 def test_a_box_closes_to_its_volume():

@@ -7,6 +7,7 @@ is off the surface, and by more than noise.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,9 @@ _MOST = 0.5
 _WIDER = 0.8
 """Width that a second surface adds, as width that a cut takes away: the two parts of a stripe lie
 that far apart where both are alike."""
+_ALIKE = 1.35
+"""Bends of three profiles in a row that differ by no more than this factor are one round surface.
+A crease bends one profile, or two unlike."""
 _TORN = 0.5
 """Part of the larger of two biases that counts, where the profiles on either side say two."""
 _LEAST = 0.25
@@ -90,10 +94,11 @@ def wholeness(light: Light) -> Wholeness:
     """Compare each stripe's width with what is due on a surface that lies like its own.
 
     How the surface lies is known by the profiles before and after. Where both are there, the one
-    that explains the width better counts, and the other as far as `_TORN`. Where one of them is
-    missing, what ends the surface there cuts the stripe, too: the light that is left is a Gaussian
-    cut off on that side, which tells how far its centre is off. A stripe that is much fainter there
-    than on the surface beside is the tail of one whose middle passes by.
+    that explains the width better counts, and the other as far as `_TORN`; where the surface is
+    round, what lies between them. Where one of them is missing, what ends the surface there cuts
+    the stripe, too: the light that is left is a Gaussian cut off on that side, which tells how far
+    its centre is off. A stripe that is much fainter there than on the surface beside is the tail of
+    one whose middle passes by.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -103,7 +108,13 @@ def wholeness(light: Light) -> Wholeness:
         light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
     )
     walk = np.stack([kernels.steady(w) for w in walk])
-    due = _due(walk, width)
+    due_on = _due(walk, width)
+    due = due_on(walk)
+    due = np.where(_round(walk), np.sqrt(due[0] * due[1]), due)
+    ends, flat, turned = _further_in(light, walk)
+    inner = np.stack([due_on(flat), due_on(turned)])
+    inner = np.exp(np.log(inner).mean(axis=0))
+    due = np.where(ends & ~np.isnan(inner), inner, due)
     ratio = width / due
     bias = _bias(ratio, _SURE)
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
@@ -141,28 +152,59 @@ def _smooth(walk: Floats, width: Floats) -> Bools:
     return np.asarray(differ <= min(max(_SMOOTH, some), 2 * _SMOOTH))
 
 
-def _due(walk: Floats, width: Floats) -> Floats:
-    """(2, s, n) px: how wide stripes are on surfaces that lie so to the light.
+def _round(walk: Floats) -> Bools:
+    """(s, n) True where the profiles about a point bend alike, and one way: it is on no crease.
+
+    In coarse steps the chords before and after lie unlike there, and neither as the surface does.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bend = np.log(walk[0] / walk[1])
+    three = np.stack([np.roll(bend, 1, axis=0), bend, np.roll(bend, -1, axis=0)])
+    size = np.abs(three)
+    with np.errstate(invalid="ignore"):
+        one_way = np.abs(np.sign(three).sum(axis=0)) == 3
+        return np.asarray(one_way & (size.max(axis=0) <= _ALIKE * size.min(axis=0)))
+
+
+def _further_in(light: Light, walk: Floats) -> tuple[Bools, Floats, Floats]:
+    """(2, s, n) True where what is seen ends, and two walks (2, s, n) mm of the surface further in.
+
+    What cuts a stripe moves its point, and so tilts the plane through it and the one beside. The
+    surface may go on flat, or turn with the table as round parts do: what lies between is taken.
+    """
+    from turnscan.points import _wholeness_kernels as kernels
+
+    flat = kernels.further_in(
+        light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
+    )
+    flat = np.stack([kernels.steady(w) for w in flat])
+    turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
+    return np.isnan(walk[::-1]) & ~np.isnan(walk), flat, turned
+
+
+def _due(walk: Floats, width: Floats) -> Callable[[Floats], Floats]:
+    """How wide (2, s, n) px stripes are on surfaces that lie so (2, s, n) mm to the light.
 
     The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth.
     Chords of a curved surface lie to the light otherwise than it does, one way before and the
-    other after: what is usual there is due.
+    other after: what is usual there is due. NaN where nothing can be told.
     """
     smooth = _smooth(walk, width)
     if smooth.sum() < _FEW:
-        return np.full(walk.shape, np.nan)
+        return lambda other: np.full(other.shape, np.nan)
     x, y = 1.0 / walk.mean(axis=0)[smooth] ** 2, width[smooth] ** 2
     steep = x > np.median(x)
     ends = [(float(np.median(x[k])), float(np.median(y[k]))) for k in (~steep, steep) if k.any()]
     (x0, y0), (x1, y1) = ends[0], ends[-1]
     slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if x1 > x0 * _UNLIKE else y0 / x0
-    due = np.sqrt(slope / walk**2 + max(y0 - slope * x0, 0.0))
-    part = np.log(width[smooth] / due[:, smooth])
+    blur = max(y0 - slope * x0, 0.0)
+    part = np.log(width[smooth] / np.sqrt(slope / walk[:, smooth] ** 2 + blur))
     usual = np.median(part, axis=1)
     scatter = 1.4826 * float(np.median(np.abs(part - usual[:, None])))
     if scatter > _VARIES:
-        return np.full(walk.shape, np.nan)
-    return np.asarray(due * np.exp(usual)[:, None, None])
+        return lambda other: np.full(other.shape, np.nan)
+    more = np.exp(usual)[:, None, None]
+    return lambda other: np.asarray(more * np.sqrt(slope / other**2 + blur))
 
 
 def _bias(ratio: Floats, sure: float = 0.0) -> Floats:

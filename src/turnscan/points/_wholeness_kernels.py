@@ -99,3 +99,35 @@ def across(points: Any, eyes: Any, moves: Any, sheets: Any, arc: Any, closed: bo
                 turn = normal[1] * points[k, j, 0] - normal[0] * points[k, j, 1]
                 slide[way, k, j] = abs(turn) / max(reach, 1e-9)
     return walk, slide, side
+
+
+@njit(cache=True, nogil=True)
+def further_in(points: Any, eyes: Any, moves: Any, sheets: Any, arc: Any, closed: bool) -> Any:
+    """(2, s, n) the walk of `across` on the plane of the profile beside and the one beyond it.
+
+    As the light of each point's own step sees it; NaN where one of the two is no neighbour.
+    """
+    s, n, _ = points.shape
+    walk = np.full((2, s, n), np.nan)
+    normal = np.empty(3)
+    for k in range(s):
+        for way in range(2):
+            sign = 1 - 2 * way
+            m, o = k + sign, k + 2 * sign
+            if closed:
+                m, o = m % s, o % s
+            if m < 0 or m >= s or o < 0 or o >= s:
+                continue
+            for j in range(n):
+                first, second = points[m, j] - points[k, j], points[o, j] - points[m, j]
+                # NaN, where one is missing, is no neighbour either.
+                if not np.sqrt((first * first).sum()) <= _LINKED * arc[k, j]:
+                    continue
+                if not np.sqrt((second * second).sum()) <= _LINKED * arc[m, j]:
+                    continue
+                if not _normal(points, m, o, j, float(sign), normal):
+                    continue
+                ray = points[k, j] - eyes[k]
+                along = (normal * moves[k, j]).sum() / (normal * ray).sum()
+                walk[way, k, j] = abs((sheets[k, j] * (moves[k, j] - ray * along)).sum())
+    return walk

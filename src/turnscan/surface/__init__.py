@@ -16,7 +16,14 @@ from turnscan.surface._holes import CAUSE_WORDS, Cause, Hole, holes
 from turnscan.surface._merge import How, merge
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._overlap import Overlap, overlaps
-from turnscan.surface._paste import components, drop_islands, join, measured_vertices, paste
+from turnscan.surface._paste import (
+    components,
+    drop_islands,
+    join,
+    long_islands,
+    measured_vertices,
+    paste,
+)
 from turnscan.surface._range_surface import RangeSurface, range_surfaces, steady_normals
 from turnscan.surface._settle import settled
 from turnscan.surface._smooth import smooth, spikes
@@ -73,6 +80,7 @@ __all__ = [
     "holes",
     "is_closed",
     "join",
+    "long_islands",
     "longest_sides",
     "measured_vertices",
     "merge",

@@ -9,6 +9,9 @@ import numpy as np
 
 from turnscan.compiled import njit
 
+_DEEP = 0.75
+"""cos² 30°: a profile nearer to the ray than that lies on a surface that is seen from the edge."""
+
 
 @njit(cache=True, nogil=True)
 def _edge(points: Any, side: Any, k: int, j: int, m: int, i: int) -> float:
@@ -122,6 +125,24 @@ def leaps(points: Any, to_step: Any, most: Any, closed: bool, cos_bend: float) -
 
 
 @njit(cache=True, nogil=True)
+def lead_on(points: Any, to_step: Any, closed: bool, cos_bend: float) -> Any:
+    """(s, n) True for sides to the next step that are alike in length and direction with the side
+    before or the side after."""
+    s, n = to_step.shape
+    out = np.zeros((s, n), dtype=np.bool_)
+    for k in range(s):
+        a, b, c = (k - 1) % s, (k + 1) % s, (k + 2) % s
+        for j in range(n):
+            if np.isnan(to_step[k, j]):
+                continue
+            if not np.isnan(to_step[a, j]):
+                out[k, j] = _alike(points, k, b, a, k, j, cos_bend)
+            if not out[k, j] and not np.isnan(to_step[b, j]):
+                out[k, j] = _alike(points, k, b, b, c, j, cos_bend)
+    return out
+
+
+@njit(cache=True, nogil=True)
 def triangulate(
     points: Any,
     noise: Any,
@@ -132,6 +153,7 @@ def triangulate(
     to_line: Any,
     usual_step: Any,
     usual_line: Any,
+    steady: Any,
     closed: bool,
     stretch: float,
     jump: float,
@@ -139,7 +161,9 @@ def triangulate(
 ) -> Any:
     """Faces (f, 3) of flat grid indices, in the grid's own winding.
 
-    ``noise`` (s, n) mm excuses a long side, ``sigma`` (s, n) mm a deep one.
+    ``noise`` (s, n) mm excuses a long side, ``sigma`` (s, n) mm a deep one. Faces between two
+    lines where sides to the next step are ``steady`` (s, n) may be seen at any angle, if the
+    profile itself does not run along the ray.
     """
     s, n, _ = points.shape
     quads = s if closed else s - 1
@@ -173,9 +197,11 @@ def triangulate(
             ratio[1] = to_step[k, j + 1] / usual_step[k, j + 1]
             ratio[2] = to_line[k1, j] / usual_line[k1, j]
             ratio[3] = to_step[k, j] / usual_step[k, j]
+            excused = steady[k, j] and steady[k, j + 1] and _across(q, eyes[k])
+            least = 0.0 if excused else cos_grazing
             pick, whole = _cut_along(
                 q, spread, eyes, ks, ratio, first, second, across, corners, sides,
-                stretch, jump, cos_grazing,
+                stretch, jump, least,
             )  # fmt: skip
             for t in range(pick, pick + 2):
                 if whole >> t & 1:
@@ -187,6 +213,15 @@ def triangulate(
                     faces[made, 2] = ks[c] * n + js[c]
                     made += 1
     return faces[:made].copy()
+
+
+@njit(cache=True, nogil=True)
+def _across(q: Any, eye: Any) -> bool:
+    """Whether the profile's own side of a quad (4, 3) lies at 30° or more to the ray."""
+    side, ray = q[1] - q[0], eye - q[0]
+    deep = (side * ray).sum() ** 2
+    # False for NaN, where a corner is missing or the eye's place is not known.
+    return deep <= _DEEP * (side * side).sum() * (ray * ray).sum()  # type: ignore[no-any-return]
 
 
 @njit(cache=True, nogil=True)

@@ -33,7 +33,8 @@ class Tears:
     """… and longer than this many combined sigma, is torn."""
     grazing: float = float(np.deg2rad(80.0))
     """Radians: a face whose normal lies further than this from the viewing ray and whose depth is
-    more than ``jump`` combined sigma, is torn."""
+    more than ``jump`` combined sigma, is torn, unless its sides between profiles are like those
+    before or after: noise of a face seen at just that angle would tear a row of holes into it."""
 
     def __post_init__(self) -> None:
         if not (self.stretch > 1 and self.jump >= 0 and 0 < self.grazing <= np.pi / 2):
@@ -138,6 +139,7 @@ def _quads(grid: RangeGrid, tears: Tears) -> Ints:
         to_line,
         kernels.usual(to_step, step, True, closed, _LEAST, most),
         kernels.usual(to_line, line, False, False, _LEAST, most),
+        kernels.lead_on(grid.points, to_step, closed, _BEND),
         closed,
         tears.stretch,
         tears.jump,
