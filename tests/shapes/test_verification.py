@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -150,6 +152,7 @@ def scanned(moved: float, seed: int) -> list[TestValue]:
     return values_of(artefact, survey_of_grids([grid], believed))
 
 
+@pytest.mark.slow
 def test_a_rig_that_is_right_has_no_errors_and_a_moved_laser_shows() -> None:
     right = scanned(0.0, 1)
     for v in right:
@@ -163,6 +166,7 @@ def test_a_rig_that_is_right_has_no_errors_and_a_moved_laser_shows() -> None:
     assert all(abs(v.value) > 2 * v.expanded for v in size)
 
 
+@pytest.mark.slow
 def test_a_drift_of_50_micrometres_is_found_by_the_third_scan_and_not_before() -> None:
     runs = [scanned(moved, seed) for seed, moved in enumerate((0.0, 0.0, 0.05))]
     alarms = {
@@ -268,6 +272,7 @@ scatter_mm = 0.004
 def test_an_artefact_is_read_with_half_of_its_expanded_uncertainties() -> None:
     a = artefact_from_text(GOOD, "bar.toml")
     assert a.diameters == (Length(30.0, 0.005), Length(29.9, 0.005))
+    assert artefact_from_text(json.dumps(tomllib.loads(GOOD)), "bar.json") == a
     assert a.distance == Length(100.0, 0.01)
     assert (a.form, a.limits, a.scatter) == (0.003, {"size": 0.05}, 0.004)
 

@@ -87,6 +87,7 @@ def trend_figure(trends: Sequence[Trend]) -> Figure:
                 box.axhline(edge, color="tab:orange", lw=1, ls="--", label=label)
         box.axhline(0, color="0.7", lw=0.8)
         box.set_title(t.name, fontsize=10)
+        box.tick_params(labelbottom=True)
         box.set_ylabel("µm")
         box.set_xlim(0.5, len(t.values) + 0.5)
         box.xaxis.get_major_locator().set_params(integer=True)

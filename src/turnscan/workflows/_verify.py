@@ -123,6 +123,8 @@ def verify(
     past = [] if history is None else read_verifications(history)
     if not sources:
         raise InputError("no scan to verify", hint="name a scan of the artefact")
+    if len({s.resolve() for s in sources}) < len(sources):
+        raise InputError("a scan is named twice", hint="name each scan once")
     scans = tuple(_verified(source, body, rig, tick) for source in sources)
     repeated = repeatability([s.values for s in scans], body.limits.get("repeatability"))
     trends = tuple[Trend, ...]()
