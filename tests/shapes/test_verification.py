@@ -241,6 +241,16 @@ def test_what_is_not_there_is_said(kind: Kind) -> None:
         values_of(artefact, Survey(tube))
 
 
+def test_of_two_about_equal_balls_the_first_is_the_lower() -> None:
+    dice = np.random.default_rng(6)
+    low = ball_points(dice, np.array([0.0, 0.0, 20.0]), 14.9, 1500)
+    high = ball_points(dice, np.array([0.0, 0.0, 120.0]), 15.0, 3000)
+    survey = Survey(np.concatenate([high, low]))
+    sizes = (Length(29.8, 0.001), Length(30.0, 0.001))
+    values = values_of(Artefact("ball-bar", "b", sizes, Length(100.0, 0.001)), survey)
+    assert all(abs(v.value) < 1e-3 for v in values if v.test in ("size", "distance"))
+
+
 def test_repeatability_is_the_standard_deviation_over_the_scans() -> None:
     dice = np.random.default_rng(2)
     scans = [bar(dice) for _ in range(4)]

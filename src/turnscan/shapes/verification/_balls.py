@@ -52,7 +52,7 @@ class Ball:
 
 
 def find_balls(survey: Survey, diameters: Sequence[float]) -> list[Ball]:
-    """The balls of these diameters, mm, in their order; of equal ones the lowest in z first.
+    """The balls of these diameters, mm, in their order; of about equal ones the lowest in z first.
 
     Raises InputError where one is not there: its size off by more than 10 %, fewer than 200 points,
     or less than a fifth of its surface seen.
@@ -70,7 +70,7 @@ def find_balls(survey: Survey, diameters: Sequence[float]) -> list[Ball]:
         found.append(at)
         free &= np.linalg.norm(X - at[0], axis=1) > 1.1 * at[1]
     order = list(range(len(found)))
-    if len(set(diameters)) == 1:
+    if max(diameters) < (1 + 2 * _SIZE) * min(diameters):
         order.sort(key=lambda k: float(found[k][0][2]))
     return [ball_at(survey, *found[k]) for k in order]
 
