@@ -1,7 +1,7 @@
 """Draws the pictures of simulated benches for the docs: `python docs/make_pictures.py [NAME …]`.
 
-Names: galvanometer, two_lines, shadows, panned, off_centre, demo, fills, report, poses; without
-one, all (ten minutes).
+Names: galvanometer, two_lines, shadows, panned, off_centre, demo, fills, report, poses,
+verification; without one, all (fifteen minutes).
 """
 
 from __future__ import annotations
@@ -10,10 +10,13 @@ import base64
 import io
 import math
 import re
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
+from datetime import date, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +26,24 @@ from PIL import Image as Pillow
 from turnscan.arrays import Floats, Image
 from turnscan.cli import turnscan
 from turnscan.export import read_mesh
-from turnscan.rig import design_preset
-from turnscan.simulate import Bench, Renderer, Wish, bench, part, seconds_of
+from turnscan.rig import Rig, design_preset, rig_to_json
+from turnscan.simulate import (
+    Bench,
+    Renderer,
+    SimCamera,
+    SimLasers,
+    SimTurntable,
+    Simulated,
+    Wish,
+    World,
+    bench,
+    part,
+    seconds_of,
+    simulated,
+)
 from turnscan.surface import FillHow, cut_touching, decimate, fill, holes, submesh
 from turnscan.workflows._render import render
+from turnscan.workflows._simulated import plan_of, scan_into_file
 
 HERE = Path(__file__).parent / "pictures"
 SECONDS = seconds_of(Wish())
@@ -244,6 +261,57 @@ def poses() -> None:
     strip([tuple(row)], width=1100).save(HERE / "poses.png", optimize=True)
 
 
+def verification() -> None:
+    """Nine weeks of a ball bar on the paper's rig, whose laser moves by 0.05 mm in the seventh."""
+    with tempfile.TemporaryDirectory() as folder:
+        at = Path(folder)
+        turnscan(["artefact", "ball-bar", "-o", str(at)], standalone_mode=False)
+        toml = at / "ball-bar.toml"
+        text = toml.read_text().replace('measured = ""', 'measured = "J. Doe, micrometer No. 7"')
+        text = text.replace("= [0.2, 0.2]", "= 0.004").replace("_U_mm = 0.2", "_U_mm = 0.006")
+        toml.write_text(text.replace("form_mm = 0.05", "form_mm = 0.003"))
+        words = ["--artefact", str(toml), "--history", str(at / "h.sqlite"), "--limit", "size=0.15"]
+        words += ["--limit", "distance=0.05", "--report", str(at / "report.html")]
+        rig = at / "rig.json"
+        for week in range(9):
+            scan = at / f"week-{week + 1}.turnscan"
+            rig.write_text(rig_to_json(_bar_scan(scan, week, 0.05 if week >= 6 else 0.0)))
+            day = f"{date(2026, 3, 2) + timedelta(weeks=week)}"
+            words_of = ["verify", str(scan), *words, "--rig", str(rig), "--date", day]
+            with suppress(SystemExit):  # 1, once the alarm sounds
+                turnscan([*words_of, "--trend", str(at / "trend.png")], standalone_mode=False)
+        small(Pillow.open(at / "trend.png").convert("RGB"), 1000).save(
+            HERE / "verification-trend.png", optimize=True
+        )
+        _page_picture(at / "report.html", HERE / "verification-report.png")
+
+
+def _bar_scan(path: Path, seed: int, moved: float) -> Rig:
+    """A scan of a ball bar by a laser that moved by so many mm, and the rig as it was before."""
+    d = simulated(f"sim:ball-bar?rig=paper&steps=12&seed={seed}")
+    made, sheet, beam = d.world.bench, d.world.bench.rig.sheets[0], d.world.bench.beams[0]
+    by = moved * sheet.normal
+    rig = replace(made.rig, sheets=(replace(sheet, centre=sheet.centre + by),))
+    world = World(replace(made, rig=rig, beams=(replace(beam, apex=beam.apex + by),)))
+    seen = Simulated(d.wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
+    scan_into_file(seen, plan_of(seen), path, "sparse", lambda: None)
+    return made.rig
+
+
+def _page_picture(page: Path, out: Path) -> None:
+    """The top of a page as a browser shows it."""
+    from playwright.sync_api import sync_playwright
+
+    program = shutil.which("chromium") or shutil.which("chromium-browser")
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        view = browser.new_page(viewport={"width": 1200, "height": 900})
+        view.goto(page.as_uri())
+        data = view.screenshot()
+        browser.close()
+    small(Pillow.open(io.BytesIO(data)).convert("RGB"), 1000).save(out, optimize=True)
+
+
 def small(image: Pillow.Image, width: int) -> Pillow.Image:
     """Scaled down to this width, in few colours: a picture for a page."""
     scaled = image.resize((width, round(image.height * width / image.width)), Pillow.LANCZOS)
@@ -274,7 +342,18 @@ def strip(rows: list[tuple[Pillow.Image, ...]], width: int, gap: int = 8) -> Pil
 
 DRAWN: dict[str, Callable[[], None]] = {
     f.__name__: f
-    for f in (galvanometer, two_lines, shadows, panned, off_centre, demo, fills, report, poses)
+    for f in (
+        galvanometer,
+        two_lines,
+        shadows,
+        panned,
+        off_centre,
+        demo,
+        fills,
+        report,
+        poses,
+        verification,
+    )
 }
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from turnscan.errors import TurnscanError
 
 _VERBS = {
     "app": "the workshop in a browser: scan, see, mend, measure, export",
+    "artefact": "targets and bodies to print, and the file of what is measured on them",
     "calibrate": "pictures of boards and of the empty table → rig.json with its uncertainty",
     "capture": "pictures of a board with what is connected, for calibrate",
     "check": "is a scan file whole, and what is in it?",
@@ -32,6 +33,7 @@ _VERBS = {
     "resume": "take what an interrupted scan is missing",
     "scan": "a turn of the table with the devices that are connected → a scan file",
     "simulate": "pictures or a scan file of a part that isn't there",
+    "verify": "scans of a measured artefact: is the scanner still what it was?",
 }
 
 

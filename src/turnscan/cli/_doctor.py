@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import math
 import sys
-from dataclasses import asdict
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import click
@@ -14,7 +16,7 @@ from turnscan.cli._hardware import addresses_of, device_options, ended_by_signal
 from turnscan.cli._numbers import Finite
 from turnscan.cli._progress import progress
 from turnscan.findings import findings_json
-from turnscan.station import Diagnosis, examine, opened
+from turnscan.station import USUAL_DAYS, Diagnosis, examine, opened, verification_findings
 
 
 @click.command("doctor")
@@ -24,9 +26,26 @@ from turnscan.station import Diagnosis, examine, opened
 )
 @click.option("--gain", type=Finite(), default=1.0, show_default=True)
 @click.option("--still", is_flag=True, help="Do not turn the table.")
+@click.option(
+    "--history", type=click.Path(path_type=Path), help="Of turnscan verify: also say how old it is."
+)
+@click.option(
+    "--verified-within",
+    type=Finite(min=0, min_open=True),
+    default=USUAL_DAYS,
+    show_default=True,
+    metavar="DAYS",
+    help="Age from which the last verification is old.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 def verb(
-    devices: dict[str, str | None], exposure: float | None, gain: float, still: bool, as_json: bool
+    devices: dict[str, str | None],
+    exposure: float | None,
+    gain: float,
+    still: bool,
+    history: Path | None,
+    verified_within: float,
+    as_json: bool,
 ) -> None:
     """Look at camera, lasers and table with a part on it, and say what is wrong.
 
@@ -36,8 +55,10 @@ def verb(
     is wrong, 4 when a laser is not known to be dark.
     """
     at = addresses_of(devices)
+    past = [] if history is None else verification_findings(history, time.time(), verified_within)
     with ended_by_signals(), opened(at) as bench, progress("looking", None) as tick:
         seen = examine(bench, exposure, gain, still=still, tick=tick)
+    seen = replace(seen, findings=(*seen.findings, *past))
     if as_json:
         facts: dict[str, Any] = {
             "camera": _plain(asdict(seen.camera)),

@@ -19,6 +19,12 @@ from turnscan.scan._plan import Frame, Keep, ScanPlan, Setting
 from turnscan.scan._replace import replacing_scan
 from turnscan.scan._signal import LEAST_THRESHOLD, NOISE_FACTOR, signal_of, statistics
 from turnscan.scan._stored import Stored
+from turnscan.scan._verifications import (
+    VerifiedFigure,
+    VerifiedRun,
+    add_verification,
+    read_verifications,
+)
 
 __all__ = [
     "LEAST_THRESHOLD",
@@ -31,6 +37,9 @@ __all__ = [
     "ScanPlan",
     "Setting",
     "Stored",
+    "VerifiedFigure",
+    "VerifiedRun",
+    "add_verification",
     "is_video",
     "list_pictures",
     "lit_in",
@@ -39,6 +48,7 @@ __all__ = [
     "packed_size",
     "picture_numbers",
     "read_picture",
+    "read_verifications",
     "read_video",
     "replacing_scan",
     "rig_for",

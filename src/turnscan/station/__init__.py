@@ -17,6 +17,7 @@ from turnscan.station._resume import (
     hardware_to_resume,
     steps_left,
 )
+from turnscan.station._verified import USUAL_DAYS, verification_findings
 from turnscan.station._which import Seen, which_laser
 from turnscan.station._wishes import (
     USUAL_SECONDS,
@@ -34,6 +35,7 @@ __all__ = [
     "DEFAULT_DEVICE",
     "LONGEST_PAUSE",
     "MOST_PICTURES",
+    "USUAL_DAYS",
     "USUAL_SECONDS",
     "USUAL_STEPS",
     "Addresses",
@@ -61,5 +63,6 @@ __all__ = [
     "prepare",
     "steps_left",
     "stops_of",
+    "verification_findings",
     "which_laser",
 ]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from turnscan.export import ExportOptions
+    from turnscan.workflows._artefact import PAPERS, TARGET, artefact
     from turnscan.workflows._calibrate import CalibratedRig, CalibrationPictures, calibrate
     from turnscan.workflows._calibrate_options import CalibrateOptions
     from turnscan.workflows._check import CheckedLaser, CheckedScan, check
@@ -41,6 +42,14 @@ if TYPE_CHECKING:
     from turnscan.workflows._saving import save
     from turnscan.workflows._simulate import SimulatedScan, SimulateOptions, simulate
     from turnscan.workflows._targets import check_targets
+    from turnscan.workflows._verify import (
+        Trend,
+        Verification,
+        Verified,
+        read_artefact,
+        verification_json,
+        verify,
+    )
 
 _MODULES = {
     "_compare": ("Agreement", "Comparison", "compare"),
@@ -73,10 +82,21 @@ _MODULES = {
     ),
     "_import_pictures": ("ImportedScan", "import_pictures"),
     "_simulate": ("SimulateOptions", "SimulatedScan", "simulate"),
+    "_artefact": ("PAPERS", "TARGET", "artefact"),
+    "_verify": (
+        "Trend",
+        "Verification",
+        "Verified",
+        "read_artefact",
+        "verification_json",
+        "verify",
+    ),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "PAPERS",
+    "TARGET",
     "UNITS",
     "Agreement",
     "AngleSource",
@@ -103,7 +123,11 @@ __all__ = [
     "ReconstructResult",
     "SimulateOptions",
     "SimulatedScan",
+    "Trend",
+    "Verification",
+    "Verified",
     "about",
+    "artefact",
     "calibrate",
     "check",
     "check_targets",
@@ -120,11 +144,14 @@ __all__ = [
     "parse_angles",
     "parse_theta",
     "published_design",
+    "read_artefact",
     "read_mesh_file",
     "read_rig_file",
     "reconstruct",
     "save",
     "simulate",
+    "verification_json",
+    "verify",
 ]
 
 

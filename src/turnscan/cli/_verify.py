@@ -1,0 +1,100 @@
+"""``turnscan verify``: scans of a measured artefact → is the scanner still what it was?"""
+
+from __future__ import annotations
+
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+
+from turnscan.cli._output import check_apart, check_output, write_atomically
+from turnscan.cli._progress import progress
+from turnscan.errors import InputError
+from turnscan.workflows import read_rig_file
+
+_path = click.Path(path_type=Path)
+
+
+@click.command("verify")
+@click.argument("scans", nargs=-1, required=True, type=_path, metavar="SCAN...")
+@click.option(
+    "--artefact", required=True, type=_path, help="What was measured on it, TOML or JSON."
+)
+@click.option("--rig", "rig_path", type=_path, help="rig.json; without it the scan files' own.")
+@click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="TEST=MM",
+    help="What a value may be at most, like size=0.05; may be repeated.  [default: the artefact's]",
+)
+@click.option("--history", type=_path, help="SQLite file that the run is added to; made if new.")
+@click.option(
+    "--date",
+    type=click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M"]),
+    help="When the scans were made, UTC.  [default: now]",
+)
+@click.option("--report", "reports", multiple=True, type=_path, help=".html or .json to write.")
+@click.option("--trend", type=_path, help="Picture of the history to write, .png; needs --history.")
+@click.option("--json", "as_json", is_flag=True, help="Everything as JSON.")
+def verb(
+    scans: tuple[Path, ...],
+    artefact: Path,
+    rig_path: Path | None,
+    limits: tuple[str, ...],
+    history: Path | None,
+    date: datetime | None,
+    reports: tuple[Path, ...],
+    trend: Path | None,
+    as_json: bool,
+) -> None:
+    """Test the scanner by SCANs of a sphere, ball bar, plate or step block (turnscan artefact).
+
+    Each SCAN is a scan file or a mesh made of one; several, in the order of time, also tell the
+    repeatability. Exit code 1 where a value exceeds its limit or the history shows a drift. The
+    values are defined in the documentation; they are no statement of conformity to a standard.
+    """
+    from turnscan.workflows import verification_json, verify
+
+    inputs = [*scans, artefact, *([rig_path] if rig_path else [])]
+    if trend is not None and history is None:
+        raise InputError(f"{trend}: a trend needs a history", hint="give --history FILE")
+    outputs = [*reports, *(p for p in (trend, history) if p is not None)]
+    check_apart(outputs)
+    for path in reports:
+        check_output(path, (".html", ".json"), inputs)
+    if trend is not None:
+        check_output(trend, (".png",), inputs)
+    if history is not None:
+        check_output(history, (), inputs)
+    when = date.replace(tzinfo=UTC) if date is not None else datetime.now(UTC)
+    with progress("verifying", None) as tick:
+        done = verify(
+            scans,
+            artefact,
+            time=when.timestamp(),
+            rig=None if rig_path is None else read_rig_file(rig_path),
+            limits=dict(map(_limit, limits)),
+            history=history,
+            tick=tick,
+        )
+    from turnscan.cli._verify_report import lines, report_html, trend_picture
+
+    for path in reports:
+        text = report_html(done) if path.suffix.lower() == ".html" else verification_json(done)
+        write_atomically(path, text.encode())
+    if trend is not None:
+        write_atomically(trend, trend_picture(done))
+    click.echo(verification_json(done) if as_json else "\n".join(lines(done)))
+    if not done.passed:
+        sys.exit(1)
+
+
+def _limit(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        what = "no number" if equals else "no = in it"
+        raise InputError(f"--limit {text!r}: {what}", hint="write size=0.05, in mm") from None

@@ -1,0 +1,81 @@
+"""Widths of a scatter of residuals, and how well they are known; independent of the geometry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from turnscan.arrays import Floats
+
+DISCARD = 0.003
+"""Share of the points that may be left out of a range, as VDI/VDE 2634-2 allows."""
+SHELL = 0.95
+"""Share of the points in the thinnest shell."""
+_TAIL = 20
+"""Points of a tail by which its steepness is judged, at least."""
+
+
+def kept(residual: Floats) -> np.ndarray:
+    """(n,) True for the points that count: all but the 0.3 % furthest off, rounded down."""
+    n = len(residual)
+    out = np.ones(n, dtype=np.bool_)
+    drop = int(DISCARD * n)
+    if drop:
+        out[np.argpartition(np.abs(residual), n - drop)[n - drop :]] = False
+    return out
+
+
+def trimmed_range(residual: Floats) -> float:
+    """mm: largest minus smallest of residuals (n,) mm, without the 0.3 % furthest off."""
+    return float(np.ptp(residual[kept(residual)]))
+
+
+def range_sigma(residual: Floats) -> float:
+    """mm: standard uncertainty of `trimmed_range` of residuals (n,) mm, from their own tails.
+
+    The tails are taken as exponential with the mean excess β of the outermost points. By Rényi's
+    representation of order statistics the j-th largest of a tail then scatters with variance
+    β² ψ₁(j); both ends lie behind half of the discarded points each. (A. Rényi, Acta Math. Acad.
+    Sci. Hung. 4 (1953) 191.)
+    """
+    from scipy.special import polygamma
+
+    away = np.sort(np.abs(residual))[::-1]
+    drop = int(DISCARD * len(away))
+    m = min(max(2 * drop, _TAIL), len(away) - 1)
+    steep = float(np.mean(away[:m] - away[m]))
+    return steep * float(np.sqrt(2.0 * polygamma(1, drop / 2 + 1)))
+
+
+def shell(residual: Floats, share: float = SHELL) -> float:
+    """mm: width of the thinnest interval that holds ``share`` of the residuals (n,) mm."""
+    r = np.sort(residual)
+    count = min(max(int(np.ceil(share * len(r))), 2), len(r))
+    return float((r[count - 1 :] - r[: len(r) - count + 1]).min())
+
+
+def shell_sigma(residual: Floats) -> float:
+    """mm: standard uncertainty of `shell` from the number of points.
+
+    The share within a fixed shell is binomial; how the width grows with the share is measured
+    between 93 and 97 %.
+    """
+    slope = (shell(residual, SHELL + 0.02) - shell(residual, SHELL - 0.02)) / 0.04
+    return float(np.sqrt(SHELL * (1 - SHELL) / len(residual))) * slope
+
+
+def clumping(residual: Floats, cell: np.ndarray, free: int) -> float:
+    """How many times more the means of cells scatter than independent points would make them.
+
+    ``cell`` (n,) numbers the place of each residual; ``free`` is the number of fitted parameters.
+    At least 1. Speckle, stripe errors that neighbours share and form errors all make it larger,
+    and with it the variance of whatever is fitted.
+    """
+    count = np.bincount(cell)
+    used = count >= 5
+    if used.sum() < free + 5:
+        return 1.0
+    mean = np.bincount(cell, residual)[used] / count[used]
+    spread = float(np.mean(residual**2))
+    if spread <= 0:
+        return 1.0
+    return max(1.0, float((count[used] * mean**2).sum()) / (spread * (int(used.sum()) - free)))

@@ -1,0 +1,79 @@
+"""Survey: the points that a scanner measured on an artefact, with all that is known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, frozen
+from turnscan.errors import InputError
+from turnscan.points import RangeGrid, pixels_of, rig_moves
+from turnscan.rig import Rig
+from turnscan.shapes._measure import measured_points
+from turnscan.surface import Mesh
+
+Index = npt.NDArray[np.intp]
+Moves = Callable[[Index], Floats]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Points of one scan, in one frame."""
+
+    points: Floats
+    """(n, 3) mm."""
+    eyes: Floats | None = None
+    """(n, 3) mm: where the camera stood that saw each; None when not known."""
+    moves: Moves | None = None
+    """Indices (k,) → (m, k, 3) mm: how these points move, all at once, with one standard deviation
+    of each of m independent directions of the rig's calibration; None when not known."""
+
+    def __post_init__(self) -> None:
+        n = len(self.points)
+        object.__setattr__(self, "points", frozen(self.points, (n, 3), "Survey.points"))
+        if self.eyes is not None:
+            object.__setattr__(self, "eyes", frozen(self.eyes, (n, 3), "Survey.eyes"))
+
+
+def survey_of_mesh(mesh: Mesh) -> Survey:
+    """The measured vertices of a mesh; nobody knows of its rig. Raises InputError for none."""
+    if not len(mesh.faces):
+        raise InputError("no faces", hint="give a mesh, or the scan file itself")
+    return Survey(measured_points(mesh)[0])
+
+
+def survey_of_grids(grids: Sequence[RangeGrid], rig: Rig) -> Survey:
+    """All points of the grids of one scan, in the object's frame, with what the rig does to them.
+
+    Raises InputError where there are none.
+    """
+    points, eyes, angles, laser = [], [], [], []
+    for k, g in enumerate(grids):
+        step, line = np.nonzero(g.found)
+        points.append(g.points[step, line])
+        angles.append(g.angles[step])
+        laser.append(np.full(len(step), k))
+        seen = np.full((len(step), 3), np.nan) if g.eyes is None else g.eyes[step]
+        eyes.append(seen)
+    if not sum(map(len, points)):
+        raise InputError("no points", hint="look at the scan with turnscan reconstruct --report")
+    X, turn, of, eye = (np.concatenate(a) for a in (points, angles, laser, eyes))
+
+    def moves(index: Index) -> Floats:
+        fields = list[Floats]()
+        for k, g in enumerate(grids):
+            mine = np.flatnonzero(of[index] == k)
+            if not len(mine):
+                continue
+            at, by = X[index[mine]], turn[index[mine]]
+            each = list(rig_moves(rig, g.laser, pixels_of(rig, at, by), by))
+            fields = fields or [np.zeros((len(index), 3)) for _ in each]
+            for whole, part in zip(fields, each, strict=True):
+                whole[mine] = np.nan_to_num(part)
+        return np.stack(fields) if fields else np.zeros((0, len(index), 3))
+
+    known = bool(np.isfinite(eye).all())
+    return Survey(X, eye if known else None, None if rig.covariance is None else moves)

@@ -1,0 +1,326 @@
+"""Verify: scans of an artefact → test values, verdicts, repeatability, and a history with drift."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from turnscan import __version__
+from turnscan.detection import see
+from turnscan.errors import FormatError, InputError, LimitExceeded
+from turnscan.export import EXPORTERS, read_mesh
+from turnscan.findings import Finding
+from turnscan.pipeline import to_grids
+from turnscan.rig import Rig, rig_to_json
+from turnscan.scan import (
+    Scan,
+    VerifiedFigure,
+    VerifiedRun,
+    add_verification,
+    read_verifications,
+    rig_for,
+)
+from turnscan.settings import Settings
+from turnscan.shapes.verification import (
+    Artefact,
+    Drift,
+    Survey,
+    Test,
+    TestValue,
+    artefact_from_text,
+    drift,
+    repeatability,
+    survey_of_grids,
+    survey_of_mesh,
+    tests_of,
+    values_of,
+)
+
+_MAX_ARTEFACT, _MAX_MESH = 1 << 20, 4 << 30
+_ERRORS = ("size", "distance", "thickness", "height")
+"""Tests whose values are 0 for a scanner without error."""
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What one scan gave."""
+
+    source: Path
+    values: tuple[TestValue, ...]
+    rig_key: str
+    """Digest of its rig; empty where nobody knows it."""
+
+
+@dataclass(frozen=True)
+class Trend:
+    """One test value in all runs with this artefact and this rig, in the order of time."""
+
+    name: str
+    times: tuple[float, ...]
+    """Seconds since 1970, UTC."""
+    values: tuple[float, ...]
+    """mm."""
+    noise: tuple[float, ...]
+    """mm, standard uncertainty of each by itself."""
+    limit: float | None
+    drift: Drift
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the newest value stands beyond the limit of its control chart."""
+        return bool(len(self.values) and self.drift.alarm[-1])
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The result of `verify`."""
+
+    artefact: Artefact
+    time: float
+    """Seconds since 1970, UTC."""
+    scans: tuple[Verified, ...]
+    repeated: tuple[TestValue, ...]
+    """The scatter of each value over the scans; empty for one scan."""
+    trends: tuple[Trend, ...]
+    """Empty without a history."""
+    findings: tuple[Finding, ...]
+
+    @property
+    def passed(self) -> bool:
+        """No limit was exceeded and no drift was found."""
+        return all(f.severity != "error" for f in self.findings)
+
+
+def verify(
+    sources: Sequence[Path],
+    artefact: Path,
+    *,
+    time: float,
+    rig: Rig | None = None,
+    limits: Mapping[str, float] | None = None,
+    history: Path | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> Verification:
+    """Test a scanner by its scans (or meshes made of them) of one artefact.
+
+    ``sources`` are files of scans or meshes, each one scan, in the order of time; ``artefact`` is
+    the file of what was measured on it (TOML or JSON); ``time`` says when, in seconds since 1970,
+    UTC; ``rig`` replaces the rigs of the scan files; ``limits`` mm replace those of the artefact's
+    file; ``history`` is an SQLite file that the run is added to, and made where it is not there.
+    The history is written last, and by nothing that fails.
+
+    The definitions of the test values stand in `turnscan.shapes.verification._values`, the rule of
+    the drift alarm in `drift`. A value beyond its limit, and a drift, are findings of severity
+    error. Raises InputError, FormatError, ScanError and LimitExceeded where a file cannot be used
+    or the artefact is not in a scan.
+    """
+    body = _with_limits(read_artefact(artefact), limits or {})
+    past = [] if history is None else read_verifications(history)
+    if not sources:
+        raise InputError("no scan to verify", hint="name a scan of the artefact")
+    if len({s.resolve() for s in sources}) < len(sources):
+        raise InputError("a scan is named twice", hint="name each scan once")
+    scans = tuple(_verified(source, body, rig, tick) for source in sources)
+    repeated = repeatability([s.values for s in scans], body.limits.get("repeatability"))
+    trends = tuple[Trend, ...]()
+    if history is not None:
+        runs = [_run(body, time, key, scans) for key in dict.fromkeys(s.rig_key for s in scans)]
+        trends = _trends(body, sorted([*past, *runs], key=lambda r: r.time), scans[-1].rig_key)
+    said = _findings(body, scans, repeated, trends)
+    if history is not None:
+        for run in runs:
+            add_verification(history, run)
+    return Verification(body, time, scans, tuple(repeated), trends, tuple(said))
+
+
+def read_artefact(path: Path) -> Artefact:
+    """Read the file of an artefact. Raises InputError where there is none, FormatError."""
+    data = _read(path, _MAX_ARTEFACT)
+    try:
+        return artefact_from_text(data.decode(), str(path))
+    except UnicodeDecodeError:
+        raise FormatError(f"{path}: not a text file", hint="give the artefact's .toml") from None
+
+
+def verification_json(v: Verification) -> str:
+    """All of a verification as JSON, mm, unrounded; what is not known is null."""
+    facts: dict[str, Any] = {
+        "artefact": {"name": v.artefact.name, "kind": v.artefact.kind},
+        "time": v.time,
+        "passed": v.passed,
+        "scans": [{"source": str(s.source), "values": [*map(_plain, s.values)]} for s in v.scans],
+        "repeatability": [*map(_plain, v.repeated)],
+        "trends": [_trend_json(t) for t in v.trends],
+        "findings": [asdict(f) for f in v.findings],
+        "program": f"turnscan {__version__}",
+    }
+    return json.dumps(facts, indent=1, allow_nan=False, ensure_ascii=False)
+
+
+def _plain(v: TestValue) -> dict[str, Any]:
+    known = None if math.isnan(v.calibration) else v.calibration
+    return {
+        "test": v.test, "of": v.where, "value_mm": v.value, "U_mm": v.expanded,
+        "sigma_noise_mm": v.noise, "sigma_calibration_mm": known, "sigma_artefact_mm": v.artefact,
+        "limit_mm": v.limit, "verdict": v.verdict, "points": v.points, "left_out": v.left_out,
+    }  # fmt: skip
+
+
+def _trend_json(t: Trend) -> dict[str, Any]:
+    return {
+        "name": t.name, "times": t.times, "values_mm": t.values, "noise_mm": t.noise,
+        "up": t.drift.up.tolist(), "down": t.drift.down.tolist(),
+        "scatter_mm": t.drift.scatter, "alarm": t.alarm,
+    }  # fmt: skip
+
+
+def _with_limits(body: Artefact, given: Mapping[str, float]) -> Artefact:
+    known = tests_of(body.kind)
+    limits = dict[Test, float](body.limits)
+    for name, value in given.items():
+        test = next((t for t in known if t == name), None)
+        if test is None:
+            raise InputError(
+                f"limit {name!r}: no test of a {body.kind}", hint=f"there is {', '.join(known)}"
+            )
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"limit {name} = {value:g} mm", hint="give a length above 0")
+        limits[test] = value
+    return replace(body, limits=limits)
+
+
+def _verified(source: Path, body: Artefact, rig: Rig | None, tick: Callable[[], None]) -> Verified:
+    try:
+        survey, key = _survey(source, rig, tick)
+        return Verified(source, tuple(values_of(body, survey)), key)
+    except InputError as e:
+        if str(source) in e.message:
+            raise
+        raise type(e)(f"{source}: {e.message}", hint=e.hint) from None
+
+
+def _survey(source: Path, rig: Rig | None, tick: Callable[[], None]) -> tuple[Survey, str]:
+    if source.suffix.lower() in EXPORTERS:
+        return survey_of_mesh(read_mesh(_read(source, _MAX_MESH), source.suffix)), ""
+    with Scan.open(source) as scan:
+        known, s = rig_for(scan, rig), Settings()
+        grids, _, _ = to_grids(see(scan, known, s.stripes, s.volume, tick), s)
+    return survey_of_grids(grids, known), _key(rig_to_json(known))
+
+
+def _read(path: Path, limit: int) -> bytes:
+    if not path.is_file():
+        what = "is a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {what}", hint="check the name")
+    if path.stat().st_size > limit:
+        raise LimitExceeded(f"{path}: {path.stat().st_size} bytes; at most {limit} are read")
+    return path.read_bytes()
+
+
+def _key(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _artefact_key(body: Artefact) -> str:
+    """What makes values comparable: its dimensions, not its limits."""
+    return _key(repr(replace(body, limits={}, scatter=None, measured="")))
+
+
+def _run(body: Artefact, time: float, key: str, scans: Sequence[Verified]) -> VerifiedRun:
+    figures = [
+        VerifiedFigure(
+            k, s.source.name, v.name, v.value, v.noise, v.calibration, v.artefact, v.limit
+        )
+        for k, s in enumerate(scans)
+        if s.rig_key == key
+        for v in s.values
+    ]
+    return VerifiedRun(time, body.name, _artefact_key(body), key, __version__, tuple(figures))
+
+
+def _trends(body: Artefact, runs: Sequence[VerifiedRun], rig_key: str) -> tuple[Trend, ...]:
+    """Of each value, all that was measured with this artefact and this rig."""
+    series = dict[str, list[tuple[float, VerifiedFigure]]]()
+    for run in runs:
+        if run.artefact_key == _artefact_key(body) and run.rig_key == rig_key:
+            for f in run.figures:
+                series.setdefault(f.name, []).append((run.time, f))
+    made = []
+    for name, all_of in series.items():
+        values = tuple(f.value for _, f in all_of)
+        noise = tuple(f.noise for _, f in all_of)
+        chart = drift(values, noise, body.scatter)
+        times = tuple(t for t, _ in all_of)
+        made.append(Trend(name, times, values, noise, all_of[-1][1].limit, chart))
+    return tuple(made)
+
+
+def _findings(
+    body: Artefact,
+    scans: Sequence[Verified],
+    repeated: Sequence[TestValue],
+    trends: Sequence[Trend],
+) -> list[Finding]:
+    said = []
+    if not body.measured.strip():
+        said.append(
+            Finding(
+                "verify.nominal", "warning",
+                "the dimensions of the artefact are those of its drawing, nobody measured it",
+                body.name, "measure it once, and write into its file what was found, and by whom",
+            )
+        )  # fmt: skip
+    for s in scans:
+        for v in s.values:
+            said += _of_value(v, s.source.name)
+    for v in repeated:
+        said += _of_value(v, "all scans")
+    said += [_drifted(t) for t in trends if t.alarm]
+    if any(not s.rig_key for s in scans):
+        said.append(
+            Finding(
+                "verify.rig-unknown", "note",
+                "a mesh does not tell what its rig's calibration is worth: that part of the "
+                "uncertainty is not known", remedy="give the scan file",
+            )
+        )  # fmt: skip
+    return said
+
+
+def _of_value(v: TestValue, where: str) -> list[Finding]:
+    told = f"{v.name}: {v.value:+.4f} mm ± {v.expanded:.4f} mm (k = 2)"
+    if v.exceeded and v.limit is not None:
+        return [
+            Finding(
+                "verify.limit", "error", f"{told}, limit {v.limit:g} mm", where,
+                "calibrate again, and look at focus, exposure and what holds the artefact",
+            )
+        ]  # fmt: skip
+    known = not math.isnan(v.calibration) and v.calibration > 0
+    if known and v.test in _ERRORS and abs(v.value) > v.expanded:
+        return [
+            Finding(
+                "verify.unexplained", "warning",
+                f"{told}: more than noise, calibration and artefact explain", where,
+                "look whether camera, laser or table have moved since the calibration",
+            )
+        ]  # fmt: skip
+    return []
+
+
+def _drifted(t: Trend) -> Finding:
+    first = int(t.drift.alarm.argmax()) + 1
+    up, down = float(t.drift.up[-1]), float(t.drift.down[-1])
+    way = "up" if up > down else "down"
+    return Finding(
+        "verify.drift", "error",
+        f"{t.name} goes {way}: {t.values[-1]:+.4f} mm, first {t.values[0]:+.4f} mm; cumulative sum "
+        f"{max(up, down):.1f}, alarm above 5",
+        f"value {first} of {len(t.values)}",
+        "look what moved (laser, camera, table), then calibrate again",
+    )  # fmt: skip
