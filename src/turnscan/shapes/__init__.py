@@ -21,6 +21,7 @@ from turnscan.shapes._outline_curves import Arc, Line, Outline, Piece, Rest, Siz
 from turnscan.shapes._outline_fit import fit_outlines
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
 from turnscan.shapes._section import Chain, Cut, cross_section, half_plane_cut, plane_cut
+from turnscan.shapes._section_fit import FittedSection, fit_section
 from turnscan.shapes._shared import Source, calibration_moves
 from turnscan.shapes._volume import (
     VolumeSigma,
@@ -37,6 +38,7 @@ __all__ = [
     "Cut",
     "Cylinder",
     "Deviation",
+    "FittedSection",
     "Line",
     "Measured",
     "Outline",
@@ -62,6 +64,7 @@ __all__ = [
     "fit_cylinder",
     "fit_outlines",
     "fit_plane",
+    "fit_section",
     "fit_sphere",
     "half_plane_cut",
     "mean_curvature",
