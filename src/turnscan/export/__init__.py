@@ -14,7 +14,7 @@ from turnscan.export._ply_read import read_ply
 from turnscan.export._section_dxf import write_section_dxf
 from turnscan.export._section_json import section_report, write_section_json
 from turnscan.export._section_svg import write_section_pdf, write_section_svg
-from turnscan.export._sheet import counts
+from turnscan.export._sheet import found
 from turnscan.export._stl import read_stl, write_stl
 from turnscan.export._text import read_about
 from turnscan.export._threemf import read_3mf, write_3mf
@@ -28,9 +28,9 @@ __all__ = [
     "Exporter",
     "Profiles",
     "audit",
-    "counts",
     "export",
     "exporter_for",
+    "found",
     "read_3mf",
     "read_about",
     "read_dxf",

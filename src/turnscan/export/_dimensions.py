@@ -12,7 +12,7 @@ from turnscan.shapes import Arc, FittedSection, Line, Outline, Size
 _MOST_LENGTHS = 16
 """Of outlines with more lines than this the lengths are left to the report."""
 _MOST_DISTANCES = 4
-_SLIM = 0.62
+_SLIM = 0.82
 """Width of a letter per height."""
 
 
@@ -44,7 +44,7 @@ class Marks:
 
     def label(self, at: Floats, text: str, angle: float, must: bool = False) -> bool:
         """Put a text where none stands yet; ``must`` puts it anyway."""
-        angle = (angle + np.pi / 2) % np.pi - np.pi / 2
+        angle = (angle + np.pi / 2 - 1e-6) % np.pi - np.pi / 2 + 1e-6
         half = len(text) * _SLIM * self.height / 2
         along = np.array([np.cos(angle), np.sin(angle)])
         spots = at + np.linspace(-half, half, max(len(text) // 2, 2))[:, None] * along
@@ -86,6 +86,10 @@ def dimensions(section: FittedSection, height: float) -> Marks:
     box, sigma = section.box, section.size_sigma
     width, tall = box[1] - box[0]
     low, gap = box[0], 3.2 * height
+    only = section.fitted[0].pieces[0] if len(section.fitted) == 1 else None
+    if isinstance(only, Arc) and only.full:
+        _round(marks, only)
+        return marks
     _between(marks, low, low + [width, 0], np.array([0.0, -gap]), with_sigma(width, sigma[0]))
     _between(marks, low + [0, tall], low, np.array([-gap, 0.0]), with_sigma(tall, sigma[1]))
     for outline in sorted(section.fitted, key=lambda o: -sum(p.length for p in o.pieces)):

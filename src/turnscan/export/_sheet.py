@@ -73,7 +73,7 @@ class Sheet:
 def sheets(sections: Sequence[FittedSection], title: str) -> list[Sheet]:
     """One sheet for each section, in the largest usual scale in which it has room."""
     return [
-        _sheet(s, title, f"{k + 1}/{len(sections)}" if len(sections) > 1 else "")
+        _sheet(s, title, f"sheet {k + 1} of {len(sections)}" if len(sections) > 1 else "")
         for k, s in enumerate(sections)
     ]
 
@@ -135,7 +135,7 @@ def _foot(
     items: list[Stroke | Curve | Text] = [
         Stroke(frame, "frame", True),
         Stroke(np.array([[left, top], [right, top]]), "frame"),
-        Text(np.array([left + 4, top + 7]), f"{title}   section {section.cut.name}", 4.0),
+        Text(np.array([left + 4, top + 7]), f"{title}, section {section.cut.name}", 4.0),
         Text(np.array([left + 4, top + 12.5]), _words(section), 2.3),
         Text(np.array([left + 4, top + 17]), _left_out(marks), 2.3),
         Text(np.array([right - 62, top + 7]), f"scale {ratio}   {number}", 3.0),
@@ -155,9 +155,15 @@ def _words(section: FittedSection) -> str:
     text = "mm; ± standard uncertainty (k = 1) from the noise of the points"
     if not section.fitted:
         return f"{text}; nothing fitted"
-    outline = section.fitted[0]
-    kinds = ", ".join(f"{n} {kind}" for kind, n in counts(section).items() if n)
+    outline = max(section.fitted, key=lambda o: sum(p.length for p in o.pieces))
+    kinds = found(section)
     return f"{text}; tolerance {outline.tolerance:.3g}, noise {outline.noise:.2g}; {kinds}"
+
+
+def found(section: FittedSection) -> str:
+    """How many lines, arcs, circles and splines were fitted, in words."""
+    every = counts(section).items()
+    return ", ".join(f"{n} {kind if n > 1 else kind[:-1]}" for kind, n in every if n)
 
 
 def counts(section: FittedSection) -> dict[str, int]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 
 from turnscan.arrays import Bools, Floats
 from turnscan.shapes._outline_noise import Noise
@@ -19,6 +20,8 @@ _NOISE = 3.0
 """Standard uncertainties within which pieces are taken for tangent."""
 _EXACT = 0.02
 """Of the tolerance: what is nearer than this is tangent whatever the noise."""
+_WINDOW = 8
+"""Neighbouring points whose residuals are added up to see whether they hang together."""
 _TURN = np.deg2rad(25.0)
 """Pieces that meet at more than this are not tangent."""
 
@@ -178,10 +181,39 @@ def _covariances(
         seen += float((np.clip(r, -limit, limit) ** 2 / noise.point[b.rows] ** 2).sum())
         due += max(len(b.rows) - k * noise.shared, 0.3 * len(b.rows))
     move = inverse @ moved
-    ratio = seen / max(due, 1e-300)
+    ratio = max(seen / max(due, 1e-300), _together(chain, bodies, noise))
     factor = max(ratio, 1.0) if noise.known else max(ratio, 1e-12)
     for b, at in zip(bodies, starts, strict=False):
         b.moves = np.sqrt(factor) * move[at : at + len(b.p)]
+
+
+def _together(chain: Chain, bodies: list[Body], noise: Noise) -> float:
+    """How many times larger than the noise says sums of neighbouring residuals are, squared.
+
+    That is what counts for a line's place where residuals hang together; 0 where it is within
+    chance, or where there are too few points to tell.
+    """
+    seen = due = blocks = 0.0
+    for b in bodies:
+        n = len(b.rows)
+        wide = min(_WINDOW, n // 6)
+        if wide < 3 or not len(b.p):
+            continue
+        r, _ = b.residuals(chain, b.p)
+        limit = 4.0 * noise.point[b.rows]
+        sums = np.cumsum(np.r_[0.0, np.clip(r, -limit, limit)])
+        rows = noise.vertex[b.rows]
+        look = np.arange(n - wide + 1)[:, None] + np.arange(wide)
+        shape = (len(look), n)
+        index = (np.repeat(np.arange(len(look)), wide), look.ravel())
+        moved = csr_array((np.ones(look.size), index), shape=shape) @ rows
+        seen += float(((sums[wide:] - sums[:-wide]) ** 2).sum())
+        due += float(moved.multiply(moved).sum())
+        blocks += n / wide
+    if not due > 0:
+        return 0.0
+    ratio = seen / due
+    return ratio if ratio > 1.0 + 2.0 * float(np.sqrt(2.0 / max(blocks, 1.0))) else 0.0
 
 
 def _ties(

@@ -23,6 +23,7 @@ from turnscan.shapes._outline_bodies import (
 )
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_noise import Noise, chain_noise, default_tolerance
+from turnscan.shapes._outline_rounds import rounded
 from turnscan.shapes._outline_splines import Span, with_splines
 from turnscan.shapes._section import Chain
 
@@ -36,6 +37,8 @@ _GAP = 3.0
 _SMOOTH = float(np.cos(np.deg2rad(20.0)))
 _BRIDGED = 4.0
 """Gaps that were filled are fitted across where they are no longer than so many steps."""
+_ENOUGH, _LEAST_SHARE = 40, 0.65
+"""Points whose scatter says that sigma is too large; how much of it is believed at the least."""
 _FORGIVEN = 9.0
 """Increase of chi2 for each tie that tangency may cost."""
 
@@ -57,7 +60,10 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
     if tolerance is not None and not (tolerance > 0 and np.isfinite(tolerance)):
         raise InputError(f"tolerance {tolerance:g} mm", hint="give a positive length in mm")
     stretches = [
-        [(part, closed, chain_noise(part, part.measured)) for part, closed in _stretches(chain)]
+        [
+            (part, closed, _fair(part, chain_noise(part, part.measured)))
+            for part, closed in _stretches(chain)
+        ]
         for chain in chains
     ]
     if tolerance is None:
@@ -86,6 +92,20 @@ def _stretches(chain: Chain) -> list[tuple[Chain, bool]]:
     return found
 
 
+def _fair(chain: Chain, noise: Noise) -> Noise:
+    """The noise, with the ``share`` of it that is seen about lines and arcs."""
+    use = chain.measured
+    if not noise.known or int(use.sum()) < _ENOUGH:
+        return noise
+    scale = np.where(use, noise.scale(0.0), np.inf)
+    bodies = [_body(chain, use, scale, s) for s in _spans(chain, scale)]
+    off = [b.residuals(chain, b.p)[0] / noise.point[b.rows] for b in bodies if len(b.rows) > 4]
+    if not off:
+        return noise
+    seen = float(np.sqrt(np.mean(np.clip(np.concatenate(off), -4.0, 4.0) ** 2)))
+    return replace(noise, share=float(np.clip(seen, _LEAST_SHARE, 1.0)))
+
+
 def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outline:
     use = chain.measured
     scale = np.where(use, noise.scale(tolerance), np.inf)
@@ -103,12 +123,15 @@ def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outl
         spans = _spans(chain, scale)
     use = np.isfinite(scale)
     bodies, ties = _bodies(chain, use, scale, noise, spans), list[Tangency]()
+    bodies = _rounded(chain, scale, noise, bodies)
     if not _is_circle(bodies, closed):
         spans = _freed(chain, scale, bodies, closed)
         if (start := spans[0][1]) and closed:
             chain, scale, noise = _turned(chain, scale, noise, start)
             spans = [(kind, i - start, j - start) for kind, i, j in spans]
-        bodies = _bodies(chain, np.isfinite(scale), scale, noise, spans)
+        bodies = _rounded(
+            chain, scale, noise, _bodies(chain, np.isfinite(scale), scale, noise, spans)
+        )
         ties = _ties(chain, scale, noise, bodies, closed, tolerance)
     return assemble(Settled(chain, closed, bodies, ties, scale, noise, tolerance))
 
@@ -207,6 +230,24 @@ def _bodies(chain: Chain, use: Bools, scale: Floats, noise: Noise, spans: list[S
     for b in bodies:
         adjust(chain, [b], [], scale, noise)
     return bodies
+
+
+def _rounded(chain: Chain, scale: Floats, noise: Noise, bodies: list[Body]) -> list[Body]:
+    """The bodies, those at corners as arcs between their neighbours where that is likelier."""
+    made = []
+    for (span, circle), old in zip(
+        rounded(chain, scale, bodies, _prices(scale)), bodies, strict=True
+    ):
+        b = old
+        if circle is not None or span[1:] != old.ways:
+            b = _body(chain, np.isfinite(scale), scale, span)
+            if circle is not None:
+                b.kind, b.p, b.origin = "arc", circle.copy(), np.zeros(2)
+            adjust(chain, [b], [], scale, noise)
+        if circle is not None:
+            b.p = circle
+        made.append(b)
+    return made
 
 
 def _freed(chain: Chain, scale: Floats, bodies: list[Body], closed: bool) -> list[Span]:

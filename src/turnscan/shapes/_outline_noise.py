@@ -32,16 +32,21 @@ class Noise:
     """Whether the mesh says its sigma; otherwise the scatter of the points does."""
     shared: float
     """So many times the variance of independent points has a sum over the chain."""
+    share: float = 1.0
+    """Of ``point``, what is seen: sigma may be careful. Uncertainties do not hang on it."""
 
     def scale(self, tolerance: float) -> Floats:
         """(m,) mm: standard deviations that count as one when pieces are compared."""
-        scale: Floats = np.maximum(self.point * np.sqrt(self.shared), tolerance / SIGMAS)
+        scale: Floats = np.maximum(self._wide(self.point), tolerance / SIGMAS)
         return scale
 
     @property
     def tolerance(self) -> float:
         """mm that points may lie off a piece for noise alone."""
-        return SIGMAS * float(np.median(self.point)) * float(np.sqrt(self.shared))
+        return SIGMAS * float(np.median(self._wide(self.point)))
+
+    def _wide(self, point: Floats) -> Floats:
+        return np.asarray(point * self.share * np.sqrt(self.shared))
 
 
 def chain_noise(chain: Chain, use: Bools) -> Noise:

@@ -12,7 +12,9 @@ from turnscan.arrays import Floats
 
 Index = npt.NDArray[np.intp]
 _MOST_CONTROLS = 120
-_CHANCE, _TWO = 2.0, 4.0
+_CHANCE, _TWO, _KEPT, _LONG = 2.0, 4.0, 4.0, 0.4
+"""Prices: what an arc, or a short line, beside a spline has to earn; what two splines have to; what
+a spline has to gain over a line that has this share of the points."""
 _SHORTEST = 8
 """Points that a spline is fitted to at the least."""
 
@@ -189,12 +191,15 @@ def _price_of(p: Floats, scale: Floats, price: float) -> float:
 
 
 def _chance(a: Span, b: Span) -> float:
-    """Prices that an arc beside a spline, a short line or another spline has to earn: chance makes
-    one of any smooth stretch."""
+    """Prices in favour of a spline: chance makes an arc of any smooth stretch, but no long line."""
+    whole = max(b[2] - b[1] + a[2] - a[1], 1)
+    lines = [(x[2] - x[1]) / whole for x in (a, b) if x[0] == "line"]
+    if any(share > _LONG for share in lines):
+        return -_KEPT
     if "spline" not in (a[0], b[0]):
         return 0.0
     if a[0] == b[0]:
         return _TWO
     other = a if b[0] == "spline" else b
-    share = (other[2] - other[1]) / max(b[2] - b[1] + a[2] - a[1], 1)
+    share = (other[2] - other[1]) / whole
     return _CHANCE if other[0] == "arc" or share < 0.25 else 0.0

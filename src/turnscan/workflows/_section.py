@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from turnscan.errors import InputError
 from turnscan.export import (
     DxfVersion,
-    counts,
+    found,
     with_sigma,
     write_section_dxf,
     write_section_json,
@@ -118,8 +118,7 @@ def section_in_words(section: FittedSection) -> list[str]:
     box, sigma = section.box, section.size_sigma
     width, height = box[1] - box[0]
     size = f"{with_sigma(width, sigma[0])} × {with_sigma(height, sigma[1])} mm"
-    found = ", ".join(f"{n} {kind}" for kind, n in counts(section).items() if n)
-    lines = [f"section {section.cut.name}: {size}; {found or 'nothing fitted'}"]
+    lines = [f"section {section.cut.name}: {size}; {found(section) or 'nothing fitted'}"]
     for outline in section.fitted:
         rest = [p.rest for p in outline.pieces]
         if isinstance(circle := outline.pieces[0], Arc) and circle.full:
