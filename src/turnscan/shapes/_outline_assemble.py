@@ -182,7 +182,7 @@ def _free_spline(s: Settled, b: Body) -> tuple[Floats, Floats]:
 
 
 def _price(s: Settled) -> float:
-    return float(np.log(max(int(np.isfinite(s.scale).sum()), 8)))
+    return 1.25 * float(np.log(max(int(np.isfinite(s.scale).sum()), 8)))
 
 
 def _pieces(s: Settled, meets: list[Meet]) -> list[Piece]:

@@ -16,8 +16,9 @@ Index = npt.NDArray[np.intp]
 _ROUNDS = 30
 _HUBER = 2.5
 """Standard deviations beyond which a point's pull no longer grows."""
-_NOISE = 3.0
-"""Standard uncertainties within which pieces are taken for tangent."""
+_NOISE = 4.5
+"""Standard uncertainties within which pieces are taken for tangent: theirs leave out that it is not
+sure at which point one ends."""
 _EXACT = 0.02
 """Of the tolerance: what is nearer than this is tangent whatever the noise."""
 _WINDOW = 8

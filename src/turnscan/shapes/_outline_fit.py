@@ -31,15 +31,17 @@ Index = npt.NDArray[np.intp]
 _MOST_BREAKS = 1500
 """Points at which pieces may begin; of longer chains every second, third … one."""
 _LINE, _ARC, _SKIP = 3.0, 4.0, 12.0
-"""Prices: parameters and the place where a piece begins, times log n; a point that fits nothing."""
-_GAP = 3.0
-"""Median steps: a longer way between two pieces is a line."""
+"""Parameters and the place where a piece begins, times `_prices`; a point that fits nothing."""
+_GAP, _WIDEST_GAP = 3.0, 0.02
+"""Median steps, and share of the whole: a longer way between two pieces is a line."""
 _SMOOTH = float(np.cos(np.deg2rad(20.0)))
 _BRIDGED = 4.0
 """Gaps that were filled are fitted across where they are no longer than so many steps."""
+_SEAMS = 3
+"""Places where a closed chain is opened in turn."""
 _ENOUGH, _LEAST_SHARE = 40, 0.65
 """Points whose scatter says that sigma is too large; how much of it is believed at the least."""
-_FORGIVEN = 9.0
+_FORGIVEN = 16.0
 """Increase of chi2 for each tie that tangency may cost."""
 
 
@@ -48,7 +50,7 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
 
     A search over all ways to cut the chain into lines and arcs finds the cheapest in the sense of
     the Bayesian information criterion (Schwarz 1978), neighbours that one B-spline says better are
-    joined, pieces that touch within three standard uncertainties are made tangent, and all lines
+    joined, pieces that touch inside the noise are made tangent, and all lines
     and arcs of an outline are adjusted together. Only measured points have a say.
 
     ``tolerance`` mm is what a misfit may be; noise beyond it is forgiven. Without one it is three
@@ -98,7 +100,7 @@ def _fair(chain: Chain, noise: Noise) -> Noise:
     if not noise.known or int(use.sum()) < _ENOUGH:
         return noise
     scale = np.where(use, noise.scale(0.0), np.inf)
-    bodies = [_body(chain, use, scale, s) for s in _spans(chain, scale)]
+    bodies = [_body(chain, use, scale, s) for s in _spans(chain, scale)[0]]
     off = [b.residuals(chain, b.p)[0] / noise.point[b.rows] for b in bodies if len(b.rows) > 4]
     if not off:
         return noise
@@ -112,15 +114,18 @@ def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outl
     if closed:
         whole = _circle(chain, scale)
         chain, scale, noise = _turned(chain, scale, noise, _farthest(chain.points))
-        spans = _spans(chain, scale)
-        start = _seam(spans, chain)
-        if start:
-            chain, scale, noise = _turned(chain, scale, noise, start)
-            spans = _spans(chain, scale)
-        if whole is not None and whole <= _cost(chain, scale, spans):
+        spans, cost = _spans(chain, scale)
+        opened = (chain, scale, noise)
+        for start in _seams(spans, chain):
+            trial = _turned(chain, scale, noise, start)
+            found, price = _spans(*trial[:2])
+            if price < cost:
+                opened, spans, cost = trial, found, price
+        chain, scale, noise = opened
+        if whole is not None and whole <= cost:
             spans = [("arc", 0, len(chain.points) - 1)]
     else:
-        spans = _spans(chain, scale)
+        spans, _ = _spans(chain, scale)
     use = np.isfinite(scale)
     bodies, ties = _bodies(chain, use, scale, noise, spans), list[Tangency]()
     bodies = _rounded(chain, scale, noise, bodies)
@@ -158,7 +163,8 @@ def _turned(chain: Chain, scale: Floats, noise: Noise, start: int) -> tuple[Chai
 
 
 def _prices(scale: Floats) -> float:
-    return float(np.log(max(int(np.isfinite(scale).sum()), 8)))
+    """What a parameter costs: the search looks at many places, so it is dearer than ½ log n."""
+    return 1.25 * float(np.log(max(int(np.isfinite(scale).sum()), 8)))
 
 
 def _circle(chain: Chain, scale: Floats) -> float | None:
@@ -180,27 +186,21 @@ def _circle(chain: Chain, scale: Floats) -> float | None:
     return float(chi2) + 3.0 * _prices(scale)
 
 
-def _spans(chain: Chain, scale: Floats) -> list[Span]:
+def _spans(chain: Chain, scale: Floats) -> tuple[list[Span], float]:
+    """The cheapest lines and arcs of an open chain, and their cost."""
     from turnscan.shapes import _outline_kernels as kernels
 
     x, y = (np.ascontiguousarray(c) for c in chain.points.T)
     m, price = len(x), _prices(scale)
     breaks = np.unique(np.r_[np.arange(0, m, -(-m // _MOST_BREAKS)), m - 1])
     least = 2.0 * float(np.median(scale[np.isfinite(scale)]))
-    rows, _ = kernels.pieces(
+    gap = min(_GAP * float(np.median(chain.steps)), _WIDEST_GAP * chain.length)
+    rows, cost = kernels.pieces(
         x, y, 1.0 / scale**2, np.ascontiguousarray(chain.bulge), breaks,
-        _LINE * price, _ARC * price, _SKIP, least, _GAP * float(np.median(chain.steps)),
+        _LINE * price, _ARC * price, _SKIP, least, gap,
     )  # fmt: skip
     found: list[Span] = [(("line", "arc")[int(k)], int(i), int(j)) for k, i, j in rows]
-    return found or [("line", 0, m - 1)]
-
-
-def _cost(chain: Chain, scale: Floats, spans: list[Span]) -> float:
-    price = _prices(scale)
-    rows = [_body(chain, np.isfinite(scale), scale, s) for s in spans]
-    return sum(
-        _alone(chain, scale, b) + (_LINE if b.kind == "line" else _ARC) * price for b in rows
-    )
+    return found or [("line", 0, m - 1)], float(cost)
 
 
 def _alone(chain: Chain, scale: Floats, body: Body) -> float:
@@ -208,11 +208,12 @@ def _alone(chain: Chain, scale: Floats, body: Body) -> float:
     return float(((r / scale[body.rows]) ** 2).sum())
 
 
-def _seam(spans: list[Span], chain: Chain) -> int:
-    """Where to open a closed chain: at the end of the longest of its pieces."""
+def _seams(spans: list[Span], chain: Chain) -> list[int]:
+    """Where to open a closed chain: at the ends of the longest of its pieces."""
     at = np.r_[0.0, np.cumsum(chain.steps)]
-    inner = [s for s in spans[1:] if s[2] < len(chain.points) - 1]
-    return max(inner, key=lambda s: at[s[2]] - at[s[1]])[2] if inner else 0
+    inner = [s for s in spans if 0 < s[2] < len(chain.points) - 1]
+    inner.sort(key=lambda s: float(at[s[1]] - at[s[2]]))
+    return [s[2] for s in inner[:_SEAMS]]
 
 
 def _body(chain: Chain, use: Bools, scale: Floats, span: Span) -> Body:

@@ -12,7 +12,7 @@ from turnscan.arrays import Floats
 
 Index = npt.NDArray[np.intp]
 _MOST_CONTROLS = 120
-_CHANCE, _TWO, _KEPT, _LONG = 2.0, 4.0, 4.0, 0.4
+_CHANCE, _TWO, _KEPT, _LONG = 4.0, 4.0, 4.0, 0.4
 """Prices: what an arc, or a short line, beside a spline has to earn; what two splines have to; what
 a spline has to gain over a line that has this share of the points."""
 _SHORTEST = 8
