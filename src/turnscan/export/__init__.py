@@ -13,7 +13,7 @@ from turnscan.export._ply import write_ply
 from turnscan.export._ply_read import read_ply
 from turnscan.export._section_dxf import write_section_dxf
 from turnscan.export._section_json import section_report, write_section_json
-from turnscan.export._section_svg import write_section_pdf, write_section_svg
+from turnscan.export._section_svg import draw_section, write_section_pdf, write_section_svg
 from turnscan.export._sheet import found
 from turnscan.export._stl import read_stl, write_stl
 from turnscan.export._text import read_about
@@ -28,6 +28,7 @@ __all__ = [
     "Exporter",
     "Profiles",
     "audit",
+    "draw_section",
     "export",
     "exporter_for",
     "found",

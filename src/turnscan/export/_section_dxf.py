@@ -36,7 +36,7 @@ def placements(sections: Sequence[FittedSection]) -> list[Floats]:
     """
     if len(sections) == 1:
         return [np.zeros(2)]
-    gap = 14 * letters(sections)
+    gap = 20 * letters(sections)
     at, x = [], 0.0
     for s in sections:
         at.append(np.array([x - s.box[0, 0], 0.0]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from turnscan.arrays import Floats
 from turnscan.export._sheet import HEIGHT, PENS, WIDTH, Curve, Sheet, Stroke, Text, sheets
 from turnscan.export._text import about_lines
 from turnscan.shapes import Arc, FittedSection, Line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _FONT = "Liberation Sans, Arial, Helvetica, sans-serif"
 _POINTS = 72.0 / 25.4
@@ -103,20 +107,30 @@ def write_section_pdf(sections: Sequence[FittedSection], title: str) -> bytes:
     """Return a PDF with an A4 sheet for each section, in true scale."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_pdf import PdfPages
-    from matplotlib.figure import Figure
 
     out = io.BytesIO()
     about = {"Title": title, "Creator": "turnscan", "CreationDate": None}
     with rc_context({"pdf.fonttype": 42}), PdfPages(out, metadata=about) as pdf:
         for page in sheets(sections, title):
-            figure = Figure(figsize=(WIDTH / 25.4, HEIGHT / 25.4))
-            axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-            axes.set_axis_off()
-            axes.set_xlim(0, WIDTH)
-            axes.set_ylim(HEIGHT, 0)
-            _draw(axes, page)
-            pdf.savefig(figure)
+            pdf.savefig(_figure(page))
     return out.getvalue()
+
+
+def draw_section(section: FittedSection, title: str) -> Figure:
+    """The sheet of one section as a figure of matplotlib, A4, for pictures."""
+    return _figure(sheets([section], title)[0])
+
+
+def _figure(page: Sheet) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH / 25.4, HEIGHT / 25.4))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    axes.set_xlim(0, WIDTH)
+    axes.set_ylim(HEIGHT, 0)
+    _draw(axes, page)
+    return figure
 
 
 def _draw(axes: object, page: Sheet) -> None:
