@@ -12,6 +12,10 @@ from turnscan.shapes import Arc, FittedSection, Line, Outline, Size
 _MOST_LENGTHS = 16
 """Of outlines with more lines than this the lengths are left to the report."""
 _MOST_DISTANCES = 4
+_UPRIGHT = 0.05
+"""Radians: texts that run up are read from the right, also if they lean back this much."""
+_AXIS = 0.9998
+"""Cosine from which a distance is along the width or height."""
 _SLIM = 0.82
 """Width of a letter per height."""
 
@@ -44,10 +48,10 @@ class Marks:
 
     def label(self, at: Floats, text: str, angle: float, must: bool = False) -> bool:
         """Put a text where none stands yet; ``must`` puts it anyway."""
-        angle = (angle + np.pi / 2 - 1e-6) % np.pi - np.pi / 2 + 1e-6
+        angle = (angle + np.pi / 2 - _UPRIGHT) % np.pi - np.pi / 2 + _UPRIGHT
         half = len(text) * _SLIM * self.height / 2
         along = np.array([np.cos(angle), np.sin(angle)])
-        spots = at + np.linspace(-half, half, max(len(text) // 2, 2))[:, None] * along
+        spots = at + np.linspace(-half, half, max(len(text), 2))[:, None] * along
         for spot, r in self._taken:
             if (np.linalg.norm(spots - spot, axis=1) < r + 0.8 * self.height).any() and not must:
                 return False
@@ -128,6 +132,7 @@ def _between(marks: Marks, a: Floats, b: Floats, away: Floats, text: str) -> Non
         marks.strokes.append(np.stack([p, q]))
     else:
         marks.strokes += [np.stack([p - 3 * h * along, p]), np.stack([q, q + 3 * h * along])]
+    marks.keep_off(_spread(np.stack([p, q]), marks.height))
     marks.arrow(p, -along if inside else along)
     marks.arrow(q, along if inside else -along)
     marks.label((p + q) / 2 + 0.9 * h * out, text, np.arctan2(along[1], along[0]), must=True)
@@ -139,8 +144,8 @@ def _distances(marks: Marks, outline: Outline, overall: tuple[float, float]) -> 
         if size.kind != "distance" or size.value < 6 * marks.height or drawn >= _MOST_DISTANCES:
             continue
         along = (size.places[1] - size.places[0]) / max(size.value, 1e-300)
-        axis = np.abs(along).max() > 0.99999
-        if axis and any(abs(size.value - x) < 1e-6 * x for x in overall):
+        axis = np.abs(along).max() > _AXIS
+        if axis and any(abs(size.value - x) < max(4 * size.sigma, 1e-6 * x) for x in overall):
             continue
         if _distance(marks, size, along):
             drawn += 1
@@ -179,8 +184,8 @@ def _round(marks: Marks, arc: Arc) -> None:
         angle = arc.begin + turn * arc.sweep if not arc.full else 2 * np.pi * turn
         out = np.array([np.cos(angle), np.sin(angle)])
         on = arc.centre + arc.radius * out
-        for way in (1.0, -1.0):
-            elbow = on + way * 2.2 * h * out
+        for way, far in ((1.0, 2.2), (-1.0, 2.2), (1.0, 5.0), (1.0, 8.0)):
+            elbow = on + way * far * h * out
             side = 1.0 if way * out[0] >= 0 else -1.0
             at = elbow + np.array([side * (half + 0.8 * h), 0.0])
             if marks.label(at, text, 0.0):

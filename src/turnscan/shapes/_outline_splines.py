@@ -12,7 +12,7 @@ from turnscan.arrays import Floats
 
 Index = npt.NDArray[np.intp]
 _MOST_CONTROLS = 120
-_CHANCE, _TWO, _KEPT, _LONG = 4.0, 4.0, 4.0, 0.4
+_CHANCE, _TWO, _KEPT, _LONG = 6.0, 4.0, 4.0, 0.4
 """Prices: what an arc, or a short line, beside a spline has to earn; what two splines have to; what
 a spline has to gain over a line that has this share of the points."""
 _SHORTEST = 8
@@ -140,7 +140,7 @@ def best_controls(p: Floats, scale: Floats, price: float) -> tuple[int, float]:
             worse += 1
             if worse >= 3:
                 break
-        n += max(1, n // 6)
+        n += max(1, n // 10)
     return best, least
 
 
@@ -202,4 +202,4 @@ def _chance(a: Span, b: Span) -> float:
         return _TWO
     other = a if b[0] == "spline" else b
     share = (other[2] - other[1]) / whole
-    return _CHANCE if other[0] == "arc" or share < 0.25 else 0.0
+    return _CHANCE if other[0] == "arc" or share < 0.35 else 0.0
