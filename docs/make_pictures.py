@@ -1,6 +1,6 @@
 """Draws the pictures of simulated benches for the docs: `python docs/make_pictures.py [NAME …]`.
 
-Names: galvanometer, two_lines, shadows, panned, off_centre, demo, fills, report, poses,
+Names: galvanometer, two_lines, shadows, panned, off_centre, demo, fills, report, poses, section,
 verification; without one, all (fifteen minutes).
 """
 
@@ -41,7 +41,16 @@ from turnscan.simulate import (
     seconds_of,
     simulated,
 )
-from turnscan.surface import FillHow, cut_touching, decimate, fill, holes, submesh
+from turnscan.surface import (
+    FillHow,
+    Mesh,
+    Provenance,
+    cut_touching,
+    decimate,
+    fill,
+    holes,
+    submesh,
+)
 from turnscan.workflows._render import render
 from turnscan.workflows._simulated import plan_of, scan_into_file
 
@@ -312,6 +321,49 @@ def _page_picture(page: Path, out: Path) -> None:
     small(Pillow.open(io.BytesIO(data)).convert("RGB"), 1000).save(out, optimize=True)
 
 
+def section() -> None:
+    """A plate with rounded corners and holes, cut: the drawing that ``turnscan section`` makes."""
+    from turnscan.export import draw_section
+    from turnscan.shapes import fit_section, plane_cut
+
+    rng = np.random.default_rng(1)
+    turn = np.linspace(0, np.pi / 2, 30)
+    corner = 8 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    rows = []
+    for k, at in enumerate(((32, 17), (-32, 17), (-32, -17), (32, -17))):
+        c, s = np.round(np.cos(k * np.pi / 2)), np.round(np.sin(k * np.pi / 2))
+        rows.append(corner @ np.array([[c, s], [-s, c]]) + at)
+    corners = np.concatenate(rows)
+    loops = [dense(corners, 0.4)]
+    circle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
+    for x, r in ((-20.0, 5.0), (20.0, 5.0), (0.0, 9.0)):
+        loops.append(np.stack([x + r * np.cos(circle), -r * np.sin(circle)], axis=1))
+    vertices, faces, count = [], [], 0
+    for loop in loops:
+        n, i = len(loop), np.arange(len(loop))
+        for z in (0.0, 1.0):
+            noisy = loop + rng.normal(0, 0.01, loop.shape)
+            vertices.append(np.column_stack([noisy, np.full(n, z)]))
+        a, b = count + i, count + np.roll(i, -1)
+        faces += [np.stack([a, b, b + n], axis=1), np.stack([a, b + n, a + n], axis=1)]
+        count += 2 * n
+    points = np.concatenate(vertices)
+    none = np.zeros(len(points), np.int32)
+    known = Provenance(np.full(len(points), 0.01), none, none, none, ("laser",))
+    mesh = Mesh(points, np.concatenate(faces).astype(np.int32), known)
+    cut = fit_section(mesh, plane_cut([0, 0, 1], 0.5, "z = 0.5 mm"))
+    save(draw_section(cut, "plate.ply"), "section")
+
+
+def dense(corners: Floats, step: float) -> Floats:
+    """Points every ``step`` mm round a closed polygon."""
+    rows = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        n = max(int(np.ceil(np.linalg.norm(b - a) / step)), 1)
+        rows.append(a + (b - a) * np.arange(n)[:, None] / n)
+    return np.concatenate(rows)
+
+
 def small(image: Pillow.Image, width: int) -> Pillow.Image:
     """Scaled down to this width, in few colours: a picture for a page."""
     scaled = image.resize((width, round(image.height * width / image.width)), Pillow.LANCZOS)
@@ -352,6 +404,7 @@ DRAWN: dict[str, Callable[[], None]] = {
         fills,
         report,
         poses,
+        section,
         verification,
     )
 }

@@ -32,6 +32,7 @@ _VERBS = {
     "reconstruct": "a scan file → points, mesh, CAD",
     "resume": "take what an interrupted scan is missing",
     "scan": "a turn of the table with the devices that are connected → a scan file",
+    "section": "planes through a part → a drawing of lines and arcs: DXF, SVG, PDF",
     "simulate": "pictures or a scan file of a part that isn't there",
     "verify": "scans of a measured artefact: is the scanner still what it was?",
 }

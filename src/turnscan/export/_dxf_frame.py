@@ -6,12 +6,16 @@ import io
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.export._options import DxfVersion
 from turnscan.export._text import about_lines
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing
 
 _DAY = "2451544.5"  # 2000-01-01 as a Julian date: a file must not depend on the clock
 _NOBODY = "{00000000-0000-0000-0000-000000000000}"
@@ -46,6 +50,20 @@ def frame(
     The unit and ``about`` stand in comments (group 999) at the top, which every version allows;
     R2010 also has them in $INSUNITS and in the custom properties.
     """
+    document, notes = new_document(version, layers, bounds, about)
+    head, tail = text_of(document, notes).split(_ENTITIES)
+    return Frame(
+        head=head + _ENTITIES,
+        tail=tail,
+        first_handle=int(str(document.entitydb.handles), 16),
+        owner=int(document.modelspace().block_record_handle, 16),
+    )
+
+
+def new_document(
+    version: DxfVersion, layers: Mapping[str, int], bounds: Floats, about: Mapping[str, object]
+) -> tuple[Drawing, list[str]]:
+    """An empty document as `frame` says, and the lines of its comments."""
     from ezdxf.document import Drawing
 
     document = Drawing.new(version)
@@ -63,15 +81,14 @@ def frame(
         height=1.2 * max(float(np.ptp(bounds, axis=0).max()), 1e-6),
         center=((low[0] + high[0]) / 2, (low[1] + high[1]) / 2),
     )
+    return document, notes
+
+
+def text_of(document: Drawing, notes: list[str]) -> str:
+    """The whole file, with comments at its top; the same document gives the same text."""
     out = io.StringIO()
     document.write(out)
-    head, tail = _reproducible(out.getvalue()).split(_ENTITIES)
-    return Frame(
-        head="".join(f"999\n{note}\n" for note in notes) + head + _ENTITIES,
-        tail=tail,
-        first_handle=int(str(document.entitydb.handles), 16),
-        owner=int(document.modelspace().block_record_handle, 16),
-    )
+    return "".join(f"999\n{note}\n" for note in notes) + _reproducible(out.getvalue())
 
 
 def _reproducible(text: str) -> str:

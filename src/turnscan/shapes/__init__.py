@@ -17,7 +17,11 @@ from turnscan.shapes._measure import (
     to_plane,
     volume,
 )
+from turnscan.shapes._outline_curves import Arc, Line, Outline, Piece, Rest, Size, Spline
+from turnscan.shapes._outline_fit import fit_outlines
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
+from turnscan.shapes._section import Chain, Cut, cross_section, half_plane_cut, plane_cut
+from turnscan.shapes._section_fit import FittedSection, fit_section
 from turnscan.shapes._shared import Source, calibration_moves
 from turnscan.shapes._volume import (
     VolumeSigma,
@@ -28,30 +32,45 @@ from turnscan.shapes._volume import (
 )
 
 __all__ = [
+    "Arc",
+    "Chain",
     "Circle",
+    "Cut",
     "Cylinder",
     "Deviation",
+    "FittedSection",
+    "Line",
     "Measured",
+    "Outline",
+    "Piece",
     "Plane",
     "PlaneAngle",
     "PlaneRegion",
+    "Rest",
+    "Size",
     "Source",
     "Sphere",
+    "Spline",
     "Spot",
     "VolumeSigma",
     "area",
     "calibration_moves",
     "corner_angle",
+    "cross_section",
     "deviation",
     "distance",
     "find_planes",
     "fit_circle",
     "fit_cylinder",
+    "fit_outlines",
     "fit_plane",
+    "fit_section",
     "fit_sphere",
+    "half_plane_cut",
     "mean_curvature",
     "measured_points",
     "plane_angles",
+    "plane_cut",
     "plane_of",
     "planes_angle",
     "region_diameter",

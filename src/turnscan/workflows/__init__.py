@@ -40,6 +40,13 @@ if TYPE_CHECKING:
     from turnscan.workflows._report import about
     from turnscan.workflows._result import ReconstructResult
     from turnscan.workflows._saving import save
+    from turnscan.workflows._section import (
+        SECTION_SUFFIXES,
+        cuts_of,
+        section,
+        section_file,
+        section_in_words,
+    )
     from turnscan.workflows._simulate import SimulatedScan, SimulateOptions, simulate
     from turnscan.workflows._targets import check_targets
     from turnscan.workflows._verify import (
@@ -82,6 +89,7 @@ _MODULES = {
     ),
     "_import_pictures": ("ImportedScan", "import_pictures"),
     "_simulate": ("SimulateOptions", "SimulatedScan", "simulate"),
+    "_section": ("SECTION_SUFFIXES", "cuts_of", "section", "section_file", "section_in_words"),
     "_artefact": ("PAPERS", "TARGET", "artefact"),
     "_verify": (
         "Trend",
@@ -96,6 +104,7 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "PAPERS",
+    "SECTION_SUFFIXES",
     "TARGET",
     "UNITS",
     "Agreement",
@@ -132,6 +141,7 @@ __all__ = [
     "check",
     "check_targets",
     "compare",
+    "cuts_of",
     "declared",
     "design",
     "export_mesh",
@@ -149,6 +159,9 @@ __all__ = [
     "read_rig_file",
     "reconstruct",
     "save",
+    "section",
+    "section_file",
+    "section_in_words",
     "simulate",
     "verification_json",
     "verify",

@@ -1,0 +1,80 @@
+"""``turnscan section``: planes through a part as dimensioned drawings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from turnscan.cli._input import read_mesh_file
+from turnscan.cli._numbers import Finite
+from turnscan.cli._output import check_apart, check_output, write_atomically
+from turnscan.workflows import SECTION_SUFFIXES, cuts_of, section, section_file, section_in_words
+
+
+@click.command("section")
+@click.argument("part", type=click.Path(path_type=Path))
+@click.option(
+    "--plane",
+    "planes",
+    multiple=True,
+    help="z=20, x=0, z=10:100:10 (from, to, step), or nx,ny,nz,distance, in mm; may be repeated.",
+)
+@click.option(
+    "--half-plane-deg",
+    "half_planes",
+    type=Finite(),
+    multiple=True,
+    help="Half-plane from the rotation axis at this angle; may be repeated.",
+)
+@click.option(
+    "--tolerance",
+    type=Finite(),
+    help="mm that fitted lines and arcs may miss the points by, beyond their noise.  "
+    "[default: three times the noise, at least 1/10000 of the size]",
+)
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    required=True,
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help=f"File to write: {' '.join(SECTION_SUFFIXES)}. May be given several times.",
+)
+@click.option(
+    "--dxf-version",
+    "version",
+    type=click.Choice(["R12", "R2010"]),
+    default="R2010",
+    show_default=True,
+    help="R12 has no splines: there they are polylines.",
+)
+def verb(
+    part: Path,
+    planes: tuple[str, ...],
+    half_planes: tuple[float, ...],
+    tolerance: float | None,
+    outputs: tuple[Path, ...],
+    version: Literal["R12", "R2010"],
+) -> None:
+    """Cut the mesh in PART (.ply .stl .obj .3mf .glb .dxf, mm) and draw the sections.
+
+    Each is drawn as it was measured and as lines, arcs and splines fitted to it, with dimensions
+    and their standard uncertainties. Only what was measured is fitted; fillings are on a layer of
+    their own. Several sections stand side by side in a DXF, on a sheet each in SVG and PDF; the
+    JSON holds every point with its sigma.
+    """
+    check_apart(outputs)
+    for path in outputs:
+        check_output(path, SECTION_SUFFIXES, inputs=[part])
+    cuts = cuts_of(planes, half_planes)
+    sections = section(read_mesh_file(part), cuts, tolerance)
+    about = {"source": part.name}
+    ready = {p: section_file(sections, p.suffix, part.name, about, version) for p in outputs}
+    for path, data in ready.items():
+        write_atomically(path, data)
+    click.echo("\n".join(line for s in sections for line in section_in_words(s)))
+    for path in outputs:
+        click.echo(f"{path}: {len(sections)} section{'s' if len(sections) > 1 else ''}")

@@ -1,0 +1,61 @@
+"""A section of a mesh: what was measured, and what was fitted to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.shapes._outline_curves import Outline
+from turnscan.shapes._outline_fit import fit_outlines
+from turnscan.shapes._section import Chain, Cut, cross_section
+from turnscan.surface import Mesh
+
+
+@dataclass(frozen=True)
+class FittedSection:
+    """One cut through a part."""
+
+    cut: Cut
+    chains: tuple[Chain, ...]
+    """The polylines as they were measured, the longest first."""
+    outlines: tuple[tuple[Outline, ...], ...]
+    """For each chain the outlines of its measured stretches."""
+
+    @property
+    def fitted(self) -> list[Outline]:
+        """All outlines."""
+        return [o for row in self.outlines for o in row]
+
+    @property
+    def box(self) -> Floats:
+        """(2, 2) mm: least and largest x and y of what was fitted, or of the points if nothing."""
+        boxes = [o.box for o in self.fitted]
+        boxes = boxes or [
+            np.stack([c.points.min(axis=0), c.points.max(axis=0)]) for c in self.chains
+        ]
+        every = np.stack(boxes)
+        return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
+
+    @property
+    def size_sigma(self) -> Floats:
+        """(2,) mm: standard uncertainty of width and height of ``box``; NaN where not known."""
+        if not self.fitted:
+            return np.full(2, np.nan)
+        every = np.stack([o.box for o in self.fitted])
+        sigma = np.stack([o.box_sigma for o in self.fitted])
+        low, high = every[:, 0].argmin(axis=0), every[:, 1].argmax(axis=0)
+        axes = np.arange(2)
+        return np.asarray(np.hypot(sigma[low, 0, axes], sigma[high, 1, axes]))
+
+
+def fit_section(mesh: Mesh, cut: Cut, tolerance: float | None = None) -> FittedSection:
+    """Cut a mesh and fit lines, arcs and splines to the section (`cross_section`, `fit_outlines`).
+
+    ``tolerance`` mm, or None for what the noise allows. Raises InputError as they do.
+    """
+    chains: Sequence[Chain] = cross_section(mesh, cut)
+    outlines = fit_outlines(chains, tolerance)
+    return FittedSection(cut, tuple(chains), tuple(tuple(row) for row in outlines))
