@@ -7,10 +7,16 @@ from typing import Literal
 
 import click
 
-from turnscan.cli._input import read_mesh_file
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_apart, check_output, write_atomically
-from turnscan.workflows import SECTION_SUFFIXES, cuts_of, section, section_file, section_in_words
+from turnscan.workflows import (
+    SECTION_SUFFIXES,
+    cuts_of,
+    read_mesh_file,
+    section,
+    section_file,
+    section_in_words,
+)
 
 
 @click.command("section")
