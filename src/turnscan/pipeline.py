@@ -15,7 +15,7 @@ from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
 from turnscan.shapes import Source
-from turnscan.surface import Caps, Hole, Mesh, Sought, Told, part, silent
+from turnscan.surface import Caps, Hole, Mesh, Sought, Tears, Told, part, silent
 
 Tick = Callable[[], None]
 
@@ -42,11 +42,13 @@ class Reconstruction:
     """What the uncertainty of its volume hangs on; None: on its grids and their rig alone."""
     along: Along | None = None
     """Which points of the profiles were asked for; None for all."""
+    tears: Tears | None = None
+    """Where profiles do not hang together; None is the default."""
 
     @cached_property
     def spaced(self) -> tuple[RangeGrid, ...]:
         """The grids with the points along their profiles that were asked for."""
-        return tuple(surface.thin(g, self.along) for g in self.grids)
+        return tuple(surface.thin(g, self.along, self.tears) for g in self.grids)
 
     @cached_property
     def holes(self) -> list[Hole]:
@@ -99,6 +101,7 @@ def build(
         tuple(sought),
         s.caps if finish else None,
         along=s.along,
+        tears=s.tears,
     )
 
 
@@ -167,6 +170,8 @@ def to_mesh(
     if finish:
         mesh, closing = finished(mesh, s, part(told, 0.4, 1))
     whole = surface.settled(mesh)
+    if finish and mesh is opened:  # nothing was closed or thinned out: there is one mesh
+        opened = whole
     closed = finish and s.caps is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
     said = findings + touching + mending + closing + remarks

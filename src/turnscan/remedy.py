@@ -26,7 +26,7 @@ class Option:
     @property
     def value_text(self) -> str:
         """The value, as it is written."""
-        return f"{self.value:g}" if isinstance(self.value, int | float) else str(self.value)
+        return f"{self.value:g}" if isinstance(self.value, float) else str(self.value)
 
 
 @dataclass(frozen=True, init=False)

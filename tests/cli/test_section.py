@@ -135,3 +135,18 @@ def test_stl_has_no_sigma_and_is_drawn_all_the_same(tmp_path: Path) -> None:
     [s] = json.loads((tmp_path / "s.json").read_text())["sections"]
     assert s["found"]["lines"] == 6
     assert set(s["polylines"][0]["sigma_mm"]) == {None}
+
+
+def test_a_scan_is_reconstructed_and_cut(tmp_path: Path) -> None:
+    """A cylinder of 50 mm, in few steps: its section is a circle and nothing else."""
+    scan, out = tmp_path / "cylinder.turnscan", tmp_path / "s.json"
+    _run("simulate", "cylinder", "-o", scan, "--steps", 24, "--rig", "ciclop", "--no-speckle")
+    said = _run("section", scan, "--plane", "z=20", "-o", out)
+    assert "1 circle" in said
+    [section] = json.loads(out.read_text())["sections"]
+    [outline] = section["outlines"]
+    [circle] = outline["pieces"]
+    assert circle["kind"] == "circle"
+    # A sheet of light as thick as the ciclop's makes round parts 0.05 mm smaller.
+    assert -0.1 < 2 * circle["radius_mm"] - 50.0 < 0.02
+    assert 0.001 < circle["radius_sigma_mm"] < 0.02

@@ -11,9 +11,15 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "src" / "turnscan"
 
-THIN = ("_calibrate", "_check", "_design", "_import", "_simulate")
+THIN = (
+    "_artefact", "_calibrate", "_check", "_compare", "_design", "_export", "_import", "_join",
+    "_measure", "_reconstruct", "_section", "_simulate", "_verify",
+)  # fmt: skip
 """Modules of the command line whose verbs are in `workflows`."""
-HELPERS = ("_degrees", "_flags", "_numbers", "_output", "_progress", "_show", "_words")
+HELPERS = (
+    "_degrees", "_flags", "_numbers", "_output", "_own_settings", "_progress", "_show",
+    "_verify_report", "_words",
+)  # fmt: skip
 """Modules of the command line that declare flags, show progress and word results."""
 LOWEST = ("errors", "findings", "progress", "remedy", "workflows")
 DOORS = ("__main__.py", "app", "cli")

@@ -17,6 +17,7 @@ from turnscan.points import (
     placements_from_conf,
     range_scan_from_ply,
 )
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose, rotation_about
 from turnscan.surface import (
     Caps,
@@ -129,7 +130,7 @@ def test_an_island_that_is_long_is_named_with_its_place():
     assert "78 faces" in said.message
     assert "1 × 0 × 20 mm" in said.message
     assert said.where == "(40, 0, 10) mm"
-    assert said.remedy == "keep it with --island 78"
+    assert said.remedy == Remedy("keep it with ", Option("island", 78))
     assert drop_islands(both, 78)[1] == 0, "as advised, it stays"
     wisp = Mesh(ribbon * 2.0, strip.faces[:40])
     assert long_islands(join([body, wisp]), 100) == [], "few faces are strays"

@@ -116,15 +116,17 @@ class OpenScan:
         s = self._settings
         opened = edit.Compact.of(state.document.body).mesh
         mesh, found = finished(opened, s, told)
+        whole = surface.settled(mesh)
         done = Reconstruction(
             state.grids,
-            surface.settled(mesh),
+            whole,
             tuple(found),
             state.document.history.enabled,
-            opened,
+            whole if mesh is opened else opened,
             state.sought,
             s.caps,
             along=s.along,
+            tears=s.tears,
         )
         rig = self._seen[0].view.rig
         return ReconstructResult(done, about(self.path, rig, s, done.edits), rig)

@@ -10,6 +10,7 @@ import click
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_output
 from turnscan.cli._progress import progress_bar
+from turnscan.cli._words import with_flags
 from turnscan.workflows import UNITS, compare
 
 
@@ -58,7 +59,7 @@ def verb(
             reference_unit=reference_unit, progress=progress,
         )  # fmt: skip
     for finding in found.findings:
-        click.echo(str(finding), err=True)
+        click.echo(with_flags(finding), err=True)
     if picture is not None:
         found.save_picture(picture, limit)
     click.echo(json.dumps(found.figures(), indent=1) if as_json else str(found))

@@ -9,6 +9,7 @@ import click
 from turnscan.cli._flags import flags_of
 from turnscan.cli._output import format_options
 from turnscan.cli._progress import progress_bar
+from turnscan.cli._words import with_flags
 from turnscan.workflows import ExportOptions, ReconstructOptions, check_targets, export_mesh
 
 
@@ -39,9 +40,9 @@ def verb(
             source, *outputs, formats=formats, decimate=options.decimate, progress=progress
         )
     for finding in done.findings:
-        click.echo(str(finding), err=True)
+        click.echo(with_flags(finding), err=True)
     for remark in done.remarks:
-        click.echo(str(remark), err=remark.severity != "note")
+        click.echo(with_flags(remark), err=remark.severity != "note")
     for path in outputs:
         size = f"{len(done.mesh.vertices)} points"
         if path.suffix.lower() != ".xyz":

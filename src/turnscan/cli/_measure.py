@@ -9,6 +9,7 @@ import click
 
 from turnscan.cli._flags import flags_of
 from turnscan.cli._progress import progress_bar
+from turnscan.cli._words import with_flags
 from turnscan.workflows import MeasureOptions, measure
 
 
@@ -27,5 +28,5 @@ def verb(file: Path, options: MeasureOptions, as_json: bool) -> None:
     with progress_bar() as progress:
         found = measure(file, options, progress=progress)
     for finding in found.findings:
-        click.echo(str(finding), err=True)
+        click.echo(with_flags(finding), err=True)
     click.echo(json.dumps(found.figures, indent=1) if as_json else str(found))

@@ -9,10 +9,10 @@ import click
 
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import check_apart, check_output, write_atomically
+from turnscan.cli._progress import progress_bar
 from turnscan.workflows import (
     SECTION_SUFFIXES,
     cuts_of,
-    read_mesh_file,
     section,
     section_file,
     section_in_words,
@@ -65,7 +65,9 @@ def verb(
     outputs: tuple[Path, ...],
     version: Literal["R12", "R2010"],
 ) -> None:
-    """Cut the mesh in PART (.ply .stl .obj .3mf .glb .dxf, mm) and draw the sections.
+    """Cut PART, a mesh (.ply .stl .obj .3mf .glb .dxf, mm) or a scan, and draw the sections.
+
+    A .turnscan is reconstructed with the settings that it keeps.
 
     Each is drawn as it was measured and as lines, arcs and splines fitted to it, with dimensions
     and their standard uncertainties. Only what was measured is fitted; fillings are on a layer of
@@ -76,7 +78,8 @@ def verb(
     for path in outputs:
         check_output(path, SECTION_SUFFIXES, inputs=[part])
     cuts = cuts_of(planes, half_planes)
-    sections = section(read_mesh_file(part), cuts, tolerance)
+    with progress_bar() as bar:
+        sections = section(part, cuts, tolerance, bar)
     about = {"source": part.name}
     ready = {p: section_file(sections, p.suffix, part.name, about, version) for p in outputs}
     for path, data in ready.items():

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from turnscan.cli._words import with_flags
 from turnscan.workflows import ExportOptions, ReconstructResult
 
 
@@ -19,10 +20,10 @@ def show_result(
     An error among the findings leaves only the report to be written.
     """
     for finding in result.findings:
-        click.echo(str(finding), err=True)
+        click.echo(with_flags(finding), err=True)
     if not result.failed:
         for remark in result.save(*outputs, options=formats):
-            click.echo(str(remark), err=True)
+            click.echo(with_flags(remark), err=True)
     for line in result.summary():
         click.echo(line)
     if report is not None:

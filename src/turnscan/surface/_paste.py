@@ -11,6 +11,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.findings import Finding
 from turnscan.points import Along, RangeGrid
+from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import Tears, mesh_grid, submesh, thin
 from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._zip import trimmed, zip_up
@@ -172,7 +173,7 @@ def long_islands(mesh: Mesh, smallest: int | None = None) -> list[Finding]:
             "perhaps a thin part of the object"
         )
         where = "({:.0f}, {:.0f}, {:.0f}) mm".format(*middle)
-        remedy = f"keep it with --island {size[piece]}"
+        remedy = Remedy("keep it with ", Option("island", int(size[piece])))
         out.append(Finding("surface.island-long", "warning", text, where, remedy))
     return out
 

@@ -81,7 +81,7 @@ def _target(text: str, paper: tuple[float, float]) -> Drawing:
 
 
 _HEAD = """\
-# What is known of this artefact; turnscan verify --artefact reads it. Lengths in millimetres.
+# What is known of this artefact, for turnscan verify. Lengths in millimetres.
 # The numbers below are those of the drawing. Measure each once (micrometer, calliper, or a
 # laboratory), write in what was found with its expanded uncertainty U (k = 2), and say under
 # "measured" who did it, when and with what. While that is empty, verify warns.

@@ -15,8 +15,9 @@ from turnscan.export import (
     write_section_pdf,
     write_section_svg,
 )
+from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Arc, Cut, FittedSection, fit_section, half_plane_cut, plane_cut
-from turnscan.surface import Mesh
+from turnscan.workflows._loading import Source, load
 
 SECTION_SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
 """What `section_file` can make."""
@@ -76,15 +77,22 @@ def _range(numbers: list[float], text: str) -> list[float]:
     return [start + k * step for k in range(int(count + 1e-9) + 1)]
 
 
-def section(mesh: Mesh, cuts: Sequence[Cut], tolerance: float | None = None) -> list[FittedSection]:
-    """Cut a mesh, and fit lines, arcs and splines to each section.
+def section(
+    source: Source,
+    cuts: Sequence[Cut],
+    tolerance: float | None = None,
+    progress: Progress = no_progress,
+) -> list[FittedSection]:
+    """Cut a surface, and fit lines, arcs and splines to each section.
 
+    ``source`` is a mesh, a mesh file, or a scan, which is reconstructed with its own settings.
     ``tolerance`` mm is what a misfit may be; without one, what the noise of the points allows.
     Raises InputError for a mesh without faces, a cut that misses it, and a tolerance that is not
-    positive.
+    positive; and what `turnscan.workflows.reconstruct` raises.
     """
     if tolerance is not None and not (tolerance > 0 and math.isfinite(tolerance)):
         raise InputError(f"tolerance {tolerance:g} mm", hint="give a positive length in mm")
+    mesh = load(source, progress=progress).mesh
     return [fit_section(mesh, cut, tolerance) for cut in cuts]
 
 

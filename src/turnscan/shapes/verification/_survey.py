@@ -59,7 +59,7 @@ def survey_of_grids(grids: Sequence[RangeGrid], rig: Rig) -> Survey:
         seen = np.full((len(step), 3), np.nan) if g.eyes is None else g.eyes[step]
         eyes.append(seen)
     if not sum(map(len, points)):
-        raise InputError("no points", hint="look at the scan with turnscan reconstruct --report")
+        raise InputError("no points", hint="reconstruct the scan with a report, and look at it")
     X, turn, of, eye = (np.concatenate(a) for a in (points, angles, laser, eyes))
 
     def moves(index: Index) -> Floats:
