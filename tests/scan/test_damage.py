@@ -131,25 +131,24 @@ def test_each_of_1000_flipped_bits_in_payloads_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.turnscan"
     write(path)
     rng = random.Random(8)
-    db = sqlite3.connect(path)
-    db.execute("PRAGMA synchronous = OFF")  # this test is not about the disk
-    whole = dict(db.execute("SELECT step, payload FROM frames"))
-    assert len(whole) == PLAN.steps
-    flips = found = 0
-    while flips < 1000:
-        for step, payload in whole.items():
-            altered = bytearray(payload)
-            altered[rng.randrange(len(altered))] ^= 1 << rng.randrange(8)
-            db.execute("UPDATE frames SET payload = ? WHERE step = ?", (bytes(altered), step))
-            flips += 1
+    with closing(sqlite3.connect(path)) as db:  # also where it fails, as the test after it wants
+        db.execute("PRAGMA synchronous = OFF")  # this test is not about the disk
+        whole = dict(db.execute("SELECT step, payload FROM frames"))
+        assert len(whole) == PLAN.steps
+        flips = found = 0
+        while flips < 1000:
+            for step, payload in whole.items():
+                altered = bytearray(payload)
+                altered[rng.randrange(len(altered))] ^= 1 << rng.randrange(8)
+                db.execute("UPDATE frames SET payload = ? WHERE step = ?", (bytes(altered), step))
+                flips += 1
+            db.commit()
+            with Scan.open(path) as scan:
+                found += sum(trouble is not None for _, trouble in scan.verify())
+        assert found == flips, f"{found} of {flips} found"
+        db.executemany("UPDATE frames SET payload = ? WHERE step = ?",
+                       [(payload, step) for step, payload in whole.items()])  # fmt: skip
         db.commit()
-        with Scan.open(path) as scan:
-            found += sum(trouble is not None for _, trouble in scan.verify())
-    assert found == flips, f"{found} of {flips} found"
-    db.executemany("UPDATE frames SET payload = ? WHERE step = ?",
-                   [(payload, step) for step, payload in whole.items()])  # fmt: skip
-    db.commit()
-    db.close()
     with Scan.open(path) as scan:
         assert not any(trouble for _, trouble in scan.verify())
 

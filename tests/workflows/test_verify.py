@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -121,13 +122,13 @@ def test_bad_input_is_one_line_and_nothing_is_written(room: Path, tmp_path: Path
     plate.write_bytes(export(part("plate").mesh, ".stl"))
     wrong = tmp_path / "wrong.toml"
     wrong.write_text(BAR.replace("= 30.0", "= -30.0"))
-    with sqlite3.connect(foreign) as db:
+    with closing(sqlite3.connect(foreign)) as db, db:
         db.execute("CREATE TABLE t (x)")
     verify([scan], bar, time=1.0, history=newer)
     shutil.copy(newer, damaged)
-    with sqlite3.connect(newer) as db:
+    with closing(sqlite3.connect(newer)) as db, db:
         db.execute("PRAGMA user_version = 2")
-    with sqlite3.connect(damaged) as db:
+    with closing(sqlite3.connect(damaged)) as db, db:
         db.execute("DROP TABLE figures")
     before = _files(tmp_path)
     cases = [
