@@ -17,22 +17,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from turnscan.devices import _guard
-from turnscan.devices._dialects import DIALECTS, darken
-from turnscan.devices._lines import shown
+from turnscan.devices._dialects import DIALECTS
+from turnscan.devices._lines import objection, shown
 from turnscan.devices._port_error import port_error
-from turnscan.devices._sentences import (
-    LOCKED,
-    door_open,
-    locked,
-    look_and_acknowledge,
-    lost_place,
-)
+from turnscan.devices._rescue import Rescue
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
     DeviceGarbled,
-    DeviceRefused,
-    DeviceRestarted,
     DeviceTimeout,
     LaserStateUnknown,
     LeaseEnded,
@@ -124,7 +116,7 @@ class GuardedLink:
         )  # fmt: skip
         self._bytes: queue.Queue[bytes] = queue.Queue(maxsize=4096)
         self._answers: dict[int, queue.SimpleQueue[tuple[int, bytes, bytes]]] = {}
-        self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=4)
+        self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=1)
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
         self._darks = self._darks_before = self._heard = 0
@@ -140,8 +132,7 @@ class GuardedLink:
         """Set once that, or a last dark, was not done in a second."""
         self._ended = threading.Event()
         """Set once the guard has ended and what follows from that is done."""
-        self._alone = threading.Lock()
-        self._rescuer: subprocess.Popen[bytes] | None = None
+        self._alone = Rescue(self.settings, self._start_rescuer, self._maybe_lit)
         self._guard = self._start(self.settings, subprocess.PIPE)
         self._listener = threading.Thread(target=self._listen, daemon=True, name="guard listener")
         self._listener.start()
@@ -157,6 +148,9 @@ class GuardedLink:
             [sys.executable, "-I", str(self._script), json.dumps(settings.__dict__)],
             stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True,
         )  # fmt: skip
+
+    def _start_rescuer(self) -> subprocess.Popen[bytes]:
+        return self._start(replace(self.settings, rescue=True), subprocess.DEVNULL)
 
     @property
     def guard_pid(self) -> int:
@@ -267,7 +261,7 @@ class GuardedLink:
 
     def _dark_by_guard(self) -> bytes:
         """The guard is at it already, as the port has gone. Raises LaserStateUnknown."""
-        end = time.monotonic() + self._longest_alone
+        end = time.monotonic() + self._alone.longest
         while self._maybe_lit.is_set() and not self._ended.is_set() and time.monotonic() < end:
             time.sleep(0.01)
         if self._maybe_lit.is_set():
@@ -376,32 +370,53 @@ class GuardedLink:
         return busy or self._maybe_lit.is_set()
 
     def _listen(self) -> None:
+        """Until the guard's output ends, and then what follows from that, whatever goes wrong."""
+        try:
+            self._take_all()
+        except Exception:  # noqa: BLE001 a guard that nobody understands any more is none
+            self._guard.kill()
+        try:
+            self._see_off()
+        except Exception as e:  # noqa: BLE001 whoever waits for the lasers must hear of it
+            self._failure = SafetyError(
+                f"{self.settings.port}: the laser guard has gone, and to step in for it failed: "
+                f"{type(e).__name__}: {e}", hint=CUT,
+            )  # fmt: skip
+        finally:
+            self._ended.set()
+            self._greeting(b"U", b"")
+
+    def _take_all(self) -> None:
         frames = _guard.Frames(b"RHAUPK")
         out: Any = self._guard.stdout
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.closing(out):
             while data := os.read(out.fileno(), 65536):
                 self._heard += 1
                 for kind, payload in frames.feed(data):
                     self._take(kind, payload)
-        out.close()
-        self._see_off()
-        self._ended.set()
+
+    def _greeting(self, kind: bytes, payload: bytes) -> None:
+        """The first is what `_greet` waits for; nobody wants another."""
         with contextlib.suppress(queue.Full):
-            self._hello.put_nowait((b"U", b""))
+            self._hello.put_nowait((kind, payload))
 
     def _see_off(self) -> None:
         """The guard has ended. Only its word 0 means dark; after any other it is done from here."""
-        try:
-            code = self._guard.wait(timeout=5.0)
-        except subprocess.TimeoutExpired:  # its output is closed, but it lives
-            self._guard.kill()
-            code = self._guard.wait(timeout=5.0)
+        code = self._last_code()
         if code == 0:
             self._maybe_lit.clear()
             if not self._closing.is_set():
                 self._failure = self._failure or self._died("has ended")
         elif self._maybe_lit.is_set() or not (self._closing.is_set() or self._failure):
             self._rescue()
+
+    def _last_code(self) -> int | None:
+        """With which the guard has ended; None where it cannot even be killed."""
+        for _ in range(2):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                return self._guard.wait(timeout=5.0)
+            self._guard.kill()  # its output is closed, but it lives
+        return None
 
     def _take(self, kind: bytes, payload: bytes) -> None:
         port = self.settings.port
@@ -411,21 +426,21 @@ class GuardedLink:
             except queue.Full:
                 self._failure = DeviceGarbled(f"{port}: talks without end")
         elif kind == b"H":
-            self._hello.put_nowait((kind, payload))
+            self._greeting(kind, payload)
         elif kind == b"U":
             word, _, text = payload.decode(errors="replace").partition(" ")
             if word == "gone" and self._maybe_lit.is_set():
                 self._gone.set()
             self._failure = self._failure or port_error(port, word, text)
-            self._hello.put_nowait((kind, payload))
+            self._greeting(kind, payload)
         elif kind == b"K":
             self._gone.set()
             self._keeps_trying.set()
         elif kind == b"A":
             seq, result, cut = struct.unpack_from("<IBH", payload)
             heard, said = payload[7 : 7 + cut], payload[7 + cut :]
-            if seq in self._answers:
-                self._answers[seq].put((result, heard, said))
+            if (answer := self._answers.get(seq)) is not None:
+                answer.put((result, heard, said))
             elif seq == 0:
                 self._by_itself(result, heard, said)
 
@@ -456,83 +471,10 @@ class GuardedLink:
             hint="start again",
         )
 
-    @property
-    def _longest_alone(self) -> float:
-        return 1.0 + 3 * self.settings.confirm
-
     def _dark_alone(self) -> bytes:
-        """Open the port ourselves and send the dark bytes.
-
-        Raises LaserStateUnknown; a guard of its own then goes on trying where a laser may be lit.
-        """
-        # One thread at a time: they would take the port away from each other.
-        if not self._alone.acquire(timeout=2 * self._longest_alone):
-            raise self._unknown(b"")
-        try:
-            heard = self._dark_by(time.monotonic() + self._longest_alone)
-        finally:
-            self._alone.release()
+        """Dark without the guard. Raises LaserStateUnknown; another one then goes on trying."""
+        sure, heard = self._alone.dark()
+        if not sure:
+            raise self._unknown(heard)
         self._maybe_lit.clear()
         return heard
-
-    def _dark_by(self, end: float) -> bytes:
-        s, heard = self.settings, b""
-        while time.monotonic() < end:
-            try:
-                with contextlib.closing(s.open()) as port:
-                    sure, heard = darken(
-                        DIALECTS[s.dialect].dark(s.outputs), port.write, _hearing(port), s.confirm
-                    )
-            except (OSError, ValueError):
-                time.sleep(0.02)
-                continue
-            if sure:
-                return heard
-        if self._maybe_lit.is_set() and (self._rescuer is None or self._rescuer.poll() is not None):
-            self._rescuer = self._start_rescuer()
-            threading.Thread(target=self._mind_rescuer, daemon=True, name="rescuer").start()
-        raise self._unknown(heard)
-
-    def _start_rescuer(self) -> subprocess.Popen[bytes]:
-        return self._start(replace(self.settings, rescue=True), subprocess.DEVNULL)
-
-    def _mind_rescuer(self) -> None:
-        """It goes on without this process; while this one lives, it is replaced if it is killed."""
-        while self._rescuer is not None:
-            code = self._rescuer.wait()
-            if code == 0:
-                self._maybe_lit.clear()
-            if code in (0, 4):
-                return
-            time.sleep(_guard.AGAIN)
-            self._rescuer = self._start_rescuer()
-
-
-def _hearing(port: Any) -> Any:
-    def hear(longest: float) -> bytes:
-        port.timeout = min(longest, 0.02)
-        data: bytes = port.read(port.in_waiting or 1)
-        return data
-
-    return hear
-
-
-def objection(port: str, heard: bytes) -> TurnscanError:
-    """The error that a board's words amount to."""
-    if not heard.strip():
-        return DeviceTimeout(f"{port}: no answer to a laser command")
-    if b"Door" in heard:
-        return door_open(port)
-    if b"ALARM" in heard:
-        return DeviceAlarm(f"{port}: {shown(heard)}", hint=look_and_acknowledge(port))
-    if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:
-        return DeviceRestarted(
-            f"{port}: the board restarted ({shown(heard)})",
-            hint=lost_place(port),
-        )
-    for said in LOCKED:
-        if said.encode() in heard.splitlines():
-            return locked(port, said)
-    if b"error" in heard:
-        return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")
-    return DeviceGarbled(f"{port}: answered a laser command with {shown(heard)}")
