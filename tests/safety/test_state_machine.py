@@ -132,8 +132,8 @@ DEFECTS: dict[str, Callable[[], Any]] = {
         "kind + payload))\n        self.leave()", "kind + payload))\n        self._lit = False"
     ),
     "a guard whose last word is no dark": _guard_mutant(
-        "            if self._port is not None:\n                self._dark(0, DONE, tries=1",
-        "            if False:\n                self._dark(0, DONE, tries=1",
+        "self._port is not None:\n                    self._dark(0, DONE, tries=1",
+        "False:\n                    self._dark(0, DONE, tries=1",
     ),
     "a link that leaves a guard that hangs": _link_mutant("if silent >= most:", "if False:"),
     "a link that does not step in": _link_mutant(

@@ -7,9 +7,11 @@ instrument, PyVISA).
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import re
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -211,6 +213,17 @@ class LineFilter:
             raise ValueError(f"not a line of {d.name} that may pass")
 
 
+@contextlib.contextmanager
+def foreign_as_oserror() -> Iterator[None]:
+    """What a port raises that hangs up meanwhile, such as ``termios.error``, is an OSError here."""
+    try:
+        yield
+    except (OSError, ValueError):
+        raise
+    except Exception as e:
+        raise OSError(errno.EIO, f"{type(e).__name__}: {e}") from e
+
+
 def open_port(path: str, baud: int, dtr: bool, library: str = "") -> Any:
     """Open a serial port for us alone, DTR and RTS as told; raises OSError.
 
@@ -224,7 +237,8 @@ def open_port(path: str, baud: int, dtr: bool, library: str = "") -> Any:
 
     port = serial.Serial(timeout=0.05, write_timeout=0.05, exclusive=True)
     port.port, port.baudrate, port.dtr, port.rts = path, baud, dtr, dtr
-    port.open()
+    with foreign_as_oserror():
+        port.open()
     return port
 
 

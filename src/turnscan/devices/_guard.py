@@ -36,7 +36,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from turnscan.devices._dialects import DIALECTS, LineFilter, darken, open_port
+from turnscan.devices._dialects import (
+    DIALECTS,
+    LineFilter,
+    darken,
+    foreign_as_oserror,
+    open_port,
+)
 
 DONE, UNKNOWN, FAILED, LAPSED = 0, 1, 2, 3
 """Results in an A frame: as asked; dark was not confirmed; the board objected and it is dark;
@@ -183,16 +189,19 @@ class Guard:
     def last_word(self) -> int:
         """Dark once more before the end, over a port opened anew where the old one is gone.
 
-        A laser that may be lit keeps it here until dark is confirmed, for `keep_trying` s.
+        A laser that may be lit keeps it here until dark is confirmed, for `keep_trying` s, whatever
+        goes wrong meanwhile.
         """
         begin, terms, told = time.monotonic(), self._terms, False
         end = begin + (max(self._set.keep_trying, _SOON) if self._maybe else _SOON)
         while True:
-            if self._port is None and not self._sure:
-                with contextlib.suppress(OSError, ValueError):
+            try:
+                if self._port is None and not self._sure:
                     self._open()
-            if self._port is not None:
-                self._dark(0, DONE, tries=1 if told or not self._maybe else 3)
+                if self._port is not None:
+                    self._dark(0, DONE, tries=1 if told or not self._maybe else 3)
+            except Exception:  # noqa: BLE001 a port that hangs up meanwhile raises all kinds
+                self._sure = False
             now = time.monotonic()
             if self._sure or now >= end or self._terms > terms:
                 break
@@ -387,7 +396,7 @@ class Guard:
 
     def _darken(self) -> tuple[bool, bytes]:
         """Once through the dark bytes; what still waited to be sent is thrown away first."""
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ValueError), foreign_as_oserror():
             if self._port is not None:
                 self._port.reset_output_buffer()
         self._filter.clear()
@@ -395,7 +404,8 @@ class Guard:
         return darken(steps, self._send, self._hear, self._set.confirm)
 
     def _send(self, data: bytes) -> None:
-        with contextlib.suppress(OSError):  # a full buffer shows as silence, a lost port by itself
+        # A full buffer shows as silence, a lost port by itself.
+        with contextlib.suppress(OSError, ValueError), foreign_as_oserror():
             if self._port is not None:
                 self._port.write(data)
 
@@ -437,14 +447,15 @@ class Guard:
 
     def _listen_port(self, port: Any) -> None:
         try:
-            while self._port is port:
-                if data := port.read(port.in_waiting or 1):
-                    self._events.put(("port", data))
-        except (OSError, TypeError, ValueError) as e:
+            with foreign_as_oserror():
+                while self._port is port:
+                    if data := port.read(port.in_waiting or 1):
+                        self._events.put(("port", data))
+        except (OSError, ValueError) as e:
             self._port = None
             self._tell(b"U", b"gone " + str(e).encode()[:200])
             self._events.put(("end", b""))
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ValueError), foreign_as_oserror():
             port.close()
 
     def _answer(self, seq: int, result: int, objection: bytes, said: bytes) -> None:
