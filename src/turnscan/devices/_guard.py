@@ -28,6 +28,7 @@ import queue
 import re
 import signal
 import socket
+import stat
 import struct
 import threading
 import time
@@ -119,6 +120,8 @@ class Settings:
     """s, see `KEEP_TRYING`."""
     rescue: bool = False
     """Whether it takes over from a guard that died: a laser may be lit, and nobody gives orders."""
+    scanner: int = 0
+    """Its process id."""
 
     def open(self) -> Any:
         """The port. Raises OSError and ValueError."""
@@ -134,6 +137,8 @@ class Guard:
         self._events: queue.Queue[tuple[str, bytes]] = queue.Queue(maxsize=4096)
         self._later: list[bytes] = []
         self._out: queue.Queue[bytes] = queue.Queue(maxsize=4096)
+        self._words: queue.Queue[bytes] = queue.Queue(maxsize=64)
+        """For the person."""
         self._port: Any = None
         self._reader: threading.Thread | None = None
         self._filter = LineFilter(self._dialect)
@@ -153,7 +158,8 @@ class Guard:
 
     def run(self) -> int:
         """Serve until told or forced to end; 0 dark for certain, 4 not, 3 no port."""
-        threading.Thread(target=self._speak, daemon=True).start()
+        threading.Thread(target=self._speak, args=(1, self._out), daemon=True).start()
+        threading.Thread(target=self._speak, args=(2, self._words), daemon=True).start()
         if self._set.rescue:
             return self.last_word()
         try:
@@ -235,6 +241,7 @@ class Guard:
         pause = REOPEN if self._port is None else AGAIN
         if keeps_trying:
             self._let_go()
+            self._keep_nobody_waiting()
         end = time.monotonic() + (pause if keeps_trying else 0.02)
         while (left := end - time.monotonic()) > 0:
             self._hear(left)
@@ -468,29 +475,32 @@ class Guard:
         with contextlib.suppress(queue.Full):  # a stopped scanner must never hold up its guard
             self._out.put_nowait(pack(kind, payload[:LONGEST_FRAME]))
 
-    def _speak(self) -> None:
+    def _speak(self, file: int, what: queue.Queue[bytes]) -> None:
+        """A thread of its own, as nobody may be reading."""
         with contextlib.suppress(OSError):
             while True:
-                os.write(1, self._out.get())
-                self._out.task_done()
+                os.write(file, what.get())
+                what.task_done()
 
     def _flush(self) -> None:
-        end = time.monotonic() + 0.2
-        while self._out.unfinished_tasks and time.monotonic() < end:
-            time.sleep(0.001)
+        """What was said is out before the end, if anybody reads it."""
+        now = time.monotonic()
+        for what, patience in ((self._out, 0.2), (self._words, 0.5)):
+            while what.unfinished_tasks and time.monotonic() < now + patience:
+                time.sleep(0.001)
 
     def _say(self, text: str) -> None:
-        """To the person, whose program may have ended; by a thread, as nobody may be reading."""
-        line = f"turnscan: {self._set.port}: {text}\n".encode()
-        threading.Thread(target=_say_and_let_go, args=(line,), daemon=True).start()
+        """To the person, whose program may have ended."""
+        with contextlib.suppress(queue.Full):
+            self._words.put_nowait(f"turnscan: {self._set.port}: {text}\n".encode())
 
-
-def _say_and_let_go(line: bytes) -> None:
-    """Who waits for the end of the scanner's messages must not wait for this process."""
-    with contextlib.suppress(OSError):
-        os.write(2, line)
-        if not os.isatty(2):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+    def _keep_nobody_waiting(self) -> None:
+        """Let go of a pipe once the scanner has ended: who reads it waits for all that hold it."""
+        with contextlib.suppress(OSError):
+            if os.getppid() != self._set.scanner and not self._words.unfinished_tasks:
+                mode = os.fstat(2).st_mode
+                if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
+                    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
 def _busy(error: Exception) -> bool:

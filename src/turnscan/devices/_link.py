@@ -144,8 +144,9 @@ class GuardedLink:
             raise
 
     def _start(self, settings: _guard.Settings, pipe: int) -> subprocess.Popen[bytes]:
+        given = {**settings.__dict__, "scanner": os.getpid()}
         return subprocess.Popen(  # noqa: S603 (our own script, no shell)
-            [sys.executable, "-I", str(self._script), json.dumps(settings.__dict__)],
+            [sys.executable, "-I", str(self._script), json.dumps(given)],
             stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True,
         )  # fmt: skip
 
