@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+import signal
+import struct
 import subprocess
 import termios
 import time
@@ -20,6 +22,7 @@ from tests.safety.faults import _pulled, dark_since, lit, until
 from turnscan.devices import _guard, _link
 from turnscan.devices._dialects import foreign_as_oserror, open_port
 from turnscan.devices._discover import probe_port
+from turnscan.devices._guard import LAPSED
 from turnscan.devices._link import GuardedLink
 from turnscan.errors import LaserStateUnknown, SafetyError, TurnscanError
 from turnscan.simulate.controllers import Socket
@@ -202,3 +205,43 @@ def test_another_guard_that_does_not_start_is_tried_again(
         until(Path(socket.path).exists)
         assert dark_since(socket, time.monotonic(), 20.0).seconds < 10.0
         until(lambda: not device._link._maybe_lit.is_set())
+
+
+# What the link knows of its lasers, whichever frames cross
+
+
+def by_itself(link: Any, result: int) -> None:
+    """The guard tells of a dark that nobody had asked for."""
+    link._take(b"A", struct.pack("<IBH", 0, result, 0))
+
+
+def test_a_lapse_that_crosses_an_order_to_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is lit counts as lit, so that a guard that hangs is found."""
+    with lit("sardauscan") as (device, socket):
+        link = device._link
+        real = link._frame
+
+        def crossed(kind: bytes, payload: bytes = b"") -> None:
+            if kind == b"L":
+                by_itself(link, LAPSED)
+                assert link._maybe_lit.is_set()
+            real(kind, payload)
+
+        monkeypatch.setattr(link, "_frame", crossed)
+        device.light(frozenset({"right"}), 2.0)
+        assert socket.firmware.lit == {"1"}
+        assert link._maybe_lit.is_set()
+        os.kill(link.guard_pid, signal.SIGSTOP)
+        assert dark_since(socket, time.monotonic(), 20.0).seconds < 15.0
+
+
+def test_a_lapse_after_an_order_to_light() -> None:
+    with lit("sardauscan") as (device, _):
+        link = device._link
+        by_itself(link, LAPSED)
+        assert not link._maybe_lit.is_set()
+        link._lapsed = False
+        device.light(frozenset({"left"}), 2.0)
+        assert link._maybe_lit.is_set()
+        device.off()
+        assert not link._maybe_lit.is_set()

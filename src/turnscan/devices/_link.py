@@ -88,6 +88,14 @@ class Link(Protocol):
         ...
 
 
+class _Answer:
+    """One that is due."""
+
+    def __init__(self, kind: bytes, payload: bytes) -> None:
+        self.lights = kind == b"L" and payload[-1:] != b"\0"
+        self.came: queue.SimpleQueue[tuple[int, bytes, bytes]] = queue.SimpleQueue()
+
+
 class GuardedLink:
     """A serial port owned by a `turnscan.devices._guard` process of its own.
 
@@ -115,7 +123,7 @@ class GuardedLink:
             d.connect, min(d.acknowledge, 0.6), library, d.keep_trying,
         )  # fmt: skip
         self._bytes: queue.Queue[bytes] = queue.Queue(maxsize=4096)
-        self._answers: dict[int, queue.SimpleQueue[tuple[int, bytes, bytes]]] = {}
+        self._answers: dict[int, _Answer] = {}
         self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=1)
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
@@ -222,16 +230,11 @@ class GuardedLink:
                 f"{self.settings.port}: a laser's lease ran out while it was needed",
                 hint="nothing that was waited for came in time: look at the camera",
             )
-        if mask:
-            self._maybe_lit.set()
         result, heard, said = self._ask(b"L", struct.pack("<dB", lease, mask))
         if result == _guard.DONE:
-            if not mask:
-                self._maybe_lit.clear()
             return
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
-        self._maybe_lit.clear()
         # What follows is the guard's own dark, but a message that was split may end there.
         door = b"Door" in said or b"ALARM" in said
         raise objection(self.settings.port, heard + said if door else heard)
@@ -256,7 +259,6 @@ class GuardedLink:
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
         self._drain()
-        self._maybe_lit.clear()
         self._lapsed, self._barred = False, None
         return heard
 
@@ -337,13 +339,15 @@ class GuardedLink:
 
     def _ask(self, kind: bytes, payload: bytes) -> tuple[int, bytes, bytes]:
         seq = next(self._numbers)
-        answer = self._answers[seq] = queue.SimpleQueue()
+        answer = self._answers[seq] = _Answer(kind, payload)
+        if answer.lights:
+            self._maybe_lit.set()
         try:
             self._frame(kind, struct.pack("<I", seq) + payload)
             end = time.monotonic() + _LONGEST_ANSWER
             while time.monotonic() < end:
                 try:
-                    return answer.get(timeout=0.05)
+                    return answer.came.get(timeout=0.05)
                 except queue.Empty:
                     self._check()
             raise SafetyError(f"{self.settings.port}: the laser guard does not answer", hint=CUT)
@@ -441,9 +445,22 @@ class GuardedLink:
             seq, result, cut = struct.unpack_from("<IBH", payload)
             heard, said = payload[7 : 7 + cut], payload[7 + cut :]
             if (answer := self._answers.get(seq)) is not None:
-                answer.put((result, heard, said))
+                self._note(answer, result)
+                answer.came.put((result, heard, said))
             elif seq == 0:
                 self._by_itself(result, heard, said)
+
+    def _note(self, answer: _Answer | None, result: int) -> None:
+        """Whether a laser may be lit, frame by frame in the guard's order.
+
+        An order to light that it has not answered yet may come after a dark that it tells of.
+        """
+        if result == _guard.DONE and answer is not None and answer.lights:
+            self._maybe_lit.set()
+        elif result != _guard.UNKNOWN:
+            orders = [a for a in list(self._answers.values()) if a.lights and a is not answer]
+            if not orders:
+                self._maybe_lit.clear()
 
     def _by_itself(self, result: int, heard: bytes, said: bytes) -> None:
         """The guard went dark without being asked."""
@@ -454,8 +471,7 @@ class GuardedLink:
             self._lapsed = True
         if result == _guard.UNKNOWN:
             self._failure = self._failure or self._unknown(said)
-        else:
-            self._maybe_lit.clear()
+        self._note(None, result)
 
     def _rescue(self) -> None:
         """Dark without the guard, at once, then nothing more over this link."""
