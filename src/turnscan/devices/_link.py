@@ -60,6 +60,13 @@ class Deadlines:
     """To get a dark confirmed once everything else has ended."""
 
 
+class Interrupted(DeviceAlarm):
+    """A command was broken off, as lasers were switched off meanwhile; nothing is wrong."""
+
+    def __init__(self, port: str) -> None:
+        super().__init__(f"{port}: interrupted, lasers were switched off")
+
+
 class Link(Protocol):
     """Bytes in, bytes out, and the two things that only a guard may do."""
 
@@ -92,6 +99,7 @@ class _Answer:
     """One that is due."""
 
     def __init__(self, kind: bytes, payload: bytes) -> None:
+        self.dark = kind == b"D"
         self.lights = kind == b"L" and payload[-1:] != b"\0"
         self.came: queue.SimpleQueue[tuple[int, bytes, bytes]] = queue.SimpleQueue()
 
@@ -195,20 +203,21 @@ class GuardedLink:
     def write(self, data: bytes) -> None:
         """Send. Raises DeviceDisconnected, SafetyError where the guard has ended."""
         self._check_barred()
-        self._darks_before = self._darks
+        if data != b"!":  # it may come from another thread than the one that waits for an answer
+            self._darks_before = self._darks
         for at in range(0, len(data), _PART):
             self._frame(b"W", data[at : at + _PART])
 
     def read(self, timeout: float) -> bytes:
         """What has come since.
 
-        Who waits for the answer to a `write` meets DeviceAlarm where a dark fell in between.
+        Who waits for the answer to a `write` meets Interrupted where a dark fell in between.
         """
         end = time.monotonic() + timeout
         while True:
             self._check()
             if timeout > 0.0 and self._darks != self._darks_before:
-                raise DeviceAlarm(f"{self.settings.port}: interrupted, lasers were switched off")
+                raise Interrupted(self.settings.port)
             self._check_barred()
             left = end - time.monotonic()
             try:
@@ -222,6 +231,7 @@ class GuardedLink:
 
     def light(self, mask: int, lease: float) -> None:
         """See `Link`. Raises the named error of what the board answered instead, lasers dark."""
+        darks = self._darks
         self._check()
         self._check_barred()
         lapsed, self._lapsed = self._lapsed, False
@@ -237,6 +247,8 @@ class GuardedLink:
             raise self._unknown(heard)
         # What follows is the guard's own dark, but a message that was split may end there.
         door = b"Door" in said or b"ALARM" in said
+        if self._darks != darks and not (door or b"Door" in heard or b"ALARM" in heard):
+            raise Interrupted(self.settings.port)
         raise objection(self.settings.port, heard + said if door else heard)
 
     def renew(self, lease: float) -> None:
@@ -258,7 +270,6 @@ class GuardedLink:
             return self._dark_alone()
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
-        self._drain()
         self._lapsed, self._barred = False, None
         return heard
 
@@ -446,6 +457,8 @@ class GuardedLink:
             heard, said = payload[7 : 7 + cut], payload[7 + cut :]
             if (answer := self._answers.get(seq)) is not None:
                 self._note(answer, result)
+                if answer.dark:
+                    self._drain()  # here, as what comes next may answer another thread's command
                 answer.came.put((result, heard, said))
             elif seq == 0:
                 self._by_itself(result, heard, said)
@@ -467,6 +480,7 @@ class GuardedLink:
         if result == _guard.FAILED:
             self._barred = objection(self.settings.port, heard)
             return
+        self._darks += 1  # the answer to what was under way is lost
         if result == _guard.LAPSED:
             self._lapsed = True
         if result == _guard.UNKNOWN:
