@@ -53,7 +53,12 @@ OFF = {
     "grbl": [b"\x18", b"M5\n", b"M9\n"],
     "horus": [b"\x18\r\n", b"M70T1\r\n", b"M70T2\r\n"],
     "fabscan": [b"\nM22\n", b"M20\n", b"M22\n", b"M20\n"],
-    "sardauscan": [b"\rL 0 0\r", *[b"L %d 0\r" % i for i in (1, 2, 3, 0, 1, 2, 3)]],
+    "sardauscan": [
+        b"\rL 1 0\r",
+        *[b"L %d 0\r" % i for i in (0, 2, 3)],
+        b"\r" * 24 + b"L 1 0\r",
+        *[b"L %d 0\r" % i for i in (0, 2, 3)],
+    ],
 }
 
 

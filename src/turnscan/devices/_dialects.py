@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 
 _MOST_HEARD = 4096
+_LONGEST_LOSS = 24
+"""Bytes on the way to a board that may get lost in one stretch without lighting anything."""
 _LONGEST_LINE = 64
 """Bytes; below what any of the firmwares takes without cutting it."""
 
@@ -107,8 +109,11 @@ def _fabscan_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
 
 
 def _sardauscan_dark(outputs: tuple[str, ...]) -> list[Exchange]:
-    once = [_x(f"L {i} 0\r", rf"SET_LASER: {i}\(-?\d+\) = (?:0|-1)\r\n") for i in range(4)]
-    return [Exchange(b"\r" + once[0].send, once[0].confirm), *once[1:], *once]
+    # Where a stretch gets lost, two lines become one: "L 0 " and "1 0" would light laser 0. So its
+    # line is the first, and stands far behind the others when all of them are sent again.
+    once = [_x(f"L {i} 0\r", rf"SET_LASER: {i}\(-?\d+\) = (?:0|-1)\r\n") for i in (1, 0, 2, 3)]
+    again = Exchange(b"\r" * _LONGEST_LOSS + once[0].send, once[0].confirm)
+    return [Exchange(b"\r" + once[0].send, once[0].confirm), *once[1:], again, *once[1:]]
 
 
 def _sardauscan_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
