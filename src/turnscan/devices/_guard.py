@@ -22,6 +22,7 @@ dialect's list is refused.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import queue
@@ -504,7 +505,7 @@ class Guard:
 
 
 def _busy(error: Exception) -> bool:
-    return "lock" in str(error).lower() or getattr(error, "errno", 0) in (11, 16)
+    return getattr(error, "errno", 0) in (errno.EAGAIN, errno.EBUSY)
 
 
 def _own_signals(guard: Guard) -> None:
