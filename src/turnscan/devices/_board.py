@@ -194,6 +194,7 @@ class Board(ABC):
             self._end_hold()
             self._lines.clear()
             self._unlock()
+            self._claim()
             self._zero()
             self._lost, self._unsettled, self._remembers = None, False, True
             self._note(replace(self._left, fresh=False))
@@ -403,6 +404,7 @@ class Board(ABC):
         self._before_move()
         if self._unsettled:  # a reset came since, and with it the board counts from elsewhere
             raise Interrupted(self.setup.port)
+        self._claim()
         self._note(replace(self._left, target=there, sent=False, fresh=False))
         try:
             self._go(there, end)
@@ -434,6 +436,10 @@ class Board(ABC):
         self._left = left
         if self._ledger is not None:
             self._ledger.write(left)
+
+    def _claim(self) -> None:
+        if self._ledger is not None:
+            self._ledger.claim()
 
     def _found(self, count: int | None, *, locked: bool = False) -> None:
         """Connected: where the table stands by the board's own count and by what was noted.
