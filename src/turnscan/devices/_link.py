@@ -189,7 +189,8 @@ class GuardedLink:
             raise DeviceTimeout(
                 f"{port}: silent, no {dialect} board answered within "
                 f"{min(self._d.connect, _guard.QUIET):g} s",
-                hint="look at cable, power and baud rate",
+                hint="look at cable, power and baud rate; a laser that was lit before may still "
+                "be: cut its power",
             )
         if not DIALECTS[dialect].banner.search(said):
             raise DeviceGarbled(
