@@ -373,18 +373,17 @@ def _unplug(powered: bool) -> Fault:
 
 def _loose(bench: Bench) -> None:
     """The cable comes loose again and again, mostly soon after the port was opened."""
-    world, at = bench.world, 0.0
-    for _ in range(8):
-        world.at(at, lambda: world.unplug(powered=True))
-        world.at(at + 0.1, world.plug)
-        at += bench.random.choice([0.3, 0.5, 1.0])
+    world, every = bench.world, bench.random.choice([0.3, 0.5, 1.0])
+    for k in range(8):
+        world.at(k * every, lambda: world.unplug(powered=True))
+        world.at(k * every + 0.1, world.plug)
 
 
 def _hang_up(bench: Bench) -> None:
     """The cable comes loose, and then the port hangs up while it is opened."""
+    bench.world.foreign = bench.random.choice([1, 3, 10])
     bench.world.unplug(powered=True)
     bench.world.at(0.3, bench.world.plug)
-    bench.world.foreign = bench.random.choice([1, 3, 10])
 
 
 def _reset(how: str) -> Fault:
@@ -527,8 +526,7 @@ class Machine(RuleBasedStateMachine):
     @rule(which=st.integers(0, 99), at=st.integers(0, 20), noise=st.binary(max_size=3))
     def hidden(self, which: int, at: int, noise: bytes) -> None:
         """The scanner's program sends a line that lights a laser, in disguise."""
-        lines = HIDDEN[self._b.dialect]
-        line = lines[which % len(lines)]
+        line = (lines := HIDDEN[self._b.dialect])[which % len(lines)]
         self._b.fault("hidden line")
         self._b.slip(line[:at] + noise + line[at:])
         self._pass(0.1)
