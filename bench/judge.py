@@ -284,6 +284,7 @@ class Bench:
         w = self.world
         w.plug()
         w.cable.mend()
+        w.foreign = 0
         for process in w.processes:
             process.stopped = False
         if self.work is not None and self.work.held and self.scanner is not None:
@@ -370,6 +371,21 @@ def _unplug(powered: bool) -> Fault:
     return fault
 
 
+def _loose(bench: Bench) -> None:
+    """The cable comes loose again and again, mostly soon after the port was opened."""
+    world, every = bench.world, bench.random.choice([0.3, 0.5, 1.0])
+    for k in range(8):
+        world.at(k * every, lambda: world.unplug(powered=True))
+        world.at(k * every + 0.1, world.plug)
+
+
+def _hang_up(bench: Bench) -> None:
+    """The cable comes loose, and then the port hangs up while it is opened."""
+    bench.world.foreign = bench.random.choice([1, 3, 10])
+    bench.world.unplug(powered=True)
+    bench.world.at(0.3, bench.world.plug)
+
+
 def _reset(how: str) -> Fault:
     def fault(bench: Bench) -> None:
         if how == "watchdog":
@@ -428,6 +444,7 @@ FAULTS: dict[str, Fault] = {
     **{f"scanner's thread: {h}": _to_scanner(h) for h in ("hang", "go on with the work")},
     **{f"guard: {h}": _to_guard(h) for h in ("kill", "stop", "go on", "terminate")},
     "unplugged, power kept": _unplug(True), "unplugged, power lost": _unplug(False),
+    "unplugged again and again": _loose, "hangs up while it is opened": _hang_up,
     "board deaf": lambda b: b.world.board.deafen(b.random.choice([0.2, 1.0, 3.0, 10.0, 30.0])),
     **{h: _reset(h) for h in ("brown-out", "silent reset", "watchdog")},
     **{h: _interlock(h) for h in ("door", "door, split", "alarm")},
@@ -509,8 +526,7 @@ class Machine(RuleBasedStateMachine):
     @rule(which=st.integers(0, 99), at=st.integers(0, 20), noise=st.binary(max_size=3))
     def hidden(self, which: int, at: int, noise: bytes) -> None:
         """The scanner's program sends a line that lights a laser, in disguise."""
-        lines = HIDDEN[self._b.dialect]
-        line = lines[which % len(lines)]
+        line = (lines := HIDDEN[self._b.dialect])[which % len(lines)]
         self._b.fault("hidden line")
         self._b.slip(line[:at] + noise + line[at:])
         self._pass(0.1)

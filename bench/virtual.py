@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import heapq
 import sys
+import termios
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from random import Random
@@ -200,8 +201,10 @@ class Port:
         return data
 
     def reset_output_buffer(self) -> None:
-        """Everything sent has left already."""
-        self._check()
+        """Everything sent has left already. Raises what pyserial lets through."""
+        self._world.check()
+        if self._gone:
+            raise termios.error(5, "Input/output error")
 
     def close(self) -> None:
         """Another may open it."""
@@ -231,6 +234,8 @@ class World:
         self._begin = self.now
         self.plugged, self.plugging, self.powered = True, 0, True
         self.owner: Port | None = None
+        self.foreign = 0
+        """How often the port hangs up while it is opened."""
         self.heard = bytearray()
         self.watch: Callable[[float], None] = lambda passed: None
         """Called with each span of time before it passes; nothing changes within it."""
@@ -349,6 +354,10 @@ class World:
             raise OSError(2, f"[Errno 2] could not open port {path}: no such file")
         if self.owner is not None:
             raise OSError(11, "Could not exclusively lock port: [Errno 11]")
+        if self.foreign:
+            self.foreign -= 1
+            with _dialects.foreign_as_oserror():
+                raise termios.error(5, "Input/output error")
         self.owner = Port(self)
         return self.owner
 

@@ -227,3 +227,10 @@ def test_a_sardauscan_that_restarts_while_lit_says_so() -> None:
         with pytest.raises(DeviceRestarted, match="the board restarted"):
             device.light(frozenset(), 2.0)
         device.close()
+
+
+def test_a_port_with_lock_in_its_name_is_not_in_use() -> None:
+    path = "/dev/serial/by-id/usb-Clockwork_Board-if00"
+    with pytest.raises(DeviceNotFound, match="no such port"):
+        board(f"grbl:{path}", deadlines=QUICK)
+    assert "in use" not in probe_port(path).why_not

@@ -51,12 +51,12 @@ from turnscan.simulate.controllers import (
 
 OURS = (
     "_board", "_dialects", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard", "_horus",
-    "_lines", "_link", "_lit", "_manual", "_registry", "_sardauscan", "_sentences", "_steps",
-    "_visa",
+    "_lines", "_link", "_lit", "_manual", "_registry", "_rescue", "_sardauscan", "_sentences",
+    "_steps", "_visa",
 )  # fmt: skip
 ENDLESS = {
     ("_guard", "_speak"): "a thread of its own that only speaks",
-    ("_link", "_mind_rescuer"): "a thread of its own; the process it minds ends by itself",
+    ("_rescue", "_mind"): "a thread of its own; the process it minds ends by itself",
 }
 """Waits that may be without end, and why."""
 

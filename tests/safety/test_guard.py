@@ -27,7 +27,8 @@ from tests.safety.faults import DIALECTS, SCALE, firmware, until
 from turnscan.devices import _lit, alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._guard import LONGEST_FRAME, LONGEST_LEASE, UNKNOWN, Frames, pack
-from turnscan.devices._link import Deadlines, GuardedLink, objection
+from turnscan.devices._lines import objection
+from turnscan.devices._link import Deadlines, GuardedLink
 from turnscan.devices._registry import board
 from turnscan.errors import (
     DeviceAlarm,
@@ -52,7 +53,12 @@ OFF = {
     "grbl": [b"\x18", b"M5\n", b"M9\n"],
     "horus": [b"\x18\r\n", b"M70T1\r\n", b"M70T2\r\n"],
     "fabscan": [b"\nM22\n", b"M20\n", b"M22\n", b"M20\n"],
-    "sardauscan": [b"\rL 0 0\r", *[b"L %d 0\r" % i for i in (1, 2, 3, 0, 1, 2, 3)]],
+    "sardauscan": [
+        b"\rL 1 0\r",
+        *[b"L %d 0\r" % i for i in (0, 2, 3)],
+        b"\r" * 24 + b"L 1 0\r",
+        *[b"L %d 0\r" % i for i in (0, 2, 3)],
+    ],
 }
 
 
@@ -486,6 +492,7 @@ def test_what_a_guard_did_unasked_passes_as_the_links_failure(
     link = GuardedLink.__new__(GuardedLink)
     link.settings = SimpleNamespace(port="/dev/ttyX")  # type: ignore[assignment]
     link._maybe_lit, link._closing = threading.Event(), threading.Event()
+    link._darks, link._answers = 0, {}
     link._failure = earlier
     link._by_itself(UNKNOWN, b"", b"")
     assert link._failure is earlier if earlier else isinstance(link._failure, LaserStateUnknown)

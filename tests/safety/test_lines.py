@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.devices.boards import OUTPUTS
 from tests.safety.faults import DIALECTS, firmware
 from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._dialects import LineFilter
@@ -114,3 +115,17 @@ def test_a_filter_that_lets_all_pass_is_found(monkeypatch: pytest.MonkeyPatch) -
     for dialect in DIALECTS:
         with pytest.raises(AssertionError):
             test(dialect)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_no_stretch_of_the_dark_bytes_that_gets_lost_lights_a_laser(dialect: str) -> None:
+    steps = TABLE[dialect].dark(OUTPUTS[dialect])
+    stream = b"".join(step.send for step in steps)
+    for begin in range(len(stream)):
+        for end in range(begin + 1, min(begin + 24, len(stream)) + 1):
+            board = firmware(dialect)
+            board.power_on()
+            board.run(10.0)
+            board.feed(stream[:begin] + stream[end:])
+            board.run(20.0)
+            assert not any(entry.outputs for entry in board.log), stream[begin:end]

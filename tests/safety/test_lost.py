@@ -21,7 +21,13 @@ from tests.safety.faults import QUICK, dark_since, firmware, lit, until
 from turnscan.devices import _steady
 from turnscan.devices._link import GuardedLink
 from turnscan.devices._registry import board
-from turnscan.errors import DeviceAlarm, InterlockOpen, LaserStateUnknown, TurnscanError
+from turnscan.errors import (
+    DeviceAlarm,
+    DeviceTimeout,
+    InterlockOpen,
+    LaserStateUnknown,
+    TurnscanError,
+)
 from turnscan.simulate.controllers import Socket
 
 Mutant = Callable[[str, str], Path]
@@ -100,6 +106,18 @@ def test_the_person_is_told_and_the_guard_goes_on_after_the_scanner_has_ended() 
         assert dark_since(socket, begin, 6.0).seconds < 2.5
         # Without a port it would go on for ten minutes.
         assert no_guard_left([socket.path])
+
+
+def test_a_silent_board_may_be_lit_from_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scanner and guard were killed together, and the board hears nothing."""
+    with lit("grbl") as (device, socket):
+        socket.firmware._deaf_until = math.inf
+        monkeypatch.setattr(GuardedLink, "_rescue", lambda self: None)
+        os.kill(device._link.guard_pid, signal.SIGKILL)
+        until(device._link._ended.is_set)
+        with pytest.raises(DeviceTimeout, match="may still be: cut its power"):
+            board(f"grbl:{socket.path}", deadlines=QUICK)
+        assert socket.firmware.lit
 
 
 def test_a_guard_that_keeps_trying_gives_way_to_the_next_scan() -> None:

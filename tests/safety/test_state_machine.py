@@ -19,7 +19,7 @@ import pytest
 from bench.judge import CONFIRM, FAULTS, Bench, Violation, explore, firmware
 from bench.virtual import Pipe, Process, World
 
-from turnscan.devices import _dialects, _guard, _link, _lit
+from turnscan.devices import _dialects, _guard, _link, _lit, _rescue
 from turnscan.devices._guard import LONGEST_LEASE
 from turnscan.errors import TurnscanError
 
@@ -132,8 +132,8 @@ DEFECTS: dict[str, Callable[[], Any]] = {
         "kind + payload))\n        self.leave()", "kind + payload))\n        self._lit = False"
     ),
     "a guard whose last word is no dark": _guard_mutant(
-        "            if self._port is not None:\n                self._dark(0, DONE, tries=1",
-        "            if False:\n                self._dark(0, DONE, tries=1",
+        "self._port is not None:\n                    self._dark(0, DONE, tries=1",
+        "False:\n                    self._dark(0, DONE, tries=1",
     ),
     "a link that leaves a guard that hangs": _link_mutant("if silent >= most:", "if False:"),
     "a link that does not step in": _link_mutant(
@@ -278,7 +278,9 @@ FOUND = {
         "                self._dark(0, DONE, tries=1)\n                self._inform()\n",
         "                self._dark(0, DONE, tries=1)\n",
     ),
-    replaced_when_killed: _link_mutant("            if code in (0, 4):", "            if True:"),
+    replaced_when_killed: lambda: mutated(
+        _rescue, "            if code in (0, 4):", "            if True:", Rescue=_link
+    ),
     said_soon_after_the_scanner_has_gone: _guard_mutant(
         "if self._sure or self._port is None or self._leave:",
         "if self._sure or self._port is None:",

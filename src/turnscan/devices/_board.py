@@ -13,7 +13,7 @@ from fractions import Fraction
 from turnscan.devices._guard import LONGEST_LEASE
 from turnscan.devices._left import Ledger, Left, new_counting
 from turnscan.devices._lines import Lines
-from turnscan.devices._link import Deadlines, Link
+from turnscan.devices._link import Deadlines, Interrupted, Link
 from turnscan.devices._sentences import (
     Kind,
     Sentence,
@@ -77,7 +77,8 @@ class Board(ABC):
         self._lines = Lines(link, setup.port)
         self._lock = threading.Lock()
         self._stop = threading.Event()
-        self._unsettled = False
+        self._unsettled = self._held = False
+        self._offs = 0
         self._lit: frozenset[str] = frozenset()
         self._lost: TurnscanError | None = None
         self._remembers = False
@@ -177,7 +178,8 @@ class Board(ABC):
 
     def off(self) -> None:
         """See `Lasers`. Waits for nobody; raises LaserStateUnknown where it is not confirmed."""
-        self._unsettled = True
+        self._unsettled, self._held = True, False
+        self._offs += 1
         self._lit = frozenset()
         heard = self._link.dark()
         if b"ALARM" in heard:
@@ -189,8 +191,10 @@ class Board(ABC):
     def acknowledge(self) -> None:
         """A person has looked and set the table to its mark: it stands at zero from now on."""
         with self._locked(self._d.acknowledge):
+            self._end_hold()
             self._lines.clear()
             self._unlock()
+            self._claim()
             self._zero()
             self._lost, self._unsettled, self._remembers = None, False, True
             self._note(replace(self._left, fresh=False))
@@ -199,6 +203,7 @@ class Board(ABC):
     def look_over(self) -> bool:
         """End the alarm after a person has inspected the machine. Whether `angle` was kept."""
         with self._locked(self._d.acknowledge):
+            self._end_hold()
             self._lines.clear()
             self._unlock()
             self._lost, self._unsettled = None, False
@@ -276,6 +281,24 @@ class Board(ABC):
     def _halt(self) -> None:  # noqa: B027 (a hook that may stay empty)
         """Ask a turning board to stop; called from any thread."""
 
+    def _hold(self) -> None:
+        """`_halt` of GRBL and its kin; a table at rest is not held, but the lasers put out.
+
+        A hold that reaches the board behind a reset lasts: the next command ends it.
+        """
+        if self._left.target is None:
+            self.off()
+        else:
+            self._link.write(b"!")
+            self._held = True  # afterwards: if a reset came meanwhile there is one too many
+
+    def _end_hold(self) -> bool:
+        """With a reset, where one may last; whether it was done."""
+        held = self._held
+        if held:
+            self.off()
+        return held
+
     def _piece(self) -> int | None:
         """The longest move at once, in units; None where the board can be stopped."""
         return None
@@ -300,7 +323,9 @@ class Board(ABC):
                     f"{self.setup.port}: waits for a person after: {self._lost.message}",
                     hint=look_and_acknowledge(self.setup.port),
                 )
+            offs = self._offs
             try:
+                offs += self._end_hold()
                 if self._unsettled:
                     self._unsettled = False
                     self._lines.clear()
@@ -308,15 +333,22 @@ class Board(ABC):
                 self._lines.expect_nothing()
                 yield
             except BaseException as e:
-                # A dark from another thread, which waits for the table's rest, is no alarm.
-                interrupted = isinstance(e, DeviceAlarm) and self._unsettled
+                interrupted = self._interrupted(e, offs)
                 if not isinstance(e, LaserStateUnknown):
                     self._panic(e)
-                if isinstance(e, _NEEDS_A_PERSON) and not (
-                    interrupted or isinstance(e, LeaseEnded)
-                ):
+                if isinstance(e, _NEEDS_A_PERSON) and not interrupted:
                     self._lose(e)
                 raise
+
+    def _interrupted(self, error: BaseException, offs: int) -> bool:
+        """Whether an error says no more than that another thread put the lasers out, or stopped.
+
+        ``offs``: how often they had been put out before the command.
+        """
+        if isinstance(error, (LeaseEnded, Interrupted)):
+            return True
+        broken_off = self._offs != offs or self._held
+        return broken_off and isinstance(error, (DeviceTimeout, DeviceGarbled))
 
     def _check_lease(self, lease: float) -> None:
         if not 0.0 < lease <= LONGEST_LEASE:
@@ -370,6 +402,9 @@ class Board(ABC):
     def _turn(self, there: int, end: float) -> None:
         """One move; where it is broken off the table comes to rest, so that its place is known."""
         self._before_move()
+        if self._unsettled:  # a reset came since, and with it the board counts from elsewhere
+            raise Interrupted(self.setup.port)
+        self._claim()
         self._note(replace(self._left, target=there, sent=False, fresh=False))
         try:
             self._go(there, end)
@@ -401,6 +436,10 @@ class Board(ABC):
         self._left = left
         if self._ledger is not None:
             self._ledger.write(left)
+
+    def _claim(self) -> None:
+        if self._ledger is not None:
+            self._ledger.claim()
 
     def _found(self, count: int | None, *, locked: bool = False) -> None:
         """Connected: where the table stands by the board's own count and by what was noted.

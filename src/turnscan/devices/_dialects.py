@@ -7,13 +7,17 @@ instrument, PyVISA).
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import re
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 _MOST_HEARD = 4096
+_LONGEST_LOSS = 24
+"""Bytes on the way to a board that may get lost in one stretch without lighting anything."""
 _LONGEST_LINE = 64
 """Bytes; below what any of the firmwares takes without cutting it."""
 
@@ -105,8 +109,11 @@ def _fabscan_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
 
 
 def _sardauscan_dark(outputs: tuple[str, ...]) -> list[Exchange]:
-    once = [_x(f"L {i} 0\r", rf"SET_LASER: {i}\(-?\d+\) = (?:0|-1)\r\n") for i in range(4)]
-    return [Exchange(b"\r" + once[0].send, once[0].confirm), *once[1:], *once]
+    # Where a stretch gets lost, two lines become one: "L 0 " and "1 0" would light laser 0. So its
+    # line is the first, and stands far behind the others when all of them are sent again.
+    once = [_x(f"L {i} 0\r", rf"SET_LASER: {i}\(-?\d+\) = (?:0|-1)\r\n") for i in (1, 0, 2, 3)]
+    again = Exchange(b"\r" * _LONGEST_LOSS + once[0].send, once[0].confirm)
+    return [Exchange(b"\r" + once[0].send, once[0].confirm), *once[1:], again, *once[1:]]
 
 
 def _sardauscan_light(outputs: tuple[str, ...], mask: int) -> list[Exchange]:
@@ -211,6 +218,17 @@ class LineFilter:
             raise ValueError(f"not a line of {d.name} that may pass")
 
 
+@contextlib.contextmanager
+def foreign_as_oserror() -> Iterator[None]:
+    """What a port raises that hangs up meanwhile, such as ``termios.error``, is an OSError here."""
+    try:
+        yield
+    except (OSError, ValueError):
+        raise
+    except Exception as e:
+        raise OSError(errno.EIO, f"{type(e).__name__}: {e}") from e
+
+
 def open_port(path: str, baud: int, dtr: bool, library: str = "") -> Any:
     """Open a serial port for us alone, DTR and RTS both ``dtr``; raises OSError.
 
@@ -224,7 +242,8 @@ def open_port(path: str, baud: int, dtr: bool, library: str = "") -> Any:
 
     port = serial.Serial(timeout=0.05, write_timeout=0.05, exclusive=True)
     port.port, port.baudrate, port.dtr, port.rts = path, baud, dtr, dtr
-    port.open()
+    with foreign_as_oserror():
+        port.open()
     return port
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from turnscan.devices._dialects import open_port
+from turnscan.devices._dialects import foreign_as_oserror, open_port
 from turnscan.devices._lines import shown
 from turnscan.devices._link import Deadlines
 from turnscan.devices._port_error import port_error, word_for
@@ -133,9 +133,9 @@ def _opened(path: str, baud: int) -> Iterator[Any]:
     try:
         port = open_port(path, baud, False)
         there = True
-        with contextlib.closing(port):
+        with foreign_as_oserror(), contextlib.closing(port):
             yield port
-    except (OSError, ValueError, TypeError) as e:  # pyserial's, when it vanishes in a read
+    except (OSError, ValueError) as e:
         if isinstance(e, DeviceError):
             raise
         word = "gone" if there else word_for(e)

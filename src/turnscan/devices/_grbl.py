@@ -125,7 +125,4 @@ class GrblBoard(Board):
         self._agree(self._steps_at(status))
 
     def _halt(self) -> None:
-        if self._lock.locked():
-            self._link.write(b"!")
-        else:
-            self.off()
+        self._hold()

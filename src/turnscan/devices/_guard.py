@@ -22,12 +22,14 @@ dialect's list is refused.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import queue
 import re
 import signal
 import socket
+import stat
 import struct
 import threading
 import time
@@ -36,7 +38,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from turnscan.devices._dialects import DIALECTS, LineFilter, darken, open_port
+from turnscan.devices._dialects import (
+    DIALECTS,
+    LineFilter,
+    darken,
+    foreign_as_oserror,
+    open_port,
+)
 
 DONE, UNKNOWN, FAILED, LAPSED = 0, 1, 2, 3
 """Results in an A frame: as asked; dark was not confirmed; the board objected and it is dark;
@@ -113,6 +121,8 @@ class Settings:
     """s, see `KEEP_TRYING`."""
     rescue: bool = False
     """Whether it takes over from a guard that died: a laser may be lit, and nobody gives orders."""
+    scanner: int = 0
+    """Its process id."""
 
     def open(self) -> Any:
         """The port. Raises OSError and ValueError."""
@@ -128,6 +138,8 @@ class Guard:
         self._events: queue.Queue[tuple[str, bytes]] = queue.Queue(maxsize=4096)
         self._later: list[bytes] = []
         self._out: queue.Queue[bytes] = queue.Queue(maxsize=4096)
+        self._words: queue.Queue[bytes] = queue.Queue(maxsize=64)
+        """For the person."""
         self._port: Any = None
         self._reader: threading.Thread | None = None
         self._filter = LineFilter(self._dialect)
@@ -147,7 +159,8 @@ class Guard:
 
     def run(self) -> int:
         """Serve until asked or forced to end; 0 dark for certain, 4 not, 3 no port."""
-        threading.Thread(target=self._speak, daemon=True).start()
+        threading.Thread(target=self._speak, args=(1, self._out), daemon=True).start()
+        threading.Thread(target=self._speak, args=(2, self._words), daemon=True).start()
         if self._set.rescue:
             return self.last_word()
         try:
@@ -183,16 +196,19 @@ class Guard:
     def last_word(self) -> int:
         """Dark once more before the end, over a port opened anew where the old one is gone.
 
-        A laser that may be lit keeps it here until dark is confirmed, for `keep_trying` s.
+        A laser that may be lit keeps it here until dark is confirmed, for `keep_trying` s, whatever
+        goes wrong meanwhile.
         """
         begin, terms, announced = time.monotonic(), self._terms, False
         end = begin + (max(self._set.keep_trying, _SOON) if self._maybe else _SOON)
         while True:
-            if self._port is None and not self._sure:
-                with contextlib.suppress(OSError, ValueError):
+            try:
+                if self._port is None and not self._sure:
                     self._open()
-            if self._port is not None:
-                self._dark(0, DONE, tries=1 if announced or not self._maybe else 3)
+                if self._port is not None:
+                    self._dark(0, DONE, tries=1 if announced or not self._maybe else 3)
+            except Exception:  # noqa: BLE001 a port that hangs up meanwhile raises all kinds
+                self._sure = False
             now = time.monotonic()
             if self._sure or now >= end or self._terms > terms:
                 break
@@ -226,6 +242,7 @@ class Guard:
         pause = REOPEN if self._port is None else AGAIN
         if keeps_trying:
             self._let_go()
+            self._keep_nobody_waiting()
         end = time.monotonic() + (pause if keeps_trying else 0.02)
         while (left := end - time.monotonic()) > 0:
             self._hear(left)
@@ -387,7 +404,7 @@ class Guard:
 
     def _darken(self) -> tuple[bool, bytes]:
         """Once through the dark bytes; what still waited to be sent is thrown away first."""
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ValueError), foreign_as_oserror():
             if self._port is not None:
                 self._port.reset_output_buffer()
         self._filter.clear()
@@ -395,7 +412,8 @@ class Guard:
         return darken(steps, self._send, self._hear, self._set.confirm)
 
     def _send(self, data: bytes) -> None:
-        with contextlib.suppress(OSError):  # a full buffer shows as silence, a lost port by itself
+        # A full buffer shows as silence, a lost port by itself.
+        with contextlib.suppress(OSError, ValueError), foreign_as_oserror():
             if self._port is not None:
                 self._port.write(data)
 
@@ -437,14 +455,15 @@ class Guard:
 
     def _listen_port(self, port: Any) -> None:
         try:
-            while self._port is port:
-                if data := port.read(port.in_waiting or 1):
-                    self._events.put(("port", data))
-        except (OSError, TypeError, ValueError) as e:
+            with foreign_as_oserror():
+                while self._port is port:
+                    if data := port.read(port.in_waiting or 1):
+                        self._events.put(("port", data))
+        except (OSError, ValueError) as e:
             self._port = None
             self._tell(b"U", b"gone " + str(e).encode()[:200])
             self._events.put(("end", b""))
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ValueError), foreign_as_oserror():
             port.close()
 
     def _answer(self, seq: int, result: int, objection: bytes, said: bytes) -> None:
@@ -457,33 +476,36 @@ class Guard:
         with contextlib.suppress(queue.Full):  # a stopped scanner must never hold up its guard
             self._out.put_nowait(pack(kind, payload[:LONGEST_FRAME]))
 
-    def _speak(self) -> None:
+    def _speak(self, file: int, what: queue.Queue[bytes]) -> None:
+        """A thread of its own, as nobody may be reading."""
         with contextlib.suppress(OSError):
             while True:
-                os.write(1, self._out.get())
-                self._out.task_done()
+                os.write(file, what.get())
+                what.task_done()
 
     def _flush(self) -> None:
-        end = time.monotonic() + 0.2
-        while self._out.unfinished_tasks and time.monotonic() < end:
-            time.sleep(0.001)
+        """What was said is out before the end, if anybody reads it."""
+        now = time.monotonic()
+        for what, patience in ((self._out, 0.2), (self._words, 0.5)):
+            while what.unfinished_tasks and time.monotonic() < now + patience:
+                time.sleep(0.001)
 
     def _say(self, text: str) -> None:
-        """To the person, whose program may have ended; by a thread, as nobody may be reading."""
-        line = f"turnscan: {self._set.port}: {text}\n".encode()
-        threading.Thread(target=_say_and_let_go, args=(line,), daemon=True).start()
+        """To the person, whose program may have ended."""
+        with contextlib.suppress(queue.Full):
+            self._words.put_nowait(f"turnscan: {self._set.port}: {text}\n".encode())
 
-
-def _say_and_let_go(line: bytes) -> None:
-    """Who waits for the end of the scanner's messages must not wait for this process."""
-    with contextlib.suppress(OSError):
-        os.write(2, line)
-        if not os.isatty(2):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+    def _keep_nobody_waiting(self) -> None:
+        """Let go of a pipe once the scanner has ended: who reads it waits for all that hold it."""
+        with contextlib.suppress(OSError):
+            if os.getppid() != self._set.scanner and not self._words.unfinished_tasks:
+                mode = os.fstat(2).st_mode
+                if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
+                    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
 def _busy(error: Exception) -> bool:
-    return "lock" in str(error).lower() or getattr(error, "errno", 0) in (11, 16)
+    return getattr(error, "errno", 0) in (errno.EAGAIN, errno.EBUSY)
 
 
 def _own_signals(guard: Guard) -> None:

@@ -127,12 +127,8 @@ class HorusBoard(Board):
         return WHOLE_STEPS // 24 if self._whole else None
 
     def _halt(self) -> None:
-        if self._whole:
-            return
-        if self._lock.locked():
-            self._link.write(b"!")
-        else:
-            self.off()
+        if not self._whole:
+            self._hold()
 
 
 def _steps_of(degree: int) -> int:

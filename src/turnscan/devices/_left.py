@@ -77,11 +77,17 @@ class Ledger:
     """One record for a port, overwritten in place with every move; kept until the computer ends.
 
     It holds only for the same port, not unplugged since, and the same board with as many steps.
+    What was noted of another one, or with another number of steps, stays until the table is turned:
+    who only looks which board is there leaves no trace.
     Where it cannot be kept there is none, and a board is believed as far as its own count goes.
     """
 
     def __init__(self, port: str, dialect: str, steps: Steps) -> None:
-        self._key = _key(port, dialect, steps)
+        where = _where(port)
+        self._key = f"{where} {dialect} {steps}" if where else ""
+        self._where = where
+        self._others = False
+        """Whether what is noted is another's, and still true."""
         self._file = -1
         if self._key:
             with contextlib.suppress(OSError):
@@ -101,13 +107,19 @@ class Ledger:
             return None
         try:
             text = json.loads(os.pread(self._file, _LENGTH, 0))
-            return Left(**text["left"]) if text["key"] == self._key else None
-        except (OSError, ValueError, TypeError, KeyError):
+            same = bool(text["key"] == self._key)
+            self._others = not same and text["key"].startswith(f"{self._where} ")
+            return Left(**text["left"]) if same else None
+        except (OSError, ValueError, TypeError, KeyError, AttributeError):
             return None
+
+    def claim(self) -> None:
+        """The table is about to turn, or to get another zero: nothing else that was noted holds."""
+        self._others = False
 
     def write(self, left: Left) -> None:
         """Note it: one write that is done whole or not at all when this process is killed."""
-        if self._file < 0:
+        if self._file < 0 or self._others:
             return
         text = json.dumps({"key": self._key, "left": asdict(left)}).encode()
         try:
@@ -124,8 +136,8 @@ class Ledger:
             self._file = -1
 
 
-def _key(port: str, dialect: str, steps: Steps) -> str:
-    """What changes with the port, its being plugged in, the computer's start and the board."""
+def _where(port: str) -> str:
+    """What changes with the port, its being plugged in and the computer's start."""
     try:
         found = os.stat(port)
         boot = _BOOT_ID.read_text().strip()
@@ -133,8 +145,7 @@ def _key(port: str, dialect: str, steps: Steps) -> str:
         return ""
     if not stat.S_ISCHR(found.st_mode):
         return ""
-    node = f"{found.st_rdev} {found.st_ino} {found.st_ctime_ns}"
-    return f"{boot} {node} {dialect} {steps}"
+    return f"{boot} {found.st_rdev} {found.st_ino} {found.st_ctime_ns}"
 
 
 def _folder() -> Path:

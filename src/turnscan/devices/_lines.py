@@ -5,8 +5,23 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from turnscan.devices._sentences import Kind, sentence
-from turnscan.errors import DeviceGarbled, DeviceTimeout, TurnscanError
+from turnscan.devices._sentences import (
+    LOCKED,
+    Kind,
+    door_open,
+    locked,
+    look_and_acknowledge,
+    lost_place,
+    sentence,
+)
+from turnscan.errors import (
+    DeviceAlarm,
+    DeviceGarbled,
+    DeviceRefused,
+    DeviceRestarted,
+    DeviceTimeout,
+    TurnscanError,
+)
 
 if TYPE_CHECKING:
     from turnscan.devices._link import Link
@@ -104,6 +119,27 @@ def unasked(port: str, data: bytes) -> TurnscanError:
         except DeviceGarbled:
             continue
     return DeviceGarbled(f"{port}: said {shown(data)} without being asked")
+
+
+def objection(port: str, heard: bytes) -> TurnscanError:
+    """The error that a board's words amount to."""
+    if not heard.strip():
+        return DeviceTimeout(f"{port}: no answer to a laser command")
+    if b"Door" in heard:
+        return door_open(port)
+    if b"ALARM" in heard:
+        return DeviceAlarm(f"{port}: {shown(heard)}", hint=look_and_acknowledge(port))
+    if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:
+        return DeviceRestarted(
+            f"{port}: the board restarted ({shown(heard)})",
+            hint=lost_place(port),
+        )
+    for said in LOCKED:
+        if said.encode() in heard.splitlines():
+            return locked(port, said)
+    if b"error" in heard:
+        return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")
+    return DeviceGarbled(f"{port}: answered a laser command with {shown(heard)}")
 
 
 def shown(data: bytes) -> str:

@@ -17,22 +17,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from turnscan.devices import _guard
-from turnscan.devices._dialects import DIALECTS, darken
-from turnscan.devices._lines import shown
+from turnscan.devices._dialects import DIALECTS
+from turnscan.devices._lines import objection, shown
 from turnscan.devices._port_error import port_error
-from turnscan.devices._sentences import (
-    LOCKED,
-    door_open,
-    locked,
-    look_and_acknowledge,
-    lost_place,
-)
+from turnscan.devices._rescue import Rescue
 from turnscan.errors import (
     DeviceAlarm,
     DeviceDisconnected,
     DeviceGarbled,
-    DeviceRefused,
-    DeviceRestarted,
     DeviceTimeout,
     LaserStateUnknown,
     LeaseEnded,
@@ -68,6 +60,13 @@ class Deadlines:
     """To get a dark confirmed once everything else has ended."""
 
 
+class Interrupted(DeviceAlarm):
+    """A command was broken off, as lasers were switched off meanwhile; nothing is wrong."""
+
+    def __init__(self, port: str) -> None:
+        super().__init__(f"{port}: interrupted, lasers were switched off")
+
+
 class Link(Protocol):
     """Bytes in, bytes out, and the two things that only a guard may do."""
 
@@ -94,6 +93,15 @@ class Link(Protocol):
     def close(self) -> None:
         """Dark, then let go of the port."""
         ...
+
+
+class _Answer:
+    """One that is due."""
+
+    def __init__(self, kind: bytes, payload: bytes) -> None:
+        self.dark = kind == b"D"
+        self.lights = kind == b"L" and payload[-1:] != b"\0"
+        self.came: queue.SimpleQueue[tuple[int, bytes, bytes]] = queue.SimpleQueue()
 
 
 class GuardedLink:
@@ -123,8 +131,8 @@ class GuardedLink:
             d.connect, min(d.acknowledge, 0.6), library, d.keep_trying,
         )  # fmt: skip
         self._bytes: queue.Queue[bytes] = queue.Queue(maxsize=4096)
-        self._answers: dict[int, queue.SimpleQueue[tuple[int, bytes, bytes]]] = {}
-        self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=4)
+        self._answers: dict[int, _Answer] = {}
+        self._hello: queue.Queue[tuple[bytes, bytes]] = queue.Queue(maxsize=1)
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
         self._darks = self._darks_before = self._heard = 0
@@ -140,8 +148,7 @@ class GuardedLink:
         """Set once that, or a last dark, was not done in a second."""
         self._ended = threading.Event()
         """Set once the guard has ended and what follows from that is done."""
-        self._alone = threading.Lock()
-        self._rescuer: subprocess.Popen[bytes] | None = None
+        self._alone = Rescue(self.settings, self._start_rescuer, self._maybe_lit)
         self._guard = self._start(self.settings, subprocess.PIPE)
         self._listener = threading.Thread(target=self._listen, daemon=True, name="guard listener")
         self._listener.start()
@@ -153,10 +160,14 @@ class GuardedLink:
             raise
 
     def _start(self, settings: _guard.Settings, pipe: int) -> subprocess.Popen[bytes]:
+        given = {**settings.__dict__, "scanner": os.getpid()}
         return subprocess.Popen(  # noqa: S603 (our own script, no shell)
-            [sys.executable, "-I", str(self._script), json.dumps(settings.__dict__)],
+            [sys.executable, "-I", str(self._script), json.dumps(given)],
             stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True,
         )  # fmt: skip
+
+    def _start_rescuer(self) -> subprocess.Popen[bytes]:
+        return self._start(replace(self.settings, rescue=True), subprocess.DEVNULL)
 
     @property
     def guard_pid(self) -> int:
@@ -178,7 +189,8 @@ class GuardedLink:
             raise DeviceTimeout(
                 f"{port}: silent, no {dialect} board answered within "
                 f"{min(self._d.connect, _guard.QUIET):g} s",
-                hint="look at cable, power and baud rate",
+                hint="look at cable, power and baud rate; a laser that was lit before may still "
+                "be: cut its power",
             )
         if not DIALECTS[dialect].banner.search(said):
             raise DeviceGarbled(
@@ -192,20 +204,21 @@ class GuardedLink:
     def write(self, data: bytes) -> None:
         """Send. Raises DeviceDisconnected, SafetyError where the guard has ended."""
         self._check_barred()
-        self._darks_before = self._darks
+        if data != b"!":  # it may come from another thread than the one that waits for an answer
+            self._darks_before = self._darks
         for at in range(0, len(data), _PART):
             self._frame(b"W", data[at : at + _PART])
 
     def read(self, timeout: float) -> bytes:
         """What has come since.
 
-        Who waits for the answer to a `write` meets DeviceAlarm where a dark fell in between.
+        Who waits for the answer to a `write` meets Interrupted where a dark fell in between.
         """
         end = time.monotonic() + timeout
         while True:
             self._check()
             if timeout > 0.0 and self._darks != self._darks_before:
-                raise DeviceAlarm(f"{self.settings.port}: interrupted, lasers were switched off")
+                raise Interrupted(self.settings.port)
             self._check_barred()
             left = end - time.monotonic()
             try:
@@ -219,6 +232,7 @@ class GuardedLink:
 
     def light(self, mask: int, lease: float) -> None:
         """See `Link`. Raises the named error of what the board answered instead, lasers dark."""
+        darks = self._darks
         self._check()
         self._check_barred()
         lapsed, self._lapsed = self._lapsed, False
@@ -227,18 +241,15 @@ class GuardedLink:
                 f"{self.settings.port}: a laser's lease ran out while it was needed",
                 hint="nothing that was waited for came in time: look at the camera",
             )
-        if mask:
-            self._maybe_lit.set()
         result, heard, said = self._ask(b"L", struct.pack("<dB", lease, mask))
         if result == _guard.DONE:
-            if not mask:
-                self._maybe_lit.clear()
             return
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
-        self._maybe_lit.clear()
         # What follows is the guard's own dark, but a message that was split may end there.
         door = b"Door" in said or b"ALARM" in said
+        if self._darks != darks and not (door or b"Door" in heard or b"ALARM" in heard):
+            raise Interrupted(self.settings.port)
         raise objection(self.settings.port, heard + said if door else heard)
 
     def renew(self, lease: float) -> None:
@@ -260,14 +271,12 @@ class GuardedLink:
             return self._dark_alone()
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
-        self._drain()
-        self._maybe_lit.clear()
         self._lapsed, self._barred = False, None
         return heard
 
     def _dark_by_guard(self) -> bytes:
         """The guard is at it already, as the port has gone. Raises LaserStateUnknown."""
-        end = time.monotonic() + self._longest_alone
+        end = time.monotonic() + self._alone.longest
         while self._maybe_lit.is_set() and not self._ended.is_set() and time.monotonic() < end:
             time.sleep(0.01)
         if self._maybe_lit.is_set():
@@ -342,13 +351,15 @@ class GuardedLink:
 
     def _ask(self, kind: bytes, payload: bytes) -> tuple[int, bytes, bytes]:
         seq = next(self._numbers)
-        answer = self._answers[seq] = queue.SimpleQueue()
+        answer = self._answers[seq] = _Answer(kind, payload)
+        if answer.lights:
+            self._maybe_lit.set()
         try:
             self._frame(kind, struct.pack("<I", seq) + payload)
             end = time.monotonic() + _LONGEST_ANSWER
             while time.monotonic() < end:
                 try:
-                    return answer.get(timeout=0.05)
+                    return answer.came.get(timeout=0.05)
                 except queue.Empty:
                     self._check()
             raise SafetyError(f"{self.settings.port}: the laser guard does not answer", hint=CUT)
@@ -376,32 +387,53 @@ class GuardedLink:
         return busy or self._maybe_lit.is_set()
 
     def _listen(self) -> None:
+        """Until the guard's output ends, and then what follows from that, whatever goes wrong."""
+        try:
+            self._take_all()
+        except Exception:  # noqa: BLE001 a guard that nobody understands any more is none
+            self._guard.kill()
+        try:
+            self._see_off()
+        except Exception as e:  # noqa: BLE001 whoever waits for the lasers must hear of it
+            self._failure = SafetyError(
+                f"{self.settings.port}: the laser guard has gone, and to step in for it failed: "
+                f"{type(e).__name__}: {e}", hint=CUT,
+            )  # fmt: skip
+        finally:
+            self._ended.set()
+            self._greeting(b"U", b"")
+
+    def _take_all(self) -> None:
         frames = _guard.Frames(b"RHAUPK")
         out: Any = self._guard.stdout
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.closing(out):
             while data := os.read(out.fileno(), 65536):
                 self._heard += 1
                 for kind, payload in frames.feed(data):
                     self._take(kind, payload)
-        out.close()
-        self._see_off()
-        self._ended.set()
+
+    def _greeting(self, kind: bytes, payload: bytes) -> None:
+        """The first is what `_greet` waits for; nobody wants another."""
         with contextlib.suppress(queue.Full):
-            self._hello.put_nowait((b"U", b""))
+            self._hello.put_nowait((kind, payload))
 
     def _see_off(self) -> None:
         """The guard has ended. Only its word 0 means dark; after any other it is done from here."""
-        try:
-            code = self._guard.wait(timeout=5.0)
-        except subprocess.TimeoutExpired:  # its output is closed, but it lives
-            self._guard.kill()
-            code = self._guard.wait(timeout=5.0)
+        code = self._last_code()
         if code == 0:
             self._maybe_lit.clear()
             if not self._closing.is_set():
                 self._failure = self._failure or self._died("has ended")
         elif self._maybe_lit.is_set() or not (self._closing.is_set() or self._failure):
             self._rescue()
+
+    def _last_code(self) -> int | None:
+        """With which the guard has ended; None where it cannot even be killed."""
+        for _ in range(2):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                return self._guard.wait(timeout=5.0)
+            self._guard.kill()  # its output is closed, but it lives
+        return None
 
     def _take(self, kind: bytes, payload: bytes) -> None:
         port = self.settings.port
@@ -411,35 +443,50 @@ class GuardedLink:
             except queue.Full:
                 self._failure = DeviceGarbled(f"{port}: talks without end")
         elif kind == b"H":
-            self._hello.put_nowait((kind, payload))
+            self._greeting(kind, payload)
         elif kind == b"U":
             word, _, text = payload.decode(errors="replace").partition(" ")
             if word == "gone" and self._maybe_lit.is_set():
                 self._gone.set()
             self._failure = self._failure or port_error(port, word, text)
-            self._hello.put_nowait((kind, payload))
+            self._greeting(kind, payload)
         elif kind == b"K":
             self._gone.set()
             self._keeps_trying.set()
         elif kind == b"A":
             seq, result, cut = struct.unpack_from("<IBH", payload)
             heard, said = payload[7 : 7 + cut], payload[7 + cut :]
-            if seq in self._answers:
-                self._answers[seq].put((result, heard, said))
+            if (answer := self._answers.get(seq)) is not None:
+                self._note(answer, result)
+                if answer.dark:
+                    self._drain()  # here, as what comes next may answer another thread's command
+                answer.came.put((result, heard, said))
             elif seq == 0:
                 self._by_itself(result, heard, said)
+
+    def _note(self, answer: _Answer | None, result: int) -> None:
+        """Whether a laser may be lit, frame by frame in the guard's order.
+
+        An order to light that it has not answered yet may come after a dark that it tells of.
+        """
+        if result == _guard.DONE and answer is not None and answer.lights:
+            self._maybe_lit.set()
+        elif result != _guard.UNKNOWN:
+            orders = [a for a in list(self._answers.values()) if a.lights and a is not answer]
+            if not orders:
+                self._maybe_lit.clear()
 
     def _by_itself(self, result: int, heard: bytes, said: bytes) -> None:
         """The guard went dark without being asked."""
         if result == _guard.FAILED:
             self._barred = objection(self.settings.port, heard)
             return
+        self._darks += 1  # the answer to what was under way is lost
         if result == _guard.LAPSED:
             self._lapsed = True
         if result == _guard.UNKNOWN:
             self._failure = self._failure or self._unknown(said)
-        else:
-            self._maybe_lit.clear()
+        self._note(None, result)
 
     def _rescue(self) -> None:
         """Dark without the guard, at once, then nothing more over this link."""
@@ -456,83 +503,10 @@ class GuardedLink:
             hint="start again",
         )
 
-    @property
-    def _longest_alone(self) -> float:
-        return 1.0 + 3 * self.settings.confirm
-
     def _dark_alone(self) -> bytes:
-        """Open the port ourselves and send the dark bytes.
-
-        Raises LaserStateUnknown; a guard of its own then goes on trying where a laser may be lit.
-        """
-        # One thread at a time: they would take the port away from each other.
-        if not self._alone.acquire(timeout=2 * self._longest_alone):
-            raise self._unknown(b"")
-        try:
-            heard = self._dark_by(time.monotonic() + self._longest_alone)
-        finally:
-            self._alone.release()
+        """Dark without the guard. Raises LaserStateUnknown; another one then goes on trying."""
+        sure, heard = self._alone.dark()
+        if not sure:
+            raise self._unknown(heard)
         self._maybe_lit.clear()
         return heard
-
-    def _dark_by(self, end: float) -> bytes:
-        s, heard = self.settings, b""
-        while time.monotonic() < end:
-            try:
-                with contextlib.closing(s.open()) as port:
-                    sure, heard = darken(
-                        DIALECTS[s.dialect].dark(s.outputs), port.write, _hearing(port), s.confirm
-                    )
-            except (OSError, ValueError):
-                time.sleep(0.02)
-                continue
-            if sure:
-                return heard
-        if self._maybe_lit.is_set() and (self._rescuer is None or self._rescuer.poll() is not None):
-            self._rescuer = self._start_rescuer()
-            threading.Thread(target=self._mind_rescuer, daemon=True, name="rescuer").start()
-        raise self._unknown(heard)
-
-    def _start_rescuer(self) -> subprocess.Popen[bytes]:
-        return self._start(replace(self.settings, rescue=True), subprocess.DEVNULL)
-
-    def _mind_rescuer(self) -> None:
-        """It goes on without this process; while this one lives, it is replaced if it is killed."""
-        while self._rescuer is not None:
-            code = self._rescuer.wait()
-            if code == 0:
-                self._maybe_lit.clear()
-            if code in (0, 4):
-                return
-            time.sleep(_guard.AGAIN)
-            self._rescuer = self._start_rescuer()
-
-
-def _hearing(port: Any) -> Any:
-    def hear(longest: float) -> bytes:
-        port.timeout = min(longest, 0.02)
-        data: bytes = port.read(port.in_waiting or 1)
-        return data
-
-    return hear
-
-
-def objection(port: str, heard: bytes) -> TurnscanError:
-    """The error that a board's words amount to."""
-    if not heard.strip():
-        return DeviceTimeout(f"{port}: no answer to a laser command")
-    if b"Door" in heard:
-        return door_open(port)
-    if b"ALARM" in heard:
-        return DeviceAlarm(f"{port}: {shown(heard)}", hint=look_and_acknowledge(port))
-    if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:
-        return DeviceRestarted(
-            f"{port}: the board restarted ({shown(heard)})",
-            hint=lost_place(port),
-        )
-    for said in LOCKED:
-        if said.encode() in heard.splitlines():
-            return locked(port, said)
-    if b"error" in heard:
-        return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")
-    return DeviceGarbled(f"{port}: answered a laser command with {shown(heard)}")

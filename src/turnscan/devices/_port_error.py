@@ -26,8 +26,7 @@ def port_error(port: str, word: str, text: str) -> DeviceError:
 
 def word_for(error: Exception) -> str:
     """``busy`` or ``absent``, for a port that did not open."""
-    held = getattr(error, "errno", 0) in (errno.EAGAIN, errno.EBUSY)
-    return "busy" if held or "lock" in str(error).lower() else "absent"
+    return "busy" if getattr(error, "errno", 0) in (errno.EAGAIN, errno.EBUSY) else "absent"
 
 
 def who_may_open(port: str) -> str:

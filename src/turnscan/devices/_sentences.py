@@ -76,14 +76,22 @@ def locked(port: str, said: str) -> DeviceAlarm:
 
 def look_and_acknowledge(port: str) -> str:
     """What a person does about an alarm."""
-    return f"look at the machine, then turnscan devices {port} --acknowledge"
+    return f"look at the machine, then {_acknowledge(port)}"
+
+
+def _acknowledge(port: str) -> str:
+    """The command that ends an alarm; a program that has the port open is in its way."""
+    return (
+        "end what is connected to it (in the browser: Disconnect) and run turnscan devices "
+        f"{port} --acknowledge"
+    )
 
 
 def lost_place(port: str) -> str:
     """What a person does about a table that nobody knows the angle of."""
     return (
-        f"its position is lost: turnscan devices {port} --acknowledge, then scan anew, or turn the "
-        "table to a mark and resume with --at-deg"
+        f"its position is lost: {_acknowledge(port)}, then scan anew, or turn the table to a mark "
+        "and resume with --at-deg"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import queue
 from typing import Any
 
@@ -38,7 +39,12 @@ class VisaPort:
             if hasattr(self._session, "baud_rate"):
                 self._session.baud_rate = baud
         except Exception as e:  # noqa: BLE001 PyVISA and its back ends raise all kinds
-            raise OSError(" ".join(str(e).split())) from None
+            held = getattr(e, "error_code", 0) in (
+                pyvisa.constants.StatusCode.error_resource_locked,
+                pyvisa.constants.StatusCode.error_resource_busy,
+            )
+            text = " ".join(str(e).split())
+            raise (OSError(errno.EBUSY, text) if held else OSError(text)) from None
 
     @property
     def in_waiting(self) -> int:

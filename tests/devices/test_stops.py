@@ -1,0 +1,96 @@
+"""Stop, at any moment: the next command succeeds, and no person is needed for it."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from random import Random
+from typing import Any
+
+import pytest
+
+from tests.devices.boards import plugged
+from turnscan.devices._link import Deadlines
+from turnscan.errors import DeviceAlarm, TurnscanError
+
+PATIENT = Deadlines(acknowledge=5.0, move_extra=5.0, connect=10.0, keep_trying=2.0)
+
+
+@pytest.mark.parametrize("dialect", ["grbl", "horus"])
+def test_a_stop_while_the_board_is_busy_with_no_move(dialect: str) -> None:
+    """The byte that holds would lie behind the reset, and the board would stay in it."""
+    with plugged(dialect, deadlines=PATIENT) as (device, socket):
+        device.move_to(math.radians(10.0), 10.0)
+        with device._locked(1.0):  # another thread has a command in flight
+            device.off()
+            device.stop()
+        device.light(frozenset({"a"}), 1.0)
+        assert socket.firmware.lit
+        device.light(frozenset(), 1.0)
+        device.move_to(math.radians(20.0), 10.0)
+
+
+@pytest.mark.parametrize("dialect", ["grbl", "horus"])
+def test_a_hold_that_comes_behind_the_reset(dialect: str) -> None:
+    with plugged(dialect, deadlines=PATIENT) as (device, _):
+        device.off()
+        device._link.write(b"!")
+        device._held = True
+        device.move_to(math.radians(20.0), 10.0)
+        assert device.alarm == ""
+
+
+def work(device: Any, over: threading.Event) -> None:
+    """Until it is stopped."""
+    try:
+        while not over.is_set():
+            device.move_to(device.angle + 0.2, 20.0)
+            device.light(frozenset({"a"}), 2.0)
+            device.light(frozenset({"a", "b"}), 2.0)
+            device.light(frozenset(), 2.0)
+    except TurnscanError:
+        pass
+
+
+WAYS = (("off", "stop"), ("stop", "off"), ("stop",), ("off",))
+
+
+@pytest.mark.parametrize("dialect", ["grbl", "horus"])
+def test_fifty_stops_at_random_moments(dialect: str) -> None:
+    random, alarms = Random(5), 0
+    with plugged(dialect, 20.0, deadlines=PATIENT) as (device, socket):
+        for k in range(50):
+            over = threading.Event()
+            worker = threading.Thread(target=work, args=(device, over))
+            worker.start()
+            time.sleep(random.uniform(0.0, 0.1))
+            for way in WAYS[k % len(WAYS)]:
+                getattr(device, way)()
+            over.set()
+            worker.join(30.0)
+            assert not worker.is_alive()
+            if "ALARM" in device.alarm or "while the table turned" in device.alarm:
+                alarms += 1
+                device.acknowledge()
+            device.light(frozenset({"a"}), 2.0)
+            assert socket.firmware.lit
+            device.move_to(device.angle + 0.05, 20.0)
+            assert not socket.firmware.lit
+    assert alarms <= 5
+
+
+def go_on(device: Any) -> None:
+    """Until something ends it."""
+    while True:
+        device.light(frozenset({"b"}), 2.0)
+
+
+def test_an_alarm_during_a_stop_still_needs_a_person() -> None:
+    with plugged("grbl", deadlines=PATIENT) as (device, socket):
+        device.light(frozenset({"a"}), 2.0)
+        socket.firmware._alarm(1)
+        with pytest.raises(DeviceAlarm):
+            go_on(device)
+        with pytest.raises(DeviceAlarm, match="acknowledge"):
+            device.move_to(0.1, 5.0)
