@@ -481,7 +481,6 @@ class GuardedLink:
         if result == _guard.FAILED:
             self._barred = objection(self.settings.port, heard)
             return
-        self._darks += 1  # the answer to what was under way is lost
         if result == _guard.LAPSED:
             self._lapsed = True
         if result == _guard.UNKNOWN:
