@@ -303,7 +303,7 @@ def _bar_scan(path: Path, seed: int, moved: float) -> Rig:
     rig = replace(made.rig, sheets=(replace(sheet, centre=sheet.centre + by),))
     world = World(replace(made, rig=rig, beams=(replace(beam, apex=beam.apex + by),)))
     seen = Simulated(d.wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
-    scan_into_file(seen, plan_of(seen), path, "sparse", lambda: None)
+    scan_into_file(seen, plan_of(seen), path, "sparse")
     return made.rig
 
 

@@ -27,7 +27,7 @@ from unittest import mock
 
 from tests.acquire.rig import picture_of
 from turnscan.acquire import run
-from turnscan.app._hub import Hub
+from turnscan.app._hub import Client, Hub
 from turnscan.app._requests import Look
 from turnscan.app._rig_room import RigRoom
 from turnscan.arrays import Image
@@ -264,7 +264,9 @@ def _opening(path: Callable[[Addresses, Opened, Path], None]) -> Callable[[Addre
 
 def _live_view(at: Addresses, folder: Path) -> None:
     library: Any = SimpleNamespace(rigs=lambda: ())
-    room = RigRoom(Hub(), Any, library, lambda: True)  # type: ignore[arg-type]
+    hub = Hub()
+    hub.join(Client(remote=False))  # an operator: without one, live pictures end by themselves
+    room = RigRoom(hub, Any, library, lambda: True)  # type: ignore[arg-type]
     room.connect(at.camera, at.turntable, at.lasers)
     room.look(Look(id=1, on=True, lit=("left",)))
     until(HANGS[at.camera].over.is_set, PATIENCE)

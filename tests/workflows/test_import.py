@@ -49,7 +49,7 @@ def test_a_folder_becomes_a_scan_and_its_result_says_how(tmp_path: Path, picture
     assert done.angles == pytest.approx((math.radians(-10), 0))
     assert done.angle_source == "steps of -2°"
     assert done.threshold_source.startswith("4 × the noise of ")
-    assert done.bytes == out.stat().st_size
+    assert done.size_bytes == out.stat().st_size
     assert done.raw_bytes == 6 * SIZE[0] * SIZE[1]
     assert 0 < done.kept <= 1
     with Scan.open(out) as scan:

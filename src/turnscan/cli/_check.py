@@ -47,10 +47,10 @@ def verb(file: Path, as_json: bool) -> None:
 
 def _body(done: CheckedScan | CheckedMesh) -> dict[str, Any]:
     body = asdict(done)
-    start = {"file": str(body.pop("path"))}
+    start: dict[str, Any] = {"file": str(body.pop("path")), "bytes": body.pop("size_bytes")}
     if isinstance(done, CheckedScan):
         plan = body.pop("plan")
-        start |= {name: body.pop(name) for name in ("bytes", "raw_bytes")}
+        start["raw_bytes"] = body.pop("raw_bytes")
         start |= {name: plan[name] for name in _OF_PLAN}
     return start | body
 
@@ -59,7 +59,7 @@ def _of_scan(done: CheckedScan, found: Sequence[Finding]) -> list[str]:
     plan = done.plan
     kind = "colour" if plan.channels == 3 else "grey"
     lines = [
-        f"{done.path}: {done.bytes / 1e6:.1f} MB, {plan.width}×{plan.height} "
+        f"{done.path}: {done.size_bytes / 1e6:.1f} MB, {plan.width}×{plan.height} "
         f"{kind} {plan.dtype}, {plan.keep} frames" + (f", {plan.source}" if plan.source else ""),
         f"rig: {done.rig[:12] if done.rig else 'none'}",
     ]
@@ -82,7 +82,7 @@ def _of_mesh(done: CheckedMesh, found: Sequence[Finding]) -> list[str]:
     if done.faces_not_measured is None:
         marked = "an STL does not say which were measured"
     return [
-        f"{done.path}: {done.bytes / 1e6:.1f} MB, {done.vertices} vertices, "
+        f"{done.path}: {done.size_bytes / 1e6:.1f} MB, {done.vertices} vertices, "
         f"{done.faces} faces ({marked}){volume}",
         *(str(f) for f in found),
         "NOT SOUND" if found else "sound: closed, manifold, does not cut through itself",

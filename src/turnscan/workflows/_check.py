@@ -41,7 +41,7 @@ class CheckedScan:
 
     path: Path
     plan: ScanPlan
-    bytes: int
+    size_bytes: int
     """Of the file."""
     raw_bytes: int
     """Of its pictures, unpacked."""
@@ -98,7 +98,7 @@ def check(path: str | Path, progress: Progress = no_progress) -> CheckedScan | C
         return CheckedScan(
             path=scan.path,
             plan=plan,
-            bytes=scan.path.stat().st_size,
+            size_bytes=scan.path.stat().st_size,
             raw_bytes=pixels * plan.channels * np.dtype(plan.dtype).itemsize,
             rig=None if scan.rig is None else rig_hash(scan.rig),
             complete=scan.complete,

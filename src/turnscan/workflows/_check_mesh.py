@@ -15,7 +15,7 @@ class CheckedMesh:
     """What a mesh file holds, and whether it is sound."""
 
     path: Path
-    bytes: int
+    size_bytes: int
     """Of the file."""
     vertices: int
     faces: int
@@ -40,7 +40,7 @@ def check_mesh(path: Path) -> CheckedMesh:
         found.append(Finding("surface.open", "warning", text, "", "close it before it is made"))
     return CheckedMesh(
         path=path,
-        bytes=path.stat().st_size,
+        size_bytes=path.stat().st_size,
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),
         faces_not_measured=_not_measured(path, mesh),

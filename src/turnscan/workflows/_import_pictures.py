@@ -51,7 +51,7 @@ class ImportedScan:
     """Fraction of the pixels that is kept."""
     raw_bytes: int
     """Of the pictures, unpacked."""
-    bytes: int
+    size_bytes: int
     """Of the scan file."""
     findings: tuple[Finding, ...]
 
