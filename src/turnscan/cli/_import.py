@@ -93,9 +93,7 @@ def _tell(done: ImportedScan) -> None:
         click.echo(f"laser: {red:+.2f} red {green:+.2f} green {blue:+.2f} blue")
     click.echo("background: " + "; ".join(done.backgrounds))
     click.echo(f"threshold: {plan.threshold:.2f} grey levels, {done.threshold_source}")
-    times = f"1/{done.raw_bytes / done.size_bytes:.1f} of the raw ones"
-    click.echo(
-        f"kept: {100 * done.kept:.1f} % of the pixels, {done.size_bytes / 1e6:.1f} MB, {times}"
-    )
+    size = f"{done.size_bytes / 1e6:.1f} MB, 1/{done.raw_bytes / done.size_bytes:.1f}"
+    click.echo(f"kept: {100 * done.kept:.1f} % of the pixels, {size} of the raw ones")
     for finding in done.findings:
         click.echo(str(with_flags(finding)))
