@@ -36,5 +36,9 @@ class Finding:
 
 def findings_json(findings: Iterable[Finding]) -> str:
     """Write findings as a JSON list of objects of strings."""
-    listed = [{**asdict(f), "remedy": str(f.remedy)} for f in findings]
-    return json.dumps(listed, indent=2, ensure_ascii=False)
+    return json.dumps([record(f) for f in findings], indent=2, ensure_ascii=False)
+
+
+def record(finding: Finding) -> dict[str, str]:
+    """A finding as a JSON object of strings."""
+    return {**asdict(finding), "remedy": str(finding.remedy)}

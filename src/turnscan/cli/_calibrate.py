@@ -13,6 +13,7 @@ from turnscan.cli._flags import flags_of
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
 from turnscan.errors import InputError
+from turnscan.findings import record
 from turnscan.workflows import CalibratedRig, CalibrateOptions, CalibrationPictures, calibrate
 
 _NAMED = "[NAME=]PICTURES"
@@ -64,7 +65,7 @@ def verb(
         click.echo(stage, err=True)
     found = [with_flags(finding) for finding in done.findings]
     if as_json:
-        body = {"figures": asdict(done.figures), "findings": [asdict(f) for f in found]}
+        body = {"figures": asdict(done.figures), "findings": [record(f) for f in found]}
         click.echo(json.dumps(body, indent=1, ensure_ascii=False))
         return
     for line in (*_lines(done), *(str(f) for f in found), f"wrote {output}"):

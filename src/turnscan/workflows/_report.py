@@ -13,6 +13,7 @@ import numpy as np
 
 from turnscan import __version__
 from turnscan.edit import Entry, edit_to_value, in_words
+from turnscan.findings import record
 from turnscan.pipeline import Reconstruction, source_of
 from turnscan.points import systematic_sigma
 from turnscan.rig import Rig, rig_hash
@@ -158,7 +159,7 @@ def write_report(
             **figures(done, rig),
             **surface_figures(done),
             **{s.key: s.values for s in sections},
-            "findings": [asdict(f) for f in done.findings],
+            "findings": [record(f) for f in done.findings],
         }
         write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
         return

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from turnscan import __version__
 from turnscan.detection import see
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.export import EXPORTERS, read_mesh
-from turnscan.findings import Finding
+from turnscan.findings import Finding, record
 from turnscan.pipeline import to_grids
 from turnscan.rig import Rig, rig_to_json
 from turnscan.scan import (
@@ -156,7 +156,7 @@ def verification_json(v: Verification) -> str:
         "scans": [{"source": str(s.source), "values": [*map(_plain, s.values)]} for s in v.scans],
         "repeatability": [*map(_plain, v.repeated)],
         "trends": [_trend_json(t) for t in v.trends],
-        "findings": [asdict(f) for f in v.findings],
+        "findings": [record(f) for f in v.findings],
         "program": f"turnscan {__version__}",
     }
     return json.dumps(facts, indent=1, allow_nan=False, ensure_ascii=False)
