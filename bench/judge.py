@@ -226,7 +226,10 @@ class Bench:
         if self.world.said and self.world.said[-1][0] > self.told:
             self.told = self.world.said[-1][0]
             FIGURES.told += 1
-        self.able += passed if self.works and self.clear else 0.0
+        # A new scanner that is not connected yet has no laser in its charge; a person has been
+        # told of the one that was left lit.
+        charged = self.device is not None or self.told <= self.ceased
+        self.able += passed if self.works and self.clear and charged else 0.0
         self.silent += passed if self.works else 0.0
         FIGURES.longest = max(FIGURES.longest, min(beyond, self.able))
         self.longest = max(self.longest, min(beyond, self.able))
