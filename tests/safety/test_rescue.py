@@ -93,6 +93,8 @@ def test_a_guard_that_cannot_be_killed_is_told(monkeypatch: pytest.MonkeyPatch) 
             until(link._ended.is_set)
             assert link._failure is not None
         until(lambda: not socket.firmware.lit)  # its lease, at the latest
+        guard.kill()
+        guard.wait(20.0)
 
 
 def test_to_step_in_may_fail_and_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
