@@ -1,11 +1,11 @@
-"""Fail when a module has grown past the size that DESIGN allows."""
+"""Fail when a module has grown past 1 000 lines: cohesion, no count, decides before."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-AIM, LIMIT = 300, 570
+AIM, LIMIT = 500, 1000
 
 
 def main() -> int:
