@@ -179,7 +179,7 @@ def to_mesh(
 
 
 def finished(mesh: Mesh, s: Settings, told: Told = silent) -> tuple[Mesh, list[Finding]]:
-    """An edited mesh, closed and thinned out as asked for; ``told`` hears of both."""
+    """An edited mesh, closed and thinned out as asked for; ``told`` gets the fraction done."""
     findings = list[Finding]()
     if s.caps is not None:
         mesh, findings = surface.close(mesh, s.caps, part(told, 0, 1 / 3))

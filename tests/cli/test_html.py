@@ -7,10 +7,10 @@ import io
 import numpy as np
 from PIL import Image as Pillow
 
-from turnscan.cli import _html
-from turnscan.cli._render import render
 from turnscan.findings import Finding
 from turnscan.surface import Mesh
+from turnscan.workflows import _html
+from turnscan.workflows._render import render
 
 
 def test_text_from_outside_is_never_markup() -> None:

@@ -14,11 +14,12 @@ import pytest
 from tests.web.running import Browser, Running, serving
 from turnscan.app._envelope import unpack
 from turnscan.app._hub import Hub
-from turnscan.app._jobs import Cancelled, Job, remarks
+from turnscan.app._jobs import Job, remarks
 from turnscan.app._open_scan import OpenScan
 from turnscan.edit import Change, Document, Edit
 from turnscan.export import read_mesh
 from turnscan.findings import Finding
+from turnscan.progress import Cancelled
 from turnscan.scan import Scan
 
 

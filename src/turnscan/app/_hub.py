@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from turnscan.app._envelope import Array, pack
+from turnscan.app._limits import Allowances
 from turnscan.app._protocol import Control, Model
 
 QUEUE = 256
@@ -71,6 +72,7 @@ class Hub:
         self._operator: str | None = None
         self._alone_since = time.monotonic()
         self._loop: asyncio.AbstractEventLoop | None = None
+        self.allowances = Allowances()
         self.hide: Callable[[str], str] = lambda text: text
         """What takes paths of this computer out of words that browsers get."""
 

@@ -15,6 +15,7 @@ from turnscan.app._hub import Hub
 from turnscan.app._protocol import JobState, Remark
 from turnscan.errors import SafetyError, TurnscanError
 from turnscan.findings import Finding
+from turnscan.progress import Cancelled
 
 What = Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
 _TELL_EVERY = 0.1
@@ -26,10 +27,6 @@ _KEPT = 32
 """Jobs that are over and still known."""
 
 _log = logging.getLogger("turnscan.app")
-
-
-class Cancelled(Exception):
-    """Raised in the job's thread by its tick, after somebody has cancelled it."""
 
 
 @dataclass(frozen=True)

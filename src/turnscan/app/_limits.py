@@ -7,29 +7,33 @@ import time
 RATE, BURST = 60.0, 120.0
 """Messages a second, and at once."""
 
-_spent: dict[str, float] = {}
-"""When a browser was disconnected for sending too much, until it has a whole burst again."""
+
+class Allowances:
+    """Of all browsers. It belongs to the thread of the event loop."""
+
+    def __init__(self) -> None:
+        self.spent: dict[str, float] = {}
+        """When a browser was hung up for sending too much; none that has a whole burst again."""
+
+    def of(self, browser: str) -> Allowance:
+        """What a new connection of a browser may send: no new burst after it was hung up."""
+        now = time.monotonic()
+        self.spent = {b: at for b, at in self.spent.items() if now - at < BURST / RATE}
+        left = RATE * (now - self.spent[browser]) if browser in self.spent else BURST
+        return Allowance(self, browser, left)
 
 
 class Allowance:
-    """What one connection of a browser may still send.
+    """What one connection may still send."""
 
-    A browser that was disconnected for too much, and connects again, gets no new burst at once.
-    It belongs to the thread of the event loop.
-    """
-
-    def __init__(self, browser: str) -> None:
-        now = self._at = time.monotonic()
-        for other, since in list(_spent.items()):
-            if now - since >= BURST / RATE:
-                del _spent[other]
-        self._browser = browser
-        self._left = RATE * (now - _spent[browser]) if browser in _spent else BURST
+    def __init__(self, all_of_them: Allowances, browser: str, left: float) -> None:
+        self._all, self._browser, self._left = all_of_them, browser, left
+        self._at = time.monotonic()
 
     def take(self) -> bool:
         """Whether it may send one message more now."""
         now = time.monotonic()
         self._left, self._at = min(BURST, self._left + RATE * (now - self._at)) - 1.0, now
         if self._left < 0:
-            _spent[self._browser] = now
+            self._all.spent[self._browser] = now
         return self._left >= 0

@@ -14,7 +14,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from turnscan.app._doors import is_loopback
 from turnscan.app._envelope import Array, unpack
 from turnscan.app._hub import Client
-from turnscan.app._limits import Allowance
 from turnscan.app._protocol import Refused
 from turnscan.app._requests import REQUESTS, Ack, ClientMessage
 from turnscan.app._workshop import Workshop
@@ -65,7 +64,7 @@ async def _send(websocket: WebSocket, client: Client) -> None:
 
 
 async def _receive(websocket: WebSocket, client: Client, workshop: Workshop) -> None:
-    allowance = Allowance(websocket.scope["browser"])
+    allowance = workshop.hub.allowances.of(websocket.scope["browser"])
     while True:
         received = await websocket.receive()
         if received["type"] == "websocket.disconnect":

@@ -19,12 +19,13 @@ from turnscan.app._doors import name_of
 from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
 from turnscan.app._hub import Client, Hub
-from turnscan.app._jobs import Cancelled, Job, Jobs, Result
+from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan, Stale
 from turnscan.app._rig_room import RigRoom
 from turnscan.app._scan_room import ScanRoom
 from turnscan.errors import InputError, SafetyError, TurnscanError
+from turnscan.progress import Cancelled
 from turnscan.rig import rig_from_json
 
 _log = logging.getLogger("turnscan.app")

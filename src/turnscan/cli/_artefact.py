@@ -8,8 +8,8 @@ from typing import Literal
 import click
 
 from turnscan.cli._numbers import Finite
-from turnscan.cli._output import write_atomically
 from turnscan.errors import ExportError, InputError
+from turnscan.workflows import write_atomically
 
 _length = Finite(min=0, min_open=True)
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import click
 
 from turnscan.cli._numbers import Finite
-from turnscan.cli._output import check_output
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
-from turnscan.workflows import UNITS, compare
+from turnscan.workflows import UNITS, check_output, compare
 
 
 @click.command(name="compare")

@@ -12,7 +12,6 @@ import numpy as np
 
 from turnscan.arrays import Image
 from turnscan.cli._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
-from turnscan.cli._output import write_atomically
 from turnscan.cli._progress import progress, progress_bar
 from turnscan.devices import burning
 from turnscan.errors import InputError
@@ -25,7 +24,7 @@ from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, Wish, simulated
 from turnscan.surface import Caps, close
 from turnscan.workflows import _html as html
-from turnscan.workflows import save
+from turnscan.workflows import save, write_atomically
 from turnscan.workflows._deviation_map import deviation_figure
 from turnscan.workflows._png import write_png
 from turnscan.workflows._render import render

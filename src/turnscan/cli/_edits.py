@@ -9,7 +9,6 @@ from pathlib import Path
 
 import click
 
-from turnscan.cli._output import check_output, write_atomically
 from turnscan.cli._select import RULES, region_where
 from turnscan.edit import (
     Action,
@@ -24,6 +23,7 @@ from turnscan.edit import (
 )
 from turnscan.errors import InputError
 from turnscan.scan import Scan
+from turnscan.workflows import check_output, write_atomically
 from turnscan.workflows._history import history_of, read_history
 
 _path = click.Path(path_type=Path)

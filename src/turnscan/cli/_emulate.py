@@ -11,12 +11,11 @@ import click
 
 from turnscan.cli._hardware import ended_by_signals
 from turnscan.cli._numbers import Finite
-from turnscan.cli._output import check_writable, write_atomically
 from turnscan.errors import InputError
 from turnscan.export import ExportOptions
 from turnscan.rig import rig_to_json
 from turnscan.simulate import simulated, wish_of
-from turnscan.workflows import save
+from turnscan.workflows import check_writable, save, write_atomically
 from turnscan.workflows._simulated import truth
 
 if TYPE_CHECKING:

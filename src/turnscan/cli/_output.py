@@ -1,4 +1,4 @@
-"""The options of the file formats, and the outputs of a verb checked before work is spent."""
+"""The options of the file formats."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ from typing import Any, TypeVar
 import click
 
 from turnscan.workflows import ExportOptions
-from turnscan.workflows._files import check_apart, check_output, check_writable, write_atomically
-
-__all__ = ["check_apart", "check_output", "check_writable", "format_options", "write_atomically"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

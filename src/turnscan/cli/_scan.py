@@ -16,10 +16,10 @@ from turnscan.cli._hardware import (
     was_interrupted,
 )
 from turnscan.cli._numbers import Finite
-from turnscan.cli._output import check_output
 from turnscan.cli._scanning import take
 from turnscan.errors import InputError
 from turnscan.station import USUAL_STEPS, Wishes, opened, prepare
+from turnscan.workflows import check_output
 from turnscan.workflows._reading import read_rig_file
 
 

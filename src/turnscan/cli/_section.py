@@ -8,14 +8,16 @@ from typing import Literal
 import click
 
 from turnscan.cli._numbers import Finite
-from turnscan.cli._output import check_apart, check_output, write_atomically
 from turnscan.cli._progress import progress_bar
 from turnscan.workflows import (
     SECTION_SUFFIXES,
+    check_apart,
+    check_output,
     cuts_of,
     section,
     section_file,
     section_in_words,
+    write_atomically,
 )
 
 

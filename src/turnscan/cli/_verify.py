@@ -8,10 +8,9 @@ from pathlib import Path
 
 import click
 
-from turnscan.cli._output import check_apart, check_output, write_atomically
 from turnscan.cli._progress import progress
 from turnscan.errors import InputError
-from turnscan.workflows import read_rig_file
+from turnscan.workflows import check_apart, check_output, read_rig_file, write_atomically
 
 _path = click.Path(path_type=Path)
 

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from turnscan.cli import _html
 from turnscan.shapes.verification import TestValue
-from turnscan.workflows import Trend, Verification
+from turnscan.workflows import Trend, Verification, _html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

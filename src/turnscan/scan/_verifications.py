@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import os
 import sqlite3
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from turnscan.errors import FormatError, InputError, ScanError, ScanNewer
+from turnscan.scan._database import transaction
 from turnscan.scan._storage import damaged, storage
 
 APPLICATION_ID = 0x54524E56  # "TRNV"
@@ -97,7 +97,7 @@ def add_verification(path: Path, run: VerifiedRun) -> None:
         _create(path)
     with storage(path), closing(_connect(path, "rw")) as db:
         _judge_schema(db, path)
-        with _transaction(db):
+        with transaction(db):
             made = db.execute(
                 "INSERT INTO runs VALUES (NULL, ?, ?, ?, ?, ?)",
                 (run.time, run.artefact, run.artefact_key, run.rig_key, run.program),
@@ -150,7 +150,7 @@ def _create(path: Path) -> None:
         with storage(path), closing(_connect(new, "rw")) as db:
             db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
             db.execute(f"PRAGMA user_version = {VERSION}")
-            with _transaction(db):
+            with transaction(db):
                 for table in _SCHEMA:
                     db.execute(table)
         new.replace(path)
@@ -170,15 +170,3 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
     db.execute("PRAGMA synchronous = FULL")
     db.execute(f"PRAGMA busy_timeout = {_PATIENCE_MS}")
     return db
-
-
-@contextmanager
-def _transaction(db: sqlite3.Connection) -> Iterator[None]:
-    db.execute("BEGIN IMMEDIATE")
-    try:
-        yield
-        db.execute("COMMIT")
-    except BaseException:
-        if db.in_transaction:
-            db.execute("ROLLBACK")
-        raise

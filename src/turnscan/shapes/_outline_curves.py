@@ -221,7 +221,7 @@ class Outline:
     noise: float
     """mm: median standard deviation of the points across the outline."""
     known: bool
-    """Whether the mesh told the noise; otherwise it is the points' own scatter."""
+    """Whether the noise is that of the mesh's sigma; otherwise it is the points' own scatter."""
     box: Floats
     """(2, 2) mm: its least and its largest x and y."""
     box_sigma: Floats

@@ -1,4 +1,4 @@
-"""Rounded corners that are too short to be told from chamfers by their points alone."""
+"""Rounded corners that are too short to differ from chamfers by their points alone."""
 
 from __future__ import annotations
 

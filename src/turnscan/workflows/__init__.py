@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from turnscan.workflows._design import DesignedRig, design, published_design
     from turnscan.workflows._design_options import DesignOptions, parse_theta
     from turnscan.workflows._export import Exported, export_mesh
+    from turnscan.workflows._files import (
+        check_apart,
+        check_output,
+        check_writable,
+        write_atomically,
+    )
     from turnscan.workflows._import_options import (
         AngleSource,
         EvenSteps,
@@ -59,6 +65,7 @@ if TYPE_CHECKING:
     )
 
 _MODULES = {
+    "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
     "_compare": ("Agreement", "Comparison", "compare"),
     "_declare": ("Declared", "declared"),
     "_export": ("Exported", "export_mesh"),
@@ -139,7 +146,10 @@ __all__ = [
     "artefact",
     "calibrate",
     "check",
+    "check_apart",
+    "check_output",
     "check_targets",
+    "check_writable",
     "compare",
     "cuts_of",
     "declared",
@@ -165,6 +175,7 @@ __all__ = [
     "simulate",
     "verification_json",
     "verify",
+    "write_atomically",
 ]
 
 

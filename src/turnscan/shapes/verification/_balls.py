@@ -16,7 +16,7 @@ from turnscan.shapes.verification._statistics import clumping, kept
 from turnscan.shapes.verification._survey import Index, Survey
 
 _SEEDS = 160
-"""Places from which a ball is sought."""
+"""Places from which the search for a ball begins."""
 _LOOK = 20_000
 """Points that a search looks at, at most."""
 _SHELL = 0.06

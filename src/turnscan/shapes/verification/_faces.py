@@ -20,7 +20,7 @@ from turnscan.shapes.verification._survey import Index, Survey
 _LOOK = 20_000
 _TRIES = 300
 _MOST = 14
-"""Faces that are sought at most."""
+"""Faces that are looked for, at most."""
 _SMALLEST = 0.015
 """Share of all points that a face has at least."""
 _FEWEST = 200
