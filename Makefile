@@ -86,7 +86,7 @@ $(NODE_READY): frontend/package-lock.json
 frontend: $(NODE_READY) ## build the browser's front end into src/turnscan/app/static (needs Node 20)
 	cd frontend && npm run --silent build
 
-frontend-check: ## types and tests of the front end, and whether its bundle is what the sources give
+frontend-check: ## format, lint, types and tests of the front end, and whether its bundle is what the sources give
 	@if $(NODE_20); then $(MAKE) --no-print-directory frontend-compare; \
 	else echo "no Node 20 (nodejs.org, or Debian 13's nodejs and npm): front end not checked"; \
 	     [ -z "$(IN_CI)" ]; fi
@@ -97,9 +97,14 @@ frontend-compare: $(NODE_READY)
 	cd frontend && npm run --silent build -- --logLevel error --outDir ../build/static
 	diff -rq build/static src/turnscan/app/static || { echo "run make frontend, and commit"; exit 1; }
 
-format: setup ## let ruff put the sources in order
+format: setup ## let ruff put the sources in order, and Biome those of the front end where Node is
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+	@if $(NODE_20); then $(MAKE) --no-print-directory frontend-format; fi
+
+.PHONY: frontend-format
+frontend-format: $(NODE_READY)
+	cd frontend && npm run --silent format
 
 bench: setup ## benchmarks, as ratios within one run
 	$(BIN)/python -m bench

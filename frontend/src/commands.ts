@@ -2,8 +2,8 @@
 import { signal } from "@preact/signals";
 import { link } from "./bus";
 import { strokeOf } from "./keys";
-import { place, theme, level, ask, go, complain } from "./state";
 import { redo, undo } from "./part";
+import { ask, complain, go, level, place, theme } from "./state";
 import { invite } from "./ui/invite";
 
 export interface Command {
@@ -34,8 +34,16 @@ function general(): Command[] {
     { title: "Keys", group: "Everywhere", keys: "?", run: () => (keysOpen.value = true) },
     { title: "Undo", group: "Everywhere", keys: "Ctrl+Z", run: () => void undo() },
     { title: "Redo", group: "Everywhere", keys: "Ctrl+Shift+Z / Ctrl+Y", run: () => void redo() },
-    { title: "Dark or light", group: "Everywhere", run: () => (theme.value = theme.value === "dark" ? "light" : "dark") },
-    { title: "Beginner or expert panels", group: "Everywhere", run: () => (level.value = level.value === "beginner" ? "expert" : "beginner") },
+    {
+      title: "Dark or light",
+      group: "Everywhere",
+      run: () => (theme.value = theme.value === "dark" ? "light" : "dark"),
+    },
+    {
+      title: "Beginner or expert panels",
+      group: "Everywhere",
+      run: () => (level.value = level.value === "beginner" ? "expert" : "beginner"),
+    },
     { title: "Invite another browser", group: "Everywhere", run: () => void invite() },
     { title: "Take control", group: "Everywhere", run: () => void ask({ kind: "take_control" }) },
     { title: "All scans", group: "Rooms", run: () => go("projects", null) },
@@ -61,7 +69,9 @@ export function onKey(event: KeyboardEvent): void {
   const target = event.target as Element;
   const writing = target.matches?.(TEXT_FIELDS) || target.closest?.("dialog[open]");
   if (writing && stroke !== "Ctrl+." && stroke !== "Ctrl+K") return;
-  const command = allCommands().find(({ keys, enabled }) => keys?.split(" / ").includes(stroke) && (enabled?.() ?? true));
+  const command = allCommands().find(
+    ({ keys, enabled }) => keys?.split(" / ").includes(stroke) && (enabled?.() ?? true),
+  );
   if (!command) return;
   event.preventDefault();
   command.run();

@@ -57,7 +57,13 @@ export class Link {
       this.onState("lost");
       this.living.clear();
       for (const [id] of this.waiting) {
-        this.settle(id)?.reject(new RefusedError("lost", "The connection to turnscan was lost.", "It comes back by itself while the server runs."));
+        this.settle(id)?.reject(
+          new RefusedError(
+            "lost",
+            "The connection to turnscan was lost.",
+            "It comes back by itself while the server runs.",
+          ),
+        );
       }
       const pause = RETRY_MS[Math.min(this.attempt++, RETRY_MS.length - 1)];
       setTimeout(() => this.connect(), pause);
@@ -70,7 +76,13 @@ export class Link {
     return new Promise((resolve, reject) => {
       this.waiting.set(id, { resolve, reject, timer: this.patience(id) });
       if (!this.send({ ...request, id }, arrays)) {
-        this.settle(id)?.reject(new RefusedError("lost", "There is no connection to turnscan.", "It comes back by itself while the server runs."));
+        this.settle(id)?.reject(
+          new RefusedError(
+            "lost",
+            "There is no connection to turnscan.",
+            "It comes back by itself while the server runs.",
+          ),
+        );
       }
     });
   }
@@ -80,7 +92,10 @@ export class Link {
     return setTimeout(() => {
       const waiting = this.waiting.get(id);
       if (waiting && this.living.size) waiting.timer = this.patience(id);
-      else this.settle(id)?.reject(new RefusedError("late", "The server did not answer.", "Look at the window it runs in."));
+      else
+        this.settle(id)?.reject(
+          new RefusedError("late", "The server did not answer.", "Look at the window it runs in."),
+        );
     }, REQUEST_SECONDS * 1000);
   }
 

@@ -6,7 +6,18 @@ import { Grid } from "./grid/data";
 import { getArrays, type Received } from "./link";
 import { type MeshArrays, MeshModel, type Part } from "./mesh/model";
 import { Profile } from "./profile/data";
-import type { Defect, Figures, GridHeader, HistoryEntry, HoleEntry, Measure, MeshHeader, Opened, Patch, ProfileHeader } from "./protocol";
+import type {
+  Defect,
+  Figures,
+  GridHeader,
+  HistoryEntry,
+  HoleEntry,
+  Measure,
+  MeshHeader,
+  Opened,
+  Patch,
+  ProfileHeader,
+} from "./protocol";
 import { complain, connection, go, notify, place, scans } from "./state";
 
 export const opened = signal<Opened | null>(null);
@@ -134,7 +145,8 @@ function partsOf(message: Patch, arrays: Arrays): Part[] | null {
   for (const [k, part] of message.parts.entries()) {
     if (part.kind === "replace") return null;
     if (part.kind === "alive") out.push({ ...part, faces: arrays.u32(`${k}.faces`) });
-    else if (part.kind === "verts") out.push({ ...part, ids: arrays.u32(`${k}.ids`), positions: arrays.f32(`${k}.positions`) });
+    else if (part.kind === "verts")
+      out.push({ ...part, ids: arrays.u32(`${k}.ids`), positions: arrays.f32(`${k}.positions`) });
     else if (part.kind === "append") out.push({ ...part, ...vertexArrays(arrays, `${k}.`) });
     else out.push(part);
   }
@@ -194,7 +206,13 @@ export async function previewEdit(edit: EditValue, arrays: Record<string, AnyArr
   }
 }
 
-async function toScan(what: { kind: "undo" } | { kind: "redo" } | { kind: "go_to"; cursor: number } | { kind: "switch"; edit: number; on: boolean }) {
+async function toScan(
+  what:
+    | { kind: "undo" }
+    | { kind: "redo" }
+    | { kind: "go_to"; cursor: number }
+    | { kind: "switch"; edit: number; on: boolean },
+) {
   const scan = opened.value?.scan;
   if (!scan) return;
   try {
@@ -310,11 +328,19 @@ on("grid", (message) => {
   if (message.scan !== opened.value?.scan) return;
   refreshGrid(message.grid, message.steps).catch(complain);
   const shown = profile.value;
-  if (shown?.grid === message.grid && message.steps.includes(shown.step)) void loadProfile(shown.grid, shown.step, true);
+  if (shown?.grid === message.grid && message.steps.includes(shown.step))
+    void loadProfile(shown.grid, shown.step, true);
 });
 
 on("job", ({ what, state, scan }) => {
-  if (what !== "open" || state === "running" || state === "done" || scan !== place.value.scan || scan === opened.value?.scan) return;
+  if (
+    what !== "open" ||
+    state === "running" ||
+    state === "done" ||
+    scan !== place.value.scan ||
+    scan === opened.value?.scan
+  )
+    return;
   // It will not open: back to what there is. The message itself stays.
   loading.value = null;
   go("projects", null);

@@ -40,7 +40,8 @@ const SEVERITY: Record<string, Notice["severity"]> = { stale: "warning", cancell
 /** Show why something did not happen. */
 export function complain(error: unknown): void {
   if (error instanceof RefusedError) notify(SEVERITY[error.code] ?? "error", error.message, error.hint);
-  else if (error instanceof DOMException && error.name === "TimeoutError") notify("error", "The server did not answer in time.");
+  else if (error instanceof DOMException && error.name === "TimeoutError")
+    notify("error", "The server did not answer in time.");
   else throw error;
 }
 
@@ -108,7 +109,8 @@ on("control", (message) => {
   const was = isOperator.value;
   operator.value = message.operator;
   clients.value = message.clients;
-  if (was && !isOperator.value) notify("warning", "Somebody else is the operator now.", "You see everything, and can take control back.");
+  if (was && !isOperator.value)
+    notify("warning", "Somebody else is the operator now.", "You see everything, and can take control back.");
 });
 on("scans", (message) => {
   scans.value = message.scans;
@@ -121,7 +123,8 @@ on("job", (message) => {
   next.set(message.job, message);
   jobs.value = next;
   // Why an edit failed is said by the answer to its request.
-  if (message.state === "failed" && message.what !== "edit") notify("error", `${message.title}: ${message.text}`, message.hint);
+  if (message.state === "failed" && message.what !== "edit")
+    notify("error", `${message.title}: ${message.text}`, message.hint);
   if (message.state !== "running") {
     setTimeout(() => {
       const rest = new Map(jobs.value);
@@ -138,7 +141,11 @@ onConnection((state) => {
     lostTimer = undefined;
   } else {
     lostTimer ??= setTimeout(() => {
-      notify("error", "There is no connection to turnscan.", "Look whether it still runs. Where it was started anew, open the link that it printed.");
+      notify(
+        "error",
+        "There is no connection to turnscan.",
+        "Look whether it still runs. Where it was started anew, open the link that it printed.",
+      );
     }, LOST_MS);
   }
 });

@@ -31,7 +31,10 @@ afterEach(() => {
 });
 
 function asked(): { answer: Promise<string>; id: number } {
-  const link = new Link(() => {}, () => {});
+  const link = new Link(
+    () => {},
+    () => {},
+  );
   link.connect();
   const answer = link.request({ kind: "undo", scan: "abcd" }).then(
     ({ header }) => header.kind,

@@ -1,11 +1,11 @@
 import { describe, expect, it } from "vitest";
 import { colourVertices } from "../src/mesh/colours";
 import { MeshModel } from "../src/mesh/model";
+import { vertexNormals } from "../src/mesh/normals";
 import { standIn } from "../src/mesh/standin";
 import { borderEdges, Topology } from "../src/mesh/topology";
-import { vertexNormals } from "../src/mesh/normals";
-import { pick } from "../src/viewport/pick";
 import { ViewCamera } from "../src/viewport/camera";
+import { pick } from "../src/viewport/pick";
 import { fillOutline, Projection } from "../src/viewport/region";
 import { Selection } from "../src/viewport/selection";
 import { plate, tube } from "./shapes";
@@ -99,7 +99,7 @@ describe("stand-in", () => {
 describe("colours", () => {
   it("maps sigma over its spread and names its ends", () => {
     const mesh = new MeshModel(plate(20));
-    mesh.sigma.forEach((_, v) => (mesh.sigma[v] = v / mesh.vertexCount));
+    for (let v = 0; v < mesh.vertexCount; v++) mesh.sigma[v] = v / mesh.vertexCount;
     const { rgba, legend } = colourVertices(mesh, "sigma");
     expect(legend?.low).toBeCloseTo(0.02, 1);
     expect(legend?.high).toBeCloseTo(0.98, 1);
@@ -121,7 +121,7 @@ describe("camera", () => {
       const ray = camera.ray(at[0], at[1]);
       const to = [12, -7, 55].map((x, i) => x - ray.origin[i]);
       const t = to.reduce((sum, x, i) => sum + x * ray.direction[i], 0);
-      to.forEach((x, i) => expect(x - t * ray.direction[i]).toBeCloseTo(0, 6));
+      for (const [i, x] of to.entries()) expect(x - t * ray.direction[i]).toBeCloseTo(0, 6);
     });
   }
 
@@ -129,7 +129,9 @@ describe("camera", () => {
     camera.orthographic = false;
     const at = new Float64Array(3);
     const before = camera.ray(500, 200);
-    const point = before.origin.map((x, i) => x + before.direction[i] * camera.distance / dotWithForward(camera, before.direction));
+    const point = before.origin.map(
+      (x, i) => x + (before.direction[i] * camera.distance) / dotWithForward(camera, before.direction),
+    );
     camera.zoom(2, 500, 200);
     camera.projector()(point[0], point[1], point[2], at);
     expect(at[0]).toBeCloseTo(500, 3);
@@ -160,7 +162,12 @@ describe("picking and regions", () => {
   });
 
   it("takes both sides through, and only the near side that is seen", () => {
-    const region = fillOutline([[300, 200], [500, 200], [500, 400], [300, 400]]);
+    const region = fillOutline([
+      [300, 200],
+      [500, 200],
+      [500, 400],
+      [300, 400],
+    ]);
     const projection = new Projection(mesh, camera);
     const through = projection.inside(region, null);
     const depth = new Float32Array(800 * 600).fill(Infinity);
@@ -184,7 +191,14 @@ describe("picking and regions", () => {
     ]);
     const { mask, x, y, width } = fillOutline(star);
     expect(mask[(50 - y) * width + 50 - x]).toBe(1);
-    expect(fillOutline([[0, 0], [10, 0], [10, 10], [0, 10]]).mask.reduce((a, b) => a + b)).toBe(100);
+    expect(
+      fillOutline([
+        [0, 0],
+        [10, 0],
+        [10, 10],
+        [0, 10],
+      ]).mask.reduce((a, b) => a + b),
+    ).toBe(100);
   });
 
   it("adds, removes, intersects and inverts", () => {

@@ -7,7 +7,10 @@ import type { GridHeader, ProfileHeader } from "../src/protocol";
 
 describe("envelope", () => {
   it("comes back as it went, arrays at multiples of 8", () => {
-    const message = pack({ kind: "edit", text: "größer" }, { faces: Uint32Array.of(1, 2, 3), some: Float32Array.of(NaN, 1.5) });
+    const message = pack(
+      { kind: "edit", text: "größer" },
+      { faces: Uint32Array.of(1, 2, 3), some: Float32Array.of(NaN, 1.5) },
+    );
     const { header, arrays } = unpack<{ kind: string; text: string }>(message);
     expect(header).toMatchObject({ kind: "edit", text: "größer" });
     expect([...arrays.u32("faces")]).toEqual([1, 2, 3]);
@@ -78,7 +81,13 @@ describe("Profile", () => {
 
 describe("keys", () => {
   const stroke = (key: string, held = "") =>
-    strokeOf({ key, ctrlKey: held.includes("c"), altKey: held.includes("a"), shiftKey: held.includes("s"), metaKey: held.includes("m") });
+    strokeOf({
+      key,
+      ctrlKey: held.includes("c"),
+      altKey: held.includes("a"),
+      shiftKey: held.includes("s"),
+      metaKey: held.includes("m"),
+    });
 
   it("are named as the sheet writes them", () => {
     expect(stroke("z", "c")).toBe("Ctrl+Z");

@@ -28,7 +28,12 @@ const QUALITY: readonly (readonly [number, Rgb, string])[] = [
   [32, [0, 114, 178], "edge"],
 ];
 const GOOD: Rgb = [120, 160, 190];
-const EDITS: readonly Rgb[] = [[88, 104, 122], [230, 159, 0], [213, 94, 0], [86, 180, 233]];
+const EDITS: readonly Rgb[] = [
+  [88, 104, 122],
+  [230, 159, 0],
+  [213, 94, 0],
+  [86, 180, 233],
+];
 const EDIT_WORDS = ["as measured", "moved or picked", "deleted", "added"];
 
 export interface Key {
@@ -120,7 +125,11 @@ export class GridView extends PlaneView {
       case "cause": {
         const used = new Set(grid.cause);
         return grid.header.causes
-          .map((text, i) => ({ colour: i ? PALETTE[(i - 1) % PALETTE.length] : ([52, 62, 74] as const), text: text || "measured", i }))
+          .map((text, i) => ({
+            colour: i ? PALETTE[(i - 1) % PALETTE.length] : ([52, 62, 74] as const),
+            text: text || "measured",
+            i,
+          }))
           .filter(({ i }) => used.has(i));
       }
       case "edits":
@@ -173,7 +182,12 @@ export class GridView extends PlaneView {
 
   private rows(range: Range): Box {
     const { grid } = this;
-    return { x0: grid!.row(range.steps[0]), y0: range.lines[0], x1: grid!.row(range.steps[1]) + 1, y1: range.lines[1] + 1 };
+    return {
+      x0: grid!.row(range.steps[0]),
+      y0: range.lines[0],
+      x1: grid!.row(range.steps[1]) + 1,
+      y1: range.lines[1] + 1,
+    };
   }
 
   private cross(x: number, y: number): void {

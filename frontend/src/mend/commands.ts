@@ -1,7 +1,7 @@
 import type { Command } from "../commands";
 import { viewCommands } from "../ui/surface";
 import { bordersShown, brushRadius, currentViewport, selected, tool, visibleOnly } from "../viewport/place";
-import { TOOLS, type Tool } from "../viewport/viewport";
+import { TOOLS, type Tool } from "../viewport/tools";
 import { deletePoints, deleteSelected, deleteUnselected } from "./edits";
 import { onPage } from "./panes";
 import { nudge } from "./point";
@@ -32,7 +32,7 @@ export function take(name: Tool): void {
 }
 
 /** Drop what is under way: a preview, the selection, the tool, in this order. */
-function escape(): void {
+function dropLatest(): void {
   if (preview.value) preview.value = null;
   else if (bridgeFrom.value) bridgeFrom.value = null;
   else if (lines.value.length) lines.value = [];
@@ -51,22 +51,53 @@ export const stepCommands: readonly Command[] = [
 ];
 
 export const commands: readonly Command[] = [
-  ...TOOLS.map((name) => ({ title: TOOL_NAMES[name][0], group: "Tools", keys: TOOL_NAMES[name][1], run: () => take(name) })),
+  ...TOOLS.map((name) => ({
+    title: TOOL_NAMES[name][0],
+    group: "Tools",
+    keys: TOOL_NAMES[name][1],
+    run: () => take(name),
+  })),
   { title: "Smaller brush", group: "Tools", keys: "[", run: () => resizeBrush(1 / 1.25) },
   { title: "Larger brush", group: "Tools", keys: "]", run: () => resizeBrush(1.25) },
-  { title: "Only what is seen, or through", group: "Selection", keys: "N", run: () => (visibleOnly.value = !visibleOnly.value) },
+  {
+    title: "Only what is seen, or through",
+    group: "Selection",
+    keys: "N",
+    run: () => (visibleOnly.value = !visibleOnly.value),
+  },
   { title: "Grow", group: "Selection", keys: "+", run: () => view()?.grow(), enabled: some },
   { title: "Shrink", group: "Selection", keys: "-", run: () => view()?.shrink(), enabled: some },
   { title: "Invert", group: "Selection", keys: "Ctrl+I", run: () => view()?.invert() },
   { title: "Select all", group: "Selection", keys: "Ctrl+A", run: () => view()?.selectAll() },
-  { title: "Drop preview, selection, tool", group: "Selection", keys: "Esc", run: escape },
-  { title: "Delete the selection", group: "Repair", keys: "Del", run: () => void (some() ? deleteSelected() : deletePoints()) },
-  { title: "Delete all but the selection", group: "Repair", keys: "Ctrl+Del", run: () => void deleteUnselected(), enabled: some },
+  { title: "Drop preview, selection, tool", group: "Selection", keys: "Esc", run: dropLatest },
+  {
+    title: "Delete the selection",
+    group: "Repair",
+    keys: "Del",
+    run: () => void (some() ? deleteSelected() : deletePoints()),
+  },
+  {
+    title: "Delete all but the selection",
+    group: "Repair",
+    keys: "Ctrl+Del",
+    run: () => void deleteUnselected(),
+    enabled: some,
+  },
   { title: "Holes and remarks", group: "Repair", keys: "H", run: () => (tab.value = "holes") },
   { title: "History", group: "Repair", keys: "Y", run: () => (tab.value = "history") },
   ...viewCommands,
-  { title: "Show the borders of holes", group: "View", keys: "E", run: () => (bordersShown.value = !bordersShown.value) },
-  { title: "One view alone, or all", group: "View", keys: "X", run: () => (large.value = large.value ? null : "surface") },
+  {
+    title: "Show the borders of holes",
+    group: "View",
+    keys: "E",
+    run: () => (bordersShown.value = !bordersShown.value),
+  },
+  {
+    title: "One view alone, or all",
+    group: "View",
+    keys: "X",
+    run: () => (large.value = large.value ? null : "surface"),
+  },
   ...stepCommands,
   { title: "Point to the left", group: "Profile", keys: "Shift+Left", run: () => nudge(-1) },
   { title: "Point to the right", group: "Profile", keys: "Shift+Right", run: () => nudge(1) },

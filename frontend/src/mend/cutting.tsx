@@ -53,17 +53,48 @@ export function CutPanel() {
     <Section title="Cut by a plane">
       <p class="quiet">What is tinted red goes.</p>
       <div class="grid-3">
-        <Button small onClick={() => set(starting([0, 0, 1]))}>Across z</Button>
-        <Button small onClick={() => set(starting([1, 0, 0]))}>Across x</Button>
-        <Button small onClick={() => set(starting([0, 1, 0]))}>Across y</Button>
-        <Button small label="A plane that faces you" onClick={() => facing && set(starting(facing))}>As seen</Button>
-        <Button small label="Keep the other side" onClick={() => set({ normal: at.normal.map((n) => -n) as Vec, offset: -at.offset })}>
+        <Button small onClick={() => set(starting([0, 0, 1]))}>
+          Across z
+        </Button>
+        <Button small onClick={() => set(starting([1, 0, 0]))}>
+          Across x
+        </Button>
+        <Button small onClick={() => set(starting([0, 1, 0]))}>
+          Across y
+        </Button>
+        <Button small label="A plane that faces you" onClick={() => facing && set(starting(facing))}>
+          As seen
+        </Button>
+        <Button
+          small
+          label="Keep the other side"
+          onClick={() => set({ normal: at.normal.map((n) => -n) as Vec, offset: -at.offset })}
+        >
           Other side
         </Button>
       </div>
-      <NumberField label="Distance from the origin" value={at.offset} unit="mm" onChange={(mm) => set({ ...at, offset: mm ?? 0 })} />
-      <NumberField label="Azimuth of its normal" value={azimuth} unit="°" min={-180} max={360} onChange={(a) => turned(a ?? 0, height)} />
-      <NumberField label="Height of its normal" value={height} unit="°" min={-90} max={90} onChange={(h) => turned(azimuth, h ?? 0)} />
+      <NumberField
+        label="Distance from the origin"
+        value={at.offset}
+        unit="mm"
+        onChange={(mm) => set({ ...at, offset: mm ?? 0 })}
+      />
+      <NumberField
+        label="Azimuth of its normal"
+        value={azimuth}
+        unit="°"
+        min={-180}
+        max={360}
+        onChange={(a) => turned(a ?? 0, height)}
+      />
+      <NumberField
+        label="Height of its normal"
+        value={height}
+        unit="°"
+        min={-90}
+        max={90}
+        onChange={(h) => turned(azimuth, h ?? 0)}
+      />
       <Check label="Cap the cut" checked={cap.value} onChange={(on) => (cap.value = on)} />
       <div class="grid-2">
         <Button onClick={() => void show(value())}>Preview</Button>

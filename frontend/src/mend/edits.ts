@@ -1,10 +1,11 @@
 /** The repairs: what each asks the server to do. */
-import { doEdit, type EditValue, type Hole, holes, mark, opened, previewEdit, profile, type Preview } from "../part";
+
 import type { AnyArray } from "../envelope";
+import { doEdit, type EditValue, type Hole, holes, mark, opened, type Preview, previewEdit, profile } from "../part";
+import type { Profile } from "../profile/data";
 import { notify } from "../state";
 import { count } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
-import type { Profile } from "../profile/data";
 import { bridgeFrom, chosenHoles, lines, preview, smoothing, wholePiece } from "./state";
 
 export type FillHow = "auto" | "flat" | "membrane" | "tangent" | "curvature";
@@ -140,7 +141,10 @@ export async function pickCandidate(line: number, position: number): Promise<voi
 function followed(shown: Profile, from: number, position: number, to: number): number {
   let at = position;
   for (let line = from - 1; line >= to; line--) {
-    const near = shown.of(line).map((candidate) => candidate.position).toSorted((a, b) => Math.abs(a - at) - Math.abs(b - at))[0];
+    const near = shown
+      .of(line)
+      .map((candidate) => candidate.position)
+      .toSorted((a, b) => Math.abs(a - at) - Math.abs(b - at))[0];
     if (near !== undefined) at = near;
   }
   return at;

@@ -1,6 +1,20 @@
 /** Holes, defects and the history. */
 import { useSignal, useSignalEffect } from "@preact/signals";
-import { cursor, defects, goTo, history, holes, type Hole, listDefects, listHoles, listsAreOld, redo, switchEdit, undo, opened } from "../part";
+import {
+  cursor,
+  defects,
+  goTo,
+  type Hole,
+  history,
+  holes,
+  listDefects,
+  listHoles,
+  listsAreOld,
+  opened,
+  redo,
+  switchEdit,
+  undo,
+} from "../part";
 import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
 import { apply, bridgeValue, chosenHoleList, FILL_HOW, type FillHow, fillValue, show } from "./edits";
@@ -54,16 +68,30 @@ export function HolesPanel() {
           <Button disabled={!chosen.length} onClick={() => void show(fillValue(chosen, how.value, null))}>
             Preview
           </Button>
-          <Button kind={preview.value?.of === "fill" ? "primary" : undefined} disabled={!chosen.length} onClick={() => void apply(fillValue(chosen, how.value, null))}>
+          <Button
+            kind={preview.value?.of === "fill" ? "primary" : undefined}
+            disabled={!chosen.length}
+            onClick={() => void apply(fillValue(chosen, how.value, null))}
+          >
             {chosen.length > 1 ? `Fill ${chosen.length} holes` : "Fill"}
           </Button>
         </div>
         {chosen.length === 2 && (
-          <Button label="Join the borders of the two chosen holes by a band" onClick={() => void apply(bridgeValue(chosen, how.value))}>
+          <Button
+            label="Join the borders of the two chosen holes by a band"
+            onClick={() => void apply(bridgeValue(chosen, how.value))}
+          >
             Bridge the two
           </Button>
         )}
-        <NumberField label="All up to a size of" value={below.value} unit="mm" min={0.01} placeholder="any" onChange={(value) => (below.value = value)} />
+        <NumberField
+          label="All up to a size of"
+          value={below.value}
+          unit="mm"
+          min={0.01}
+          placeholder="any"
+          onChange={(value) => (below.value = value)}
+        />
         <div class="grid-2">
           <Button disabled={!list?.length} onClick={() => void show(fillValue(null, how.value, below.value))}>
             Preview all
@@ -93,7 +121,10 @@ function DefectsPanel() {
       <ul class="list" aria-label="Remarks on the scan">
         {list?.map(({ remark, place, grid, step, line }, i) => (
           <li key={i}>
-            <span class={`dot ${remark.severity === "error" ? "bad" : remark.severity === "warning" ? "busy" : ""}`} title={remark.severity} />
+            <span
+              class={`dot ${remark.severity === "error" ? "bad" : remark.severity === "warning" ? "busy" : ""}`}
+              title={remark.severity}
+            />
             <button
               type="button"
               class="button plain grow"
@@ -150,7 +181,10 @@ export function HistoryPanel() {
           </button>
         </li>
         {list.map((entry) => (
-          <li key={entry.edit} class={`${entry.index + 1 === at ? "current" : ""} ${entry.index >= at ? "undone" : ""}`}>
+          <li
+            key={entry.edit}
+            class={`${entry.index + 1 === at ? "current" : ""} ${entry.index >= at ? "undone" : ""}`}
+          >
             <input
               type="checkbox"
               checked={entry.on}
@@ -159,7 +193,12 @@ export function HistoryPanel() {
               disabled={entry.index >= at}
               onChange={(event) => void switchEdit(entry.edit, event.currentTarget.checked)}
             />
-            <button type="button" class="button plain grow" title="Go to the state after this edit" onClick={() => void goTo(entry.index + 1)}>
+            <button
+              type="button"
+              class="button plain grow"
+              title="Go to the state after this edit"
+              onClick={() => void goTo(entry.index + 1)}
+            >
               <span class={entry.on ? "" : "off"}>{entry.text}</span>
               <span class="quiet num">{new Date(entry.at).toLocaleTimeString("sv").slice(0, 5)}</span>
             </button>

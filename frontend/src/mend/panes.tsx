@@ -11,7 +11,7 @@ import { theme } from "../state";
 import { Button, SelectField } from "../ui/controls";
 import { pickCandidate, placePoint } from "./edits";
 import { Pane } from "./pane";
-import { gridColouring, gridShown, lines, markPlace, markedGrid, pictureTool, range, stepMark } from "./state";
+import { gridColouring, gridShown, lines, markedGrid, markPlace, pictureTool, range, stepMark } from "./state";
 
 /** The views that are on the page. */
 export const onPage: { picture: PictureView | null; grid: GridView | null } = { picture: null, grid: null };
@@ -58,11 +58,31 @@ export function ProfilePane() {
     <Pane
       name="profile"
       title="Profile"
-      about={at && at.step >= 0 && `step ${at.step}${shown?.step === at.step ? ` · ${shown.header.angle_deg.toFixed(2)}°` : ""}`}
+      about={
+        at &&
+        at.step >= 0 &&
+        `step ${at.step}${shown?.step === at.step ? ` · ${shown.header.angle_deg.toFixed(2)}°` : ""}`
+      }
       tools={
         <>
-          <Button kind="plain" small icon="left" label="Profile before" keys="PgUp" disabled={!at || at.step < 0} onClick={() => void stepMark(-1, 0)} />
-          <Button kind="plain" small icon="right" label="Profile after" keys="PgDn" disabled={!at || at.step < 0} onClick={() => void stepMark(1, 0)} />
+          <Button
+            kind="plain"
+            small
+            icon="left"
+            label="Profile before"
+            keys="PgUp"
+            disabled={!at || at.step < 0}
+            onClick={() => void stepMark(-1, 0)}
+          />
+          <Button
+            kind="plain"
+            small
+            icon="right"
+            label="Profile after"
+            keys="PgDn"
+            disabled={!at || at.step < 0}
+            onClick={() => void stepMark(1, 0)}
+          />
         </>
       }
     >
@@ -105,9 +125,24 @@ export function PicturePane() {
       tools={
         <>
           {PICTURE_TOOLS.map(([name, icon, label]) => (
-            <Button key={name} kind="plain" small icon={icon} label={label} pressed={pictureTool.value === name} onClick={() => (pictureTool.value = name)} />
+            <Button
+              key={name}
+              kind="plain"
+              small
+              icon={icon}
+              label={label}
+              pressed={pictureTool.value === name}
+              onClick={() => (pictureTool.value = name)}
+            />
           ))}
-          <Button kind="plain" small icon="search" label="Zoom to the marked line" keys="Z" onClick={() => onPage.picture?.zoomToMark()} />
+          <Button
+            kind="plain"
+            small
+            icon="search"
+            label="Zoom to the marked line"
+            keys="Z"
+            onClick={() => onPage.picture?.zoomToMark()}
+          />
         </>
       }
     >
@@ -117,7 +152,13 @@ export function PicturePane() {
   );
 }
 
-const GRID_WORDS = { quality: "quality", sigma: "uncertainty", amplitude: "brightness", cause: "cause of gaps", edits: "edits" };
+const GRID_WORDS = {
+  quality: "quality",
+  sigma: "uncertainty",
+  amplitude: "brightness",
+  cause: "cause of gaps",
+  edits: "edits",
+};
 const GRID_OPTIONS = GRID_COLOURINGS.map((name) => [name, GRID_WORDS[name]] as const);
 
 export function GridPane() {
@@ -145,7 +186,12 @@ export function GridPane() {
     <Pane
       name="grid"
       title="Scan grid"
-      about={grid && (at && row >= 0 ? `step ${at.step} · line ${at.line}${flags ? ` · ${flagWords(flags)}` : ""}` : `${grid.steps.length} steps × ${grid.lines} lines`)}
+      about={
+        grid &&
+        (at && row >= 0
+          ? `step ${at.step} · line ${at.line}${flags ? ` · ${flagWords(flags)}` : ""}`
+          : `${grid.steps.length} steps × ${grid.lines} lines`)
+      }
       foot={
         grid && (
           <div class="key">
@@ -169,11 +215,22 @@ export function GridPane() {
               onChange={(value) => (gridShown.value = Number(value))}
             />
           )}
-          <SelectField bare label="Colours of the grid" value={gridColouring.value} options={GRID_OPTIONS} onChange={(value) => (gridColouring.value = value)} />
+          <SelectField
+            bare
+            label="Colours of the grid"
+            value={gridColouring.value}
+            options={GRID_OPTIONS}
+            onChange={(value) => (gridColouring.value = value)}
+          />
         </>
       }
     >
-      <canvas ref={canvas} tabIndex={0} role="img" aria-label={`Scan grid: steps across, lines down; quality marks are ${FLAGS.map(([, word]) => word).join(", ")}`} />
+      <canvas
+        ref={canvas}
+        tabIndex={0}
+        role="img"
+        aria-label={`Scan grid: steps across, lines down; quality marks are ${FLAGS.map(([, word]) => word).join(", ")}`}
+      />
     </Pane>
   );
 }

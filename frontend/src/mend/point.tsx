@@ -14,7 +14,9 @@ export function PointPanel() {
   if (!at) {
     return (
       <Section title="Point">
-        <p class="quiet">Click a point on the surface, in the profile, in the picture or in the scan grid: all views show it.</p>
+        <p class="quiet">
+          Click a point on the surface, in the profile, in the picture or in the scan grid: all views show it.
+        </p>
       </Section>
     );
   }
@@ -23,14 +25,20 @@ export function PointPanel() {
       <Section title="Point">
         <Facts />
         {at.step >= 0 && (
-          <>
-            <div class="grid-2">
-              <Button small icon="left" label="Profile before" keys="PgUp" onClick={() => void stepMark(-1, 0)}>Step −1</Button>
-              <Button small icon="right" label="Profile after" keys="PgDn" onClick={() => void stepMark(1, 0)}>Step +1</Button>
-              <Button small label="Line above" keys="Up" onClick={() => void stepMark(0, -1)}>Line −1</Button>
-              <Button small label="Line below" keys="Down" onClick={() => void stepMark(0, 1)}>Line +1</Button>
-            </div>
-          </>
+          <div class="grid-2">
+            <Button small icon="left" label="Profile before" keys="PgUp" onClick={() => void stepMark(-1, 0)}>
+              Step −1
+            </Button>
+            <Button small icon="right" label="Profile after" keys="PgDn" onClick={() => void stepMark(1, 0)}>
+              Step +1
+            </Button>
+            <Button small label="Line above" keys="Up" onClick={() => void stepMark(0, -1)}>
+              Line −1
+            </Button>
+            <Button small label="Line below" keys="Down" onClick={() => void stepMark(0, 1)}>
+              Line +1
+            </Button>
+          </div>
         )}
       </Section>
       {at.step >= 0 && <Candidates />}
@@ -95,7 +103,11 @@ function Candidates() {
   const own = shown.chosen[at.line] === -2;
   return (
     <Section title="Candidates in this line" count={list.length}>
-      {list.length === 0 && <p class="quiet">Nothing above the threshold. A point can be added in the picture (the tool with four arrows).</p>}
+      {list.length === 0 && (
+        <p class="quiet">
+          Nothing above the threshold. A point can be added in the picture (the tool with four arrows).
+        </p>
+      )}
       <ul class="list" aria-label="Candidates in this line">
         {list.map((candidate) => (
           <li key={candidate.position} class={candidate.chosen && !own ? "current" : ""}>
@@ -108,20 +120,38 @@ function Candidates() {
             >
               <span class="num">
                 {candidate.position.toFixed(2)} px · {candidate.amplitude.toFixed(0)}
-                {candidate.point && <span class="quiet"> · r {Math.hypot(candidate.point[0], candidate.point[1]).toFixed(2)} mm</span>}
+                {candidate.point && (
+                  <span class="quiet"> · r {Math.hypot(candidate.point[0], candidate.point[1]).toFixed(2)} mm</span>
+                )}
               </span>
             </button>
           </li>
         ))}
       </ul>
-      {list.length > 1 && <Check label="The whole piece of stripe" checked={wholePiece.value} onChange={(on) => (wholePiece.value = on)} />}
+      {list.length > 1 && (
+        <Check
+          label="The whole piece of stripe"
+          checked={wholePiece.value}
+          onChange={(on) => (wholePiece.value = on)}
+        />
+      )}
       {own && <p class="quiet">In use: a place set by hand, {position.toFixed(2)} px.</p>}
       {!Number.isNaN(position) && (
         <>
-          <NumberField label="Place in the picture" value={position} unit="px" min={0} onChange={(value) => value !== null && void placePoint(at.line, value)} />
+          <NumberField
+            label="Place in the picture"
+            value={position}
+            unit="px"
+            min={0}
+            onChange={(value) => value !== null && void placePoint(at.line, value)}
+          />
           <div class="grid-2">
-            <Button small keys="Shift+Left" label={`${NUDGE} px to the left`} onClick={() => nudge(-1)}>← {NUDGE} px</Button>
-            <Button small keys="Shift+Right" label={`${NUDGE} px to the right`} onClick={() => nudge(1)}>{NUDGE} px →</Button>
+            <Button small keys="Shift+Left" label={`${NUDGE} px to the left`} onClick={() => nudge(-1)}>
+              ← {NUDGE} px
+            </Button>
+            <Button small keys="Shift+Right" label={`${NUDGE} px to the right`} onClick={() => nudge(1)}>
+              {NUDGE} px →
+            </Button>
           </div>
         </>
       )}
@@ -144,10 +174,18 @@ function ProfilePanel() {
   return (
     <Section title="Profile">
       <div class="grid-2">
-        <Button icon="trash" kind="danger" label={n ? "Delete the points chosen in the profile" : "Delete this point"} onClick={() => void deletePoints()}>
+        <Button
+          icon="trash"
+          kind="danger"
+          label={n ? "Delete the points chosen in the profile" : "Delete this point"}
+          onClick={() => void deletePoints()}
+        >
           {n ? `${n} points` : "Point"}
         </Button>
-        <Button label="Leave out the profile, or all steps chosen in the grid" onClick={() => void switchProfilesOff(steps)}>
+        <Button
+          label="Leave out the profile, or all steps chosen in the grid"
+          onClick={() => void switchProfilesOff(steps)}
+        >
           {many ? `Steps ${steps[0]}–${steps[1]} off` : "Profile off"}
         </Button>
       </div>
@@ -158,7 +196,10 @@ function ProfilePanel() {
 
 const STRATEGIES = ["window", "maximum", "centroid", "median", "parabola", "gauss3", "squared", "blais-rioux"];
 const CHOICES = ["brightest", "first", "last", "nearest"];
-const asOptions = (names: readonly string[]) => [["", "as before"] as const, ...names.map((name) => [name, name] as const)];
+const asOptions = (names: readonly string[]) => [
+  ["", "as before"] as const,
+  ...names.map((name) => [name, name] as const),
+];
 
 /** Seek the stripe again in a part of the grid. */
 function DetectPanel() {
@@ -176,10 +217,37 @@ function DetectPanel() {
         Steps {steps[0]}–{steps[1]}, lines {inLines[0]}–{inLines[1]}
         {chosen ? "" : ": the whole profile"}
       </p>
-      <NumberField label="Threshold" value={threshold.value} min={0.1} max={65535} placeholder="as before" onChange={(value) => (threshold.value = value)} />
-      <SelectField label="Strategy" value={strategy.value} options={asOptions(STRATEGIES)} onChange={(value) => (strategy.value = value)} />
-      <SelectField label="Among several" value={choose.value} options={asOptions(CHOICES)} onChange={(value) => (choose.value = value)} />
-      <Button onClick={() => void detectAgain({ steps, lines: inLines, threshold: threshold.value, strategy: strategy.value || null, choose: choose.value || null })}>
+      <NumberField
+        label="Threshold"
+        value={threshold.value}
+        min={0.1}
+        max={65535}
+        placeholder="as before"
+        onChange={(value) => (threshold.value = value)}
+      />
+      <SelectField
+        label="Strategy"
+        value={strategy.value}
+        options={asOptions(STRATEGIES)}
+        onChange={(value) => (strategy.value = value)}
+      />
+      <SelectField
+        label="Among several"
+        value={choose.value}
+        options={asOptions(CHOICES)}
+        onChange={(value) => (choose.value = value)}
+      />
+      <Button
+        onClick={() =>
+          void detectAgain({
+            steps,
+            lines: inLines,
+            threshold: threshold.value,
+            strategy: strategy.value || null,
+            choose: choose.value || null,
+          })
+        }
+      >
         Detect again
       </Button>
     </Section>

@@ -23,10 +23,29 @@ export function RepairPanels() {
 function SmoothPanel() {
   return (
     <Section title="Smooth" open={tool.value === "smooth"}>
-      <NumberField label="Strength" value={smoothing.value.strength} min={0.01} max={1} step={0.01} onChange={(strength) => (smoothing.value = { ...smoothing.value, strength: strength ?? 1 })} />
-      <NumberField label="Rounds" value={smoothing.value.rounds} min={1} max={1000} step={1} onChange={(rounds) => (smoothing.value = { ...smoothing.value, rounds: rounds ?? 5 })} />
+      <NumberField
+        label="Strength"
+        value={smoothing.value.strength}
+        min={0.01}
+        max={1}
+        step={0.01}
+        onChange={(strength) => (smoothing.value = { ...smoothing.value, strength: strength ?? 1 })}
+      />
+      <NumberField
+        label="Rounds"
+        value={smoothing.value.rounds}
+        min={1}
+        max={1000}
+        step={1}
+        onChange={(rounds) => (smoothing.value = { ...smoothing.value, rounds: rounds ?? 5 })}
+      />
       <div class="grid-2">
-        <Button pressed={tool.value === "smooth"} keys="G" label="Paint where the surface is to be smoothed" onClick={() => (tool.value = "smooth")}>
+        <Button
+          pressed={tool.value === "smooth"}
+          keys="G"
+          label="Paint where the surface is to be smoothed"
+          onClick={() => (tool.value = "smooth")}
+        >
           Brush
         </Button>
         <Button disabled={selected.value === 0} onClick={() => void smoothFaces()}>
@@ -43,7 +62,14 @@ function SpikesPanel() {
   const value = () => ({ kind: "despike", beyond: beyond.value });
   return (
     <Section title="Spikes" open={false}>
-      <NumberField label="Higher than" value={beyond.value} unit="×" min={0.1} max={1000} onChange={(times) => (beyond.value = times ?? 6)} />
+      <NumberField
+        label="Higher than"
+        value={beyond.value}
+        unit="×"
+        min={0.1}
+        max={1000}
+        onChange={(times) => (beyond.value = times ?? 6)}
+      />
       <p class="quiet">times the usual roughness, {selected.value ? "in the selection" : "everywhere"}.</p>
       {would.value !== null && (
         <p class="quiet num" role="status">
@@ -51,7 +77,13 @@ function SpikesPanel() {
         </p>
       )}
       <div class="grid-2">
-        <Button onClick={() => void show(value(), selectionArrays()).then((shown) => (would.value = shown?.dead.length ?? null))}>Preview</Button>
+        <Button
+          onClick={() =>
+            void show(value(), selectionArrays()).then((shown) => (would.value = shown?.dead.length ?? null))
+          }
+        >
+          Preview
+        </Button>
         <Button onClick={() => void apply(value(), selectionArrays()).then(() => (would.value = null))}>Remove</Button>
       </div>
     </Section>
@@ -66,9 +98,32 @@ function ClosePanel() {
   const value = () => ({ kind: "close", floor: floor.value, bottom: bottom.value, top: top.value, holes: holes.value });
   return (
     <Section title="Close everything" open={false}>
-      <NumberField label="Floor at" value={floor.value} unit="mm" placeholder="none" onChange={(z) => (floor.value = z)} />
-      <SelectField label="Foot" value={bottom.value} options={[["floor", "to the floor"], ["open", "open"]]} onChange={(how) => (bottom.value = how)} />
-      <SelectField label="Top" value={top.value} options={[["plane", "flat lid"], ["smooth", "curvature"], ["open", "open"]]} onChange={(how) => (top.value = how)} />
+      <NumberField
+        label="Floor at"
+        value={floor.value}
+        unit="mm"
+        placeholder="none"
+        onChange={(z) => (floor.value = z)}
+      />
+      <SelectField
+        label="Foot"
+        value={bottom.value}
+        options={[
+          ["floor", "to the floor"],
+          ["open", "open"],
+        ]}
+        onChange={(how) => (bottom.value = how)}
+      />
+      <SelectField
+        label="Top"
+        value={top.value}
+        options={[
+          ["plane", "flat lid"],
+          ["smooth", "curvature"],
+          ["open", "open"],
+        ]}
+        onChange={(how) => (top.value = how)}
+      />
       <SelectField label="Holes" value={holes.value} options={FILL_HOW} onChange={(how) => (holes.value = how)} />
       <div class="grid-2">
         <Button onClick={() => void show(value())}>Preview</Button>
@@ -86,15 +141,32 @@ function DecimatePanel() {
   const none = tolerance.value === null && faces.value === null;
   return (
     <Section title="Fewer triangles" open={false}>
-      <NumberField label="Tolerance" value={tolerance.value} unit="mm" min={1e-6} placeholder="any" onChange={(mm) => (tolerance.value = mm)} />
-      <NumberField label="Down to" value={faces.value} min={4} step={1} placeholder="any number" onChange={(n) => (faces.value = n)} />
+      <NumberField
+        label="Tolerance"
+        value={tolerance.value}
+        unit="mm"
+        min={1e-6}
+        placeholder="any"
+        onChange={(mm) => (tolerance.value = mm)}
+      />
+      <NumberField
+        label="Down to"
+        value={faces.value}
+        min={4}
+        step={1}
+        placeholder="any number"
+        onChange={(n) => (faces.value = n)}
+      />
       {would.value !== null && (
         <p class="quiet num" role="status">
           {count(would.value)} of {count(figures.value?.faces ?? 0)} triangles would be left.
         </p>
       )}
       <div class="grid-2">
-        <Button disabled={none} onClick={() => void show(value()).then((shown) => (would.value = shown?.figures.faces ?? null))}>
+        <Button
+          disabled={none}
+          onClick={() => void show(value()).then((shown) => (would.value = shown?.figures.faces ?? null))}
+        >
           Preview
         </Button>
         <Button disabled={none} onClick={() => void apply(value()).then(() => (would.value = null))}>
@@ -150,4 +222,3 @@ function FiguresPanel() {
     </Section>
   );
 }
-

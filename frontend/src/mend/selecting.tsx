@@ -16,27 +16,67 @@ export function SelectionPanel() {
     <Section title="Selection">
       <div class="row apart">
         <span aria-live="polite">
-          <span class="big" data-testid="selected">{count(selected.value)}</span>{" "}
+          <span class="big" data-testid="selected">
+            {count(selected.value)}
+          </span>{" "}
           <span class="quiet">of {count(figures.value?.faces ?? 0)} triangles</span>
         </span>
-        <Button kind="danger" icon="trash" keys="Del" label="Delete what is selected" disabled={none} onClick={() => void deleteSelected()}>
+        <Button
+          kind="danger"
+          icon="trash"
+          keys="Del"
+          label="Delete what is selected"
+          disabled={none}
+          onClick={() => void deleteSelected()}
+        >
           Delete
         </Button>
       </div>
       <div class="grid-3">
-        <Button small label="One row of triangles more" keys="+" disabled={none} onClick={() => view?.grow()}>Grow</Button>
-        <Button small label="One row of triangles less" keys="-" disabled={none} onClick={() => view?.shrink()}>Shrink</Button>
-        <Button small label="What is not selected" keys="Ctrl+I" onClick={() => view?.invert()}>Invert</Button>
-        <Button small label="Everything" keys="Ctrl+A" onClick={() => view?.selectAll()}>All</Button>
-        <Button small label="Nothing" keys="Esc" disabled={none} onClick={() => view?.clearSelection()}>None</Button>
-        <Button small label="See the selection" keys="F" disabled={none} onClick={() => view?.fit(true)}>Zoom</Button>
+        <Button small label="One row of triangles more" keys="+" disabled={none} onClick={() => view?.grow()}>
+          Grow
+        </Button>
+        <Button small label="One row of triangles less" keys="-" disabled={none} onClick={() => view?.shrink()}>
+          Shrink
+        </Button>
+        <Button small label="What is not selected" keys="Ctrl+I" onClick={() => view?.invert()}>
+          Invert
+        </Button>
+        <Button small label="Everything" keys="Ctrl+A" onClick={() => view?.selectAll()}>
+          All
+        </Button>
+        <Button small label="Nothing" keys="Esc" disabled={none} onClick={() => view?.clearSelection()}>
+          None
+        </Button>
+        <Button small label="See the selection" keys="F" disabled={none} onClick={() => view?.fit(true)}>
+          Zoom
+        </Button>
       </div>
-      <Check label="Only what is seen" keys="N" checked={visibleOnly.value} onChange={(on) => (visibleOnly.value = on)} />
+      <Check
+        label="Only what is seen"
+        keys="N"
+        checked={visibleOnly.value}
+        onChange={(on) => (visibleOnly.value = on)}
+      />
       {(tool.value === "brush" || tool.value === "smooth") && (
-        <NumberField label="Brush" value={brushRadius.value} unit="px" min={3} max={300} onChange={(value) => (brushRadius.value = value ?? 24)} />
+        <NumberField
+          label="Brush"
+          value={brushRadius.value}
+          unit="px"
+          min={3}
+          max={300}
+          onChange={(value) => (brushRadius.value = value ?? 24)}
+        />
       )}
       {tool.value === "angle" && (
-        <NumberField label="Up to an edge of" value={angleLimit.value} unit="°" min={1} max={180} onChange={(value) => (angleLimit.value = value ?? 20)} />
+        <NumberField
+          label="Up to an edge of"
+          value={angleLimit.value}
+          unit="°"
+          min={1}
+          max={180}
+          onChange={(value) => (angleLimit.value = value ?? 20)}
+        />
       )}
     </Section>
   );
@@ -64,14 +104,20 @@ export function SelectByPanel() {
   if (level.value === "beginner") return null;
   const causes = grids.value.find((grid) => grid)?.header.causes ?? [];
   const select = async () => {
-    if (by === "quality" || by === "cause") await Promise.all((opened.value?.grids ?? []).map(({ grid }) => loadGrid(grid)));
+    if (by === "quality" || by === "cause")
+      await Promise.all((opened.value?.grids ?? []).map(({ grid }) => loadGrid(grid)));
     selectBy(by, { laser, from, to, sigma, flag: Number(flag), cause: Number(cause) });
   };
   return (
     <Section title="Select by …" open={false}>
       <SelectField label="By" value={by} options={BY} onChange={setBy} />
       {by === "laser" && (
-        <SelectField label="Laser" value={String(laser)} options={lasers.value.map((name, i) => [String(i), name] as const)} onChange={(value) => setLaser(Number(value))} />
+        <SelectField
+          label="Laser"
+          value={String(laser)}
+          options={lasers.value.map((name, i) => [String(i), name] as const)}
+          onChange={(value) => setLaser(Number(value))}
+        />
       )}
       {by === "steps" && (
         <>
@@ -79,10 +125,24 @@ export function SelectByPanel() {
           <NumberField label="To step" value={to} min={0} step={1} onChange={(value) => setTo(value ?? 0)} />
         </>
       )}
-      {by === "sigma" && <NumberField label="Sigma above" value={sigma} unit="mm" min={0} onChange={(value) => setSigma(value ?? 0)} />}
-      {by === "quality" && <SelectField label="Mark" value={flag} options={FLAGS.map(([bit, word]) => [String(bit), word] as const)} onChange={setFlag} />}
+      {by === "sigma" && (
+        <NumberField label="Sigma above" value={sigma} unit="mm" min={0} onChange={(value) => setSigma(value ?? 0)} />
+      )}
+      {by === "quality" && (
+        <SelectField
+          label="Mark"
+          value={flag}
+          options={FLAGS.map(([bit, word]) => [String(bit), word] as const)}
+          onChange={setFlag}
+        />
+      )}
       {by === "cause" && (
-        <SelectField label="Beside a gap" value={cause} options={causes.map((word, i) => [String(i), word] as const).slice(1)} onChange={setCause} />
+        <SelectField
+          label="Beside a gap"
+          value={cause}
+          options={causes.map((word, i) => [String(i), word] as const).slice(1)}
+          onChange={setCause}
+        />
       )}
       <Button onClick={() => void select()}>Select</Button>
     </Section>
@@ -102,7 +162,10 @@ function selectBy(by: By, wish: Wish): void {
   const view = currentViewport();
   const model = mesh.value;
   if (!view || !model) return;
-  if (by === "measured") return view.selectWhere((face) => !model.measured[face], "replace");
+  if (by === "measured") {
+    view.selectWhere((face) => !model.measured[face], "replace");
+    return;
+  }
   const takes = vertexRule(by, wish);
   // A face is taken where most of its corners are.
   view.selectWhere((_, a, b, c) => Number(takes(a)) + Number(takes(b)) + Number(takes(c)) >= 2, "replace");

@@ -3,8 +3,8 @@ import { computed, signal } from "@preact/signals";
 import type { GridColouring, Range } from "../grid/view";
 import { grids, lasers, loadGrid, type Mark, mark, mesh, onMesh, opened, type Preview } from "../part";
 import type { PictureTool } from "../profile/picture";
-import { angleLimit, brushRadius, currentViewport, tool, visibleOnly } from "../viewport/place";
 import type { Hit } from "../viewport/pick";
+import { angleLimit, brushRadius, currentViewport, tool, visibleOnly } from "../viewport/place";
 
 export type Tab = "repair" | "point" | "holes" | "history";
 export const tab = signal<Tab>("repair");
@@ -37,7 +37,9 @@ export const markedGrid = computed(() => (mark.value ? (grids.value[mark.value.g
 
 /** The grid (one turn of one laser) that a vertex was measured in. */
 export function gridOf(laser: string, step: number): number {
-  const found = opened.value?.grids.find((grid) => grid.laser === laser && step >= grid.first_step && step <= grid.last_step);
+  const found = opened.value?.grids.find(
+    (grid) => grid.laser === laser && step >= grid.first_step && step <= grid.last_step,
+  );
   return found?.grid ?? -1;
 }
 

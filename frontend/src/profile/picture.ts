@@ -143,10 +143,18 @@ export class PictureView extends PlaneView {
     const line = Math.round(vertical ? y : x);
     const across = vertical ? x : y;
     if (line < 0 || line >= profile.lines) return;
-    if (this.tool === "place" || event.shiftKey) return this.events.place(line, across);
+    if (this.tool === "place" || event.shiftKey) {
+      this.events.place(line, across);
+      return;
+    }
     if (this.tool === "candidate") {
-      const near = profile.of(line).toSorted((a, b) => Math.abs(a.position - across) - Math.abs(b.position - across))[0];
-      if (near && Math.abs(near.position - across) < 12 / Math.abs(this.kx) + 2) return this.events.candidate(line, near.position);
+      const near = profile
+        .of(line)
+        .toSorted((a, b) => Math.abs(a.position - across) - Math.abs(b.position - across))[0];
+      if (near && Math.abs(near.position - across) < 12 / Math.abs(this.kx) + 2) {
+        this.events.candidate(line, near.position);
+        return;
+      }
     }
     this.events.mark(line);
   }

@@ -79,7 +79,10 @@ export class ProfilePlot extends PlaneView {
     this.scales();
     const { faint, ink } = this.colours();
     const s = grid.steps.length;
-    for (const [away, alpha] of [[2, 0.25], [1, 0.5]] as const) {
+    for (const [away, alpha] of [
+      [2, 0.25],
+      [1, 0.5],
+    ] as const) {
       for (const sign of [-1, 1]) {
         const row = this.row + sign * away;
         const wrapped = grid.header.closed ? (row + s) % s : row;
@@ -216,7 +219,12 @@ export class ProfilePlot extends PlaneView {
   }
 
   protected override dragged(from: { x: number; y: number }, to: { x: number; y: number }, done: boolean): void {
-    const box = { x0: Math.min(from.x, to.x), y0: Math.min(from.y, to.y), x1: Math.max(from.x, to.x), y1: Math.max(from.y, to.y) };
+    const box = {
+      x0: Math.min(from.x, to.x),
+      y0: Math.min(from.y, to.y),
+      x1: Math.max(from.x, to.x),
+      y1: Math.max(from.y, to.y),
+    };
     this.box = done ? null : box;
     if (done) {
       const lines: number[] = [];

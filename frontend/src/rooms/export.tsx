@@ -7,7 +7,7 @@ import { complain, jobs, place } from "../state";
 import { Button, Check, count, mm, Section, SelectField } from "../ui/controls";
 import { Icon } from "../ui/icons";
 import { SurfaceView, viewCommands } from "../ui/surface";
-import type { Room } from ".";
+import type { Room } from "./room";
 
 type Format = ExportRequest["format"];
 type Form = NonNullable<ExportRequest["dxf_forms"]>[number];
@@ -39,7 +39,8 @@ const started = signal<readonly { job: string; name: string }[]>([]);
 const ready = signal<ReadonlyMap<string, string>>(new Map());
 jobs.subscribe((all) => {
   const done = [...all.values()].filter((job) => job.what === "export" && job.download && !ready.peek().has(job.job));
-  if (done.length) ready.value = new Map([...ready.peek(), ...done.map((job) => [job.job, `api/downloads/${job.download}`] as const)]);
+  if (done.length)
+    ready.value = new Map([...ready.peek(), ...done.map((job) => [job.job, `api/downloads/${job.download}`] as const)]);
 });
 
 function request(): ExportRequest {
@@ -135,7 +136,9 @@ function Advice() {
         )}
       </dl>
       {!now.closed && format.value !== "xyz" && (
-        <p class="advice">The surface is open: a printer or a solid modeller may refuse it. Fill its holes in Mend first.</p>
+        <p class="advice">
+          The surface is open: a printer or a solid modeller may refuse it. Fill its holes in Mend first.
+        </p>
       )}
       {format.value === "dxf" && now.faces > 200_000 && (
         <p class="advice">{count(now.faces)} triangles are heavy for CAD: decimate in Mend, or write profiles.</p>
@@ -208,5 +211,8 @@ export const exporting: Room = {
   title: "Export",
   needsScan: true,
   View: Export,
-  commands: [...viewCommands, { title: "Write the file", group: "Export", keys: "Ctrl+Enter", run: () => void start() }],
+  commands: [
+    ...viewCommands,
+    { title: "Write the file", group: "Export", keys: "Ctrl+Enter", run: () => void start() },
+  ],
 };

@@ -11,11 +11,11 @@ import { Button, Section } from "../ui/controls";
 import { hint } from "../ui/frame";
 import type { IconName } from "../ui/icons";
 import { SurfaceView, viewCommands } from "../ui/surface";
+import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
 import { currentViewport, hear, selected, tool } from "../viewport/place";
-import type { Tool } from "../viewport/viewport";
-import type { Vec } from "../viewport/camera";
-import type { Room } from ".";
+import type { Tool } from "../viewport/tools";
+import type { Room } from "./room";
 
 type What = TakeMeasure["what"];
 
@@ -31,10 +31,38 @@ interface Kind {
 
 const KINDS: readonly Kind[] = [
   { what: "distance", title: "Distance", keys: "D", places: 2, region: "none", how: "Click two points." },
-  { what: "to_plane", title: "Point to plane", keys: "T", places: 1, region: "must", how: "Select the flat region, then click the point." },
-  { what: "diameter", title: "Diameter", keys: "C", places: 1, region: "may", how: "Click a height for the section there, or select a round region." },
-  { what: "angle", title: "Angle", keys: "G", places: 3, region: "none", how: "Click three points; the second is the corner." },
-  { what: "area", title: "Area", keys: "Q", places: 0, region: "may", how: "Of the selection, or of the whole surface." },
+  {
+    what: "to_plane",
+    title: "Point to plane",
+    keys: "T",
+    places: 1,
+    region: "must",
+    how: "Select the flat region, then click the point.",
+  },
+  {
+    what: "diameter",
+    title: "Diameter",
+    keys: "C",
+    places: 1,
+    region: "may",
+    how: "Click a height for the section there, or select a round region.",
+  },
+  {
+    what: "angle",
+    title: "Angle",
+    keys: "G",
+    places: 3,
+    region: "none",
+    how: "Click three points; the second is the corner.",
+  },
+  {
+    what: "area",
+    title: "Area",
+    keys: "Q",
+    places: 0,
+    region: "may",
+    how: "Of the selection, or of the whole surface.",
+  },
   { what: "volume", title: "Volume", keys: "U", places: 0, region: "none", how: "Of the closed surface." },
 ];
 const TOOLS: readonly (readonly [Tool & IconName, string, string])[] = [
@@ -136,7 +164,8 @@ function items(): Item[] {
   for (const measure of measures.value) {
     const points = measure.places.map(([x, y, z]): Vec => [x, y, z]);
     const label = written(measure);
-    if (points.length > 1) out.push({ kind: "line", points, colour: "#ffc24a", label, closed: measure.what === "diameter" });
+    if (points.length > 1)
+      out.push({ kind: "line", points, colour: "#ffc24a", label, closed: measure.what === "diameter" });
     else if (points.length) out.push({ kind: "point", at: points[0], colour: "#ffc24a", label });
   }
   return out;
@@ -146,7 +175,14 @@ function Rail() {
   return (
     <div class="rail" role="toolbar" aria-label="Tools" aria-orientation="vertical">
       {TOOLS.map(([name, label, keys]) => (
-        <Button key={name} icon={name} label={label} keys={keys} pressed={tool.value === name} onClick={() => (tool.value = name)} />
+        <Button
+          key={name}
+          icon={name}
+          label={label}
+          keys={keys}
+          pressed={tool.value === name}
+          onClick={() => (tool.value = name)}
+        />
       ))}
     </div>
   );
@@ -175,7 +211,14 @@ function KindPanel() {
           Take the marked point
         </Button>
       )}
-      <Button kind="primary" icon="ruler" keys="Enter" label="Measure it" disabled={!isOperator.value || busy.value || !enough()} onClick={() => void take()}>
+      <Button
+        kind="primary"
+        icon="ruler"
+        keys="Enter"
+        label="Measure it"
+        disabled={!isOperator.value || busy.value || !enough()}
+        onClick={() => void take()}
+      >
         Measure it
       </Button>
     </Section>
@@ -204,7 +247,14 @@ function ResultsPanel() {
                 </span>
               </span>
             </button>
-            <Button kind="plain" small icon="trash" label="Forget it" disabled={!isOperator.value} onClick={() => void forget(measure.measure)} />
+            <Button
+              kind="plain"
+              small
+              icon="trash"
+              label="Forget it"
+              disabled={!isOperator.value}
+              onClick={() => void forget(measure.measure)}
+            />
           </li>
         ))}
       </ul>
@@ -220,7 +270,12 @@ function MeasureRoom() {
   useEffect(() => {
     hear.pick = add;
     tool.value = "navigate";
-    const stops = [effect(() => currentViewport()?.setItems(items())), effect(() => void (hint.value = kind.value.how))];
+    const stops = [
+      effect(() => currentViewport()?.setItems(items())),
+      effect(() => {
+        hint.value = kind.value.how;
+      }),
+    ];
     return () => {
       for (const stop of stops) stop();
       hear.pick = () => {};

@@ -1,8 +1,7 @@
 /** Mend: the surface, the profile with its picture, and the scan grid, all of one scan. */
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { COLOURINGS } from "../mesh/colours";
-import { commands, take, TOOL_NAMES } from "../mend/commands";
+import { commands, TOOL_NAMES, take } from "../mend/commands";
 import { CutPanel } from "../mend/cutting";
 import { bridgeAt, smoothFaces } from "../mend/edits";
 import { HistoryPanel, HolesPanel, LastEdit } from "../mend/lists";
@@ -11,7 +10,8 @@ import { GridPane, PicturePane, ProfilePane } from "../mend/panes";
 import { PointPanel } from "../mend/point";
 import { RepairPanels } from "../mend/repairs";
 import { SelectByPanel, SelectionPanel } from "../mend/selecting";
-import { bridgeFrom, chosenHoles, large, markHit, tab, type Tab, TOOL_HINTS } from "../mend/state";
+import { bridgeFrom, chosenHoles, large, markHit, type Tab, TOOL_HINTS, tab } from "../mend/state";
+import { COLOURINGS } from "../mesh/colours";
 import { cursor, figures, history, holes, mark, redo, undo } from "../part";
 import { level } from "../state";
 import { Button, count, SelectField } from "../ui/controls";
@@ -20,8 +20,8 @@ import type { IconName } from "../ui/icons";
 import { SurfaceView } from "../ui/surface";
 import type { Item } from "../viewport/overlay";
 import { colouring, currentViewport, hear, tool, visibleOnly } from "../viewport/place";
-import { TOOLS, type Tool } from "../viewport/viewport";
-import type { Room } from ".";
+import { TOOLS, type Tool } from "../viewport/tools";
+import type { Room } from "./room";
 
 const GROUP_ENDS: readonly Tool[] = ["navigate", "angle"];
 const TABS: readonly (readonly [Tab, string])[] = [
@@ -30,7 +30,13 @@ const TABS: readonly (readonly [Tab, string])[] = [
   ["holes", "Holes"],
   ["history", "History"],
 ];
-const COLOUR_WORDS = { plain: "one colour", sigma: "uncertainty", laser: "laser", height: "height", measured: "measured" };
+const COLOUR_WORDS = {
+  plain: "one colour",
+  sigma: "uncertainty",
+  laser: "laser",
+  height: "height",
+  measured: "measured",
+};
 const COLOUR_OPTIONS = COLOURINGS.map((name) => [name, COLOUR_WORDS[name]] as const);
 
 function Rail() {
@@ -48,11 +54,23 @@ function Rail() {
         GROUP_ENDS.includes(name) && <hr key={`${name}-end`} />,
       ])}
       <hr />
-      <Button icon="eye" label="Only what is seen" keys="N" pressed={visibleOnly.value} onClick={() => (visibleOnly.value = !visibleOnly.value)} />
+      <Button
+        icon="eye"
+        label="Only what is seen"
+        keys="N"
+        pressed={visibleOnly.value}
+        onClick={() => (visibleOnly.value = !visibleOnly.value)}
+      />
       <Button icon="fit" label="See everything" keys="Shift+F" onClick={() => currentViewport()?.fit()} />
       <hr />
       <Button icon="undo" label="Undo" keys="Ctrl+Z" disabled={cursor.value === 0} onClick={() => void undo()} />
-      <Button icon="redo" label="Redo" keys="Ctrl+Shift+Z" disabled={cursor.value >= history.value.length} onClick={() => void redo()} />
+      <Button
+        icon="redo"
+        label="Redo"
+        keys="Ctrl+Shift+Z"
+        disabled={cursor.value >= history.value.length}
+        onClick={() => void redo()}
+      />
     </div>
   );
 }
@@ -64,7 +82,15 @@ function SurfacePane() {
       name="surface"
       title="Surface"
       about={now && `${count(now.faces)} triangles${now.closed ? " · closed" : ""}`}
-      tools={<SelectField bare label="Colours of the surface" value={colouring.value} options={COLOUR_OPTIONS} onChange={(value) => (colouring.value = value)} />}
+      tools={
+        <SelectField
+          bare
+          label="Colours of the surface"
+          value={colouring.value}
+          options={COLOUR_OPTIONS}
+          onChange={(value) => (colouring.value = value)}
+        />
+      }
     >
       <SurfaceView />
     </Pane>
@@ -99,7 +125,11 @@ function Inspector() {
             <SelectByPanel />
             <RepairPanels />
             <div class="row" style={{ padding: "8px 12px" }}>
-              <Button kind="plain" small onClick={() => (level.value = level.value === "beginner" ? "expert" : "beginner")}>
+              <Button
+                kind="plain"
+                small
+                onClick={() => (level.value = level.value === "beginner" ? "expert" : "beginner")}
+              >
                 {level.value === "beginner" ? "Show expert panels" : "Hide expert panels"}
               </Button>
             </div>
@@ -130,7 +160,10 @@ function markedItems(): Item[] {
   if (bridgeFrom.value) items.push({ kind: "point", at: bridgeFrom.value, colour: "#3fb8f2" });
   for (const hole of holes.value ?? []) {
     if (!chosenHoles.value.has(hole.hole)) continue;
-    const points = Array.from({ length: hole.loop.length / 3 }, (_, i) => [hole.loop[3 * i], hole.loop[3 * i + 1], hole.loop[3 * i + 2]] as [number, number, number]);
+    const points = Array.from(
+      { length: hole.loop.length / 3 },
+      (_, i) => [hole.loop[3 * i], hole.loop[3 * i + 1], hole.loop[3 * i + 2]] as [number, number, number],
+    );
     items.push({ kind: "line", points, colour: "#ffc24a", closed: true });
   }
   return items;
@@ -143,7 +176,12 @@ function Mend() {
       if (tool.value === "bridge") void bridgeAt(hit.point);
     };
     hear.smooth = (faces) => void smoothFaces(faces);
-    const stops = [effect(() => currentViewport()?.setItems(markedItems())), effect(() => void (hint.value = TOOL_HINTS.value))];
+    const stops = [
+      effect(() => currentViewport()?.setItems(markedItems())),
+      effect(() => {
+        hint.value = TOOL_HINTS.value;
+      }),
+    ];
     return () => {
       for (const stop of stops) stop();
       hear.pick = hear.smooth = () => {};

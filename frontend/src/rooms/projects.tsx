@@ -7,7 +7,7 @@ import { isScanning } from "../station/live";
 import { resume } from "../station/resume";
 import { Button } from "../ui/controls";
 import { invite } from "../ui/invite";
-import type { Room } from ".";
+import type { Room } from "./room";
 
 /** Send scan files to the server, and open the last one. */
 export async function addFiles(files: Iterable<File>): Promise<void> {
@@ -40,7 +40,9 @@ function Projects() {
               <tr>
                 <th scope="col">Name</th>
                 <th scope="col">Changed</th>
-                <th scope="col" class="right">Size</th>
+                <th scope="col" class="right">
+                  Size
+                </th>
                 <th scope="col">
                   <span class="sr-only">State</span>
                 </th>
@@ -61,7 +63,12 @@ function Projects() {
                     {missing > 0 && (
                       <>
                         {missing} steps missing{" "}
-                        <Button small disabled={!isOperator.value || isScanning()} label={`Take what ${name} is missing`} onClick={() => void resume(scan)}>
+                        <Button
+                          small
+                          disabled={!isOperator.value || isScanning()}
+                          label={`Take what ${name} is missing`}
+                          onClick={() => void resume(scan)}
+                        >
                           Resume
                         </Button>
                       </>
@@ -73,6 +80,8 @@ function Projects() {
           </table>
         )}
         <div
+          role="group"
+          aria-label="Scan files from this computer"
           class={`drop ${over ? "over" : ""}`}
           onDragOver={() => setOver(true)}
           onDragLeave={() => setOver(false)}

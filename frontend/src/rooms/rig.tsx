@@ -2,14 +2,14 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { FoundDevice } from "../protocol";
-import { CalibratePanel } from "../station/calibrate";
-import { RemarkLine, useLastJob } from "../station/remarks";
 import { ask, devices, isOperator, kept } from "../state";
-import { Button, Check, NumberField, Section, TextField } from "../ui/controls";
+import { CalibratePanel } from "../station/calibrate";
 import { findDevices, finding, found, isScanning, orientation } from "../station/live";
+import { RemarkLine, useLastJob } from "../station/remarks";
 import { StripeField } from "../station/stripe";
 import { LivePane } from "../station/views";
-import type { Room } from ".";
+import { Button, Check, NumberField, Section, TextField } from "../ui/controls";
+import type { Room } from "./room";
 
 const SIMULATED = "sim:cup?seed=7";
 const camera = kept<string>("camera", SIMULATED);
@@ -30,7 +30,12 @@ function DevicesPanel() {
   const busy = useSignal(false);
   const connect = async () => {
     busy.value = true;
-    await ask({ kind: "connect", camera: camera.value, turntable: turntable.value, lasers: lasers.value || turntable.value });
+    await ask({
+      kind: "connect",
+      camera: camera.value,
+      turntable: turntable.value,
+      lasers: lasers.value || turntable.value,
+    });
     busy.value = false;
   };
   return (
@@ -39,10 +44,17 @@ function DevicesPanel() {
       <TextField label="Turntable" value={turntable.value} onChange={(value) => (turntable.value = value)} />
       <TextField label="Lasers" value={lasers.value} onChange={(value) => (lasers.value = value)} />
       <div class="grid-2">
-        <Button kind={connected() ? undefined : "primary"} disabled={busy.value || !isOperator.value || isScanning()} onClick={() => void connect()}>
+        <Button
+          kind={connected() ? undefined : "primary"}
+          disabled={busy.value || !isOperator.value || isScanning()}
+          onClick={() => void connect()}
+        >
           {busy.value ? "Connecting …" : connected() ? "Connect again" : "Connect"}
         </Button>
-        <Button disabled={!connected() || !isOperator.value || isScanning()} onClick={() => void ask({ kind: "disconnect" })}>
+        <Button
+          disabled={!connected() || !isOperator.value || isScanning()}
+          onClick={() => void ask({ kind: "disconnect" })}
+        >
           Disconnect
         </Button>
       </div>
@@ -68,12 +80,18 @@ function FoundPanel() {
           </li>
         ))}
       </ul>
-      {list?.notes.map((note) => <RemarkLine key={note.text} remark={note} />)}
+      {list?.notes.map((note) => (
+        <RemarkLine key={note.text} remark={note} />
+      ))}
       <div class="grid-2">
         <Button disabled={finding.value} onClick={() => void findDevices(false)}>
           Look again
         </Button>
-        <Button disabled={finding.value || connected()} label="Asks every serial port which board it is; nothing moves or is lit" onClick={() => void findDevices(true)}>
+        <Button
+          disabled={finding.value || connected()}
+          label="Asks every serial port which board it is; nothing moves or is lit"
+          onClick={() => void findDevices(true)}
+        >
           Ask the ports
         </Button>
       </div>
@@ -87,7 +105,15 @@ function LookPanel() {
   const gain = useSignal(1);
   const now = devices.value;
   if (!now || !connected()) return null;
-  const look = (on: boolean) => void ask({ kind: "look", on, lit: [...lit.value], seconds: ms.value / 1000, gain: gain.value, orientation: orientation.value });
+  const look = (on: boolean) =>
+    void ask({
+      kind: "look",
+      on,
+      lit: [...lit.value],
+      seconds: ms.value / 1000,
+      gain: gain.value,
+      orientation: orientation.value,
+    });
   const changed = () => {
     if (now.looking) look(true);
   };
@@ -99,13 +125,40 @@ function LookPanel() {
   return (
     <Section title="Live picture">
       {now.lasers.map(({ name }) => (
-        <Check key={name} label={`Laser ${name}`} checked={lit.value.includes(name)} onChange={(on) => light(name, on)} />
+        <Check
+          key={name}
+          label={`Laser ${name}`}
+          checked={lit.value.includes(name)}
+          onChange={(on) => light(name, on)}
+        />
       ))}
-      <NumberField label="Exposure" value={ms.value} unit="ms" min={0.01} onChange={(value) => { ms.value = value ?? 20; changed(); }} />
-      <NumberField label="Gain" value={gain.value} min={0.1} onChange={(value) => { gain.value = value ?? 1; changed(); }} />
+      <NumberField
+        label="Exposure"
+        value={ms.value}
+        unit="ms"
+        min={0.01}
+        onChange={(value) => {
+          ms.value = value ?? 20;
+          changed();
+        }}
+      />
+      <NumberField
+        label="Gain"
+        value={gain.value}
+        min={0.1}
+        onChange={(value) => {
+          gain.value = value ?? 1;
+          changed();
+        }}
+      />
       <StripeField />
       <div class="grid-2">
-        <Button kind={now.looking ? undefined : "primary"} icon="camera" disabled={!ready || now.looking} onClick={() => look(true)}>
+        <Button
+          kind={now.looking ? undefined : "primary"}
+          icon="camera"
+          disabled={!ready || now.looking}
+          onClick={() => look(true)}
+        >
           Look
         </Button>
         <Button disabled={!now.looking} onClick={() => look(false)}>
@@ -148,10 +201,15 @@ function DoctorPanel() {
   if (!connected()) return null;
   return (
     <Section title="Doctor">
-      <Button disabled={!isOperator.value || isScanning() || report?.state === "running"} onClick={() => void ask({ kind: "doctor" })}>
+      <Button
+        disabled={!isOperator.value || isScanning() || report?.state === "running"}
+        onClick={() => void ask({ kind: "doctor" })}
+      >
         Is all of it fit for a scan?
       </Button>
-      {report?.state === "running" && <p class="quiet">Looking; the table turns a little, each laser is lit for a moment.</p>}
+      {report?.state === "running" && (
+        <p class="quiet">Looking; the table turns a little, each laser is lit for a moment.</p>
+      )}
       {report?.state === "done" && report.findings.length === 0 && <p>Ready: nothing to remark.</p>}
       {report?.state === "done" && report.findings.map((remark) => <RemarkLine key={remark.text} remark={remark} />)}
     </Section>
@@ -161,7 +219,13 @@ function DoctorPanel() {
 function Rig() {
   return (
     <div class="room no-rail">
-      <LivePane empty={connected() ? "Press Look for live pictures." : "Connect devices, or the simulated bench that is filled in already."} />
+      <LivePane
+        empty={
+          connected()
+            ? "Press Look for live pictures."
+            : "Connect devices, or the simulated bench that is filled in already."
+        }
+      />
       <aside class="inspector" aria-label="Rig">
         <DevicesPanel />
         <FoundPanel />

@@ -2,13 +2,13 @@
 import { type Signal, signal } from "@preact/signals";
 import type { ScanPlan } from "../protocol";
 import { ask, devices, go, isOperator, jobs, kept } from "../state";
-import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
-import { left } from "../ui/frame";
 import { isScanning, orientation, scanning } from "../station/live";
 import { InterruptedPanel } from "../station/resume";
 import { StripeField } from "../station/stripe";
 import { CloudPane, LivePane } from "../station/views";
-import type { Room } from ".";
+import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
+import { left } from "../ui/frame";
+import type { Room } from "./room";
 
 const name = kept<string>("scan-name", "part");
 const steps = signal<number | null>(null);
@@ -29,7 +29,10 @@ const lasers = () => outputs().filter((name) => !lamps.value.has(name));
 
 /** Milliseconds, one or several: "5" or "5, 40". */
 function seconds(): number[] {
-  return exposures.value.split(/[\s,;]+/).filter(Boolean).map((text) => Number(text) / 1000);
+  return exposures.value
+    .split(/[\s,;]+/)
+    .filter(Boolean)
+    .map((text) => Number(text) / 1000);
 }
 
 function plan(): ScanPlan {
@@ -58,7 +61,8 @@ function missing(): string | null {
   return null;
 }
 
-const mayStart = () => isOperator.value && !isScanning() && (devices.value?.addresses.length ?? 0) > 0 && missing() === null;
+const mayStart = () =>
+  isOperator.value && !isScanning() && (devices.value?.addresses.length ?? 0) > 0 && missing() === null;
 
 const start = () => void ask({ kind: "scan", plan: plan() });
 
@@ -91,22 +95,66 @@ function PlanPanel() {
     <>
       <Section title="Plan">
         <TextField label="Name" value={name.value} onChange={(value) => (name.value = value)} />
-        <NumberField label="Stops in the turn" value={steps.value} min={1} step={1} placeholder="usual" onChange={(value) => (steps.value = value)} />
+        <NumberField
+          label="Stops in the turn"
+          value={steps.value}
+          min={1}
+          step={1}
+          placeholder="usual"
+          onChange={(value) => (steps.value = value)}
+        />
         {lasers().map((name) => (
-          <Check key={name} label={`Laser ${name}`} checked={!unused.value.has(name)} onChange={(on) => put(unused, name, !on)} />
+          <Check
+            key={name}
+            label={`Laser ${name}`}
+            checked={!unused.value.has(name)}
+            onChange={(on) => put(unused, name, !on)}
+          />
         ))}
-        <TextField label="Exposures" unit="ms" value={exposures.value} placeholder="usual" onChange={(value) => (exposures.value = value)} />
+        <TextField
+          label="Exposures"
+          unit="ms"
+          value={exposures.value}
+          placeholder="usual"
+          onChange={(value) => (exposures.value = value)}
+        />
       </Section>
       <Section title="More" open={false}>
         <NumberField label="From" value={from.value} unit="°" onChange={(value) => (from.value = value ?? 0)} />
         <NumberField label="To" value={to.value} unit="°" onChange={(value) => (to.value = value ?? 360)} />
-        <NumberField label="Threshold" value={threshold.value} min={0} placeholder="chosen" onChange={(value) => (threshold.value = value)} />
-        <NumberField label="Plain picture" value={texture.value} unit="ms" min={0.01} placeholder="none" onChange={(value) => (texture.value = value)} />
+        <NumberField
+          label="Threshold"
+          value={threshold.value}
+          min={0}
+          placeholder="chosen"
+          onChange={(value) => (threshold.value = value)}
+        />
+        <NumberField
+          label="Plain picture"
+          value={texture.value}
+          unit="ms"
+          min={0.01}
+          placeholder="none"
+          onChange={(value) => (texture.value = value)}
+        />
         {texture.value !== null && (
-          <NumberField label="Each so many stops" value={textureEvery.value} min={1} step={1} onChange={(value) => (textureEvery.value = value ?? 1)} />
+          <NumberField
+            label="Each so many stops"
+            value={textureEvery.value}
+            min={1}
+            step={1}
+            onChange={(value) => (textureEvery.value = value ?? 1)}
+          />
         )}
         {outputs().length > 1 &&
-          outputs().map((name) => <Check key={name} label={`${name} is a lamp for plain pictures`} checked={lamps.value.has(name)} onChange={(on) => put(lamps, name, on)} />)}
+          outputs().map((name) => (
+            <Check
+              key={name}
+              label={`${name} is a lamp for plain pictures`}
+              checked={lamps.value.has(name)}
+              onChange={(on) => put(lamps, name, on)}
+            />
+          ))}
         <StripeField />
         <SelectField
           label="Keep"
@@ -123,7 +171,9 @@ function PlanPanel() {
           Start
         </Button>
         {missing() && <p class="remark warning">{missing()}</p>}
-        {!now.rig && <span class="quiet">No calibration is known for these devices: points appear when a rig is added.</span>}
+        {!now.rig && (
+          <span class="quiet">No calibration is known for these devices: points appear when a rig is added.</span>
+        )}
       </div>
     </>
   );
@@ -131,7 +181,8 @@ function PlanPanel() {
 
 function CoursePanel() {
   const now = scanning.value;
-  const preparing = [...jobs.value.values()].some((job) => job.what === "scan" && job.state === "running") && !isScanning();
+  const preparing =
+    [...jobs.value.values()].some((job) => job.what === "scan" && job.state === "running") && !isScanning();
   if (preparing) {
     return (
       <Section title="Scan">
@@ -140,7 +191,13 @@ function CoursePanel() {
     );
   }
   if (!now) return null;
-  const words = { running: "Running", paused: "Paused: lasers dark", complete: "Whole", aborted: "Ended early", failed: "Failed" };
+  const words = {
+    running: "Running",
+    paused: "Paused: lasers dark",
+    complete: "Whole",
+    aborted: "Ended early",
+    failed: "Failed",
+  };
   return (
     <Section title="Scan">
       <div class="row apart" role="status">
@@ -155,7 +212,13 @@ function CoursePanel() {
       {now.text && now.text !== now.state && <p class="quiet">{now.text}</p>}
       {isScanning() ? (
         <div class="grid-2">
-          <Button icon={now.state === "paused" ? "play" : "pause"} keys="Space" label="Pause or go on" disabled={!isOperator.value} onClick={toggle}>
+          <Button
+            icon={now.state === "paused" ? "play" : "pause"}
+            keys="Space"
+            label="Pause or go on"
+            disabled={!isOperator.value}
+            onClick={toggle}
+          >
             {now.state === "paused" ? "Go on" : "Pause"}
           </Button>
           <Button kind="danger" disabled={!isOperator.value} onClick={() => void ask({ kind: "abort" })}>

@@ -1,7 +1,7 @@
 /** Calibration: pictures of a board, what they cover, why one cannot be used, and the rig that follows. */
 import { signal } from "@preact/signals";
-import { css, cividis } from "../mesh/colours";
 import { on } from "../bus";
+import { cividis, css } from "../mesh/colours";
 import type { Calibration, CalibrationView } from "../protocol";
 import { ask, devices, isOperator, jobs, kept } from "../state";
 import { Button, NumberField, Section, SelectField, TextField } from "../ui/controls";
@@ -35,7 +35,11 @@ on("calibration", (message) => {
 const markers = () => table.value.startsWith("markers:");
 const turnRange = (): Range => turn.value ?? (markers() ? [0, 360] : [-50, 50]);
 
-const STAGES: Record<CalibrationView["stage"], string> = { camera: "board", laser: "laser on the board", table: "on the table" };
+const STAGES: Record<CalibrationView["stage"], string> = {
+  camera: "board",
+  laser: "laser on the board",
+  table: "on the table",
+};
 /** Corners in a cell from which it counts as full. */
 const FULL = 12;
 
@@ -70,7 +74,14 @@ function Views({ of }: { of: Calibration }) {
             {view.laser && ` ${view.laser}`}{" "}
             <span class={view.failure ? "" : "quiet"}>{view.failure || `${view.corners} corners`}</span>
           </span>
-          <Button kind="plain" small icon="trash" label="Take this picture away" disabled={!isOperator.value} onClick={() => void ask({ kind: "forget_view", view: view.view })} />
+          <Button
+            kind="plain"
+            small
+            icon="trash"
+            label="Take this picture away"
+            disabled={!isOperator.value}
+            onClick={() => void ask({ kind: "forget_view", view: view.view })}
+          />
         </li>
       ))}
     </ul>
@@ -80,8 +91,18 @@ function Views({ of }: { of: Calibration }) {
 function RigChoice() {
   const now = devices.value;
   if (!now) return null;
-  const options = [["", now.rig ? now.rig_name || "the bench's own" : "none"] as const, ...now.rigs.filter((name) => name !== now.rig_name).map((name) => [name, name] as const)];
-  return <SelectField label="In use" value="" options={options} onChange={(name) => name && void ask({ kind: "use_rig", name })} />;
+  const options = [
+    ["", now.rig ? now.rig_name || "the bench's own" : "none"] as const,
+    ...now.rigs.filter((name) => name !== now.rig_name).map((name) => [name, name] as const),
+  ];
+  return (
+    <SelectField
+      label="In use"
+      value=""
+      options={options}
+      onChange={(name) => name && void ask({ kind: "use_rig", name })}
+    />
+  );
 }
 
 function RangeFields({ value, onChange }: { value: Range; onChange: (range: Range) => void }) {
@@ -101,10 +122,29 @@ function CarrierFields() {
   ] as const;
   return (
     <>
-      <SelectField label="Board is" value={carrier.value} options={options} onChange={(value) => (carrier.value = value)} />
-      <NumberField label="Pictures" value={count.value} min={1} max={400} step={1} onChange={(value) => (count.value = value ?? 8)} />
+      <SelectField
+        label="Board is"
+        value={carrier.value}
+        options={options}
+        onChange={(value) => (carrier.value = value)}
+      />
+      <NumberField
+        label="Pictures"
+        value={count.value}
+        min={1}
+        max={400}
+        step={1}
+        onChange={(value) => (count.value = value ?? 8)}
+      />
       {carrier.value === "hand" ? (
-        <NumberField label="One every" value={every.value} unit="s" min={0} max={60} onChange={(value) => (every.value = value ?? 0)} />
+        <NumberField
+          label="One every"
+          value={every.value}
+          unit="s"
+          min={0}
+          max={60}
+          onChange={(value) => (every.value = value ?? 0)}
+        />
       ) : (
         <RangeFields value={arc.value} onChange={(range) => (arc.value = range)} />
       )}
@@ -130,7 +170,12 @@ function Working() {
           </span>
         )}
       </div>
-      <progress class="wide" aria-label={job.title} max={job.total ?? undefined} value={job.total === null ? undefined : job.done} />
+      <progress
+        class="wide"
+        aria-label={job.title}
+        max={job.total ?? undefined}
+        value={job.total === null ? undefined : job.done}
+      />
       <Button disabled={!isOperator.value} onClick={() => void ask({ kind: "cancel", job: job.job })}>
         Cancel
       </Button>
@@ -149,18 +194,42 @@ export function CalibratePanel() {
       <RigChoice />
       <TextField label="Board" value={board.value} onChange={(value) => (board.value = value)} />
       <TextField label="On table" value={table.value} onChange={(value) => (table.value = value)} />
-      {!markers() && <NumberField label="Lowest corner" value={lowest.value} unit="mm" onChange={(value) => (lowest.value = value ?? 0)} />}
+      {!markers() && (
+        <NumberField
+          label="Lowest corner"
+          value={lowest.value}
+          unit="mm"
+          onChange={(value) => (lowest.value = value ?? 0)}
+        />
+      )}
       <Button
         disabled={!ready}
-        onClick={() => void ask({ kind: "calibrate_begin", board: board.value, table: table.value, lowest_mm: lowest.value, orientation: orientation.value })}
+        onClick={() =>
+          void ask({
+            kind: "calibrate_begin",
+            board: board.value,
+            table: table.value,
+            lowest_mm: lowest.value,
+            orientation: orientation.value,
+          })
+        }
       >
         {now ? "Begin anew" : "Begin"}
       </Button>
       {now && (
         <>
-          <NumberField label="Exposure" value={exposure.value} unit="ms" min={0.01} placeholder="usual" onChange={(value) => (exposure.value = value)} />
+          <NumberField
+            label="Exposure"
+            value={exposure.value}
+            unit="ms"
+            min={0.01}
+            placeholder="usual"
+            onChange={(value) => (exposure.value = value)}
+          />
           <CarrierFields />
-          <p class="quiet">1. Room light on, the board in every corner of the picture, near and far, tilted each way.</p>
+          <p class="quiet">
+            1. Room light on, the board in every corner of the picture, near and far, tilted each way.
+          </p>
           <Button icon="camera" disabled={!ready} onClick={() => capture("camera")}>
             Take pictures of the board
           </Button>
@@ -170,12 +239,27 @@ export function CalibratePanel() {
             Take pictures with each laser
           </Button>
           <p class="quiet">3. The target on the table{!markers() && "; at 0° it faces the camera"}.</p>
-          <NumberField label="Stops" value={stops.value} min={5} max={400} step={1} onChange={(value) => (stops.value = value ?? 11)} />
+          <NumberField
+            label="Stops"
+            value={stops.value}
+            min={5}
+            max={400}
+            step={1}
+            onChange={(value) => (stops.value = value ?? 11)}
+          />
           <RangeFields value={turnRange()} onChange={(range) => (turn.value = range)} />
           <Button
             icon="camera"
             disabled={!ready}
-            onClick={() => void ask({ kind: "capture", stage: "table", count: stops.value, range_deg: turnRange(), seconds: seconds() })}
+            onClick={() =>
+              void ask({
+                kind: "capture",
+                stage: "table",
+                count: stops.value,
+                range_deg: turnRange(),
+                seconds: seconds(),
+              })
+            }
           >
             Turn the table and take
           </Button>
@@ -187,13 +271,19 @@ export function CalibratePanel() {
             </p>
           ))}
           <TextField label="Name" value={rigName.value} onChange={(value) => (rigName.value = value)} />
-          <Button kind="primary" disabled={!ready || now.missing.length > 0 || !rigName.value} onClick={() => void ask({ kind: "calibrate_finish", name: rigName.value })}>
+          <Button
+            kind="primary"
+            disabled={!ready || now.missing.length > 0 || !rigName.value}
+            onClick={() => void ask({ kind: "calibrate_finish", name: rigName.value })}
+          >
             Calibrate
           </Button>
         </>
       )}
       {report && report.state !== "running" && report.text && <p role="status">{report.text}</p>}
-      {report?.findings.map((remark) => <RemarkLine key={remark.where + remark.text} remark={remark} />)}
+      {report?.findings.map((remark) => (
+        <RemarkLine key={remark.where + remark.text} remark={remark} />
+      ))}
     </Section>
   );
 }

@@ -71,7 +71,11 @@ export class CloudView {
     const { radius, low, high } = this.around();
     const now = this.fitted;
     const slack = SLACK * (radius + high - low);
-    const off = !now || Math.abs(radius - now.radius) > slack || Math.abs(low - now.low) > slack || Math.abs(high - now.high) > slack;
+    const off =
+      !now ||
+      Math.abs(radius - now.radius) > slack ||
+      Math.abs(low - now.low) > slack ||
+      Math.abs(high - now.high) > slack;
     if (!off && !anew) return;
     this.fitted = { radius, low, high };
     const box: Bounds = { low: [-radius, -radius, low], high: [radius, radius, high] };
@@ -150,7 +154,12 @@ export class CloudView {
   }
 
   private key(event: KeyboardEvent): void {
-    const turns: Record<string, [number, number]> = { ArrowLeft: [-30, 0], ArrowRight: [30, 0], ArrowUp: [0, -30], ArrowDown: [0, 30] };
+    const turns: Record<string, [number, number]> = {
+      ArrowLeft: [-30, 0],
+      ArrowRight: [30, 0],
+      ArrowUp: [0, -30],
+      ArrowDown: [0, 30],
+    };
     const by = turns[event.key];
     if (!by) return;
     event.preventDefault();

@@ -11,7 +11,11 @@ export class LiveView extends PlaneView {
 
   show(picture: LivePicture | null): void {
     const { shown } = this;
-    const other = !shown || !picture || shown.header.width !== picture.header.width || shown.header.height !== picture.header.height;
+    const other =
+      !shown ||
+      !picture ||
+      shown.header.width !== picture.header.width ||
+      shown.header.height !== picture.header.height;
     this.shown = picture;
     if (other) this.refit();
     else this.redraw();

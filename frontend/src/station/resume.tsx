@@ -28,13 +28,24 @@ export function InterruptedPanel() {
             <span class="grow">
               {name} <span class="quiet">{missing} steps missing</span>
             </span>
-            <Button small disabled={!isOperator.value} label={`Take what ${name} is missing`} onClick={() => void resume(scan)}>
+            <Button
+              small
+              disabled={!isOperator.value}
+              label={`Take what ${name} is missing`}
+              onClick={() => void resume(scan)}
+            >
               Resume
             </Button>
           </li>
         ))}
       </ul>
-      <NumberField label="Table stands at" value={standing.value} unit="°" placeholder="as it says" onChange={(value) => (standing.value = value)} />
+      <NumberField
+        label="Table stands at"
+        value={standing.value}
+        unit="°"
+        placeholder="as it says"
+        onChange={(value) => (standing.value = value)}
+      />
       <Check label="Damaged frames again" checked={retake.value} onChange={(on) => (retake.value = on)} />
     </Section>
   );

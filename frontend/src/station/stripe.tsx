@@ -7,5 +7,12 @@ export function StripeField() {
     ["vertical", "upright"],
     ["horizontal", "lying"],
   ] as const;
-  return <SelectField label="Stripe" value={orientation.value} options={options} onChange={(value) => (orientation.value = value)} />;
+  return (
+    <SelectField
+      label="Stripe"
+      value={orientation.value}
+      options={options}
+      onChange={(value) => (orientation.value = value)}
+    />
+  );
 }

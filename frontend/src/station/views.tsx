@@ -33,7 +33,9 @@ export function LivePane({ empty }: { empty: string }) {
             {!devices.value?.looking && !isScanning() && "not live · "}
             {now.header.width} × {now.header.height}
             {now.header.step !== null && ` · step ${now.header.step}`}
-            {now.header.lit.length ? ` · ${now.header.lit.join(" + ")} lit · stripe in ${count(seen)} lines` : " · lasers dark"}
+            {now.header.lit.length
+              ? ` · ${now.header.lit.join(" + ")} lit · stripe in ${count(seen)} lines`
+              : " · lasers dark"}
             {now.header.saturated > 0.02 && ` · ${Math.round(100 * now.header.saturated)} % clipped: expose shorter`}
           </span>
         )}

@@ -108,7 +108,14 @@ export function TextField({ label, value, unit, placeholder, onChange }: TextPro
     <div class="field text">
       <label for={id}>{label}</label>
       <span class="with-unit">
-        <input id={id} type="text" value={value} placeholder={placeholder} spellcheck={false} onChange={(event) => onChange(event.currentTarget.value.trim())} />
+        <input
+          id={id}
+          type="text"
+          value={value}
+          placeholder={placeholder}
+          spellcheck={false}
+          onChange={(event) => onChange(event.currentTarget.value.trim())}
+        />
         {unit && <span>{unit}</span>}
       </span>
     </div>
@@ -127,7 +134,12 @@ interface SelectProps<T extends string> {
 export function SelectField<T extends string>({ label, value, options, bare, onChange }: SelectProps<T>) {
   const id = useId();
   const select = (
-    <select id={id} value={value} aria-label={bare ? label : undefined} onChange={(event) => onChange(event.currentTarget.value as T)}>
+    <select
+      id={id}
+      value={value}
+      aria-label={bare ? label : undefined}
+      onChange={(event) => onChange(event.currentTarget.value as T)}
+    >
       {options.map(([option, text]) => (
         <option key={option} value={option}>
           {text}
@@ -144,7 +156,17 @@ export function SelectField<T extends string>({ label, value, options, bare, onC
   );
 }
 
-export function Check({ label, keys, checked, onChange }: { label: string; keys?: string; checked: boolean; onChange: (on: boolean) => void }) {
+export function Check({
+  label,
+  keys,
+  checked,
+  onChange,
+}: {
+  label: string;
+  keys?: string;
+  checked: boolean;
+  onChange: (on: boolean) => void;
+}) {
   return (
     <label class="check" title={keys && `${label} (${keys})`}>
       <input type="checkbox" checked={checked} onChange={(event) => onChange(event.currentTarget.checked)} />

@@ -59,7 +59,9 @@ function PaletteDialog() {
   const [words, setWords] = useState("");
   const [at, setAt] = useState(0);
   const wanted = words.toLowerCase().split(/\s+/).filter(Boolean);
-  const found = allCommands().filter(({ title, group }) => wanted.every((word) => `${title} ${group}`.toLowerCase().includes(word)));
+  const found = allCommands().filter(({ title, group }) =>
+    wanted.every((word) => `${title} ${group}`.toLowerCase().includes(word)),
+  );
   const run = (command: Command | undefined) => {
     if (!command || !(command.enabled?.() ?? true)) return;
     close();
@@ -73,7 +75,12 @@ function PaletteDialog() {
     event.preventDefault();
   };
   return (
-    <dialog ref={dialog} class="palette" aria-label="All commands" onClick={(event) => event.target === dialog.current && close()}>
+    <dialog
+      ref={dialog}
+      class="palette"
+      aria-label="All commands"
+      onClick={(event) => event.target === dialog.current && close()}
+    >
       <input
         type="text"
         placeholder="What do you want to do?"
@@ -142,7 +149,12 @@ function KeyDialog() {
         <section>
           <h3>Mouse</h3>
           <dl>
-            {MOUSE.map(([what, how]) => [<dt key={what}>{what}</dt>, <dd key={how}><kbd>{how}</kbd></dd>])}
+            {MOUSE.map(([what, how]) => [
+              <dt key={what}>{what}</dt>,
+              <dd key={how}>
+                <kbd>{how}</kbd>
+              </dd>,
+            ])}
           </dl>
         </section>
         {[...groups].map(([group, commands]) => (

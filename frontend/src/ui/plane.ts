@@ -63,7 +63,12 @@ export abstract class PlaneView {
   /** A click without a drag, in units of the plane. */
   protected click(_x: number, _y: number, _event: PointerEvent): void {}
   /** A drag with the left button, each time it gets on; `done` when the button is let go. */
-  protected dragged(_from: { x: number; y: number }, _to: { x: number; y: number }, _done: boolean, _event: PointerEvent): void {}
+  protected dragged(
+    _from: { x: number; y: number },
+    _to: { x: number; y: number },
+    _done: boolean,
+    _event: PointerEvent,
+  ): void {}
 
   protected toScreen(x: number, y: number): [number, number] {
     return [this.ox + this.kx * x, this.oy + this.ky * y];

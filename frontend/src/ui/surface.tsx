@@ -2,20 +2,33 @@
 import { useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Command } from "../commands";
-import { css, cividis, PALETTE, UNMEASURED } from "../mesh/colours";
+import { cividis, css, PALETTE, UNMEASURED } from "../mesh/colours";
 import { lasers, loading, mesh } from "../part";
 import { jobs, place, theme } from "../state";
 import { VIEWS, type ViewName } from "../viewport/camera";
 import { colouring, currentViewport, drawable, legend, showIn } from "../viewport/place";
 import { left } from "./frame";
 
-const KEYS: Record<ViewName, string> = { front: "1", back: "2", left: "3", right: "4", top: "5", bottom: "6", corner: "7" };
+const KEYS: Record<ViewName, string> = {
+  front: "1",
+  back: "2",
+  left: "3",
+  right: "4",
+  top: "5",
+  bottom: "6",
+  corner: "7",
+};
 
 /** Ways to look at the surface, for every room that shows it. */
 export const viewCommands: readonly Command[] = [
   { title: "See the selection", group: "View", keys: "F", run: () => currentViewport()?.fit(true) },
   { title: "See everything", group: "View", keys: "Shift+F", run: () => currentViewport()?.fit() },
-  ...(Object.keys(VIEWS) as ViewName[]).map((name) => ({ title: `Look from the ${name}`, group: "View", keys: KEYS[name], run: () => currentViewport()?.view(name) })),
+  ...(Object.keys(VIEWS) as ViewName[]).map((name) => ({
+    title: `Look from the ${name}`,
+    group: "View",
+    keys: KEYS[name],
+    run: () => currentViewport()?.view(name),
+  })),
   { title: "Perspective or parallel", group: "View", keys: "O", run: () => currentViewport()?.toggleOrthographic() },
 ];
 
@@ -84,7 +97,9 @@ function Legend() {
 
 function Busy() {
   if (!loading.value) return null;
-  const job = [...jobs.value.values()].find(({ what, scan, state }) => what === "open" && scan === place.value.scan && state === "running");
+  const job = [...jobs.value.values()].find(
+    ({ what, scan, state }) => what === "open" && scan === place.value.scan && state === "running",
+  );
   return (
     <div class="busy-veil" role="status">
       <span class="spinner" />

@@ -6,7 +6,11 @@ import { ask, clients, connection, devices, go, isOperator, operator, place, the
 import { Button } from "./controls";
 import { Icon } from "./icons";
 
-const CONNECTION = { connecting: ["busy", "connecting"], open: ["good", "connected"], lost: ["bad", "no connection"] } as const;
+const CONNECTION = {
+  connecting: ["busy", "connecting"],
+  open: ["good", "connected"],
+  lost: ["bad", "no connection"],
+} as const;
 const DEVICE = { none: "", ready: "good", busy: "busy", failed: "bad" } as const;
 
 export function TopBar() {
@@ -36,8 +40,12 @@ export function TopBar() {
       <span class="spring" />
       <div class="chips" role="status" aria-label="Devices and connection">
         {devices.value?.camera && <DeviceChip name="Camera" device={devices.value.camera} />}
-        {devices.value?.table && <DeviceChip name="Table" device={devices.value.table} angle={devices.value.angle_deg} />}
-        {devices.value?.lasers.map((laser) => <LaserChip key={laser.name} laser={laser} />)}
+        {devices.value?.table && (
+          <DeviceChip name="Table" device={devices.value.table} angle={devices.value.angle_deg} />
+        )}
+        {devices.value?.lasers.map((laser) => (
+          <LaserChip key={laser.name} laser={laser} />
+        ))}
         <span class="chip">
           <span class={`dot ${dot}`} />
           {words}
@@ -48,14 +56,35 @@ export function TopBar() {
         </span>
       </div>
       {!isOperator.value && connection.value === "open" && (
-        <Button small label={operator.value ? "The operator before you will see it" : undefined} onClick={() => void ask({ kind: "take_control" })}>
+        <Button
+          small
+          label={operator.value ? "The operator before you will see it" : undefined}
+          onClick={() => void ask({ kind: "take_control" })}
+        >
           Take control
         </Button>
       )}
-      <Button kind="plain" icon="search" label="All commands" keys="Ctrl+K" onClick={() => (paletteOpen.value = true)} />
-      <Button kind="plain" icon="sun" label="Dark or light" onClick={() => (theme.value = theme.value === "dark" ? "light" : "dark")} />
+      <Button
+        kind="plain"
+        icon="search"
+        label="All commands"
+        keys="Ctrl+K"
+        onClick={() => (paletteOpen.value = true)}
+      />
+      <Button
+        kind="plain"
+        icon="sun"
+        label="Dark or light"
+        onClick={() => (theme.value = theme.value === "dark" ? "light" : "dark")}
+      />
       <Button kind="plain" icon="help" label="Keys" keys="?" onClick={() => (keysOpen.value = true)} />
-      <button type="button" class="stop" title="Lasers dark, table still, at once (Ctrl+.)" aria-keyshortcuts="Control+." onClick={stop}>
+      <button
+        type="button"
+        class="stop"
+        title="Lasers dark, table still, at once (Ctrl+.)"
+        aria-keyshortcuts="Control+."
+        onClick={stop}
+      >
         STOP
       </button>
     </header>
@@ -78,7 +107,10 @@ function LaserChip({ laser }: { laser: LaserState }) {
   const dark = laser.lit === false;
   const words = laser.lit === null ? "not known" : laser.lit ? "lit" : "dark";
   return (
-    <span class={`chip ${dark ? "" : "lit"}`} title={`Laser ${laser.name}: ${words}, confirmed ${laser.age_seconds.toFixed(0)} s ago`}>
+    <span
+      class={`chip ${dark ? "" : "lit"}`}
+      title={`Laser ${laser.name}: ${words}, confirmed ${laser.age_seconds.toFixed(0)} s ago`}
+    >
       <span class="dot" />
       {laser.name}: {words}
     </span>

@@ -77,7 +77,24 @@ export class ViewCamera {
     if (this.orthographic) {
       const h = half * this.distance;
       const depth = far - near;
-      const projection = [1 / (h * aspect), 0, 0, 0, 0, 1 / h, 0, 0, 0, 0, -2 / depth, 0, 0, 0, -(far + near) / depth, 1];
+      const projection = [
+        1 / (h * aspect),
+        0,
+        0,
+        0,
+        0,
+        1 / h,
+        0,
+        0,
+        0,
+        0,
+        -2 / depth,
+        0,
+        0,
+        0,
+        -(far + near) / depth,
+        1,
+      ];
       return { world, projection, near, far };
     }
     const a = -(far + near) / (far - near);

@@ -2,10 +2,38 @@
  * Mouse, pen and fingers on the surface, as MeshLab and CloudCompare have them: the left button is
  * the tool, the right one turns, the middle one shifts, the wheel comes nearer to the cursor.
  */
-import { along, minus, type Vec } from "./camera";
-import { fillOutline, type Point } from "./region";
-import { modeOf } from "./selection";
-import type { Viewport } from "./viewport";
+import { along, minus, type Vec, type ViewCamera, type ViewName } from "./camera";
+import type { Overlay } from "./overlay";
+import type { Hit } from "./pick";
+import { type DepthPicture, fillOutline, type Point, type Projection } from "./region";
+import { type Mode, modeOf } from "./selection";
+import type { CutPlane } from "./surface";
+import type { Tool } from "./tools";
+
+/** What the hands see of the viewport, and move in it. */
+export interface HandledView {
+  readonly tool: Tool;
+  readonly camera: ViewCamera;
+  readonly overlay: Overlay;
+  readonly cutPlane: CutPlane | null;
+  readonly events: {
+    pick: (hit: Hit) => void;
+    smooth: (faces: Uint32Array<ArrayBuffer>) => void;
+    plane: (plane: CutPlane) => void;
+  };
+  brushRadius: number;
+  pick(x: number, y: number): Hit | null;
+  projection(): Projection | null;
+  seen(): DepthPicture | null;
+  select(faces: Iterable<number>, mode: Mode): void;
+  clearSelection(): void;
+  flood(face: number, mode: Mode): void;
+  setPlane(plane: CutPlane): void;
+  view(name: ViewName): void;
+  moved(): void;
+  repaint(): void;
+  redraw(): void;
+}
 
 type Drag =
   | { kind: "orbit"; pivot: Vec }
@@ -32,7 +60,7 @@ export class Hands {
 
   constructor(
     private readonly glass: HTMLCanvasElement,
-    private readonly view: Viewport,
+    private readonly view: HandledView,
   ) {
     const on = { signal: this.off.signal };
     glass.addEventListener("pointerdown", (event) => this.down(event), on);
@@ -182,7 +210,10 @@ export class Hands {
 
   private click(event: PointerEvent, at: Point): void {
     const gizmo = this.view.overlay.gizmoAt(at[0], at[1]);
-    if (gizmo) return this.view.view(gizmo);
+    if (gizmo) {
+      this.view.view(gizmo);
+      return;
+    }
     if (this.view.tool === "polygon") {
       this.polygon.push(at);
       return;
@@ -194,7 +225,10 @@ export class Hands {
   }
 
   private doubleClick(event: MouseEvent): void {
-    if (this.polygon.length) return this.closePolygon(event);
+    if (this.polygon.length) {
+      this.closePolygon(event);
+      return;
+    }
     const hit = this.view.pick(...this.at(event));
     if (!hit || this.view.tool !== "navigate") return;
     this.view.camera.target = hit.point;
@@ -250,7 +284,8 @@ export class Hands {
     const other = [...this.pointers].find(([key]) => key !== id)?.[1];
     if (!other) return;
     const { camera } = this.view;
-    const factor = Math.hypot(at[0] - other[0], at[1] - other[1]) / (Math.hypot(before[0] - other[0], before[1] - other[1]) || 1);
+    const factor =
+      Math.hypot(at[0] - other[0], at[1] - other[1]) / (Math.hypot(before[0] - other[0], before[1] - other[1]) || 1);
     camera.pan((at[0] - before[0]) / 2, (at[1] - before[1]) / 2);
     camera.zoom(factor, (at[0] + other[0]) / 2, (at[1] + other[1]) / 2);
     this.view.moved();
@@ -292,7 +327,8 @@ export class Hands {
       this.polygon = [];
       this.view.overlay.stroke = null;
       const projection = this.view.projection();
-      if (projection && outline.length > 2) this.view.select(projection.inside(fillOutline(outline), this.view.seen()), modeOf(event));
+      if (projection && outline.length > 2)
+        this.view.select(projection.inside(fillOutline(outline), this.view.seen()), modeOf(event));
     }
   }
 }

@@ -129,9 +129,12 @@ export class Overlay {
     const { pen } = this;
     const { centre, normal, size } = this.plane!;
     const [a, b] = across(normal);
-    const corners = [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([s, t]) =>
-      this.place(along(along(centre, a, s * size), b, t * size)),
-    );
+    const corners = [
+      [1, 1],
+      [-1, 1],
+      [-1, -1],
+      [1, -1],
+    ].map(([s, t]) => this.place(along(along(centre, a, s * size), b, t * size)));
     this.path(corners, true);
     pen.fillStyle = "#3fb8f21c";
     pen.fill();
@@ -199,7 +202,15 @@ export class Overlay {
     const width = length / perPixel;
     const y = camera.height - 16;
     pen.strokeStyle = pen.fillStyle = this.ink;
-    this.path([[16, y - 5], [16, y], [16 + width, y], [16 + width, y - 5]], false);
+    this.path(
+      [
+        [16, y - 5],
+        [16, y],
+        [16 + width, y],
+        [16 + width, y - 5],
+      ],
+      false,
+    );
     pen.lineWidth = 1.5;
     pen.stroke();
     pen.fillText(`${length >= 1 ? length : Number(length.toPrecision(1))} mm`, 22 + width, y);
@@ -210,7 +221,8 @@ export class Overlay {
     const { pen } = this;
     const width = pen.measureText(text).width;
     let base = y;
-    const hides = (other: Label) => Math.abs(other.y - base) < LABEL_HEIGHT && x < other.x + other.width + 12 && other.x < x + width + 12;
+    const hides = (other: Label) =>
+      Math.abs(other.y - base) < LABEL_HEIGHT && x < other.x + other.width + 12 && other.x < x + width + 12;
     while (this.labelled.some(hides)) base += LABEL_HEIGHT / 2;
     this.labelled.push({ x, y: base, width });
     pen.fillStyle = "#11151ae0";
@@ -223,7 +235,10 @@ export class Overlay {
 
   private path(points: readonly Point[], closed: boolean): void {
     this.pen.beginPath();
-    points.forEach(([x, y], i) => (i ? this.pen.lineTo(x, y) : this.pen.moveTo(x, y)));
+    for (const [i, [x, y]] of points.entries()) {
+      if (i) this.pen.lineTo(x, y);
+      else this.pen.moveTo(x, y);
+    }
     if (closed) this.pen.closePath();
   }
 

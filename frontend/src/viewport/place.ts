@@ -6,7 +6,8 @@ import { notify } from "../state";
 import { canDraw } from "./painter";
 import type { Hit } from "./pick";
 import type { CutPlane } from "./surface";
-import { type Tool, Viewport } from "./viewport";
+import type { Tool } from "./tools";
+import { Viewport } from "./viewport";
 
 export const selected = signal(0);
 export const legend = signal<Legend | null>(null);
@@ -58,7 +59,8 @@ function create(element: HTMLElement): Viewport {
       legend.value = shown;
     },
     context: (state) => {
-      if (state === "lost") notify("warning", "The graphics card was taken away for a moment.", "The surface comes back by itself.");
+      if (state === "lost")
+        notify("warning", "The graphics card was taken away for a moment.", "The surface comes back by itself.");
     },
   });
   tool.subscribe((value) => {

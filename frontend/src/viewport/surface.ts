@@ -63,7 +63,10 @@ export class Surface {
   /** All vertex buffers and the index anew: another mesh, or more vertices. */
   vertices(): void {
     const { mesh } = this;
-    const position = new BufferAttribute(mesh ? mesh.positions.subarray(0, 3 * mesh.vertexCount) : new Float32Array(0), 3);
+    const position = new BufferAttribute(
+      mesh ? mesh.positions.subarray(0, 3 * mesh.vertexCount) : new Float32Array(0),
+      3,
+    );
     const normal = new BufferAttribute(mesh ? vertexNormals(mesh) : new Int8Array(0), 4, true);
     const tint = new BufferAttribute(new Uint8Array(mesh ? 4 * mesh.vertexCount : 0), 4, true);
     for (const thing of [this.full, this.quick, this.unmeasured, this.selected, this.borders, this.doomed]) {
@@ -139,7 +142,10 @@ export class Surface {
     this.preview.visible = this.doomed.visible = change !== null;
     if (!change || !this.mesh) return;
     this.preview.geometry.setAttribute("position", new BufferAttribute(change.positions, 3));
-    this.preview.geometry.setAttribute("tint", new BufferAttribute(new Uint8Array((change.positions.length / 3) * 4), 4, true));
+    this.preview.geometry.setAttribute(
+      "tint",
+      new BufferAttribute(new Uint8Array((change.positions.length / 3) * 4), 4, true),
+    );
     setIndex(this.preview.geometry, change.faces);
     this.preview.geometry.computeVertexNormals();
     setIndex(this.doomed.geometry, corners(this.mesh, change.dead));

@@ -3,16 +3,14 @@ import { type Colouring, colourVertices, type Legend } from "../mesh/colours";
 import type { Bounds, MeshModel, Part } from "../mesh/model";
 import { Topology } from "../mesh/topology";
 import { along, type Vec, ViewCamera, type ViewName } from "./camera";
-import { Hands } from "./hands";
+import { type HandledView, Hands } from "./hands";
 import { type Item, Overlay } from "./overlay";
 import { Painter } from "./painter";
 import { type Hit, pick } from "./pick";
 import { type DepthPicture, Projection } from "./region";
-import { marked, type Mode, Selection } from "./selection";
+import { type Mode, marked, Selection } from "./selection";
 import { type CutPlane, Surface } from "./surface";
-
-export const TOOLS = ["navigate", "box", "lasso", "polygon", "brush", "connected", "angle", "smooth", "bridge", "cut"] as const;
-export type Tool = (typeof TOOLS)[number];
+import type { Tool } from "./tools";
 
 export interface ViewportEvents {
   /** A click that met the surface. */
@@ -25,7 +23,7 @@ export interface ViewportEvents {
   context: (state: "lost" | "restored") => void;
 }
 
-export class Viewport {
+export class Viewport implements HandledView {
   readonly camera = new ViewCamera();
   readonly selection = new Selection();
   readonly overlay: Overlay;
@@ -164,7 +162,10 @@ export class Viewport {
   }
 
   private recolour(): void {
-    if (!this.mesh) return this.events.legend(null);
+    if (!this.mesh) {
+      this.events.legend(null);
+      return;
+    }
     const { rgba, legend } = colourVertices(this.mesh, this.colouring);
     this.surface.tint(rgba);
     this.surface.showUnmeasured(this.colouring !== "plain" && this.colouring !== "height");
@@ -314,7 +315,11 @@ export class Viewport {
     const middle = this.mesh?.bounds();
     const outwards: Vec | null =
       fromOutside && middle
-        ? [point[0] - (middle.low[0] + middle.high[0]) / 2, point[1] - (middle.low[1] + middle.high[1]) / 2, 0.25 * size]
+        ? [
+            point[0] - (middle.low[0] + middle.high[0]) / 2,
+            point[1] - (middle.low[1] + middle.high[1]) / 2,
+            0.25 * size,
+          ]
         : null;
     this.camera.lookAt(point, outwards, size);
     this.repaint();
