@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import median_filter
 
 from tests.calibrate.world import World, true_layout, true_rig
 from turnscan.calibrate import (
@@ -20,9 +21,11 @@ from turnscan.calibrate import (
 )
 from turnscan.calibrate._angle import table_angle
 from turnscan.calibrate._layout import MarkerLayout
+from turnscan.calibrate._light import _along_lines
 from turnscan.calibrate._select import on_board, on_platter
 from turnscan.errors import FormatError, InputError
 from turnscan.rig import Pose, rotation_from_vector, rotation_z
+from turnscan.stripes import Orientation
 
 CHARUCO = Charuco(7, 5, 25.0, 19.0, "DICT_4X4_50")
 
@@ -221,3 +224,13 @@ def test_a_stripe_in_colour_is_found_where_it_is_in_grey(dark: bool) -> None:
         assert len(found) == len(alone) == 80
         assert np.abs(found - alone).max() < 0.02
         assert np.abs(found[:, 0] - centre).max() < 0.1
+
+
+@pytest.mark.parametrize("orientation", ["vertical", "horizontal"])
+def test_the_ground_beside_a_stripe_is_the_median_of_the_line(orientation: Orientation) -> None:
+    """To the bit what SciPy's median filter gives, also where a line is shorter than the window."""
+    for shape in ((40, 60), (7, 5), (1, 90), (30, 1)):
+        signal = np.random.default_rng(sum(shape)).integers(0, 9, shape).astype(np.uint16) * 7000
+        size = (1, 17) if orientation == "vertical" else (17, 1)
+        want = median_filter(signal, size=size, mode="nearest")
+        assert np.array_equal(_along_lines(signal, orientation), want)

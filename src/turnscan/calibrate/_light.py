@@ -28,25 +28,31 @@ def stripe_candidates(
 
     Raises InputError where the two pictures differ in shape.
     """
-    from scipy.ndimage import median_filter
-
     if dark is not None and dark.shape != lit.shape:
         raise InputError(
             f"the picture with the laser is {lit.shape}, the one without is {dark.shape}",
             hint="give one laser-off picture of the same camera for every laser picture",
         )
     signal = _mixed(lit, weights)
-    if dark is None:
-        size = (1, _WINDOW) if orientation == "vertical" else (_WINDOW, 1)
-        background = median_filter(signal, size=size, mode="nearest")
-    else:
-        background = _mixed(dark, weights)
+    background = _along_lines(signal, orientation) if dark is None else _mixed(dark, weights)
     settings = StripeSettings(orientation=orientation, max_candidates=5)
     found = find_candidates(signal, background, settings)
     line, which = np.nonzero(np.isfinite(found.position))
     across = found.position[line, which]
     pair = (across, line) if orientation == "vertical" else (line, across)
     return np.stack(pair, axis=1).astype(np.float64)
+
+
+def _along_lines(
+    signal: npt.NDArray[np.uint16], orientation: Orientation = "vertical"
+) -> npt.NDArray[np.uint16]:
+    """Median of 17 neighbours across the stripe, (H, W)."""
+    from turnscan.calibrate._light_kernels import running_median
+
+    across = orientation == "horizontal"
+    lines = np.ascontiguousarray(signal.T if across else signal)
+    smooth: npt.NDArray[np.uint16] = running_median(lines, _WINDOW)
+    return smooth.T if across else smooth
 
 
 def measuring_direction(orientation: Orientation) -> Floats:
@@ -75,15 +81,14 @@ def laser_weights(lit: Image, dark: Image | None, view_corners: Floats) -> Float
     In every row of the board's surroundings the brightest thin thing is taken. The stripe is there
     in every row at nearly the same excess; noise adds the same to all three channels.
     """
-    from scipy.ndimage import median_filter
-
     if lit.ndim == 2 or not len(view_corners):
         return None
     low = np.maximum(view_corners.min(axis=0).astype(int) - 80, 0)
     high = view_corners.max(axis=0).astype(int) + 80
     part = lit[low[1] : high[1], low[0] : high[0]].astype(np.float32)
     if dark is None:
-        ground = median_filter(part, size=(1, _WINDOW, 1), mode="nearest")
+        each = [_along_lines(part[..., k].astype(np.uint16)) for k in range(3)]
+        ground = np.stack(each, axis=-1).astype(np.float32)
     else:
         ground = dark[low[1] : high[1], low[0] : high[0]].astype(np.float32)
     excess = np.clip(part - ground, 0, None)

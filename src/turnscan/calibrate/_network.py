@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -57,7 +58,7 @@ class RigNetwork:
     trusted_side: tuple[float, float] | None = None
     """Mean marker side and its uncertainty, mm, where nothing else gives the scale."""
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the shared parameters: of the rig, of the layout, of the board's bend."""
         sheet = ("turn_along", "turn_across", "offset", "bow_aa", "bow_ab", "bow_bb")
@@ -71,7 +72,7 @@ class RigNetwork:
             *BEND,
         )
 
-    @property
+    @cached_property
     def own_sizes(self) -> tuple[int, ...]:
         """Six for a board's pose, one for an angle; the first angle is where zero is."""
         return (6,) * len(self.boards) + tuple(0 if i == 0 else 1 for i in range(len(self.table)))

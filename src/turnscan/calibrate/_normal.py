@@ -8,7 +8,7 @@ adjustment — a modern synthesis (2000).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
@@ -122,41 +122,60 @@ def build(
             own_g[b.view] += Bw.T @ b.residual
             cross[b.view] += Bw.T @ A
     H[np.diag_indices(p)] *= 1 + damping
-    inverses = []
-    for i, N in enumerate(own_H):
-        N[np.diag_indices(len(N))] *= 1 + damping
-        inverse = inverse_of(N, lambda k, i=i: f"own parameter {k} of view {i}")
-        inverses.append(inverse)
-        H -= cross[i].T @ inverse @ cross[i]
-        g -= cross[i].T @ inverse @ own_g[i]
+    inverses = _inverses(own_H, damping)
+    for inverse, c, own in zip(inverses, cross, own_g, strict=True):
+        if len(own):
+            lever = inverse @ c
+            H -= c.T @ lever
+            g -= own @ lever
     return System(H, g, inverses, own_g, cross, cost_of(blocks, scales, huber))
 
 
-def inverse_of(N: Floats, name: object) -> Floats:
+def _inverses(own: list[Floats], damping: float) -> list[Floats]:
+    """Inverse of every view's own matrix; those of one size at once, as each is small."""
+    out = list(own)
+    for size in sorted({len(N) for N in own} - {0}):
+        which = [i for i, N in enumerate(own) if len(N) == size]
+        stack = np.stack([own[i] for i in which])
+        stack[:, np.arange(size), np.arange(size)] *= 1 + damping
+
+        def name(n: int, k: int, which: list[int] = which) -> str:
+            return f"own parameter {k} of view {which[n]}"
+
+        for i, inverse in zip(which, _inverted(stack, name), strict=True):
+            out[i] = inverse
+    return out
+
+
+def inverse_of(N: Floats, name: Callable[[int], str]) -> Floats:
     """Inverse of a symmetric positive matrix, scaled to a unit diagonal first."""
     if not len(N):
         return N
-    d = np.sqrt(np.maximum(np.diag(N), 0.0))
-    flat = np.flatnonzero(d <= 0)
+    inverse: Floats = _inverted(N[None], lambda _, k: name(k))[0]
+    return inverse
+
+
+def _inverted(stack: Floats, name: Callable[[int, int], str]) -> Floats:
+    """Inverses of (n, q, q); Degenerate by the name of matrix and parameter where there is none."""
+    d = np.sqrt(np.maximum(np.diagonal(stack, axis1=1, axis2=2), 0.0))
+    flat = np.argwhere(d <= 0)
     if len(flat):
-        raise Degenerate(f"nothing observed depends on {_call(name, int(flat[0]))}")
-    values, vectors = np.linalg.eigh(N / np.outer(d, d))
-    if values[0] < _SINGULAR:
-        worst = np.argsort(-np.abs(vectors[:, 0]))[:3]
-        names = ", ".join(_call(name, int(k)) for k in worst)
+        raise Degenerate(f"nothing observed depends on {name(*(int(x) for x in flat[0]))}")
+    size = d[:, :, None] * d[:, None, :]
+    values, vectors = np.linalg.eigh(stack / size)
+    n = int(values[:, 0].argmin())
+    if values[n, 0] < _SINGULAR:
+        worst = np.argsort(-np.abs(vectors[n, :, 0]))[:3]
+        names = ", ".join(name(n, int(k)) for k in worst)
         raise Degenerate(
             f"the views cannot tell these apart: {names}",
             hint="add views that differ more in tilt, distance and place",
         )
-    scaled: Floats = (vectors / values) @ vectors.T / np.outer(d, d)
-    return scaled
+    inverses: Floats = (vectors / values[:, None, :]) @ np.swapaxes(vectors, 1, 2) / size
+    return inverses
 
 
-def _call(name: object, index: int) -> str:
-    return str(name(index)) if callable(name) else str(name)
-
-
-def free_name(network: Network[State], free: Bools) -> object:
+def free_name(network: Network[State], free: Bools) -> Callable[[int], str]:
     """Gives the name of a free parameter by its place among these."""
     names = [n for n, f in zip(network.names, free, strict=True) if f]
     return lambda k: names[k]

@@ -106,7 +106,7 @@ def _consensus(points: Floats) -> Bools:
     keep = off[(off < _NEAR_PX).sum(axis=1).argmax()] < _NEAR_PX
     for _ in range(4):
         centre = points[keep].mean(axis=0)
-        axes = np.linalg.svd(points[keep] - centre)[2]
+        axes = np.linalg.svd(points[keep] - centre, full_matrices=False)[2]
         away = np.abs((points - centre) @ axes[1])
         limit = max(_TIGHT * 1.4826 * float(np.median(away[keep])), _LEAST_PX)
         keep = away < min(limit, 2 * _NEAR_PX)
