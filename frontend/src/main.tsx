@@ -2,10 +2,14 @@ import { effect } from "@preact/signals";
 import { render } from "preact";
 import { link } from "./bus";
 import { onKey, roomCommands, roomList } from "./commands";
-import { scanName } from "./part";
+import { startMend } from "./mend/state";
+import { scanName, startPart } from "./part";
 import { home, rooms } from "./rooms";
+import { startExport } from "./rooms/export";
 import { addFiles } from "./rooms/projects";
-import { place } from "./state";
+import { place, startState } from "./state";
+import { startCalibration } from "./station/calibrate";
+import { startLive } from "./station/live";
 import { expose } from "./testing";
 import "./theme.css";
 import { KeySheet, Notices, Palette, StatusLine } from "./ui/frame";
@@ -34,6 +38,12 @@ function App() {
   );
 }
 
+startState();
+startPart();
+startLive();
+startCalibration();
+startMend();
+startExport();
 roomList.value = rooms.map(({ id, title }) => ({ id, title }));
 effect(() => {
   roomCommands.value = room().commands;

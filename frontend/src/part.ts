@@ -56,7 +56,8 @@ export const scanName = computed(() => opened.value?.name ?? null);
 
 let revision = -1;
 let epoch = -1;
-let fetching = false;
+/** The mesh that is on its way, and of which scan. */
+let underWay: { scan: string; arrival: Promise<void> } | null = null;
 type MeshListener = (parts: readonly Part[] | null) => void;
 const meshListeners = new Set<MeshListener>();
 
@@ -97,14 +98,31 @@ async function show(message: Opened): Promise<void> {
     grids.value = message.grids.map(() => null);
     if (!same) mark.value = profile.value = null;
   });
-  if (!same || message.epoch !== epoch || message.revision !== revision) await fetchMesh();
+  if (!same || message.epoch !== epoch || message.revision !== revision) await fetchMeshOf(message);
   loading.value = null;
 }
 
-async function fetchMesh(): Promise<void> {
+/** Get the mesh of the open scan, or wait for the one that is on its way. */
+function fetchMesh(): Promise<void> {
   const scan = opened.value?.scan;
-  if (!scan || fetching) return;
-  fetching = true;
+  if (!scan) return Promise.resolve();
+  if (underWay?.scan !== scan) {
+    const mine = { scan, arrival: takeMesh(scan) };
+    underWay = mine;
+    void mine.arrival.finally(() => {
+      if (underWay === mine) underWay = null;
+    });
+  }
+  return underWay.arrival;
+}
+
+/** Get the mesh as it is after a message: what was on its way before may be older than that. */
+async function fetchMeshOf(message: { scan: string; revision: number }): Promise<void> {
+  await fetchMesh();
+  if (opened.value?.scan === message.scan && revision < message.revision) await fetchMesh();
+}
+
+async function takeMesh(scan: string): Promise<void> {
   try {
     loading.value ??= "Loading the surface";
     const { header, arrays } = await getArrays<MeshHeader>(`api/scans/${scan}/mesh`);
@@ -117,8 +135,7 @@ async function fetchMesh(): Promise<void> {
   } catch (error) {
     complain(error);
   } finally {
-    fetching = false;
-    loading.value = null;
+    if (opened.value?.scan === scan) loading.value = null;
   }
 }
 
@@ -158,9 +175,7 @@ async function patch(message: Patch, arrays: Arrays): Promise<void> {
   listsAreOld.value = true;
   const parts = message.epoch === epoch && message.revision === revision + 1 ? partsOf(message, arrays) : null;
   if (!parts || !mesh.value) {
-    await fetchMesh();
-    // A patch that came while the mesh was on its way may be missing in it.
-    if (revision < message.revision) await fetchMesh();
+    await fetchMeshOf(message);
     return;
   }
   for (const part of parts) mesh.value.apply(part);
@@ -308,61 +323,71 @@ export function pictureOf(of: Profile): string {
   return `api/scans/${opened.value?.scan ?? ""}/picture/${of.grid}/${of.step}.png`;
 }
 
-// The server's messages
+/** Follow the address and the server's messages: once, after the page's state has begun to. */
+export function startPart(): void {
+  hearServer();
+  followPage();
+}
 
-on("opened", (message) => {
-  if (message.id === null) void show(message);
-});
-on("patch", (message, arrays) => {
-  if (message.scan === opened.value?.scan) void patch(message, arrays);
-});
-on("history", (message) => {
-  if (message.scan !== opened.value?.scan) return;
-  history.value = message.history;
-  cursor.value = message.cursor;
-});
-on("measures", (message) => {
-  if (message.scan === opened.value?.scan) measures.value = message.measures;
-});
-on("grid", (message) => {
-  if (message.scan !== opened.value?.scan) return;
-  refreshGrid(message.grid, message.steps).catch(complain);
-  const shown = profile.value;
-  if (shown?.grid === message.grid && message.steps.includes(shown.step))
-    void loadProfile(shown.grid, shown.step, true);
-});
+function hearServer(): void {
+  on("opened", (message) => {
+    if (message.id === null) void show(message);
+  });
+  on("patch", (message, arrays) => {
+    if (message.scan === opened.value?.scan) void patch(message, arrays);
+  });
+  on("history", (message) => {
+    if (message.scan !== opened.value?.scan) return;
+    history.value = message.history;
+    cursor.value = message.cursor;
+  });
+  on("measures", (message) => {
+    if (message.scan === opened.value?.scan) measures.value = message.measures;
+  });
+  on("grid", (message) => {
+    if (message.scan !== opened.value?.scan) return;
+    refreshGrid(message.grid, message.steps).catch(complain);
+    const shown = profile.value;
+    if (shown?.grid === message.grid && message.steps.includes(shown.step))
+      void loadProfile(shown.grid, shown.step, true);
+  });
 
-on("job", ({ what, state, scan }) => {
-  if (
-    what !== "open" ||
-    state === "running" ||
-    state === "done" ||
-    scan !== place.value.scan ||
-    scan === opened.value?.scan
-  )
-    return;
-  // It will not open: back to what there is. The message itself stays.
-  loading.value = null;
-  go("projects", null);
-});
+  on("job", ({ what, state, scan }) => {
+    if (
+      what !== "open" ||
+      state === "running" ||
+      state === "done" ||
+      scan !== place.value.scan ||
+      scan === opened.value?.scan
+    )
+      return;
+    // It will not open: back to what there is. The message itself stays.
+    loading.value = null;
+    go("projects", null);
+  });
+}
 
-// Follow the address, and ask again whenever the connection comes back.
-effect(() => {
-  const { scan } = place.value;
-  if (connection.value !== "open") return;
-  if (scan && scan !== opened.peek()?.scan) {
-    mesh.value = null;
-    revision = epoch = -1;
-  }
-  if (scan) void open(scan);
-});
-effect(() => {
-  const current = opened.value;
-  if (current && scans.value.length && !scans.value.some((entry) => entry.scan === current.scan)) {
-    notify("warning", `${current.name} is no longer in the list of scans.`);
-  }
-});
-effect(() => {
-  const at = mark.value;
-  if (at && at.step >= 0) void loadProfile(at.grid, at.step);
-});
+/** Open the scan of the address, again whenever the connection comes back. */
+function followPage(): void {
+  effect(() => {
+    const { scan } = place.value;
+    if (connection.value !== "open") return;
+    if (scan && scan !== opened.peek()?.scan) {
+      mesh.value = null;
+      revision = epoch = -1;
+    }
+    if (scan) void open(scan);
+  });
+  const gone = computed(() => {
+    const current = opened.value;
+    const listed = scans.value.length === 0 || scans.value.some((entry) => entry.scan === current?.scan);
+    return current && !listed ? current.name : null;
+  });
+  effect(() => {
+    if (gone.value !== null) notify("warning", `${gone.value} is no longer in the list of scans.`);
+  });
+  effect(() => {
+    const at = mark.value;
+    if (at && at.step >= 0) void loadProfile(at.grid, at.step);
+  });
+}

@@ -1,6 +1,7 @@
 /** What the page knows: signals, set by the server's messages and by the person. */
 import { computed, effect, signal } from "@preact/signals";
 import { link, on, onConnection } from "./bus";
+import { kept, remember } from "./kept";
 import { RefusedError, type Request } from "./link";
 import { type Devices, type Hello, type JobState, PROTOCOL, type ScanEntry } from "./protocol";
 
@@ -27,7 +28,8 @@ const NOTICE_MS = { note: 5000, warning: 9000, error: 15000 };
 
 export function notify(severity: Notice["severity"], text: string, hint = ""): void {
   const id = nextNotice++;
-  notices.value = [...notices.value.slice(-3), { id, severity, text, hint }];
+  // Whoever notifies does not depend on what else is shown.
+  notices.value = [...notices.peek().slice(-3), { id, severity, text, hint }];
   setTimeout(() => dismiss(id), NOTICE_MS[severity]);
 }
 
@@ -56,22 +58,8 @@ export async function ask(request: Request): Promise<boolean> {
   }
 }
 
-// Preferences stay in this browser.
-
-/** A text that the browser remembers; `allowed` null takes any. */
-export function kept<T extends string>(key: string, first: T, allowed: readonly T[] | null = null) {
-  const found = localStorage.getItem(`turnscan.${key}`) as T | null;
-  const value = signal<T>(found !== null && (allowed?.includes(found) ?? true) ? found : first);
-  effect(() => localStorage.setItem(`turnscan.${key}`, value.value));
-  return value;
-}
-
-const systemTheme = matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
-export const theme = kept<"dark" | "light">("theme", systemTheme, ["dark", "light"]);
+export const theme = kept<"dark" | "light">("theme", "dark", ["dark", "light"]);
 export const level = kept<"beginner" | "expert">("level", "beginner", ["beginner", "expert"]);
-effect(() => {
-  document.documentElement.dataset.theme = theme.value;
-});
 
 // Where one is: #mend/SCAN
 
@@ -85,67 +73,82 @@ function readPlace(): Place {
   return { room: room || "projects", scan: scan || null };
 }
 
-export const place = signal<Place>(readPlace());
-window.addEventListener("hashchange", () => {
-  place.value = readPlace();
-});
+export const place = signal<Place>({ room: "projects", scan: null });
 
 export function go(room: string, scan = place.value.scan): void {
   location.hash = scan ? `${room}/${scan}` : room;
 }
 
-// The server's messages
+/** Follow the address, the server's messages and what this browser remembers: once, before the first picture. */
+export function startState(): void {
+  theme.value = matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
+  remember(localStorage);
+  effect(() => {
+    document.documentElement.dataset.theme = theme.value;
+  });
+  place.value = readPlace();
+  window.addEventListener("hashchange", () => {
+    place.value = readPlace();
+  });
+  hearServer();
+  watchConnection();
+}
 
-on("hello", (message) => {
-  if (message.protocol !== PROTOCOL) {
-    location.reload();
-    return;
-  }
-  hello.value = message;
-  operator.value = message.operator;
-  scans.value = message.scans;
-});
-on("control", (message) => {
-  const was = isOperator.value;
-  operator.value = message.operator;
-  clients.value = message.clients;
-  if (was && !isOperator.value)
-    notify("warning", "Somebody else is the operator now.", "You see everything, and can take control back.");
-});
-on("scans", (message) => {
-  scans.value = message.scans;
-});
-on("devices", (message) => {
-  devices.value = message;
-});
-on("job", (message) => {
-  const next = new Map(jobs.value);
-  next.set(message.job, message);
-  jobs.value = next;
-  // Why an edit failed is said by the answer to its request.
-  if (message.state === "failed" && message.what !== "edit")
-    notify("error", `${message.title}: ${message.text}`, message.hint);
-  if (message.state !== "running") {
-    setTimeout(() => {
-      const rest = new Map(jobs.value);
-      rest.delete(message.job);
-      jobs.value = rest;
-    }, 8000);
-  }
-});
-let lostTimer: ReturnType<typeof setTimeout> | undefined;
-onConnection((state) => {
-  connection.value = state;
-  if (state === "open") {
-    clearTimeout(lostTimer);
-    lostTimer = undefined;
-  } else {
-    lostTimer ??= setTimeout(() => {
-      notify(
-        "error",
-        "There is no connection to turnscan.",
-        "Look whether it still runs. Where it was started anew, open the link that it printed.",
-      );
-    }, LOST_MS);
-  }
-});
+function hearServer(): void {
+  on("hello", (message) => {
+    if (message.protocol !== PROTOCOL) {
+      location.reload();
+      return;
+    }
+    hello.value = message;
+    operator.value = message.operator;
+    scans.value = message.scans;
+  });
+  on("control", (message) => {
+    const was = isOperator.value;
+    operator.value = message.operator;
+    clients.value = message.clients;
+    if (was && !isOperator.value)
+      notify("warning", "Somebody else is the operator now.", "You see everything, and can take control back.");
+  });
+  on("scans", (message) => {
+    scans.value = message.scans;
+  });
+  on("devices", (message) => {
+    devices.value = message;
+  });
+  on("job", (message) => {
+    const next = new Map(jobs.value);
+    next.set(message.job, message);
+    jobs.value = next;
+    // Why an edit failed is said by the answer to its request.
+    if (message.state === "failed" && message.what !== "edit")
+      notify("error", `${message.title}: ${message.text}`, message.hint);
+    if (message.state !== "running") {
+      setTimeout(() => {
+        const rest = new Map(jobs.value);
+        rest.delete(message.job);
+        jobs.value = rest;
+      }, 8000);
+    }
+  });
+}
+
+function watchConnection(): void {
+  let lostTimer: ReturnType<typeof setTimeout> | undefined;
+  onConnection((state) => {
+    connection.value = state;
+    if (state === "open") {
+      clearTimeout(lostTimer);
+      lostTimer = undefined;
+    } else {
+      lostTimer ??= setTimeout(() => {
+        notify(
+          "error",
+          "There is no connection to turnscan.",
+          "Look whether it still runs. Where it was started anew, open the link that it printed.",
+        );
+      }, LOST_MS);
+    }
+  });
+}

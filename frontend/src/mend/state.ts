@@ -26,14 +26,17 @@ export const smoothing = signal({ strength: 0.5, rounds: 5 });
 export const chosenHoles = signal<ReadonlySet<number>>(new Set());
 /** What an edit would do; shown until it is done or dropped. */
 export const preview = signal<(Preview & { of: string }) | null>(null);
-// Another surface: holes have other numbers, and what was previewed is done or out of date.
-onMesh(() => {
-  preview.value = null;
-  chosenHoles.value = new Set();
-});
-preview.subscribe((shown) => currentViewport()?.showPreview(shown));
-
 export const markedGrid = computed(() => (mark.value ? (grids.value[mark.value.grid] ?? null) : null));
+
+/** Follow the surface and show previews on it: once. */
+export function startMend(): void {
+  // Another surface: holes have other numbers, and what was previewed is done or out of date.
+  onMesh(() => {
+    preview.value = null;
+    chosenHoles.value = new Set();
+  });
+  preview.subscribe((shown) => currentViewport()?.showPreview(shown));
+}
 
 /** The grid (one turn of one laser) that a vertex was measured in. */
 export function gridOf(laser: string, step: number): number {

@@ -37,11 +37,17 @@ const ascii = signal(false);
 const started = signal<readonly { job: string; name: string }[]>([]);
 /** Finished ones stay here when their job is forgotten. */
 const ready = signal<ReadonlyMap<string, string>>(new Map());
-jobs.subscribe((all) => {
-  const done = [...all.values()].filter((job) => job.what === "export" && job.download && !ready.peek().has(job.job));
-  if (done.length)
-    ready.value = new Map([...ready.peek(), ...done.map((job) => [job.job, `api/downloads/${job.download}`] as const)]);
-});
+/** Keep the addresses of finished files: once. */
+export function startExport(): void {
+  jobs.subscribe((all) => {
+    const done = [...all.values()].filter((job) => job.what === "export" && job.download && !ready.peek().has(job.job));
+    if (done.length)
+      ready.value = new Map([
+        ...ready.peek(),
+        ...done.map((job) => [job.job, `api/downloads/${job.download}`] as const),
+      ]);
+  });
+}
 
 function request(): ExportRequest {
   if (format.value !== "dxf") return { format: format.value, ascii: BINARY.includes(format.value) && ascii.value };

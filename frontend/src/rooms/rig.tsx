@@ -1,8 +1,9 @@
 /** Rig: what is connected, what the camera sees, and whether all of it is fit for a scan. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { kept } from "../kept";
 import type { FoundDevice } from "../protocol";
-import { ask, devices, isOperator, kept } from "../state";
+import { ask, devices, isOperator } from "../state";
 import { CalibratePanel } from "../station/calibrate";
 import { findDevices, finding, found, isScanning, orientation } from "../station/live";
 import { RemarkLine, useLastJob } from "../station/remarks";

@@ -1,7 +1,8 @@
 /** Scan: a plan, the camera and the points while it runs, and the way to the Mend room. */
 import { type Signal, signal } from "@preact/signals";
+import { kept } from "../kept";
 import type { ScanPlan } from "../protocol";
-import { ask, devices, go, isOperator, jobs, kept } from "../state";
+import { ask, devices, go, isOperator, jobs } from "../state";
 import { isScanning, orientation, scanning } from "../station/live";
 import { InterruptedPanel } from "../station/resume";
 import { StripeField } from "../station/stripe";

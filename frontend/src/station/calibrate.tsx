@@ -1,9 +1,10 @@
 /** Calibration: pictures of a board, what they cover, why one cannot be used, and the rig that follows. */
 import { signal } from "@preact/signals";
 import { on } from "../bus";
+import { kept } from "../kept";
 import { cividis, css } from "../mesh/colours";
 import type { Calibration, CalibrationView } from "../protocol";
-import { ask, devices, isOperator, jobs, kept } from "../state";
+import { ask, devices, isOperator, jobs } from "../state";
 import { Button, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import { isScanning, orientation } from "./live";
 import { RemarkLine, useLastJob } from "./remarks";
@@ -28,9 +29,13 @@ const turn = signal<Range | null>(null);
 const exposure = signal<number | null>(null);
 const seconds = () => (exposure.value === null ? null : exposure.value / 1000);
 const state = signal<Calibration | null>(null);
-on("calibration", (message) => {
-  state.value = message;
-});
+
+/** Follow how far the calibration is: once. */
+export function startCalibration(): void {
+  on("calibration", (message) => {
+    state.value = message;
+  });
+}
 
 const markers = () => table.value.startsWith("markers:");
 const turnRange = (): Range => turn.value ?? (markers() ? [0, 360] : [-50, 50]);

@@ -1,8 +1,9 @@
 /** What the devices send while they work: live pictures, growing points, the course of a scan. */
 import { effect, signal } from "@preact/signals";
 import { link, on } from "../bus";
+import { kept } from "../kept";
 import type { Found, Scanning, Seen } from "../protocol";
-import { complain, devices, kept } from "../state";
+import { complain, devices } from "../state";
 
 export interface LivePicture {
   header: Seen;
@@ -45,33 +46,36 @@ export const cloud = signal(new Cloud());
 export const cloudSize = signal(0);
 let cloudOf = "";
 
-on("frame", (header, arrays) => {
-  const jpeg = new Blob([new Uint8Array(arrays.u8("jpeg"))], { type: "image/jpeg" });
-  createImageBitmap(jpeg)
-    .then((image) => {
-      picture.value?.image.close();
-      picture.value = { header, image, stripe: arrays.f32("stripe") };
-    })
-    .catch(() => {}) // a picture that cannot be shown is followed by another
-    .finally(() => link.send({ kind: "ack", number: header.number }));
-});
-on("scanning", (message) => {
-  if (message.scan !== cloudOf && message.state === "running") {
-    cloudOf = message.scan;
-    cloud.value = new Cloud();
-    cloudSize.value = 0;
-  }
-  scanning.value = message;
-});
-on("points", (message, arrays) => {
-  if (message.scan !== cloudOf) return;
-  cloud.value.add(message.laser, arrays.f32("points"));
-  cloudSize.value = cloud.value.count;
-});
-effect(() => {
-  // A picture of devices that are gone is not live any more.
-  if (devices.value?.camera.state === "none") picture.value = null;
-});
+/** Follow what the devices send: once. */
+export function startLive(): void {
+  on("frame", (header, arrays) => {
+    const jpeg = new Blob([new Uint8Array(arrays.u8("jpeg"))], { type: "image/jpeg" });
+    createImageBitmap(jpeg)
+      .then((image) => {
+        picture.value?.image.close();
+        picture.value = { header, image, stripe: arrays.f32("stripe") };
+      })
+      .catch(() => {}) // a picture that cannot be shown is followed by another
+      .finally(() => link.send({ kind: "ack", number: header.number }));
+  });
+  on("scanning", (message) => {
+    if (message.scan !== cloudOf && message.state === "running") {
+      cloudOf = message.scan;
+      cloud.value = new Cloud();
+      cloudSize.value = 0;
+    }
+    scanning.value = message;
+  });
+  on("points", (message, arrays) => {
+    if (message.scan !== cloudOf) return;
+    cloud.value.add(message.laser, arrays.f32("points"));
+    cloudSize.value = cloud.value.count;
+  });
+  effect(() => {
+    // A picture of devices that are gone is not live any more.
+    if (devices.value?.camera.state === "none") picture.value = null;
+  });
+}
 
 export async function findDevices(probe: boolean): Promise<void> {
   finding.value = true;
