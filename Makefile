@@ -56,7 +56,7 @@ test: drivers ## run all tests
 # The pure rooms, the contracts and one look through each door: scan file, command line, browser's
 # server, browser, boards, guard.
 FAST := tests/contracts tests/rig tests/stripes tests/calibrate tests/points tests/surface tests/shapes \
-	tests/poses tests/edit tests/export tests/station tests/acquire tests/test_errors.py \
+	tests/poses tests/edit tests/mesh tests/formats tests/drawings tests/scanner tests/acquire tests/test_errors.py \
 	tests/scan/test_pictures.py tests/cli/test_door.py tests/app/test_protocol.py \
 	tests/web/test_rooms.py::test_a_scan_with_the_simulated_bench \
 	tests/app/e2e/test_frame.py::test_one_browser_invites_another \

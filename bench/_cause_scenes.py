@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.export import write_stl
+from turnscan.formats import write_stl
+from turnscan.mesh import Mesh
 from turnscan.simulate import Material, Wish
 from turnscan.simulate import _solids as solids
-from turnscan.surface import Mesh
 
 BLACK = 0.002
 """Reflectance of the painted squares, over that of the rest."""

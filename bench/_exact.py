@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.mesh import Caster
 from turnscan.simulate import Bench, contrast
 from turnscan.simulate._scene import triangles
-from turnscan.surface import Caster
 
 GRAZING = 0.35
 """Cosine of the angle to the laser or to the camera below which a surface is seen too flatly."""

@@ -36,11 +36,12 @@ import numpy as np
 
 from turnscan import points, shapes
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.mesh import Caster, Mesh
 from turnscan.rig import rotation_z
 from turnscan.simulate import Bench
 from turnscan.simulate._scene import PATTERNS, triangles
 from turnscan.simulate._solids import bisected
-from turnscan.surface import Caster, Hole, Mesh
+from turnscan.surface.holes import Hole
 
 COVERED = 0.3
 """mm: a triangle no further than this from the mesh was measured; with coarse pixels, no further

@@ -27,11 +27,12 @@ from bench._cause_scenes import HELD_OUT, MADE_WITH, Scene
 from bench.surface_truth import Run, scanned
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.detection import see
+from turnscan.mesh import Mesh
 from turnscan.rig import Rig
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Bench
-from turnscan.surface import Hole, Mesh
+from turnscan.surface.holes import Hole
 
 RIG, STEPS = "paper", 48
 ASKED = 5_000

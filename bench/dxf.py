@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from ezdxf.addons.r12writer import r12writer
-from tests.export.parts import box_with_hole, torus
-from tests.export.readers import READERS, volume
+from tests.formats.parts import box_with_hole, torus
+from tests.formats.readers import READERS, volume
 from tests.needs import NEEDS
 
-from turnscan.export import DxfForm, DxfVersion, ExportOptions, audit, export, read_dxf
-from turnscan.surface import Mesh
+from turnscan.formats import DxfForm, DxfVersion, ExportOptions, audit, export, read_dxf
+from turnscan.mesh import Mesh
 
 T = TypeVar("T")
 _FORMS: tuple[tuple[DxfForm, DxfVersion], ...] = (

@@ -21,7 +21,7 @@ from turnscan.edit import (
     action_from_json,
     action_to_json,
 )
-from turnscan.surface import Mesh, Provenance
+from turnscan.mesh import Mesh, Provenance
 
 Result = TypeVar("Result")
 

@@ -25,7 +25,7 @@ from turnscan.rig import Pose, rotation_from_vector
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Wish, part
-from turnscan.surface import range_surfaces
+from turnscan.surface.fusion import range_surfaces
 from turnscan.workflows._range_scans import placed_scans, read_range_scan
 
 STEPS = 120

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from turnscan.export import export
+from turnscan.formats import export
 from turnscan.pipeline import reconstruct
 from turnscan.rig import Camera, LaserSheet, Pose, Rig
 from turnscan.scan import Frame, Scan, ScanPlan

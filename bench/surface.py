@@ -8,7 +8,10 @@ import time
 import numpy as np
 
 from turnscan.points import RangeGrid
-from turnscan.surface import decimate, denoise, merge, mesh_grid
+from turnscan.surface import mesh_grid
+from turnscan.surface.clean import denoise
+from turnscan.surface.decimation import decimate
+from turnscan.surface.fusion import merge
 
 SMALL = (400, 480)
 LARGE = (1600, 640)

@@ -22,6 +22,7 @@ from bench import _hole_truth as truth
 from turnscan import shapes, surface
 from turnscan.arrays import Bools, Floats
 from turnscan.detection import Sight, see
+from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan
 from turnscan.settings import Settings
@@ -37,7 +38,9 @@ from turnscan.simulate import (
     bench,
 )  # fmt: skip
 from turnscan.stripes import StripeFlag
-from turnscan.surface import Caps, Mesh, Tears
+from turnscan.surface import Tears
+from turnscan.surface.fusion import overlaps, range_surfaces
+from turnscan.surface.holes import Caps
 from turnscan.workflows._simulated import plan_of, scan_into_file
 
 NEAR = 0.2
@@ -198,8 +201,8 @@ def precision(run: Run, mesh: Mesh, limit: float) -> float:
 
 def agreement(done: Reconstruction) -> Floats:
     """(m,) combined sigma between two lasers, at places that both measured."""
-    parts = [s for g in done.grids for s in surface.range_surfaces(g, surface.Tears())]
-    return np.concatenate([np.zeros(0), *(o.ratios for o in surface.overlaps(parts))])
+    parts = [s for g in done.grids for s in range_surfaces(g, surface.Tears())]
+    return np.concatenate([np.zeros(0), *(o.ratios for o in overlaps(parts))])
 
 
 def agreed(done: Reconstruction) -> str:

@@ -21,14 +21,16 @@ import numpy as np
 from bench import _hole_truth as truth
 from bench._rigs import from_pictures
 from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
-from turnscan import pipeline, shapes, surface
+from turnscan import pipeline, shapes
 from turnscan.arrays import Bools
 from turnscan.detection import see
+from turnscan.mesh import Mesh, cut_touching, longest_sides
 from turnscan.rig import Rig
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Wish
-from turnscan.surface import How, Mesh
+from turnscan.surface.clean import drop_islands
+from turnscan.surface.fusion import How, merge
 
 PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove")
 RIGS, LASERS, STEPS = ("paper", "modern"), (1, 2), (24, 60, 120, 200)
@@ -79,7 +81,7 @@ def row(run: Run, name: str, lasers: int, way: str, mesh: Mesh, seen: Bools) -> 
         raise ValueError("the mesh does not know its sigma")
     off = np.abs(shapes.deviation(mesh.vertices, truth.made_mesh(run.made)).distance)
     z = off / p.sigma
-    half = surface.longest_sides(mesh) / 2
+    half = longest_sides(mesh) / 2
     return Row(
         name, lasers, run.steps, way, len(off), float(off.max()),
         float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(z**2))),
@@ -108,9 +110,9 @@ def rows(
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
         for way in WAYS if lasers > 1 else ("paste",):
-            mesh, _ = surface.merge(grids, how=way)
-            mesh, _ = surface.cut_touching(mesh)
-            mesh, _, _ = surface.drop_islands(mesh)
+            mesh, _ = merge(grids, how=way)
+            mesh, _ = cut_touching(mesh)
+            mesh, _, _ = drop_islands(mesh)
             name = f"{part}, {rig}" + (", calibrated" if calibrated else "")
             yield row(run, name, lasers, way, mesh, sees)
 

@@ -19,15 +19,17 @@ import numpy as np
 
 from bench import _hole_truth as truth
 from bench.surface_truth import Size, scanned
-from turnscan import poses, shapes, surface
+from turnscan import poses, shapes
 from turnscan.detection import see
+from turnscan.mesh import Mesh, components, crossings, is_closed
 from turnscan.pipeline import to_grids, to_mesh
 from turnscan.points import RangeGrid, placed
 from turnscan.rig import Pose
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import Bench, Wish
-from turnscan.surface import Caps, Mesh, RangeSurface, range_surfaces
+from turnscan.surface.fusion import RangeSurface, range_surfaces
+from turnscan.surface.holes import Caps
 
 PICKED = 1.0
 """mm: how well a place is picked by hand, in each direction."""
@@ -153,11 +155,11 @@ def figures(scene: str, size: Size, folder: Path) -> float:
     }
     u = math.sqrt(sum(v * v for v in parts.values()))
     off = mesh.volume - true
-    sound = "watertight" if surface.is_closed(mesh) else "OPEN"
-    crossings, pieces = len(surface.crossings(mesh)), len(np.unique(surface.components(mesh)))
+    sound = "watertight" if is_closed(mesh) else "OPEN"
+    crossing, pieces = len(crossings(mesh)), len(np.unique(components(mesh)))
     print(
         f"{scene}, {size.rig} (true rig), {len(PLANS[scene].stands)} poses of {size.steps} steps "
-        f"({time.process_time() - start:.0f} s of a core): {sound}, {pieces} piece(s), {crossings} "
+        f"({time.process_time() - start:.0f} s of a core): {sound}, {pieces} piece(s), {crossing} "
         f"faces cut through others\n  volume {mesh.volume:.0f} mm³, true {true:.0f}: "
         f"{off / true:+.2%}; u {u:.0f} mm³ ({u / true:.2%}), error {abs(off) / u:.2f} u (wanted: "
         f"2 at most)\n  u: " + ", ".join(f"{k} {v:.0f}" for k, v in parts.items()),

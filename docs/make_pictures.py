@@ -25,7 +25,13 @@ from PIL import Image as Pillow
 
 from turnscan.arrays import Floats, Image
 from turnscan.cli import turnscan
-from turnscan.export import read_mesh
+from turnscan.formats import read_mesh
+from turnscan.mesh import (
+    Mesh,
+    Provenance,
+    cut_touching,
+    submesh,
+)
 from turnscan.rig import Rig, design_preset, rig_to_json
 from turnscan.simulate import (
     Bench,
@@ -41,15 +47,11 @@ from turnscan.simulate import (
     seconds_of,
     simulated,
 )
-from turnscan.surface import (
+from turnscan.surface.decimation import decimate
+from turnscan.surface.holes import (
     FillHow,
-    Mesh,
-    Provenance,
-    cut_touching,
-    decimate,
     fill,
     holes,
-    submesh,
 )
 from turnscan.workflows._render import render
 from turnscan.workflows._simulated import plan_of, scan_into_file
@@ -323,7 +325,7 @@ def _page_picture(page: Path, out: Path) -> None:
 
 def section() -> None:
     """A plate with rounded corners and holes, cut: the drawing that ``turnscan section`` makes."""
-    from turnscan.export import draw_section
+    from turnscan.drawings import draw_section
     from turnscan.shapes import fit_section, plane_cut
 
     rng = np.random.default_rng(1)

@@ -9,12 +9,13 @@ from tests.analytic import box, full_turn, make_rig, scan_shape
 from turnscan.detection import see
 from turnscan.edit import DeletePoints, Entry, ProfileOff, Redetect
 from turnscan.errors import InputError
+from turnscan.mesh import is_closed
 from turnscan.pipeline import build, reconstruct
 from turnscan.points import Along, Between, Volume, build_grid
 from turnscan.scan import Frame, Scan, ScanPlan, rig_for
 from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag, StripeSettings
-from turnscan.surface import Caps, is_closed
+from turnscan.surface.holes import Caps
 
 STEPS = 40
 LASERS = (0.45, -0.45)

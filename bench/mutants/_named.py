@@ -85,7 +85,7 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
     ],
     "surface": [
         (
-            "surface/_tsdf_kernels.py",
+            "surface/fusion/_tsdf_kernels.py",
             "w *= cosine / max(wide, 1e-12)",
             "w *= cosine / max(wide, 1e-12) ** 0.5",
             "surfaces are merged with weight 1/σ",
@@ -97,7 +97,7 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "a second difference has the noise of a first one",
         ),
         (
-            "surface/_fill.py",
+            "surface/holes/_fill.py",
             "np.radians(60.0)",
             "np.radians(75.0)",
             "a border is steep from 75° on",

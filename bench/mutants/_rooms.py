@@ -101,10 +101,10 @@ ROOMS = {
         28,
     ),
     "surface": Room(
-        ("surface/_*.py",),
+        ("surface/_*.py", "surface/*/_*.py"),
         (
-            Suite(("surface/test_tsdf.py", "-k", "squares"), only=("surface/_tsdf*",)),
-            Suite(("surface/test_fill.py", "-k", "steeper"), only=("surface/_fill.py",)),
+            Suite(("surface/test_tsdf.py", "-k", "squares"), only=("surface/fusion/_tsdf*",)),
+            Suite(("surface/test_fill.py", "-k", "steeper"), only=("surface/holes/_fill.py",)),
             Suite(("surface/test_denoise.py", "-k", "believed"), only=("surface/_noise.py",)),
         ),
         0,

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
         ScanError,
         TurnscanError,
     )
-    from turnscan.export import ExportOptions
     from turnscan.findings import Finding
+    from turnscan.formats import ExportOptions
+    from turnscan.mesh import Mesh
     from turnscan.points import RangeGrid
     from turnscan.progress import Cancelled, Progress
     from turnscan.rig import Camera, Design, LaserSheet, Pose, Rig, design_preset
     from turnscan.scan import Frame, Scan
-    from turnscan.surface import Mesh
     from turnscan.workflows import (
         Comparison,
         Exported,
@@ -55,13 +55,13 @@ _ROOMS = {
         *("CalibrationError", "DeviceError", "ExportError", "InputError", "ScanError"),
         "TurnscanError",
     ),
-    "export": ("ExportOptions",),
+    "formats": ("ExportOptions",),
     "findings": ("Finding",),
     "points": ("RangeGrid",),
     "progress": ("Cancelled", "Progress"),
     "rig": ("Camera", "Design", "LaserSheet", "Pose", "Rig", "design_preset"),
     "scan": ("Frame", "Scan"),
-    "surface": ("Mesh",),
+    "mesh": ("Mesh",),
     "workflows": (
         *("Comparison", "Exported", "MeasureOptions", "Measured", "ReconstructOptions"),
         *("ReconstructResult", "compare", "export_mesh", "join", "measure", "open_scan"),

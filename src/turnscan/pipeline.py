@@ -10,12 +10,14 @@ from turnscan import edit, points, surface
 from turnscan.detection import Sight, see
 from turnscan.edit import Entry
 from turnscan.findings import Finding
+from turnscan.mesh import Mesh, cut_touching
 from turnscan.points import Along, RangeGrid
 from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
 from turnscan.shapes import Source
-from turnscan.surface import Caps, Hole, Mesh, Sought, Tears, Told, part, silent
+from turnscan.surface import Tears, Told, clean, decimation, fusion, holes, part, silent
+from turnscan.surface.holes import Caps, Hole, Sought
 
 Tick = Callable[[], None]
 
@@ -54,7 +56,7 @@ class Reconstruction:
     def holes(self) -> list[Hole]:
         """The gaps of the surface as it was measured and edited, each with its cause."""
         mesh = self.mesh if self.opened is None else self.opened
-        return surface.explain(mesh, surface.holes(mesh), self.sought)
+        return holes.explain(mesh, holes.holes(mesh), self.sought)
 
 
 def reconstruct(
@@ -131,10 +133,10 @@ def to_grids(
             findings += points.grid_findings(turn, kept, v.volume, v.settings.strategy)
             findings += points.together_findings(kept, v.rig, v.others, v.volume)
             if s.clean is not None:
-                kept, taken = surface.clean(kept, s.clean)
+                kept, taken = clean.clean(kept, s.clean)
                 findings += taken
             if s.denoise is not None:
-                kept = surface.denoise(kept, s.denoise, now)
+                kept = clean.denoise(kept, s.denoise, now)
             light, places = turn.amplitude, turn.points
             sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation, light, places))
             if s.between is not None:
@@ -160,16 +162,16 @@ def to_mesh(
     """
     told(0)
     sewn = s.caps is not None and s.caps.holes is not None
-    merged, findings = surface.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
-    loose, touching = surface.cut_touching(merged)
-    mesh, islands, faces = surface.drop_islands(loose, s.island)
+    merged, findings = fusion.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
+    loose, touching = cut_touching(merged)
+    mesh, islands, faces = clean.drop_islands(loose, s.island)
     if islands:
-        touching += surface.long_islands(loose, s.island)
+        touching += clean.long_islands(loose, s.island)
     opened, mending = edit.mend_mesh(mesh, edits, lambda: source_of(grids, rig))
     mesh, closing = opened, list[Finding]()
     if finish:
         mesh, closing = finished(mesh, s, part(told, 0.4, 1))
-    whole = surface.settled(mesh)
+    whole = clean.settled(mesh)
     if finish and mesh is opened:  # nothing was closed or thinned out: there is one mesh
         opened = whole
     closed = finish and s.caps is not None
@@ -182,11 +184,11 @@ def finished(mesh: Mesh, s: Settings, told: Told = silent) -> tuple[Mesh, list[F
     """An edited mesh, closed and thinned out as asked for; ``told`` gets the fraction done."""
     findings = list[Finding]()
     if s.caps is not None:
-        mesh, findings = surface.close(mesh, s.caps, part(told, 0, 1 / 3))
+        mesh, findings = holes.close(mesh, s.caps, part(told, 0, 1 / 3))
     if s.tolerance is not None or s.faces is not None:
         dense, thinning = mesh, part(told, 1 / 3, 1)
-        mesh = surface.decimate(dense, tolerance=s.tolerance, faces=s.faces, told=thinning)
-        findings += surface.decimation_findings(dense, mesh, s.faces)
+        mesh = decimation.decimate(dense, tolerance=s.tolerance, faces=s.faces, told=thinning)
+        findings += decimation.decimation_findings(dense, mesh, s.faces)
     return mesh, findings
 
 
@@ -197,5 +199,5 @@ def source_of(grids: Sequence[RangeGrid], rig: Rig | None) -> Source:
     """
     there = [g for g in grids if g.found.any() and g.eyes is not None]
     merged = there if len(there) > 1 else []
-    profiles = [r for g in merged for r in surface.range_surfaces(g)]
+    profiles = [r for g in merged for r in fusion.range_surfaces(g)]
     return Source(tuple(grids), rig, tuple(profiles))

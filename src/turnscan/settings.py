@@ -6,7 +6,10 @@ from dataclasses import dataclass, field
 
 from turnscan.points import Along, Between, Volume
 from turnscan.stripes import StripeSettings
-from turnscan.surface import Caps, Clean, How, Tears
+from turnscan.surface import Tears
+from turnscan.surface.clean import Clean
+from turnscan.surface.fusion import How
+from turnscan.surface.holes import Caps
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from bench.surface_truth import (
     visible,
 )
 
+from turnscan.mesh import is_closed
 from turnscan.simulate import Wish
-from turnscan.surface import is_closed
 
 STEPS, RADIUS = 32, 20.0
 

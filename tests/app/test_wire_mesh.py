@@ -8,7 +8,7 @@ import pytest
 from turnscan import edit, surface
 from turnscan.app import _wire_mesh as wire
 from turnscan.edit._body import difference
-from turnscan.surface import Mesh
+from turnscan.mesh import Mesh
 
 CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 5)], np.float64)
 SIDES = [

@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from turnscan.cli._flags import flags_of
 from turnscan.cli._reconstruct import verb
 from turnscan.errors import InputError
-from turnscan.export import read_mesh
-from turnscan.surface import Caps, holes
+from turnscan.formats import read_mesh
+from turnscan.surface.holes import Caps, holes
 from turnscan.workflows import ReconstructOptions
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tests.export.parts import torus
+from tests.formats.parts import torus
 from turnscan.cli._check import verb
-from turnscan.export import audit, export
-from turnscan.surface import Mesh, join
+from turnscan.formats import audit, export
+from turnscan.mesh import Mesh, join
 
 
 def check(path: Path, mesh: Mesh) -> tuple[int, dict[str, object], str]:

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 
 from turnscan.cli._compare import verb
 from turnscan.errors import FormatError, InputError
-from turnscan.export import export
-from turnscan.surface import Mesh
+from turnscan.formats import export
+from turnscan.mesh import Mesh
 
 
 def _sheet(height: float, size: float = 10.0) -> Mesh:

@@ -30,11 +30,13 @@ from turnscan.edit import (
     Region,
     action_to_json,
 )
-from turnscan.export import read_mesh
+from turnscan.formats import read_mesh
+from turnscan.mesh import Mesh, is_closed
 from turnscan.pipeline import build
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
-from turnscan.surface import Mesh, Told, holes, is_closed
+from turnscan.surface import Told
+from turnscan.surface.holes import holes
 
 pytestmark = pytest.mark.slow
 

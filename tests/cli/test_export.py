@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from tests.export.parts import torus
+from tests.formats.parts import torus
 from turnscan.cli._export import verb
 from turnscan.errors import ExportError, FormatError, InputError
-from turnscan.export import export, read_dxf_content, read_mesh
+from turnscan.formats import export, read_dxf_content, read_mesh
 from turnscan.workflows import check_writable, write_atomically
 
 PART = torus(12, 9)

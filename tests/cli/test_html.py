@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image as Pillow
 
 from turnscan.findings import Finding
-from turnscan.surface import Mesh
+from turnscan.mesh import Mesh
 from turnscan.workflows import _html
 from turnscan.workflows._render import render
 

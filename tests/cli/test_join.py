@@ -13,7 +13,7 @@ from tests.analytic import full_turn, with_noise
 from tests.poses.scenes import STANDS, STEPS, rig_for, stripes
 from turnscan.cli import turnscan
 from turnscan.errors import InputError
-from turnscan.export import read_mesh
+from turnscan.formats import read_mesh
 from turnscan.scan import Frame, Scan, ScanPlan
 
 NAMES = {"up": "knob", "down": "knob lying"}

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tests.export.parts import torus
+from tests.formats.parts import torus
 from turnscan.cli import turnscan
 from turnscan.errors import ExportError, FormatError, InputError, TurnscanError
-from turnscan.export import export
+from turnscan.formats import export
 from turnscan.rig import Camera, LaserSheet, Pose, Rig, rig_to_json, rotation_about
 from turnscan.workflows import check_apart, check_output
 

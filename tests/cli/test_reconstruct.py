@@ -13,7 +13,7 @@ from tests.analytic import cylinder, full_turn, make_rig, scan_shape
 from tests.points.test_range_scan import cyberware
 from turnscan.cli import turnscan
 from turnscan.errors import ExportError, InputError
-from turnscan.export import read_dxf_content, read_mesh
+from turnscan.formats import read_dxf_content, read_mesh
 from turnscan.rig import rig_to_json
 from turnscan.scan import Frame, Scan, ScanPlan
 

@@ -21,7 +21,7 @@ from turnscan.cli import turnscan
 from turnscan.cli._hardware import was_interrupted
 from turnscan.errors import InputError, ScanBusy, TurnscanError
 from turnscan.scan import Scan
-from turnscan.station import stops_of
+from turnscan.scanner import stops_of
 
 pytestmark = pytest.mark.slow
 

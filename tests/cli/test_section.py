@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from tests.needs import needs_shared
 from tests.shapes.outlines import along, regular, wall
 from turnscan.cli import main, turnscan
-from turnscan.export import write_ply, write_stl
+from turnscan.formats import write_ply, write_stl
 
 
 def _run(*args: object) -> str:

@@ -14,7 +14,7 @@ from PIL import Image
 
 from turnscan.cli import main
 from turnscan.errors import InputError
-from turnscan.export import write_stl
+from turnscan.formats import write_stl
 from turnscan.simulate import Wish, bench, check_view, part
 
 

@@ -13,8 +13,9 @@ from tests.calibrate.mouse import calibrate_mouse
 from tests.needs import needs_shared
 from tests.once import once
 from turnscan.cli import turnscan
-from turnscan.export import read_mesh
-from turnscan.surface import components, holes, is_closed, soundness
+from turnscan.formats import read_mesh
+from turnscan.mesh import components, is_closed, soundness
+from turnscan.surface.holes import holes
 
 pytestmark = pytest.mark.slow
 

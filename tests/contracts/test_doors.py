@@ -30,9 +30,9 @@ FLAG = re.compile(r"(?<!var\()--[a-z][a-z-]*\b(?!: *#)")
 NOT_YET_CLEAN = {
     "acquire/_angle.py", "acquire/_watch.py", "devices/_picamera2.py", "devices/_registry.py",
     "devices/_sentences.py", "points/_build.py", "points/_findings.py", "poses/_align.py",
-    "poses/_place.py", "scan/_edit_log.py", "scan/_fit.py", "station/_wishes.py",
-    "surface/_clean.py", "surface/_decimate.py", "surface/_findings.py", "surface/_merge.py",
-    "surface/_range_surface.py", "surface/_tsdf.py",
+    "poses/_place.py", "scan/_edit_log.py", "scan/_fit.py", "scanner/_wishes.py",
+    "surface/clean/_clean.py", "surface/decimation/_decimate.py", "surface/_findings.py",
+    "surface/fusion/_merge.py", "surface/fusion/_range_surface.py", "surface/fusion/_tsdf.py",
 }  # fmt: skip
 """Modules below the doors whose texts still name flags. Clean one, and take it from the list."""
 

@@ -16,7 +16,7 @@ from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job
 from turnscan.app._open_scan import OpenScan
 from turnscan.cli import turnscan
-from turnscan.export import ExportOptions, export
+from turnscan.formats import ExportOptions, export
 from turnscan.workflows import declared
 
 CLI = Path(__file__).parents[2] / "src" / "turnscan" / "cli"

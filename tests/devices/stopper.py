@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from turnscan import acquire, station  # noqa: F401 in memory before the first fork
 from turnscan.acquire._shoot import Shooter
 from turnscan.arrays import Image
 from turnscan.cli import _resume, _scan, main  # noqa: F401 likewise

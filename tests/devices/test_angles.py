@@ -10,8 +10,8 @@ import pytest
 from tests.devices.boards import DIALECTS, UNITS, firmware, near
 from turnscan.devices._board import Board
 from turnscan.errors import DeviceRestarted
+from turnscan.scanner import stops_of
 from turnscan.simulate.controllers import FabScanFirmware, Firmware, SardauscanHorusFirmware
-from turnscan.station import stops_of
 
 STEPS = {**UNITS, "sardauscan as horus": 512}
 """STEP pulses (or what a board makes at once) of one turn."""

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 
 from tests.devices.boards import DIALECTS
 from turnscan.cli import turnscan
-from turnscan.export import read_mesh
+from turnscan.formats import read_mesh
 from turnscan.scan import Scan
 from turnscan.shapes import deviation
 

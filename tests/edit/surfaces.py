@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.surface import Mesh, Provenance
+from turnscan.mesh import Mesh, Provenance
 
 
 def sheet(n: int = 24, seed: int = 0, noise: float = 0.0, size: float = 40.0) -> Mesh:

@@ -8,7 +8,8 @@ import pytest
 from tests.edit.surfaces import sheet
 from turnscan.edit import Alive, Append, Body, Compact, Patch, Replace, Truncate, Verts
 from turnscan.edit._body import difference
-from turnscan.surface import Mesh, Provenance, fill, submesh
+from turnscan.mesh import Mesh, Provenance, submesh
+from turnscan.surface.holes import fill
 
 BODY = Alive(np.array([48, 49]), False).on(Body.of(sheet(8)))
 NOBODY = np.full(2, -1, dtype=np.int32)

@@ -38,7 +38,9 @@ from turnscan.edit import (
 )
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.surface import Mesh, Told, fill, holes, join
+from turnscan.mesh import Mesh, join
+from turnscan.surface import Told
+from turnscan.surface.holes import fill, holes
 
 SHEETS = [sheet(8, seed, 0.02 * seed, size=14.0) for seed in range(3)]
 

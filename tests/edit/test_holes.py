@@ -7,7 +7,7 @@ import pytest
 
 from tests.surface.test_holes import plate
 from turnscan.edit import Document, Fill, HoleName
-from turnscan.surface import holes
+from turnscan.surface.holes import holes
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from turnscan.edit import (
     history_from_log,
     in_words,
 )
-from turnscan.surface import Provenance
+from turnscan.mesh import Provenance
 
 
 def session(seed: int) -> tuple[Document, list[str]]:

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from tests.edit.surfaces import around, sheet
 from turnscan import edit
+from turnscan.mesh import Mesh, Provenance, join
 from turnscan.points import RangeGrid
-from turnscan.surface import Mesh, Provenance, holes, join
+from turnscan.surface.holes import holes
 
 
 def mask(mesh: Mesh, faces) -> np.ndarray:

@@ -6,21 +6,13 @@ from functools import cache
 
 import numpy as np
 
-from tests.analytic import (
-    box,
-    cylinder,
-    full_turn,
-    make_rig,
-    scan_shape,
-    sphere,
-    union,
-    with_noise,
-)
+from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape, sphere, union, with_noise
 from turnscan.points import RangeGrid, Volume, build_grid, clip, drop_specks
 from turnscan.poses import View, view
 from turnscan.rig import Pose, Rig, rotation_about
 from turnscan.stripes import Stripe
-from turnscan.surface import clean, range_surfaces
+from turnscan.surface.clean import clean
+from turnscan.surface.fusion import range_surfaces
 
 STEPS = 60
 NOISE = 0.1

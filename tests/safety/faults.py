@@ -35,15 +35,7 @@ from turnscan.devices import _cameras
 from turnscan.devices._link import Deadlines
 from turnscan.devices._registry import board
 from turnscan.errors import DeviceTimeout, TurnscanError
-from turnscan.simulate.controllers import (
-    FabScanFirmware,
-    Firmware,
-    GrblFirmware,
-    HorusFirmware,
-    SardauscanFirmware,
-    Socket,
-)
-from turnscan.station import (
+from turnscan.scanner import (
     Addresses,
     Opened,
     Series,
@@ -53,6 +45,14 @@ from turnscan.station import (
     photograph,
     prepare,
     which_laser,
+)
+from turnscan.simulate.controllers import (
+    FabScanFirmware,
+    Firmware,
+    GrblFirmware,
+    HorusFirmware,
+    SardauscanFirmware,
+    Socket,
 )
 
 PATIENCE = 300.0

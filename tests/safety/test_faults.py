@@ -10,8 +10,8 @@ import pytest
 from tests.safety.conftest import Metronome
 from tests.safety.faults import CASES, HANGS, SCALE, Case, Hang, firmware, hanging_cameras
 from turnscan.acquire import Exposure, Plan, Shooter
+from turnscan.scanner import Addresses, opened
 from turnscan.simulate.controllers import Socket
-from turnscan.station import Addresses, opened
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)

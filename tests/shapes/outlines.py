@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.mesh import Mesh, Provenance
 from turnscan.shapes import Chain
-from turnscan.surface import Mesh, Provenance
 
 
 def chain_of(points: Floats, sigma: float | None = None, closed: bool = True) -> Chain:

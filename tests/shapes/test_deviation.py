@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh
 from turnscan.shapes import deviation, sample_surface
-from turnscan.surface import Mesh
 
 CUBE = Mesh(
     np.array([[x, y, z] for x in (0.0, 2.0) for y in (0.0, 2.0) for z in (0.0, 2.0)]),

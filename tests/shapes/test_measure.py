@@ -9,7 +9,7 @@ import pytest
 
 from turnscan import shapes
 from turnscan.errors import InputError
-from turnscan.surface import Mesh, Provenance, is_closed
+from turnscan.mesh import Mesh, Provenance, is_closed
 
 NOISE = 0.05
 ROUNDS = 60

@@ -7,14 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.shapes.outlines import (
-    along,
-    arc,
-    chain_of,
-    regular,
-    rounded_polygon,
-    wall,
-)
+from tests.shapes.outlines import along, arc, chain_of, regular, rounded_polygon, wall
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.shapes import (

@@ -7,10 +7,11 @@ import pytest
 
 from tests.analytic import box, full_turn, make_rig, scan_shape, with_noise
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh
 from turnscan.points import Volume, build_grid, clip
 from turnscan.shapes import find_planes, plane_angles
 from turnscan.shapes._planes import _neighbours
-from turnscan.surface import Mesh, paste
+from turnscan.surface.fusion import paste
 
 TURN = 0.3
 

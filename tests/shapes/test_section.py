@@ -9,8 +9,8 @@ import pytest
 
 from tests.shapes.outlines import along, regular, wall
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh
 from turnscan.shapes import cross_section, fit_section, half_plane_cut, plane_cut
-from turnscan.surface import Mesh
 
 BOX = Mesh(
     np.array([[x, y, z] for z in (0.0, 10) for y in (-3.0, 3) for x in (-5.0, 5)]),

@@ -11,20 +11,13 @@ from scipy.spatial import ConvexHull
 from tests.analytic import make_rig
 from tests.points.test_grid import plain_grid
 from turnscan import shapes
+from turnscan.mesh import Mesh, Provenance, boundary_loops, is_closed, submesh
 from turnscan.points import RangeGrid, pixels_of, to_object
 from turnscan.poses import Alignment, pose_moves
 from turnscan.rig import Pose, Rig
-from turnscan.surface import (
-    FillHow,
-    Mesh,
-    Provenance,
-    RangeSurface,
-    boundary_loops,
-    fill,
-    is_closed,
-    mesh_grid,
-    submesh,
-)
+from turnscan.surface import mesh_grid
+from turnscan.surface.fusion import RangeSurface
+from turnscan.surface.holes import FillHow, fill
 
 
 def swept(section: np.ndarray, radius: float, turns: int) -> Mesh:

@@ -10,9 +10,11 @@ from click.testing import CliRunner
 from tests.points.test_grid import plain_grid
 from turnscan.cli._measure import verb
 from turnscan.errors import InputError
-from turnscan.export import ExportOptions, export, read_mesh
+from turnscan.formats import ExportOptions, export, read_mesh
+from turnscan.mesh import is_closed, measured_vertices
 from turnscan.shapes import find_planes, fit_cylinder, measured_points
-from turnscan.surface import Caps, close, is_closed, measured_vertices, mesh_grid
+from turnscan.surface import mesh_grid
+from turnscan.surface.holes import Caps, close
 
 RADIUS, NOISE = 25.0, 0.02
 

@@ -7,20 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.mesh import Mesh
 from turnscan.rig import Design, Rig, design_preset
-from turnscan.simulate import (
-    Beam,
-    Bench,
-    Body,
-    Lens,
-    Material,
-    Part,
-    Renderer,
-    Scene,
-    Sensor,
-    part,
-)
-from turnscan.surface import Mesh
+from turnscan.simulate import Beam, Bench, Body, Lens, Material, Part, Renderer, Scene, Sensor, part
 
 SECONDS = 0.01
 

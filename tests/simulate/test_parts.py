@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh
 from turnscan.simulate import PARTS, from_mesh, part
 from turnscan.simulate._solids import CHORD, bisected
-from turnscan.surface import Mesh
 
 # Bodies of several pieces: where they overlap, triangles lie inside, not on the surface.
 _JOINED = {"ball-bar": 0.9, "shaft": 0.5, "hexagon": 0.3, "gear": 0.3, "bracket": 0.9}

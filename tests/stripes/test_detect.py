@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 
 from tests.stripes.pictures import light
 from turnscan.errors import InputError
-from turnscan.stripes import (
-    StripeFlag,
-    StripeSettings,
-    choose,
-    detect,
-    find_candidates,
-)
+from turnscan.stripes import StripeFlag, StripeSettings, choose, detect, find_candidates
 from turnscan.stripes._levels import background
 from turnscan.stripes._measure import plateau
 

@@ -8,7 +8,8 @@ import pytest
 from tests.surface.test_fill import ball, same_measured
 from tests.surface.test_holes import plate
 from turnscan.errors import InputError
-from turnscan.surface import Mesh, bridge, holes, is_closed, soundness, submesh
+from turnscan.mesh import Mesh, is_closed, soundness, submesh
+from turnscan.surface.holes import bridge, holes
 
 
 def test_a_strip_parts_a_hole_in_two():

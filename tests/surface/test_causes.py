@@ -7,11 +7,12 @@ import pytest
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape
 from turnscan import points, surface
+from turnscan.mesh import Mesh
 from turnscan.points import RangeGrid, Volume
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
-from turnscan.surface import Cause, Mesh, Sought
-from turnscan.surface._hole_places import places_in
+from turnscan.surface.holes import Cause, Sought
+from turnscan.surface.holes._hole_places import places_in
 
 STEPS = 60
 

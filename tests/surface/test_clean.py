@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from turnscan.points import RangeGrid
 from turnscan.stripes import StripeFlag
-from turnscan.surface import Clean, clean
+from turnscan.surface.clean import Clean, clean
 
 
 def wall(steps: int = 40, lines: int = 50, noise: float = 0.01, seed: int = 0) -> RangeGrid:

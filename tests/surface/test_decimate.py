@@ -11,19 +11,13 @@ from hypothesis import strategies as st
 
 from tests.surface.test_grid_mesh import check_sound, euler, random_grid, turned
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh, boundary_loops, components, cut_touching, is_closed
 from turnscan.shapes import deviation, sample_surface
-from turnscan.surface import (
-    Mesh,
-    boundary_loops,
-    close,
-    components,
-    cut_touching,
-    decimate,
-    is_closed,
-    mesh_grid,
-)
-from turnscan.surface import _decimate_kernels as kernels
-from turnscan.surface._decimate import _net
+from turnscan.surface import mesh_grid
+from turnscan.surface.decimation import _collapse_kernels as kernels
+from turnscan.surface.decimation import decimate
+from turnscan.surface.decimation._decimate import _net
+from turnscan.surface.holes import close
 
 TOLERANCE = 0.05
 
@@ -219,7 +213,7 @@ def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
         shares = list[float]()
         monkeypatch.undo()
         once = decimate(mesh, **wish)  # type: ignore[arg-type]
-        monkeypatch.setattr("turnscan.surface._decimate._AT_A_TIME", 97)
+        monkeypatch.setattr("turnscan.surface.decimation._decimate._AT_A_TIME", 97)
         often = decimate(mesh, **wish, told=shares.append)  # type: ignore[arg-type]
         assert np.array_equal(once.vertices, often.vertices)
         assert np.array_equal(once.faces, often.faces)
@@ -230,7 +224,7 @@ def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
 
 
 def test_it_ends_where_who_is_told_wants_that(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("turnscan.surface._decimate._AT_A_TIME", 97)
+    monkeypatch.setattr("turnscan.surface.decimation._decimate._AT_A_TIME", 97)
     heard = list[float]()
 
     def end(share: float) -> None:

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from tests.surface.test_decimate import column, cube
 from tests.surface.test_grid_mesh import random_grid
 from turnscan.errors import InputError
+from turnscan.mesh import boundary_loops
 from turnscan.points import RangeGrid
 from turnscan.stripes import StripeFlag
-from turnscan.surface import boundary_loops, denoise, despike, smooth, spikes
 from turnscan.surface._noise import noise as noise_of
+from turnscan.surface.clean import denoise, despike, smooth, spikes
 
 NOISE = 0.02
 INNER = (slice(8, -8), slice(8, -8))
@@ -178,9 +179,9 @@ def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
 ) -> None:
     _, grid = relief(SHAPES["ridge of 90°"], size=40)
     grid = replace(grid, closed=True)  # the first profile's neighbours are the last ones
-    monkeypatch.setattr("turnscan.surface._denoise._AT_A_TIME", 40)
+    monkeypatch.setattr("turnscan.surface.clean._denoise._AT_A_TIME", 40)
     once = denoise(grid)
-    monkeypatch.setattr("turnscan.surface._denoise._AT_A_TIME", 7)
+    monkeypatch.setattr("turnscan.surface.clean._denoise._AT_A_TIME", 7)
     shares = list[float]()
     assert np.array_equal(denoise(grid, told=shares.append).points, once.points)
     assert shares == [first / 40 for first in range(0, 40, 7)]

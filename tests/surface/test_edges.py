@@ -7,9 +7,9 @@ import pytest
 
 from turnscan import surface
 from turnscan.arrays import Bools, Floats
-from turnscan.surface import Mesh
-from turnscan.surface._edges import faces_beyond
-from turnscan.surface._hole_places import Places, places_in
+from turnscan.mesh import Mesh
+from turnscan.surface.holes._edges import faces_beyond
+from turnscan.surface.holes._hole_places import Places, places_in
 
 HIGH = 30.0
 

@@ -15,23 +15,11 @@ from hypothesis import strategies as st
 from tests.surface.test_grid_mesh import random_grid
 from tests.surface.test_holes import plate
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh, Provenance, cut_touching, is_closed, join, soundness, submesh
 from turnscan.pipeline import to_mesh
 from turnscan.settings import Settings
-from turnscan.surface import (
-    Caps,
-    Mesh,
-    Provenance,
-    close,
-    closings,
-    cut_touching,
-    fill,
-    holes,
-    is_closed,
-    join,
-    mesh_grid,
-    soundness,
-    submesh,
-)
+from turnscan.surface import mesh_grid
+from turnscan.surface.holes import Caps, close, closings, fill, holes
 
 WAYS = ("flat", "tangent", "curvature")
 

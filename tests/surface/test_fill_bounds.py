@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from turnscan.surface import Mesh, fill, holes, submesh
+from turnscan.mesh import Mesh, submesh
+from turnscan.surface.holes import fill, holes
 
 
 def woven(points):

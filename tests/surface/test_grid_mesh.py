@@ -20,18 +20,17 @@ from tests.analytic import (
     union,
     with_noise,
 )
-from turnscan.points import RangeGrid, Volume, build_grid, clip, every, goes_round
-from turnscan.surface import (
+from turnscan.mesh import (
     Mesh,
-    Tears,
     boundary_loops,
     components,
     cut_touching,
     is_closed,
-    mesh_grid,
     submesh,
     vertex_normals,
 )
+from turnscan.points import RangeGrid, Volume, build_grid, clip, every, goes_round
+from turnscan.surface import Tears, mesh_grid
 
 
 def scan(rig, shape, steps, noise=0.0, **turn):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from turnscan.surface import CAUSE_WORDS, Mesh, boundary_loops, cut_touching, holes
+from turnscan.mesh import Mesh, boundary_loops, cut_touching
+from turnscan.surface.holes import CAUSE_WORDS, holes
 
 
 def plate(n: int, missing=(), spacing: float = 1.0) -> Mesh:

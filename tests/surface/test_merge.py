@@ -14,15 +14,11 @@ from hypothesis import strategies as st
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere, with_noise
 from tests.surface.test_grid_mesh import turned
 from turnscan.errors import InputError, LimitExceeded
+from turnscan.mesh import boundary_loops
 from turnscan.points import Volume, build_grid, clip
-from turnscan.surface import _cubes as cubes
-from turnscan.surface import (
-    boundary_loops,
-    clean,
-    fuse,
-    merge,
-    range_surfaces,
-)
+from turnscan.surface.clean import clean
+from turnscan.surface.fusion import _marching_cubes as cubes
+from turnscan.surface.fusion import fuse, merge, range_surfaces
 
 NOISE = 0.05
 CENTRE = np.array([3.0, 2.0, 28.0])

@@ -14,20 +14,13 @@ import numpy as np
 import pytest
 
 from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape, union, with_noise
+from turnscan.mesh import Mesh, Provenance, longest_sides
 from turnscan.points import RangeGrid, Volume, build_grid, clip
 from turnscan.shapes import deviation
-from turnscan.surface import (
-    Mesh,
-    Provenance,
-    RangeSurface,
-    clean,
-    drop_islands,
-    longest_sides,
-    merge,
-    range_surfaces,
-)
-from turnscan.surface._carve import carved
-from turnscan.surface._witness import borne_out
+from turnscan.surface.clean import clean, drop_islands
+from turnscan.surface.fusion import RangeSurface, merge, range_surfaces
+from turnscan.surface.fusion._carve import carved
+from turnscan.surface.fusion._witness import borne_out
 
 NOISE = 0.05
 """px."""

@@ -9,7 +9,7 @@ import pytest
 
 from tests.analytic import sphere
 from tests.surface.test_merge import CENTRE, scanned
-from turnscan.surface import merge, overlaps, range_surfaces
+from turnscan.surface.fusion import merge, overlaps, range_surfaces
 
 
 def bracket(P):

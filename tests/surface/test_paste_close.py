@@ -8,6 +8,16 @@ import numpy as np
 import pytest
 
 from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape, sphere, with_noise
+from turnscan.mesh import (
+    Mesh,
+    components,
+    crossings,
+    cut_touching,
+    is_closed,
+    join,
+    soundness,
+    submesh,
+)
 from turnscan.points import (
     RangeGrid,
     RangeScan,
@@ -19,23 +29,10 @@ from turnscan.points import (
 )
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose, rotation_about
-from turnscan.surface import (
-    Caps,
-    Mesh,
-    close,
-    components,
-    crossings,
-    cut_touching,
-    drop_islands,
-    holes,
-    is_closed,
-    join,
-    long_islands,
-    mesh_findings,
-    paste,
-    soundness,
-    submesh,
-)
+from turnscan.surface import mesh_findings
+from turnscan.surface.clean import drop_islands, long_islands
+from turnscan.surface.fusion import paste
+from turnscan.surface.holes import Caps, close, holes
 
 
 def grids(lasers, shape, steps, noise=0.02, **rig):

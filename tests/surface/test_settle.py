@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.export.parts import torus
-from turnscan.export import export, read_mesh
-from turnscan.surface import Mesh, is_closed, join, settled, soundness
+from tests.formats.parts import torus
+from turnscan.formats import export, read_mesh
+from turnscan.mesh import Mesh, is_closed, join, soundness
+from turnscan.surface.clean import settled
 
 FORMATS = (".stl", ".ply", ".obj", ".3mf", ".dxf", ".glb")
 

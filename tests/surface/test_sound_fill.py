@@ -6,20 +6,8 @@ import numpy as np
 import pytest
 
 from tests.surface.test_fill import ball, opened, same_measured
-from turnscan.surface import (
-    Caps,
-    FillHow,
-    Hole,
-    Mesh,
-    close,
-    closings,
-    fill,
-    fill_soundly,
-    holes,
-    is_closed,
-    join,
-    soundness,
-)
+from turnscan.mesh import Mesh, is_closed, join, soundness
+from turnscan.surface.holes import Caps, FillHow, Hole, close, closings, fill, fill_soundly, holes
 
 SPACING = 0.5
 """mm between the points of the tubes."""

@@ -7,8 +7,8 @@ import pytest
 
 from turnscan import surface
 from turnscan.arrays import Floats
-from turnscan.surface import Mesh
-from turnscan.surface._spans import smoothed, spanned, unit
+from turnscan.mesh import Mesh
+from turnscan.surface.holes._spans import smoothed, spanned, unit
 
 R, HIGH = 20.0, 40.0
 

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.points.test_grid import plain_grid
+from turnscan.mesh import boundary_loops, components, soundness
 from turnscan.points import Along
-from turnscan.surface import boundary_loops, components, mesh_grid, soundness, thin
+from turnscan.surface import mesh_grid, thin
 
 
 def wavy(seed, *, dropout=0.0, noise=0.0, overhang=0.0):

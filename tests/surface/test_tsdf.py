@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from turnscan.surface import Mesh, Provenance, RangeSurface, boundary_loops, fuse
+from turnscan.mesh import Mesh, Provenance, boundary_loops
+from turnscan.surface.fusion import RangeSurface, fuse
 
 VOXEL = 0.5
 RAMP = 1.25

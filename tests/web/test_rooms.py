@@ -17,8 +17,8 @@ from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
 from turnscan.app._open_scan import OpenScan
 from turnscan.edit import Change, Document, Edit
-from turnscan.export import read_mesh
 from turnscan.findings import Finding
+from turnscan.formats import read_mesh
 from turnscan.progress import Cancelled
 from turnscan.scan import Scan
 

@@ -14,10 +14,10 @@ from PIL import Image
 from turnscan.calibrate import detect_board, parse_board
 from turnscan.cli import turnscan
 from turnscan.errors import InputError
-from turnscan.export import read_mesh
+from turnscan.formats import read_mesh
+from turnscan.mesh import is_closed
 from turnscan.shapes import sample_surface
 from turnscan.shapes.verification import Survey, artefact_from_text, values_of
-from turnscan.surface import is_closed
 from turnscan.workflows import TARGET, artefact
 
 PIXEL = 25.4 / 300

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.export.parts import torus
+from tests.formats.parts import torus
 from turnscan.errors import FormatError, InputError
-from turnscan.export import export
+from turnscan.formats import export
+from turnscan.mesh import Mesh
 from turnscan.progress import Cancelled, Progress
 from turnscan.scan import Frame, ScanPlan, replacing_scan
-from turnscan.surface import Mesh
 from turnscan.workflows import CheckedMesh, CheckedScan, check
 
 

@@ -16,10 +16,10 @@ from click.testing import CliRunner
 from tests.once import once
 from turnscan.cli import turnscan
 from turnscan.errors import FormatError, InputError, ScanCorrupt, ScanNewer
-from turnscan.export import export
+from turnscan.formats import export
+from turnscan.mesh import Mesh
 from turnscan.scan import read_verifications
 from turnscan.simulate import part
-from turnscan.surface import Mesh
 from turnscan.workflows import verify
 
 BAR = """

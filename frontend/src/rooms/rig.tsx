@@ -4,11 +4,11 @@ import { useEffect } from "preact/hooks";
 import { kept } from "../kept";
 import type { FoundDevice } from "../protocol";
 import { ask, devices, isOperator } from "../state";
-import { CalibratePanel } from "../station/calibrate";
-import { findDevices, finding, found, isScanning, orientation } from "../station/live";
-import { RemarkLine, useLastJob } from "../station/remarks";
-import { StripeField } from "../station/stripe";
-import { LivePane } from "../station/views";
+import { CalibratePanel } from "../scanner/calibrate";
+import { findDevices, finding, found, isScanning, orientation } from "../scanner/live";
+import { RemarkLine, useLastJob } from "../scanner/remarks";
+import { StripeField } from "../scanner/stripe";
+import { LivePane } from "../scanner/views";
 import { Button, Check, NumberField, Section, TextField } from "../ui/controls";
 import type { Room } from "./room";
 

@@ -1,13 +1,6 @@
 """Runs a plan on devices into a scan file."""
 
-from turnscan.acquire._angle import (
-    Counting,
-    Noted,
-    Shifted,
-    check_angle,
-    counting_of,
-    reindexed,
-)
+from turnscan.acquire._angle import Counting, Noted, Shifted, check_angle, counting_of, reindexed
 from turnscan.acquire._control import Control
 from turnscan.acquire._events import (
     Ended,

@@ -11,13 +11,7 @@ from dataclasses import dataclass
 from turnscan.acquire._plan import Exposure, Plan
 from turnscan.arrays import Image
 from turnscan.devices import Camera, Lasers, Sweeping, Turntable, burning
-from turnscan.errors import (
-    DeviceDisconnected,
-    DeviceError,
-    DeviceRefused,
-    InputError,
-    LeaseEnded,
-)
+from turnscan.errors import DeviceDisconnected, DeviceError, DeviceRefused, InputError, LeaseEnded
 
 _TRIES = 2
 _LIGHTED = 4

@@ -38,7 +38,7 @@ from turnscan.calibrate import (
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.rig import rig_to_json
-from turnscan.station import Series, Shot, exact_degrees, photograph
+from turnscan.scanner import Series, Shot, exact_degrees, photograph
 from turnscan.stripes import Orientation
 
 COLUMNS, ROWS = 8, 6

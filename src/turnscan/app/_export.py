@@ -7,7 +7,7 @@ from turnscan.app._downloads import Downloads
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._open_scan import OpenScan
 from turnscan.errors import ExportError, InputError
-from turnscan.export import ExportOptions, audit, export
+from turnscan.formats import ExportOptions, audit, export
 
 
 def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportRequest) -> Job:

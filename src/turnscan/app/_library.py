@@ -16,7 +16,7 @@ from pathlib import Path
 from turnscan.app._protocol import ScanEntry
 from turnscan.errors import InputError, LimitExceeded, ScanError, StorageFull, TurnscanError
 from turnscan.scan import Scan
-from turnscan.station import acquisition_of, steps_left
+from turnscan.scanner import acquisition_of, steps_left
 
 SUFFIX = ".turnscan"
 UPLOAD_BYTES = 2**30

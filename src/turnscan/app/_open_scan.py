@@ -23,21 +23,17 @@ from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
 from turnscan.app._measuring import entry_of, measure_of, measures
 from turnscan.app._wire_grid import CAUSES, grid_arrays, picture_png, profile_arrays
-from turnscan.app._wire_mesh import (
-    coarse_arrays,
-    figures,
-    mesh_arrays,
-    patch_parts,
-    preview_arrays,
-)
+from turnscan.app._wire_mesh import coarse_arrays, figures, mesh_arrays, patch_parts, preview_arrays
 from turnscan.detection import see
 from turnscan.errors import InputError
 from turnscan.findings import Finding
+from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction, build, finished, source_of
 from turnscan.points import RangeGrid
 from turnscan.scan import Scan, rig_for
 from turnscan.shapes import Source
-from turnscan.surface import Mesh
+from turnscan.surface.clean import settled
+from turnscan.surface.holes import CAUSE_WORDS, Hole, Sought, explain, holes
 from turnscan.workflows import ReconstructResult, about, kept_options
 
 MOST_HOLES = 1000
@@ -54,7 +50,7 @@ class State:
 
     document: edit.Document
     grids: tuple[RangeGrid, ...]
-    sought: tuple[surface.Sought, ...]
+    sought: tuple[Sought, ...]
     """What the scan could have seen, for the causes of holes."""
     revision: int
     epoch: int
@@ -73,7 +69,7 @@ class OpenScan:
         self.used = time.monotonic()
         self._lock = threading.RLock()
         self._looking = threading.Lock()
-        self._found: tuple[int, Mesh, list[surface.Hole]] | None = None
+        self._found: tuple[int, Mesh, list[Hole]] | None = None
         self._built: dict[tuple[edit.Entry, ...], Reconstruction] = {}
         self._times: dict[int, float] = {}
         self.scan = Scan.resume(path)
@@ -116,7 +112,7 @@ class OpenScan:
         s = self._settings
         opened = edit.Compact.of(state.document.body).mesh
         mesh, found = finished(opened, s, told)
-        whole = surface.settled(mesh)
+        whole = settled(mesh)
         done = Reconstruction(
             state.grids,
             whole,
@@ -186,7 +182,7 @@ class OpenScan:
                 area=h.area,
                 centre=(float(h.centre[0]), float(h.centre[1]), float(h.centre[2])),
                 cause=h.cause,
-                cause_text=surface.CAUSE_WORDS[h.cause or "unknown"],
+                cause_text=CAUSE_WORDS[h.cause or "unknown"],
             )
             for k, h in enumerate(found)
         ]
@@ -194,13 +190,13 @@ class OpenScan:
         answer = p.Holes(id=id, scan=self.name, revision=state.revision, holes=entries)
         return answer, loops
 
-    def _holes(self, state: State) -> tuple[Mesh, list[surface.Hole]]:
+    def _holes(self, state: State) -> tuple[Mesh, list[Hole]]:
         """The largest first; kept until the surface changes."""
         with self._looking:
             if self._found is None or self._found[0] != state.revision:
                 mesh = edit.Compact.of(state.document.body).mesh
-                holes = surface.explain(mesh, surface.holes(mesh), state.sought)
-                found = sorted(holes, key=lambda h: -h.size)[:MOST_HOLES]
+                found = explain(mesh, holes(mesh), state.sought)
+                found = sorted(found, key=lambda h: -h.size)[:MOST_HOLES]
                 self._found = state.revision, mesh, found
             return self._found[1:]
 
@@ -213,7 +209,7 @@ class OpenScan:
             remark = p.Remark(
                 code="surface.hole",
                 severity="note",
-                text=f"a hole of {h.size:.1f} mm: {surface.CAUSE_WORDS[h.cause or 'unknown']}",
+                text=f"a hole of {h.size:.1f} mm: {CAUSE_WORDS[h.cause or 'unknown']}",
                 where="",
                 remedy="fill it, or scan the part again in another pose",
             )

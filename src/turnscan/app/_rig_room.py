@@ -27,7 +27,7 @@ from turnscan.devices import (
 )
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.rig import Rig
-from turnscan.station import DEFAULT_DEVICE, Addresses, Opened, examine, opened
+from turnscan.scanner import DEFAULT_DEVICE, Addresses, Opened, examine, opened
 
 ALONE_SECONDS = 3.0
 """s without an operator after which live pictures end and the lasers are dark."""

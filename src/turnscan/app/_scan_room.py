@@ -21,7 +21,7 @@ from turnscan.app._rig_room import RigRoom
 from turnscan.errors import InputError
 from turnscan.rig import Rig
 from turnscan.scan import Scan
-from turnscan.station import (
+from turnscan.scanner import (
     Opened,
     Wishes,
     acquisition_of,

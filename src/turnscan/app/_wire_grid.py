@@ -16,7 +16,7 @@ from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Candidates, Stripe, StripeFlag
-from turnscan.surface import CAUSE_WORDS, Cause
+from turnscan.surface.holes import CAUSE_WORDS, Cause
 
 CAUSES = ["", *CAUSE_WORDS.values()]
 """Words by the numbers in the array cause; 0: nothing is missing."""

@@ -11,7 +11,7 @@ from turnscan import edit
 from turnscan.app import _protocol as p
 from turnscan.app._envelope import Array
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.surface import Mesh, Provenance
+from turnscan.mesh import Mesh, Provenance
 
 
 def mesh_arrays(body: edit.Body) -> dict[str, Array]:

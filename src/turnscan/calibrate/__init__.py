@@ -10,13 +10,7 @@ from turnscan.calibrate._board import (
     parse_board,
 )
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
-from turnscan.calibrate._figures import (
-    Figures,
-    Measured,
-    coverage,
-    figures,
-    measured_uncertainty,
-)
+from turnscan.calibrate._figures import Figures, Measured, coverage, figures, measured_uncertainty
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers

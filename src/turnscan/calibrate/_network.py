@@ -11,12 +11,7 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._board import BoardView
-from turnscan.calibrate._layout import (
-    BoardLayout,
-    MarkerLayout,
-    cross_matrices,
-    moved_pose,
-)
+from turnscan.calibrate._layout import BoardLayout, MarkerLayout, cross_matrices, moved_pose
 from turnscan.calibrate._normal import Block
 from turnscan.calibrate._state import (
     RiderView,
@@ -26,13 +21,7 @@ from turnscan.calibrate._state import (
     bulge,
     platter_stripe,
 )
-from turnscan.calibrate._terms import (
-    CAMERA_SIZE,
-    Traced,
-    point_term,
-    stripe_term,
-    trace,
-)
+from turnscan.calibrate._terms import CAMERA_SIZE, Traced, point_term, stripe_term, trace
 from turnscan.rig import Pose, rotation_z
 
 BEND = ("board.bend_xx", "board.bend_xy", "board.bend_yy")

@@ -15,13 +15,7 @@ from turnscan.calibrate._layout import Layout, MarkerLayout
 from turnscan.calibrate._light import measuring_direction
 from turnscan.calibrate._network import BOARD, RigNetwork
 from turnscan.calibrate._select import on_board, on_platter
-from turnscan.calibrate._start import (
-    FEWEST_VIEWS,
-    board_pose,
-    same_size,
-    start_camera,
-    start_sheet,
-)
+from turnscan.calibrate._start import FEWEST_VIEWS, board_pose, same_size, start_camera, start_sheet
 from turnscan.calibrate._start_table import FEWEST_STEPS, start_board, start_markers
 from turnscan.calibrate._state import RiderView, State, StripeView
 from turnscan.errors import Degenerate, NotEnoughViews

@@ -11,15 +11,10 @@ import click
 from turnscan.arrays import Floats, Image
 from turnscan.calibrate import Board, coverage, detect_board, parse_board
 from turnscan.cli._degrees import DegreesRange
-from turnscan.cli._hardware import (
-    addresses_of,
-    device_options,
-    ended_by_signals,
-    was_interrupted,
-)
+from turnscan.cli._hardware import addresses_of, device_options, ended_by_signals, was_interrupted
 from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
-from turnscan.station import Series, Shot, opened, photograph
+from turnscan.scanner import Series, Shot, opened, photograph
 from turnscan.workflows._png import write_png
 
 _STAGES = ("camera", "laser", "table")

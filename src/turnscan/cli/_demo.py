@@ -15,14 +15,14 @@ from turnscan.cli._demo_report import DemoFrame, demo_report, frame_figure, grid
 from turnscan.cli._progress import progress, progress_bar
 from turnscan.devices import burning
 from turnscan.errors import InputError
-from turnscan.export import ExportOptions
+from turnscan.formats import ExportOptions
 from turnscan.pipeline import Reconstruction, reconstruct
 from turnscan.rig import rig_to_json
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.shapes import Deviation, deviation
 from turnscan.simulate import Simulated, Wish, simulated
-from turnscan.surface import Caps, close
+from turnscan.surface.holes import Caps, close
 from turnscan.workflows import _html as html
 from turnscan.workflows import save, write_atomically
 from turnscan.workflows._deviation_map import deviation_figure

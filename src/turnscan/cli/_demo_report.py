@@ -11,12 +11,12 @@ import numpy as np
 
 from turnscan.arrays import Floats, Image
 from turnscan.findings import Finding
+from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid
 from turnscan.shapes import Deviation
 from turnscan.simulate import Simulated
 from turnscan.stripes import Stripe
-from turnscan.surface import Mesh
 from turnscan.workflows import _html as html
 from turnscan.workflows._deviation_map import deviation_figure
 from turnscan.workflows._render import render

@@ -12,18 +12,12 @@ import click
 
 from turnscan.cli._hardware import addresses_of, device_options, ended_by_signals
 from turnscan.cli._numbers import Finite
-from turnscan.devices import (
-    acknowledge_alarm,
-    camera_schemes,
-    find_cameras,
-    list_ports,
-    probe_port,
-)
+from turnscan.devices import acknowledge_alarm, camera_schemes, find_cameras, list_ports, probe_port
 from turnscan.errors import DeviceNotFound, InputError
 from turnscan.findings import findings_json
 
 if TYPE_CHECKING:
-    from turnscan.station import Seen
+    from turnscan.scanner import Seen
 
 
 @click.command("devices")
@@ -56,7 +50,7 @@ def verb(
     lit for one picture, and the camera tells which is which.
     """
     if any(devices.values()):
-        from turnscan.station import opened, which_laser
+        from turnscan.scanner import opened, which_laser
 
         with ended_by_signals(), opened(addresses_of(devices)) as bench:
             _tell_lasers(which_laser(bench, exposure), as_json)

@@ -16,7 +16,7 @@ from turnscan.cli._hardware import addresses_of, device_options, ended_by_signal
 from turnscan.cli._numbers import Finite
 from turnscan.cli._progress import progress
 from turnscan.findings import findings_json
-from turnscan.station import USUAL_DAYS, Diagnosis, examine, opened, verification_findings
+from turnscan.scanner import USUAL_DAYS, Diagnosis, examine, opened, verification_findings
 
 
 @click.command("doctor")

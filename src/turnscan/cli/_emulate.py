@@ -12,7 +12,7 @@ import click
 from turnscan.cli._hardware import ended_by_signals
 from turnscan.cli._numbers import Finite
 from turnscan.errors import InputError
-from turnscan.export import ExportOptions
+from turnscan.formats import ExportOptions
 from turnscan.rig import rig_to_json
 from turnscan.simulate import simulated, wish_of
 from turnscan.workflows import check_writable, save, write_atomically

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import click
 
 from turnscan.errors import InputError
-from turnscan.station import DEFAULT_DEVICE, Addresses
+from turnscan.scanner import DEFAULT_DEVICE, Addresses
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

@@ -18,7 +18,7 @@ from turnscan.cli._hardware import (
 from turnscan.cli._numbers import Finite
 from turnscan.cli._scanning import take
 from turnscan.scan import Scan
-from turnscan.station import (
+from turnscan.scanner import (
     Addresses,
     acquisition_of,
     check_space,

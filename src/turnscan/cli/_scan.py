@@ -9,16 +9,11 @@ from typing import Any
 import click
 
 from turnscan.cli._degrees import Degrees, DegreesRange
-from turnscan.cli._hardware import (
-    addresses_of,
-    device_options,
-    ended_by_signals,
-    was_interrupted,
-)
+from turnscan.cli._hardware import addresses_of, device_options, ended_by_signals, was_interrupted
 from turnscan.cli._numbers import Finite
 from turnscan.cli._scanning import take
 from turnscan.errors import InputError
-from turnscan.station import USUAL_STEPS, Wishes, opened, prepare
+from turnscan.scanner import USUAL_STEPS, Wishes, opened, prepare
 from turnscan.workflows import check_output
 from turnscan.workflows._reading import read_rig_file
 

@@ -16,7 +16,7 @@ from turnscan.cli._progress import progress
 from turnscan.devices import Steady
 from turnscan.errors import TurnscanError
 from turnscan.scan import Scan
-from turnscan.station import steps_left
+from turnscan.scanner import steps_left
 
 
 @dataclass

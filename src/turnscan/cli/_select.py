@@ -7,17 +7,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from turnscan import edit, surface
+from turnscan import edit
 from turnscan.arrays import Bools
 from turnscan.cli._progress import progress
 from turnscan.detection import see
 from turnscan.edit import Entry, History, Region
 from turnscan.errors import InputError
 from turnscan.findings import Finding
+from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan, rig_for
 from turnscan.stripes import StripeFlag
-from turnscan.surface import CAUSE_WORDS, Mesh, Told
+from turnscan.surface import Told, holes
+from turnscan.surface.holes import CAUSE_WORDS
 from turnscan.workflows import kept_options
 
 RULES = """\b
@@ -82,7 +84,7 @@ def select(done: Reconstruction, mesh: Mesh, rule: str) -> Bools:
         case "cause":
             if value not in CAUSE_WORDS:
                 raise _odd(rule, "one of " + ", ".join(CAUSE_WORDS))
-            borders = surface.explain(mesh, surface.holes(mesh), done.sought)
+            borders = holes.explain(mesh, holes.holes(mesh), done.sought)
             return edit.by_cause(mesh, borders, {c for c in CAUSE_WORDS if c == value})
         case "pieces":
             return edit.by_size(mesh, int(_numbers(rule, [value], 1)[0]))

@@ -38,13 +38,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from turnscan.devices._dialects import (
-    DIALECTS,
-    LineFilter,
-    darken,
-    foreign_as_oserror,
-    open_port,
-)
+from turnscan.devices._dialects import DIALECTS, LineFilter, darken, foreign_as_oserror, open_port
 
 DONE, UNKNOWN, FAILED, LAPSED = 0, 1, 2, 3
 """Results in an A frame: as asked; dark was not confirmed; the board objected and it is dark;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from turnscan.devices._sentences import (
     LOCKED,
@@ -23,18 +23,22 @@ from turnscan.errors import (
     TurnscanError,
 )
 
-if TYPE_CHECKING:
-    from turnscan.devices._link import Link
-
-
 _REST = 0.3
 """s to wait for the end of a line that nobody asked for, so that it can be understood."""
+
+
+class Readable(Protocol):
+    """Where bytes come from: the link to the guard."""
+
+    def read(self, timeout: float) -> bytes:
+        """What has come; waits up to ``timeout`` s for a first byte, b"" where none came."""
+        ...
 
 
 class Lines:
     """Bytes of a link into lines; never more than ``longest`` bytes of one."""
 
-    def __init__(self, link: Link, port: str, longest: int = 256) -> None:
+    def __init__(self, link: Readable, port: str, longest: int = 256) -> None:
         self._link, self._port, self._longest = link, port, longest
         self._bytes = bytearray()
 

@@ -27,27 +27,12 @@ from turnscan.edit._history import Entry
 from turnscan.edit._measures import REACH, Measure, Sources, Vector, taken
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding, Severity
+from turnscan.mesh import Mesh, Provenance, clip, fans_about, half_edges
 from turnscan.shapes import Measured, Source
-from turnscan.surface import (
-    Caps,
-    FillHow,
-    Hole,
-    Mesh,
-    Provenance,
-    Told,
-    bridge,
-    clip,
-    close,
-    decimate,
-    fans_about,
-    fill_soundly,
-    half_edges,
-    holes,
-    silent,
-    smooth,
-    spikes,
-    unfilled,
-)
+from turnscan.surface import Told, silent
+from turnscan.surface.clean import smooth, spikes
+from turnscan.surface.decimation import decimate
+from turnscan.surface.holes import Caps, FillHow, Hole, bridge, close, fill_soundly, holes, unfilled
 
 _WAYS: tuple[FillHow, ...] = ("membrane", "tangent", "flat", "curvature")
 _LIKE = 3.0

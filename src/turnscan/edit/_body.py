@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
-from turnscan.surface import Mesh, Provenance, submesh
+from turnscan.mesh import Mesh, Provenance, submesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,9 @@ from turnscan.edit._edits import Edit, is_grid_edit
 from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.edit._measures import Sources
 from turnscan.findings import Finding
+from turnscan.mesh import Mesh
 from turnscan.shapes import Measured, Source
-from turnscan.surface import Mesh, Told, part, silent
+from turnscan.surface import Told, part, silent
 
 Build = Callable[[Sequence[Entry], Told], tuple[Mesh, Sequence[Finding]]]
 """Grid edits → the surface with them, before any mesh edit, and what is to be said about it."""

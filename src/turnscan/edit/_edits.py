@@ -17,7 +17,7 @@ from turnscan.edit._region import Length, Region
 from turnscan.errors import FormatError
 from turnscan.json_text import strict_json
 from turnscan.stripes import Choice, Strategy
-from turnscan.surface import Bottom, FillHow, Hole, Top
+from turnscan.surface.holes import Bottom, FillHow, Hole, Top
 
 Laser = Annotated[str, Field(min_length=1, max_length=200)]
 Number = Annotated[int, Field(ge=0, le=100_000_000)]

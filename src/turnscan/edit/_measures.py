@@ -17,8 +17,8 @@ from turnscan.arrays import Bools, Floats
 from turnscan.edit._body import Body, Compact
 from turnscan.edit._region import Region
 from turnscan.errors import FormatError, InputError
+from turnscan.mesh import Mesh, submesh
 from turnscan.shapes import Measured, Source, Spot
-from turnscan.surface import Mesh, submesh
 
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]

@@ -11,8 +11,9 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from turnscan.arrays import Bools, Ints
+from turnscan.mesh import Mesh, components, submesh, twins
 from turnscan.points import RangeGrid
-from turnscan.surface import Cause, Hole, Mesh, components, submesh, twins
+from turnscan.surface.holes import Cause, Hole
 
 
 def beside(mesh: Mesh, alive: Bools | None = None) -> Ints:

@@ -1,5 +1,6 @@
 """Stripe + Rig + angle → Profile → RangeGrid and PointCloud, with sigma and provenance."""
 
+from turnscan.mesh._point_cloud import PointCloud
 from turnscan.points._between import Between, respace
 from turnscan.points._build import build_grid, every, goes_round, whole_turns
 from turnscan.points._findings import (
@@ -9,7 +10,7 @@ from turnscan.points._findings import (
     swept_findings,
     together_findings,
 )
-from turnscan.points._grid import Origin, PointCloud, RangeGrid
+from turnscan.points._grid import Origin, RangeGrid
 from turnscan.points._placements import placed, placements_from_conf
 from turnscan.points._profile import Along, Profile, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply

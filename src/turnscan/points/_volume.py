@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Flags, Floats
-from turnscan.points._grid import PointCloud, RangeGrid
+from turnscan.mesh._point_cloud import PointCloud
+from turnscan.points._grid import RangeGrid
 from turnscan.points._triangulate import beyond_axis
 from turnscan.rig import Rig
 from turnscan.stripes import StripeFlag

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.mesh import Mesh
 from turnscan.poses._align import Alignment
-from turnscan.surface import Mesh
 
 
 def pose_moves(found: Alignment, mesh: Mesh) -> list[Floats]:

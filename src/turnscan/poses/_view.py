@@ -11,7 +11,8 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
-from turnscan.surface import RangeSurface, half_edges
+from turnscan.mesh import half_edges
+from turnscan.surface.fusion import RangeSurface
 
 _SMOOTH = 2.0
 """Usual spacings over which normals are averaged, at least …"""

@@ -19,11 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from turnscan.errors import (
-    InputError,
-    ScanError,
-    TurnscanError,
-)
+from turnscan.errors import InputError, ScanError, TurnscanError
 from turnscan.scan._header import APPLICATION_ID, VERSION, judge_header
 from turnscan.scan._lock import WriterLock
 from turnscan.scan._storage import damaged, full, storage

@@ -14,13 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from turnscan.arrays import Image
 from turnscan.errors import FormatError, InputError
 from turnscan.json_text import strict_json
-from turnscan.scan._limits import (
-    EXPOSURES,
-    IMAGE_PIXELS,
-    NAME_BYTES,
-    STEPS,
-    check_pixels,
-)
+from turnscan.scan._limits import EXPOSURES, IMAGE_PIXELS, NAME_BYTES, STEPS, check_pixels
 
 Keep = Literal["sparse", "full"]
 Setting = str | int | float | bool

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.surface import Mesh, components, measured_vertices, steady_normals, submesh
+from turnscan.mesh import Mesh, components, measured_vertices, steady_normals, submesh
 
 _EDGE = float(np.cos(np.radians(60.0)))
 """A filling is a lid where along most of its border the surface stands steeper than this on it."""

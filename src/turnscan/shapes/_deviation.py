@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
-from turnscan.surface import Mesh, half_edges
+from turnscan.mesh import Mesh, half_edges
 
 
 @dataclass(frozen=True)

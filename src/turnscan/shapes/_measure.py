@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, frozen
 from turnscan.errors import DidNotConverge, InputError
+from turnscan.mesh import Mesh, is_closed, measured_vertices, sections
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Plane
 from turnscan.shapes._shared import Source
 from turnscan.shapes._volume import volume_sigma
-from turnscan.surface import Mesh, is_closed, measured_vertices, sections
 
 Unit = Literal["mm", "mm²", "mm³", "rad"]
 _SHARED = 2.0

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError
-from turnscan.shapes._outline_assemble import Settled, assemble
+from turnscan.shapes._outline_assemble import assemble
 from turnscan.shapes._outline_bodies import (
     Body,
     Tangency,
@@ -24,6 +24,7 @@ from turnscan.shapes._outline_bodies import (
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_noise import Noise, chain_noise, default_tolerance
 from turnscan.shapes._outline_rounds import rounded
+from turnscan.shapes._outline_settled import Settled
 from turnscan.shapes._outline_splines import Span, with_splines
 from turnscan.shapes._section import Chain
 

@@ -7,9 +7,9 @@ from itertools import combinations
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.shapes._outline_assemble import Settled, corner, derived
 from turnscan.shapes._outline_bodies import Body
 from turnscan.shapes._outline_curves import Arc, Line, Piece, Size
+from turnscan.shapes._outline_settled import Settled, corner, derived
 
 _PARALLEL = np.deg2rad(0.2)
 """Lines are parallel within this, or within three standard uncertainties."""

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh, measured_vertices, submesh, vertex_normals
 from turnscan.shapes._fit import fit_plane
 from turnscan.shapes._forms import Plane
 from turnscan.shapes._measure import sigma_of
-from turnscan.surface import Mesh, measured_vertices, submesh, vertex_normals
 
 _ROUNDS = 8
 _LEAST = 12

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
-from turnscan.surface import Mesh
+from turnscan.mesh import Mesh
 
 _ON_PLANE = 1e-9
 """Of the size of the mesh: vertices no further than this lie on the plane."""

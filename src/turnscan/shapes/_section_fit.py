@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.mesh import Mesh
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_fit import fit_outlines
 from turnscan.shapes._section import Chain, Cut, cross_section
-from turnscan.surface import Mesh
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.mesh import Mesh
 from turnscan.points import RangeGrid, pixels_of, rig_moves
 from turnscan.rig import Rig
-from turnscan.surface import Mesh, RangeSurface
+from turnscan.surface.fusion import RangeSurface
 
 _EDGE = float(np.cos(np.radians(45.0)))
 """Sides across which the surface turns further are edges, over which a merge puts nothing."""

@@ -12,9 +12,9 @@ from itertools import chain
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.mesh import Mesh, twins
 from turnscan.shapes._added import added_part
 from turnscan.shapes._shared import Source, calibration_moves, moved, profile_sigma
-from turnscan.surface import Mesh, twins
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,14 @@ from turnscan.simulate._address import Simulated, sim_camera, simulated, wish_of
 from turnscan.simulate._beam import Beam, Lens
 from turnscan.simulate._bench import Bench
 from turnscan.simulate._devices import Faults, SimCamera, SimLasers, SimTurntable, World
+from turnscan.simulate._exposure import expose
 from turnscan.simulate._gige import GigeServer
 from turnscan.simulate._motion import Motion
 from turnscan.simulate._parts import PARTS, Part, from_mesh, part
 from turnscan.simulate._presets import Wish, bench, check_view, seconds_of, steps_of
 from turnscan.simulate._render import Renderer
 from turnscan.simulate._scene import Body, Material, Scene, Texture
-from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, expose, webcam
+from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, webcam
 from turnscan.simulate._speckle import (
     cell_keys,
     cell_size,

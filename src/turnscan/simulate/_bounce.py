@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, Ints
+from turnscan.mesh import Caster
 from turnscan.rig import Camera, Pose
 from turnscan.simulate._beam import Beam, Lens
 from turnscan.simulate._scene import Body, Triangles
-from turnscan.surface import Caster
 
 Singles = npt.NDArray[np.float32]
 

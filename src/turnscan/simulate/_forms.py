@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.mesh import Mesh
 from turnscan.simulate import _solids as solids
-from turnscan.surface import Mesh
 
 
 def cup_profile(wall: float) -> Floats:

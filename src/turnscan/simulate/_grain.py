@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.simulate import _grain_kernels as kernels
+from turnscan.simulate._airy import Grain, Keys, Singles, Window, jinc
 from turnscan.simulate._grain_kernels import Complexes
 from turnscan.simulate._random import normal_tables, phasor_table, seed64
-from turnscan.simulate._speckle import Grain, Keys, Singles, Window, jinc
 
 _TURN = 4096
 """Steps of the table of phase factors."""

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.compiled import njit
+from turnscan.simulate._airy import Keys, Singles
 from turnscan.simulate._random import mix, normal, uniform_pair
-from turnscan.simulate._speckle import Keys, Singles
 
 Complexes = npt.NDArray[np.complex64]
 

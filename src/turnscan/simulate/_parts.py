@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh
 from turnscan.simulate import _forms as forms
 from turnscan.simulate import _solids as solids
 from turnscan.simulate import _truth as truth
-from turnscan.surface import Mesh
 
 
 @dataclass(frozen=True)

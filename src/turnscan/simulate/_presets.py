@@ -307,7 +307,7 @@ def _part(name: str) -> parts.Part:
         return parts.part(name)
     if not path.is_file():
         raise InputError(f"{name}: no such file", hint="check the name")
-    from turnscan.export import read_mesh
+    from turnscan.formats import read_mesh
 
     made = parts.from_mesh(path.stem, read_mesh(path.read_bytes(), path.suffix))
     low, high = made.mesh.bounds

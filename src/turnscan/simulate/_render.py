@@ -16,16 +16,16 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Image, Ints
 from turnscan.errors import InputError
+from turnscan.mesh import Caster
 from turnscan.rig import LaserSheet, Pose
 from turnscan.simulate import _speckle as speckle
 from turnscan.simulate._beam import Beam
 from turnscan.simulate._bench import PLANCK_C, Bench
 from turnscan.simulate._bounce import Bounces
+from turnscan.simulate._exposure import expose
 from turnscan.simulate._random import seed64
 from turnscan.simulate._scene import PATTERNS, Triangles, triangles
-from turnscan.simulate._sensor import expose
 from turnscan.simulate._view import View
-from turnscan.surface import Caster
 
 Singles = npt.NDArray[np.float32]
 

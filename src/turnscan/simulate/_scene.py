@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats, Ints, frozen
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh
 from turnscan.rig import Pose
 from turnscan.simulate._parts import Part
 from turnscan.simulate._solids import bisected
-from turnscan.surface import Mesh
 
 PatternKind = Literal["none", "bars", "rings", "checks"]
 PATTERNS: tuple[PatternKind, ...] = ("none", "bars", "rings", "checks")

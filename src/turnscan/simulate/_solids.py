@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
-from turnscan.surface import Mesh
+from turnscan.mesh import Mesh
 
 CHORD = 1e-3
 """mm: how far the flat triangles of a part may lie from its true surface."""

@@ -20,10 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
-
-Singles = npt.NDArray[np.float32]
-Keys = npt.NDArray[np.uint32]
-Grain = tuple[float, float]
+from turnscan.simulate._airy import Grain, Keys, Singles, Window, jinc
 
 MAX_PATTERNS = 4
 """Patterns computed at most; lower contrasts are had by mixing in speckle-free light."""
@@ -223,15 +220,6 @@ def _neighbours(grain: Grain) -> tuple[float, float]:
     return pair_covariance(grain, 1, 0) / own, pair_covariance(grain, 0, 1) / own
 
 
-def jinc(r: Floats) -> Floats:
-    """Amplitude response of the circular pupil at distance r in units of λN', 1 at the centre."""
-    from scipy.special import j1
-
-    x = np.pi * np.asarray(r, dtype=np.float64)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(x == 0.0, 1.0, 2.0 * j1(x) / x)
-
-
 def _check_grain(grain: Grain) -> None:
     if not all(math.isfinite(g) and g > 0 for g in grain):
         raise ValueError(f"grain {grain}: λN' in pixels must be above 0")
@@ -274,10 +262,6 @@ def _whole_turns_removed(phase: npt.ArrayLike) -> Singles:
     """Cycles modulo 1: a path is some 10⁶ wavelengths, beyond what float32 can hold."""
     cycles = np.asarray(phase)
     return np.ascontiguousarray(cycles - np.floor(cycles), dtype=np.float32)
-
-
-Window = tuple[int, int, int, int]
-"""Rows r0 to r1 and columns c0 to c1 of pixels that one transform serves, without the apron."""
 
 
 def _windows(lit: npt.NDArray[np.int32], apron: int) -> list[Window]:

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
-from turnscan.simulate._sensor import Sensor, expose
+from turnscan.simulate._airy import Grain, Singles
+from turnscan.simulate._exposure import expose
+from turnscan.simulate._sensor import Sensor
 from turnscan.simulate._speckle import (
-    Grain,
-    Singles,
     cell_keys,
     oversampling,
     pair_covariance,

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, Ints
+from turnscan.mesh import Caster
 from turnscan.rig import Pose
 from turnscan.simulate._bench import Bench
 from turnscan.simulate._scene import PATTERNS, Triangles
-from turnscan.surface import Caster
 
 Singles = npt.NDArray[np.float32]
 

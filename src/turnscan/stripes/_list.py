@@ -8,17 +8,7 @@ from typing import Any
 import numpy as np
 
 from turnscan.compiled import njit
-from turnscan.stripes._scan import (
-    FWHM,
-    HIGH,
-    LEFT,
-    LOW,
-    RIGHT,
-    SEED,
-    TOP,
-    merge_peaks,
-    move_peak,
-)
+from turnscan.stripes._scan import FWHM, HIGH, LEFT, LOW, RIGHT, SEED, TOP, merge_peaks, move_peak
 from turnscan.stripes._strategies import WINDOW
 
 SPARE = 4.0

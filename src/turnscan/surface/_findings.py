@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from turnscan.findings import Finding
-from turnscan.surface._mesh import Mesh
-from turnscan.surface._soundness import soundness
-from turnscan.surface._topology import boundary_loops, is_closed
+from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._soundness import soundness
+from turnscan.mesh._topology import boundary_loops, is_closed
 
 
 def mesh_findings(

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.points import Along, Origin, RangeGrid, resample
-from turnscan.surface._mesh import Mesh, Provenance
 from turnscan.surface._noise import noise, spacing
 
 _LEAST = 0.5
@@ -158,7 +158,7 @@ def _inward(points: Floats, faces: Ints, eyes: Floats, n: int) -> float:
 
     The faces of a grid wind alike, so one sign holds for all of them.
     """
-    from turnscan.surface import _face_kernels as kernels
+    from turnscan.mesh import _normal_kernels as kernels
 
     if not len(faces):
         return 1.0
@@ -166,41 +166,3 @@ def _inward(points: Floats, faces: Ints, eyes: Floats, n: int) -> float:
     first, eye = points[some[:, 0]], eyes[some[:, 0] // n]
     outward = np.where(np.isnan(eye), first * (1.0, 1.0, 0.0), eye - first)
     return float(np.einsum("ij,ij->", kernels.crosses(points, some), outward))
-
-
-def half_edges(faces: Ints) -> tuple[Ints, Ints]:
-    """Start and end of the sides that have one face only."""
-    if not len(faces):
-        return np.zeros(0, np.int32), np.zeros(0, np.int32)
-    a = faces[:, [0, 1, 2]].ravel().astype(np.int64)
-    b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
-    size = int(max(a.max(initial=0), b.max(initial=0))) + 1
-    back = np.sort(b * size + a)
-    lonely = back[np.minimum(np.searchsorted(back, a * size + b), len(back) - 1)] != a * size + b
-    return a[lonely].astype(np.int32), b[lonely].astype(np.int32)
-
-
-def vertex_normals(mesh: Mesh) -> Floats:
-    """(v, 3) unit normals of the vertices, their faces weighted by area; NaN without a face."""
-    from turnscan.surface import _face_kernels as kernels
-
-    normals: Floats = kernels.vertex_normals(mesh.vertices, mesh.faces)
-    return normals
-
-
-def submesh(mesh: Mesh, keep: Bools) -> Mesh:
-    """The mesh of the faces where ``keep`` (f,) is True, without vertices that nobody uses."""
-    faces = mesh.faces[keep]
-    used = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    used[faces] = True
-    new = np.cumsum(used) - 1
-    p = mesh.provenance
-    return Mesh(
-        mesh.vertices[used],
-        new[faces].astype(np.int32).reshape(-1, 3),
-        None
-        if p is None
-        else Provenance(p.sigma[used], p.laser[used], p.step[used], p.line[used], p.lasers),
-        None if mesh.colour is None else mesh.colour[used],
-        None if mesh.measured is None else mesh.measured[keep],
-    )

@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from turnscan.export import ExportOptions
+    from turnscan.formats import ExportOptions
     from turnscan.workflows._artefact import PAPERS, TARGET, artefact
     from turnscan.workflows._calibrate import CalibratedRig, CalibrationPictures, calibrate
     from turnscan.workflows._calibrate_options import CalibrateOptions

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from turnscan.calibrate import Charuco, parse_board
 from turnscan.errors import InputError
-from turnscan.export import export
+from turnscan.formats import export
 from turnscan.shapes.verification import (
     artefact_from_text,
     ball_bar_body,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from turnscan.findings import Finding
-from turnscan.surface import Mesh, holes, is_closed, soundness
+from turnscan.mesh import Mesh, is_closed, soundness
+from turnscan.surface.holes import holes
 from turnscan.workflows._reading import read_mesh_file
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from turnscan.errors import InputError
 from turnscan.findings import Finding
+from turnscan.mesh import Mesh, submesh
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Deviation, deviation, sample_surface
-from turnscan.surface import Mesh, submesh
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source, load
 

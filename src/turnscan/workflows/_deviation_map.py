@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.mesh import Mesh
 from turnscan.shapes import Deviation
-from turnscan.surface import Mesh
 from turnscan.workflows._render import render
 
 if TYPE_CHECKING:

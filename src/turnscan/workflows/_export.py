@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from turnscan import surface
 from turnscan.errors import InputError
-from turnscan.export import ExportOptions
 from turnscan.findings import Finding
+from turnscan.formats import ExportOptions
+from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
-from turnscan.surface import Mesh
+from turnscan.surface import decimation as thinning
+from turnscan.surface.clean import settled
 from turnscan.workflows._loading import Source, load
 from turnscan.workflows._reconstruct_options import decimation
 from turnscan.workflows._saving import save
@@ -76,9 +77,9 @@ def export_mesh(
     if decimate is not None:
         fewer, dense = decimation(decimate), mesh
         told = progress.subrange(0.7, 1, "thinning out")
-        mesh = surface.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, told=told)
-        findings += surface.decimation_findings(dense, mesh, fewer.faces)
-    mesh = surface.settled(mesh)
+        mesh = thinning.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, told=told)
+        findings += thinning.decimation_findings(dense, mesh, fewer.faces)
+    mesh = settled(mesh)
     about = loaded.about if loaded.reconstructed else {"source": Path(loaded.name).name}
     remarks = save(dict.fromkeys(map(Path, paths), mesh), replace(chosen, about=about))
     return Exported(mesh, tuple(findings), tuple(remarks))

@@ -22,7 +22,7 @@ from turnscan.rig import Pose, Rig, rig_hash
 from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag
-from turnscan.surface import range_surfaces
+from turnscan.surface.fusion import range_surfaces
 from turnscan.workflows._history import history_of
 from turnscan.workflows._joined_report import joined_sections
 from turnscan.workflows._landmarks import read_landmarks

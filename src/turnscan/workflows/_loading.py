@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from turnscan.errors import InputError
-from turnscan.export import read_about
 from turnscan.findings import Finding
+from turnscan.formats import read_about
+from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.scan import Scan
-from turnscan.surface import Mesh
 from turnscan.workflows._reading import read_mesh_file, read_start
 from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._result import ReconstructResult

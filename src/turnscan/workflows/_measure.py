@@ -10,6 +10,7 @@ import numpy as np
 
 from turnscan.errors import InputError
 from turnscan.findings import Finding
+from turnscan.mesh import Mesh, is_closed
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import (
     PlaneAngle,
@@ -23,7 +24,6 @@ from turnscan.shapes import (
     volume_in_words,
     volume_sigma,
 )
-from turnscan.surface import Mesh, is_closed
 from turnscan.workflows._declare import Checked, option
 from turnscan.workflows._loading import Source, load
 

@@ -15,7 +15,7 @@ from turnscan.points import RangeGrid, placements_from_conf, range_scan_from_ply
 from turnscan.progress import Progress
 from turnscan.rig import Pose
 from turnscan.settings import Settings
-from turnscan.surface import clean
+from turnscan.surface.clean import clean
 from turnscan.workflows._reading import UNITS, read_bytes
 
 _CONF_BYTES = 2**20

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from turnscan.errors import FormatError, InputError, LimitExceeded
+from turnscan.mesh import Mesh
 from turnscan.rig import Rig, rig_from_json
-from turnscan.surface import Mesh
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """mm in each unit that a file without a unit of its own may be in."""
@@ -63,7 +63,7 @@ def read_mesh_file(path: str | Path, unit: str = "mm") -> Mesh:
     >>> len(ts.read_mesh_file("cup.ply").faces) == len(part.mesh.faces)
     True
     """
-    from turnscan.export import read_mesh
+    from turnscan.formats import read_mesh
 
     path = Path(path)
     data = read_bytes(path, _MAX_MESH_BYTES)

@@ -12,7 +12,9 @@ from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in
 from turnscan.settings import Settings
 from turnscan.stripes import Choice, Refinement, Strategy, StripeSettings
-from turnscan.surface import Bottom, Caps, Clean, FillHow, How, Top
+from turnscan.surface.clean import Clean
+from turnscan.surface.fusion import How
+from turnscan.surface.holes import Bottom, Caps, FillHow, Top
 from turnscan.workflows._declare import Checked, option
 
 

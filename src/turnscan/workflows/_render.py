@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.compiled import njit
+from turnscan.mesh import Mesh
 from turnscan.rig import rotation_about
-from turnscan.surface import Mesh
 
 Rgb = npt.NDArray[np.uint8]
 

@@ -14,12 +14,12 @@ import numpy as np
 from turnscan import __version__
 from turnscan.edit import Entry, edit_to_value, in_words
 from turnscan.findings import record
+from turnscan.mesh import is_closed
 from turnscan.pipeline import Reconstruction, source_of
 from turnscan.points import systematic_sigma
 from turnscan.rig import Rig, rig_hash
 from turnscan.settings import Settings
 from turnscan.shapes import volume_figures, volume_in_words, volume_sigma
-from turnscan.surface import is_closed
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._surface_report import holes_line, surface_figures, surface_parts
 

@@ -13,12 +13,13 @@ import numpy.typing as npt
 
 from turnscan import edit
 from turnscan.errors import ExportError
-from turnscan.export import ExportOptions, Profiles
 from turnscan.findings import Finding
+from turnscan.formats import ExportOptions, Profiles
+from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid, cloud, profiles
 from turnscan.rig import Rig
-from turnscan.surface import Hole, Mesh
+from turnscan.surface.holes import Hole
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import Section, figures, known, summary, volume_of, write_report
 from turnscan.workflows._saving import save

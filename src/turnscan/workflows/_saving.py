@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from turnscan.errors import ExportError
-from turnscan.export import ExportOptions, Profiles, audit, export
 from turnscan.findings import Finding
-from turnscan.points import PointCloud
-from turnscan.surface import Mesh
+from turnscan.formats import ExportOptions, Profiles, audit, export
+from turnscan.mesh import Mesh, PointCloud
 from turnscan.workflows._files import check_writable, write_atomically
 
 

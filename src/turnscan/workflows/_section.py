@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from turnscan.errors import InputError
-from turnscan.export import (
-    DxfVersion,
+from turnscan.drawings import (
     found,
     with_sigma,
     write_section_dxf,
@@ -15,6 +13,8 @@ from turnscan.export import (
     write_section_pdf,
     write_section_svg,
 )
+from turnscan.errors import InputError
+from turnscan.formats import DxfVersion
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Arc, Cut, FittedSection, fit_section, half_plane_cut, plane_cut
 from turnscan.workflows._loading import Source, load

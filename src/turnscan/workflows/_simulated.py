@@ -9,12 +9,12 @@ from pathlib import Path
 
 from turnscan.acquire import Event, FirstLook, Hardware, Plan, StepDone, look, run, turn_of
 from turnscan.arrays import Image
+from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import rig_to_json
 from turnscan.scan import Frame, Keep, ScanPlan, Setting, replacing_scan
+from turnscan.scanner import laser_colour
 from turnscan.simulate import Simulated
-from turnscan.station import laser_colour
-from turnscan.surface import Mesh
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._png import write_png
 

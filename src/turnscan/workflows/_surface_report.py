@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from turnscan.arrays import Floats, Image, Ints
+from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid
-from turnscan.surface import CAUSE_WORDS, Hole, Mesh, closings
+from turnscan.surface.holes import CAUSE_WORDS, Hole, closings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from turnscan.export import exporter_for
+from turnscan.formats import exporter_for
 from turnscan.workflows._files import check_apart, check_output
 from turnscan.workflows._range_scans import placed_scans
 

@@ -13,8 +13,8 @@ from typing import Any
 from turnscan import __version__
 from turnscan.detection import see
 from turnscan.errors import FormatError, InputError, LimitExceeded
-from turnscan.export import EXPORTERS, read_mesh
 from turnscan.findings import Finding, record
+from turnscan.formats import EXPORTERS, read_mesh
 from turnscan.pipeline import to_grids
 from turnscan.rig import Rig, rig_to_json
 from turnscan.scan import (

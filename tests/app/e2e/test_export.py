@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.app.e2e.conftest import until
-from turnscan.export import read_mesh
+from turnscan.formats import read_mesh
 
 
 def test_dxf_is_written_and_read_back(open_cup, picture, tmp_path: Path):

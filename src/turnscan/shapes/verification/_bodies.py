@@ -8,7 +8,7 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
-from turnscan.surface import Mesh
+from turnscan.mesh import Mesh
 
 _FINE = 0.02
 """mm: how far flat triangles may lie from a ball."""

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
 from turnscan.errors import InputError
+from turnscan.mesh import Mesh
 from turnscan.points import RangeGrid, pixels_of, rig_moves
 from turnscan.rig import Rig
 from turnscan.shapes._measure import measured_points
-from turnscan.surface import Mesh
 
 Index = npt.NDArray[np.intp]
 Moves = Callable[[Index], Floats]

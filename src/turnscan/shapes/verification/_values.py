@@ -47,12 +47,7 @@ from turnscan.shapes.verification._faces import (
     level_moves,
     levels_of,
 )
-from turnscan.shapes.verification._statistics import (
-    range_sigma,
-    shell,
-    shell_sigma,
-    trimmed_range,
-)
+from turnscan.shapes.verification._statistics import range_sigma, shell, shell_sigma, trimmed_range
 from turnscan.shapes.verification._survey import Index, Survey
 
 _SOME = 1000

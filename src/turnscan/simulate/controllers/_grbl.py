@@ -178,7 +178,7 @@ class GrblFirmware(GrblMachine):
     # Lines that begin with a dollar.
 
     def _state(self) -> str:
-        return reports.state(self)
+        return reports.state(self._snapshot())
 
     def _system(self, text: str) -> Waiting:
         state, head = self._state(), text[1:2]

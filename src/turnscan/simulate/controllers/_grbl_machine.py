@@ -109,6 +109,28 @@ class GrblMachine(Firmware):
         self._reports = reports.Reports()
         self._timers.clear()
 
+    def _snapshot(self) -> reports.Snapshot:
+        return reports.Snapshot(
+            slowing=isinstance(self._move, Slowing),
+            asleep=self.asleep,
+            locked=self.locked,
+            check=self.check,
+            door=self.door,
+            hold=self.hold,
+            jogging=self.jogging,
+            busy=self.busy,
+            settings=self.settings,
+            modes=self.modes,
+            offset=self.stored[str(self.modes.system)] + self.shift,
+            place=self.place / self.scale,
+            rate=self.rate / self.scale,
+            planner=_PLANNER - len(self._queue),
+            inbox=self.receive - len(self._inbox),
+            speed=self.speed,
+            overrides=self.overrides,
+            lit=self.lit,
+        )
+
     def _greeting(self) -> bytes:
         """The banner, and the lines that are run at every start. Run they are, too."""
         if self.locked:
@@ -154,7 +176,7 @@ class GrblMachine(Firmware):
             self._reset()
         elif byte == ord("?"):
             if not (self._aborting or self._critical):
-                self.say(self._reports.status(self))
+                self.say(self._reports.status(self._snapshot()))
         elif byte == ord("!"):
             self._pause()
         elif byte == ord("~"):

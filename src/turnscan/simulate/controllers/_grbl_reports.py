@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
-from turnscan.simulate.controllers._firmware import Slowing
 from turnscan.simulate.controllers._grbl_words import Modes
-
-if TYPE_CHECKING:
-    from turnscan.simulate.controllers._grbl_machine import GrblMachine
 
 _DEFAULTS = (
     "0=10 1=25 2=0 3=0 4=0 5=0 6=0 10=1 11=0.010 12=0.002 13=0 20=0 21=0 22=0 23=0 24=25.000 "
@@ -79,9 +75,39 @@ def parameters(stored: Mapping[str, float], shift: float) -> bytes:
     return text.encode()
 
 
-def state(board: GrblMachine) -> str:
+@dataclass(frozen=True)
+class Snapshot:
+    """What a board is doing, as far as a status report tells."""
+
+    slowing: bool
+    asleep: bool
+    locked: bool
+    check: bool
+    door: str
+    """``open``, ``closed``, ``restoring`` or empty."""
+    hold: bool
+    jogging: bool
+    busy: bool
+    settings: Mapping[str, str]
+    modes: Modes
+    offset: float
+    """Of the coordinate system in use, mm."""
+    place: float
+    """mm of the X axis."""
+    rate: float
+    """mm/s."""
+    planner: int
+    """Moves for which the planner has room."""
+    inbox: int
+    """Bytes for which the receive buffer has room."""
+    speed: float
+    """Of the spindle."""
+    overrides: Mapping[str, int]
+    lit: frozenset[str]
+
+
+def state(board: Snapshot) -> str:
     """What a status report begins with."""
-    slowing = isinstance(board._move, Slowing)
     if board.asleep:
         return "Sleep"
     if board.locked:
@@ -89,9 +115,11 @@ def state(board: GrblMachine) -> str:
     if board.check:
         return "Check"
     if board.door:
-        return f"Door:{2 if slowing else {'open': 1, 'closed': 0, 'restoring': 3}[board.door]}"
+        return (
+            f"Door:{2 if board.slowing else {'open': 1, 'closed': 0, 'restoring': 3}[board.door]}"
+        )
     if board.hold:
-        return f"Hold:{int(slowing)}"
+        return f"Hold:{int(board.slowing)}"
     if board.jogging:
         return "Jog"
     return "Run" if board.busy else "Idle"
@@ -111,18 +139,17 @@ class Reports:
         """The next report without an offset contains overrides and outputs."""
         self._overrides = 0
 
-    def status(self, board: GrblMachine) -> bytes:
+    def status(self, board: Snapshot) -> bytes:
         """The answer to ``?``."""
         word, mask = state(board), int(float(board.settings["10"]))
         inches = float(board.settings["13"]) != 0
         places, length = (4, 25.4) if inches else (3, 1.0)
         rest = ",".join([f"{0:.{places}f}"] * 2)
-        offset = board.stored[str(board.modes.system)] + board.shift
-        place = board.place / board.scale - (0.0 if mask & 1 else offset)
-        rate = board.rate / board.scale * 60 / length
+        place = board.place - (0.0 if mask & 1 else board.offset)
+        rate = board.rate * 60 / length
         text = f"<{word}|{'M' if mask & 1 else 'W'}Pos:{place / length:.{places}f},{rest}"
         if mask & 2:
-            text += f"|Bf:{15 - len(board._queue)},{board.receive - len(board._inbox)}"
+            text += f"|Bf:{board.planner},{board.inbox}"
         text += f"|FS:{rate:.0f},{board.speed:.0f}"
         moving = word.startswith(("Run", "Hold", "Jog", "Door"))
         if self._offset > 0:
@@ -130,7 +157,7 @@ class Reports:
         else:
             self._offset = 29 if moving else 9
             self._overrides = max(self._overrides, 1)
-            text += f"|WCO:{offset / length:.{places}f},{rest}"
+            text += f"|WCO:{board.offset / length:.{places}f},{rest}"
         if self._overrides > 0:
             self._overrides -= 1
         else:
@@ -140,7 +167,7 @@ class Reports:
         return f"{text}>\r\n".encode()
 
 
-def _outputs(board: GrblMachine) -> str:
+def _outputs(board: Snapshot) -> str:
     letters = ""
     if board.speed > 0:
         letters += "C" if board.modes.spindle == 4 else "S"

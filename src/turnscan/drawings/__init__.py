@@ -1,0 +1,18 @@
+"""Drawings: sections as DXF, SVG, PDF and JSON, with dimensions and their uncertainty."""
+
+from turnscan.drawings._dimensions import with_sigma
+from turnscan.drawings._dxf import write_section_dxf
+from turnscan.drawings._json import section_report, write_section_json
+from turnscan.drawings._sheet import found
+from turnscan.drawings._svg import draw_section, write_section_pdf, write_section_svg
+
+__all__ = [
+    "draw_section",
+    "found",
+    "section_report",
+    "with_sigma",
+    "write_section_dxf",
+    "write_section_json",
+    "write_section_pdf",
+    "write_section_svg",
+]

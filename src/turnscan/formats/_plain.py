@@ -1,0 +1,152 @@
+"""OBJ: vertices and faces as text. XYZ: points as text, one a line."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.errors import InputError
+from turnscan.formats._options import DEFAULTS, ExportOptions
+from turnscan.formats._read import (
+    MAX_FACES,
+    checked,
+    complain,
+    indexed,
+    require,
+    text_of,
+    triangles,
+    within_limit,
+)
+from turnscan.formats._text import about_lines, decimals_for, rows_text, scaled
+from turnscan.mesh import Mesh, PointCloud, Provenance
+
+SIGMA_DECIMALS = 9
+
+
+def write_obj(mesh: Mesh, options: ExportOptions = DEFAULTS) -> bytes:
+    """Return the mesh as Wavefront OBJ in mm, faces counted from 1; origin as comments.
+
+    Where faces were not measured, the groups ``measured`` and ``filled`` say which.
+
+    Raises InputError where the mesh has no faces; ExportError where a coordinate is beyond
+    what can be written.
+    """
+    if not len(mesh.faces):
+        raise InputError("OBJ: the mesh has no faces", hint="check the region of interest")
+    d = decimals_for(mesh.vertices)
+    words = ["v ", " ", " ", "\n"]
+    parts = [_comments(options), *rows_text(scaled(mesh.vertices, d), [d, d, d], words)]
+    words = ["f ", " ", " ", "\n"]
+    for group, part in _groups(mesh):
+        parts.append(group)
+        parts += rows_text(part.astype(np.int64) + 1, [0, 0, 0], words)
+    return b"".join(parts)
+
+
+def _groups(mesh: Mesh) -> list[tuple[bytes, Ints]]:
+    """Runs of faces that were measured or not, with the line that begins their group."""
+    if mesh.measured is None:
+        return [(b"", mesh.faces)]
+    cuts = np.flatnonzero(np.diff(mesh.measured)) + 1
+    firsts = mesh.measured[np.append(0, cuts)]
+    names = [b"g measured\n" if first else b"g filled\n" for first in firsts]
+    return list(zip(names, np.split(mesh.faces, cuts), strict=True))
+
+
+def write_xyz(what: Mesh | PointCloud, options: ExportOptions = DEFAULTS) -> bytes:
+    """Return points, or a mesh's vertices, as lines of x y z, and sigma where known, all mm.
+
+    Of a mesh with faces that were not measured only the measured vertices are written. An unknown
+    sigma is written ``nan``; where no sigma is known there is no fourth column.
+
+    Raises InputError where there is no point; ExportError where a coordinate is beyond what
+    can be written.
+    """
+    points, sigma = points_to_write(what)
+    if not len(points):
+        raise InputError("XYZ: there are no points", hint="check the region of interest")
+    d = decimals_for(points)
+    rows, places, words = scaled(points, d), [d, d, d], ["", " ", " ", "\n"]
+    if sigma is not None and not np.isnan(sigma).all():
+        rows = np.concatenate([rows, scaled(sigma, SIGMA_DECIMALS)[:, None]], axis=1)
+        places, words = [*places, SIGMA_DECIMALS], ["", " ", " ", " ", "\n"]
+    return b"".join([_comments(options), *rows_text(rows, places, words)])
+
+
+def points_to_write(what: Mesh | PointCloud) -> tuple[Floats, Floats | None]:
+    """The points (n, 3) that an XYZ holds, and their sigma where there is any."""
+    if not isinstance(what, Mesh):
+        return what.points, what.sigma
+    sigma = None if what.provenance is None else what.provenance.sigma
+    if what.measured is None:
+        return what.vertices, sigma
+    keep = np.zeros(len(what.vertices), dtype=np.bool_)
+    keep[what.faces[what.measured]] = True
+    if what.provenance is not None:
+        keep &= what.provenance.step >= 0
+    return what.vertices[keep], None if sigma is None else sigma[keep]
+
+
+def _comments(options: ExportOptions) -> bytes:
+    lines = ["unit: millimetre", *about_lines(options.about)]
+    return "".join(f"# {line}\n" for line in lines).encode("ascii")
+
+
+def read_obj(data: bytes) -> Mesh:
+    """Return the vertices and faces of a Wavefront OBJ; polygons are cut into fans.
+
+    Triangles in the group ``filled`` count as not measured.
+
+    Raises FormatError with the line, where it is not in form; LimitExceeded; InputError where
+    it has no face.
+    """
+    from turnscan.formats import _read_kernels
+
+    code, at, points, v, lists, n = _read_kernels.read_obj(text_of(data), MAX_FACES)
+    complain("OBJ", data, code, at)
+    faces = triangles("OBJ", lists[:n])
+    if not len(faces):
+        raise InputError("OBJ: there are no faces", hint="export the surface as polygons")
+    mesh = indexed("OBJ", points[:v], faces)
+    return replace(mesh, measured=_measured(data, len(faces)))
+
+
+def _measured(data: bytes, faces: int) -> Bools | None:
+    """(f,) False for the faces in group filled; None where there is none, or faces were cut up."""
+    if not re.search(rb"(?m)^g filled\s*$", data):
+        return None
+    text = text_of(data)
+    at = np.flatnonzero((text[:-2] == 10) & (text[1:-1] == ord("f")) & (text[2:] == ord(" "))) + 1
+    if len(at) != faces:
+        return None
+    groups = [(m.start(), m[1] != b"filled") for m in re.finditer(rb"(?m)^g (\S*)", data)]
+    which = np.searchsorted([start for start, _ in groups], at, side="right")
+    known: Bools = np.array([True, *(good for _, good in groups)], dtype=np.bool_)[which]
+    return known
+
+
+def read_xyz(data: bytes) -> Mesh:
+    """Return the points of an XYZ file as a mesh without faces, with sigma where it has one.
+
+    Lines of three numbers or, with sigma, four; # starts a comment.
+
+    Raises FormatError with the line, where it is not in form; LimitExceeded.
+    """
+    from turnscan.formats._read_kernels import read_table, shape_of_table
+
+    rows, columns = shape_of_table(text_of(data))
+    require("XYZ", rows > 0, "there are no points")
+    within_limit("XYZ", "points", rows, 3 * MAX_FACES)
+    require("XYZ", columns in (3, 4), f"the first line has {columns} numbers, not 3 or 4")
+    table = np.empty((rows, columns))
+    code, at = read_table(text_of(data), 0, table, True)
+    complain("XYZ", data, code, at)
+    points = checked("XYZ", table[:, :3])
+    unknown = np.full(len(points), -1, np.int32)
+    origin = None
+    if columns == 4:
+        origin = Provenance(table[:, 3], unknown, unknown, unknown, ())
+    return Mesh(points, np.empty((0, 3), np.int32), origin)

@@ -1,0 +1,53 @@
+"""Mesh, topology, normals, rays, sections, soundness: what any mesh program has."""
+
+from turnscan.mesh._cut import Clip, Section, clip, cut, sections
+from turnscan.mesh._mesh import Mesh, Provenance
+from turnscan.mesh._normals import roughness, steady_normals, vertex_normals
+from turnscan.mesh._parts import (
+    components,
+    join,
+    longest_sides,
+    measured,
+    measured_vertices,
+    submesh,
+)
+from turnscan.mesh._point_cloud import PointCloud
+from turnscan.mesh._rays import Caster
+from turnscan.mesh._soundness import crossings, soundness
+from turnscan.mesh._topology import (
+    boundary_loops,
+    cut_touching,
+    fans_about,
+    half_edges,
+    is_closed,
+    twins,
+)
+
+__all__ = [
+    "Caster",
+    "Clip",
+    "Mesh",
+    "PointCloud",
+    "Provenance",
+    "Section",
+    "boundary_loops",
+    "clip",
+    "components",
+    "crossings",
+    "cut",
+    "cut_touching",
+    "fans_about",
+    "half_edges",
+    "is_closed",
+    "join",
+    "longest_sides",
+    "measured",
+    "measured_vertices",
+    "roughness",
+    "sections",
+    "soundness",
+    "steady_normals",
+    "submesh",
+    "twins",
+    "vertex_normals",
+]

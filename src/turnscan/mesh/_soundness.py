@@ -1,0 +1,119 @@
+"""Soundness: what a printer, a CAD program or a machine tool would stumble over in a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.findings import Finding
+from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._topology import fans_about
+
+_THIN = 1e-9
+"""A face has no area where its height is less than this share of its longest side."""
+_PAIRS = 16
+"""Times the number of faces: the most pairs of faces that cut through each other to search for.
+A heap of loose faces has millions, and nobody needs them all."""
+
+
+def soundness(mesh: Mesh) -> list[Finding]:
+    """What is not sound about a mesh, each kind with its number and the place of the first.
+
+    Sides with more than two faces, or with two that wind against each other; vertices where
+    parts merely touch; corners at equal places (in the 32-bit numbers of an STL), which other
+    programs join; faces without area; faces that cut through each other. An empty list: manifold,
+    oriented, without self-intersection; whether it is closed is `is_closed`'s to say.
+    """
+    if not len(mesh.faces):
+        return []
+    t = mesh.triangles
+    crossed = crossings(mesh)
+    checks = (
+        ("surface.side", "sides have more than two faces", _side_places(mesh, many=True)),
+        ("surface.orientation", "sides whose two faces wind against each other",
+         _side_places(mesh, many=False)),
+        ("surface.touching", "vertices in which parts of the surface merely touch",
+         mesh.vertices[_touching(mesh)]),
+        ("surface.equal", "corners lie at the same place as another", _equal_places(mesh)),
+        ("surface.degenerate", "faces have no area", t[_without_area(t)].mean(axis=1)),
+        ("surface.crossing", "pairs of faces cut through each other"
+         + (", or more" if len(crossed) == _PAIRS * len(t) else ""),
+         t[crossed[:, 0]].mean(axis=1)),
+    )  # fmt: skip
+    return [_finding(code, text, places) for code, text, places in checks if len(places)]
+
+
+def _finding(code: str, text: str, places: Floats) -> Finding:
+    x, y, z = places[0]
+    where = f"({x:.2f}, {y:.2f}, {z:.2f}) mm"
+    more = "" if len(places) == 1 else f", the first of {len(places)}"
+    return Finding(code, "warning", f"{len(places)} {text}", where + more, "")
+
+
+def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
+    """(k, 2) pairs of faces, lower number first, that cut through or overlap each other.
+
+    Only pairs with a face ``asked`` (f,) for; None looks at all. Faces without area are left out.
+    No more than 16 times as many pairs as faces are looked for.
+    """
+    from turnscan.mesh import _crossing_kernels as kernels
+    from turnscan.mesh._ray_tree import boxes, morton_order
+
+    if not len(mesh.faces):
+        return np.empty((0, 2), dtype=np.int32)
+    corners = mesh.triangles
+    near = np.arange(len(corners))
+    if asked is not None:
+        if not asked.any():
+            return np.empty((0, 2), dtype=np.int32)
+        least, most = corners[asked].min(axis=(0, 1)), corners[asked].max(axis=(0, 1))
+        over = (corners.min(axis=1) <= most) & (corners.max(axis=1) >= least)
+        near = np.flatnonzero(over.all(axis=1))
+    order = near[morton_order(corners[near].mean(axis=1))]
+    corners = np.ascontiguousarray(corners[order])
+    leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(corners) / 4)))))
+    which = np.ones(len(corners), dtype=np.bool_) if asked is None else asked[order]
+    low, high = boxes(corners, leaves)
+    numbers, most = np.ascontiguousarray(mesh.faces[order]), _PAIRS * len(mesh.faces)
+    pairs = kernels.crossings(corners, numbers, which, low, high, most)
+    pairs = np.sort(order[pairs].astype(np.int32), axis=1)
+    found: Ints = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    return found
+
+
+def _side_places(mesh: Mesh, *, many: bool) -> Floats:
+    """Middles of the sides with more than two faces, or else of those with two that disagree."""
+    a = mesh.faces[:, [0, 1, 2]].ravel().astype(np.int64)
+    b = mesh.faces[:, [1, 2, 0]].ravel().astype(np.int64)
+    size = len(mesh.vertices)
+    key = np.minimum(a, b) * size + np.maximum(a, b)
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    count = np.diff(np.append(starts, len(key)))
+    forward = np.add.reduceat((a < b)[order].astype(np.int64), starts)
+    bad = count > 2 if many else (count == 2) & (forward != 1)
+    which = key[order][starts[bad]]
+    middle: Floats = (mesh.vertices[which // size] + mesh.vertices[which % size]) / 2
+    return middle
+
+
+def _touching(mesh: Mesh) -> npt.NDArray[np.intp]:
+    _, about = fans_about(mesh.faces)
+    return np.flatnonzero(np.bincount(about, minlength=len(mesh.vertices)) > 1)
+
+
+def _equal_places(mesh: Mesh) -> Floats:
+    used = np.unique(mesh.faces)
+    places = mesh.vertices[used].astype(np.float32) + np.float32(0)  # −0 becomes 0
+    order = np.lexsort(places.T)
+    same = (places[order][1:] == places[order][:-1]).all(axis=1)
+    found: Floats = mesh.vertices[np.sort(used[order[1:][same]])]
+    return found
+
+
+def _without_area(t: Floats) -> npt.NDArray[np.intp]:
+    sides = np.roll(t, -1, axis=1) - t
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return np.flatnonzero(twice <= _THIN * longest**2)

@@ -1,0 +1,93 @@
+"""How the faces of a mesh hang together: sides and their other side, borders, fans."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Ints
+from turnscan.findings import Finding
+from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._parts import submesh
+
+
+def twins(faces: Ints) -> npt.NDArray[np.int64]:
+    """(3f,) for side 3f + i, from corner i of face f to the next: the side on its other side.
+
+    −1 where there is none, or where that is not clear: more than two faces, or faces that do not
+    wind alike.
+    """
+    from turnscan.mesh import _topology_kernels as kernels
+
+    twin: npt.NDArray[np.int64] = kernels.twins(np.ascontiguousarray(faces, dtype=np.int32))
+    return twin
+
+
+def boundary_loops(mesh: Mesh) -> list[Ints]:
+    """The borders of the mesh: closed loops of vertex numbers, each along its faces' own winding.
+
+    Longest first. Where parts of the surface touch in a vertex, a border turns off along the part
+    that it came by.
+    """
+    from turnscan.mesh import _topology_kernels as kernels
+
+    flat, starts = kernels.borders(mesh.faces, twins(mesh.faces))
+    loops = np.split(flat, starts[1:]) if len(starts) else []
+    return sorted(loops, key=lambda k: (-len(k), int(k.min())))
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """True where every side of every face has exactly one face on its other side."""
+    return bool(len(mesh.faces) > 0 and (twins(mesh.faces) >= 0).all())
+
+
+def cut_touching(mesh: Mesh) -> tuple[Mesh, list[Finding]]:
+    """The mesh without faces that touch others in a vertex only, and a finding if there were any.
+
+    Of the fans about a vertex the largest stays (the first of equal ones), again and again, until
+    the faces about every vertex hang together by their sides. (Doubling such a vertex would not
+    do: programs that join equal corners of a file make one of it again.)
+    """
+    kept = hanging_together(mesh.faces)
+    if kept.all():
+        return mesh, []
+    text = f"{int((~kept).sum())} faces that touched others in a corner only were cut away"
+    return submesh(mesh, kept), [Finding("surface.touching", "note", text)]
+
+
+def hanging_together(faces: Ints) -> Bools:
+    """(f,) False for the faces that `cut_touching` takes away."""
+    keep = np.arange(len(faces))
+    while len(keep):
+        fan, about = fans_about(faces[keep])
+        order = np.lexsort((np.arange(len(about)), -np.bincount(fan), about))
+        rest = order[1:][about[order[1:]] == about[order[:-1]]]
+        if not len(rest):
+            break
+        keep = keep[~np.isin(fan, rest).reshape(-1, 3).any(axis=1)]
+    kept = np.zeros(len(faces), dtype=np.bool_)
+    kept[keep] = True
+    return kept
+
+
+def fans_about(faces: Ints) -> tuple[Ints, Ints]:
+    """(3f,) for every corner the number of its fan, and (fans,) the vertex each lies about.
+
+    A fan is the faces round a vertex that hang together by their sides.
+    """
+    from turnscan.mesh import _topology_kernels as kernels
+
+    fan, first = kernels.fans(twins(faces))
+    return fan, faces.ravel()[first]
+
+
+def half_edges(faces: Ints) -> tuple[Ints, Ints]:
+    """Start and end of the sides that have one face only."""
+    if not len(faces):
+        return np.zeros(0, np.int32), np.zeros(0, np.int32)
+    a = faces[:, [0, 1, 2]].ravel().astype(np.int64)
+    b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
+    size = int(max(a.max(initial=0), b.max(initial=0))) + 1
+    back = np.sort(b * size + a)
+    lonely = back[np.minimum(np.searchsorted(back, a * size + b), len(back) - 1)] != a * size + b
+    return a[lonely].astype(np.int32), b[lonely].astype(np.int32)

@@ -1,0 +1,214 @@
+"""The doctor: looks at devices with a part on the table, and says what is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from turnscan.findings import Finding
+from turnscan.scanner._examine import CameraFacts, Examination, LaserFacts
+from turnscan.scanner._open import Opened
+from turnscan.scanner._wishes import USUAL_SECONDS
+
+_LIES = 0.02
+_FLICKER = 0.005
+_BRIGHT_ROOM = 0.25
+_DIM, _WIDE, _CLIPPED, _FEW = 0.1, 6.0, 0.05, 0.05
+
+
+@dataclass(frozen=True)
+class TableFacts:
+    """What turning tells."""
+
+    counter_clockwise: bool | None
+    """None where the direction was not seen."""
+    degrees_per_turn: float | None
+    """None where it was not seen."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the doctor saw."""
+
+    camera: CameraFacts
+    lasers: tuple[LaserFacts, ...]
+    table: TableFacts | None
+    """None where it was not turned."""
+    findings: tuple[Finding, ...]
+
+
+def examine(
+    bench: Opened,
+    seconds: float | None = None,
+    gain: float = 1.0,
+    *,
+    still: bool = False,
+    tick: Callable[[], None] = lambda: None,
+) -> Diagnosis:
+    """Take dark pictures and one of each laser, then turn the table once, unless ``still``.
+
+    ``seconds`` None takes the bench's own exposure. The lasers are dark when this returns, however
+    it does. Raises DeviceError and SafetyError as the devices do.
+    """
+    exposure = seconds or bench.seconds or USUAL_SECONDS
+    look = Examination(bench.hardware, exposure, gain)
+    with look.shooter.dark_at_the_end():
+        camera = look.camera()
+        found = _camera(camera, exposure, gain)
+        lasers = []
+        for name in bench.hardware.lasers.names:
+            tick()
+            lasers.append(look.laser(name))
+            found += _laser(lasers[-1])
+        found += _sides(lasers)
+        table = None if still else _table(look, found, tick)
+    return Diagnosis(camera, tuple(lasers), table, tuple(found))
+
+
+def _camera(camera: CameraFacts, seconds: float, gain: float) -> list[Finding]:
+    found = []
+    for what, asked, got in (("exposure", seconds, camera.seconds), ("gain", gain, camera.gain)):
+        if math.isnan(got):
+            found.append(Finding("doctor.untold", "note", f"the camera does not tell its {what}"))
+        elif abs(got - asked) > _LIES * asked:
+            found.append(
+                Finding(
+                    "doctor.setting",
+                    "warning",
+                    f"{what} {asked:g} was asked for, {got:g} is set",
+                    where="camera",
+                    remedy="ask for a value that the camera can have",
+                )
+            )
+    if camera.flicker > _FLICKER:
+        found.append(
+            Finding(
+                "doctor.flicker",
+                "warning",
+                f"dark pictures differ by {100 * camera.flicker:.1f} % of the scale",
+                where="camera",
+                remedy="darken the room, or expose for a whole period of its light",
+            )
+        )
+    if camera.level > _BRIGHT_ROOM:
+        found.append(
+            Finding(
+                "doctor.bright",
+                "warning",
+                f"without laser the picture is at {100 * camera.level:.0f} % of the scale",
+                where="camera",
+                remedy="darken the room, or use a filter for the laser's colour",
+            )
+        )
+    return found
+
+
+def _laser(laser: LaserFacts) -> list[Finding]:
+    where = f"laser {laser.name}"
+    if laser.found < _FEW:
+        return [
+            Finding(
+                "doctor.no-stripe",
+                "error",
+                "no stripe in its picture",
+                where=where,
+                remedy="look whether it lights and meets the part; lengthen the exposure",
+            )
+        ]
+    found = []
+    if laser.saturated > _CLIPPED:
+        found.append(
+            Finding(
+                "doctor.saturated",
+                "warning",
+                f"{100 * laser.saturated:.0f} % of the stripe is clipped",
+                where=where,
+                remedy="shorten the exposure, or bracket it",
+            )
+        )
+    if laser.peak < _DIM:
+        found.append(
+            Finding(
+                "doctor.dim",
+                "warning",
+                f"the stripe reaches {100 * laser.peak:.0f} % of the scale",
+                where=where,
+                remedy="lengthen the exposure",
+            )
+        )
+    if laser.width > _WIDE:
+        found.append(
+            Finding(
+                "doctor.focus",
+                "warning",
+                f"the stripe is {laser.width:.1f} px wide (rms)",
+                where=where,
+                remedy="focus the camera on the axis, then the laser's line",
+            )
+        )
+    return found
+
+
+def _sides(lasers: list[LaserFacts]) -> list[Finding]:
+    """A laser from the left throws its stripe left of one from the right, on what is in front."""
+    by_name = {laser.name: laser.column for laser in lasers if laser.found >= _FEW}
+    if not {"left", "right"} <= by_name.keys() or by_name["left"] <= by_name["right"]:
+        return []
+    return [
+        Finding(
+            "doctor.swapped",
+            "error",
+            f"the stripe of laser left ({by_name['left']:.0f} px) is to the right of that of laser "
+            f"right ({by_name['right']:.0f} px)",
+            where="lasers",
+            remedy="exchange their names or outputs",
+        )
+    ]
+
+
+def _table(look: Examination, found: list[Finding], tick: Callable[[], None]) -> TableFacts:
+    turn = look.turn(tick)
+    as_told, degrees, telling = turn.counter_clockwise, turn.degrees, turn.telling
+    if as_told is None:
+        found.append(
+            Finding(
+                "doctor.direction",
+                "note",
+                "the direction of turning was not seen",
+                where="table",
+                remedy="put up something that is not round, or not in the middle, in more light",
+            )
+        )
+    elif not as_told:
+        found.append(
+            Finding(
+                "doctor.direction",
+                "error",
+                "the table turns clockwise seen from above when its angle grows",
+                where="table",
+                remedy="exchange the wires of one motor coil",
+            )
+        )
+    if not telling:
+        found.append(
+            Finding(
+                "doctor.turn",
+                "note",
+                "the part looks the same from several sides: whether 360° are a turn was not seen",
+                where="table",
+                remedy="put up something irregular",
+            )
+        )
+    elif math.isnan(degrees) or degrees != 360.0:
+        what = "another number" if math.isnan(degrees) else f"{degrees:.1f}°"
+        found.append(
+            Finding(
+                "doctor.turn",
+                "error",
+                f"one turn of the part takes {what} instead of 360°",
+                where="table",
+                remedy="correct steps_per_rev in the table's address",
+            )
+        )
+    return TableFacts(as_told, None if math.isnan(degrees) else degrees)

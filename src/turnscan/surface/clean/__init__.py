@@ -1,0 +1,20 @@
+"""Clean-up: strays, spikes, noise and islands, and vertices that every file format can hold."""
+
+from turnscan.surface.clean._clean import Clean, clean
+from turnscan.surface.clean._denoise import denoise
+from turnscan.surface.clean._despike import despike
+from turnscan.surface.clean._islands import drop_islands, long_islands
+from turnscan.surface.clean._settle import settled
+from turnscan.surface.clean._smooth import smooth, spikes
+
+__all__ = [
+    "Clean",
+    "clean",
+    "denoise",
+    "despike",
+    "drop_islands",
+    "long_islands",
+    "settled",
+    "smooth",
+    "spikes",
+]

@@ -1,0 +1,167 @@
+"""Clean-up of a range grid before it becomes a surface: edges of the light, strays, spikes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Bools
+from turnscan.findings import Finding
+from turnscan.points import RangeGrid, without
+from turnscan.stripes import StripeFlag
+from turnscan.surface._noise import noise, spacing
+from turnscan.surface.clean._despike import despike
+
+_BEND = float(np.cos(np.deg2rad(25.0)))
+"""Two sides in a row go on alike where they bend by less than this."""
+
+
+@dataclass(frozen=True)
+class Clean:
+    """What is taken away from the points of a scan before they become a surface."""
+
+    edge: int = 1
+    """Points dropped where a run of points ends at a jump in depth, or in one-sided light."""
+    support: int = 3
+    """A point stays while at least this many of its eight neighbours in the grid lie on one surface
+    with it; 0 keeps all."""
+    outlier: float | None = None
+    """Points further than this many sigma off the surface of their neighbours go; None keeps them.
+    Where a surface bends within a few points, as on a coarse scan, it bends by many sigma."""
+    piece: float = 0.005
+    """A patch of linked points stays when it has at least this share of the largest one's."""
+    stretch: float = 3.0
+    """Neighbours are on one surface up to this many usual spacings apart; further only where the
+    spacing before or after is alike."""
+    jump: float = 5.0
+    """… or up to this many combined sigma."""
+    grazing: float = float(np.deg2rad(80.0))
+    """Radians: neighbours seen further from face-on than this lie behind each other, not on one
+    surface."""
+
+    def __post_init__(self) -> None:
+        if self.edge < 0 or not 0 <= self.support <= 8:
+            raise ValueError(f"Clean: edge {self.edge}, support {self.support} (0 to 8)")
+        if not (self.stretch > 1 and self.jump >= 0 and 0 < self.grazing <= np.pi / 2):
+            raise ValueError(f"Clean: stretch {self.stretch}, jump {self.jump}, {self.grazing} rad")
+
+
+def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, list[Finding]]:
+    """The grid without mixed pixels and strays, and a finding for each step that took points.
+
+    Two neighbours in the grid are linked where they can be one surface (see `Clean`). First the
+    last points of each run go where the light is one-sided (flag EDGE) or a jump in depth follows:
+    there the stripe falls on two surfaces and its centre on neither. Then `despike`, where
+    ``outlier`` is given. Then points with too few linked neighbours go, again and again: single
+    strays, and spikes of one line's or one profile's width. What is taken away is flagged EDGE or
+    AMBIGUOUS. A grid of one profile or one line has no neighbours to judge by and stays as it is.
+    """
+    c = settings or Clean()
+    s, n = grid.flags.shape
+    if s < 2 or n < 2 or not grid.found.any():
+        return grid, []
+    out, findings = grid, []
+    where = f"laser {grid.laser}"
+    if c.edge:
+        drop = _run_ends(grid, c)
+        out = without(out, drop, StripeFlag.EDGE)
+        if drop.any():
+            text = f"{int(drop.sum())} points at the ends of the light are taken away"
+            findings.append(
+                Finding("surface.edges", "note", text, where, "keep them with --edge 0")
+            )
+    if c.outlier is not None:
+        out, taken = despike(out, c.outlier)
+        findings += taken
+    drop = _strays(out, c)
+    if drop.any():
+        out = without(out, drop, StripeFlag.AMBIGUOUS)
+        text = f"{int(drop.sum())} points without a surface round them are taken away"
+        findings.append(
+            Finding("surface.strays", "note", text, where, "keep them with --keep-strays")
+        )
+    return out, findings
+
+
+def _strays(grid: RangeGrid, c: Clean) -> Bools:
+    from turnscan.surface.clean import _clean_kernels as kernels
+
+    to_step, to_line = _links(grid, c)
+    found, closed = grid.found, grid.closed and len(grid.steps) >= 3
+    left = kernels.core(found, to_step, to_line, closed, c.support)
+    size = kernels.piece_sizes(left, to_step, to_line, closed)
+    return np.asarray(found & (size < c.piece * max(1, int(size.max()))))
+
+
+def _run_ends(grid: RangeGrid, c: Clean) -> Bools:
+    """(s, n) True for the last points of each run, where the light is cut or a jump follows."""
+    found = grid.found
+    one_sided = (grid.flags & StripeFlag.EDGE) != 0
+    jumps = np.zeros_like(found)
+    jumps[:, :-1] = _behind_each_other(grid, c)
+    drop = np.zeros_like(found)
+    for towards in (1, -1):
+        jump = jumps if towards == 1 else _shifted(jumps, 1)
+        ends = found & (jump | (one_sided & ~_shifted(found, -towards)))
+        for _ in range(c.edge):
+            drop |= ends
+            ends = _shifted(ends, -towards) & found
+    return np.asarray(drop | (one_sided & _beside_gaps(grid, c)))
+
+
+def _beside_gaps(grid: RangeGrid, c: Clean) -> Bools:
+    """(s, n) True where the profile before or after has no point on one surface with this one."""
+    found, side = grid.found, spacing(grid)[0]
+    closed = grid.closed and len(grid.steps) >= 3
+    far = np.linalg.norm(np.diff(grid.points, axis=0, append=grid.points[:1]), axis=2)
+    with np.errstate(invalid="ignore"):
+        after = ~(far <= c.stretch * side)
+    after[-1] &= closed
+    before = np.roll(after, 1, axis=0)
+    before[0] &= closed
+    return np.asarray(found & (after | before))
+
+
+def _behind_each_other(grid: RangeGrid, c: Clean) -> Bools:
+    """(s, n−1) True where two points in a row lie one behind the other along the camera's ray."""
+    if grid.eyes is None:
+        return np.zeros((len(grid.steps), grid.flags.shape[1] - 1), dtype=np.bool_)
+    side = np.diff(grid.points, axis=1)
+    ray = grid.points[:, :-1] - grid.eyes[:, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        depth = np.abs(np.einsum("sni,sni->sn", side, ray)) / np.linalg.norm(ray, axis=2)
+        sigma = noise(grid)
+        limit = c.jump * np.hypot(sigma[:, 1:], sigma[:, :-1])
+        return np.asarray(
+            (depth > np.sin(c.grazing) * np.linalg.norm(side, axis=2)) & (depth > limit)
+        )
+
+
+def _shifted(values: Bools, lines: int) -> Bools:
+    """The array moved by one line up (1) or down (−1), False coming in."""
+    out = np.zeros_like(values)
+    if lines > 0:
+        out[:, 1:] = values[:, :-1]
+    else:
+        out[:, :-1] = values[:, 1:]
+    return out
+
+
+def _links(grid: RangeGrid, c: Clean) -> tuple[Bools, Bools]:
+    from turnscan.surface.clean import _clean_kernels as kernels
+
+    s, n = grid.flags.shape
+    side = np.zeros((s, n), dtype=np.bool_) if grid.behind is None else grid.behind
+    eyes = np.full((s, 3), np.nan) if grid.eyes is None else grid.eyes
+    sigma = noise(grid)
+    usual = spacing(grid)
+    closed = grid.closed and s >= 3
+    ray, bend = float(np.cos(np.pi / 2 - c.grazing)), _BEND
+    both = [
+        kernels.links(
+            grid.points, side, eyes, sigma, u, steps, closed, c.stretch, c.jump, ray, bend
+        )
+        for u, steps in zip(usual, (True, False), strict=True)
+    ]
+    return both[0], both[1]

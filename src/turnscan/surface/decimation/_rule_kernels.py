@@ -1,0 +1,199 @@
+"""Compiled kernels of what an edge collapse may not do: tear, turn over, splinter, stray."""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from turnscan.compiled import njit
+from turnscan.surface.decimation._net_kernels import ends, shape
+
+_WITHIN = (
+    (1 / 3, 1 / 3, 1 / 3), (0.6, 0.2, 0.2), (0.2, 0.6, 0.2), (0.2, 0.2, 0.6),
+    (0.5, 0.5, 0.0), (0.75, 0.25, 0.0), (0.25, 0.75, 0.0),
+)  # fmt: skip
+"""Places in a face at which it is compared with the first surface."""
+_TURN = 0.3
+"""Cosine: no face may turn further at once."""
+_SLIM = 0.02
+"""A face may become slimmer than this (1 is equilateral) only where it was slimmer before."""
+
+
+@njit(cache=True, nogil=True)
+def keeps_topology(
+    faces: Any, mine: Any, count: int, have: int, u: int, shared: int, theirs: Any, others: int,
+    near: int,
+) -> bool:  # fmt: skip
+    """Whether v may become u: the surface stays as it hangs together, and something of it stays.
+
+    Both have no neighbours in common but those across from their side (Dey et al. 1999), and no
+    face comes to lie on the back of another.
+    """
+    if count == shared and others == shared:
+        return False
+    common = 0
+    for i in range(have):
+        for j in range(near):
+            common += mine.near[i] == theirs.near[j]
+    if common != shared:
+        return False
+    for i in range(count):
+        a, b = ends(faces, mine.corners[i])
+        if a == u or b == u:
+            continue
+        for j in range(others):
+            c, d = ends(faces, theirs.corners[j])
+            if (a == c and b == d) or (a == d and b == c):
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def keeps_sides(net: Any, v: int, u: int, ring: Any, count: int, n: Any, m: Any) -> bool:
+    """Whether no face turns over, or becomes a splinter, when its corner moves to u."""
+    points = net.points
+    for i in range(count):
+        a, b = ends(net.faces, ring.corners[i])
+        if a == u or b == u:
+            continue
+        before = shape(points[v], points[a], points[b], n)
+        then = shape(points[u], points[a], points[b], m)
+        if then < _SLIM and then <= before:
+            return False
+        dot = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
+        nn = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+        mm = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+        # A face without area has no side to keep.
+        if nn > 0.0 and not dot > _TURN * np.sqrt(nn * mm):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _off_face(p: Any, a: Any, b: Any, c: Any) -> float:
+    """Squared distance of a point from a triangle (Ericson 2005, §5.1.5)."""
+    ab0, ab1, ab2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    ac0, ac1, ac2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    ap0, ap1, ap2 = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    d1 = ab0 * ap0 + ab1 * ap1 + ab2 * ap2
+    d2 = ac0 * ap0 + ac1 * ap1 + ac2 * ap2
+    aa = ab0 * ab0 + ab1 * ab1 + ab2 * ab2
+    bb = ab0 * ac0 + ab1 * ac1 + ab2 * ac2
+    cc = ac0 * ac0 + ac1 * ac1 + ac2 * ac2
+    d3, d4 = d1 - aa, d2 - bb
+    d5, d6 = d1 - bb, d2 - cc
+    vc, vb, va = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
+    s, t = 0.0, 0.0
+    if d1 <= 0.0 and d2 <= 0.0:
+        s, t = 0.0, 0.0
+    elif d3 >= 0.0 and d4 <= d3:
+        s, t = 1.0, 0.0
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        s = d1 / (d1 - d3)
+    elif d6 >= 0.0 and d5 <= d6:
+        s, t = 0.0, 1.0
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        t = d2 / (d2 - d6)
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        s = 1.0 - t
+    else:
+        total = va + vb + vc
+        s, t = vb / total, vc / total
+    x, y, z = ap0 - s * ab0 - t * ac0, ap1 - s * ab1 - t * ac1, ap2 - s * ab2 - t * ac2
+    return x * x + y * y + z * z  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def keeps_near(net: Any, u: int, ring: Any, count: int, held: Any, owner: Any) -> int:
+    """Write the samples about a vertex that moves to u, and the face that each will hang on.
+
+    Gives how many there are, −1 where one would lie too far from all of those faces.
+    """
+    have = 0
+    for i in range(count):
+        s = net.first[ring.corners[i] // 3]
+        while s >= 0:
+            best, at = np.inf, -1
+            for j in range(count):
+                a, b = ends(net.faces, ring.corners[j])
+                if a == u or b == u:
+                    continue
+                d = _off_face(net.samples[s], net.points[u], net.points[a], net.points[b])
+                if d < best:
+                    best, at = d, ring.corners[j] // 3
+            if have == len(held) or not best <= net.limit:
+                return -1
+            held[have], owner[have] = s, at
+            have += 1
+            s = net.follow[s]
+    return have
+
+
+@njit(cache=True, nogil=True)
+def _off_old(net: Any, p: Any, held: Any, have: int) -> float:
+    """Squared distance of a point from the first surface about the vertex of it that is nearest.
+
+    Looked for among the samples ``held``; infinite where there is no vertex among them.
+    """
+    points = net.points
+    nearest, best = -1, np.inf
+    for i in range(have):
+        s = held[i]
+        if s < len(points):
+            d = (p[0] - points[s, 0]) ** 2 + (p[1] - points[s, 1]) ** 2 + (p[2] - points[s, 2]) ** 2
+            if d < best:
+                nearest, best = s, d
+    if nearest < 0:
+        return best
+    c = net.old_head[nearest]
+    while c >= 0:
+        a, b = ends(net.old, c)
+        best = min(best, _off_face(p, points[nearest], points[a], points[b]))
+        c = net.old_after[c]
+    return best
+
+
+@njit(cache=True, nogil=True)
+def faces_near(net: Any, u: int, ring: Any, count: int, held: Any, have: int, p: Any) -> bool:
+    """Whether the faces about a vertex that moves to u lie near the first surface, by samples."""
+    for j in range(count):
+        a, b = ends(net.faces, ring.corners[j])
+        if a == u or b == u:
+            continue
+        for k in range(len(_WITHIN)):
+            x, y, z = _WITHIN[k]
+            for i in range(3):
+                p[i] = x * net.points[u, i] + y * net.points[a, i] + z * net.points[b, i]
+            if not _off_old(net, p, held, have) <= net.limit:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _off_side(p: Any, a: Any, b: Any) -> float:
+    """Squared distance of a point from a side."""
+    dot, size = 0.0, 0.0
+    for i in range(3):
+        dot += (p[i] - a[i]) * (b[i] - a[i])
+        size += (b[i] - a[i]) ** 2
+    t = min(max(dot / size, 0.0), 1.0) if size > 0.0 else 0.0
+    d = 0.0
+    for i in range(3):
+        d += (p[i] - a[i] - t * (b[i] - a[i])) ** 2
+    return d
+
+
+@njit(cache=True, nogil=True)
+def keeps_rim(net: Any, v: int) -> bool:
+    """Whether the first border stays near the side that closes the gap where v was."""
+    a, b = net.rim[1, v], net.rim[0, v]
+    for way in range(2):
+        w = v
+        while w != (b if way == 0 else a):
+            if not _off_side(net.points[w], net.points[a], net.points[b]) <= net.limit:
+                return False
+            w = net.chain[way, w]
+    return True

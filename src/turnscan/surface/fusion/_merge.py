@@ -1,0 +1,125 @@
+"""Merge: the surfaces of several lasers, passes or scans → one, and where they disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._parts import submesh
+from turnscan.points import Along, RangeGrid
+from turnscan.surface._grid_mesh import Tears
+from turnscan.surface.fusion._carve import carved
+from turnscan.surface.fusion._combine import paste
+from turnscan.surface.fusion._overlap import apart_findings, overlap_findings, overlaps
+from turnscan.surface.fusion._polar import merge_polar, polar_grid
+from turnscan.surface.fusion._range_surface import RangeSurface, range_surfaces, rise, spacing
+from turnscan.surface.fusion._tsdf import fuse
+from turnscan.surface.fusion._witness import borne_out
+
+How = Literal["auto", "grid", "tsdf", "paste"]
+_SEAM = 3
+"""Voxels, of the size of the usual spacing, by which a surface may end before it meets the next:
+one point is cleaned away at the edge, up to one spacing is left before it, and a cube needs all
+its corners."""
+
+
+def merge(
+    grids: Sequence[RangeGrid],
+    tears: Tears | None = None,
+    how: How = "auto",
+    voxel: float | None = None,
+    *,
+    along: Along | None = None,
+    sewn: bool = False,
+) -> tuple[Mesh, list[Finding]]:
+    """One mesh from the grids of several lasers or scans, and what there is to know about it.
+
+    ``grid`` averages in cells of angle and height (parts with one radius at each); ``tsdf`` in
+    voxels of ``voxel`` mm (None: the usual spacing of the points), for all parts; ``paste`` keeps
+    every measured point and averages nothing (`paste`). All points are merged; ``along`` chooses
+    those of a surface that is made of profiles (``paste``, ``grid``). ``auto`` pastes a single
+    grid, and merges several by ``grid`` where the part allows it and the table turned, else by
+    ``tsdf``. ``sewn``: the narrow gaps that ``tsdf`` leaves between surfaces are closed by faces
+    not ``measured``.
+
+    The order of the grids does not matter, to the last bit, as long as their lasers have names of
+    their own.
+
+    Raises InputError where a merge needs what the grids do not know, LimitExceeded for voxels too
+    small for the part.
+    """
+    t = tears or Tears()
+    # By name and place in the scan, so that the order in which they come changes nothing.
+    grids = sorted(grids, key=lambda g: (g.laser, *g.steps[:1], *g.angles[:1]))
+    there = [g for g in grids if g.found.any()]
+    if how == "paste" or (how == "auto" and len(there) < 2) or not there:
+        return paste(grids, t, along), []
+    surfaces = [s for g in there for s in range_surfaces(g, t) if len(s.mesh.faces)]
+    if not surfaces:
+        return paste(grids, t, along), []
+    sigma = float(np.median(np.concatenate([s.sigma for s in surfaces])))
+    surfaces, through = carved(surfaces, max(rise(surfaces), 3 * sigma))
+    surfaces = [s for s in surfaces if len(s.mesh.faces)]
+    found = overlaps(surfaces)
+    findings = [*apart_findings(there, surfaces, found), *overlap_findings(found)]
+    if through:
+        text = f"{through} faces between profiles are removed: a camera saw points behind them"
+        findings.append(Finding("surface.through", "note", text))
+    turns = all(len(g.angles) > 2 and np.ptp(g.angles) > 0 for g in there)
+    if how == "grid" and not turns:
+        raise InputError(
+            "scans without a turning table have no angle to merge by", hint="use --merge tsdf"
+        )
+    if turns and how != "tsdf":
+        cells = polar_grid(surfaces, _steps(there), rise(surfaces))
+        why = f"{cells.several:.1%} of the cells have several radii, {cells.flat:.0%} is level"
+        if how == "grid" or cells.fits:
+            mesh, off = merge_polar(cells, surfaces, t, along)
+            text = f"{len(there)} grids merged in angle and height ({why}); {off} cells disagreed"
+            return mesh, [
+                *findings,
+                Finding("surface.merge", "note", text, "", "other ways: --merge tsdf|paste"),
+            ]
+    else:
+        why = "asked for" if how == "tsdf" else "the scans have no common axis"
+    size = spacing(surfaces) if voxel is None else voxel
+    ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
+    text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
+    if along is not None:
+        text += "; the spacing along profiles has no effect on it"
+    findings.append(Finding("surface.merge", "note", text, "", "other ways: --merge grid|paste"))
+    mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, max(size, 3 * sigma))
+    mesh, lost = _witnessed(mesh, surfaces, size)
+    return mesh, [*findings, *lost]
+
+
+def _witnessed(
+    mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float
+) -> tuple[Mesh, list[Finding]]:
+    """The mesh without the faces at vertices that no measured surface confirms.
+
+    Faces that close a seam are not measured, and need no witness.
+    """
+    good = borne_out(mesh, surfaces, voxel)
+    if mesh.measured is not None:
+        made = np.zeros(len(mesh.vertices), dtype=np.bool_)
+        made[mesh.faces[~mesh.measured]] = True
+        good |= made
+    if good.all():
+        return mesh, []
+    text = f"{int((~good).sum())} vertices far from every measured surface are removed"
+    x, y, z = np.median(mesh.vertices[~good], axis=0)
+    where = f"about ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+    kept = submesh(mesh, np.asarray(good[mesh.faces].all(axis=1)))
+    return kept, [Finding("surface.unmeasured", "note", text, where)]
+
+
+def _steps(grids: Sequence[RangeGrid]) -> int:
+    """Cells round the turn: as many as the usual step of the finest grid makes."""
+    usual = min(float(np.median(np.abs(np.diff(np.unwrap(g.angles))))) for g in grids)
+    return max(8, round(2 * np.pi / max(usual, 1e-4)))

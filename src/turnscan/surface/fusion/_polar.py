@@ -1,0 +1,198 @@
+"""Merge in angle and height: for parts with one radius at every angle and height."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Floats, Ints
+from turnscan.mesh._mesh import Mesh, Provenance
+from turnscan.mesh._parts import joined_provenance
+from turnscan.points import Along, RangeGrid
+from turnscan.surface._grid_mesh import Tears, mesh_grid, thin
+from turnscan.surface.fusion._range_surface import RangeSurface
+
+_CLASHES = 0.005
+"""Share of the cells with two radii above which a part is re-entrant."""
+_FLAT = float(np.cos(np.deg2rad(20.0)))
+_FLATS = 0.03
+"""Share of the area within 20° of level above which angle and height miss too much of a part."""
+_JUMP = 3.0
+"""Combined sigma beyond which two measurements of one cell are not averaged."""
+_COARSE = 2.5
+"""Profiles further apart than this many lines are coarse."""
+_SAME = 0.25
+"""Part of a step within which two profiles are one column of cells."""
+
+
+@dataclass(frozen=True)
+class PolarGrid:
+    """The radius of several surfaces in common cells of angle and height."""
+
+    angles: Floats
+    """(s,) rad, ascending from 0 to 2π: where the cells lie."""
+    radius: Floats
+    """(surfaces, s, n) mm, NaN where nothing was measured."""
+    weight: Floats
+    """(surfaces, s, n) cos(incidence)/spread², 0 where nothing was measured."""
+    noise: Floats
+    """(surfaces, s, n) mm: what the sigma of the points makes of the radius."""
+    spread: Floats
+    """(surfaces, s, n) mm: that and what the surface may do between its profiles."""
+    source: Ints
+    """(surfaces, s, n) number of the nearest vertex of that surface, −1 where none."""
+    bottom: float
+    """mm: height of the first line."""
+    rise: float
+    """mm between lines."""
+    several: float
+    """Share of the cells with two radii, of one surface or of two of them: a wall beside the axis
+    is seen from before it by one and from beyond it by the other."""
+    flat: float
+    """Share of the area that is within 20° of level."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether the part has one radius at every angle and height, as far as it was seen."""
+        return self.several <= _CLASHES and self.flat <= _FLATS
+
+
+def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> PolarGrid:
+    """Lay range surfaces into common cells, ``rise`` mm high and ``steps`` round the turn or more.
+
+    Where profiles are much further apart than the lines in them, the cells stand on the profiles
+    themselves, those of all surfaces, so that each measured place has one. Elsewhere they divide
+    the turn evenly whatever the steps of the scan were; so the seam closes.
+    """
+    from turnscan.mesh import _normal_kernels as faces
+    from turnscan.surface.fusion import _polar_kernels as kernels
+    from turnscan.surface.fusion._variance_kernels import Vertices
+
+    between = [s.between(radial=True) for s in surfaces]
+    columns = _columns(surfaces, steps, rise)
+    heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
+    bottom = float(heights.min())
+    shape = (len(surfaces), len(columns), int((heights.max() - bottom) / rise) + 1)
+    radius, noise, spread = np.full((3, *shape), np.nan)
+    weight, source = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
+    met = clashes = 0
+    area = level = 0.0
+    apart = 0.0
+    for i, s in enumerate(surfaces):
+        X = s.mesh.vertices
+        known = s.sigma[s.sigma > 0]
+        alike = max(3 * rise, 6 * float(np.median(known)) if len(known) else 0.0)
+        more = kernels.raster(
+            Vertices(X, s.sigma, between[i], s.ranks),
+            _turns(X),
+            np.maximum(s.cosine, 0.05),
+            s.mesh.faces,
+            columns,
+            bottom,
+            rise,
+            alike,
+            kernels.Cells(radius[i], weight[i], noise[i], spread[i], source[i]),
+        )
+        met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
+        both = faces.level(X, s.mesh.faces, s.normals, _FLAT)
+        area, level = area + both[0], level + both[1]
+    clashes += _unlike(radius, apart)
+    several, flat = clashes / max(met, 1), level / max(area, 1e-300)
+    angles = 2 * np.pi * columns
+    return PolarGrid(angles, radius, weight, noise, spread, source, bottom, rise, several, flat)
+
+
+def _turns(X: Floats) -> Floats:
+    """(v,) the angle of each vertex about the axis, in turns."""
+    return np.asarray(np.arctan2(X[:, 1], X[:, 0]) / (2 * np.pi) % 1.0)
+
+
+def _columns(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Floats:
+    """(s,) where cells stand round the turn, in turns."""
+    reach = np.concatenate([np.hypot(*s.mesh.vertices[:, :2].T) for s in surfaces])
+    if 2 * np.pi / steps * float(np.median(reach)) < _COARSE * rise:
+        return np.arange(steps) / steps
+    places = []
+    for s in surfaces:
+        turn = _turns(s.mesh.vertices)
+        ray = np.exp(2j * np.pi * turn)
+        middle = np.bincount(s.ranks, ray.real) + 1j * np.bincount(s.ranks, ray.imag)
+        places.append(np.angle(middle) / (2 * np.pi) % 1.0)
+    every = np.sort(np.concatenate(places))
+    apart = np.diff(every, prepend=every[-1] - 1.0) > _SAME / steps
+    return np.asarray(every[apart])
+
+
+def _unlike(radius: Floats, apart: float) -> int:
+    """In how many cells two surfaces lie more than ``apart`` mm from each other."""
+    low, high = np.full((2, *radius.shape[1:]), np.nan)
+    for r in radius:
+        low, high = np.fmin(low, r), np.fmax(high, r)
+    with np.errstate(invalid="ignore"):
+        return int((high - low > apart).sum())
+
+
+def merge_polar(
+    grid: PolarGrid, surfaces: Sequence[RangeSurface], tears: Tears, along: Along | None = None
+) -> tuple[Mesh, int]:
+    """The merged surface, and how many cells disagreed beyond three sigma.
+
+    Where all that was measured in a cell lies within three combined sigma of the best (largest
+    cos(incidence)/spread²) it is averaged with those weights; what does not, is left out: the best
+    counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
+    it makes a measurement count less, and the sigma of a cell larger. Where it may be more than a
+    line's distance and more than three usual sigma, nothing was measured, and the cell is left to
+    the other surfaces. A vertex has the provenance of the nearest vertex of the best surface.
+    ``along`` chooses the points along the merged profiles.
+    """
+    usual = float(np.nanmedian(grid.noise)) if grid.radius.size else 0.0
+    with np.errstate(invalid="ignore"):
+        guess = grid.spread**2 - grid.noise**2 > max(grid.rise, _JUMP * usual) ** 2
+    grid = replace(grid, weight=np.where(guess, 0.0, grid.weight))
+    best = np.argmax(grid.weight, axis=0)[None]
+    chosen = np.take_along_axis(grid.radius, best, 0)
+    noise = np.take_along_axis(grid.noise, best, 0)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(grid.radius - chosen) > _JUMP * np.hypot(grid.noise, noise)
+    weight = np.where(off, 0.0, grid.weight)
+    total = weight.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        radius = np.nansum(weight * grid.radius, axis=0) / total
+        sigma = np.sqrt(np.nansum((weight * grid.spread) ** 2, axis=0)) / total
+    _, s, n = grid.radius.shape
+    phi = grid.angles
+    points = np.stack(
+        [
+            radius * np.cos(phi)[:, None],
+            radius * np.sin(phi)[:, None],
+            np.where(np.isnan(radius), np.nan, grid.bottom + grid.rise * np.arange(n)),
+        ],
+        axis=-1,
+    )
+    merged = RangeGrid(
+        laser="merged",
+        steps=np.arange(s, dtype=np.int32),
+        angles=phi,
+        points=points,
+        sigma=sigma,
+        amplitude=sigma,
+        flags=np.isnan(radius).astype(np.uint16),
+        closed=True,
+    )
+    mesh = mesh_grid(thin(merged, along, tears), tears)
+    starts = np.cumsum([0] + [len(p.mesh.vertices) for p in surfaces])[:-1]
+    source = np.take_along_axis(grid.source, best, 0)[0] + starts[best[0]]
+    return replace(mesh, provenance=_measured_by(mesh, source, surfaces)), int(off.sum())
+
+
+def _measured_by(
+    mesh: Mesh, source: npt.NDArray[np.int64], surfaces: Sequence[RangeSurface]
+) -> Provenance | None:
+    cells, whole = mesh.provenance, joined_provenance([s.mesh for s in surfaces])
+    if cells is None or whole is None:
+        return None
+    at = source[cells.step, cells.line]
+    return Provenance(cells.sigma, whole.laser[at], whole.step[at], whole.line[at], whole.lasers)

@@ -1,0 +1,173 @@
+"""RangeSurface: the mesh of one grid, with what a merge must know about each vertex."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.errors import InputError
+from turnscan.mesh._mesh import Mesh, Provenance
+from turnscan.mesh._normals import roughness, steady_normals
+from turnscan.points import RangeGrid
+from turnscan.rig import rotation_z
+from turnscan.surface._grid_mesh import Tears, mesh_grid
+
+_SHEET = 2_000
+"""Points that are enough to tell a laser's sheet …"""
+_FLAT = 0.05
+"""… which they lie in where they scatter this much less across it than along it."""
+
+
+@dataclass(frozen=True)
+class RangeSurface:
+    """The mesh of one grid, and where the camera stood when it saw each vertex."""
+
+    mesh: Mesh
+    eyes: Floats
+    """(v, 3) mm."""
+    normals: Floats
+    """(v, 3) unit normals, steady against noise (`steady_normals`)."""
+    moves: Floats
+    """(v, 3) unit: the way along which sigma moves each vertex."""
+
+    @property
+    def cosine(self) -> Floats:
+        """(v,) cosine of the camera ray's angle to the normal; 0 where not known."""
+        ray = self.eyes - self.mesh.vertices
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        cosine: Floats = np.nan_to_num(np.einsum("ij,ij->i", self.normals, ray))
+        return cosine
+
+    @cached_property
+    def sigma(self) -> Floats:
+        """(v,) mm; where it is not known, the usual noise of the surface itself."""
+        p = self.mesh.provenance
+        sigma = np.full(len(self.mesh.vertices), np.nan) if p is None else p.sigma
+        known = sigma[sigma > 0]
+        usual = float(np.median(known)) if len(known) else roughness(self.mesh)
+        return np.where(sigma > 0, sigma, usual)
+
+    @cached_property
+    def ranks(self) -> Ints:
+        """(v,) the profile of each vertex, numbered from 0 in the order of their steps.
+
+        Raises TypeError for a mesh that does not know its steps.
+        """
+        return np.unique(self._known().step, return_inverse=True)[1].astype(np.int32)
+
+    @cached_property
+    def neighbours(self) -> tuple[Ints, Ints]:
+        """(v,) twice: the vertex on the same line of the profile before and after; −1: none.
+
+        Raises TypeError for a mesh that does not know its steps.
+        """
+        from turnscan.surface.fusion import _overlap_kernels as kernels
+
+        p = self._known()
+        before, after = kernels.next_profile(self.mesh.faces, self.ranks, p.line)
+        return before, after
+
+    def _known(self) -> Provenance:
+        if self.mesh.provenance is None:
+            raise TypeError("the mesh of a grid knows its steps")
+        return self.mesh.provenance
+
+    def between(self, radial: bool = False) -> Floats:
+        """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
+
+        An eighth of its second difference from profile to profile, along the normal (``radial``:
+        of its radius), which is the sagitta of what bends evenly. Where there are not three
+        profiles in a row nothing is known of the bend; there it is an eighth of the usual distance
+        between two profiles.
+        """
+        X, (before, after) = self.mesh.vertices, self.neighbours
+        if radial:
+            r = np.hypot(X[:, 0], X[:, 1])
+            second = r[before] - 2.0 * r + r[after]
+        else:
+            second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
+        off = np.where((before < 0) | (after < 0), np.nan, np.abs(second) / 8.0)
+        aside = np.fmax(
+            np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
+        )
+        off = np.where(np.isnan(off), aside, off)
+        side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
+        return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
+
+
+def range_surfaces(grid: RangeGrid, tears: Tears | None = None) -> list[RangeSurface]:
+    """The surface of a grid, and apart from it what the sheet met beyond the rotation axis.
+
+    Raises InputError for a grid that does not know where its camera stood.
+    """
+    behind = np.zeros(grid.flags.shape, bool) if grid.behind is None else grid.behind
+    return [_surface(grid, part, tears) for part in (~behind, behind) if (part & grid.found).any()]
+
+
+def _surface(grid: RangeGrid, keep: Bools, tears: Tears | None) -> RangeSurface:
+    if grid.eyes is None:
+        raise InputError(
+            f"{grid.laser}: where the camera stood is not known", hint="merge with --merge paste"
+        )
+    part = grid
+    if (grid.found & ~keep).any():
+        part = replace(grid, points=np.where(keep[..., None], grid.points, np.nan))
+    mesh = mesh_grid(part, tears)
+    if mesh.provenance is None:
+        raise TypeError("the mesh of a grid knows its steps")
+    order = np.argsort(grid.steps, kind="stable")
+    at = order[np.searchsorted(grid.steps[order], mesh.provenance.step)]
+    eyes = grid.eyes[at]
+    sheet = _sheet_normals(grid)
+    ray = eyes - mesh.vertices
+    moves = ray if sheet is None else _along(sheet[at], ray, eyes)
+    moves = moves / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-12)
+    return RangeSurface(mesh, eyes, steady_normals(mesh), moves)
+
+
+def _sheet_normals(grid: RangeGrid) -> Floats | None:
+    """(s, 3) normal of the laser's sheet at each step; None where the points lie in no sheet.
+
+    Turned back to where the table stood, all points of a laser lie in its sheet; those of another
+    scanner do not.
+    """
+    step, line = np.nonzero(grid.found)
+    some = np.unique(np.linspace(0, len(step) - 1, _SHEET).astype(np.intp))
+    X = grid.points[step[some], line[some]]
+    table = np.einsum("vij,vj->vi", rotation_z(grid.angles[step[some]]), X)
+    size, axes = np.linalg.svd(table - table.mean(axis=0), full_matrices=False)[1:]
+    if size[-1] >= _FLAT * size[-2]:
+        return None
+    return np.asarray(rotation_z(-grid.angles) @ axes[-1])
+
+
+def _along(sheet: Floats, ray: Floats, eyes: Floats) -> Floats:
+    """(v, 3) the way along which the error of a stripe's centre moves its point, any length.
+
+    It stays in the laser's sheet and, in the picture, in its row of pixels, which is level in
+    space: across the axis and the way to the camera.
+    """
+    row = np.cross(ray, np.cross((0.0, 0.0, 1.0), eyes))
+    return np.asarray(np.cross(sheet, row))
+
+
+def spacing(surfaces: Sequence[RangeSurface]) -> float:
+    """The usual distance between points, mm: the root of twice the area of the usual face."""
+    from turnscan.mesh import _normal_kernels as kernels
+
+    double = [kernels.doubles(s.mesh.vertices, s.mesh.faces) for s in surfaces]
+    return float(np.sqrt(np.median(np.concatenate([d[d > 0] for d in double]))))
+
+
+def rise(surfaces: Sequence[RangeSurface]) -> float:
+    """The usual distance in height between points of a profile, mm."""
+    from turnscan.mesh import _normal_kernels as kernels
+
+    known = [(s.mesh, s.mesh.provenance) for s in surfaces]
+    rises = [kernels.rises(m.vertices, m.faces, p.step) for m, p in known if p is not None]
+    usual = np.concatenate([np.zeros(0), *rises])
+    return float(np.median(usual, overwrite_input=True)) if len(usual) else spacing(surfaces)

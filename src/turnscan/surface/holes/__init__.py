@@ -1,0 +1,29 @@
+"""Holes: where the surface is open, why, and how it is filled."""
+
+from turnscan.surface.holes._bridge import bridge
+from turnscan.surface.holes._causes import explain
+from turnscan.surface.holes._close import Bottom, Caps, Top, close, closings
+from turnscan.surface.holes._fill import FillHow, fill
+from turnscan.surface.holes._holes import CAUSE_WORDS, Cause, Hole, holes
+from turnscan.surface.holes._sound_fill import Filled, fill_soundly, unfilled
+from turnscan.surface.holes._visibility import Sought
+
+__all__ = [
+    "CAUSE_WORDS",
+    "Bottom",
+    "Caps",
+    "Cause",
+    "FillHow",
+    "Filled",
+    "Hole",
+    "Sought",
+    "Top",
+    "bridge",
+    "close",
+    "closings",
+    "explain",
+    "fill",
+    "fill_soundly",
+    "holes",
+    "unfilled",
+]

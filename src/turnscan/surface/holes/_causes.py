@@ -1,0 +1,330 @@
+"""Why a hole is there: from the rig, the surface that was measured, and what the frames showed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._rays import Caster
+from turnscan.points import RangeGrid, Volume
+from turnscan.rig import rotation_z
+from turnscan.stripes import StripeFlag
+from turnscan.surface.holes._edges import faces_beyond
+from turnscan.surface.holes._hole_places import Places, places_in
+from turnscan.surface.holes._holes import Cause, Hole
+from turnscan.surface.holes._through_holes import through, walls
+from turnscan.surface.holes._visibility import GRAZING, Crossings, Sought, crossings, line_of
+
+_CAUSES: tuple[Cause, ...] = get_args(Cause)
+LASER, CAMERA, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN = range(len(_CAUSES))
+_BOTH = len(_CAUSES)
+"""Hidden from the laser and from the camera: counts for either."""
+_SAMPLED, _LID = 0.05, 0.02
+"""Weights of a place that lies between samples, and of one that is no place of the part: they say
+something where few others do."""
+_CARVED = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
+"""Depths below a patch at which the part is looked for, in the size of its hole."""
+_PATCH = 0.3
+"""Weight of a flat patch beside the faces beyond the border, where no smooth surface spans it."""
+_ROOM = 4000
+"""Places that are asked at once, which bounds the memory."""
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What was measured, and rays against it."""
+
+    mesh: Mesh
+    caster: Caster
+
+    def hits(self, origins: Floats, ways: Floats) -> tuple[Ints, Floats, Floats]:
+        """What rays from points (n, 3) along (n, 3) meet first.
+
+        (n,) faces, −1 for none; (n,) how steeply, negative where they come upon one from outside
+        and 0 for none; (n,) how far, in lengths of the way.
+        """
+        face = self.caster.first_hits_between(origins, ways)
+        corners = self.mesh.vertices[self.mesh.faces[face]]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        slope = np.where(face < 0, 0.0, np.einsum("ij,ij->i", ways, normal))
+        ahead = np.einsum("ij,ij->i", corners[:, 0] - origins, normal)
+        return face, slope, ahead / np.where(slope == 0.0, 1.0, slope)
+
+    def ahead(self, origins: Floats, ways: Floats) -> Floats:
+        """(n,) how far rays meet something, in lengths of the way; infinite for nothing."""
+        face, _, reach = self.hits(origins, ways)
+        return np.asarray(np.where(face < 0, np.inf, reach))
+
+
+def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[Hole]:
+    """The holes of an open mesh with their cause; without views, as they are.
+
+    Places on the surface that is missing (`places_in`) are followed through the scan (ALGORITHMS
+    §5.3): at each table angle that carries a place through a laser's sheet, was it in the picture
+    and in the volume, did the camera see it and did the light reach it, past the measured surface?
+    Where both did and a smooth surface could span the hole, the frame says what was wrong with the
+    light of that line; where none could, the part lies further in (`_further_in`), or turns off at
+    the border (`_beyond`). The most votes decide. What neither reached counts for hidden from
+    either. For the two ends of a bore (`through`) its wall is asked instead.
+    """
+    if not found or not views:
+        return list(found)
+    scene = _Scene(mesh, Caster(mesh.vertices, mesh.faces))
+    places = places_in(mesh, found)
+    count = _counted(places, len(found), views, scene)
+    beyond, known = _beyond(mesh, found, places, views, scene)
+    best = count.argmax(axis=1)
+    known &= best != REMOVED
+    if not any(view.grid.closed for view in views):
+        known &= best != OUTSIDE  # its turn may not have come
+    unsaid = (count.sum(axis=1) < 1.0) & ~known
+    patch = _PATCH * count / np.maximum(count.sum(axis=1, keepdims=True), 1.0)
+    best = np.where(known[:, None], patch + beyond, count).argmax(axis=1)
+    deep = through(mesh, found, places, places.wide & (best != OUTSIDE))
+    if deep.any():
+        count = _counted(walls(mesh, found, places, deep), len(found), views, scene)[:, :DARK]
+        best = np.where(count.any(axis=1), count.argmax(axis=1), best)
+    best[_whole(found, places, unsaid | (best == DARK))] = REMOVED
+    return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
+
+
+def _whole(found: Sequence[Hole], places: Places, idle: Bools) -> Bools:
+    """(h,) True for holes that lack no place of the part: the surface was torn or a face taken out.
+
+    So it is between three or four samples. A slit or a pinprick no wider than a face lacks none
+    either, where nothing (``idle``) or the dark is said of it: what is dark about it is what lies
+    beside an edge of the part, and its patch may lie under the noise of its border. The border of
+    an island encloses what is there, and says nothing of it.
+    """
+    few = np.array([len(h.loop) <= 4 for h in found])
+    slight = np.array([_lacks_nothing(h, places.face) for h in found])
+    return np.asarray(~places.island & (few | (idle & slight)))
+
+
+def _counted(places: Places, holes: int, views: Sequence[Sought], scene: _Scene) -> Floats:
+    """(holes, causes) the votes of the places in each hole."""
+    count = np.zeros((holes, _BOTH + 1))
+    for start in range(0, len(places.at), _ROOM):
+        part = places.part(slice(start, start + _ROOM))
+        best, weight = _votes(part, views, scene)
+        np.add.at(count, (part.hole, best), weight)
+    count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
+    return count[:, :_BOTH]
+
+
+def _beyond(
+    mesh: Mesh, found: Sequence[Hole], places: Places, views: Sequence[Sought], scene: _Scene
+) -> tuple[Floats, Bools]:
+    """(holes, causes) shares of the faces beyond borders that no smooth surface spans
+    (`faces_beyond`) by what hides them, and (holes,) True where that says something."""
+    sides, area = faces_beyond(
+        mesh, found, places, lambda p: _reachable(p, views, scene)[2], scene.ahead
+    )
+    count = np.zeros((len(found), _BOTH + 1))
+    seen, lit, both, inside = _reachable(sides, views, scene)
+    name = np.where(seen == lit, _BOTH, np.where(seen, LASER, CAMERA))
+    name[~inside & ~seen & ~lit] = OUTSIDE
+    np.add.at(count, (sides.hole[~both], name[~both]), area[~both])
+    count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
+    whole = count[:, :_BOTH].sum(axis=1)
+    return count[:, :_BOTH] / np.maximum(whole, 1e-9)[:, None], np.asarray(whole > 0)
+
+
+def _reachable(
+    places: Places, views: Sequence[Sought], scene: _Scene
+) -> tuple[Bools, Bools, Bools, Bools]:
+    """(m,) which places the camera sees, the light reaches, both at one moment, and which are ever
+    in the picture and in the volume."""
+    seen, lit, both, inside = np.zeros((4, len(places.at)), dtype=np.bool_)
+    for view in views:
+        c, s, b, _ = _sight(places, view, scene)
+        np.logical_or.at(seen, c.place, s)
+        np.logical_or.at(lit, c.place, b)
+        np.logical_or.at(both, c.place, s & b)
+        np.logical_or.at(inside, c.place, c.inside)
+        inside &= view.volume.contains(places.at)
+    return seen, lit, both, inside
+
+
+def _lacks_nothing(hole: Hole, face: float) -> bool:
+    slender = hole.size < face or 4 * hole.area < hole.size**2
+    return slender and hole.area < hole.size * face
+
+
+def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints, Floats]:
+    """(m,) for each place the cause that came nearest to a measurement, and its weight."""
+    m = len(places.at)
+    seen, lit, out, turned, measured, reached, buried = np.zeros((7, m), dtype=np.bool_)
+    light = np.full(m, -1, dtype=np.int32)
+    for view in views:
+        out |= ~_inner(view.volume, 0.25 * places.margin).contains(places.at)
+        c, s, b, under = _sight(places, view, scene)
+        np.logical_or.at(buried, c.place, under)
+        faces = _faces(places, c.place, c.eye) | _faces(places, c.place, c.source)
+        np.logical_or.at(turned, c.place, faces)
+        np.logical_or.at(seen, c.place, s)
+        np.logical_or.at(lit, c.place, b)
+        np.logical_or.at(out, c.place, ~c.inside)
+        both = np.flatnonzero(s & b).astype(np.int32)
+        reached[c.place[both]] = True
+        near = _between_samples(view.grid, places, c.part(both))
+        near &= ~view.faint[c.step[both], c.line[both]]
+        np.logical_or.at(measured, c.place[both], near)
+        both = both[~_in_air(view, places, scene, c.part(both))]
+        why = _light(view, places, c.part(both))
+        np.maximum.at(light, c.place[both], why)
+    if not any(view.grid.closed for view in views):
+        out |= ~turned  # the scan ended before its turn came
+    vote = np.full(m, _BOTH, dtype=np.int32)
+    vote[out & ~seen & ~lit] = OUTSIDE
+    vote[lit & ~seen] = CAMERA
+    vote[seen & ~lit] = LASER
+    vote[measured] = REMOVED
+    known = (light >= 0) & ~measured & ~places.bent & places.smooth[places.hole]
+    reached |= buried & ~(seen | lit)  # within the part, so no place of its surface
+    # No continuation of the surface, and yet in free sight: the part lies further in.
+    free = np.flatnonzero(reached & ~measured & ~known & ~buried).astype(np.int32)
+    behind = np.full(m, -1, dtype=np.int32)
+    behind[free] = _further_in(places.some(free), views, scene)
+    weak = np.where(measured, _SAMPLED, np.where(behind >= 0, 1.0, _LID))
+    vote = np.where(behind >= 0, behind, vote)
+    return np.where(known, light, vote), np.where(known | ~reached, 1.0, weak)
+
+
+def _sight(places: Places, view: Sought, scene: _Scene) -> tuple[Crossings, Bools, Bools, Bools]:
+    """The moments at which places pass a sheet; (c,) at which they are seen and lit, and which look
+    at the inner side of what was measured."""
+    c = crossings(view, places.at)
+    ok = c.inside & view.volume.contains(places.at)[c.place]
+    s, b, under = np.zeros((3, len(c.place)), dtype=np.bool_)
+    s[ok], under[ok] = _reached(scene, places, c.place[ok], c.eye[ok])
+    b[ok], deep = _reached(scene, places, c.place[ok], c.source[ok])
+    under[ok] |= deep
+    return c, s, b, under
+
+
+def _further_in(places: Places, views: Sequence[Sought], scene: _Scene) -> Ints:
+    """(m,) what hides the outermost place below each that could not have been measured; −1 where
+    there is none within the reach of its hole.
+
+    Whatever stood in free sight of a laser and of the camera at once would have been found. So the
+    part lies below the places that did, and they are carved off.
+    """
+    m = len(places.at)
+    vote, left = np.full(m, -1, dtype=np.int32), np.arange(m, dtype=np.int32)
+    for depth in _CARVED:
+        if not len(left):
+            break
+        here = places.some(left)
+        here = replace(here, at=here.at - (depth * here.reach[here.hole])[:, None] * here.normal)
+        seen, lit, both, _ = _reachable(here, views, scene)
+        name = np.where(seen == lit, _BOTH, np.where(seen, LASER, CAMERA))
+        vote[left[~both]] = name[~both]
+        left = left[both]
+    return vote
+
+
+def _inner(volume: Volume, margin: float) -> Volume:
+    """What is left of a volume behind a margin; at least its middle."""
+    half = min(margin, (volume.z_max - volume.z_min) / 4)
+    r = max(volume.r_max - margin, volume.r_max / 2)
+    return Volume(r, volume.z_min + half, volume.z_max - half)
+
+
+def _faces(places: Places, which: Ints, end: Floats) -> Bools:
+    """(c,) True where a place is turned towards the end, and not too flatly."""
+    way = end - places.at[which]
+    up = np.einsum("ij,ij->i", way, places.normal[which])
+    return np.asarray(up > GRAZING * np.linalg.norm(way, axis=1))
+
+
+def _reached(scene: _Scene, places: Places, which: Ints, end: Floats) -> tuple[Bools, Bools]:
+    """(c,) where a place is turned towards the end and nothing stands between; and where it is
+    turned there and looks at the inner side of the surface, so that it lies within the part."""
+    out = _faces(places, which, end)
+    at, normal, end = places.at[which[out]], places.normal[which[out]], end[out]
+    free = scene.caster.visible(at, normal, end)
+    within = np.zeros(len(out), dtype=np.bool_)
+    within[out] = ~free & (scene.hits(at, end - at)[1] > 0)
+    out[out] = free
+    return out, within
+
+
+def _in_air(view: Sought, places: Places, scene: _Scene, c: Crossings) -> Bools:
+    """(c,) True where the patch lies off the part, as a lid does on a pocket or round a corner.
+
+    Light that went through the place was measured beyond it; or, under a patch that turns off from
+    the surface about it, would meet nothing more of the part, and so never was in it.
+    """
+    X = places.at[c.place]
+    way = X - c.source
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+    face, slope, reach = scene.hits(X, way)
+    out = (face < 0) & places.bent[c.place]
+    k = np.flatnonzero(slope < 0)
+    Y = X[k] + reach[k, None] * way[k]
+    turned = np.einsum("cij,cj->ci", rotation_z(view.grid.angles[c.step[k]]), Y)
+    line = line_of(view, view.rig.camera.project(view.rig.T_camera_table.apply(turned)))
+    out[k] = _sampled(view.grid, Y, c.step[k], line) < places.margin
+    return np.asarray(out)
+
+
+def _between_samples(grid: RangeGrid, places: Places, c: Crossings) -> Bools:
+    """(c,) True where a place is as near to its sample as the steps leave the samples apart."""
+    way = grid.points[c.step, c.line] - places.at[c.place]
+    off = np.abs(np.einsum("ij,ij->i", way, places.normal[c.place]))
+    with np.errstate(invalid="ignore"):
+        near = (np.linalg.norm(way, axis=1) < _near(grid, places, c)) & (off < places.margin)
+    return np.asarray(near)
+
+
+def _near(grid: RangeGrid, places: Places, c: Crossings) -> Floats:
+    """(c,) mm that the steps leave samples apart on the surface of places."""
+    X, n = places.at[c.place], places.normal[c.place]
+    way = c.source - X
+    slope = np.einsum("ij,ij->i", way, n) / np.linalg.norm(way, axis=1)
+    turn = float(np.median(np.abs(np.diff(np.unwrap(grid.angles))))) if len(grid.steps) > 1 else 0.0
+    apart = np.hypot(X[:, 0], X[:, 1]) * turn / np.maximum(slope, GRAZING)
+    return np.asarray(np.maximum(places.margin, apart))
+
+
+def _sampled(grid: RangeGrid, X: Floats, step: Ints, line: Ints) -> Floats:
+    """(c,) mm from places (c, 3) to the samples of a grid; infinite where there is none."""
+    away = np.linalg.norm(grid.points[step, line] - X, axis=1)
+    return np.asarray(np.nan_to_num(away, nan=np.inf))
+
+
+def _light(view: Sought, places: Places, c: Crossings) -> Ints:
+    """(c,) what was wrong with the light where the camera saw a lit place; −1 where nothing was.
+
+    One sample is not enough: where the light ends, the clean-up takes the last one, and a stray one
+    may be found in the dark. What is missing beside the dark is missing for the dark, and so is
+    what shows no more than a dark place does where its speckle is bright.
+    """
+    flags, missing = view.grid.flags, ~view.grid.found
+    nothing = missing & ((flags & (StripeFlag.DARK | StripeFlag.OUTSIDE)) != 0)
+    why = np.full(flags.shape, -1, dtype=np.int32)
+    why[missing] = REMOVED
+    why[missing & _beside(nothing, view.grid.closed)] = DARK
+    why[view.faint] = DARK
+    why[nothing & ((flags & StripeFlag.AMBIGUOUS) != 0)] = AMBIGUOUS
+    why[missing & ((flags & StripeFlag.SATURATED) != 0)] = SATURATED
+    why = why[c.step, c.line]
+    if view.taken is not None:
+        # What was taken away elsewhere on the line was no light of this place: here was none.
+        away = np.linalg.norm(view.taken[c.step, c.line] - places.at[c.place], axis=1)
+        why[(why == REMOVED) & ~(away < _near(view.grid, places, c))] = DARK
+    return np.asarray(why)
+
+
+def _beside(cells: Bools, closed: bool) -> Bools:
+    """(s, n) True in the cells (s, n) of a grid and in the eight about each."""
+    padded = np.pad(cells, ((1, 1), (0, 0)), mode="wrap" if closed else "constant")
+    padded = np.pad(padded, ((0, 0), (1, 1)))
+    rows = padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:]
+    return np.asarray(rows[:-2] | rows[1:-1] | rows[2:])

@@ -1,0 +1,126 @@
+"""What a part may look like beyond a border at which it turns off: faces that nobody could see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._normals import vertex_normals
+from turnscan.surface.holes._hole_places import Places
+from turnscan.surface.holes._holes import Hole
+from turnscan.surface.holes._spans import smoothed, unit
+
+_CORNERS = 60
+"""Corners of a border from which a face is sought, about."""
+_BENDS = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0, 135.0])
+"""How far the part may turn off at its border."""
+_MORE = np.deg2rad(20.0)
+"""The least bend that hides a face is only just enough: as much more is usual."""
+_FAR = 0.5
+"""Of the size of its hole: how far a face goes that comes to nothing."""
+_LIFT = 0.125
+"""Of a margin: how far places lie off their face."""
+_DEPTHS = np.array([1.0, 3.0, 5.0, 7.0]) / 8.0
+"""Where a face is asked: in the middle of each quarter of the way to what it comes to."""
+
+Measurable = Callable[[Places], Bools]
+"""(m,) True for places that the camera would have seen lit."""
+Ahead = Callable[[Floats, Floats], Floats]
+"""(m,) how far rays from (m, 3) along (m, 3) go to what was measured; infinite for none."""
+
+
+@dataclass(frozen=True)
+class _Borders:
+    """Corners of borders from which faces are sought."""
+
+    X: Floats
+    """(m, 3) mm."""
+    n: Floats
+    """(m, 3) normals there."""
+    outward: Floats
+    """(m, 3) along the surface and off it."""
+    hole: Ints
+    """(m,)."""
+    width: Floats
+    """(m,) mm of border that each stands for."""
+
+    def bent(self, which: Ints, by: float) -> tuple[Floats, Floats]:
+        """Ways (k, 3) and normals (k, 3) of faces that turn off by an angle, radians."""
+        c, s = np.cos(by), np.sin(by)
+        n, outward = self.n[which], self.outward[which]
+        return c * outward - s * n, c * n + s * outward
+
+
+def faces_beyond(
+    mesh: Mesh, found: Sequence[Hole], places: Places, measurable: Measurable, ahead: Ahead
+) -> tuple[Places, Floats]:
+    """Places on the faces that the part may have beyond the borders of holes that no smooth surface
+    spans, and their weights (m,), mm² each.
+
+    At each corner of such a border the part turns off by little more than the least that would not
+    have been measured, and goes on straight as far as to something that was, or to the platter.
+    """
+    b = _borders(mesh, found, ~places.smooth)
+    way, up = _turned_off(b, places, measurable)
+    kept = np.flatnonzero(np.abs(way).sum(axis=1) > 0).astype(np.int32)
+    way, up, X, hole = way[kept], up[kept], b.X[kept], b.hole[kept]
+    step, lift = 0.5 * places.margin, _LIFT * places.margin
+    size = places.reach[hole]
+    reach = ahead(X + step * way - lift * up, way)
+    reach = np.where(np.isinf(reach), _FAR * size, np.minimum(reach, size)) + step
+    reach = np.minimum(reach, np.maximum(X[:, 2], 0.1) / np.maximum(-way[:, 2], 1e-9))
+    at = X[:, None] + (_DEPTHS * reach[:, None])[..., None] * way[:, None] + lift * up[:, None]
+    count = len(_DEPTHS)
+    weight = np.repeat(b.width[kept] * reach / count, count)
+    return _asked(
+        places, at.reshape(-1, 3), np.repeat(up, count, axis=0), np.repeat(hole, count)
+    ), np.asarray(weight)
+
+
+def _turned_off(b: _Borders, places: Places, measurable: Measurable) -> tuple[Floats, Floats]:
+    """Ways (m, 3) in which the part turns off at corners of borders, and normals (m, 3) there; both
+    zero where none would have hidden it."""
+    way, up = np.zeros_like(b.X), np.zeros_like(b.X)
+    left = np.arange(len(b.X), dtype=np.int32)
+    for bend in _BENDS:
+        d, m = b.bent(left, float(bend))
+        at = b.X[left] + places.margin * (d + _LIFT * m)
+        out = ~measurable(_asked(places, at, m, b.hole[left]))
+        way[left[out]], up[left[out]] = b.bent(left[out], float(bend + _MORE))
+        left = left[~out]
+    return way, up
+
+
+def _asked(places: Places, at: Floats, normal: Floats, hole: Ints) -> Places:
+    straight = np.zeros(len(at), dtype=np.bool_)
+    return replace(places, at=at, normal=normal, hole=hole, bent=straight)
+
+
+def _borders(mesh: Mesh, found: Sequence[Hole], some: Bools) -> _Borders:
+    """Those of some holes (h,)."""
+    normals = np.nan_to_num(vertex_normals(mesh))
+    X, n, outward, width = (list[Floats]() for _ in range(4))
+    which = [int(k) for k in np.flatnonzero(some)]
+    for k in which:
+        loop = found[k].loop
+        corners = mesh.vertices[loop]
+        up = unit(smoothed(normals[loop]))
+        along = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
+        few = slice(None, None, max(1, len(loop) // _CORNERS))
+        X.append(corners[few])
+        n.append(up[few])
+        outward.append(unit(np.cross(smoothed(along), up))[few])
+        width.append(np.full(len(X[-1]), found[k].perimeter / len(X[-1])))
+    none = np.zeros((0, 3))
+    hole = np.repeat(which, [len(x) for x in X]).astype(np.int32)
+    return _Borders(
+        np.concatenate([none, *X]),
+        np.concatenate([none, *n]),
+        np.concatenate([none, *outward]),
+        hole,
+        np.concatenate([np.zeros(0), *width]),
+    )

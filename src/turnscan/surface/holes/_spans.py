@@ -1,0 +1,56 @@
+"""Whether a smooth surface could go on across a hole: only then can it be too dark and in sight.
+
+Where a part turns off at an edge, what comes next looks another way; where something stands before
+it, what comes next lies elsewhere. There a flat patch over the hole lies off the part, though light
+and look reach it. A dark place on a face has surface on all its sides that goes on from one to the
+other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._normals import vertex_normals
+from turnscan.surface.holes._holes import Hole
+
+_CORNERS = 48
+"""Corners of a border that are asked, about; fewer where there are many borders."""
+_ALL = 6000
+"""Corners of all borders that are asked, about."""
+_ALONG = 2
+"""Corners to either side over which the direction of a border is taken: single ones zigzag."""
+
+
+def spanned(mesh: Mesh, found: Sequence[Hole]) -> Floats:
+    """(h,) share of each hole's border that some border faces over a smooth arc."""
+    from turnscan.surface.holes import _span_kernels as kernels
+
+    normals = np.nan_to_num(vertex_normals(mesh))
+    most = max(8, min(_CORNERS, _ALL // max(len(found), 1)))
+    X, n, outward = [], [], []
+    for h in found:
+        corners = mesh.vertices[h.loop]
+        up = unit(smoothed(normals[h.loop]))
+        along = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
+        few = slice(None, None, max(1, len(corners) // most))
+        X.append(corners[few])
+        n.append(up[few])
+        outward.append(unit(np.cross(smoothed(along), up))[few])
+    owner = np.repeat(np.arange(len(found)), [len(x) for x in X])
+    ok = kernels.facing(np.concatenate(X), np.concatenate(n), np.concatenate(outward))
+    share = np.bincount(owner, ok, len(found)) / np.bincount(owner, minlength=len(found))
+    return np.asarray(share, dtype=np.float64)
+
+
+def smoothed(values: Floats) -> Floats:
+    """(m, 3) sums over the corners of a border (m, 3) and those beside them."""
+    return np.asarray(sum(np.roll(values, k, axis=0) for k in range(-_ALONG, _ALONG + 1)))
+
+
+def unit(v: Floats) -> Floats:
+    """(m, 3) of length 1; zero where there is none."""
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12))
