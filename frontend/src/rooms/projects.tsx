@@ -2,9 +2,9 @@
 import { useRef, useState } from "preact/hooks";
 import { http } from "../link";
 import type { Added } from "../protocol";
-import { complain, connection, go, isOperator, scans } from "../state";
 import { isScanning } from "../scanner/live";
 import { resume } from "../scanner/resume";
+import { complain, connection, go, isOperator, scans } from "../state";
 import { Button } from "../ui/controls";
 import { invite } from "../ui/invite";
 import type { Room } from "./room";

@@ -3,12 +3,12 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { kept } from "../kept";
 import type { FoundDevice } from "../protocol";
-import { ask, devices, isOperator } from "../state";
 import { CalibratePanel } from "../scanner/calibrate";
 import { findDevices, finding, found, isScanning, orientation } from "../scanner/live";
 import { RemarkLine, useLastJob } from "../scanner/remarks";
 import { StripeField } from "../scanner/stripe";
 import { LivePane } from "../scanner/views";
+import { ask, devices, isOperator } from "../state";
 import { Button, Check, NumberField, Section, TextField } from "../ui/controls";
 import type { Room } from "./room";
 

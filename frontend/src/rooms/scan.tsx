@@ -2,11 +2,11 @@
 import { type Signal, signal } from "@preact/signals";
 import { kept } from "../kept";
 import type { ScanPlan } from "../protocol";
-import { ask, devices, go, isOperator, jobs } from "../state";
 import { isScanning, orientation, scanning } from "../scanner/live";
 import { InterruptedPanel } from "../scanner/resume";
 import { StripeField } from "../scanner/stripe";
 import { CloudPane, LivePane } from "../scanner/views";
+import { ask, devices, go, isOperator, jobs } from "../state";
 import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import { left } from "../ui/frame";
 import type { Room } from "./room";
