@@ -60,26 +60,26 @@ def test_plain_points_and_triangles_are_read():
         loose.range_grid()
     face = b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     assert range_scan_from_ply(head + face + body + b"3 0 1 2\n").faces.tolist() == [[0, 1, 2]]
-    with pytest.raises(FormatError, match="outside 0 to 2"):
+    with pytest.raises(FormatError, match=r"names .0, 1, 7."):
         range_scan_from_ply(head + face + body + b"3 0 1 7\n")
 
 
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda d: b"hello", "not a PLY file"),
-        (lambda d: d[:60], "not a PLY file"),
-        (lambda d: d[:-12], "the file ends inside"),
-        (lambda d: d.replace(b"1.0\r\n", b"2.0\r\n"), "header line"),
-        (lambda d: d.replace(b"property float x", b"property quad x"), "unknown number type"),
-        (lambda d: d.replace(b"float z", b"float w"), "no element vertex with x, y, z"),
-        (lambda d: d.replace(b"num_cols 3", b"num_cols x"), "num_rows, num_cols"),
+        (lambda d: b"hello", "no PLY header"),
+        (lambda d: d[:60], "no PLY header"),
+        (lambda d: d[:-12], "number expected here|ends"),
+        (lambda d: d.replace(b"1.0\r\n", b"2.0\r\n"), "format line"),
+        (lambda d: d.replace(b"property float x", b"property quad x"), "not a property line"),
+        (lambda d: d.replace(b"float z", b"float w"), "no x, y, z"),
+        (lambda d: d.replace(b"num_cols 3", b"num_cols x"), "is no count"),
         (lambda d: d.replace(b"num_cols 3", b"num_cols 4"), "range_grid is not 2 × 4"),
         (lambda d: d.replace(b"obj_info num_rows 2\r\n", b""), "without num_rows"),
         (lambda d: d.replace(b"1 3\r\n", b"1 9\r\n"), "outside 0 to 3"),
-        (lambda d: d.replace(b"2 2 0\r\n", b"2 nan 0\r\n"), "vertex 3 is not a finite"),
-        (lambda d: d.replace(b"2 2 0\r\n", b"2 two 0\r\n"), "could not convert"),
-        (lambda d: d.replace(b"vertex 4", b"vertex 4000000"), "announced in"),
+        (lambda d: d.replace(b"2 2 0\r\n", b"2 nan 0\r\n"), "vertex 4 at .* is not finite"),
+        (lambda d: d.replace(b"2 2 0\r\n", b"2 two 0\r\n"), "not the number expected"),
+        (lambda d: d.replace(b"vertex 4", b"vertex 4000000"), "cannot fit"),
     ],
 )
 def test_a_bad_file_is_one_clear_line(change, says):
@@ -92,7 +92,7 @@ def test_a_bad_file_is_one_clear_line(change, says):
 def test_sizes_are_checked_before_anything_is_made():
     huge = cyberware().replace(b"num_cols 3", b"num_cols 99999999")
     huge = huge.replace(b"num_rows 2", b"num_rows 99999999")
-    with pytest.raises(LimitExceeded, match="at most"):
+    with pytest.raises(LimitExceeded, match="the limit"):
         range_scan_from_ply(huge)
     with pytest.raises(LimitExceeded):
         range_scan_from_ply(cyberware().replace(b"vertex 4", b"vertex 99999999999"))
@@ -141,5 +141,5 @@ def test_bad_placements(text, says):
 @pytest.mark.parametrize("kinds", [b"float int", b"uchar float", b"double double"])
 def test_binary_lists_of_floats_are_refused(kinds):
     data = cyberware("binary_little_endian").replace(b"list uchar int", b"list " + kinds)
-    with pytest.raises(FormatError, match="range_grid: lists of floats"):
+    with pytest.raises(FormatError, match=r"range_grid are not integers|a list we can read"):
         range_scan_from_ply(data, "a.ply")

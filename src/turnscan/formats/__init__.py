@@ -9,7 +9,7 @@ from turnscan.formats._glb_read import read_glb
 from turnscan.formats._options import DxfForm, DxfVersion, ExportOptions, Profiles
 from turnscan.formats._plain import read_obj, read_xyz, write_obj, write_xyz
 from turnscan.formats._ply import write_ply
-from turnscan.formats._ply_read import read_ply
+from turnscan.formats._ply_read import RangePly, read_ply, read_range_ply
 from turnscan.formats._stl import read_stl, write_stl
 from turnscan.formats._text import read_about
 from turnscan.formats._threemf import read_3mf, write_3mf
@@ -22,6 +22,7 @@ __all__ = [
     "ExportOptions",
     "Exporter",
     "Profiles",
+    "RangePly",
     "audit",
     "export",
     "exporter_for",
@@ -33,6 +34,7 @@ __all__ = [
     "read_mesh",
     "read_obj",
     "read_ply",
+    "read_range_ply",
     "read_stl",
     "read_xyz",
     "write_3mf",

@@ -139,6 +139,22 @@ def fans(lists: Any, limit: int) -> tuple[int, Any]:
 
 
 @njit(cache=True, nogil=True)
+def cells(lists: Any, count: int) -> tuple[int, Any]:
+    """The entry of each of ``count`` lists of one or none, written end to end; −1 for none.
+
+    Returns the length of the longest list before it.
+    """
+    out = np.full(count, -1, np.int64)
+    longest, p = 0, 0
+    for k in range(count):
+        longest = max(longest, lists[p])
+        if lists[p] > 0:
+            out[k] = lists[p + 1]
+        p += lists[p] + 1
+    return longest, out
+
+
+@njit(cache=True, nogil=True)
 def read_stl_text(text: Any, word: Any, limit: int) -> tuple[int, int, Any, int]:
     """Read the lines "vertex x y z"; returns a code, the byte, corners (n, 3) and n."""
     out = np.empty((1024, 3), np.float64)

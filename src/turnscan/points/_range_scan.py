@@ -8,8 +8,8 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints, frozen
 from turnscan.errors import FormatError
+from turnscan.formats import read_range_ply
 from turnscan.points._grid import RangeGrid
-from turnscan.points._range_ply import HINT, Header, Table, read_tables
 from turnscan.rig import Pose
 
 _FAR = 1e5
@@ -74,47 +74,9 @@ def range_scan_from_ply(data: bytes, name: str = "scan", *, scale: float = 1.0) 
 
     Understood are Cyberware scans (``obj_info num_cols`` / ``num_rows`` and a ``range_grid``
     element) and plain vertices with or without faces. ``scale`` turns the file's unit into mm
-    (1000 for metres). Raises FormatError for anything else, LimitExceeded for sizes beyond reason.
+    (1000 for metres). Raises FormatError for anything else, InputError for triangle strips,
+    LimitExceeded for sizes beyond reason.
     """
-    head, tables = read_tables(data, name)
-    vertices = tables.get("vertex")
-    if vertices is None or not {"x", "y", "z"} <= set(vertices):
-        raise FormatError(f"{name}: no element vertex with x, y, z", hint=HINT)
-    xyz = np.stack([np.asarray(vertices[c], dtype=np.float64) for c in "xyz"], axis=-1)
-    if not np.isfinite(xyz).all():
-        bad = int(np.argwhere(~np.isfinite(xyz))[0, 0])
-        raise FormatError(f"{name}: vertex {bad} is not a finite point", hint=HINT)
-    try:
-        return RangeScan(name, xyz * scale, _cells(tables, head, name), _triangles(tables))
-    except ValueError as e:
-        raise FormatError(f"{name}: {e}", hint=HINT) from None
-
-
-def _cells(tables: dict[str, Table], head: Header, name: str) -> Ints | None:
-    cells = tables.get("range_grid")
-    if cells is None:
-        return None
-    if head.rows is None or head.columns is None:
-        raise FormatError(f"{name}: range_grid without num_rows and num_cols", hint=HINT)
-    lists = [v for v in cells.values() if isinstance(v, tuple)]
-    if len(lists) != 1 or len(lists[0][0]) != head.rows * head.columns:
-        raise FormatError(
-            f"{name}: range_grid is not {head.rows} × {head.columns} lists of vertices", hint=HINT
-        )
-    counts, values = lists[0]
-    if counts.max(initial=0) > 1:
-        raise FormatError(f"{name}: a cell of range_grid holds {counts.max()} points", hint=HINT)
-    index = np.full(len(counts), -1, dtype=np.int32)
-    index[counts == 1] = values
-    return index.reshape(head.rows, head.columns)
-
-
-def _triangles(tables: dict[str, Table]) -> Ints | None:
-    faces = tables.get("face")
-    lists = [v for v in (faces or {}).values() if isinstance(v, tuple)]
-    if not lists:
-        return None
-    counts, values = lists[0]
-    if (counts != 3).any():
-        raise ValueError("faces that are not triangles")
-    return values.reshape(-1, 3).astype(np.int32)
+    read = read_range_ply(data, name)
+    faces = read.faces if len(read.faces) else None
+    return RangeScan(name, read.points * scale, read.grid, faces)
