@@ -74,7 +74,7 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "shapes/_added.py",
             "np.linalg.norm(area, axis=1) * np.abs(away)",
             "np.linalg.norm(area, axis=1) * np.abs(away) / 2",
-            "half of the uncertainty of what was filled",
+            "half of the uncertainty of the filled faces",
         ),
         (
             "shapes/_measure.py",

@@ -100,7 +100,7 @@ export interface Capture {
   seconds?: number | null;
 }
 
-/** Open devices by address; a simulated bench is one address for all three. */
+/** Open devices by address; a simulated rig is one address for all three. */
 export interface Connect {
   id: number;
   kind: "connect";
@@ -152,7 +152,7 @@ export interface Devices {
   looking: boolean;
   /** Whether a rig (calibration) is known for them. */
   rig: boolean;
-  /** Of the file it is from; empty for that of a simulated bench. */
+  /** Of the file it is from; empty for that of a simulated rig. */
   rig_name: string;
   /** Rig files in the folder, for ``use_rig``. */
   rigs: string[];
@@ -581,9 +581,9 @@ export interface Resume {
   id: number;
   kind: "resume";
   scan: string;
-  /** Also frames that are damaged or recorded as missing. */
+  /** Also take frames again that are damaged or recorded as missing. */
   retake?: boolean;
-  /** The table stands at this angle of the scan now, says a person. */
+  /** Current table angle in the scan's frame, set by the operator, degrees. */
   at_deg?: number | null;
 }
 
@@ -610,7 +610,7 @@ export interface ScanPlan {
   gain?: number;
   keep?: "sparse" | "full";
   threshold?: number | null;
-  /** Of the stripe in the picture. */
+  /** Orientation of the stripe in the picture. */
   orientation?: "vertical" | "horizontal";
   /** Exposure of a whole picture without laser, taken too; None for none. */
   texture?: number | null;

@@ -87,7 +87,7 @@ def build(
     """Stripes → grids → mesh, with these edits. Raises InputError where no angle is known.
 
     ``told`` hears how much of it is done; without ``finish`` the mesh is neither closed nor
-    thinned out, so that more edits can be made on it.
+    decimated, so that more edits can be made on it.
     """
     grids, sought, findings = to_grids(seen, s, edits, part(told, 0, _GRIDS))
     rig = seen[0].view.rig if seen else None
@@ -157,8 +157,8 @@ def to_mesh(
     """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for.
 
     ``rig`` is the one that measured the grids; volumes are as uncertain as it is.
-    ``told`` hears of merging, closing and thinning out. Without ``finish`` the mesh is neither
-    closed nor thinned out nor settled.
+    ``told`` hears of merging, closing and decimating. Without ``finish`` the mesh is neither
+    closed nor decimated nor settled.
     """
     told(0)
     sewn = s.caps is not None and s.caps.holes is not None
@@ -172,7 +172,7 @@ def to_mesh(
     if finish:
         mesh, closing = finished(mesh, s, part(told, 0.4, 1))
     whole = clean.settled(mesh)
-    if finish and mesh is opened:  # nothing was closed or thinned out: there is one mesh
+    if finish and mesh is opened:  # nothing was closed or decimated: there is one mesh
         opened = whole
     closed = finish and s.caps is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
@@ -181,7 +181,7 @@ def to_mesh(
 
 
 def finished(mesh: Mesh, s: Settings, told: Told = silent) -> tuple[Mesh, list[Finding]]:
-    """An edited mesh, closed and thinned out as asked for; ``told`` gets the fraction done."""
+    """An edited mesh, closed and decimated as asked for; ``told`` gets the fraction done."""
     findings = list[Finding]()
     if s.caps is not None:
         mesh, findings = holes.close(mesh, s.caps, part(told, 0, 1 / 3))

@@ -41,6 +41,6 @@ class Settings:
     caps: Caps | None = None
     """How to close the surface; None leaves its borders open."""
     tolerance: float | None = None
-    """mm: how far faces may be thinned out in the end; None: not at all, or to ``faces``."""
+    """mm: how far faces may be decimated in the end; None: not at all, or to ``faces``."""
     faces: int | None = None
     """Faces to be left in the end, as far as ``tolerance`` allows; None: as few as it does."""

@@ -159,7 +159,7 @@ def test_a_picture_that_does_not_come_is_asked_for_again_then_missing(tmp_path: 
 
 def test_a_camera_that_is_gone_ends_the_scan(tmp_path: Path) -> None:
     rig = Rig(errors={n: DeviceTimeout("late") for n in range(5, 100)})
-    with pytest.raises(DeviceTimeout, match="5 times on end"):
+    with pytest.raises(DeviceTimeout, match="5 times in a row"):
         scan_with(rig, plan_of(30), tmp_path / "a.turnscan")
     assert rig.grabs < 20
     assert not rig.lit
@@ -275,7 +275,7 @@ def test_abort_is_at_once_and_resumable(tmp_path: Path) -> None:
 
 
 def test_after_an_abort_nothing_lights_turns_or_is_stored(tmp_path: Path) -> None:
-    """At fifty moments of turning, dark and lit pictures; a picture cut short is taken again."""
+    """At fifty moments of turning, dark and lit pictures; a picture truncated is taken again."""
 
     class Rolling(Rig):
         """A picture whose laser goes out meanwhile has its lower half dark."""

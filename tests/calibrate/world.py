@@ -1,4 +1,4 @@
-"""A rig that isn't there, seen by a camera with known noise."""
+"""A simulated rig, seen by a camera with known noise."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def test_pictures_are_numbered_on_and_say_what_was_found(tmp_path: Path) -> None
 def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     for words, said in (
-        (("file", "--stage", "camera"), "is no folder"),
+        (("file", "--stage", "camera"), "is not a folder"),
         (("x", "--stage", "camera", "--laser-name", "right"), "--laser-name is for --stage table"),
         (("x", "--stage", "camera", "--count", "0"), "0 pictures"),
         (("x", "--stage", "table", "--laser-name", "up"), "no laser 'up'"),

@@ -45,7 +45,7 @@ def test_an_stl_says_that_it_cannot_tell_what_was_measured(tmp_path: Path) -> No
     part = replace(part, measured=real)
     _, report, told = check(tmp_path / "a.stl", part)
     assert report["faces_not_measured"] is None
-    assert "an STL does not say which were measured" in told
+    assert "STL cannot mark the measured faces" in told
     (remark,) = audit(export(part, ".stl"), part, ".stl")
     assert remark.code == "export.unmarked"
     assert remark.message.startswith(f"{(~real).sum()} faces")

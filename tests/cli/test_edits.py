@@ -214,13 +214,13 @@ def test_faces_are_chosen_and_edits_made_without_a_browser(
     wall = deleted("--delete", "crease=30,0,40,70", "--delete", "sigma=50")
     assert whole / 2 < wall <= deleted("--delete", "piece=30,0,40")
     for rule, words in {
-        "sigma=99": "no face is like sigma=99",
+        "sigma=99": "no face matches sigma=99",
         "sigma=wide": "expected a number after the =",
         "steps=3": "expected 2 numbers after the =",
         "cause=magic": "one of laser, camera",
         "flag=ok": "one of dark",
-        "pieces=2": "no face is like",
-        "colour=red": "is no rule",
+        "pieces=2": "no face matches",
+        "colour=red": "is not a rule",
     }.items():
         assert words in refused(monkeypatch, capsys, "edits", mended, "--delete", rule)
     section = {"kind": "measure_section", "normal": [0, 0, 1], "distance": 40}
@@ -248,7 +248,7 @@ def test_bad_histories_are_refused_in_one_line(
     for text, words in {
         '{"format":"turnscan-edits","version":2,"edits":[]}': "version 2; this turnscan knows",
         '{"format":"turnscan-edits","version":1,"edits":[],"x":1}': "edits",
-        '{"format":"rig","version":1}': "format: not a file of edits",
+        '{"format":"rig","version":1}': "format: not an edits file",
         '{"format":"turnscan-edits","version":1,"edits":[{"id":1,"on":true,"edit":'
         '{"kind":"warp"}}]}': "edits.0: edit: ",
         '{"format":"turnscan-edits","version":1,"edits":[{"id":1,"on":true,"edit":'

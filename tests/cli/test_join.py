@@ -80,10 +80,10 @@ def test_two_scan_files_become_one_surface_of_the_whole_part(folder):
 
 
 BAD = {
-    "one": (["up.turnscan"], "one pose, nothing to join it to → give two or more"),
+    "one": (["up.turnscan"], "only one pose; at least two are needed → give two or more"),
     "twice": (["up.turnscan", "up.turnscan"], "up.turnscan: given twice"),
-    "copy": (["up.turnscan", "copy.turnscan"], "up and copy: the same scan twice"),
-    "conf": (["up.turnscan", "x.conf"], "x.conf: a .conf stands alone"),
+    "copy": (["up.turnscan", "copy.turnscan"], "up and copy: the same scan is given twice"),
+    "conf": (["up.turnscan", "x.conf"], "x.conf: a .conf must be the only source"),
     "few": (["up.turnscan", "down.turnscan", "--points", "few.csv"], "down: 2 points known"),
     "line": (["up.turnscan", "down.turnscan", "--points", "line.json"], "lie on one line"),
     "word": (["up.turnscan", "down.turnscan", "--points", "word.csv"], "word.csv, line 1: ['1'"),

@@ -96,6 +96,6 @@ def test_a_link_to_an_input_is_that_input(tmp_path: Path) -> None:
 
 
 def test_two_files_with_one_name_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="written twice"):
+    with pytest.raises(InputError, match="given twice as an output"):
         check_apart([tmp_path / "a.stl", tmp_path / "b.stl", tmp_path / "o" / ".." / "a.stl"])
     check_apart([tmp_path / "a.stl", tmp_path / "a.ply"])

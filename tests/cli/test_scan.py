@@ -76,7 +76,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_scan_is_whole_and_reconstructed(whole: Path, tmp_path: Path) -> None:
     assert cli("check", whole).exit_code == 0
     again = cli("resume", whole)
-    assert "complete already" in again.output
+    assert "already complete" in again.output
     made = cli("reconstruct", whole, "-o", tmp_path / "a.ply")
     assert (tmp_path / "a.ply").exists(), made.output
 
@@ -126,7 +126,7 @@ def test_damaged_frames_are_taken_again_on_request(whole: Path, tmp_path: Path) 
     db.commit()
     db.close()
     assert cli("check", path).exit_code == 1
-    assert "complete already" in cli("resume", path).output
+    assert "already complete" in cli("resume", path).output
     assert "1 damaged or missing frames" in cli("resume", path, "--retake").output
     assert cli("check", path).exit_code == 0
     assert pixels(path) == pixels(whole)
@@ -148,7 +148,7 @@ def test_damaged_frames_are_taken_again_on_request(whole: Path, tmp_path: Path) 
         (["a.turnscan", "--camera", "sim:cup", "--turntable", "sim:mug"], "in one"),
         (["a.txt"], "ends .turnscan"),
         (["no/a.turnscan"], "no folder"),
-        (["there.turnscan"], "exists already"),
+        (["there.turnscan"], "already exists"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_done_is_one_line_and_leaves_nothing(
@@ -181,8 +181,8 @@ def test_the_exposure_is_found_on_the_stripe(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (["--exposure", "0.1"], "an exposure, and one to be found"),
-        (["--device", "sim:cup?speckle=no&stuck_off=right"], "no stripe is seen"),
+        (["--exposure", "0.1"], "fixed and automatic exposure are mutually exclusive"),
+        (["--device", "sim:cup?speckle=no&stuck_off=right"], "no stripe is found"),
     ],
 )
 def test_an_exposure_that_cannot_be_found(more: list[str], said: str, tmp_path: Path) -> None:

@@ -64,13 +64,13 @@ def interleaved(heard: bytes) -> bytes:
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
-        (lambda heard: b"", "silent at 115200"),
-        (lambda heard: heard, "no board that turnscan knows"),
+        (lambda heard: b"", "no response at 115200"),
+        (lambda heard: heard, "not a controller that turnscan knows"),
         (lambda heard: b'echo:Unknown command: "M22"\r\nok\r\n', "echo:Unknown command"),
         (lambda heard: b"login: ", "login:"),
-        (lambda heard: bytes([0x9C, 0xE0, 0x80, 0xFF] * 4), "noise at every rate"),
-        (interleaved, "no board that turnscan knows"),
-        (lambda heard: None, "gone"),
+        (lambda heard: bytes([0x9C, 0xE0, 0x80, 0xFF] * 4), "unreadable data at every rate"),
+        (interleaved, "not a controller that turnscan knows"),
+        (lambda heard: None, "disconnected"),
     ],
     ids=["silent", "loopback", "marlin", "login", "noise", "interleaved", "pulled"],
 )  # fmt: skip
@@ -114,7 +114,7 @@ def test_a_silent_port_on_the_command_line() -> None:
         done = CliRunner().invoke(turnscan, ["devices", path])
         took = time.monotonic() - begin
     assert done.exit_code == 1
-    assert f"{path}: no board (silent at 115200" in done.output
+    assert f"{path}: no board (no response at 115200" in done.output
     assert f"{path}: asking at 9600 baud" in done.output
     assert took < LONGEST + 1.0  # cameras are looked for, too
 
@@ -142,7 +142,7 @@ def test_no_permission_names_the_group(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_a_port_that_is_not_there(tmp_path: Path) -> None:
     begin = time.monotonic()
-    assert "there is no such port" in probe_port(str(tmp_path / "none")).why_not
+    assert "no such port" in probe_port(str(tmp_path / "none")).why_not
     (tmp_path / "file").write_text("no port")
     assert probe_port(str(tmp_path / "file")).address == ""
     assert time.monotonic() - begin < LONGEST
@@ -184,7 +184,7 @@ def test_an_alarm_is_acknowledged_from_the_command_line(moving: bool) -> None:
         done = CliRunner().invoke(turnscan, ["devices", socket.path, "--acknowledge"])
         assert done.exit_code == 0, (done.output, done.exception)
         kept = "lost" if moving else "kept"
-        assert f"the alarm is over; the angle of its table is {kept}" in done.output
+        assert f"the alarm was cleared; the angle of its table is {kept}" in done.output
         again = board(f"grbl:{socket.path}", deadlines=QUICK)
         assert again.alarm == ""
         assert again.remembers == (not moving)
@@ -202,7 +202,7 @@ def test_a_board_that_boots_locked_is_acknowledged() -> None:
         table.close()  # type: ignore[attr-defined]
         done = CliRunner().invoke(turnscan, ["devices", f"grbl:{socket.path}", "--acknowledge"])
         assert done.exit_code == 0, (done.output, done.exception)
-        assert ("the alarm is over" if locked else "no alarm") in done.output
+        assert ("the alarm was cleared" if locked else "no alarm") in done.output
         table = open_turntable(f"grbl:{socket.path}")
         table.move_to(0.1, 5.0)
         table.close()  # type: ignore[attr-defined]

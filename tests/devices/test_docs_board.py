@@ -108,7 +108,7 @@ def test_a_port_is_given_back_and_time_runs_out(tmp_path: Path) -> None:
         (["grbl", "sim:cup?perfect=1"], "without noise"),
         (["grbl", "sim:cup?drop=0.1"], "drop"),
         (["grbl", "--hurry", "0"], "0 times as fast"),
-        (["grbl", "--port", "there"], "there: exists already"),
+        (["grbl", "--port", "there"], "there: already exists"),
         (["grbl", "--port", "no/board"], "no such folder"),
         (["grbl", "--no-camera", "--rig", "no/rig.json"], "there is no folder"),
     ],

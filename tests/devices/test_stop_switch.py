@@ -42,7 +42,7 @@ class Bench:
     def move_to(self, angle: float, timeout: float) -> float:
         self.ordered.set()
         assert self.go_on.wait(20.0)
-        self.stopped.clear()  # what was stopped before it began is not stopped
+        self.stopped.clear()  # what was stopped before it started is not stopped
         if self.stopped.wait(20.0):
             raise DeviceTimeout("stopped")
         self.turned += 1

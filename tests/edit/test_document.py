@@ -230,7 +230,7 @@ def test_a_filling_that_would_cut_the_surface_is_refused_and_another_way_named()
     assert refused.body.digest() == before
     (said,) = change.findings
     assert (said.code, said.severity) == ("edit.refused", "error")
-    assert "filled (tangent), the surface would cut through itself" in said.message
+    assert "filled (tangent), the surface would intersect itself" in said.message
     assert said.remedy == "choose membrane, which fills it"
     done, change = document.add(Fill((name,), "membrane"))
     assert change.findings == ()
@@ -296,7 +296,7 @@ def test_bridges_part_a_hole_and_join_an_island() -> None:
     assert len(holes(Compact.of(two.body).mesh)) == 3, "which a second bridge parts in two"
     _, change = document.add(BridgeSides((200.0, 20.0, 10.0), (16.0, 20.0, 10.0)))
     assert [f.code for f in change.findings] == ["edit.refused"]
-    assert "away from a bridge's end" in change.findings[0].message
+    assert "from the end of the bridge" in change.findings[0].message
     _, change = document.add(BridgeHoles(around_it, HoleName((0.0, 0.0, 99.0), 3.0)))
     assert [f.code for f in change.findings] == ["edit.nothing"]
 

@@ -93,7 +93,7 @@ def test_one_that_cannot_be_taken_is_a_remark_and_no_error() -> None:
     document, _ = document.add(Delete(gone))
     for edit, words in (
         (MeasureVolume(), "the surface is open"),
-        (MeasureArea(gone), "the region it was taken on is not there"),
+        (MeasureArea(gone), "its region no longer exists"),
         (MeasureDistance((10.0, 0.0, 5.0), (0.0, 0.0, 99.0)), "69.0 mm away"),
         (MeasureSection((0.0, 0.0, 1.0), 99.0), "does not meet"),
     ):

@@ -16,7 +16,7 @@ PART = replace(measured(torus(12, 9)), measured=MARKS)
 
 
 def marked_faces(mesh: Mesh) -> set[tuple[float, ...]]:
-    """The corners of every face that was not measured."""
+    """The vertices of every face that was not measured."""
     return {tuple(np.round(t.ravel(), 3).tolist()) for t in mesh.triangles[~mesh.measured]}
 
 

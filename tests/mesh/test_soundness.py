@@ -73,7 +73,7 @@ def test_a_heap_of_loose_faces_is_searched_up_to_a_limit():
     heap = Mesh(corners, np.arange(6000).reshape(2000, 3))
     assert len(crossings(heap)) == 16 * 2000
     crossed = next(f for f in soundness(heap) if f.code == "surface.crossing")
-    assert crossed.message == "32000 pairs of faces cut through each other, or more"
+    assert crossed.message == "32000 pairs of intersecting faces, or more"
 
 
 def test_cubes_that_cut_through_each_other():

@@ -130,7 +130,7 @@ def test_placements_use_the_inverse_rotation():
         ("bmesh a 0 0 0 0 0 0 9", "unit quaternion"),
         ("bmesh a 0 nan 0 0 0 0 1", "expected"),
         ("bmesh a 0 x 0 0 0 0 1", "could not convert"),
-        ("bmesh a 0 0 0 0 0 0 1\nbmesh a 0 0 0 0 0 0 1", "a stands twice"),
+        ("bmesh a 0 0 0 0 0 0 1\nbmesh a 0 0 0 0 0 0 1", "a is given twice"),
     ],
 )
 def test_bad_placements(text, says):

@@ -177,7 +177,7 @@ def test_numbers_that_are_none(value: str) -> None:
 
 def test_a_key_that_stands_twice() -> None:
     text = rig_to_json(design_preset("paper").rig()).replace('"unit"', '"version": 1, "unit"')
-    with pytest.raises(FormatError, match="'version' stands twice"):
+    with pytest.raises(FormatError, match="'version' is given twice"):
         rig_from_json(text)
 
 

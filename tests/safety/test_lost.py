@@ -115,7 +115,7 @@ def test_a_silent_board_may_be_lit_from_before(monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(GuardedLink, "_rescue", lambda self: None)
         os.kill(device._link.guard_pid, signal.SIGKILL)
         until(device._link._ended.is_set)
-        with pytest.raises(DeviceTimeout, match="may still be: cut its power"):
+        with pytest.raises(DeviceTimeout, match="may still be lit: cut its power"):
             board(f"grbl:{socket.path}", deadlines=QUICK)
         assert socket.firmware.lit
 

@@ -102,7 +102,7 @@ def test_to_step_in_may_fail_and_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
         monkeypatch.setattr(GuardedLink, "_rescue", lambda self: 1 / 0)
         os.kill(device._link.guard_pid, 9)
         until(device._link._ended.is_set)
-        with pytest.raises(SafetyError, match="to step in for it failed"):
+        with pytest.raises(SafetyError, match="replacing it failed"):
             device.move_to(0.1, 1.0)
 
 

@@ -217,7 +217,7 @@ def test_cut_in_half(tmp_path: Path) -> None:
     path = tmp_path / "a.turnscan"
     write(path)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(ScanCorrupt, match=r"cut short, \d+ bytes are left of \d+"):
+    with pytest.raises(ScanCorrupt, match=r"truncated, \d+ bytes are left of \d+"):
         Scan.open(path)
 
 

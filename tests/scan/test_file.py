@@ -279,7 +279,7 @@ def test_a_scan_knows_itself(tmp_path: Path) -> None:
         assert scan.sealed
         assert not scan.complete
         assert scan.missing("left") == {1: "the camera slept"}
-        assert scan.missing("right") == {1: "it was never taken"}
+        assert scan.missing("right") == {1: "it was not taken"}
         order = [(f.laser, f.step) for f in scan.frames()]
         assert order == [(a, k) for a in ("left", "right") for k in (0, 2, 3)]
         np.testing.assert_allclose(scan.angles("left"), [0, 1.02, 1.53])
@@ -346,7 +346,7 @@ def test_impossible_plans(change: dict[str, object]) -> None:
 
 def test_create_leaves_what_is_there(tmp_path: Path) -> None:
     (tmp_path / "a.turnscan").write_text("precious")
-    with pytest.raises(InputError, match="exists already"):
+    with pytest.raises(InputError, match="already exists"):
         Scan.create(tmp_path / "a.turnscan", PLAN)
     assert (tmp_path / "a.turnscan").read_text() == "precious"
     with pytest.raises(ScanError, match="cannot be written"):

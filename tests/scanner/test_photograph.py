@@ -29,7 +29,7 @@ class Bench:
 
     def grab(self, timeout: float) -> np.ndarray:
         if len(self.taken) == self.dies_at:
-            raise DeviceDisconnected("the camera is gone")
+            raise DeviceDisconnected("the camera has disconnected")
         self.taken.append((round(float(np.degrees(self.angle)), 6), self.lit))
         return np.zeros((4, 4), np.uint8)
 

@@ -50,7 +50,7 @@ def rounded_polygon(corners: Floats, radius: float, step: float) -> Floats:
 
 
 def regular(count: int, radius: float, turn: float = 0.1) -> Floats:
-    """(count, 2) corners of a regular polygon."""
+    """(count, 2) vertices of a regular polygon."""
     t = turn + 2 * np.pi * np.arange(count) / count
     return radius * np.stack([np.cos(t), np.sin(t)], axis=1)
 

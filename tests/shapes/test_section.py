@@ -1,4 +1,4 @@
-"""Planes and half-planes through meshes: polylines, their sigma and what was filled."""
+"""Planes and half-planes through meshes: polylines, their sigma and the filled faces."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ def test_what_hardware_would_refuse(call: object, words: str) -> None:
         ("sim:cup?steps=0", "0 steps"),
         ("sim:cup?colour=red", "no key 'colour'"),
         ("sim:cup?seed=x", "seed='x'"),
-        ("sim:cup?seed=1&seed=2", "stands twice"),
+        ("sim:cup?seed=1&seed=2", "is given twice"),
         ("sim:cup?x=nan", "x='nan'"),
         ("sim:missing.stl", "no such file"),
         ("sim:ball-bar?x=150", "larger than the field of view"),

@@ -22,14 +22,14 @@ def test_a_strip_parts_a_hole_in_two():
     assert len(done.faces) == len(mesh.faces) + 2
     assert [len(h.loop) for h in holes(done)][1:] == [9, 7]
     assert soundness(done) == []
-    with pytest.raises(InputError, match="does not lie on a border"):
+    with pytest.raises(InputError, match="does not lie on a boundary"):
         bridge(done, low, high)
 
 
 def test_a_bridge_over_a_side_that_is_taken_is_refused():
     points = [[0, 0, 0], [1, 0, 0], [0.6, 0.6, 0], [0, 1, 0], [0.5, 0.5, 3], [0.5, 0.5, -3.0]]
     faces = [[0, 2, 4], [2, 0, 5], [0, 1, 5], [1, 2, 5], [2, 3, 4], [3, 0, 4]]
-    with pytest.raises(InputError, match="touch what is there"):
+    with pytest.raises(InputError, match="touch the existing surface"):
         bridge(Mesh(points, faces), (0, 1), (2, 3))
 
 
@@ -69,7 +69,7 @@ def test_an_island_is_joined_to_the_hole_round_it():
 def test_what_is_on_no_border_is_refused():
     mesh = plate(6, {(2, 2)})
     outer, inner = holes(mesh)
-    with pytest.raises(InputError, match="does not lie on a border"):
+    with pytest.raises(InputError, match="does not lie on a boundary"):
         bridge(mesh, (0, 8), (1, 2))
     with pytest.raises(InputError, match="no border of this mesh"):
         bridge(plate(7), outer, inner)

@@ -33,7 +33,7 @@ def _capture(browser: Browser, **wish: object) -> str:
 
 def test_pictures_are_counted_or_say_why_not(server: Running, folder: Path) -> None:
     with Browser(server) as one:
-        assert one.ask("capture", stage="camera")["text"] == "no calibration was begun"
+        assert one.ask("capture", stage="camera")["text"] == "no calibration has been started"
         bad = one.ask("calibrate_begin", board="chessboard:2x2:1", table=BOARD)
         assert "expected 3 to 200" in bad["text"]
         assert one.ask("calibrate_begin", board=BOARD, table=BOARD)["kind"] == "done"
@@ -76,7 +76,7 @@ def test_a_series_is_cancelled_between_two_pictures_lasers_dark(server: Running)
         job = one.ask("capture", stage="laser", count=400, every=0.5)["job"]
         busy = one.ask("capture", stage="camera")["job"]
         waiting = one.once("job", lambda m: m["job"] == busy and m["state"] == "failed")
-        assert waiting["text"] == "pictures for a calibration are being taken"
+        assert waiting["text"] == "calibration pictures are being taken"
         assert one.ask("cancel", job=job)["kind"] == "done"
         one.once("job", lambda m: m["job"] == job and m["state"] == "cancelled")
         assert server.workshop.rig.connected[1].hardware.lasers.states[0].lit is False
@@ -124,7 +124,7 @@ def test_a_calibration_becomes_the_rig_in_use(server: Running, folder: Path) -> 
         assert devices["rig"]
         assert devices["rigs"] == [file.name]
         assert one.ask("use_rig", name=file.name)["kind"] == "done"
-        assert one.ask("use_rig", name="../x.json")["text"] == "there is no such rig file"
+        assert one.ask("use_rig", name="../x.json")["text"] == "no such rig file"
         (folder / "bad.json").write_text("{}")
         assert one.ask("use_rig", name="bad.json")["code"] == "format-error"
 

@@ -41,7 +41,7 @@ def test_a_link_and_a_clean_end(folder: Path, number: signal.Signals) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--host", "0.0.0.0"], "other computers could connect"),
+        (["--host", "0.0.0.0"], "other computers would be able to connect"),
         (["--allow-remote-lasers"], "without --allow-remote"),
         (["--port", "99999"], "99999"),
         (["--host", "192.0.2.1", "--allow-remote"], "cannot listen there"),

@@ -25,7 +25,7 @@ BOARD = "charuco:7x5:30:22:DICT_4X4_50"
 
 
 def _connected(browser: Browser) -> World:
-    """The simulated bench behind the server."""
+    """The simulated rig behind the server."""
     answer = browser.ask("connect", camera=DEVICE, turntable=DEVICE, lasers=DEVICE)
     assert answer["kind"] == "done", answer
     _, bench = browser.server.workshop.rig.connected
@@ -247,13 +247,15 @@ def test_a_camera_that_disappears_while_looking_is_said_in_words(server: Running
         def grab(timeout: float) -> Image:
             left[0] -= 1
             if left[0] < 0:
-                raise DeviceDisconnected("uvc:0: the camera is gone", hint="plug it in again")
+                raise DeviceDisconnected(
+                    "uvc:0: the camera has disconnected", hint="plug it in again"
+                )
             return np.zeros((60, 80), np.uint8)
 
         bench.hardware.camera.grab = grab  # type: ignore[method-assign]
         one.ask("look", on=True, lit=[world.bench.beams[0].name], seconds=0.01)
         told = one.until("devices", lambda m: m["camera"]["state"] == "failed")
-        assert told["camera"]["text"] == "uvc:0: the camera is gone → plug it in again"
+        assert told["camera"]["text"] == "uvc:0: the camera has disconnected → plug it in again"
         assert told["looking"] is False
         assert not world.burning
 

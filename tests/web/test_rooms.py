@@ -340,7 +340,7 @@ def test_an_upload_is_listed_and_opens(server: Running, scan_bytes: bytes) -> No
         assert names == {"ball", "_other"}
         assert one.open(added.json()["scan"])["figures"]["faces"] > 500
         again = http.post("/api/scans?name=_other", content=scan_bytes)
-        assert "exists already" in again.json()["text"]
+        assert "already exists" in again.json()["text"]
 
 
 def test_a_scan_with_the_simulated_bench(server: Running, folder: Path) -> None:
@@ -368,7 +368,7 @@ def test_a_scan_with_the_simulated_bench(server: Running, folder: Path) -> None:
         one.once("devices", lambda m: m["angle_deg"] == pytest.approx(90.0))
         plan = {"name": "new", "steps": 8, "lasers": [laser["name"]]}
         assert one.ask("scan", plan=plan)["kind"] == "started"
-        assert one.ask("scan", plan={"name": "other"})["text"].startswith("a scan is being taken")
+        assert one.ask("scan", plan={"name": "other"})["text"].startswith("a scan is running")
         one.once("scanning", lambda m: m["state"] == "complete")
         done = one.once("job", lambda m: m["state"] == "done")
         assert done["text"] == "new: 8 frames taken; whole"
@@ -386,7 +386,7 @@ def test_a_scan_pauses_goes_on_and_is_aborted(server: Running) -> None:
     device = "sim:sphere?seed=3"
     with Browser(server) as one:
         one.ask("connect", camera=device, turntable=device, lasers=device)
-        assert one.ask("pause")["text"] == "no scan is being taken"
+        assert one.ask("pause")["text"] == "no scan is running"
         one.ask("scan", plan={"name": "long", "steps": 300})
         one.once("scanning", lambda m: m["done"] >= 2)
         assert one.ask("pause")["kind"] == "done"
@@ -396,7 +396,7 @@ def test_a_scan_pauses_goes_on_and_is_aborted(server: Running) -> None:
         assert one.ask("stop")["kind"] == "done"
         one.once("scanning", lambda m: m["state"] == "aborted")
         done = one.once("job", lambda m: m["state"] == "done")
-        assert done["text"].endswith("what is missing can be taken later")
+        assert done["text"].endswith("missing frames can be taken later")
         told = next(m for m in reversed(one.heard) if m["kind"] == "devices")
         assert all(laser["lit"] is False for laser in told["lasers"])
 

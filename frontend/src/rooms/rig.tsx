@@ -224,7 +224,7 @@ function Rig() {
         empty={
           connected()
             ? "Press Look for live pictures."
-            : "Connect devices, or the simulated bench that is filled in already."
+            : "Connect devices, or the simulated rig already filled in."
         }
       />
       <aside class="inspector" aria-label="Rig">

@@ -1,4 +1,4 @@
-/** Going on with scans that were interrupted. */
+/** Resuming scans that were interrupted. */
 import { signal } from "@preact/signals";
 import { ask, devices, go, isOperator, scans } from "../state";
 import { Button, Check, NumberField, Section } from "../ui/controls";

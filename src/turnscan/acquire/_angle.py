@@ -95,9 +95,9 @@ def check_angle(
     if alarm := getattr(turntable, "alarm", ""):
         said = str(alarm).partition(" → ")[0]
     elif not turntable.remembers or (not noted and abs(turntable.angle) < _AGREES):
-        said = "it has restarted, or counts zero as after a restart, or was switched off since"
+        said = "it has restarted, counts from zero as after a restart, or was switched off since"
     elif same is False:
-        said = "its zero was set anew since"
+        said = "its zero was set again since"
     elif -_AGREES <= onwards <= _AHEAD * step + _AGREES:
         return
     else:

@@ -156,7 +156,7 @@ def exposure_findings(camera: Camera, seconds: float, gain: float = 1.0) -> list
                     f"devices.{name}-unknown",
                     "warning",
                     f"this camera does not let its {name} be set, or does not tell",
-                    remedy="make sure by its own program that it is fixed, not automatic",
+                    remedy="check with the camera's own program that it is fixed, not automatic",
                 )
             )
         elif abs(got - want) > 0.05 * want:
@@ -165,7 +165,7 @@ def exposure_findings(camera: Camera, seconds: float, gain: float = 1.0) -> list
                     f"devices.{name}-differs",
                     "warning",
                     f"asked for {name} {want:g}, the camera took {got:g}",
-                    remedy="ask for what it can do",
+                    remedy="choose a value that the camera accepts",
                 )
             )
     if math.isnan(accepted):
@@ -178,8 +178,8 @@ def exposure_findings(camera: Camera, seconds: float, gain: float = 1.0) -> list
                 "devices.exposure-ignored",
                 "error",
                 f"{expected:.3g} times the exposure changed the picture from {dark:.1f} to "
-                f"{light:.1f} grey levels: the camera ignores it or adapts, or sees nothing",
-                remedy="switch its automatic exposure off; give it light; take off the lens cap",
+                f"{light:.1f} grey levels: the camera ignores it or adapts, or no light reaches it",
+                remedy="switch automatic exposure off; add light; remove the lens cap",
             )
         )
     return found

@@ -95,7 +95,7 @@ def look(
     weights = None
     if first.ndim == 3:
         if weigh is None:
-            raise InputError("a colour camera needs to be told which colour the laser is")
+            raise InputError("a colour camera needs the colour of the laser")
         weights = weigh(first, dark)
     off = dark if plan.dark_every else None
     seen = [statistics(signal_of(pictures[name, 0], off, weights)) for name in plan.sets]
@@ -130,9 +130,7 @@ def _check_threshold(threshold: float, dtype: np.dtype[Any], noise: float, by_no
     reason = f"chosen for a noise of {noise:.1f}, " if by_noise else ""
     raise InputError(
         f"threshold {threshold:g} grey levels, {reason}and the pixels of this camera end at {top}",
-        hint="darken the room and look at the camera's gain"
-        if by_noise
-        else f"give less than {top}",
+        hint="darken the room and check the camera's gain" if by_noise else f"give less than {top}",
     )
 
 
@@ -159,5 +157,5 @@ def check_room(path: Path, wanted: int, free: int | None = None) -> None:
         raise StorageFull(
             f"{path}: the scan needs {needed / 1e6:.0f} MB with reserve, {free / 1e6:.0f} MB are "
             "free",
-            hint="free some space, name another disk, or take fewer steps",
+            hint="free some space, choose another disk, or take fewer steps",
         )

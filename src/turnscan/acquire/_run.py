@@ -234,7 +234,7 @@ class _Job:
         self._lost = 0 if picture is not None else self._lost + 1
         if self._lost >= _LOST_IN_A_ROW:
             raise DeviceTimeout(
-                f"camera: no picture came, {self._lost} times on end",
+                f"camera: no picture received, {self._lost} times in a row",
                 hint="check camera and cable, then resume",
             )
 

@@ -75,9 +75,9 @@ class LaserWatch:
         limit = self._later if laser in self._shown else self._limit
         if blind >= limit:
             raise LaserStateUnknown(
-                f"laser {laser!r}: {blind} steps on end show no stripe, though it was lit: it is "
-                "dead, or was lit all the time, or the camera does not see it",
-                hint="cut the power if it is lit; check laser and exposure (or --blind-steps 0)",
+                f"laser {laser!r}: {blind} consecutive steps show no stripe although it was lit: "
+                "it is defective, was lit all the time, or is not seen by the camera",
+                hint="if it is lit, cut its power; check laser and exposure (or --blind-steps 0)",
             )
         return False
 

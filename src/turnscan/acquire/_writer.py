@@ -59,7 +59,7 @@ class Writer:
     def _wait_idle(self) -> None:
         if not self._change.wait_for(lambda: self._job is None, _LONGEST):
             raise ScanError(
-                f"the disk has not taken a frame within {_LONGEST:g} s",
+                f"the disk has not stored a frame within {_LONGEST:g} s",
                 hint="check the disk, then resume",
             )
         if self._error is not None:

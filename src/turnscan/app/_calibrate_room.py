@@ -113,7 +113,7 @@ class CalibrateRoom:
             shots = len(series.angles_deg()) * max(len(lasers), 1)
             job.steps(shots)
             good = 0
-            what = "pictures for a calibration are being taken"
+            what = "calibration pictures are being taken"
             with self._rig.using(what, job) as bench:
                 if wish.stage == "table":
                     with self._lock:
@@ -149,7 +149,7 @@ class CalibrateRoom:
                 if group.pop(view, None) is not None:
                     break
             else:
-                raise InputError("there is no such picture")
+                raise InputError("no such picture")
         self.tell()
 
     def finish(self, wish: q.FinishCalibration) -> Job:
@@ -212,7 +212,7 @@ class CalibrateRoom:
 
     def _begun(self) -> Board:
         if self._board is None:
-            raise InputError("no calibration was begun", hint="say which board there is")
+            raise InputError("no calibration has been started", hint="give the calibration board")
         return self._board
 
     def _keep(self, stage: q.Stage, shot: Shot) -> bool:
@@ -285,9 +285,9 @@ def _missing(views: list[p.CalibrationView]) -> list[str]:
     """What is still wanted, in words."""
     out = []
     words = {
-        "camera": "pictures of the board held in other ways, tilted and in every corner",
+        "camera": "pictures of the board in other poses, tilted and in every corner",
         "laser": "pictures of the board with each stripe on it, near and far",
-        "table": "pictures of what rides on the table: turn it",
+        "table": "pictures of the table with its markers or board: turn it",
     }
     for stage, wanted in WANTED.items():
         ours = [v for v in views if v.stage == stage]

@@ -56,7 +56,7 @@ _log = logging.getLogger("turnscan.app")
 
 _STRANGER = """<!doctype html><html lang="en"><meta charset="utf-8"><title>turnscan</title>
 <link rel="stylesheet" href="/login.css"><main><h1>turnscan</h1>
-<p>This browser has no key. Open the link that turnscan printed last.</p></main></html>"""
+<p>This browser is not authorised. Open the link that turnscan printed last.</p></main></html>"""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Doors:
         except ClientDisconnect:
             return  # nobody is there to be answered
         except _TooLate:
-            await guarded.fail(problem(408, "the request did not come in time"))
+            await guarded.fail(problem(408, "the request timed out"))
         except _TooLarge:
             text = f"a body of more than {JSON_BYTES >> 20} MB"
             await guarded.fail(problem(413, text, code="too-large"))
@@ -155,8 +155,8 @@ class Doors:
                 problem(_STATUS.get(e.exit_code, 500), e.message, str(e.hint), name_of(e))
             )
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
-            _log.error("a mistake inside turnscan (%s) at %s", type(e).__name__, _route(scope))
-            text = "a mistake inside turnscan"
+            _log.error("internal error (%s) at %s", type(e).__name__, _route(scope))
+            text = "internal error"
             await guarded.fail(problem(500, text, "please report it", "mistake"))
 
     def _judge(self, scope: Scope) -> Response | None:
@@ -165,11 +165,11 @@ class Doors:
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         path = scope["path"]
         if not path.startswith("/") or len(scope.get("raw_path", b"")) > _URL_BYTES:
-            return problem(400, "not a path of this server")
+            return problem(400, "unknown path")
         if sum(len(k) + len(v) for k, v in scope["headers"]) > HEADER_BYTES:
-            return problem(431, "the head of the request is too large")
+            return problem(431, "the request header is too large")
         if len(hosts) != 1 or not self._names.host(hosts[0], server):
-            return problem(421, "this is not the server you asked for")
+            return problem(421, "the request names another server")
         foreign = len(origins) > 1 or any(not self._names.origin(o, server) for o in origins)
         if foreign or _from_elsewhere(scope, headers):
             return problem(403, "the request came from another page", code="origin")
@@ -177,9 +177,9 @@ class Doors:
             if scope["type"] == "http" and "text/html" in headers.get("accept", ""):
                 return HTMLResponse(_STRANGER, 401)
             hint = "open the link that turnscan printed last"
-            return problem(401, "this browser has no key", hint)
+            return problem(401, "this browser is not authorised", hint)
         if scope["type"] == "websocket":
-            return None if origins else problem(403, "a page names its origin", code="origin")
+            return None if origins else problem(403, "a page must name its origin", code="origin")
         unsafe = scope["method"] not in SAFE
         if unsafe and not (origins and headers.get(OWN_HEADER) == "1"):
             return problem(403, "a change needs Origin and X-Turnscan", code="origin")

@@ -37,7 +37,7 @@ class Downloads:
         with self._lock:
             found = self._files.get(name)
         if found is None:
-            raise InputError("this file is not kept any more", hint="export it again")
+            raise InputError("this file is no longer available", hint="export it again")
         return found
 
     def close(self) -> None:

@@ -69,7 +69,7 @@ def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
         place += -place % 8
         size = math.prod(shape) * dtype.itemsize
         if place + size > len(message) or name in arrays:
-            raise FormatError(f"message: array {name!r} does not fit into it, or stands twice")
+            raise FormatError(f"message: array {name!r} does not fit into it, or is given twice")
         arrays[name] = np.frombuffer(message, dtype, math.prod(shape), place).reshape(shape)
         place += size
     return header, arrays

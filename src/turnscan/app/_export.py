@@ -13,7 +13,7 @@ from turnscan.formats import ExportOptions, audit, export
 def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportRequest) -> Job:
     """Begin to write a document as a file. Raises InputError where the wish is impossible."""
     if not wish.dxf_forms:
-        raise InputError("dxf_forms: none is chosen", hint="choose one or more")
+        raise InputError("dxf_forms: none chosen", hint="choose one or more")
     version = wish.dxf_version or ("R2010" if "mesh" in wish.dxf_forms else "R12")
     options = ExportOptions(
         dxf_forms=tuple(dict.fromkeys(wish.dxf_forms)),
@@ -28,7 +28,7 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportR
         job.steps(3)
         job.at(0)
         if not len(mesh.faces):
-            raise InputError("there is no surface to export", hint="undo, or open another scan")
+            raise InputError("no surface to export", hint="undo, or open another scan")
         formats, lines = result.content(options)
         job.tick()
         data = export(mesh, suffix, options=formats, profiles=lines)

@@ -231,8 +231,8 @@ class Jobs:
         except MemoryError:
             job.tell("failed", Result("out of memory"), "close other programs, or use less")
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
-            _log.error("a mistake inside turnscan (%s) in job %s", type(e).__name__, job.what)
-            job.tell("failed", Result("a mistake inside turnscan"), "please report it")
+            _log.error("internal error (%s) in job %s", type(e).__name__, job.what)
+            job.tell("failed", Result("internal error"), "please report it")
         else:
             job.tell("done", result)
         finally:

@@ -56,7 +56,7 @@ class Library:
         try:
             return self.paths()[name]
         except KeyError:
-            raise InputError("there is no such scan", hint="reload the list") from None
+            raise InputError("no such scan", hint="reload the list") from None
 
     def entries(self, is_open: frozenset[str]) -> list[ScanEntry]:
         """The list, as it is told."""
@@ -102,7 +102,7 @@ class Library:
         """
         path = self.folder / (safe_name(wish.removesuffix(suffix)) + suffix)
         if path.exists():
-            raise InputError(f"{path.name}: exists already", hint="choose another name")
+            raise InputError(f"{path.name}: already exists", hint="choose another name")
         return path
 
     def name_of(self, path: Path) -> str:
@@ -134,10 +134,10 @@ class Library:
                         self._check_room(0)
                     file.write(piece)
             if length is not None and taken != length:
-                raise InputError(f"{taken} of {length} bytes came", hint="send the file again")
+                raise InputError(f"{taken} of {length} bytes received", hint="send the file again")
             _check_scan(part, path.name)
             if path.exists():
-                raise InputError(f"{path.name}: exists already", hint="choose another name")
+                raise InputError(f"{path.name}: already exists", hint="choose another name")
             part.rename(path)
         except OSError as e:
             if isinstance(e, ScanError):
@@ -164,7 +164,7 @@ class Library:
                 file.flush()
                 os.fsync(file.fileno())
             if path.exists():
-                raise InputError(f"{path.name}: exists already", hint="choose another name")
+                raise InputError(f"{path.name}: already exists", hint="choose another name")
             part.rename(path)
         except OSError:
             raise StorageFull("the file cannot be written", hint="check the disk") from None

@@ -38,7 +38,9 @@ def measure_of(what: What, places: Sequence[p.Vector], region: edit.Region | Non
     """
     wanted = _PLACES.get(what, 0)
     if len(places) < wanted:
-        raise InputError(f"{what}: {len(places)} of {wanted} points", hint="click the others, too")
+        raise InputError(
+            f"{what}: {len(places)} of {wanted} points", hint="click the remaining points"
+        )
     match what:
         case "distance":
             return edit.MeasureDistance(places[0], places[1])
@@ -81,5 +83,5 @@ def entry_of(measure: str) -> int:
     """The number of the edit that a measurement is. Raises InputError for a name that is none."""
     number = measure.removeprefix(_PREFIX)
     if not (measure.startswith(_PREFIX) and number.isascii() and number.isdigit()):
-        raise InputError("there is no such measurement")
+        raise InputError("no such measurement")
     return int(number)

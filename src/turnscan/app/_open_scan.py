@@ -103,12 +103,12 @@ class OpenScan:
         s, found = self._settings, tuple(self.now.document.findings)
         if s.caps is None and s.tolerance is None and s.faces is None:
             return found
-        done = "closed" if s.caps is not None else "thinned out"
-        text = f"the settings of this scan have its surface {done}: it will be when it is exported"
+        done = "closed" if s.caps is not None else "decimated"
+        text = f"the settings of this scan require its surface {done}: applied on export"
         return (*found, Finding("scan.finished-on-export", "note", text))
 
     def result(self, state: State, told: surface.Told) -> ReconstructResult:
-        """The surface as files get it: closed and thinned out as the scan's settings say."""
+        """The surface as files get it: closed and decimated as the scan's settings say."""
         s = self._settings
         opened = edit.Compact.of(state.document.body).mesh
         mesh, found = finished(opened, s, told)
@@ -211,7 +211,7 @@ class OpenScan:
                 severity="note",
                 text=f"a hole of {h.size:.1f} mm: {CAUSE_WORDS[h.cause or 'unknown']}",
                 where="",
-                remedy="fill it, or scan the part again in another pose",
+                remedy="fill it, or scan the part in another pose as well",
             )
             place = (float(h.centre[0]), float(h.centre[1]), float(h.centre[2]))
             told.append(p.Defect(remark=remark, place=place, grid=None, step=None, line=None))
@@ -307,7 +307,7 @@ class OpenScan:
         """Switch a measurement off. Raises InputError where there is none of that name."""
         with self._lock:
             if name not in [m.measure for m in measures(self.now.document)]:
-                raise InputError("there is no such measurement")
+                raise InputError("no such measurement")
             self._keep(*self.now.document.switch(entry_of(name), False), job)
             return self.measures(id)
 
@@ -342,7 +342,7 @@ class OpenScan:
         if base != self.now.revision:
             raise Stale(
                 f"the surface has changed since: this is revision {self.now.revision}, not {base}",
-                hint="look at it, then repeat",
+                hint="check it, then repeat",
             )
         wish = dict(value)
         region = _region(self.now.document.body, arrays)

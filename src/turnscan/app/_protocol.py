@@ -475,7 +475,7 @@ class Devices(Model):
     rig: bool
     """Whether a rig (calibration) is known for them."""
     rig_name: str
-    """Of the file it is from; empty for that of a simulated bench."""
+    """Of the file it is from; empty for that of a simulated rig."""
     rigs: list[str]
     """Rig files in the folder, for ``use_rig``."""
 

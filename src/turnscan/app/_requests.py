@@ -150,7 +150,7 @@ class FindDevices(Request):
 
 
 class Connect(Request):
-    """Open devices by address; a simulated bench is one address for all three."""
+    """Open devices by address; a simulated rig is one address for all three."""
 
     kind: Literal["connect"] = "connect"
     camera: Name
@@ -259,7 +259,7 @@ class ScanPlan(Model):
     keep: Literal["sparse", "full"] = "sparse"
     threshold: Annotated[float, Field(ge=0, le=65535)] | None = None
     orientation: Orientation = "vertical"
-    """Of the stripe in the picture."""
+    """Orientation of the stripe in the picture."""
     texture: Seconds | None = None
     """Exposure of a whole picture without laser, taken too; None for none."""
     texture_every: Annotated[int, Field(ge=1, le=100000)] = 1
@@ -281,9 +281,9 @@ class Resume(Request):
     kind: Literal["resume"] = "resume"
     scan: Opaque
     retake: bool = False
-    """Also frames that are damaged or recorded as missing."""
+    """Also take frames again that are damaged or recorded as missing."""
     at_deg: Angle | None = None
-    """The table stands at this angle of the scan now, says a person."""
+    """Current table angle in the scan's frame, set by the operator, degrees."""
 
 
 class Pause(Request):

@@ -52,7 +52,7 @@ class RigRoom:
     ) -> None:
         self._hub, self._jobs, self._library, self._may_light = hub, jobs, library, may_light
         self.rig: Rig | None = None
-        """That of a file or of a calibration; None takes that of a simulated bench."""
+        """That of a file or of a calibration; None takes that of a simulated rig."""
         self._rig_name = ""
         self._using = threading.Lock()
         self._stops = 0
@@ -70,7 +70,7 @@ class RigRoom:
         self._looker: threading.Thread | None = None
         self._what = ""
         self.busy = False
-        """Whether a scan is being taken: then the devices are told of each second."""
+        """Whether a scan is running: then the devices are told of each second."""
         self._closed = threading.Event()
         threading.Thread(target=self._watch, name="watch", daemon=True).start()
 
@@ -86,9 +86,9 @@ class RigRoom:
                 answer = probe_port(port.path)
                 address, text = answer.address, answer.address or answer.why_not
             found.append(p.FoundDevice(address=address or port.path, text=text[:200], role="board"))
-        text = "a simulated bench: camera, table and lasers in one"
+        text = "a simulated rig: camera, table and lasers in one"
         found.append(p.FoundDevice(address=DEFAULT_DEVICE, text=text, role="board"))
-        text = "the same, with a hand that holds a board for calibration"
+        text = "the same, with a hand-held board for calibration"
         address = f"{DEFAULT_DEVICE}&hand=charuco"
         found.append(p.FoundDevice(address=address, text=text, role="board"))
         return p.Found(id=id, devices=found, notes=remarks(notes))
@@ -268,18 +268,16 @@ class RigRoom:
         self._there()
 
         def work(job: Job) -> Result:
-            with self.using("the doctor is looking", job) as bench:
+            with self.using("the doctor is running", job) as bench:
                 seen = examine(bench, seconds, still=still, tick=job.tick)
             wrong = [f for f in seen.findings if f.severity != "note"]
             text = f"{len(wrong)} findings" if wrong else "ready"
             return Result(text, findings=seen.findings)
 
-        return self._jobs.start("doctor", "Looking the devices over", work)
+        return self._jobs.start("doctor", "Checking the devices", work)
 
     @contextlib.contextmanager
-    def using(
-        self, what: str = "the devices are in use", job: Job | None = None
-    ) -> Iterator[Opened]:
+    def using(self, what: str = "the devices are busy", job: Job | None = None) -> Iterator[Opened]:
         """The devices, for one alone; ``job`` is cancelled by `stop`.
 
         Raises InputError where others have them, or for none.
@@ -291,7 +289,7 @@ class RigRoom:
     def _alone(self, what: str, job: Job | None = None) -> Iterator[None]:
         stops = self._stops
         if not self._using.acquire(timeout=_PATIENCE):
-            raise InputError(self._what, hint="wait for its end, or stop it")
+            raise InputError(self._what, hint="wait until it has finished, or stop it")
         self._what, self._job = what, job
         try:
             self._release(stops)
@@ -308,7 +306,7 @@ class RigRoom:
         if self._stops != stops:
             if switch is not None:
                 switch.press()
-            raise InputError("stopped before it began", hint="start it again")
+            raise InputError("stopped before it started", hint="start it again")
 
     def _there(self) -> Opened:
         if self._bench is None:

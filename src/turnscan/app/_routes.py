@@ -75,7 +75,7 @@ class _Bundle(StaticFiles):
 def _file(path: Path) -> Endpoint:
     async def page(request: Request) -> Response:
         if not path.is_file():
-            return problem(404, "the front end is not built", "see frontend/README.md")
+            return problem(404, "the front end has not been built", "see frontend/README.md")
         return FileResponse(path, headers={"Cache-Control": "no-cache"})
 
     return page
@@ -95,7 +95,9 @@ def _enter(keys: Keys, cookie: str) -> Endpoint:
         session = keys.enter(body.token, address)
         if session is None:
             hint = "open the link that turnscan printed last"
-            return problem(401, "this link was used already, or is not from this server", hint)
+            return problem(
+                401, "this link has been used already, or belongs to another server", hint
+            )
         answer = Response(status_code=204)
         answer.set_cookie(cookie, session, httponly=True, samesite="strict", path="/")
         return answer

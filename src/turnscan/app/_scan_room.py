@@ -88,7 +88,7 @@ class ScanRoom:
                 hardware = hardware_to_resume(plan, scan, bench.hardware, at)
                 return taking.run(scan, plan, hardware, scan.rig)
 
-        return self._begin(f"Going on with {path.stem}", path, take)
+        return self._begin(f"Resuming {path.stem}", path, take)
 
     def _begin(
         self, title: str, path: Path, take: Callable[[_Taking, Opened], acquire.Outcome]
@@ -96,21 +96,23 @@ class ScanRoom:
         control = acquire.Control()
         with self._lock:
             if self._control is not None:
-                raise InputError("a scan is being taken", hint="wait for its end, or abort it")
+                raise InputError(
+                    "a scan is running", hint="wait until it has finished, or abort it"
+                )
             self._control = control
         self._rig.look_off()
 
         def work(job: Job) -> Result:
             job.on_cancel = control.abort
             try:
-                with self._rig.using("a scan is being taken", job) as bench, self._told():
+                with self._rig.using("a scan is running", job) as bench, self._told():
                     outcome = take(_Taking(self._hub, self._library, job, control), bench)
             finally:
                 self._control = None
                 self._rig.tell()
                 self._hub.tell(p.Scans(scans=self._library.entries(self._open_scans())))
             lost = f", {outcome.missing} missing" if outcome.missing else ""
-            end = "whole" if outcome.complete else "aborted; what is missing can be taken later"
+            end = "whole" if outcome.complete else "aborted; missing frames can be taken later"
             return Result(f"{path.stem}: {outcome.frames} frames taken{lost}; {end}")
 
         return self._jobs.start("scan", title, work)
@@ -130,7 +132,7 @@ class ScanRoom:
     @property
     def _running(self) -> acquire.Control:
         if self._control is None:
-            raise InputError("no scan is being taken")
+            raise InputError("no scan is running")
         return self._control
 
     @contextlib.contextmanager

@@ -42,8 +42,8 @@ class Listening:
         """Raise InputError where others could connect though nobody allowed it."""
         if not self.allow_remote and self.host != "localhost" and not is_loopback(self.host):
             raise InputError(
-                f"--host {self.host}: other computers could connect",
-                hint="add --allow-remote if they may, and read docs/how-to/workshop.md",
+                f"--host {self.host}: other computers would be able to connect",
+                hint="add --allow-remote to permit this, and read docs/how-to/workshop.md",
             )
 
 
@@ -58,7 +58,7 @@ def bind(where: Listening) -> socket.socket:
         why = getattr(e, "strerror", None) or str(e)
         raise InputError(
             f"{where.host}:{where.port}: cannot listen there ({why})",
-            hint="choose another --port, or none for one that is free",
+            hint="choose another --port, or leave it out for a free one",
         ) from None
     opened.setblocking(False)
     return opened

@@ -49,7 +49,7 @@ async def socket(websocket: WebSocket) -> None:
     await asyncio.gather(*left, return_exceptions=True)
     for task in (sending, receiving):
         if not task.cancelled() and task.exception() is not None:
-            _log.error("a mistake inside turnscan (%s) at /ws", type(task.exception()).__name__)
+            _log.error("internal error (%s) at /ws", type(task.exception()).__name__)
 
 
 async def _send(websocket: WebSocket, client: Client) -> None:
@@ -60,7 +60,7 @@ async def _send(websocket: WebSocket, client: Client) -> None:
                 await websocket.send({"type": "websocket.send", kind: message})
         except (TimeoutError, WebSocketDisconnect, RuntimeError):
             return
-    await _close(websocket, _BEHIND, "this browser is too slow, or was dropped")
+    await _close(websocket, _BEHIND, "this browser is too slow or has disconnected")
 
 
 async def _receive(websocket: WebSocket, client: Client, workshop: Workshop) -> None:

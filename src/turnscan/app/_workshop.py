@@ -207,12 +207,12 @@ class Workshop:
         except Stale as e:
             self._refuse(call, "stale", e)
         except Cancelled:
-            self._refuse(call, "cancelled", InputError("cancelled: nothing has changed"))
+            self._refuse(call, "cancelled", InputError("cancelled; nothing was changed"))
         except TurnscanError as e:
             self._refuse(call, name_of(e), e)
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
-            _log.error("a mistake inside turnscan (%s) in %s", type(e).__name__, request.kind)
-            mistake = InputError("a mistake inside turnscan", hint="please report it")
+            _log.error("internal error (%s) in %s", type(e).__name__, request.kind)
+            mistake = InputError("internal error", hint="please report it")
             self._refuse(call, "mistake", mistake)
         else:
             message, arrays = answer if isinstance(answer, tuple) else (answer, None)
@@ -234,7 +234,7 @@ class Workshop:
             return scan.measure(call.request, call.arrays, job)
 
     def _forget_measure(self, call: Call) -> Answer:
-        with self._mending(call, "Forgetting a measurement") as (scan, job):
+        with self._mending(call, "Deleting a measurement") as (scan, job):
             return scan.forget_measure(call.id, call.request.measure, job)
 
     def _operator_may_light(self) -> bool:
@@ -246,7 +246,7 @@ class Workshop:
             raise Refusal(
                 "no-lasers",
                 "lasers cannot be lit from another computer",
-                "start turnscan with --allow-remote-lasers if nobody can be harmed",
+                "start turnscan with --allow-remote-lasers, only with the laser area secured",
             )
 
     def _stop(self, call: Call) -> None:
@@ -278,9 +278,9 @@ class Workshop:
     def _use_rig(self, call: Call) -> None:
         path = self.library.rigs().get(call.request.name)
         if path is None:
-            raise InputError("there is no such rig file", hint="reload the list")
+            raise InputError("no such rig file", hint="reload the list")
         if path.stat().st_size > _RIG_BYTES:
-            raise InputError(f"{path.name}: too large for a rig")
+            raise InputError(f"{path.name}: too large for a rig file")
         text = path.read_bytes().decode("utf-8", "replace")
         self.rig.use_rig(rig_from_json(text, path.name), path.name)
 
@@ -319,7 +319,7 @@ class Workshop:
 
     def _cancel(self, call: Call) -> None:
         if not self.jobs.cancel(call.request.job):
-            raise InputError("there is no such job")
+            raise InputError("no such job")
 
     def _open(self, call: Call) -> p.Model:
         name = call.request.scan
@@ -352,7 +352,7 @@ class Workshop:
         """Close the document that nobody has asked for the longest."""
         name = min(self._scans, key=lambda n: self._scans[n].used, default=None)
         if name is None:
-            raise Refusal("busy", "other scans are just being opened", "wait for them")
+            raise Refusal("busy", "other scans are being opened", "wait until they are open")
         self._scans.pop(name).close()
 
     def _edit(self, call: Call) -> Answer:
@@ -372,11 +372,11 @@ class Workshop:
             scan.redo(job)
 
     def _go_to(self, call: Call) -> None:
-        with self._mending(call, "Going through the history") as (scan, job):
+        with self._mending(call, "Replaying the history") as (scan, job):
             scan.go(call.request.cursor, job)
 
     def _switch(self, call: Call) -> None:
-        with self._mending(call, "Switching an edit") as (scan, job):
+        with self._mending(call, "Enabling or disabling an edit") as (scan, job):
             scan.switch(call.request.edit, call.request.on, job)
 
     def _list_holes(self, call: Call) -> Answer:
@@ -391,6 +391,6 @@ def _check_remote(*addresses: str) -> None:
         if scheme in _FILES or (scheme == "sim" and not scene.replace("-", "").isalnum()):
             raise Refusal(
                 "not-remote",
-                f"{scheme}: names a file, which another computer cannot",
+                f"{scheme}: names a file, which a remote browser may not",
                 "connect it from the computer that turnscan runs on",
             )

@@ -129,8 +129,8 @@ def _minimise(
                 # No step in any direction gains: this is the minimum to rounding.
                 return state, blocks
     raise DidNotConverge(
-        f"the adjustment did not settle in {_ROUNDS} rounds",
-        hint="look at the worst views in the report and leave them out",
+        f"the bundle adjustment did not converge in {_ROUNDS} rounds",
+        hint="check the worst views in the report and leave them out",
     )
 
 

@@ -13,7 +13,7 @@ from turnscan.rig import Rig, rotation_z
 _ROUNDS = 15
 _HUBER = 2.0
 _AGREE_PX = 6.0  # a marker this far from where the others put it is not on the platter
-_LEAST_SIGMA_PX = 0.05  # corners of real markers are never better than this
+_LEAST_SIGMA_PX = 0.05  # vertices of real markers are never better than this
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def measure_table_angle(image: Image, rig: Rig) -> TableAngle | None:
     contradict the rig. Raises ValueError when the rig has no markers or another picture size.
     """
     if not rig.markers:
-        raise ValueError("this rig has no markers on its table")
+        raise ValueError("this rig has no table markers")
     if image.shape[:2] != (rig.camera.height, rig.camera.width):
         raise ValueError(
             f"picture {image.shape[1]}×{image.shape[0]} px, but the rig's camera has "

@@ -124,7 +124,7 @@ def parse_board(text: str) -> Board:
             )
         aruco_dictionary(parts[3])
         return Charuco(columns, rows, lengths[0], lengths[1], parts[3])
-    raise FormatError(f"board {text!r}: neither chessboard nor charuco", hint=_GRAMMAR)
+    raise FormatError(f"board {text!r}: neither a chessboard nor a charuco board", hint=_GRAMMAR)
 
 
 def detect_board(image: Image, board: Board, name: str = "") -> BoardView:

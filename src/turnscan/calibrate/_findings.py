@@ -37,7 +37,7 @@ def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
                 "calibrate.camera-residual",
                 "warning",
                 f"the board's corners are {f.camera_rms_px:.2f} px rms off; 0.3 px is usual",
-                remedy="look for blurred pictures, a moved focus or another board size",
+                remedy="check for blurred pictures, a changed focus or another board size",
             )
         )
     if f.camera_views < _FEW_VIEWS:
@@ -45,7 +45,7 @@ def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
             Finding(
                 "calibrate.few-views",
                 "warning",
-                f"only {f.camera_views} board views; 20 are good",
+                f"only {f.camera_views} board views; 20 are recommended",
                 remedy="add pictures of the board, tilted up to 45°",
             )
         )
@@ -54,8 +54,10 @@ def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
             Finding(
                 "calibrate.coverage",
                 "warning",
-                f"corners fill {f.coverage:.0%} of the picture; elsewhere the lens is guessed",
-                remedy="add pictures with the board in the empty parts, above all the corners",
+                f"corners fill {f.coverage:.0%} of the picture; elsewhere the lens distortion is "
+                f"extrapolated",
+                remedy="add pictures with the board in the uncovered parts of the image, above "
+                "all its corners",
             )
         )
     trend = _residual_trend(c)
@@ -65,7 +67,7 @@ def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
                 "calibrate.residual-trend",
                 "note",
                 f"the mean residual in parts of the picture reaches {trend:.2f} of their scatter: "
-                "the lens model or the board is not quite as assumed",
+                "the lens model or the board shape deviates from the assumed one",
                 remedy="see the residual map in the report",
             )
         )
@@ -83,8 +85,8 @@ def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
                 "calibrate.board-bent",
                 "note",
                 f"the board is not flat: it bulges by {abs(height[worst]):.2f} ± {error:.2f} mm "
-                f"over half its {'width' if worst == 0 else 'height'}; this is accounted for",
-                remedy="glue the pattern to glass or aluminium for a better calibration",
+                f"over half its {'width' if worst == 0 else 'height'}; this is part of the model",
+                remedy="mount the pattern on glass or aluminium for a better calibration",
             )
         )
     return out
@@ -113,8 +115,8 @@ def _of_lasers(c: Calibration, f: Figures) -> list[Finding]:
                 Finding(
                     "calibrate.sheet-residual",
                     "warning",
-                    f"the stripes of laser {laser!r} lie {f.sheet_rms_mm[laser]:.2f} mm rms off "
-                    f"their sheet ({f.sheet_rms_px[laser]:.2f} px)",
+                    f"the stripes of laser {laser!r} lie {f.sheet_rms_mm[laser]:.2f} mm rms from "
+                    f"their laser sheet ({f.sheet_rms_px[laser]:.2f} px)",
                     remedy="check that the laser did not move between the pictures",
                 )
             )
@@ -126,8 +128,7 @@ def _of_lasers(c: Calibration, f: Figures) -> list[Finding]:
                     "note",
                     f"the sheet of laser {laser!r} passes {e.text('mm')} beside the axis; the "
                     "closed form of the paper needs 0, the full model used here does not",
-                    remedy="turn the laser until its line crosses the axis to see more of narrow "
-                    "parts",
+                    remedy="turn the laser until its line crosses the axis, to cover narrow parts",
                 )
             )
         bow = float(c.rig.sheet(laser).bow[0])
@@ -136,8 +137,9 @@ def _of_lasers(c: Calibration, f: Figures) -> list[Finding]:
                 Finding(
                     "calibrate.sheet-bent",
                     "note",
-                    f"the sheet of laser {laser!r} is bent: {abs(bow) * 1e4:.3f} mm at 100 mm from "
-                    "its middle; this is accounted for",
+                    f"the sheet of laser {laser!r} is curved: {abs(bow) * 1e4:.3f} mm at 100 mm "
+                    f"from "
+                    "its middle; this is part of the model",
                 )
             )
     return out
@@ -155,8 +157,9 @@ def _of_table(c: Calibration, f: Figures) -> list[Finding]:
             Finding(
                 "calibrate.scale-trusted",
                 "warning",
-                f"no stripe was seen on the platter, so the size of everything rests on the "
-                f"markers' nominal {nominal:g} mm, believed to {c.network.trusted_side[1]:.2g} mm",
+                f"no stripe was seen on the platter, so the scale rests on the nominal marker "
+                f"side of {nominal:g} mm, with a standard uncertainty of "
+                f"{c.network.trusted_side[1]:.2g} mm",
                 remedy="take the pictures of the empty table with the laser on",
             )
         )
@@ -179,7 +182,7 @@ def _of_table(c: Calibration, f: Figures) -> list[Finding]:
             Finding(
                 "calibrate.marker-centre",
                 "warning",
-                f"the middle of the markers lies {centre.text('mm')} beside the rotation axis; "
+                f"the centre of the markers lies {centre.text('mm')} beside the rotation axis; "
                 f"the markers are {each} mm from it",
                 remedy="nothing to do: the axis is taken from the motion, not from the markers",
             )
@@ -213,7 +216,7 @@ def _platter(c: Calibration, layout: MarkerLayout, reach: float) -> list[Finding
                 "calibrate.platter-warped",
                 "note",
                 f"the platter is warped: {bulge[worst]:+.2f} ± {errors[worst]:.2f} mm at "
-                f"{reach:.0f} mm from the axis; this is accounted for",
+                f"{reach:.0f} mm from the axis; this is part of the model",
             )
         )
     return out
@@ -231,7 +234,7 @@ def _of_fit(c: Calibration) -> list[Finding]:
                 "note",
                 f"{n} pictures were not used ({shown})",
                 where=role,
-                remedy="the report says why",
+                remedy="the report gives the reasons",
             )
         )
     if c.fit.view_factor > 1.5:
@@ -239,8 +242,8 @@ def _of_fit(c: Calibration) -> list[Finding]:
             Finding(
                 "calibrate.errors-common",
                 "note",
-                "residuals within a picture go together; all uncertainties are widened "
-                f"{c.fit.view_factor:.1f}-fold for it",
+                "residuals within a picture are correlated; all uncertainties are increased "
+                f"{c.fit.view_factor:.1f}-fold",
             )
         )
     pairs = strong_correlations(c)
@@ -252,7 +255,7 @@ def _of_fit(c: Calibration) -> list[Finding]:
                 "note",
                 f"{len(pairs)} pairs of parameters are known only together (|r| > {_CORRELATED}): "
                 f"{worst}; measured lengths are better known than they are, see the report",
-                remedy="more tilt, distances and places of the board part them",
+                remedy="add pictures of the board with more tilts, distances and positions",
             )
         )
     return out

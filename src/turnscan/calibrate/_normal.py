@@ -168,8 +168,8 @@ def _inverted(stack: Floats, name: Callable[[int, int], str]) -> Floats:
         worst = np.argsort(-np.abs(vectors[n, :, 0]))[:3]
         names = ", ".join(name(n, int(k)) for k in worst)
         raise Degenerate(
-            f"the views cannot tell these apart: {names}",
-            hint="add views that differ more in tilt, distance and place",
+            f"the views cannot separate these: {names}",
+            hint="add views that differ more in tilt, distance and position",
         )
     inverses: Floats = (vectors / values[:, None, :]) @ np.swapaxes(vectors, 1, 2) / size
     return inverses

@@ -41,8 +41,8 @@ def refuse_no_boards(asked: Sequence[BoardView], kept: Sequence[BoardView]) -> N
         hint=Remedy(
             "check the size of the board (",
             Option("board"),
-            " counts inner corners of a chessboard, squares of a ChArUco board) and that it is "
-            "sharp and evenly lit",
+            " counts inner vertices of a chessboard, squares of a ChArUco board) and that it is in "
+            "focus and evenly lit",
         ),
     )
 
@@ -109,8 +109,8 @@ def _refuse_no_tilt(poses: Sequence[Pose]) -> None:
     if apart < _LEAST_TILT:
         raise Degenerate(
             f"camera: the board stands within {np.degrees(apart):.1f}° of the same direction in "
-            f"all {len(poses)} pictures, so distance and focal length cannot be told apart",
-            hint="tilt the board up to 45°, to all sides",
+            f"all {len(poses)} pictures, so distance and focal length cannot be separated",
+            hint="tilt the board up to 45° in all directions",
         )
 
 
@@ -244,7 +244,8 @@ def _riders(
             riders.append(rider)
     if len(used) < FEWEST_STEPS:
         raise NotEnoughViews(
-            f"table: {len(used)} of {len(table)} pictures show what rides on the table; at least "
+            f"table: {len(used)} of {len(table)} pictures show the table's markers or board; at "
+            f"least "
             f"{FEWEST_STEPS} are needed",
             hint="check the marker dictionary or the board, and that it is sharp and uncovered",
         )

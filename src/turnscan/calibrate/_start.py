@@ -29,7 +29,7 @@ def start_camera(views: Sequence[BoardView]) -> tuple[Camera, tuple[Pose, ...]]:
     if len(views) < FEWEST_VIEWS:
         raise NotEnoughViews(
             f"camera: {len(views)} usable board views; at least {FEWEST_VIEWS} are needed, 20 are "
-            "good",
+            "recommended",
             hint="take more pictures of the board, tilted up to 45° and filling the corners",
         )
     objects = [v.points.astype(np.float32) for v in views]

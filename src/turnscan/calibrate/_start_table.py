@@ -144,7 +144,7 @@ def _common_centre(points: Floats, number: Ints) -> Floats:
     radius = np.linalg.norm(points - solved[:2], axis=1).mean()
     if spread < _LEAST_TURN * radius:
         raise Degenerate(
-            "table: it hardly turns between the pictures, so its axis is not determined",
+            "table: it hardly turns between the pictures, so its axis cannot be determined",
             hint="give the pictures of a whole turn, in order",
         )
     centre: Floats = solved[:2]
@@ -186,7 +186,7 @@ def start_board(
 
     The relative rotations of the board have the table's axis in common. ``up`` (3,) in the camera
     frame says on which side of the platter the object stands; ``lowest`` mm is the height of the
-    board's lowest corner above the platter. The views come back with the corners of chessboards
+    board's lowest corner above the platter. The views come back with the vertices of chessboards
     that were read upside down put right.
     """
     if len(views) < FEWEST_STEPS:
@@ -209,7 +209,7 @@ def start_board(
     axis = axes[:, 2] * np.sign(axes[:, 2] @ up or 1.0)
     if np.sqrt(sizes[2]) < _LEAST_TURN:
         raise Degenerate(
-            "table: it hardly turns between the pictures, so its axis is not determined",
+            "table: it hardly turns between the pictures, so its axis cannot be determined",
             hint="give the pictures of a whole turn, in order",
         )
     relative = [T @ poses[0].inverse() for T in poses[1:]]

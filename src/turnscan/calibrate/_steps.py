@@ -54,7 +54,7 @@ def angle_model(
 
     ``angles`` (n,) rad, wrapped or not, NaN where a picture gave none; ``sigmas`` (n,) rad,
     NaN there too; ``step_numbers`` (n,) say how many steps the table was sent (default 0, 1, 2 …);
-    ``nominal_step`` rad per step number, if one was promised: it is compared, never trusted.
+    ``nominal_step`` rad per step number, if one was specified: it is compared, never trusted.
 
     The model is an even motion, plus harmonics of the table angle where there is more than half
     a turn and they explain more than their number does by chance. An angle far from what its
@@ -120,7 +120,7 @@ def _unwrapped(k: Floats, a: Floats, nominal: float | None) -> Floats:
     step = float(tries[fit.argmax()])
     if fit.max() < 0.5 * len(a):
         raise Degenerate(
-            "table angles: no steady motion explains the angles that the markers give",
+            "table angles: no uniform motion fits the angles given by the markers",
             hint="check that the pictures are in the order in which they were taken",
         )
     start = float(np.angle(np.sum(phase * np.exp(-1j * step * k))))
@@ -208,11 +208,11 @@ def _findings(
             Finding(
                 "calibrate.step-uneven",
                 "warning",
-                f"the table does not turn evenly: {n} of {len(steps)} steps differ from "
+                f"the table does not turn uniformly: {n} of {len(steps)} steps differ from "
                 f"{deg(step):.4f}° per step number by more than 10 % and their uncertainty "
                 f"({deg(np.median(sigma)):.3f}°), the steps scatter by {deg(np.std(steps)):.3f}° "
                 f"rms, one is {deg(steps[extreme]):.3f}°, and the angle is up to "
-                f"{deg(deviation[at]):+.2f}° ± {deg(noise):.2f}° off even motion",
+                f"{deg(deviation[at]):+.2f}° ± {deg(noise):.2f}° from uniform motion",
                 where=f"step number {k[at]:g}",
                 remedy="take each picture's angle from the markers, not from the step count",
             )
@@ -225,7 +225,7 @@ def _findings(
                 "calibrate.step-size",
                 "warning",
                 f"the mean step is {deg(abs(step)):.4f}° ± {deg(step_sigma):.4f}°, but "
-                f"{deg(abs(nominal)):.4f}° was promised: {deg(abs(step) * span):.2f}° instead of "
+                f"{deg(abs(nominal)):.4f}° was specified: {deg(abs(step) * span):.2f}° instead of "
                 f"{deg(abs(nominal) * span):.2f}° over the {span:g} steps seen",
                 remedy="take the angles from the markers, or give the step that was measured",
             )

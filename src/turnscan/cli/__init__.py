@@ -12,29 +12,29 @@ from turnscan import __version__
 from turnscan.errors import TurnscanError
 
 _VERBS = {
-    "app": "the workshop in a browser: scan, see, mend, measure, export",
-    "artefact": "targets and bodies to print, and the file of what is measured on them",
+    "app": "the workshop in a browser: scan, inspect, repair, measure, export",
+    "artefact": "targets and artefacts to print, and the file for their measured values",
     "calibrate": "pictures of boards and of the empty table → rig.json with its uncertainty",
-    "capture": "pictures of a board with what is connected, for calibrate",
-    "check": "is a scan file whole, and what is in it?",
-    "compare": "how far a measured mesh lies from a reference, and how much of it was measured",
-    "demo": "scan a part that isn't there, and write it as DXF, STL and a report",
+    "capture": "take pictures of a board for calibrate",
+    "check": "contents and integrity of a scan file, soundness of a mesh",
+    "compare": "deviation of a measured mesh from a reference, and its completeness",
+    "demo": "scan a simulated part and write DXF, STL and a report",
     "design": "resolution, working volume and limits of a rig before it is built",
     "devices": "serial ports and cameras that are connected",
-    "doctor": "are camera, lasers and table ready for a scan?",
-    "emulate": "a board on a serial port and a camera on the network that aren't there",
-    "edit": "mend one scan in a browser",
-    "edits": "the repairs kept in a scan file: list, switch, copy",
-    "export": "a mesh file → DXF, STL, PLY, OBJ or XYZ",
+    "doctor": "check camera, lasers and turntable before a scan",
+    "emulate": "emulated controller on a serial port, emulated camera on the network",
+    "edit": "repair one scan in a browser",
+    "edits": "the edits stored in a scan file: list, enable, copy",
+    "export": "a mesh file or scan → DXF, STL, PLY, OBJ, 3MF, GLB or XYZ",
     "import": "pictures made elsewhere → a scan file",
     "join": "several poses of one part → one surface",
-    "measure": "flat sides, angles, spheres and cylinders of a measured part",
+    "measure": "planar faces, angles, spheres and cylinders of a measured part",
     "reconstruct": "a scan file → points, mesh, CAD",
-    "resume": "take what an interrupted scan is missing",
+    "resume": "complete an interrupted scan",
     "scan": "a turn of the table with the devices that are connected → a scan file",
     "section": "planes through a part → a drawing of lines and arcs: DXF, SVG, PDF",
-    "simulate": "pictures or a scan file of a part that isn't there",
-    "verify": "scans of a measured artefact: is the scanner still what it was?",
+    "simulate": "pictures or a scan file of a simulated part",
+    "verify": "test the scanner with a measured artefact, and keep its history",
 }
 
 
@@ -91,7 +91,7 @@ def main() -> None:
         if os.environ.get("TURNSCAN_TRACEBACK"):
             raise
         _fail(
-            f"a mistake inside turnscan ({type(e).__name__}: {' '.join(str(e).split())}) → "
+            f"internal error ({type(e).__name__}: {' '.join(str(e).split())}) → "
             "please report it with the output of the same command under TURNSCAN_TRACEBACK=1",
             1,
         )

@@ -1,4 +1,4 @@
-"""``turnscan artefact``: targets and bodies to print, and the file of what is measured on them."""
+"""``turnscan artefact``: targets and artefacts to print, and the file for their measured values."""
 
 from __future__ import annotations
 
@@ -21,27 +21,34 @@ _length = Finite(min=0, min_open=True)
     "--output",
     required=True,
     type=click.Path(path_type=Path),
-    help="Folder for the files, made if new; files that are there are not replaced.",
+    help="Folder for the files, created if new; existing files are not replaced.",
 )
-@click.option("--name", default="", help="What it is called in its file.  [default: the form]")
-@click.option("--board", help="Of a target.  [default: charuco:9x6:24:18:DICT_5X5_100]")
-@click.option("--paper", type=click.Choice(["a4", "a3", "letter"]), default="a4", show_default=True)
+@click.option("--name", default="", help="Name in the artefact file.  [default: the form]")
+@click.option("--board", help="Board of a target.  [default: charuco:9x6:24:18:DICT_5X5_100]")
+@click.option("--paper", type=click.Choice(["a4", "a3", "letter"]), default="a4", show_default=True,
+              help="Paper size of target and drawings.")  # fmt: skip
 @click.option(
     "--sheet",
     type=click.Choice(["pdf", "svg", "png"]),
     default="pdf",
     show_default=True,
-    help="How target and drawings are written.",
+    help="Format of target and drawings.",
 )
-@click.option("--diameter", type=_length, default=30.0, show_default=True, help="Of balls, mm.")
 @click.option(
-    "--distance", type=_length, default=100.0, show_default=True, help="Between balls, mm."
+    "--diameter", type=_length, default=30.0, show_default=True, help="Ball diameter, mm."
+)
+@click.option(
+    "--distance",
+    type=_length,
+    default=100.0,
+    show_default=True,
+    help="Distance between ball centres, mm.",
 )
 @click.option(
     "--heights",
     default="5,15,30",
     show_default=True,
-    help="Levels of a step block above its first one, mm.",
+    help="Heights of a step block's levels above the first, mm.",
 )
 def verb(
     form: str,
@@ -54,11 +61,11 @@ def verb(
     distance: float,
     heights: str,
 ) -> None:
-    """Make what a scanner is calibrated and verified with: print it, measure it once.
+    """Make targets and artefacts for calibrating and verifying a scanner, to print and measure.
 
-    target: a ChArUco board to scale, with rulers that tell whether the printer keeps it. ball-bar,
-    step-block: an STL for a 3-D printer, a drawing of what is to be measured, and the file for
-    turnscan verify, in which the measured values are written.
+    target: a ChArUco board to scale, with rulers that show the scale of the print. ball-bar,
+    step-block: an STL for a 3-D printer, a drawing of the dimensions to measure, and the artefact
+    file for turnscan verify, in which the measured values are entered.
     """
     from turnscan.workflows import TARGET, artefact
 
@@ -76,7 +83,7 @@ def verb(
         raise InputError(f"{output}: a file", hint="name a folder")
     for path in (output / f for f in files):
         if path.exists():
-            raise InputError(f"{path}: exists already", hint="name another folder")
+            raise InputError(f"{path}: already exists", hint="name another folder")
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as e:

@@ -21,25 +21,23 @@ _path = click.Path(path_type=Path)
 
 
 @click.command("calibrate")
-@click.option("--camera", required=True, metavar="PICTURES", help="Board, anyhow held, laser off.")
+@click.option("--camera", required=True, metavar="PICTURES",
+              help="Board pictures in varied poses, laser off.")  # fmt: skip
 @click.option("--board", required=True, metavar="SPEC",
               help="chessboard:COLSxROWS:SQUARE_MM (inner corners) or "
               "charuco:COLSxROWS:SQUARE_MM:MARKER_MM:DICT (squares).")  # fmt: skip
-@click.option(
-    "--laser",
-    required=True,
-    multiple=True,
-    metavar=_NAMED,
-    help="Board with the stripe on it or on its white margin; once for every laser.",
-)
+@click.option("--laser", required=True, multiple=True, metavar=_NAMED,
+              help="Board pictures with the stripe on the board or its white margin; "
+              "once for each laser.")  # fmt: skip
 @click.option("--laser-dark", multiple=True, metavar=_NAMED,
-              help="The same with the laser off: as many pictures as with it on.")  # fmt: skip
-@click.option("--table", required=True, metavar="PICTURES", help="The table, step by step.")
+              help="The same with the laser off, one for each picture with it on.")  # fmt: skip
+@click.option("--table", required=True, metavar="PICTURES",
+              help="Pictures of the empty table, step by step.")  # fmt: skip
 @click.option("--table-dark", metavar="PICTURES", help="The same with the laser off.")
 @flags_of(CalibrateOptions)
 @click.option("-o", "--output", required=True, type=_path, help="rig.json")
-@click.option("--report", type=_path, help="HTML report.")
-@click.option("--json", "as_json", is_flag=True, help="Figures and findings as JSON on stdout.")
+@click.option("--report", type=_path, help="HTML report to write.")
+@click.option("--json", "as_json", is_flag=True, help="Print results and findings as JSON.")
 def verb(
     camera: str,
     board: str,

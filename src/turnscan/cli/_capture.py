@@ -23,19 +23,30 @@ _STAGES = ("camera", "laser", "table")
 @click.command("capture")
 @click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
 @click.option("--stage", type=click.Choice(_STAGES), required=True,
-              help="The board; the board with each laser; what rides on the table.")  # fmt: skip
+              help="What is photographed: the board, the board with each laser, or the table "
+                   "with its markers or board.")  # fmt: skip
 @device_options
-@click.option("--count", type=int, default=1, show_default=True, help="Pictures, or stops.")
-@click.option("--every", type=Finite(), default=0.0, show_default=True, metavar="SECONDS",
-              help="Before each picture, to move the board.")  # fmt: skip
-@click.option("--range-deg", type=DegreesRange(), metavar="A:B",
-              help="Turn the table from A to B.  [default: it rests; for table 0:360]")  # fmt: skip
-@click.option("--laser-name", metavar="NAME", help="For table: lit for a second picture.")
 @click.option(
-    "--exposure", type=Finite(), metavar="SECONDS", help="[default: the bench's, or 0.02]"
+    "--count", type=int, default=1, show_default=True, help="Number of pictures or table positions."
 )
-@click.option("--gain", type=Finite(), default=1.0, show_default=True)
-@click.option("--board", metavar="SPEC", help="Look for it in each picture, as in calibrate.")
+@click.option("--every", type=Finite(), default=0.0, show_default=True, metavar="SECONDS",
+              help="Delay before each picture, for moving the board.")  # fmt: skip
+@click.option("--range-deg", type=DegreesRange(), metavar="A:B",
+              help="Turn the table from A to B.  [default: no motion; for stage table "
+                   "0:360]")  # fmt: skip
+@click.option(
+    "--laser-name", metavar="NAME", help="For stage table: laser lit for a second picture."
+)
+@click.option(
+    "--exposure",
+    type=Finite(),
+    metavar="SECONDS",
+    help="Exposure time.  [default: the simulated rig's, or 0.02]",
+)
+@click.option("--gain", type=Finite(), default=1.0, show_default=True, help="Camera gain, factor.")
+@click.option(
+    "--board", metavar="SPEC", help="Detect this board in each picture; written as for calibrate."
+)
 def verb(
     folder: Path,
     stage: str,
@@ -50,12 +61,12 @@ def verb(
 ) -> None:
     """Take pictures of a board into FOLDER, for `turnscan calibrate`.
 
-    They are in camera/, laser-NAME/ with laser-NAME-dark/, and table/ (table-lit/ with
-    --laser-name), numbered on from those that are there. With --board each says what was found in
-    it, or why it is of no use. Exit code 130 when interrupted; what was taken stays.
+    They are written to camera/, laser-NAME/ with laser-NAME-dark/, and table/ (table-lit/ with
+    --laser-name); numbering continues after existing pictures. With --board, what was detected in
+    each picture is printed. Exit code 130 when interrupted; pictures already taken are kept.
     """
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is no folder", hint="name a folder for the pictures")
+        raise InputError(f"{folder}: is not a folder", hint="name a folder for the pictures")
     target = None if board is None else parse_board(board)
     if laser_name is not None and stage != "table":
         raise InputError("--laser-name is for --stage table", hint="laser lights them all")
@@ -73,7 +84,7 @@ def verb(
         except (KeyboardInterrupt, SystemError) as e:
             if not was_interrupted(e):
                 raise
-            click.echo("turnscan: interrupted; what was taken is there", err=True)
+            click.echo("turnscan: interrupted; the pictures taken so far are stored", err=True)
             sys.exit(130)
     album.tell()
 
@@ -115,7 +126,7 @@ class _Album:
         text = f"{self._folder}: {self._taken} pictures"
         if self._board is not None:
             share = coverage(self._corners, *self._size)
-            text += f", the board in {self._good}; {share:.0%} of the picture has seen it"
+            text += f", the board in {self._good}; {share:.0%} of the picture has been covered"
         click.echo(text)
 
     def _write(self, kind: str, name: str, picture: Image | None) -> None:

@@ -24,12 +24,12 @@ _OF_PLAN = (
 
 @click.command("check")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def verb(file: Path, as_json: bool) -> None:
-    """Read all of FILE and say what it holds, and whether it is whole.
+    """Read FILE completely; report its contents and whether it is intact.
 
     FILE is a scan, compared with its checksums, or a mesh (STL, PLY, OBJ, 3MF, GLB, DXF): closed,
-    manifold, oriented, cutting nowhere through itself. Exit code 1 when there is a warning or an
+    manifold, oriented, free of self-intersections. Exit code 1 when there is a warning or an
     error among the findings.
     """
     with progress_bar() as bar:
@@ -73,17 +73,17 @@ def _of_scan(done: CheckedScan, found: Sequence[Finding]) -> list[str]:
     if done.edits:
         lines.append(f"{done.edits} edits; see turnscan edits")
     lines += [str(f) for f in found]
-    return [*lines, "DAMAGED" if done.damaged else "whole: every frame agrees with its checksum"]
+    return [*lines, "DAMAGED" if done.damaged else "intact: every frame matches its checksum"]
 
 
 def _of_mesh(done: CheckedMesh, found: Sequence[Finding]) -> list[str]:
     volume = "" if done.volume_mm3 is None else f", volume {done.volume_mm3:.2f} mm³"
     marked = f"{done.faces_not_measured} not measured"
     if done.faces_not_measured is None:
-        marked = "an STL does not say which were measured"
+        marked = "STL cannot mark the measured faces"
     return [
         f"{done.path}: {done.size_bytes / 1e6:.1f} MB, {done.vertices} vertices, "
         f"{done.faces} faces ({marked}){volume}",
         *(str(f) for f in found),
-        "NOT SOUND" if found else "sound: closed, manifold, does not cut through itself",
+        "NOT SOUND" if found else "sound: closed, manifold, no self-intersections",
     ]

@@ -23,14 +23,20 @@ from turnscan.workflows import UNITS, check_output, compare
     multiple=True,
     default=(0.05, 0.1, 0.2),
     show_default=True,
-    help="mm at which precision, completeness and F-score are given; may be repeated",
+    help="tolerance in mm for precision, completeness and F-score; may be repeated",
 )
-@click.option("--samples", type=click.IntRange(100, 2_000_000), default=50_000, show_default=True)
-@click.option("--picture", type=click.Path(path_type=Path), help="deviation as a colour map, PNG")
-@click.option("--limit", type=Finite(min=0, min_open=True), help="mm at the map's ends")
+@click.option("--samples", type=click.IntRange(100, 2_000_000), default=50_000, show_default=True,
+              help="number of samples on the reference, for completeness")  # fmt: skip
+@click.option(
+    "--picture", type=click.Path(path_type=Path), help="colour map of the deviation to write, PNG"
+)
+@click.option(
+    "--limit", type=Finite(min=0, min_open=True), help="deviation at the ends of the colour map, mm"
+)
 @click.option("--unit", type=click.Choice(list(UNITS)), default="mm", help="unit of MEASURED")
-@click.option("--reference-unit", type=click.Choice(list(UNITS)), default="mm")
-@click.option("--json", "as_json", is_flag=True, help="the figures as JSON, unrounded")
+@click.option("--reference-unit", type=click.Choice(list(UNITS)), default="mm",
+              help="unit of REFERENCE")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="print the results as JSON, unrounded")
 def verb(
     measured: Path,
     reference: Path,
@@ -42,7 +48,7 @@ def verb(
     reference_unit: str,
     as_json: bool,
 ) -> None:
-    """How far MEASURED lies from REFERENCE, and how much of REFERENCE was measured.
+    """Deviation of MEASURED from REFERENCE, and how much of REFERENCE was measured.
 
     Both are meshes (STL, PLY, OBJ, 3MF, GLB, DXF) or scans (.turnscan), which are reconstructed
     with their own settings, in the same frame. Precision is the share of the measured vertices

@@ -1,4 +1,4 @@
-"""``turnscan demo``: scan a part that isn't there, and write it as DXF, STL, PLY and a report."""
+"""``turnscan demo``: scan a simulated part, and write it as DXF, STL, PLY and a report."""
 
 from __future__ import annotations
 
@@ -57,12 +57,14 @@ class _Clock:
     default="demo-output",
     show_default=True,
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder to write to; files of an earlier demo in it are replaced.",
+    help="Output folder; files of an earlier demo are replaced.",
 )
-@click.option("--scene", default="cup", show_default=True, help="Part, or mesh file.")
-@click.option("--rig", default="paper", show_default=True, help="paper, modern or ciclop.")
-@click.option("--steps", type=int, help="Table positions in one turn.  [default: the rig's]")
-@click.option("--seed", type=int, default=7, show_default=True, help="Of speckle and noise.")
+@click.option("--scene", default="cup", show_default=True, help="Simulated part, or mesh file.")
+@click.option(
+    "--rig", default="paper", show_default=True, help="Simulated rig: paper, modern or ciclop."
+)
+@click.option("--steps", type=int, help="Number of table positions per turn.  [default: the rig's]")
+@click.option("--seed", type=int, default=7, show_default=True, help="Seed of speckle and noise.")
 def verb(output: Path, scene: str, rig: str, steps: int | None, seed: int) -> None:
     """The main job from end to end, without hardware.
 

@@ -56,7 +56,7 @@ def demo_report(
             "below contain no error of a calibration."
         ),
         html.table(["quantity", "value"], _rows(devices, found)),
-        html.heading("What the camera saw"),
+        html.heading("Camera picture"),
         *(html.picture(frame_figure(f), _frame_caption(f)) for f in frames),
         html.heading("Range grid"),
         *(html.picture(grid_figure(g), _grid_caption(g)) for g in done.grids),
@@ -67,7 +67,8 @@ def demo_report(
         ),
         html.picture(
             render(mended, azimuth=0.6, elevation=0.9),
-            "Mended. What was never lit is an invention here, for instance the inside of a vessel.",
+            "Repaired. Surface that was never lit is interpolated here, for instance the inside "
+            "of a vessel.",
         ),
         html.heading("Deviation from the true shape"),
         html.picture(

@@ -23,21 +23,21 @@ _path = click.Path(path_type=Path)
     help="The paper's Table 1, and where its print and its equations disagree.",
 )
 @click.option("--theta-deg", multiple=True, metavar="ANGLES",
-              help="Angle of triangulation: 22.5, a list 10,20,30 or a range FROM:TO:STEP; "
+              help="Triangulation angle: 22.5, a list 10,20,30 or a range FROM:TO:STEP; "
               "repeatable.")  # fmt: skip
 @flags_of(DesignOptions)
-@click.option("--json", "as_json", is_flag=True, help="Everything, unrounded, as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print all results as JSON, unrounded.")
 @click.option(
     "--picture",
     type=_path,
     metavar="OUT.png",
-    help="Working volume, resolution and error as a picture (of the first angle).",
+    help="Chart of working volume, resolution and error (for the first angle), to write.",
 )
 @click.option(
     "--rig",
     type=_path,
     metavar="RIG.json",
-    help="Also write this geometry as a rig, as if it were calibrated; one angle only.",
+    help="Also write this geometry as a nominal rig file; one angle only.",
 )
 def verb(
     as_paper: bool,

@@ -22,12 +22,17 @@ if TYPE_CHECKING:
 
 @click.command("devices")
 @click.argument("ports", nargs=-1, metavar="[PORT]…")
-@click.option("--probe", is_flag=True, help="Open the ports and ask which board is behind them.")
+@click.option("--probe", is_flag=True, help="Open the ports and identify the controllers.")
 @click.option(
-    "--acknowledge", is_flag=True, help="After inspecting the machine: end its board's alarm."
+    "--acknowledge", is_flag=True, help="End the controller's alarm, after inspecting the machine."
 )
-@click.option("--exposure", type=Finite(), metavar="SECONDS", help="For --camera.  [default: 0.02]")
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@click.option(
+    "--exposure",
+    type=Finite(),
+    metavar="SECONDS",
+    help="Exposure time, with --camera.  [default: 0.02]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 @device_options
 def verb(
     ports: tuple[str, ...],
@@ -37,17 +42,17 @@ def verb(
     as_json: bool,
     devices: dict[str, str | None],
 ) -> None:
-    """List serial ports and cameras. Nothing moves and nothing is lit.
+    """List serial ports and cameras. Nothing moves and no laser is lit.
 
-    Without --probe no port is opened. With it, or with PORTs named, each is asked in the four
-    languages and at the baud rates turnscan knows; only words for dark and questions are sent. Exit
-    code 1 when a named PORT does not answer.
+    Without --probe no port is opened. With it, or with PORTs named, each port is queried in the
+    four protocols and at the baud rates that turnscan knows; only "off" commands and queries are
+    sent. Exit code 1 when a named PORT does not answer.
 
-    With --acknowledge the board at PORT, found likewise or given by its address, is taken out of an
-    alarm, and whether it still knows the angle of the table is printed. Inspect the machine first.
+    With --acknowledge the alarm of the controller at PORT (a port or an address) is cleared, and
+    whether it still knows the table angle is printed. Inspect the machine first.
 
-    With --camera and --turntable (and --lasers), or --device, it does something else: each laser is
-    lit for one picture, and the camera tells which is which.
+    With --camera and --turntable (and --lasers), or with --device, lasers are identified instead:
+    each is lit for one picture, and the camera shows which is which.
     """
     if any(devices.values()):
         from turnscan.scanner import opened, which_laser
@@ -109,8 +114,9 @@ def _acknowledge(ports: tuple[str, ...]) -> None:
                 )
             address = found.address
         alarm, kept = acknowledge_alarm(address)
-        was = "the alarm is over" if alarm else "there was no alarm"
-        angle = "kept; resume as usual" if kept else "lost; resume with --at-deg, or scan anew"
+        was = "the alarm was cleared" if alarm else "there was no alarm"
+        lost = "lost; resume with --at-deg, or start a new scan"
+        angle = "known; resume as usual" if kept else lost
         click.echo(f"{address}: {was}; the angle of its table is {angle}")
 
 

@@ -22,12 +22,19 @@ from turnscan.scanner import USUAL_DAYS, Diagnosis, examine, opened, verificatio
 @click.command("doctor")
 @device_options
 @click.option(
-    "--exposure", type=Finite(), metavar="SECONDS", help="[default: the bench's, or 0.02]"
+    "--exposure",
+    type=Finite(),
+    metavar="SECONDS",
+    help="Exposure time.  [default: the simulated rig's, or 0.02]",
 )
-@click.option("--gain", type=Finite(), default=1.0, show_default=True)
-@click.option("--still", is_flag=True, help="Do not turn the table.")
+@click.option("--gain", type=Finite(), default=1.0, show_default=True, help="Camera gain, factor.")
 @click.option(
-    "--history", type=click.Path(path_type=Path), help="Of turnscan verify: also say how old it is."
+    "--still", is_flag=True, help="Leave the table at rest; skip the checks that turn it."
+)
+@click.option(
+    "--history",
+    type=click.Path(path_type=Path),
+    help="History written by turnscan verify; the age of the last verification is checked.",
 )
 @click.option(
     "--verified-within",
@@ -35,9 +42,9 @@ from turnscan.scanner import USUAL_DAYS, Diagnosis, examine, opened, verificatio
     default=USUAL_DAYS,
     show_default=True,
     metavar="DAYS",
-    help="Age from which the last verification is old.",
+    help="Age in days above which a verification is outdated.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def verb(
     devices: dict[str, str | None],
     exposure: float | None,
@@ -47,7 +54,7 @@ def verb(
     verified_within: float,
     as_json: bool,
 ) -> None:
-    """Look at camera, lasers and table with a part on it, and say what is wrong.
+    """Check camera, lasers and turntable, with a part on it, and report what is wrong.
 
     Takes dark pictures and one of each laser, then turns the table once. Reads the camera's
     settings back; measures noise, flicker, stripe width (focus) and brightness, which laser is on
@@ -94,10 +101,10 @@ def _lines(seen: Diagnosis) -> list[str]:
         for x in seen.lasers
     ]
     if table is not None:
-        way = {True: "counter-clockwise", False: "clockwise", None: "direction unseen"}
+        way = {True: "counter-clockwise", False: "clockwise", None: "direction not observed"}
         turn = table.degrees_per_turn
         lines.append(
             f"table: {way[table.counter_clockwise]}, "
-            + ("turn unseen" if turn is None else f"a turn is {turn:g}° (± 2°)")
+            + ("full turn not observed" if turn is None else f"a turn is {turn:g}° (± 2°)")
         )
     return lines

@@ -1,4 +1,4 @@
-"""``turnscan edit``: mend one scan in a browser."""
+"""``turnscan edit``: repair one scan in a browser."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from turnscan.cli._serving import run, serving_options
 @click.argument("scan", metavar="NAME.turnscan", type=click.Path(path_type=Path))
 @serving_options
 def verb(scan: Path, serving: dict[str, Any]) -> None:
-    """Mend the scan in NAME.turnscan in a browser; every edit is kept in the file.
+    """Repair the scan in NAME.turnscan in a browser; every edit is stored in the file.
 
     Prints a link that lets one browser in and opens it. Ends with Ctrl-C.
     """

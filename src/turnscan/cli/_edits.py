@@ -40,22 +40,22 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
 
 @click.command("edits", help=_HELP)
 @click.argument("scan", type=_path)
-@click.option(
-    "-o", "--output", type=_path, help="Write the edits that are done to this .json file."
-)
+@click.option("-o", "--output", type=_path, help="Write the active edits to this .json file.")
 @click.option("--add", "source", type=_path, help="Add the edits of another scan or .json file.")
-@click.option("--make", "texts", multiple=True, metavar="JSON", help="Make an edit, given as JSON.")
+@click.option(
+    "--make", "texts", multiple=True, metavar="JSON", help="Apply an edit, given as JSON."
+)
 @click.option("--delete", "rules", multiple=True, metavar="RULE", help="Delete faces; see below.")
 @click.option(
     "--grow",
     type=click.IntRange(-1000, 1000),
     default=0,
-    help="Rounds to grow what is deleted; −N shrinks it.",
+    help="Grow the selection by N rings of faces before deleting; −N shrinks it.",
 )
-@click.option("--off", type=int, multiple=True, metavar="N", help="Switch edit N off.")
-@click.option("--on", type=int, multiple=True, metavar="N", help="Switch edit N on again.")
-@click.option("--undo", is_flag=True, help="Take back the last edit.")
-@click.option("--redo", is_flag=True, help="Do the next undone edit again.")
+@click.option("--off", type=int, multiple=True, metavar="N", help="Disable edit N.")
+@click.option("--on", type=int, multiple=True, metavar="N", help="Enable edit N again.")
+@click.option("--undo", is_flag=True, help="Undo the last edit.")
+@click.option("--redo", is_flag=True, help="Redo the next undone edit.")
 def verb(
     scan: Path,
     output: Path | None,
@@ -106,7 +106,7 @@ def _check(
 ) -> None:
     """Raise InputError for what cannot be meant, before anything is opened."""
     if grow and not rules:
-        raise InputError(f"--grow {grow}: there is nothing to grow", hint="add --delete RULE")
+        raise InputError(f"--grow {grow}: no selection to grow", hint="add --delete RULE")
     if output is not None:
         check_output(output, (".json",), [scan, *([source] if source else [])])
 

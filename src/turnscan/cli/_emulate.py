@@ -29,16 +29,17 @@ _LOOK_EVERY = 0.2
 @click.argument("dialect", metavar="BOARD")
 @click.argument("scene", metavar="[SCENE]", default="sim:cup?seed=7")
 @click.option("--port", type=click.Path(path_type=Path), metavar="PATH",
-              help="Where the serial port appears.  [default: a folder of its own]")  # fmt: skip
-@click.option("--no-camera", is_flag=True, help="The board alone.")
+              help="Path of the emulated serial port.  [default: in a temporary "
+                   "folder]")  # fmt: skip
+@click.option("--no-camera", is_flag=True, help="Emulate the controller only.")
 @click.option("--rig", "rig_file", type=click.Path(path_type=Path), metavar="FILE",
-              help="Write the scene's true rig.json there.")  # fmt: skip
+              help="File for the scene's true rig.json.")  # fmt: skip
 @click.option("--truth", "truth_file", type=click.Path(path_type=Path), metavar="FILE",
-              help="Write the part's true surface there (.stl, .ply, .obj).")  # fmt: skip
+              help="File for the part's true surface (.stl, .ply, .obj).")  # fmt: skip
 @click.option("--hurry", type=Finite(), default=1.0, show_default=True, metavar="TIMES",
-              help="The board turns so many times faster than a real one.")  # fmt: skip
+              help="Speed of the table as a multiple of a real one's.")  # fmt: skip
 @click.option("--seconds", type=Finite(min=0, min_open=True, max=86400.0), default=3600.0,
-              show_default=True, help="It ends by itself after so long.")  # fmt: skip
+              show_default=True, help="End automatically after this time, s.")  # fmt: skip
 def verb(
     dialect: str,
     scene: str,
@@ -49,12 +50,12 @@ def verb(
     hurry: float,
     seconds: float,
 ) -> None:
-    """Play a controller BOARD (grbl, horus, fabscan, sardauscan) on a serial port, and a GigE
-    Vision camera on this machine's own network, until Ctrl-C.
+    """Emulate a controller BOARD (grbl, horus, fabscan, sardauscan) on a serial port, and a
+    GigE Vision camera on this machine's own network, until Ctrl-C.
 
-    Both see one simulated SCENE, as `turnscan simulate` has them: what the board turns and lights,
-    the camera sees. Scan with it from another terminal as with real devices; the addresses are
-    printed. At the end the board's own log tells how long its lasers burned.
+    Both belong to one simulated SCENE, named as for `turnscan simulate`: the camera sees what the
+    controller turns and lights. Scan with it from another terminal as with real devices; the
+    addresses are printed. At the end the time for which lasers were lit is printed.
     """
     if os.name != "posix":
         raise InputError("a serial port can be emulated on Linux only")

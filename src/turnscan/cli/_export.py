@@ -22,7 +22,7 @@ from turnscan.workflows import ExportOptions, ReconstructOptions, check_targets,
     required=True,
     multiple=True,
     type=click.Path(path_type=Path),
-    help="File to write; its suffix names the format. May be given several times.",
+    help="File to write; its suffix names the format. May be repeated.",
 )
 @flags_of(ReconstructOptions, "decimate")
 @format_options

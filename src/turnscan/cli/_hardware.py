@@ -21,13 +21,23 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 def device_options(command: Command) -> Command:
     """Give a verb the options that name devices; it receives them as ``devices``."""
 
-    @click.option("--camera", metavar="ADDRESS", help="As uvc:0, genicam:SERIAL, folder:pictures/.")
-    @click.option("--turntable", metavar="ADDRESS", help="As grbl:/dev/ttyUSB0, horus:…, manual:")
-    @click.option("--lasers", metavar="ADDRESS", help="[default: the turntable's board]")
+    @click.option(
+        "--camera",
+        metavar="ADDRESS",
+        help="Camera, such as uvc:0, genicam:SERIAL, folder:pictures/.",
+    )
+    @click.option(
+        "--turntable",
+        metavar="ADDRESS",
+        help="Turntable, such as grbl:/dev/ttyUSB0, horus:…, manual:",
+    )
+    @click.option(
+        "--lasers", metavar="ADDRESS", help="Laser controller.  [default: the turntable's]"
+    )
     @click.option(
         "--device",
         metavar="ADDRESS",
-        help=f"All three at once: a simulated bench.  [default: {DEFAULT_DEVICE}]",
+        help=f"Camera, turntable and lasers in one: a simulated rig.  [default: {DEFAULT_DEVICE}]",
     )
     @wraps(command)
     def with_devices(

@@ -29,10 +29,11 @@ from turnscan.workflows import ImportedScan, ImportOptions, import_pictures, par
     help="Pictures of one of several lasers; repeatable, in place of PICTURES.",
 )
 @click.option("--dark", multiple=True, metavar="[NAME=]PICTURES",
-              help="Pictures with the laser off: as many as lit ones, or one for all. Without them "
-              "the background is found from the scan itself (--background).")  # fmt: skip
-@click.option("--laser", default="laser", show_default=True, help="Name of the one laser.")
-@click.option("--rig", type=click.Path(path_type=Path), help="Rig to store with it.")
+              help="Pictures with the laser off: one for each lit picture, or one for all. "
+              "Without them the background is estimated from the scan itself "
+              "(--background).")  # fmt: skip
+@click.option("--laser", default="laser", show_default=True, help="Name of the laser.")
+@click.option("--rig", type=click.Path(path_type=Path), help="rig.json to store in the scan.")
 @flags_of(ImportOptions)
 def verb(
     pictures: tuple[str, ...],

@@ -38,15 +38,19 @@ _path = click.Path(path_type=Path)
     "--points",
     "points_path",
     type=_path,
-    help="Points picked in several poses: CSV `point,pose,x,y,z` or JSON, mm in each one's frame.",
+    help="Corresponding points in several poses: CSV `point,pose,x,y,z` or JSON, mm, in the "
+    "frame of each pose.",
 )
 @click.option(
     "--markers",
     "diameter",
     type=Finite(min=0, min_open=True),
-    help="mm: diameter of three or more spheres fixed to the part; the result is without them.",
+    help="Diameter of three or more marker spheres fixed to the part, mm; they are removed from "
+    "the result.",
 )
-@click.option("--rig", "rig_path", type=_path, help="rig.json; without it each scan's own.")
+@click.option(
+    "--rig", "rig_path", type=_path, help="rig.json.  [default: the one stored in each scan]"
+)
 @flags_of(ReconstructOptions)
 @click.option(
     "--unit",
@@ -68,11 +72,11 @@ def verb(
     options: ReconstructOptions,
     formats: ExportOptions,
 ) -> None:
-    """Bring several poses of one part together and write it as one surface.
+    """Register several poses of one part and write them as one surface.
 
     SOURCES are scan files (.turnscan), range scans of another scanner (.ply), or one .conf file
-    that says where its range scans lie, roughly. Without --points and --markers the poses find
-    each other by their shape. The first one gives the frame. Nothing is written where poses do not
+    with the approximate poses of its range scans. Without --points and --markers the poses are
+    registered by their shape. The first one gives the frame. Nothing is written where poses do not
     overlap, or fit in several ways.
     """
     inputs = [*sources, *(p for p in (rig_path, points_path) if p is not None)]

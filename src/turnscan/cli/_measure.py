@@ -16,7 +16,7 @@ from turnscan.workflows import MeasureOptions, measure
 @click.command("measure")
 @click.argument("file", type=click.Path(path_type=Path))
 @flags_of(MeasureOptions)
-@click.option("--json", "as_json", is_flag=True, help="The figures as JSON, unrounded.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, unrounded.")
 def verb(file: Path, options: MeasureOptions, as_json: bool) -> None:
     """Measure the mesh in FILE (.ply .stl .obj .3mf .glb .dxf, mm), or the scan (.turnscan).
 

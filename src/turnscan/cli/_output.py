@@ -23,7 +23,7 @@ def format_options(command: Command) -> Command:
         default=("3dface",),
         show_default=True,
         type=click.Choice(["3dface", "polyface", "mesh", "profiles"]),
-        help="How a DXF holds the part; may be given several times, each has its own layer.",
+        help="DXF entities that hold the part; may be repeated, each on its own layer.",
     )
     @click.option(
         "--dxf-version",
@@ -31,8 +31,10 @@ def format_options(command: Command) -> Command:
         type=click.Choice(["R12", "R2010"]),
         help="[default: R12, which all programs read; R2010 for form mesh]",
     )
-    @click.option("--ascii", "text", is_flag=True, help="STL and PLY as text.")
-    @click.option("--float32", "single", is_flag=True, help="PLY coordinates as 32-bit numbers.")
+    @click.option("--ascii", "text", is_flag=True, help="Write STL and PLY as text.")
+    @click.option(
+        "--float32", "single", is_flag=True, help="Write PLY coordinates as 32-bit numbers."
+    )
     @wraps(command)
     def with_options(
         *args: Any, forms: Any, version: Any, text: bool, single: bool, **others: Any

@@ -20,8 +20,8 @@ def settings_options(command: Command) -> Command:
         "--settings",
         "base",
         type=click.Choice(["own", "default"]),
-        help="What the options of this command change: the scan's own settings, those of its last "
-        "reconstruction, or turnscan's.  [default: own without such options, default with]",
+        help="Settings that the options of this command modify: those stored in the scan by its "
+        "last reconstruction, or the defaults.  [default: own without such options, default with]",
     )
     return flags_of(ReconstructOptions)(base(command))
 

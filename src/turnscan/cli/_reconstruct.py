@@ -39,7 +39,9 @@ _path = click.Path(path_type=Path)
     required=True,
     help="File to write, may be repeated; by suffix: .dxf .stl .ply .obj .3mf .glb .xyz.",
 )
-@click.option("--rig", "rig_path", type=_path, help="rig.json; without it the scan file's own.")
+@click.option(
+    "--rig", "rig_path", type=_path, help="rig.json.  [default: the one stored in the scan]"
+)
 @settings_options
 @click.option(
     "--unit",
@@ -53,7 +55,7 @@ _path = click.Path(path_type=Path)
     default="own",
     metavar="own|none|FILE",
     show_default=True,
-    help="Repairs to do: those kept in the scan, none, or those of another scan or .json file.",
+    help="Edits to apply: those stored in the scan, none, or those of another scan or .json file.",
 )
 @click.option("--report", type=_path, help="Report to write: .html with pictures, or .json.")
 @format_options
@@ -68,17 +70,16 @@ def verb(
     report: Path | None,
     formats: ExportOptions,
 ) -> None:
-    """Turn SOURCE into a surface and write it, each file re-read and compared.
+    """Turn SOURCE into a surface and write it; each file is read back and compared.
 
-    SOURCE is a scan file (.turnscan), which keeps the settings for the next time, or the .conf file
-    that places the range scans (PLY) of another scanner beside it. Findings go to stderr; the exit
-    code is 1 where one is an error, and then nothing but the report is written.
+    SOURCE is a scan file (.turnscan), in which the settings are stored, or the .conf file that
+    places the range scans (PLY) of another scanner beside it. Findings go to stderr; the exit code
+    is 1 where one is an error, and then nothing but the report is written.
     """
     ranges = source.suffix.lower() == ".conf"
     idle = given(*(_OF_PICTURES if ranges else ("unit",)))
     if idle:
-        kind = "range scans" if ranges else "a scan file"
-        said = f"{', '.join(idle)}: nothing to {kind} like {source}"
+        said = f"{', '.join(idle)}: no effect on {source}"
         raise InputError(said, hint="leave it out")
     inputs = [source] if rig_path is None else [source, rig_path]
     inputs += [] if edits in ("own", "none") else [Path(edits)]

@@ -1,4 +1,4 @@
-"""``turnscan resume``: take what an interrupted scan is missing."""
+"""``turnscan resume``: complete an interrupted scan."""
 
 from __future__ import annotations
 
@@ -33,14 +33,17 @@ from turnscan.scanner import (
 @click.argument("name", metavar="NAME.turnscan", type=click.Path(path_type=Path))
 @device_options
 @click.option("--at-deg", type=Finite(), metavar="ANGLE",
-              help="The table stands at this angle of the scan now, says a person.")  # fmt: skip
-@click.option("--retake", is_flag=True, help="Also frames that are damaged or recorded as missing.")
+              help="Current table angle in the scan's frame, set by the operator, "
+                   "degrees.")  # fmt: skip
+@click.option(
+    "--retake", is_flag=True, help="Also take frames again that are damaged or recorded as missing."
+)
 def verb(name: Path, devices: dict[str, str | None], at_deg: float | None, retake: bool) -> None:
     """Take the frames that NAME.turnscan is missing, with the same plan and the same devices.
 
-    Addresses may have changed since; what is not given is as it was. Where the controller of the
-    table has restarted its angle is lost, and nothing is taken until --at-deg says it. Exit code
-    130 when interrupted, resumable as before.
+    Addresses may have changed; those not given are taken from the scan. Where the controller of the
+    table has restarted, its angle is lost, and nothing is taken until --at-deg gives it. Exit code
+    130 when interrupted; the scan can be resumed again.
     """
     with ended_by_signals():
         try:
@@ -49,7 +52,7 @@ def verb(name: Path, devices: dict[str, str | None], at_deg: float | None, retak
         except (KeyboardInterrupt, SystemError) as e:
             if not was_interrupted(e):
                 raise
-            click.echo("turnscan: interrupted before anything was taken", err=True)
+            click.echo("turnscan: interrupted before any frame was taken", err=True)
             sys.exit(130)
 
 
@@ -58,10 +61,10 @@ def _resume(scan: Scan, devices: dict[str, str | None], at_deg: float | None, re
     if retake:
         gone = forget_bad(scan)
         if gone:
-            click.echo(f"{gone} damaged or missing frames will be taken again")
+            click.echo(f"{gone} damaged or missing frames will be retaken")
     left = steps_left(how.plan, scan)
     if not left:
-        click.echo(f"{scan.path}: complete already, all {how.plan.steps} steps are there")
+        click.echo(f"{scan.path}: already complete, all {how.plan.steps} steps are there")
         return
     check_space(scan, how.plan, left)
     known = Addresses(how.camera, how.turntable, how.lasers)

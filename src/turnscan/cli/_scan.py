@@ -21,48 +21,79 @@ from turnscan.workflows._reading import read_rig_file
 @click.command("scan")
 @click.argument("name", metavar="NAME.turnscan", type=click.Path(path_type=Path))
 @device_options
-@click.option("--steps", type=int, help=f"Stops.  [default: the bench's, or {USUAL_STEPS} a turn]")
-@click.option("--step-deg", type=Degrees(), help="Angle between stops, instead of --steps.")
-@click.option("--range-deg", type=DegreesRange(), default="0:360", show_default=True, metavar="A:B")
-@click.option("--passes", type=int, default=1, show_default=True, help="The same stops again.")
-@click.option("--laser-names", metavar="A,B", help="Which to use.  [default: all there are]")
-@click.option("--together", is_flag=True, help="All lasers in one picture.")
-@click.option("--exposure", "exposures", type=Finite(), multiple=True, metavar="SECONDS",
-              help="May be given several times.  [default: the bench's, or 0.02]")  # fmt: skip
-@click.option("--auto-exposure", is_flag=True, help="Found on the stripe at the first stop.")
-@click.option("--gain", type=Finite(), default=1.0, show_default=True)
-@click.option("--dark-every", type=int, default=1, show_default=True, metavar="STEPS",
-              help="A picture without laser each so many steps; 0: none.")  # fmt: skip
 @click.option(
-    "--texture", type=Finite(), metavar="SECONDS", help="Also a whole picture, so exposed."
+    "--steps",
+    type=int,
+    help=f"Number of table positions.  [default: the simulated rig's, or {USUAL_STEPS} a turn]",
 )
-@click.option("--texture-every", type=int, default=1, show_default=True, metavar="STEPS")
-@click.option("--lamp", "lamps", multiple=True, help="Output that is a lamp, lit for --texture.")
+@click.option(
+    "--step-deg", type=Degrees(), help="Angle between table positions, in place of --steps."
+)
+@click.option("--range-deg", type=DegreesRange(), default="0:360", show_default=True, metavar="A:B",
+              help="First and last table angle.")  # fmt: skip
+@click.option(
+    "--passes",
+    type=int,
+    default=1,
+    show_default=True,
+    help="Number of passes over the same positions.",
+)
+@click.option("--laser-names", metavar="A,B", help="Lasers to use.  [default: all]")
+@click.option("--together", is_flag=True, help="Light all lasers at the same time, in one picture.")
+@click.option("--exposure", "exposures", type=Finite(), multiple=True, metavar="SECONDS",
+              help="Exposure time; may be repeated (bracketing).  [default: the simulated rig's, "
+                   "or 0.02]")  # fmt: skip
+@click.option(
+    "--auto-exposure",
+    is_flag=True,
+    help="Find the exposure time from the stripe at the first position.",
+)
+@click.option("--gain", type=Finite(), default=1.0, show_default=True, help="Camera gain, factor.")
+@click.option("--dark-every", type=int, default=1, show_default=True, metavar="STEPS",
+              help="Capture a laser-off picture every N steps; 0: never.")  # fmt: skip
+@click.option(
+    "--texture",
+    type=Finite(),
+    metavar="SECONDS",
+    help="Also capture laser-off texture images, with this exposure time.",
+)
+@click.option("--texture-every", type=int, default=1, show_default=True, metavar="STEPS",
+              help="Capture a texture image every N steps.")  # fmt: skip
+@click.option(
+    "--lamp", "lamps", multiple=True, help="Output that switches a lamp, lit for --texture."
+)
 @click.option("--settle", type=Finite(), metavar="SECONDS",
-              help="From rest to picture.  [default: 0.1; simulated: 0]")  # fmt: skip
+              help="Settling time before each picture.  [default: 0.1; simulated: 0]")  # fmt: skip
 @click.option("--blind-steps", type=int, default=8, show_default=True,
-              help="So many steps on end without a stripe end the scan; 0: never.")  # fmt: skip
-@click.option("--keep", type=click.Choice(["sparse", "full"]), default="sparse", show_default=True)
-@click.option("--threshold", type=Finite(), help="Grey levels.  [default: chosen, and said]")
+              help="End the scan after N consecutive steps without a stripe.")  # fmt: skip
+@click.option("--keep", type=click.Choice(["sparse", "full"]), default="sparse", show_default=True,
+              help="Store the pixels around the stripe, or all; both losslessly.")  # fmt: skip
+@click.option(
+    "--threshold",
+    type=Finite(),
+    help="Threshold above the background, grey levels.  [default: from the image noise; printed]",
+)
 @click.option("--orientation", type=click.Choice(["vertical", "horizontal"]), default="vertical",
-              show_default=True, help="Of the stripe in the picture.")  # fmt: skip
-@click.option("--rig", "rig_file", type=click.Path(path_type=Path), help="rig.json to put into it.")
+              show_default=True, help="Orientation of the stripe in the picture.")  # fmt: skip
+@click.option(
+    "--rig", "rig_file", type=click.Path(path_type=Path), help="rig.json to store in the scan."
+)
 def verb(
     name: Path,
     devices: dict[str, str | None],
     rig_file: Path | None,
     **wishes: Any,
 ) -> None:
-    """Scan into NAME.turnscan with what is connected, or with a simulated bench.
+    """Scan into NAME.turnscan with the connected devices, or with a simulated rig.
 
-    An interrupted scan loses at most the picture being taken; `turnscan resume` finishes it. While
-    it runs, `turnscan check` and `turnscan reconstruct` show what is there. Exit code 130 when
-    interrupted.
+    An interrupted scan loses at most the picture being captured; `turnscan resume` completes it.
+    While it runs, `turnscan check` and `turnscan reconstruct` work on the frames stored so far.
+    Exit code 130 when interrupted.
     """
     check_output(name, (".turnscan",))
     if name.exists():
         raise InputError(
-            f"{name}: exists already", hint="choose another name, or turnscan resume it"
+            f"{name}: already exists", hint="choose another name, or turnscan resume it"
         )
     at = addresses_of(devices)
     rig = read_rig_file(rig_file) if rig_file else None

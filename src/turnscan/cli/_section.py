@@ -27,19 +27,20 @@ from turnscan.workflows import (
     "--plane",
     "planes",
     multiple=True,
-    help="z=20, x=0, z=10:100:10 (from, to, step), or nx,ny,nz,distance, in mm; may be repeated.",
+    help="Cutting plane: z=20, x=0, z=10:100:10 (from, to, step), or nx,ny,nz,distance, in mm; "
+    "may be repeated.",
 )
 @click.option(
     "--half-plane-deg",
     "half_planes",
     type=Finite(),
     multiple=True,
-    help="Half-plane from the rotation axis at this angle; may be repeated.",
+    help="Cut along the half-plane from the rotation axis at this angle; may be repeated.",
 )
 @click.option(
     "--tolerance",
     type=Finite(),
-    help="mm that fitted lines and arcs may miss the points by, beyond their noise.  "
+    help="Largest deviation of fitted lines and arcs from the points beyond their noise, mm.  "
     "[default: three times the noise, at least 1/10000 of the size]",
 )
 @click.option(
@@ -49,7 +50,7 @@ from turnscan.workflows import (
     required=True,
     multiple=True,
     type=click.Path(path_type=Path),
-    help=f"File to write: {' '.join(SECTION_SUFFIXES)}. May be given several times.",
+    help=f"File to write: {' '.join(SECTION_SUFFIXES)}. May be repeated.",
 )
 @click.option(
     "--dxf-version",
@@ -57,7 +58,7 @@ from turnscan.workflows import (
     type=click.Choice(["R12", "R2010"]),
     default="R2010",
     show_default=True,
-    help="R12 has no splines: there they are polylines.",
+    help="DXF version; R12 has no splines and takes polylines in their place.",
 )
 def verb(
     part: Path,
@@ -69,12 +70,12 @@ def verb(
 ) -> None:
     """Cut PART, a mesh (.ply .stl .obj .3mf .glb .dxf, mm) or a scan, and draw the sections.
 
-    A .turnscan is reconstructed with the settings that it keeps.
+    A .turnscan is reconstructed with the settings stored in it.
 
-    Each is drawn as it was measured and as lines, arcs and splines fitted to it, with dimensions
-    and their standard uncertainties. Only what was measured is fitted; fillings are on a layer of
-    their own. Several sections stand side by side in a DXF, on a sheet each in SVG and PDF; the
-    JSON holds every point with its sigma.
+    Each section is drawn as measured, and as lines, arcs and splines fitted to it, with dimensions
+    and their standard uncertainties. Only measured points are fitted; filled parts are on a layer
+    of their own. Several sections are placed side by side in a DXF, and on a sheet each in SVG and
+    PDF; the JSON holds every point with its sigma.
     """
     check_apart(outputs)
     for path in outputs:

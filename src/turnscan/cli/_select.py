@@ -58,7 +58,7 @@ def region_where(scan: Scan, history: History, rules: Sequence[str], rounds: int
         more = rounds > 0
         chosen = edit.grow(chosen, near, rounds) if more else edit.shrink(chosen, near, -rounds)
     if not chosen.any():
-        raise InputError(f"no face is like {' or '.join(rules)}", hint="choose another value")
+        raise InputError(f"no face matches {' or '.join(rules)}", hint="choose another value")
     return edit.Region.of(body, live.face_ids[chosen])
 
 
@@ -95,7 +95,7 @@ def select(done: Reconstruction, mesh: Mesh, rule: str) -> Bools:
             *place, degrees = _numbers(rule, value.split(","), 4)
             seed = _nearest(mesh, place)
             return edit.within_angle(seed, edit.beside(mesh), mesh, math.radians(degrees))
-    raise InputError(f"{rule!r} is no rule", hint="see turnscan edits --help")
+    raise InputError(f"{rule!r} is not a rule", hint="see turnscan edits --help")
 
 
 def _nearest(mesh: Mesh, place: list[float]) -> Bools:

@@ -16,10 +16,16 @@ def serving_options(command: Command) -> Command:
     """Give a verb the options of the server; it receives them as ``serving``."""
 
     @click.option("--port", type=click.IntRange(0, 65535), default=0, help="[default: a free one]")
-    @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
-    @click.option("--no-browser", is_flag=True, help="Print the link, open nothing.")
-    @click.option("--allow-remote", is_flag=True, help="Other computers may connect.")
-    @click.option("--allow-remote-lasers", is_flag=True, help="And light the lasers from there.")
+    @click.option(
+        "--host", default="127.0.0.1", show_default=True, help="Network address to listen on."
+    )
+    @click.option("--no-browser", is_flag=True, help="Print the link without opening a browser.")
+    @click.option("--allow-remote", is_flag=True, help="Accept connections from other computers.")
+    @click.option(
+        "--allow-remote-lasers",
+        is_flag=True,
+        help="Also allow other computers to light the lasers.",
+    )
     @wraps(command)
     def with_options(
         *args: Any,
@@ -57,7 +63,7 @@ def run(folder: Path, only: Path | None, serving: dict[str, Any]) -> None:
     def say(link: str) -> None:
         click.echo(f"for another browser: {link}" if said else f"turnscan: {link}")
         if not said:
-            click.echo("the link is good for one browser; Ctrl-C ends", err=True)
+            click.echo("the link admits one browser; Ctrl-C ends the server", err=True)
         said.append(link)
 
     serve(workshop, where, say, serving["browser"])

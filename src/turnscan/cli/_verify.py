@@ -1,4 +1,4 @@
-"""``turnscan verify``: scans of a measured artefact → is the scanner still what it was?"""
+"""``turnscan verify``: test the scanner with scans of a measured artefact."""
 
 from __future__ import annotations
 
@@ -17,26 +17,20 @@ _path = click.Path(path_type=Path)
 
 @click.command("verify")
 @click.argument("scans", nargs=-1, required=True, type=_path, metavar="SCAN...")
-@click.option(
-    "--artefact", required=True, type=_path, help="What was measured on it, TOML or JSON."
-)
-@click.option("--rig", "rig_path", type=_path, help="rig.json; without it the scan files' own.")
-@click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="TEST=MM",
-    help="What a value may be at most, like size=0.05; may be repeated.  [default: the artefact's]",
-)
-@click.option("--history", type=_path, help="SQLite file that the run is added to; made if new.")
-@click.option(
-    "--date",
-    type=click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M"]),
-    help="When the scans were made, UTC.  [default: now]",
-)
-@click.option("--report", "reports", multiple=True, type=_path, help=".html or .json to write.")
-@click.option("--trend", type=_path, help="Picture of the history to write, .png; needs --history.")
-@click.option("--json", "as_json", is_flag=True, help="Everything as JSON.")
+@click.option("--artefact", required=True, type=_path,
+              help="Artefact file with its measured values, TOML or JSON.")  # fmt: skip
+@click.option("--rig", "rig_path", type=_path, help="rig.json.  [default: from each scan]")
+@click.option("--limit", "limits", multiple=True, metavar="TEST=MM",
+              help="Limit of a test value, such as size=0.05; may be repeated.  "
+              "[default: the artefact's]")  # fmt: skip
+@click.option("--history", type=_path,
+              help="History (SQLite file) to which the run is added; created if new.")  # fmt: skip
+@click.option("--date", type=click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M"]),
+              help="Date of the scans, UTC.  [default: now]")  # fmt: skip
+@click.option("--report", "reports", multiple=True, type=_path,
+              help="Report to write, .html or .json.")  # fmt: skip
+@click.option("--trend", type=_path, help="Chart of the history to write, .png; needs --history.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def verb(
     scans: tuple[Path, ...],
     artefact: Path,
@@ -48,9 +42,9 @@ def verb(
     trend: Path | None,
     as_json: bool,
 ) -> None:
-    """Test the scanner by SCANs of a sphere, ball bar, plate or step block (turnscan artefact).
+    """Test the scanner with SCANs of a sphere, ball bar, plate or step block (turnscan artefact).
 
-    Each SCAN is a scan file or a mesh made of one; several, in the order of time, also tell the
+    Each SCAN is a scan file or a mesh made from one; several, in the order of time, also give the
     repeatability. Exit code 1 where a value exceeds its limit or the history shows a drift. The
     values are defined in the documentation; they are no statement of conformity to a standard.
     """
@@ -58,7 +52,7 @@ def verb(
 
     inputs = [*scans, artefact, *([rig_path] if rig_path else [])]
     if trend is not None and history is None:
-        raise InputError(f"{trend}: a trend needs a history", hint="give --history FILE")
+        raise InputError(f"{trend}: a trend chart needs a history", hint="give --history FILE")
     outputs = [*reports, *(p for p in (trend, history) if p is not None)]
     check_apart(outputs)
     for path in reports:

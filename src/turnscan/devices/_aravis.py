@@ -61,7 +61,7 @@ class AravisCamera:
             device.connect("control-lost", lambda *_: gone.set())
             self._stream = self._camera.create_stream(None, None)
             if self._stream is None:
-                raise DeviceError(f"{self._name}: no stream", hint="look at the firewall")
+                raise DeviceError(f"{self._name}: no stream", hint="check the firewall")
             for _ in range(_BUFFERS):
                 payload = self._camera.get_payload()
                 self._stream.push_buffer(self._aravis.Buffer.new_allocate(payload))
@@ -186,7 +186,7 @@ class AravisCamera:
         self._restart = True
         self._check_there()
         raise DeviceTimeout(
-            f"{self._name}: no picture within {timeout:g} s", hint="look at the camera's cable"
+            f"{self._name}: no picture within {timeout:g} s", hint="check the camera's cable"
         )
 
     def _image(self, buffer: Any) -> Image:
@@ -195,7 +195,7 @@ class AravisCamera:
             self._restart = True
             raise DeviceGarbled(
                 f"{self._name}: a picture with parts missing ({status.value_nick})",
-                hint="look at the network: a cable of its own, and larger packets (packet=8192 in "
+                hint="check the network: use a separate cable, and larger packets (packet=8192 in "
                 "its address, where the network takes them)",
             )
         size = buffer.get_image_width(), buffer.get_image_height()
@@ -210,7 +210,8 @@ class AravisCamera:
     def _check_there(self) -> None:
         if self._gone.is_set():
             raise DeviceDisconnected(
-                f"{self._name}: the camera is gone", hint="look at cable and power, then resume"
+                f"{self._name}: the camera has disconnected",
+                hint="check cable and power, then resume",
             )
 
     def close(self) -> None:
@@ -234,11 +235,11 @@ class AravisCamera:
             codes = self._aravis.DeviceError
             if self._gone.is_set() or e.code in (codes.TIMEOUT, codes.TRANSFER_ERROR):
                 self._gone.set()
-                raise DeviceDisconnected(said, hint="look at cable and power, resume") from None
+                raise DeviceDisconnected(said, hint="check cable and power, resume") from None
             if "access" in e.message.lower() or e.code == codes.NOT_CONTROLLER:
                 raise DeviceRefused(said, hint="close the other program that uses it") from None
             if e.code == codes.NOT_FOUND:
-                raise DeviceNotFound(said, hint="look at cable and power") from None
+                raise DeviceNotFound(said, hint="check cable and power") from None
             raise DeviceError(said) from None
 
 
@@ -251,7 +252,7 @@ def aravis_library() -> Any:
         from gi.repository import Aravis
     except (ImportError, ValueError) as e:
         raise DeviceNotFound(
-            f"aravis: the library is not there ({e})",
+            f"aravis: the library is not installed ({e})",
             hint="install the packages gir1.2-aravis-0.8 libgirepository1.0-dev libcairo2-dev gcc "
             "pkg-config (Debian), then pip install 'turnscan[gige]'",
         ) from None
@@ -276,4 +277,4 @@ def _identity(library: Any, wanted: str, name: str) -> str:
         if not wanted or wanted in names:
             return names[0]
     have = ", ".join(n[0] for n in there) or "none"
-    raise DeviceNotFound(f"{name}: there is no such camera", hint=f"connected: {have}")
+    raise DeviceNotFound(f"{name}: no such camera", hint=f"connected: {have}")

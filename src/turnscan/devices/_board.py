@@ -314,7 +314,7 @@ class Board(ABC):
         with self._locked(timeout):
             if self._lost is not None:
                 raise DeviceAlarm(
-                    f"{self.setup.port}: waits for a person after: {self._lost.message}",
+                    f"{self.setup.port}: waits for an acknowledgement after: {self._lost.message}",
                     hint=look_and_acknowledge(self.setup.port),
                 )
             offs = self._offs

@@ -32,7 +32,7 @@ def open_camera(address: str) -> Iterator[Camera]:
     known = _known()
     if not colon or scheme not in known:
         raise InputError(
-            f"{address!r}: no camera is addressed like this",
+            f"{address!r}: not a camera address",
             hint=f"begin with one of {', '.join(f'{s}:' for s in sorted(known))}",
         )
     camera = _contained(address, _load(address, known[scheme]), address)

@@ -1,4 +1,4 @@
-"""The commands that switch the lasers of each kind of board, and the lines that may pass.
+"""The commands that switch the lasers of each kind of board, and the lines that is permitted.
 
 These are the only bytes in turnscan that light a laser. The guard imports this module without the
 rest of turnscan, so it needs nothing but the standard library and pyserial (and, for an
@@ -46,8 +46,8 @@ class Dialect:
     dark: Callable[[tuple[str, ...]], list[Exchange]]
     light: Callable[[tuple[str, ...], int], list[Exchange]]
     lines: re.Pattern[bytes]
-    """The lines that may pass from the scanner, without their end. None of them lights a laser,
-    neither alone nor behind what is left of another that was cut short: none begins with a digit
+    """The lines that is permitted from the scanner, without their end. None of them lights a laser,
+    neither alone nor behind what is left of another that was truncated: none begins with a digit
     but 0, with which no word for light ends.
     """
     banner: re.Pattern[bytes]
@@ -57,7 +57,7 @@ class Dialect:
     to keep; they pass as a frame of their own only. Not ``~``: going on after a hold or a door
     would restore the light."""
     lit_lines: re.Pattern[bytes] | None = None
-    """Those of the lines that may pass while a laser burns; None: all."""
+    """Those of the lines that is permitted while a laser burns; None: all."""
     holds: bool = False
     """Whether ``!`` stops its table so that a reset then keeps the place, which ``?`` tells."""
 
@@ -206,7 +206,7 @@ class LineFilter:
         for line in whole:
             self._check(line.rstrip(b"\r\n"), lit)
         if len(self._rest) > _LONGEST_LINE:
-            raise ValueError("a line without end")
+            raise ValueError("an endless line")
         return b"".join(whole)
 
     def _check(self, line: bytes, lit: bool) -> None:
@@ -215,7 +215,7 @@ class LineFilter:
         if lit and d.lit_lines is not None:
             passes = passes and d.lit_lines.fullmatch(line) is not None
         if line and not passes:
-            raise ValueError(f"not a line of {d.name} that may pass")
+            raise ValueError(f"not a line of {d.name} that is permitted")
 
 
 @contextlib.contextmanager

@@ -119,11 +119,11 @@ def _heard(
                 if _ANSWERS[dialect].search(said):
                     return dialect, baud
             if _readable(said):
-                return f"it says {shown(said)}, which is no board that turnscan knows"
+                return f"it reports {shown(said)}, not a controller that turnscan knows"
             noise = noise or said
     if noise:
-        return f"noise at every rate: {', '.join(map(str, rates))} baud"
-    return f"silent at {', '.join(map(str, rates))} baud: look at cable and power"
+        return f"unreadable data at every rate: {', '.join(map(str, rates))} baud"
+    return f"no response at {', '.join(map(str, rates))} baud: check cable and power"
 
 
 @contextlib.contextmanager

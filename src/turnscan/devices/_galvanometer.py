@@ -133,7 +133,7 @@ class Galvanometer:
                     raise DeviceRefused(
                         f"{self._name}: channel 1 is off, so the mirror stands still and the laser "
                         "would be one bright spot",
-                        hint="look at the generator, then open it again",
+                        hint="check the generator, then open it again",
                     )
                 self._link.light(int(bool(lit)), lease)
             except DeviceError as e:
@@ -203,7 +203,7 @@ class Galvanometer:
         if number.lstrip("+-") != "0":
             raise DeviceRefused(
                 f"{self._name}: the instrument reports {said[:80]}",
-                hint="look up its error in its manual; change the options",
+                hint="look up the error in its manual; change the options",
             )
 
     def _on(self, question: str) -> bool:

@@ -156,7 +156,7 @@ class GenicamCamera:
         if time.monotonic() < until:
             raise DeviceGarbled(f"{self._name}: a picture with parts missing")
         raise DeviceTimeout(
-            f"{self._name}: no picture within {timeout:g} s", hint="look at the camera's cable"
+            f"{self._name}: no picture within {timeout:g} s", hint="check the camera's cable"
         )
 
     def close(self) -> None:
@@ -222,7 +222,7 @@ def _index(harvester: Any, wanted: str, name: str) -> int:
         if not wanted or wanted in names:
             return index
     have = ", ".join(names[0] for names in there) or "none"
-    raise DeviceNotFound(f"{name}: there is no such camera", hint=f"connected: {have}")
+    raise DeviceNotFound(f"{name}: no such camera", hint=f"connected: {have}")
 
 
 @contextlib.contextmanager
@@ -238,7 +238,8 @@ def _named(name: str, doing: str) -> Iterator[None]:
         ) from None
     except (gentl.IoException, gentl.InvalidHandleException, gentl.ClosedException) as e:
         raise DeviceDisconnected(
-            f"{name}: {doing}: the camera is gone ({e})", hint="look at cable and power, resume"
+            f"{name}: {doing}: the camera has disconnected ({e})",
+            hint="check cable and power, resume",
         ) from None
     except (gentl.GenericException, genapi.GenericException) as e:
         raise DeviceError(f"{name}: {doing}: {e}") from None

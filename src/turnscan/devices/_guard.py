@@ -315,7 +315,7 @@ class Guard:
             self._tell(b"R", data)
 
     def _pass_on(self, data: bytes) -> None:
-        """The scanner's bytes to the port, if they are lines that may pass."""
+        """The scanner's bytes to the port, if they are lines that is permitted."""
         try:
             passed = self._filter.feed(data, self._lit)
         except ValueError:

@@ -75,7 +75,7 @@ class Lines:
                 continue
             if len(self._bytes) > self._longest:
                 self._bytes.clear()
-                raise DeviceGarbled(f"{self._port}: a line without end in answer to {what}")
+                raise DeviceGarbled(f"{self._port}: an endless line in answer to {what}")
             left = end - time.monotonic()
             data = self._link.read(max(left, 0.0))
             if not data and left <= 0:

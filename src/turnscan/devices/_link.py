@@ -43,7 +43,7 @@ _LONGEST_ANSWER = 10.0
 """s; longer than a dark may take that the board never confirms."""
 _LONGEST_END = 15.0
 """s for a guard to end once it was asked to."""
-CUT = "cut the power of the lasers, then look at the cable and the board"
+CUT = "cut the power of the lasers, then check the cable and the board"
 
 
 @dataclass(frozen=True)
@@ -179,9 +179,9 @@ class GuardedLink:
         try:
             kind, text = self._hello.get(timeout=self._d.connect + 10.0)
         except queue.Empty:
-            raise DeviceTimeout(f"{port}: the laser guard did not open it") from None
+            raise DeviceTimeout(f"{port}: the laser guard could not open it") from None
         if kind != b"H":
-            raise self._failure or DeviceDisconnected(f"{port}: gone while connecting")
+            raise self._failure or DeviceDisconnected(f"{port}: disconnected while connecting")
         if text[:1] == b"\1":
             return
         said = text[1:]
@@ -189,8 +189,8 @@ class GuardedLink:
             raise DeviceTimeout(
                 f"{port}: silent, no {dialect} board answered within "
                 f"{min(self._d.connect, _guard.QUIET):g} s",
-                hint="look at cable, power and baud rate; a laser that was lit before may still "
-                "be: cut its power",
+                hint="check cable, power and baud rate; a laser that was lit before may still be "
+                "lit: cut its power",
             )
         if not DIALECTS[dialect].banner.search(said):
             raise DeviceGarbled(
@@ -238,8 +238,8 @@ class GuardedLink:
         lapsed, self._lapsed = self._lapsed, False
         if lapsed:
             raise LeaseEnded(
-                f"{self.settings.port}: a laser's lease ran out while it was needed",
-                hint="nothing that was waited for came in time: look at the camera",
+                f"{self.settings.port}: the lease of a laser expired while it was needed",
+                hint="the expected picture did not arrive in time: check the camera",
             )
         result, heard, said = self._ask(b"L", struct.pack("<dB", lease, mask))
         if result == _guard.DONE:
@@ -337,7 +337,7 @@ class GuardedLink:
         if not self._closing.is_set() or kind != b"Q":
             self._check()
         if not self._pipe.acquire(timeout=1.0):
-            raise SafetyError(f"{self.settings.port}: the laser guard does not take orders")
+            raise SafetyError(f"{self.settings.port}: the laser guard does not accept requests")
         try:
             if self._guard.stdin is not None:
                 self._guard.stdin.write(_guard.pack(kind, payload))
@@ -396,7 +396,7 @@ class GuardedLink:
             self._see_off()
         except Exception as e:  # noqa: BLE001 whoever waits for the lasers must hear of it
             self._failure = SafetyError(
-                f"{self.settings.port}: the laser guard has gone, and to step in for it failed: "
+                f"{self.settings.port}: the laser guard has ended, and replacing it failed: "
                 f"{type(e).__name__}: {e}", hint=CUT,
             )  # fmt: skip
         finally:
@@ -441,7 +441,7 @@ class GuardedLink:
             try:
                 self._bytes.put_nowait(payload)
             except queue.Full:
-                self._failure = DeviceGarbled(f"{port}: talks without end")
+                self._failure = DeviceGarbled(f"{port}: sends data without end")
         elif kind == b"H":
             self._greeting(kind, payload)
         elif kind == b"U":

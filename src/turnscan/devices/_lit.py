@@ -87,8 +87,9 @@ def burning(lasers: Lasers, lit: frozenset[str]) -> Iterator[None]:
             lasers.light(frozenset(), LEASE)
     if failed:
         raise LeaseEnded(
-            f"laser {', '.join(sorted(lit))}: went dark, as no picture came within {LEASE:g} s",
-            hint="look at the camera and its cable",
+            f"laser {', '.join(sorted(lit))}: was switched off, because no picture arrived "
+            f"within {LEASE:g} s",
+            hint="check the camera and its cable",
         )
 
 

@@ -49,7 +49,7 @@ class ManualTurntable:
             if not answer:
                 return angle
             if answer.lower().startswith("q"):
-                raise DeviceRefused("manual turntable: given up by the person at it")
+                raise DeviceRefused("manual turntable: given up by the operator")
             try:
                 reached = math.radians(float(answer))
             except ValueError:
@@ -77,9 +77,9 @@ class ManualTurntable:
             except queue.Empty:
                 continue
             if answer is None:
-                raise DeviceDisconnected("manual turntable: nobody is there to answer")
+                raise DeviceDisconnected("manual turntable: no terminal to answer at")
             return answer
-        raise DeviceTimeout(f"manual turntable: nobody answered within {timeout:g} s")
+        raise DeviceTimeout(f"manual turntable: no answer within {timeout:g} s")
 
     def stop(self) -> None:
         """See `Turntable`: the question is withdrawn."""

@@ -12,7 +12,7 @@ from turnscan.errors import DeviceRefused, InputError
 def split_address(address: str, keys: Iterable[str]) -> tuple[str, Mapping[str, str]]:
     """The name in ``SCHEME:NAME?key=value&…`` and the values of its keys.
 
-    Raises InputError naming a key that is not one of ``keys`` or stands twice.
+    Raises InputError naming a key that is not one of ``keys`` or is given twice.
     """
     name, _, query = address.partition(":")[2].partition("?")
     allowed = tuple(keys)
@@ -23,7 +23,7 @@ def split_address(address: str, keys: Iterable[str]) -> tuple[str, Mapping[str, 
             raise InputError(f"{address}: no option {key!r}", hint=f"there is {there}")
     options = dict(pairs)
     if len(options) != len(pairs):
-        raise InputError(f"{address}: an option stands twice", hint="give every option once")
+        raise InputError(f"{address}: an option is given twice", hint="give every option once")
     return unquote(name), options
 
 

@@ -41,7 +41,7 @@ class Picamera2Camera:
             self._camera = library.Picamera2(int(where))
         except IndexError:
             raise DeviceNotFound(
-                f"{self._name}: there is no such camera", hint="see rpicam-hello --list-cameras"
+                f"{self._name}: no such camera", hint="see rpicam-hello --list-cameras"
             ) from None
         except RuntimeError as e:
             raise DeviceRefused(
@@ -126,7 +126,7 @@ def _library() -> Any:
         import picamera2
     except ImportError:
         raise DeviceNotFound(
-            "picamera2: the library is not there",
+            "picamera2: the library is not installed",
             hint="on a Raspberry Pi: apt install python3-picamera2, and make the virtual "
             "environment with --system-site-packages",
         ) from None

@@ -39,7 +39,7 @@ def image_of(data: npt.ArrayLike | bytes, form: str, width: int, height: int) ->
     if len(raw) < need:
         raise DeviceGarbled(
             f"camera: {len(raw)} bytes of a {width}×{height} {form} picture of {need}",
-            hint="the picture came only in part; look at cable, network and packet size",
+            hint="the picture came only in part; check cable, network and packet size",
         )
     samples = _filled(_unpacked(raw[:need], bits, packing, count), bits)
     if colour.startswith("Bayer"):

@@ -17,11 +17,11 @@ def port_error(port: str, word: str, text: str) -> DeviceError:
         return DeviceRefused(f"{port}: no permission to open it", hint=who_may_open(port))
     if word == "absent":
         # pyserial says it twice, with the name of the port: the end says why.
-        why = "there is no such port" if "[Errno 2]" in text else text
+        why = "no such port" if "[Errno 2]" in text else text
         return DeviceNotFound(
-            f"{port}: cannot be opened: {why}", hint="look at the cable and the port's name"
+            f"{port}: cannot be opened: {why}", hint="check the cable and the port's name"
         )
-    return DeviceDisconnected(f"{port}: gone: {text}", hint="plug it in again, then resume")
+    return DeviceDisconnected(f"{port}: disconnected: {text}", hint="plug it in again, then resume")
 
 
 def word_for(error: Exception) -> str:

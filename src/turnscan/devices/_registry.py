@@ -146,7 +146,7 @@ def parse_address(address: str) -> Address:
     given = parse_qsl(query, keep_blank_values=True)
     options = dict(given)
     if len(options) != len(given):
-        raise InputError(f"{address}: a key stands twice")
+        raise InputError(f"{address}: a key is given twice")
     for key in options:
         if key not in _COMMON:
             raise InputError(f"{address}: no key {key!r}", hint=f"there is {', '.join(_COMMON)}")
@@ -211,7 +211,7 @@ def _outputs(a: Address) -> tuple[tuple[str, ...], tuple[str, ...]]:
     outputs = tuple(map(_checked(a), given)) or there[: len(names) or _usual(a.dialect)]
     names = names or tuple(f"laser{i + 1}" for i in range(len(outputs)))
     if len(set(names)) != len(names) or len(set(outputs)) != len(outputs):
-        raise InputError(f"{a.dialect}:{a.port}: a laser stands twice")
+        raise InputError(f"{a.dialect}:{a.port}: a laser is given twice")
     if len(names) != len(outputs):
         raise InputError(
             f"{a.dialect}:{a.port}: {len(names)} lasers on {len(outputs)} outputs",

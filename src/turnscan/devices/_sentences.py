@@ -60,7 +60,7 @@ class Sentence:
             return locked(port, self.text)
         if self.kind is Kind.ERROR:
             return DeviceRefused(f"{port}: the board answered {self.text!r}")
-        return DeviceGarbled(f"{port}: said {self.text!r}, which answers nothing that was asked")
+        return DeviceGarbled(f"{port}: said {self.text!r}, which is no reply to a request")
 
 
 LOCKED = ("error:9", "error: Alarm lock")
@@ -70,19 +70,19 @@ LOCKED = ("error:9", "error: Alarm lock")
 def locked(port: str, said: str) -> DeviceAlarm:
     """The error that such an answer is; the alarm itself may have gone by unheard."""
     return DeviceAlarm(
-        f"{port}: the board waits in an alarm ({said})", hint=look_and_acknowledge(port)
+        f"{port}: the controller is in an alarm state ({said})", hint=look_and_acknowledge(port)
     )
 
 
 def look_and_acknowledge(port: str) -> str:
     """What a person does about an alarm."""
-    return f"look at the machine, then {_acknowledge(port)}"
+    return f"inspect the machine, then {_acknowledge(port)}"
 
 
 def _acknowledge(port: str) -> str:
     """The command that ends an alarm; a program that has the port open is in its way."""
     return (
-        "end what is connected to it (in the browser: Disconnect) and run turnscan devices "
+        "disconnect from it (in the browser: Disconnect) and run turnscan devices "
         f"{port} --acknowledge"
     )
 
@@ -90,7 +90,8 @@ def _acknowledge(port: str) -> str:
 def lost_place(port: str) -> str:
     """What a person does about a table that nobody knows the angle of."""
     return (
-        f"its position is lost: {_acknowledge(port)}, then scan anew, or turn the table to a mark "
+        f"its position is lost: {_acknowledge(port)}, then start a new scan, or turn the table "
+        f"to a mark "
         "and resume with --at-deg"
     )
 
@@ -113,7 +114,7 @@ _OLD = re.compile(r"([A-Z][A-Za-z]*):((?:-?\d{1,7}\.\d{1,4},?){1,6})")
 def sentence(line: bytes) -> Sentence:
     """The sentence a line is. Raises DeviceGarbled, and nothing else, for any other bytes."""
     if len(line) > LONGEST_LINE or any(b < 32 or b > 126 for b in line.strip(b"\r\n")):
-        raise DeviceGarbled(f"not a line of a controller: {line[:40]!r}")
+        raise DeviceGarbled(f"unrecognised controller line: {line[:40]!r}")
     text = line.decode("ascii").strip()
     if text == "ok":
         return Sentence(Kind.OK, text)
@@ -131,7 +132,7 @@ def sentence(line: bytes) -> Sentence:
         return Sentence(Kind.NUMBER, text)
     if (found := _STATUS.fullmatch(text)) and (fields := _fields(found[2])) is not None:
         return Sentence(Kind.STATUS, text, {"state": found[1], **fields})
-    raise DeviceGarbled(f"not a sentence of a controller: {text[:60]!r}")
+    raise DeviceGarbled(f"unrecognised controller reply: {text[:60]!r}")
 
 
 def _fields(text: str) -> dict[str, str] | None:

@@ -39,13 +39,14 @@ _EXPOSURES = 2.0
 _SLICE = 0.25
 
 _HINTS = {
-    "dropped": "look at cable, power and USB or network load",
-    "incomplete": "look at cable and network; larger packets (packet=8192) lose less",
-    "stale": "the driver hands out buffered pictures; it must not",
-    "frozen": "the camera repeats itself; unplug it and plug it in again",
-    "torn": "parts of pictures get lost; look at cable and bandwidth, take fewer pixels",
-    "wrong size": "the camera was changed; open it again, and calibrate if its pixels are others",
-    "black": "look at lens cap, laser and exposure",
+    "dropped": "check cable, power and USB or network load",
+    "incomplete": "check cable and network; larger packets (packet=8192) lose less",
+    "stale": "the driver returns buffered pictures, which is a defect of the driver",
+    "frozen": "the camera delivers the same picture again; unplug it and plug it in again",
+    "torn": "pictures are incomplete; check cable and bandwidth; use fewer pixels",
+    "wrong size": "the picture size has changed; open the camera again, and calibrate again if "
+    "the size is intended",
+    "black": "check lens cap, laser and exposure",
     "saturated": "shorten the exposure or darken the room",
 }
 
@@ -93,7 +94,7 @@ class Steady:
             return ""
         kinds = self.counts.most_common()
         many = ", ".join(f"{n} × {kind}" for kind, n in kinds)
-        return f"pictures that were taken again: {many} → {_HINTS[kinds[0][0]]}"
+        return f"pictures retaken: {many} → {_HINTS[kinds[0][0]]}"
 
     @property
     def traits(self) -> CameraTraits:
@@ -120,8 +121,8 @@ class Steady:
         while len(faults) <= self._retries:
             if went_out():
                 raise LeaseEnded(
-                    f"camera: no good picture before the laser went out{_why(faults)}",
-                    hint="look at the camera and its cable",
+                    f"camera: no valid picture before the laser was switched off{_why(faults)}",
+                    hint="check the camera and its cable",
                 )
             fault, image = self._attempt(timeout, lit)
             if fault is None and image is not None:
@@ -182,7 +183,7 @@ class Steady:
         """The driver's picture, or DeviceTimeout even where the driver never returns."""
         if self._hanging is not None and self._hanging.is_alive():
             raise DeviceDisconnected(
-                "camera: its driver still hangs in an earlier picture",
+                "camera: its driver is still blocked by an earlier picture",
                 hint="unplug the camera, plug it in again and resume",
             )
         images: list[Image] = []
@@ -204,7 +205,7 @@ class Steady:
             raise errors[0]
         if not images:
             raise DeviceTimeout(
-                f"camera: its driver did not come back within {timeout:g} s + {_GRACE:g} s"
+                f"camera: its driver did not return within {timeout:g} s + {_GRACE:g} s"
             )
         alive()
         return images[0]
@@ -220,7 +221,7 @@ class Steady:
     def _given_up(self, faults: list[str], timeout: float) -> DeviceError:
         last = faults[-1]
         kinds = set(faults)
-        message = f"camera: no good picture in {len(faults)} attempts{_why(faults)}"
+        message = f"camera: no valid picture in {len(faults)} attempts{_why(faults)}"
         if kinds == {"dropped"}:
             error: type[DeviceError] = DeviceTimeout
             message += f", {timeout:g} s each"

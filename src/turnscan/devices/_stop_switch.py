@@ -81,7 +81,7 @@ class StopSwitch:
         """Raise DeviceRefused where it is pressed."""
         if self.pressed:
             raise DeviceRefused(
-                "stopped: nothing lights and nothing turns until this work has ended",
+                "stopped: no laser is lit and nothing turns until this task has ended",
                 hint="start it again",
             )
 

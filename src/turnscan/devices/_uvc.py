@@ -215,7 +215,7 @@ class UvcCamera:
     def _lost(self) -> DeviceDisconnected:
         return DeviceDisconnected(
             f"{self._name}: the camera gives no more pictures; OpenCV does not say why",
-            hint="look at its cable; close other programs that use it; then resume",
+            hint="check its cable; close other programs that use it; then resume",
         )
 
     def close(self) -> None:
@@ -227,7 +227,7 @@ def _opened(name: str, where: str) -> Capture:
     import cv2
 
     if not where.isdigit() and not Path(where).exists():
-        raise DeviceNotFound(f"{name}: there is no such camera", hint="try uvc:0")
+        raise DeviceNotFound(f"{name}: no such camera", hint="try uvc:0")
     device: int | str = int(where) if where.isdigit() else os.fspath(where)
     with contextlib.suppress(AttributeError):
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)

@@ -40,7 +40,7 @@ class Marks:
     strokes: list[Floats] = field(default_factory=list)
     """(n, 2) mm each."""
     arrows: list[Floats] = field(default_factory=list)
-    """(3, 2) mm each: corners of filled triangles, the tip first."""
+    """(3, 2) mm each: vertices of filled triangles, the tip first."""
     labels: list[Label] = field(default_factory=list)
     left_out: int = 0
     """Sizes for which there was no room."""

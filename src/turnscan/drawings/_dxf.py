@@ -54,7 +54,7 @@ def write_section_dxf(
 ) -> bytes:
     """Return a DXF file of sections side by side, mm, the same for the same sections.
 
-    Layers: what was measured as polylines; lines, arcs and splines fitted to it; what was filled,
+    Layers: what was measured as polylines; lines, arcs and splines fitted to it; the filled faces,
     and links between pieces that do not meet; dimensions. R12 has no SPLINE: there a spline is a
     polyline. Raises ExportError where a coordinate is beyond what can be written.
     """

@@ -58,11 +58,11 @@ def apply(
 ) -> tuple[Body, Done]:
     """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding.
 
-    ``told`` hears of filling, smoothing and thinning out how much of it is done; ``source`` says
+    ``told`` hears of filling, smoothing and decimating how much of it is done; ``source`` says
     what the surface was made from.
     """
     findings: list[Finding] = []
-    assert not isinstance(entry.edit, GridEdit), "grid edits are done before there is a body"
+    assert not isinstance(entry.edit, GridEdit), "grid edits are applied before the mesh exists"
     patches: tuple[Patch, ...] = ()
     measured: Measured | None = None
     try:
@@ -79,7 +79,7 @@ def apply(
         back.insert(0, patch.inverse(body))
         body = patch.on(body)
     if not patches and measured is None and not findings:
-        findings.append(_nothing("it found nothing to change"))
+        findings.append(_nothing("no change: nothing matched"))
     named = tuple(Finding(f.code, f.severity, f.message, entry.place, f.remedy) for f in findings)
     return body, Done(entry, patches, tuple(back), named, measured)
 
@@ -227,7 +227,7 @@ def _filled(body: Body, edit: Fill, findings: list[Finding], told: Told) -> tupl
         if len(filled.left) == len(wanted):
             which = "the hole" if len(wanted) == 1 else f"each of the {len(wanted)} holes"
             raise InputError(
-                f"{which} stays open: filled ({edit.how}), the surface would cut through itself",
+                f"{which} stays open: filled ({edit.how}), the surface would intersect itself",
                 hint=hint,
             )
         findings.append(unfilled(filled.left, hint))
@@ -240,7 +240,7 @@ def _way_out(mesh: Mesh, left: list[Hole], how: FillHow) -> str:
     open_still = {way: len(fill_soundly(mesh, left, way).left) for way in others}
     best = min(others, key=lambda way: open_still[way])
     if open_still[best] == len(left):
-        return "bridge it by hand, or delete what stands in it; no other way of filling does better"
+        return "bridge it by hand, or delete the faces in it; no other fill method does better"
     which = "it" if len(left) == 1 else f"{len(left) - open_still[best]} of them"
     return f"choose {best}, which fills {which}"
 
@@ -276,12 +276,14 @@ def _side_at(mesh: Mesh, at: Vector) -> tuple[int, int]:
     """The side of a border whose middle is nearest to a point, and near."""
     begin, end = half_edges(mesh.faces)
     if not len(begin):
-        raise InputError("the surface has no border to bridge from")
+        raise InputError("the surface has no boundary to bridge from")
     middle = (mesh.vertices[begin] + mesh.vertices[end]) / 2
     away = np.linalg.norm(middle - at, axis=1)
     nearest = int(away.argmin())
     if away[nearest] > REACH:
-        raise InputError(f"the nearest border is {away[nearest]:.1f} mm away from a bridge's end")
+        raise InputError(
+            f"the nearest boundary is {away[nearest]:.1f} mm from the end of the bridge"
+        )
     return int(begin[nearest]), int(end[nearest])
 
 
@@ -295,5 +297,5 @@ def _alike(hole: Hole, name: HoleName) -> bool:
 
 def _nothing(message: str) -> Finding:
     return Finding(
-        "edit.nothing", "warning", message, remedy="switch the edit off, or make it again here"
+        "edit.nothing", "warning", message, remedy="disable the edit, or make it again here"
     )

@@ -95,7 +95,7 @@ class Document:
         return self.after(self.history.undo(), told)
 
     def redo(self, told: Told = silent) -> tuple[Document, Change]:
-        """Do the next undone edit again. Raises InputError where there is none."""
+        """Redo the next undone edit. Raises InputError where there is none."""
         return self.after(self.history.redo(), told)
 
     def go(self, cursor: int, told: Told = silent) -> tuple[Document, Change]:

@@ -207,7 +207,7 @@ class Decimate:
 
     def __post_init__(self) -> None:
         if self.tolerance is None and self.faces is None:
-            raise FormatError("decimate: neither a tolerance nor a number of faces")
+            raise FormatError("decimate: give a tolerance or a face count")
 
 
 @dataclass(frozen=True)

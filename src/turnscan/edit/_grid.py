@@ -102,7 +102,7 @@ def mend_stripes(
             case _:
                 acted = True
         if not acted:
-            findings.append(_nothing(entry, f"laser {seen.laser} shows nothing there"))
+            findings.append(_nothing(entry, f"laser {seen.laser} has no data there"))
     done = replace(seen, stripes=tuple(stripes[step] for step in seen.steps))
     return done.without(off), findings
 
@@ -128,7 +128,7 @@ def _nothing(entry: Entry, message: str) -> Finding:
         "warning",
         message,
         entry.place,
-        "switch the edit off, or make it again here",
+        "disable the edit, or make it again here",
     )
 
 

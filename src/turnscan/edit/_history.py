@@ -137,7 +137,7 @@ class History:
 
 
 def _unknown(id: int) -> InputError:
-    return InputError(f"there is no edit {id} in the history", hint="turnscan edits lists them")
+    return InputError(f"there is no edit {id} in the history", hint="list them with turnscan edits")
 
 
 def action_to_json(action: Action) -> str:
@@ -191,7 +191,7 @@ def history_from_json(text: str, source: str = "edits") -> History:
     body = strict_json(text, source)
     if not isinstance(body, dict) or body.get("format") != "turnscan-edits":
         raise FormatError(
-            f"{source}: format: not a file of edits",
+            f"{source}: format: not an edits file",
             hint="make one with turnscan edits SCAN -o FILE.json",
         )
     body = _versioned(body, source)

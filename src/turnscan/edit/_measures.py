@@ -135,7 +135,7 @@ def taken(body: Body, measure: Measure, source: Sources = Source) -> Measured:
         chosen = np.zeros(len(body.alive), dtype=np.bool_)
         chosen[region.find(body)] = True
         if not chosen.any():
-            raise InputError("the region it was taken on is not there")
+            raise InputError("its region no longer exists")
         return np.asarray(chosen[live.face_ids])
 
     match measure:
@@ -165,7 +165,7 @@ def _spot(mesh: Mesh, at: Vector) -> Spot:
     place: Floats = np.array(at)
     away = np.linalg.norm(mesh.vertices - place, axis=1)
     if not len(away):
-        raise InputError("there is no surface to measure on")
+        raise InputError("no surface to measure on")
     # The nearest face has a corner no further than the nearest vertex and its own longest side.
     t = mesh.triangles
     sides = np.linalg.norm(t - np.roll(t, 1, axis=1), axis=2).max(axis=1)

@@ -93,7 +93,7 @@ class Region:
             raise InputError("nothing is selected", hint="select some faces first")
         if chosen[0] < 0 or chosen[-1] >= len(body.alive) or not body.alive[chosen].all():
             raise InputError(
-                "the selection names faces that are not there", hint="select again, then repeat"
+                "the selection names faces that do not exist", hint="select again, then repeat"
             )
         return cls(body.key, runs_of(chosen), _place(body, chosen))
 

@@ -53,9 +53,9 @@ def _of_grid(edit: GridEdit) -> str:
             return f"set the point of {where} to {edit.position:.2f} px"
         case PickCandidate():
             where = f"{_span('line', edit.lines)} of step {edit.step}, laser {edit.laser}"
-            return f"pick the candidate near {edit.position:.1f} px in {where}"
+            return f"select the candidate near {edit.position:.1f} px in {where}"
         case ProfileOff():
-            return f"switch off {_span('step', edit.steps)} of laser {edit.laser}"
+            return f"disable {_span('step', edit.steps)} of laser {edit.laser}"
         case Redetect():
             where = f"{_span('step', edit.steps)}, {_span('line', edit.lines)} of {edit.laser}"
             level = None if edit.threshold is None else f"threshold {edit.threshold:g}"
@@ -76,9 +76,9 @@ def _of_mesh(edit: MeshEdit) -> str:
             limit = "" if edit.largest is None else f" up to {edit.largest:g} mm"
             return f"fill {many}{limit} ({edit.how})"
         case BridgeSides():
-            return "bridge two sides"
+            return "bridge two edges"
         case BridgeHoles():
-            return f"bridge two borders ({edit.how})"
+            return f"bridge two boundaries ({edit.how})"
         case Close():
             return "close all gaps"
         case Cut():

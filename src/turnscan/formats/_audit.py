@@ -23,8 +23,8 @@ EZDXF_BYTES = 2_000_000
 """ezdxf reads about half a megabyte of faces a second; larger files only our own reader reads."""
 VOLUME = 1e-6
 """A part's volume should survive its file to this relative accuracy."""
-_THINNER = "choose a format with more digits, such as PLY, or thin the mesh out first"
-_REMEDY = "write the file again; if it stays, report it as a fault of turnscan"
+_THINNER = "choose a format with more digits, such as PLY, or decimate the mesh first"
+_REMEDY = "write the file again; if the error persists, report it as a defect of turnscan"
 
 
 def audit(
@@ -78,7 +78,7 @@ def _unmarked(what: Mesh | PointCloud) -> list[Finding]:
     """That an STL does not mark the faces that were not measured, where there are some."""
     if not isinstance(what, Mesh) or what.measured is None or what.measured.all():
         return []
-    text = f"{int((~what.measured).sum())} faces were not measured; an STL cannot say which"
+    text = f"{int((~what.measured).sum())} faces were not measured; an STL cannot mark them"
     return [Finding("export.unmarked", "note", text, "", "write a PLY, OBJ, 3MF or DXF as well")]
 
 
@@ -96,7 +96,7 @@ def less_sound(read: Mesh, what: Mesh | PointCloud | Profiles) -> list[Finding]:
     before = {f.code for f in soundness(what)} if now else set()
     found = [replace(f, remedy=_THINNER) for f in now if f.code not in before]
     if is_closed(what) and not is_closed(read):
-        text = "the surface is closed, but open in this file"
+        text = "the surface is closed, but not closed in this file"
         found.append(Finding("surface.open", "warning", text, "", _THINNER))
     return found
 
@@ -139,7 +139,7 @@ def _compare_faces(got: Floats, wanted: Floats, step: float, name: str) -> list[
     """Compare (f, 3, 3) corners one by one, then the volume."""
     if len(got) != len(wanted):
         return [_error("count", f"{len(got)} {name} read, {len(wanted)} written")]
-    found = _compare_points(got.reshape(-1, 3), wanted.reshape(-1, 3), step, f"corners of {name}")
+    found = _compare_points(got.reshape(-1, 3), wanted.reshape(-1, 3), step, f"vertices of {name}")
     if found or not len(wanted):
         return found
     centre = wanted.reshape(-1, 3).mean(axis=0)
@@ -260,7 +260,7 @@ def _values(
         and isinstance(what, Mesh)
         and not _same_marks(read, what, suffix)
     ):
-        found.append(_error("values", "which faces were measured differs from what was written"))
+        found.append(_error("values", "the measured-face marks differ from those written"))
     if suffix.lower() in (".ply", ".glb") and isinstance(what, Mesh) and what.colour is not None:
         same_colour = read.colour is not None and np.array_equal(read.colour, what.colour)
         if not same_colour:

@@ -36,7 +36,7 @@ _Triangles = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class DxfContent:
-    """What the ENTITIES section draws; corners of triangles in mm, in the order of the file."""
+    """What the ENTITIES section draws; vertices of triangles in mm, in the order of the file."""
 
     faces: Floats
     """(3f, 3) of 3DFACEs, a quadrilateral as two triangles."""
@@ -123,13 +123,13 @@ def _groups(
 
 
 def _faces(data: bytes, text: Text, starts: npt.NDArray[np.int64]) -> tuple[Floats, Bools]:
-    """Return the (3f, 3) corners of 3DFACEs, and (e,) which of them are quadrilaterals."""
+    """Return the (3f, 3) vertices of 3DFACEs, and (e,) which of them are quadrilaterals."""
     within_limit("DXF", "3DFACEs", len(starts))
     reals, seen, _ = _groups(data, text, starts, 4)
     whole = seen[:, [0, 1, 3, 4, 6, 7]].all(axis=1)
     if not whole.all():
         line = data.count(b"\n", 0, int(starts[~whole][0]))
-        require("DXF", False, f"the 3DFACE at line {line} has fewer than three corners")
+        require("DXF", False, f"the 3DFACE at line {line} has fewer than three vertices")
     short = ~seen[:, 9:].any(axis=1)
     reals[short, 9:] = reals[short, 6:9]
     corners = reals.reshape(-1, 4, 3)
@@ -176,7 +176,7 @@ class _Polylines:
         return tuple(np.split(points, cuts)) if len(points) else ()
 
     def corners(self) -> tuple[Floats, npt.NDArray[np.int64]]:
-        """Return the (3f, 3) corners of polyfaces, then of polygon meshes, and whose each is."""
+        """Return the (3f, 3) vertices of polyfaces, then of polygon meshes, and whose each is."""
         found, of = self._polyface_corners()
         grids = self._grids()
         every = [of, *(np.full(len(corners) // 3, i) for i, corners in grids)]
@@ -210,7 +210,7 @@ class _Polylines:
 
 
 def _cells(grid: Floats, flags: int) -> Floats:
-    """Return the corners of two triangles for each cell of an (m, n, 3) polygon mesh."""
+    """Return the vertices of two triangles for each cell of an (m, n, 3) polygon mesh."""
     if flags & _CLOSED_M:
         grid = np.concatenate([grid, grid[:1]])
     if flags & _CLOSED_N:

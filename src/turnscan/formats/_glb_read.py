@@ -37,26 +37,28 @@ def read_glb(data: bytes) -> Mesh:
         if isinstance(e, InputError):
             raise
         raise FormatError(
-            f"GLB: its tables are not as they should be ({type(e).__name__}: {e})",
+            f"GLB: its tables are inconsistent ({type(e).__name__}: {e})",
             hint="export the file again at its source",
         ) from None
 
 
 def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
-    require("GLB", data[:4] == b"glTF" and len(data) >= 20, "it does not begin like one")
+    require(
+        "GLB", data[:4] == b"glTF" and len(data) >= 20, "it does not start with the GLB signature"
+    )
     version, size = struct.unpack_from("<II", data, 4)
     require("GLB", version == 2, f"version {version}, only 2 is read")
     require("GLB", size <= len(data), f"{size} bytes are announced, the file has {len(data)}")
     length, kind = struct.unpack_from("<I4s", data, 12)
-    require("GLB", kind == b"JSON" and 20 + length <= size, "the JSON part is missing or cut short")
+    require("GLB", kind == b"JSON" and 20 + length <= size, "the JSON part is missing or truncated")
     head = json.loads(data[20 : 20 + length])
-    require("GLB", isinstance(head, dict), "the JSON part is no object")
+    require("GLB", isinstance(head, dict), "the JSON part is not an object")
     start = 20 + length
     if start + 8 > size:
         return head, b""
     length, kind = struct.unpack_from("<I4s", data, start)
     require("GLB", kind == b"BIN\0", "the second part is not the binary one")
-    require("GLB", start + 8 + length <= size, "the binary part is cut short")
+    require("GLB", start + 8 + length <= size, "the binary part is truncated")
     return head, data[start + 8 : start + 8 + length]
 
 
@@ -91,7 +93,7 @@ class _Reader:
         return np.concatenate(some) if some and len(some) == len(self._colours) else None
 
     def _node(self, number: int, above: Floats, depth: int) -> None:
-        require("GLB", depth < _DEEPEST, f"nodes stand in each other more than {_DEEPEST} deep")
+        require("GLB", depth < _DEEPEST, f"nodes are nested more than {_DEEPEST} deep")
         self._nodes += 1
         within_limit("GLB", "nodes", self._nodes, _MOST_NODES)
         node = self._head["nodes"][number]
@@ -119,7 +121,9 @@ class _Reader:
         corners = np.arange(count)
         if "indices" in primitive:
             corners = self._accessor(primitive["indices"], "SCALAR")[:, 0].astype(np.int64)
-        require("GLB", len(corners) % 3 == 0, f"{len(corners)} corners do not make triangles")
+        require(
+            "GLB", len(corners) % 3 == 0, f"{len(corners)} vertex indices do not make triangles"
+        )
         require("GLB", not len(corners) or int(corners.max()) < count, "a vertex does not exist")
         self._total += len(corners) // 3
         within_limit("GLB", "triangles", self._total)
@@ -144,7 +148,7 @@ class _Reader:
         require("GLB", about["type"] == kind, f"accessor {number} is {about['type']}, not {kind}")
         require("GLB", "sparse" not in about, f"accessor {number} is sparse, which is not read")
         view = self._head["bufferViews"][about["bufferView"]]
-        require("GLB", view["buffer"] == 0, "it leans on another file")
+        require("GLB", view["buffer"] == 0, "it refers to another file")
         dtype, width, count = (
             np.dtype(_KINDS[about["componentType"]]),
             _WIDTHS[kind],

@@ -81,7 +81,7 @@ def read_header(name: str, data: bytes) -> Header:
         elif words[:1] == ["element"]:
             elements.append(_element(name, line, words))
         elif words[:1] == ["property"]:
-            require(name, bool(elements), f"{line!r} stands before any element")
+            require(name, bool(elements), f"{line!r} appears before any element")
             _property(name, elements[-1], line, words)
         elif words[:2] == ["comment", "laser"] and len(words) > 3:
             lasers.append(" ".join(words[3:]))

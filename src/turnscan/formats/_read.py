@@ -31,7 +31,7 @@ def complain(kind: str, data: bytes, code: int, at: int) -> None:
     found = repr(word[0].decode("ascii", "replace")) if word else "nothing"
     message = {
         k.NOT_A_NUMBER: f"{found} is not the number expected here",
-        k.CUT_SHORT: "the file ends before what it announced",
+        k.CUT_SHORT: "the file ends before the announced data",
         k.BAD_INDEX: f"{found} names a vertex that does not exist",
         k.NO_CODE: f"{found} is not a group code",
         k.NOT_FINITE: f"{found} is not a finite number",
@@ -90,7 +90,7 @@ def triangles(kind: str, lists: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     from turnscan.formats._read_kernels import fans
 
     code, faces = fans(lists, MAX_FACES)
-    require(kind, code != CUT_SHORT, "a polygon's list is cut short")
+    require(kind, code != CUT_SHORT, "a polygon's list is truncated")
     if code == TOO_MANY:
         within_limit(kind, "numbers in polygons", len(lists), MAX_FACES)
     found: npt.NDArray[np.int64] = faces

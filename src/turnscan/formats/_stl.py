@@ -86,12 +86,12 @@ def read_stl(data: bytes) -> Mesh:
         need = 84 + RECORD.itemsize * count
         raise FormatError(
             f"STL: {count} triangles need {need} bytes, the file has {len(data)}",
-            hint="the file is cut short or is no STL; export it again at its source",
+            hint="the file is truncated or not an STL; export it again at its source",
         )
     (word,) = words("VERTEX")
     code, at, corners, n = read_stl_text(text_of(data), word, MAX_FACES)
     complain("STL", data, code, at)
     require("STL", n > 0, "there are no triangles")
-    require("STL", n % 3 == 0, f"{n} corners do not make whole triangles")
+    require("STL", n % 3 == 0, f"{n} vertices do not make whole triangles")
     require("STL", b"endsolid" in data[-4096:].lower(), "the file ends without endsolid")
     return soup("STL", corners[:n])

@@ -91,7 +91,7 @@ def read_about(data: bytes) -> dict[str, object]:
     pieces = [text for i, (number, _, text) in enumerate(found) if int(number) == i + 1]
     try:
         value = json.loads(b"".join(pieces))
-    except ValueError:  # no such lines, or cut short
+    except ValueError:  # no such lines, or truncated
         return {}
     return value if isinstance(value, dict) else {}
 

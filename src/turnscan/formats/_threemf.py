@@ -214,7 +214,7 @@ class _Model:
         return Mesh(mesh.vertices, mesh.faces, measured=None if measured.all() else measured)
 
     def _collect(self, name: str, pose: Floats, depth: int, parts: list[Any]) -> None:
-        require("3MF", depth < _DEEPEST, f"objects stand in each other more than {_DEEPEST} deep")
+        require("3MF", depth < _DEEPEST, f"objects are nested more than {_DEEPEST} deep")
         require("3MF", name in self._objects, f"object {name!r} does not exist")
         self._instances += 1
         within_limit("3MF", "instances", self._instances, _MOST_INSTANCES)

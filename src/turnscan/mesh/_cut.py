@@ -246,7 +246,7 @@ def _triangles(ring: Ints, xy: Floats) -> Ints:
     size = int(ring.max()) + 1
     sides = np.unique(low.astype(np.int64) * size + high)
     pair = np.minimum.outer(ring, ring).astype(np.int64) * size + np.maximum.outer(ring, ring)
-    # A bridge has its two faces already, and a corner that stands twice is no side.
+    # A bridge has its two faces already, and a corner that is given twice is no side.
     used = np.isin(pair, sides) | (ring[:, None] == ring[None, :])
     faces: Ints = ring[kernels.clip_ears(xy[ring], used)].astype(np.int32)
     return faces

@@ -68,7 +68,7 @@ class Mesh:
 
     @property
     def triangles(self) -> Floats:
-        """(f, 3, 3) mm: the corners of every face."""
+        """(f, 3, 3) mm: the vertices of every face."""
         corners: Floats = self.vertices[self.faces]
         return corners
 

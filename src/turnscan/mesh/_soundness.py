@@ -30,14 +30,14 @@ def soundness(mesh: Mesh) -> list[Finding]:
     t = mesh.triangles
     crossed = crossings(mesh)
     checks = (
-        ("surface.side", "sides have more than two faces", _side_places(mesh, many=True)),
-        ("surface.orientation", "sides whose two faces wind against each other",
+        ("surface.side", "non-manifold edges (more than two faces)", _side_places(mesh, many=True)),
+        ("surface.orientation", "edges whose two faces have opposite orientations",
          _side_places(mesh, many=False)),
-        ("surface.touching", "vertices in which parts of the surface merely touch",
+        ("surface.touching", "non-manifold vertices",
          mesh.vertices[_touching(mesh)]),
-        ("surface.equal", "corners lie at the same place as another", _equal_places(mesh)),
-        ("surface.degenerate", "faces have no area", t[_without_area(t)].mean(axis=1)),
-        ("surface.crossing", "pairs of faces cut through each other"
+        ("surface.equal", "duplicate vertices", _equal_places(mesh)),
+        ("surface.degenerate", "degenerate faces (no area)", t[_without_area(t)].mean(axis=1)),
+        ("surface.crossing", "pairs of intersecting faces"
          + (", or more" if len(crossed) == _PAIRS * len(t) else ""),
          t[crossed[:, 0]].mean(axis=1)),
     )  # fmt: skip

@@ -46,12 +46,12 @@ def cut_touching(mesh: Mesh) -> tuple[Mesh, list[Finding]]:
 
     Of the fans about a vertex the largest stays (the first of equal ones), again and again, until
     the faces about every vertex hang together by their sides. (Doubling such a vertex would not
-    do: programs that join equal corners of a file make one of it again.)
+    do: programs that join equal vertices of a file make one of it again.)
     """
     kept = hanging_together(mesh.faces)
     if kept.all():
         return mesh, []
-    text = f"{int((~kept).sum())} faces that touched others in a corner only were cut away"
+    text = f"{int((~kept).sum())} faces that touched others only in a vertex were removed"
     return submesh(mesh, kept), [Finding("surface.touching", "note", text)]
 
 

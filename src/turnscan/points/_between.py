@@ -60,7 +60,7 @@ def respace(grid: RangeGrid, between: Between) -> RangeGrid:
     moves = np.diff(angles)
     if not ((moves > 0).all() or (moves < 0).all()):
         raise InputError(
-            f"laser {grid.laser}: the table angles go to and fro, or do not turn",
+            f"laser {grid.laser}: the table angles are not monotonic, or constant",
             hint="leave the spacing between profiles out",
         )
     way = float(np.sign(moves[0]))

@@ -23,11 +23,16 @@ _WORDS = (
     (
         StripeFlag.HALO,
         "halo",
-        "lie in a halo that moves them by more than their sigma",
-        "compare --strategy blais-rioux, which keeps to the core",
+        "lie in a halo that shifts them by more than their sigma",
+        "compare --strategy blais-rioux, which uses only the core of the stripe",
     ),
     (StripeFlag.GRAZING, "grazing", "are seen at a grazing angle", "their sigma is larger"),
-    (StripeFlag.AMBIGUOUS, "ambiguous", "had a rival", "choose the stripe with --choose"),
+    (
+        StripeFlag.AMBIGUOUS,
+        "ambiguous",
+        "had another candidate",
+        "select the candidate with --choose",
+    ),
 )
 
 
@@ -59,7 +64,7 @@ def grid_findings(
         Finding(
             "points.volume",
             "note",
-            f"{after} points kept, {before - after} outside {volume} or in specks",
+            f"{after} points kept, {before - after} outside {volume} or in isolated specks",
             where,
         )
     ]
@@ -70,7 +75,7 @@ def grid_findings(
             text = f"{share:.0%} of the points {what}"
             if bit == StripeFlag.HALO and strategy == "blais-rioux":
                 remedy = (
-                    "the core is measured already; light the other side, or matt it with powder"
+                    "the core is measured already; light the other side, or apply matting spray"
                 )
             out.append(Finding(f"points.{word}", "note", text, where, remedy))
     return out

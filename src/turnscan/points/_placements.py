@@ -52,10 +52,10 @@ def placements_from_conf(text: str, source: str = "conf", *, scale: float = 1.0)
         if not (np.isfinite(t).all() and 0.5 < length < 2.0):
             raise FormatError(
                 f"{where}: expected 'bmesh NAME tx ty tz qx qy qz qw' with a unit quaternion",
-                hint="mend or remove that line",
+                hint="correct or remove that line",
             )
         if words[1] in placed:
-            raise FormatError(f"{where}: {words[1]} stands twice", hint="keep one of the lines")
+            raise FormatError(f"{where}: {words[1]} is given twice", hint="keep one of the lines")
         placed[words[1]] = Pose(_from_quaternion(q / length).T, t * scale)
     if not placed:
         raise FormatError(

@@ -148,7 +148,7 @@ def check(found: Alignment, *, by_shape: bool = False) -> None:
         if by_shape and shifting(found.freedoms, i):
             loose = next(str(k) for k in found.freedoms if k.view == i)
             raise InputError(
-                f"{name}: its overlap with the other poses is too plain: {loose} is open",
+                f"{name}: its overlap with the other poses has too little relief: {loose} is open",
                 hint="scan poses that overlap in more than flat or round sides, or pick point "
                 "pairs (--points)",
             )
@@ -160,12 +160,13 @@ def check(found: Alignment, *, by_shape: bool = False) -> None:
         if f.agree < AGREE:
             raise InputError(
                 f"{name}: only {f.agree:.0%} of its overlap agrees with the other poses",
-                hint="another part, or it moved in the scan; give better point pairs",
+                hint="this may be another part, or it moved during the scan; give better point "
+                "pairs",
             )
         if f.through > THROUGH:
             raise InputError(
-                f"{name}: {f.through:.0%} stands where another pose saw through",
-                hint="another part, or a wrong place; give better point pairs",
+                f"{name}: {f.through:.0%} stands where another pose saw empty space",
+                hint="this may be another part, or a wrong registration; give better point pairs",
             )
 
 
@@ -180,7 +181,7 @@ def alignment_findings(found: Alignment) -> list[Finding]:
             )
             out.append(Finding("poses.overlap", "note", text, f"{m.first} and {m.second}"))
     for f in found.freedoms:
-        text = f"{f} is not determined: the surfaces slide on each other"
-        remedy = "where it matters, point pairs or marker spheres say how it stood"
+        text = f"{f} is not determined: the surfaces can slide on each other"
+        remedy = "if it matters, give point pairs or marker spheres"
         out.append(Finding("poses.free", "warning", text, found.names[f.view], remedy))
     return out

@@ -31,7 +31,8 @@ def rigid(a: Floats, b: Floats) -> Pose:
         extent = np.linalg.svd(points, compute_uv=False)
         if extent[1] <= _FLAT * extent[0]:
             raise InputError(
-                f"the {len(a)} point pairs lie on one line, and the part could turn about it",
+                f"the {len(a)} point pairs lie on one line, so the rotation about it is "
+                f"undetermined",
                 hint="pick points far apart that span a triangle",
             )
     u, _, vt = np.linalg.svd(x.T @ y)
@@ -82,8 +83,8 @@ def _placed(name: str, pairs: Mapping[str, tuple[Floats, Floats]]) -> Pose:
     worst = int(off.argmax())
     if off[worst] > _OFF * np.linalg.norm(np.ptp(a, axis=0)):
         raise InputError(
-            f"{name}: point {list(pairs)[worst]} lies {off[worst]:.1f} mm from where the other "
-            "poses put it",
+            f"{name}: point {list(pairs)[worst]} lies {off[worst]:.1f} mm from its position in "
+            "the other poses",
             hint="pick it again, or leave it out",
         )
     return pose

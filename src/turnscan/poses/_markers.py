@@ -103,7 +103,7 @@ def from_markers(names: Sequence[str], balls: Sequence[Floats], diameter: float)
         if len(poses) > 1:
             raise InputError(
                 f"{names[i]}: its {count} marker spheres fit in several ways",
-                hint="put them at unequal distances",
+                hint="place them at unequal distances",
             )
         placed[i] = poses[0]
         seen = poses[0].apply(balls[i])

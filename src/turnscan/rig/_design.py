@@ -82,10 +82,14 @@ class Design:
             if abs(getattr(self, name)) >= self.distance:
                 raise _wrong(name, getattr(self, name), f"less than L = {self.distance:g} mm")
         if self.offset <= -self.distance * math.sin(self.theta):
-            raise _wrong("offset", self.offset, "more than −L sin θ, or the laser misses the field")
+            raise _wrong(
+                "offset",
+                self.offset,
+                "more than −L sin θ, or the laser line lies outside the field of view",
+            )
         if not self.r_max > 0:
             raise InputError(
-                "the camera does not see the laser's line in front of the axis "
+                "the laser line in front of the axis is outside the field of view "
                 f"(pan {math.degrees(self.pan):g}°, θ {math.degrees(self.theta):g}°)",
                 hint="turn the camera less, or towards the laser",
             )

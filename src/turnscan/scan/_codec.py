@@ -153,7 +153,7 @@ def _decode_runs(
     pictures = 2 if dark == "own" else 1
     head = 8 + pictures * channels * dtype.itemsize
     if len(body) < head + 4 * shape[0]:
-        raise ScanCorrupt(f"{where}: its table of runs is cut short")
+        raise ScanCorrupt(f"{where}: its table of runs is truncated")
     runs, count = (int(v) for v in np.frombuffer(body, _U32, 2))
     fill = np.frombuffer(body, dtype.newbyteorder("<"), pictures * channels, 8).astype(dtype)
     table = 4 * (shape[0] + 2 * runs)

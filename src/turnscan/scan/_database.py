@@ -166,7 +166,7 @@ def _put_in_place(new: Path, path: Path) -> None:
 
 
 def _exists(path: Path) -> InputError:
-    return InputError(f"{path}: exists already", hint="choose another name")
+    return InputError(f"{path}: already exists", hint="choose another name")
 
 
 def _refused(path: Path, e: OSError) -> TurnscanError:
@@ -252,7 +252,7 @@ def read_meta(db: sqlite3.Connection, path: Path) -> dict[str, str]:
             if not isinstance(key, str) or not isinstance(value, str):
                 raise damaged(path, "its table of settings")
             if digest != _meta_digest(key, value):
-                raise damaged(path, f"its {key!r} does not agree with its checksum")
+                raise damaged(path, f"its {key!r} does not match its checksum")
             out[key] = value
     return out
 
@@ -291,7 +291,7 @@ def read_rows(db: sqlite3.Connection, path: Path, largest: int) -> list[Row]:
         for values in db.execute(f"SELECT {_COLUMNS} FROM frames"):  # noqa: S608 (our constant)
             row = _row(values, path)
             if row.digest() != values[-2]:
-                raise damaged(path, f"{row} does not agree with its checksum")
+                raise damaged(path, f"{row} does not match its checksum")
             if values[-1] > largest:
                 raise damaged(path, f"{row} holds {values[-1]} bytes, at most {largest} fit")
             rows.append(row)
@@ -304,9 +304,9 @@ def read_payload(db: sqlite3.Connection, row: Row, path: Path) -> bytes:
     with storage(path):
         found = db.execute("SELECT payload FROM frames WHERE id = ?", (row.id,)).fetchone()
     if found is None or not isinstance(found[0], bytes):
-        raise damaged(path, f"the pixels of {row} are gone")
+        raise damaged(path, f"the pixels of {row} are missing")
     if hashlib.sha256(found[0]).digest() != row.payload_sha256:
-        raise damaged(path, f"the pixels of {row} do not agree with their checksum")
+        raise damaged(path, f"the pixels of {row} do not match their checksum")
     return found[0]
 
 

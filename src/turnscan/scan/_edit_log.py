@@ -46,7 +46,7 @@ def read(db: sqlite3.Connection, path: Path) -> Iterator[LogEntry]:
     for number, (id, size) in enumerate(sizes, start=1):
         name = f"entry {number} of its log of edits"
         if id != number:
-            raise _damaged(path, f"{name} is gone")
+            raise _damaged(path, f"{name} is missing")
         if size > JSON_BYTES:
             raise _damaged(path, f"{name} holds {size} characters, at most {JSON_BYTES} fit")
         with storage(path):
@@ -54,7 +54,7 @@ def read(db: sqlite3.Connection, path: Path) -> Iterator[LogEntry]:
             time, text, digest = found.fetchone()
         entry = _entry(number, math.nan if time is None else time, text, before)
         if entry.digest != digest:
-            raise _damaged(path, f"{name} does not agree with its checksum")
+            raise _damaged(path, f"{name} does not match its checksum")
         before = entry.digest
         yield entry
 

@@ -311,7 +311,7 @@ class Scan:
         laser = laser or self.plan.lasers[0]
         row = self._index.row(laser, step, exposure)
         if row is None or row.kind != "lit":
-            cause = self.missing(laser).get(step, "it was never taken")
+            cause = self.missing(laser).get(step, "it was not taken")
             raise InputError(f"{self.path}: no frame at step {step} of laser {laser!r} ({cause})")
         return self._unpacker.stored(row, project).decode()
 
@@ -469,7 +469,7 @@ class Scan:
         if seal is not None:
             if seal != self._index.seal():
                 raise ScanCorrupt(
-                    f"{self.path}: damaged: it does not hold the frames it was closed with",
+                    f"{self.path}: damaged: its frames differ from those it was closed with",
                     hint="take a copy from a backup, or scan or import again",
                 )
             self.sealed = True

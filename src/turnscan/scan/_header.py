@@ -26,11 +26,11 @@ def _is_ours(head: bytes) -> bool:
 
 
 def judge_header(path: Path) -> None:
-    """Raises what is wrong with a file that is to be opened: missing, foreign, newer, cut short."""
+    """Raises what is wrong with a file that is to be opened: missing, foreign, newer, truncated."""
     if path.is_dir():
         raise InputError(f"{path}: a folder, not a scan file", hint="name a .turnscan file")
     if not path.exists():
-        raise InputError(f"{path}: there is no such scan file", hint="check the path")
+        raise InputError(f"{path}: no such scan file", hint="check the path")
     try:
         with path.open("rb") as file:
             head = file.read(100)
@@ -57,5 +57,5 @@ def judge_header(path: Path) -> None:
     said = page * int.from_bytes(head[28:32], "big")
     if size < said and not path.with_name(path.name + "-wal").exists():
         raise ScanCorrupt(
-            f"{path}: cut short, {size} bytes are left of {said}", hint="copy the file again"
+            f"{path}: truncated, {size} bytes are left of {said}", hint="copy the file again"
         )

@@ -63,7 +63,7 @@ class Index:
             if any(row.kind == "lit" for row in there):
                 continue
             causes = [settings_from_json(row.settings, str(row)).get("cause", "") for row in there]
-            out[step] = "; ".join(dict.fromkeys(map(str, causes))) or "it was never taken"
+            out[step] = "; ".join(dict.fromkeys(map(str, causes))) or "it was not taken"
         return out
 
     @property

@@ -20,7 +20,7 @@ def check_pixels(width: int, height: int, where: str) -> None:
     """Raise LimitExceeded, before anything is allocated, for a picture that is too large."""
     if width * height > IMAGE_PIXELS:
         raise LimitExceeded(
-            f"{where}: says it is {width}×{height} = {width * height / 1e6:.0f} Mpx; "
+            f"{where}: is declared as {width}×{height} = {width * height / 1e6:.0f} Mpx; "
             f"at most {IMAGE_PIXELS / 1e6:.0f} Mpx are accepted",
             hint="crop or shrink the picture, or check that it is not damaged",
         )

@@ -51,7 +51,7 @@ def list_pictures(spec: str | Path) -> list[Path]:
     elif glob.has_magic(str(path)):
         found, kind = [Path(p) for p in glob.glob(str(path))], "pattern"
     else:
-        raise InputError(f"{spec}: there is no such file or folder", hint="check the path")
+        raise InputError(f"{spec}: no such file or folder", hint="check the path")
     pictures = [
         p
         for p in found
@@ -100,7 +100,7 @@ def read_picture(path: str | Path) -> Image:
     the first page of a multi-page file is read. An EXIF rotation is **not** applied: the pixels
     must stay where the camera's calibration has them.
 
-    Raises FormatError for a file that is damaged, cut short or no such picture, and LimitExceeded,
+    Raises FormatError for a file that is damaged, truncated or no such picture, and LimitExceeded,
     before anything is allocated, for one that is too large.
     """
     from PIL import Image as Pillow
@@ -130,7 +130,7 @@ def read_picture(path: str | Path) -> Image:
         if isinstance(e, InputError):
             raise
         raise FormatError(
-            f"{path}: damaged or cut short ({e})", hint="copy the picture again or remove it"
+            f"{path}: damaged or truncated ({e})", hint="copy the picture again or remove it"
         ) from None
 
 
@@ -165,7 +165,7 @@ def read_video(path: str | Path) -> Iterator[Image]:
 
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path}: there is no such video", hint="check the path")
+        raise InputError(f"{path}: no such video", hint="check the path")
     video = cv2.VideoCapture(str(path))
     try:
         if not video.isOpened():
@@ -190,7 +190,7 @@ def read_video(path: str | Path) -> Iterator[Image]:
 
 def _bytes(path: Path) -> bytes:
     if not path.is_file():
-        raise InputError(f"{path}: there is no such picture", hint="check the path")
+        raise InputError(f"{path}: no such picture", hint="check the path")
     size = path.stat().st_size
     if size > PICTURE_BYTES:
         raise LimitExceeded(f"{path}: {size} bytes; a picture has at most {PICTURE_BYTES}")
@@ -203,7 +203,7 @@ def _check_size(width: int, height: int, size: int, path: Path) -> None:
     check_pixels(width, height, str(path))
     if width * height > 1_000_000 + _PIXELS_PER_BYTE * size:
         raise FormatError(
-            f"{path}: says it is {width}×{height}, but has only {size} bytes",
+            f"{path}: is declared as {width}×{height}, but has only {size} bytes",
             hint="copy the picture again or remove it",
         )
 

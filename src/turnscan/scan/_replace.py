@@ -37,7 +37,7 @@ def replacing_scan(path: str | Path, plan: ScanPlan, rig: Rig | None = None) -> 
         )
     if path.with_name(path.name + "-wal").exists():
         raise ScanBusy(
-            f"{path}: another process is writing it, or an interrupted scan waits there",
+            f"{path}: another process is writing it, or it holds an interrupted scan",
             hint="choose another name, or finish that scan first",
         )
     _sweep(path)

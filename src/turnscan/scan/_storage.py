@@ -28,7 +28,7 @@ def damaged(path: Path, what: str) -> ScanCorrupt:
 
 
 def full(path: Path) -> StorageFull:
-    return StorageFull(f"{path}: no room left on the disk", hint="free some space, then resume")
+    return StorageFull(f"{path}: the disk is full", hint="free some space, then resume")
 
 
 def _named(e: sqlite3.Error, path: Path) -> TurnscanError:

@@ -66,7 +66,7 @@ class Unpacker:
         if self._shared is None or self._shared[:2] != (row.laser, project):
             picture = self.background(row.laser)
             if picture is None:
-                raise ScanCorrupt(f"{self._path}: damaged: the background of {row} is gone")
+                raise ScanCorrupt(f"{self._path}: damaged: the background of {row} is missing")
             self._shared = (row.laser, project, Background(picture, project))
         return self._shared[2]
 

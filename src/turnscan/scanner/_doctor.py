@@ -70,7 +70,7 @@ def _camera(camera: CameraFacts, seconds: float, gain: float) -> list[Finding]:
     found = []
     for what, asked, got in (("exposure", seconds, camera.seconds), ("gain", gain, camera.gain)):
         if math.isnan(got):
-            found.append(Finding("doctor.untold", "note", f"the camera does not tell its {what}"))
+            found.append(Finding("doctor.untold", "note", f"the camera does not report its {what}"))
         elif abs(got - asked) > _LIES * asked:
             found.append(
                 Finding(
@@ -78,7 +78,7 @@ def _camera(camera: CameraFacts, seconds: float, gain: float) -> list[Finding]:
                     "warning",
                     f"{what} {asked:g} was asked for, {got:g} is set",
                     where="camera",
-                    remedy="ask for a value that the camera can have",
+                    remedy="choose a value that the camera supports",
                 )
             )
     if camera.flicker > _FLICKER:
@@ -88,7 +88,8 @@ def _camera(camera: CameraFacts, seconds: float, gain: float) -> list[Finding]:
                 "warning",
                 f"dark pictures differ by {100 * camera.flicker:.1f} % of the scale",
                 where="camera",
-                remedy="darken the room, or expose for a whole period of its light",
+                remedy="darken the room, or use an exposure of a whole period of the lamp's "
+                "flicker",
             )
         )
     if camera.level > _BRIGHT_ROOM:
@@ -113,7 +114,7 @@ def _laser(laser: LaserFacts) -> list[Finding]:
                 "error",
                 "no stripe in its picture",
                 where=where,
-                remedy="look whether it lights and meets the part; lengthen the exposure",
+                remedy="check that it is lit and falls on the part; increase the exposure",
             )
         ]
     found = []
@@ -162,7 +163,7 @@ def _sides(lasers: list[LaserFacts]) -> list[Finding]:
             f"the stripe of laser left ({by_name['left']:.0f} px) is to the right of that of laser "
             f"right ({by_name['right']:.0f} px)",
             where="lasers",
-            remedy="exchange their names or outputs",
+            remedy="swap their names or outputs",
         )
     ]
 
@@ -175,9 +176,9 @@ def _table(look: Examination, found: list[Finding], tick: Callable[[], None]) ->
             Finding(
                 "doctor.direction",
                 "note",
-                "the direction of turning was not seen",
+                "the direction of rotation was not observed",
                 where="table",
-                remedy="put up something that is not round, or not in the middle, in more light",
+                remedy="place an object that is not round, or off the axis, in more light",
             )
         )
     elif not as_told:
@@ -187,7 +188,7 @@ def _table(look: Examination, found: list[Finding], tick: Callable[[], None]) ->
                 "error",
                 "the table turns clockwise seen from above when its angle grows",
                 where="table",
-                remedy="exchange the wires of one motor coil",
+                remedy="swap the wires of one motor coil",
             )
         )
     if not telling:
@@ -195,9 +196,10 @@ def _table(look: Examination, found: list[Finding], tick: Callable[[], None]) ->
             Finding(
                 "doctor.turn",
                 "note",
-                "the part looks the same from several sides: whether 360° are a turn was not seen",
+                "the part looks the same from several sides: whether 360° are a full turn was "
+                "not observed",
                 where="table",
-                remedy="put up something irregular",
+                remedy="place an irregular object on the table",
             )
         )
     elif math.isnan(degrees) or degrees != 360.0:

@@ -14,7 +14,7 @@ _FEW = 0.05
 
 @dataclass(frozen=True)
 class Seen:
-    """What the camera saw of a laser."""
+    """Camera picture of a laser."""
 
     name: str
     column: float | None

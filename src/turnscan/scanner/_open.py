@@ -1,4 +1,4 @@
-"""Devices by their addresses: real ones, or a simulated bench that is all of them in one."""
+"""Devices by their addresses: real ones, or a simulated rig that is all of them in one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Addresses:
 
 @dataclass(frozen=True)
 class Opened:
-    """Devices, and what only a simulated bench knows."""
+    """Devices, and what only a simulated rig knows."""
 
     hardware: Hardware
     seconds: float | None = None
@@ -48,7 +48,7 @@ def opened(at: Addresses) -> Iterator[Opened]:
     if any(simulated):
         if not len({at.camera, at.turntable, at.lasers}) == 1:
             raise InputError(
-                "a simulated bench is camera, turntable and lasers in one",
+                "a simulated rig is camera, turntable and lasers in one",
                 hint="give sim:… alone, for all three",
             )
         yield _bench(at.camera)

@@ -1,4 +1,4 @@
-"""Going on with a scan that was interrupted."""
+"""Resuming a scan that was interrupted."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def acquisition_of(scan: Scan) -> Acquisition:
     """How a scan was being taken. Raises InputError for one that was imported."""
     if not scan.acquisition:
         raise InputError(
-            f"{scan.path}: was not made by turnscan scan, so nobody knows how to go on",
+            f"{scan.path}: was not made by turnscan scan, so it cannot be resumed",
             hint="resume works for scans, not for imported pictures",
         )
     return acquisition_from_json(scan.acquisition, f"{scan.path}: acquisition")

@@ -31,7 +31,7 @@ from turnscan.scanner._open import Addresses, Opened
 from turnscan.stripes import Orientation
 
 USUAL_STEPS = 400
-"""Of a turn, where neither a person nor a simulated bench says otherwise."""
+"""Of a turn, where neither a person nor a simulated rig says otherwise."""
 USUAL_SECONDS = 0.02
 """Of an exposure, likewise."""
 SETTLE = 0.1
@@ -97,7 +97,7 @@ def prepare(
 ) -> Prepared:
     """Plan a scan and take its first pictures; the lasers are dark when this returns.
 
-    ``rig`` None takes that of a simulated bench. Raises InputError where wishes, devices and rig do
+    ``rig`` None takes that of a simulated rig. Raises InputError where wishes, devices and rig do
     not go together, and DeviceError and SafetyError as the devices do.
     """
     plan, reason = plan_of(wishes, bench), ""
@@ -118,7 +118,9 @@ def prepare(
 def _exposed(plan: Plan, bench: Opened, wishes: Wishes) -> tuple[Plan, str]:
     """The plan with the exposure at which no laser's stripe clips, and how that came about."""
     if wishes.exposures:
-        raise InputError("an exposure, and one to be found", hint="give one of them")
+        raise InputError(
+            "fixed and automatic exposure are mutually exclusive", hint="give one of them"
+        )
     hardware, gain = bench.hardware, plan.exposures[0].gain
     seconds, found = plan.exposures[0].seconds, list[FoundExposure]()
     hardware.turntable.move_to(plan.angle(0), _FIRST_MOVE)
@@ -132,8 +134,8 @@ def _exposed(plan: Plan, bench: Opened, wishes: Wishes) -> tuple[Plan, str]:
     dark = hardware.camera.grab(frame_deadline(best.seconds))
     if best.peak - stripe_peak(dark) < _NOTHING:
         raise InputError(
-            "no stripe is seen at the first stop, however long the exposure",
-            hint="turn the part into the laser, or give --exposure",
+            "no stripe is found at the first position at any exposure",
+            hint="turn the part into the laser line, or give --exposure",
         )
     text = f"exposure {1000 * best.seconds:.3g} ms: the stripe reaches {best.peak:.0%} of the scale"
     return replace(plan, exposures=(Exposure(best.seconds, gain),)), text

@@ -147,7 +147,7 @@ def fit_cylinder(
     spread = np.linalg.svd(d, compute_uv=False)
     if not spread[2] > 1e-9 * spread[0]:
         raise InputError(
-            "cylinder: the points lie in one plane, which leaves its axis open",
+            "cylinder: the points lie in one plane, which leaves its axis undetermined",
             hint="choose a region that is longer, or measure a circle in a section",
         )
     starts = _directions(_STARTS) if axis is None else np.atleast_2d(np.asarray(axis, float))
@@ -160,7 +160,7 @@ def fit_cylinder(
         if best is None or found.rms < best.rms:
             best = found
     if best is None:
-        raise DidNotConverge("cylinder: no fit settled", hint="choose a region that is rounder")
+        raise DidNotConverge("cylinder: no fit converged", hint="choose a region that is rounder")
     return Cylinder(
         best.point + middle, best.axis, best.radius, best.rms, best.covariance, best.count
     )
@@ -191,9 +191,9 @@ def _cylinder_from(d: Floats, w: Floats, axis: Floats, known: bool) -> Cylinder:
             break
     else:
         if np.abs(step).max() > 1e-6 * max(1.0, abs(radius)):
-            raise DidNotConverge("cylinder: the fit does not settle")
+            raise DidNotConverge("cylinder: the fit does not converge")
     if not radius > 0:
-        raise DidNotConverge("cylinder: the fit turned inside out")
+        raise DidNotConverge("cylinder: the fit diverged")
     a = a if a[2] >= 0 else -a
     covariance = _inverse(N, "cylinder") * _variance(residual, w, 5, known)
     rms = float(np.sqrt(np.mean(residual**2)))
@@ -228,12 +228,13 @@ def _directions(count: int) -> Floats:
 
 
 def _solve(N: Floats, b: Floats, what: str) -> Floats:
-    """N⁻¹ b of normal equations. Raises DidNotConverge where the points leave a direction open."""
+    """N⁻¹ b of normal equations. Raises DidNotConverge where a direction is undetermined."""
     scale = np.sqrt(np.maximum(np.diagonal(N), 1e-300))
     even = N / np.outer(scale, scale)
     if not np.isfinite(even).all() or not np.linalg.cond(even) < _OPEN:
         raise DidNotConverge(
-            f"{what}: the points leave a direction open", hint="choose a larger, rounder region"
+            f"{what}: the points leave a direction undetermined",
+            hint="choose a larger, rounder region",
         )
     x = np.linalg.solve(even, (b.T / scale).T)
     return np.asarray((x.T / scale).T, dtype=np.float64)
@@ -256,4 +257,4 @@ def _settle(
             return p, residual, N
     if np.abs(step).max() < 1e-7 * max(1.0, float(np.abs(p).max())):
         return p, residual, N
-    raise DidNotConverge(f"{what}: the fit does not settle", hint="choose a rounder region")
+    raise DidNotConverge(f"{what}: the fit does not converge", hint="choose a rounder region")

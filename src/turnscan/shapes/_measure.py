@@ -90,7 +90,7 @@ def corner_angle(a: Spot, corner: Spot, b: Spot) -> Measured:
     ends = np.hypot(a.sigma / lengths[0], b.sigma / lengths[1])
     at_corner = corner.sigma * np.linalg.norm(p - q) / (lengths[0] * lengths[1])
     sigma = float(np.hypot(ends, at_corner))
-    return Measured(value, "rad", sigma, np.stack([a.at, corner.at, b.at]), "at a corner")
+    return Measured(value, "rad", sigma, np.stack([a.at, corner.at, b.at]), "at a vertex")
 
 
 def planes_angle(first: Plane, second: Plane) -> Measured:
@@ -150,7 +150,9 @@ def section_diameter(
     """
     loops = sections(mesh, normal, distance)
     if not loops:
-        raise InputError("the plane does not meet the surface", hint="move it onto the part")
+        raise InputError(
+            "the plane does not meet the surface", hint="move it so that it cuts the part"
+        )
     loop = loops[0]
     if near is not None:
         at = np.asarray(near, dtype=np.float64)
@@ -224,13 +226,13 @@ def _gathered(slope: Floats, corners: npt.NDArray[np.int32], count: int) -> Floa
 
 
 def _corners(mesh: Mesh, faces: Bools) -> tuple[Floats, Floats | None]:
-    """The measured corners of the chosen faces, and their sigma where all have one."""
+    """The measured vertices of the chosen faces, and their sigma where all have one."""
     known = faces if mesh.measured is None else faces & mesh.measured
     chosen = np.zeros(len(mesh.vertices), dtype=np.bool_)
     chosen[mesh.faces[known]] = True
     used = np.flatnonzero(chosen & measured_vertices(mesh))
     if not len(used):
-        raise InputError("nothing that was measured is selected", hint="select measured faces")
+        raise InputError("no measured faces are selected", hint="select measured faces")
     return mesh.vertices[used], sigma_of(mesh, used)
 
 
@@ -241,7 +243,7 @@ def measured_points(mesh: Mesh) -> tuple[Floats, Floats | None]:
     """
     used = np.flatnonzero(measured_vertices(mesh))
     if not len(used):
-        raise InputError("nothing of it was measured", hint="measure a scan, not its fillings")
+        raise InputError("none of it was measured", hint="select measured faces, not fillings")
     return mesh.vertices[used], sigma_of(mesh, used)
 
 

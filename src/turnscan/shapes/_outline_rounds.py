@@ -10,7 +10,7 @@ from turnscan.shapes._outline_splines import Span
 from turnscan.shapes._section import Chain
 
 _SHORT = 0.4
-"""Of its neighbours' length, what a piece at a corner may be long."""
+"""Of its neighbours' length, what a piece at a vertex may be long."""
 _LEAST_TURN = np.deg2rad(25.0)
 _ROOM = 0.8
 """Of its neighbours, the most that a rounding takes."""

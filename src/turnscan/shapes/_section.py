@@ -176,7 +176,7 @@ def cross_section(mesh: Mesh, cut: Cut) -> list[Chain]:
     chains = [c for walk in _walks(segments.nodes) if (c := _chain(walk, segments)) is not None]
     if not chains:
         raise InputError(f"section {cut.name} misses the part: {_where(mesh, cut)}",
-                         hint="move it onto the part")  # fmt: skip
+                         hint="move it so that it cuts the part")  # fmt: skip
     return sorted(chains, key=lambda c: -c.length)
 
 

@@ -26,7 +26,7 @@ class VolumeSigma:
     between: float
     """By what the surface bulges between its points."""
     filled: float
-    """By what was filled and never measured (`Added.sigma`)."""
+    """By the filled faces and never measured (`Added.sigma`)."""
     profiles: float = 0.0
     """By what a merge put between the profiles."""
     shared: float = 0.0
@@ -51,9 +51,9 @@ class VolumeSigma:
         """What the largest part comes from, in words."""
         parts = {
             "the points' noise": np.nan_to_num(self.noise),
-            "what bulges between the points": self.between,
-            "what was filled": self.filled,
-            "what lies between the profiles": self.profiles,
+            "the curvature between the points": self.between,
+            "the filled faces": self.filled,
+            "the interpolation between the profiles": self.profiles,
             "the calibration": self.shared,
         }
         return max(parts, key=lambda k: parts[k])
@@ -84,7 +84,7 @@ def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
 
 
 def volume_figures(volume: float, known: VolumeSigma) -> dict[str, float | None]:
-    """A volume in numbers, mm³: all of it, what was measured and what was filled, each with its
+    """A volume in numbers, mm³: all of it, what was measured and the filled faces, each with its
     standard uncertainty; None where that is not known.
     """
     figures = {

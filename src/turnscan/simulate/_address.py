@@ -1,4 +1,4 @@
-"""``sim:SCENE?key=value&…``: a simulated bench by its address."""
+"""``sim:SCENE?key=value&…``: a simulated rig by its address."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Simulated:
 
     @property
     def steps(self) -> int:
-        """Table positions in one turn."""
+        """Number of table positions per turn."""
         return steps_of(self.wish)
 
 
@@ -92,7 +92,7 @@ def wish_of(address: str) -> tuple[Wish, Faults]:
     wish, motion, faults = Wish(scene=unquote(scene) or "cup"), Motion(), Faults()
     given = parse_qsl(query, keep_blank_values=True)
     if len({k for k, _ in given}) != len(given):
-        raise InputError(f"{address}: a key stands twice")
+        raise InputError(f"{address}: a key is given twice")
     x = y = 0.0
     lean = [0.0, 0.0]
     for key, text in given:

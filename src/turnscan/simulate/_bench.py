@@ -21,7 +21,7 @@ PLANCK_C = 6.62607015e-34 * 2.99792458e11
 
 @dataclass(frozen=True)
 class Bench:
-    """A rig that isn't there: its true geometry, its light, its camera, and what stands on it."""
+    """A simulated rig: its true geometry, its light, its camera, and what stands on it."""
 
     rig: Rig
     """The truth; a calibration may find something else."""

@@ -1,4 +1,4 @@
-"""A GigE Vision camera that isn't there: real packets on the network, pictures of our own."""
+"""An emulated GigE Vision camera: real packets on the network, pictures of our own."""
 
 from __future__ import annotations
 

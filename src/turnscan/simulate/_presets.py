@@ -135,7 +135,7 @@ def design_of(wish: Wish) -> Design:
 
 
 def steps_of(wish: Wish) -> int:
-    """Table positions in one turn."""
+    """Number of table positions per turn."""
     return wish.steps or round(2 * math.pi / design_preset(wish.rig).step)
 
 

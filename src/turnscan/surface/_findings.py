@@ -14,16 +14,16 @@ def mesh_findings(
     """Findings on a finished mesh: islands taken away, what is not sound, borders left open."""
     out = []
     if islands:
-        text = f"{islands} loose pieces with {island_faces} faces in all were taken away"
+        text = f"{islands} loose pieces with {island_faces} faces in all were removed"
         out.append(Finding("surface.islands", "note", text, "", "keep them with --island 0"))
     if not len(mesh.faces):
         remedy = "finer steps, or a looser working volume"
-        return [*out, Finding("surface.none", "error", "no face could be made", "", remedy)]
+        return [*out, Finding("surface.none", "error", "no face could be formed", "", remedy)]
     out += soundness(mesh)
     if not is_closed(mesh):
         loops = boundary_loops(mesh)
         longest = len(loops[0]) if loops else 0
-        text = f"the surface has {len(loops)} open borders, the longest of {longest} sides"
+        text = f"the surface has {len(loops)} boundaries, the longest of {longest} edges"
         remedy = "" if closed else "close them with --close"
         out.append(Finding("surface.open", "note", text, "", remedy))
     return out

@@ -46,7 +46,7 @@ def check_lasers(
         assert isinstance(lasers, Lasers), "it lacks names, light or off"
         names = lasers.names
         assert names, "it has no lasers"
-        assert len(set(names)) == len(names), f"a name stands twice in {names}"
+        assert len(set(names)) == len(names), f"a name is given twice in {names}"
         see(dark, "after opening")
         for wanted in [dark, *(frozenset({name}) for name in names), frozenset(names)]:
             lasers.light(wanted, 2.0)

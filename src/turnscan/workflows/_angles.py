@@ -60,7 +60,7 @@ def find_angles(
         return angles, found, "markers"
     if not source.path.is_file():
         raise InputError(
-            "there is no such file",
+            "no such file",
             hint="give step:DEG, markers, or a CSV file",
             option=Option("angles", str(source)),
         )
@@ -87,7 +87,7 @@ def _by_table(path: Path, series: Sequence[Series]) -> Angles:
     by_number: dict[float, tuple[float, ...]] = {}
     for line, row in rows:
         if row[0] in by_number:
-            raise FormatError(f"{path}: line {line}: number {row[0]:g} stands twice")
+            raise FormatError(f"{path}: line {line}: number {row[0]:g} is given twice")
         by_number[row[0]] = row
     lacking = [shot.name for _, shot in shots if shot.number not in by_number]
     if lacking:
@@ -153,7 +153,7 @@ def _by_markers(
 
     if rig is None or not rig.markers:
         raise InputError(
-            "this needs a rig that knows the markers on its table",
+            "this needs a rig with table markers",
             hint=Remedy("give ", Option("rig"), " with a file made by turnscan calibrate"),
             option=Option("angles", "markers"),
         )

@@ -47,7 +47,7 @@ class CalibrationPictures:
     laser: Mapping[str, str]
     """The board with the stripe on it or on its white margin, by the names of the lasers."""
     table: str
-    """The table, step by step."""
+    """Pictures of the empty table, step by step."""
     laser_dark: Mapping[str, str] | None = None
     """The same as ``laser`` with the laser off: as many pictures as with it on, or one."""
     table_dark: str | None = None

@@ -20,26 +20,39 @@ class CalibrateOptions(Checked):
     Nominal sizes of markers and steps are compared with what the pictures say and never trusted.
     """
 
-    laser_board: str | None = option(None, "text", "Board in the laser's pictures, if another one.")
-    margin_mm: float | None = option(None, "number", "Flat part around the pattern.", least=0)
+    laser_board: str | None = option(
+        None, "text", "Board in the laser pictures, if it differs from that of the camera pictures."
+    )
+    margin_mm: float | None = option(
+        None, "number", "Width of the flat margin around the pattern, mm.", least=0
+    )
     table_laser: str | None = option(
         None, "text",
-        "Laser lit in the table pictures; none for a dark table.  [default: the only laser]",
+        "Laser lit in the table pictures, or none where no laser is lit.  [default: the only "
+        "laser]",
     )  # fmt: skip
-    markers: str | None = option(None, "text", "Markers on the platter, nominal side.")
-    table_board: str | None = option(None, "text", "Or: a board that rides on the table.")
+    markers: str | None = option(
+        None, "text", "Markers on the platter: dictionary and nominal side length in mm."
+    )
+    table_board: str | None = option(
+        None, "text", "A board fixed to the table, in place of markers."
+    )
     table_board_mm: float = option(
-        0.0, "number", "Height of its lowest corner between squares above the table."
+        0.0, "number", "Height of the lowest inner corner of the table board above the platter, mm."
     )
     table_step_deg: float | None = option(
-        None, "number", "Nominal step between pictures; compared only."
+        None, "number", "Nominal table step between pictures, degrees; for comparison only."
     )
     colour: str = option(
         "learn", "text",
-        "Of the lasers: red, green, blue, grey, three weights R,G,B, or learn.",
+        "Colour of the lasers: red, green, blue, grey, three weights R,G,B, or learn (from the "
+        "pictures).",
     )  # fmt: skip
     orientation: Orientation = option(
-        "vertical", "choice", "Of the stripe in the picture.", choices=get_args(Orientation)
+        "vertical",
+        "choice",
+        "Orientation of the stripe in the picture.",
+        choices=get_args(Orientation),
     )
 
     def __post_init__(self) -> None:
@@ -72,7 +85,7 @@ class CalibrateOptions(Checked):
             return None
         if self.table_laser is None and len(lasers) > 1:
             raise InputError(
-                f"which of {', '.join(lasers)} is lit in the table pictures?",
+                f"one of {', '.join(lasers)} must be named as lit in the table pictures",
                 hint="name one of them, or none",
                 option=Option("table_laser"),
             )

@@ -92,7 +92,7 @@ def colour_weights(
             weights = np.zeros(0)
         if weights.shape != (3,) or not np.isfinite(weights).all() or not weights.any():
             raise InputError(
-                "this is no colour",
+                "not a colour",
                 hint="give red, green, blue, grey, three weights like -0.5,1,-0.5, or learn",
                 option=Option("colour", colour),
             )

@@ -41,7 +41,7 @@ def report_html(
     if c.angles is not None:
         parts += [
             _html.heading("Table"),
-            _html.picture(_angles(c), "Angle of every picture against an even motion."),
+            _html.picture(_angles(c), "Angle of each picture, compared with uniform motion."),
             _html.table(("marker", "side"), _sides(f)),
         ]
     parts += [
@@ -59,7 +59,7 @@ def report_html(
         ),
         _html.heading("Parameters"),
         _html.table(("parameter", "standard uncertainty"), _parameters(c)),
-        _html.heading("Pictures that were not used"),
+        _html.heading("Pictures not used"),
         _html.table(("role", "picture", "why"), [(r.role, r.name, r.reason) for r in c.rejected]),
         *(
             _html.picture(_thumbnail(pictures[r.role, r.name]), f"{r.name} ({r.role}): {r.reason}")
@@ -90,7 +90,7 @@ def _summary(c: Calibration, f: Figures) -> list[tuple[str, str]]:
             )
         )
         if laser in f.sheet_offset_mm:
-            rows.append((f"axis beside {laser}", f.sheet_offset_mm[laser].text("mm")))
+            rows.append((f"distance of the axis from {laser}", f.sheet_offset_mm[laser].text("mm")))
     if c.network.table:
         rows.append(("table corners", f"{f.table_rms_px:.3f} px, {len(c.network.table)} pictures"))
     if np.isfinite(f.platter_rms_mm):
@@ -179,7 +179,7 @@ def _angles(c: Calibration) -> Figure:
         linewidth=0.5,
         markersize=3,
     )
-    ax.set(xlabel="table angle (°)", ylabel="off even motion (°)")
+    ax.set(xlabel="table angle (°)", ylabel="deviation from uniform motion (°)")
     return fig
 
 

@@ -58,7 +58,7 @@ class CheckedScan:
 
     @property
     def damaged(self) -> bool:
-        """Whether something in the file does not agree with its checksum."""
+        """Whether something in the file does not match its checksum."""
         return any(f.severity == "error" for f in self.findings)
 
 
@@ -69,7 +69,7 @@ def check(path: str | Path, progress: Progress = no_progress) -> CheckedScan | C
     ----------
     path
         A scan, compared with its checksums, or a mesh (STL, PLY, OBJ, 3MF, GLB, DXF): closed,
-        manifold, oriented, cutting nowhere through itself.
+        manifold, oriented, free of self-intersections.
 
     Returns
     -------
@@ -130,14 +130,16 @@ def _damage(scan: Scan, progress: Progress) -> list[Finding]:
 def _state(scan: Scan) -> list[Finding]:
     """Whether the scan is still being taken, or was never closed."""
     if scan.being_written:
-        return [Finding("scan.in-progress", "note", "it is being taken: this is what is there now")]
+        return [
+            Finding("scan.in-progress", "note", "the scan is running: these are the frames so far")
+        ]
     if scan.sealed:
         return []
     return [
         Finding(
             "scan.not-closed",
             "warning",
-            "the file was not closed properly; everything acknowledged is there",
+            "the file was not closed properly; all acknowledged frames are present",
             remedy="finish it with turnscan resume",
         )
     ]
@@ -165,7 +167,7 @@ def _laser(scan: Scan, name: str, found: list[Finding]) -> CheckedLaser:
                 "note" if scan.being_written else "warning",
                 f"{len(missing)} of {scan.plan.steps} steps have no frame",
                 where=f"laser {name}, steps {shown}{' …' if len(missing) > 8 else ''}",
-                remedy="take them with turnscan resume, or live with the gap",
+                remedy="take them with turnscan resume, or accept the gap",
             )
         )
     angles = np.degrees(scan.angles(name))

@@ -37,8 +37,10 @@ def check_mesh(path: Path) -> CheckedMesh:
     closed, borders, found = is_closed(mesh), holes(mesh), soundness(mesh)
     if not closed:
         size = f", the largest {borders[0].size:.2f} mm across" if borders else ""
-        text = f"the surface has {len(borders)} open borders{size}"
-        found.append(Finding("surface.open", "warning", text, "", "close it before it is made"))
+        text = f"the surface has {len(borders)} boundaries{size}"
+        found.append(
+            Finding("surface.open", "warning", text, "", "close the mesh before manufacturing")
+        )
     return CheckedMesh(
         path=path,
         size_bytes=path.stat().st_size,

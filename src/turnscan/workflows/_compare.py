@@ -83,7 +83,7 @@ class Comparison:
         return "\n".join(lines)
 
     def save_picture(self, path: str | Path, limit: float | None = None) -> None:
-        """Write the deviation as a colour map (PNG); ``limit`` is mm at the map's ends.
+        """Write the deviation as a colour map (PNG); ``limit`` ends its scale, in mm.
 
         Raises ExportError where it cannot be written.
         """

@@ -90,7 +90,7 @@ def _written(done: DesignedRig, picture: Path | None, rig: Path | None) -> Desig
         check_output(rig, (".json",))
         if len(done.designs) > 1:
             raise InputError(
-                f"a rig has one angle, here are {len(done.designs)}",
+                f"a rig has one angle, but there are {len(done.designs)}",
                 hint=Remedy("give one ", Option("theta_deg")),
                 option=Option("rig"),
             )

@@ -31,21 +31,23 @@ class DesignOptions(Checked):
         "modern", "choice", "The rig to start from; the other options change it.",
         choices=PRESET_NAMES,
     )  # fmt: skip
-    distance: float | None = _number("Camera to rotation axis, L, mm.")
+    distance: float | None = _number("Distance from camera to rotation axis, L, mm.")
     focal: float | None = _number("Principal distance of the lens, f, mm.")
     pixel_um: str | None = option(None, "text", "Pixel pitch, micrometres.")
     sensor: str | None = option(None, "text", "Pixels across and along the laser line.")
     pan_deg: float | None = _number(
         "Camera pan angle away from the rotation axis, towards the laser."
     )
-    laser_offset: float | None = _number("Laser line misses the axis by so many mm.")
+    laser_offset: float | None = _number("Distance of the laser line from the rotation axis, mm.")
     f_number: float | None = _number("Aperture of the lens, N.")
     step_deg: float | None = _number("Table angle between two profiles.")
     wavelength_nm: float | None = _number("Wavelength of the laser.")
     stripe_sigma_px: float | None = _number("RMS width of the stripe in the picture.")
     electrons: float | None = _number("Peak signal of the stripe, electrons.")
     read_noise: float | None = _number("Noise of a dark pixel, electrons.")
-    speckle_contrast: float | None = _number("1 polarised; 0.71 depolarised; 0 none.")
+    speckle_contrast: float | None = _number(
+        "Speckle contrast: 1 polarised, 0.71 depolarised, 0 none."
+    )
 
     def designs(self, theta_deg: Sequence[float] = ()) -> tuple[Design, ...]:
         """A design for each angle of triangulation, in degrees; without them the preset's.

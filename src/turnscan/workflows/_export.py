@@ -1,4 +1,4 @@
-"""Export: a surface in other formats, thinned out where that is asked for."""
+"""Export: a surface in other formats, decimated where that is asked for."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Exported:
     mesh: Mesh
     """The surface as it is in the files."""
     findings: tuple[Finding, ...]
-    """Of the reconstruction and of thinning out."""
+    """Of the reconstruction and of decimating."""
     remarks: tuple[Finding, ...]
     """Of reading the files back."""
 
@@ -76,7 +76,7 @@ def export_mesh(
     mesh, findings = loaded.mesh, list(loaded.findings)
     if decimate is not None:
         fewer, dense = decimation(decimate), mesh
-        told = progress.subrange(0.7, 1, "thinning out")
+        told = progress.subrange(0.7, 1, "decimating")
         mesh = thinning.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, told=told)
         findings += thinning.decimation_findings(dense, mesh, fewer.faces)
     mesh = settled(mesh)

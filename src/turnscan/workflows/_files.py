@@ -14,7 +14,9 @@ def check_apart(paths: Sequence[Path]) -> None:
     seen = set[Path]()
     for path in paths:
         if path.resolve() in seen:
-            raise InputError(f"{path}: is to be written twice", hint="give each -o another name")
+            raise InputError(
+                f"{path}: is given twice as an output", hint="give each -o another name"
+            )
         seen.add(path.resolve())
 
 
@@ -34,7 +36,7 @@ def check_output(path: Path, suffixes: Sequence[str] = (), inputs: Iterable[Path
     for source in inputs:
         if _same_file(path, source):
             raise InputError(
-                f"{path}: this file is read, so it is not replaced", hint="choose another name"
+                f"{path}: this file is an input and is not replaced", hint="choose another name"
             )
     check_writable(path)
 

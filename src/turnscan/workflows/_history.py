@@ -20,7 +20,7 @@ def history_of(scan: Scan) -> History:
 def wanted_history(scan: Scan, wish: str) -> History:
     """``own``, ``none``, or the edits of another scan file or of a JSON file.
 
-    Raises InputError where there is no such file, FormatError, ScanNewer, ScanCorrupt.
+    Raises InputError where no such file, FormatError, ScanNewer, ScanCorrupt.
     """
     if wish == "none":
         return History()
@@ -30,7 +30,7 @@ def wanted_history(scan: Scan, wish: str) -> History:
 def read_history(path: Path) -> History:
     """The edits of a scan file, or of a file that ``turnscan edits -o`` wrote.
 
-    Raises InputError where there is no such file, FormatError, ScanNewer, ScanCorrupt.
+    Raises InputError where no such file, FormatError, ScanNewer, ScanCorrupt.
     """
     if path.suffix.lower() != ".json":
         with Scan.open(path) as other:

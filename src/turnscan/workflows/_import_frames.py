@@ -99,7 +99,7 @@ def _no_stripe(laser: str, threshold: float) -> Finding:
         f"no pixel of any picture is {threshold:.2f} grey levels above the background",
         where=f"laser {laser}",
         remedy=Remedy(
-            "was the laser on, and in the picture? else give ",
+            "was the laser on and in the picture? otherwise give ",
             Option("dark"),
             ", or a lower ",
             Option("threshold"),
@@ -126,6 +126,6 @@ def _record_missing(scan: Scan, laser: str, angles: Angles) -> list[Finding]:
             "warning",
             f"{len(missing)} of {scan.plan.steps} steps have no picture",
             where=f"laser {laser}, steps {shown}",
-            remedy="they stay empty in the surface; take them again if the part matters there",
+            remedy="they stay empty in the surface; capture them again if needed",
         )
     ]

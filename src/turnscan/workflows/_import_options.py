@@ -84,28 +84,33 @@ class ImportOptions(Checked):
 
     colour: str = option(
         "learn", "text",
-        "Of the laser, in colour pictures: red, green, blue, grey, three weights R,G,B, or learn.",
+        "Colour of the laser in colour pictures: red, green, blue, grey, three weights R,G,B, or "
+        "learn (from the pictures).",
     )  # fmt: skip
     keep: Keep = option(
-        "sparse", "choice", "Keep the pixels around the stripe, or all; both to the bit.",
+        "sparse", "choice", "Store the pixels around the stripe, or all; both losslessly.",
         choices=get_args(Keep),
     )  # fmt: skip
     threshold: float | None = option(
         None, "number",
-        "Grey levels above the background from which pixels are kept.  [default: from the noise]",
+        "Threshold above the background from which pixels are stored, grey levels.  [default: "
+        "from the noise]",
         least=0.0,
     )  # fmt: skip
     orientation: Orientation = option(
-        "vertical", "choice", "Of the stripe in the picture.", choices=get_args(Orientation)
+        "vertical",
+        "choice",
+        "Orientation of the stripe in the picture.",
+        choices=get_args(Orientation),
     )
     background: Background = option(
         "auto", "choice",
-        "Without laser-off pictures: the median of each pixel over the scan, that over the "
-        "pictures in which it lies beside the stripe, or its darkest; auto takes the one with "
-        "which more of the stripe is seen.",
+        "Background without laser-off pictures: per pixel, the median over the scan, the median "
+        "over pictures in which the stripe is elsewhere (beside), or the darkest value; auto "
+        "takes the one that shows more of the stripe.",
         choices=get_args(Background),
     )  # fmt: skip
-    every: int = option(1, "count", "Take every N-th step only.", least=1)
+    every: int = option(1, "count", "Import every N-th step only.", least=1)
     first_step: int | None = option(
-        None, "count", "Number (in the names) of step 0.  [default: lowest]"
+        None, "count", "Number in the file name of step 0.  [default: lowest]"
     )

@@ -109,7 +109,7 @@ def import_pictures(
     marked = _MARKERS if isinstance(angles, MarkerAngles) else 0.0
     reading = progress.subrange(0, marked, "reading angles")
     table, remarks, source = find_angles(angles, series, chosen.every, stored, reading)
-    sampling = progress.subrange(marked, marked + _SAMPLES, "looking at samples")
+    sampling = progress.subrange(marked, marked + _SAMPLES, "sampling pictures")
     signals = _signals(series, chosen, first, sampling)
     plan = _plan(series, steps, chosen, first, signals, source)
     total = sum(len(s.shots) for s in series)
@@ -198,7 +198,7 @@ def _check_threshold(threshold: float, first: Image, weights: Weights | None) ->
     if threshold >= full:
         raise InputError(
             f"the brightest pixel has {full:g} grey levels",
-            hint="give a lower one, or leave it out: it is chosen by the noise",
+            hint="give a lower one, or leave it out to derive it from the noise",
             option=Option("threshold", threshold),
         )
 

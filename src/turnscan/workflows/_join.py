@@ -76,7 +76,8 @@ def join(
     points
         Points picked in several poses: a CSV or JSON file, or a mapping of them.
     markers
-        mm: diameter of three or more spheres fixed to the part; the result is without them.
+        Diameter of three or more marker spheres fixed to the part, mm; they are removed from the
+        result.
     rig
         The rig of all scans; None takes the one in each scan file.
     unit
@@ -165,12 +166,14 @@ def _paths(sources: Sequence[Path], unit: str) -> dict[Path, Pose | None]:
     """
     confs = [p for p in sources if p.suffix.lower() == ".conf"]
     if confs and len(sources) > 1:
-        raise InputError(f"{confs[0]}: a .conf stands alone", hint="give its range scans by name")
+        raise InputError(
+            f"{confs[0]}: a .conf must be the only source", hint="give its range scans by name"
+        )
     if confs:
         return dict(placed_scans(confs[0], unit))
     if len(sources) < 2:
         raise InputError(
-            f"{sources[0]}: one pose, nothing to join it to",
+            f"{sources[0]}: only one pose; at least two are needed",
             hint="give two or more, or reconstruct it",
         )
     seen: dict[Path, Path] = {}
@@ -212,7 +215,7 @@ def _read(
     idle = sum(not is_grid_edit(e.edit) for e in edits)
     if idle:
         text = (
-            f"{idle} repairs of its mesh are left out: they belong to the mesh of this pose alone"
+            f"{idle} edits of its mesh are not applied: they belong to the mesh of this pose alone"
         )
         findings.append(Finding("poses.edits", "note", text, "", "repair the joined mesh"))
     return _Source(name, grids, findings, mine)
@@ -227,7 +230,8 @@ def _check_different(read: Sequence[_Source]) -> None:
                 for x, y in zip(a.grids, b.grids, strict=True)
             ):
                 raise InputError(
-                    f"{b.name} and {a.name}: the same scan twice", hint="give each pose once"
+                    f"{b.name} and {a.name}: the same scan is given twice",
+                    hint="give each pose once",
                 )
 
 

@@ -38,13 +38,13 @@ def kept_options(scan: Scan) -> ReconstructOptions:
     sets = body.get("sets") if isinstance(body, dict) else None
     held = sets.get(_SET, {}) if isinstance(sets, dict) else None
     if version != _VERSION or not isinstance(held, dict):
-        raise FormatError(f"{where}: not in the form they should have", hint="choose them anew")
+        raise FormatError(f"{where}: not in the expected form", hint="choose them again")
     if set(held) - set(declared(ReconstructOptions)):
         raise _newer(where)
     try:
         return ReconstructOptions(**held)
     except InputError as e:
-        raise FormatError(f"{where}: {e.message}", hint="choose them anew") from None
+        raise FormatError(f"{where}: {e.message}", hint="choose them again") from None
 
 
 def keep_options(scan: Scan, options: ReconstructOptions) -> None:
@@ -71,7 +71,7 @@ def options_of(source: Scan | str | Path, **changes: Any) -> ReconstructOptions:
     Raises
     ------
     InputError
-        Where there is no such file, or an option has no such value.
+        Where no such file, or an option has no such value.
     FormatError
         Where the settings in the file are damaged.
 
@@ -116,4 +116,6 @@ def _note(path: Path, why: str) -> Finding:
 
 
 def _newer(where: str) -> ScanNewer:
-    return ScanNewer(f"{where}: of a later turnscan", hint="update turnscan, or choose them anew")
+    return ScanNewer(
+        f"{where}: from a later version of turnscan", hint="update turnscan, or choose them again"
+    )

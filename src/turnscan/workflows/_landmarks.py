@@ -21,7 +21,7 @@ _COLUMNS = ["point", "pose", "x", "y", "z"]
 def read_landmarks(path: Path) -> dict[str, dict[str, Floats]]:
     """Name of a point → name of a pose (its file, without the suffix) → (3,) mm in its own frame.
 
-    Raises InputError where there is no such file, FormatError naming the line or the point.
+    Raises InputError where no such file, FormatError naming the line or the point.
     """
     try:
         text = read_bytes(path, _MOST_BYTES).decode("utf-8-sig")

@@ -37,17 +37,20 @@ _SQUARE = np.deg2rad(20.0)
 class MeasureOptions(Checked):
     """What to measure besides size and volume."""
 
-    planes: bool = option(False, "switch", "Flat sides, and the angles between them.")
+    planes: bool = option(
+        False, "switch", "Find planar faces of the part and the angles between them."
+    )
     tolerance: float | None = option(
         None, "number",
-        "mm that a point may lie off its side.  [default: three times the noise of the surface]",
+        "Largest distance of a point from its plane, mm.  [default: three times the noise of the "
+        "surface]",
         least=0, above=True,
     )  # fmt: skip
     smallest: float = option(
-        0.02, "number", "Least area of a side, as a part of the whole surface.", least=0, most=1
+        0.02, "number", "Smallest planar face, as a fraction of the total area.", least=0, most=1
     )
-    sphere: bool = option(False, "switch", "The sphere through all measured points.")
-    cylinder: bool = option(False, "switch", "The cylinder through all measured points.")
+    sphere: bool = option(False, "switch", "Fit a sphere to all measured points.")
+    cylinder: bool = option(False, "switch", "Fit a cylinder to all measured points.")
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ def open_scan(path: str | Path) -> Scan:
     Raises
     ------
     InputError
-        Where there is no such file, or it is something else.
+        Where no such file, or it is something else.
     ScanError
         Where it is damaged, or was written by a later turnscan.
 

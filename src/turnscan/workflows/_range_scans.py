@@ -34,7 +34,7 @@ def placed_scans(source: Path, unit: str) -> dict[Path, Pose]:
     placed = placements_from_conf(text, str(source), scale=UNITS[unit])
     for name in placed:
         if Path(name).name != name:
-            raise UnsafePath(f"{source}: {name!r} is not a plain file name", hint="mend it")
+            raise UnsafePath(f"{source}: {name!r} is not a plain file name", hint="correct it")
     return {source.with_name(name): pose for name, pose in placed.items()}
 
 
@@ -44,7 +44,7 @@ def read_range_scan(
     """One range scan, placed and cleaned. Raises FormatError, InputError naming file and place."""
     scan = range_scan_from_ply(read_bytes(path, _PLY_BYTES), path.name, scale=UNITS[unit])
     if scan.grid is None:
-        raise InputError(f"{path.name}: a mesh or loose points, not a grid of ranges")
+        raise InputError(f"{path.name}: a mesh or unordered points, not a range grid")
     grid = scan.range_grid(pose)
     return (grid, []) if settings.clean is None else clean(grid, settings.clean)
 

@@ -20,7 +20,7 @@ _MAX_MESH_BYTES = 4 * 2**30
 def read_bytes(path: Path, limit: int) -> bytes:
     """The bytes of a file of at most ``limit`` bytes.
 
-    Raises InputError where there is no such file, LimitExceeded where it is larger.
+    Raises InputError where no such file, LimitExceeded where it is larger.
     """
     if not path.is_file():
         what = "is a folder" if path.is_dir() else "no such file"
@@ -55,7 +55,7 @@ def read_mesh_file(path: str | Path, unit: str = "mm") -> Mesh:
     Raises
     ------
     InputError
-        Where there is no such file, its format is unknown, or it is damaged.
+        Where no such file, its format is unknown, or it is damaged.
 
     >>> import turnscan as ts
     >>> part = ts.reconstruct("cup.turnscan")
@@ -90,7 +90,7 @@ def read_rig_file(path: str | Path) -> Rig:
     Raises
     ------
     InputError
-        Where there is no such file.
+        Where no such file.
     FormatError
         Naming the key that is wrong.
 

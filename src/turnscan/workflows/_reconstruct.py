@@ -64,7 +64,7 @@ def reconstruct(
     Raises
     ------
     InputError
-        Where there is no such file, scan and rig do not fit, or no angle is known.
+        Where no such file, scan and rig do not fit, or no angle is known.
     ScanCorrupt
         Naming the frame that is damaged.
 

@@ -20,7 +20,7 @@ from turnscan.workflows._declare import Checked, option
 
 @dataclass(frozen=True)
 class Decimation:
-    """How far a mesh is thinned out: one of the two is given."""
+    """How far a mesh is decimated: one of the two is given."""
 
     tolerance: float | None = None
     """mm."""
@@ -32,7 +32,7 @@ def decimation(text: str) -> Decimation:
     told = text.strip().lower()
     if told.isdecimal():
         if int(told) < 4:
-            raise ValueError(f"{text!r} faces are no surface; a tolerance ends in mm.")
+            raise ValueError(f"{text!r} faces are not a surface; a tolerance ends in mm.")
         return Decimation(faces=int(told))
     try:
         tolerance = float(told.removesuffix("mm").strip())
@@ -64,63 +64,77 @@ class ReconstructOptions(Checked):
     """How the points of a scan become a surface; lengths in mm, None leaves it to turnscan."""
 
     strategy: Strategy = option(
-        "window", "choice", "How the centre of the stripe is computed.", choices=get_args(Strategy)
+        "window", "choice", "Estimator of the stripe centre.", choices=get_args(Strategy)
     )
     choose: Choice = option(
         "brightest", "choice",
-        "Which stripe counts where a line of the picture shows several.", choices=get_args(Choice),
+        "Which candidate is taken where an image row shows several "
+        "stripes.", choices=get_args(Choice),
     )  # fmt: skip
     refine: Refinement = option(
         "none", "choice",
-        "spacetime: also follow each place of the surface through the pictures around, where "
-        "the steps are small enough; auto: the same, without a word where they are not.",
+        "spacetime: refine each point over the neighbouring pictures, where the steps are small "
+        "enough; auto: the same, without a finding where they are not.",
         choices=("none", "auto", "spacetime"),
     )  # fmt: skip
     threshold: float | None = option(
-        None, "number", "Grey levels; without it from the noise.", least=0, above=True
+        None,
+        "number",
+        "Threshold above the background, grey levels.  [default: from the noise]",
+        least=0,
+        above=True,
     )
     spacing: float | None = option(
         None,
         "number",
-        "mm between points along a profile; both ends of it stay.",
+        "Spacing of points along a profile, mm; both end points are kept.",
         least=0,
         above=True,
     )
     spacing_by: Spacing = option(
         "height", "choice",
-        "Points at common heights, or at equal length along each profile.",
+        "Space points by equal height, or by equal arc length along each profile.",
         choices=get_args(Spacing),
     )  # fmt: skip
     spacing_between: str | None = option(
         None, "text",
-        "Between profiles, 2deg or 1.5mm (there where the part is widest); new ones lie "
-        "between two that were measured.  [default: the profiles of the scan]",
+        "Spacing between profiles: an angle (2deg), or a length at the largest radius (1.5mm); "
+        "profiles are interpolated between measured ones.  [default: as scanned]",
         parse=spacing_between,
     )  # fmt: skip
     every: int = option(1, "count", "Use every N-th profile.", least=1)
     radius: float | None = option(
-        None, "number", "mm from the axis; what is further out is dropped.", least=0, above=True
+        None,
+        "number",
+        "Largest radius, mm from the axis; points further out are dropped.",
+        least=0,
+        above=True,
     )
-    z_min: float | None = option(None, "number", "mm above the platter; what is lower is dropped.")
-    z_max: float | None = option(None, "number", "mm above the platter; what is higher is dropped.")
+    z_min: float | None = option(
+        None, "number", "Lowest height, mm above the platter; points below are dropped."
+    )
+    z_max: float | None = option(
+        None, "number", "Largest height, mm above the platter; points above are dropped."
+    )
     island: int | None = option(
         None, "count",
-        "Loose pieces of fewer faces are taken away.  [default: 1 % of the largest piece]",
+        "Remove unconnected pieces (islands) of fewer faces.  [default: 1 % of the largest piece]",
         least=0,
     )  # fmt: skip
     edge: int = option(
         1, "count",
-        "Points dropped where a run ends at a jump in depth or in one-sided light.",
+        "Number of points dropped at each end of a profile run at a depth discontinuity or in "
+        "one-sided light.",
         least=0, most=20,
     )  # fmt: skip
     outliers: float | None = option(
         None,
         "number",
-        "Sigmas: points further off the surface of their neighbours are taken away.",
+        "Remove points further than this many sigma from the surface through their neighbours.",
         least=0,
         above=True,
     )
-    keep_strays: bool = option(False, "switch", "Keep points without a surface round them.")
+    keep_strays: bool = option(False, "switch", "Keep isolated points, which lie on no surface.")
     denoise: float | None = option(
         None, "number",
         "Denoise along camera rays: maximum shift of a point in sigma, like 2.",
@@ -128,41 +142,43 @@ class ReconstructOptions(Checked):
     )  # fmt: skip
     merge: How = option(
         "auto", "choice",
-        "Several lasers or scans: average in angle and height, in voxels, or keep every point.",
+        "Merging of several lasers or scans: average in angle and height (grid), in voxels "
+        "(tsdf), or keep every point (paste).",
         choices=get_args(How),
     )  # fmt: skip
     voxel: float | None = option(
-        None, "number", "mm: voxels of tsdf.  [default: the points' spacing]", least=0, above=True
+        None, "number", "Voxel size of tsdf, mm.  [default: the point spacing]", least=0, above=True
     )
     decimate: str | None = option(
         None, "text",
-        "Thin the mesh out: as far as a tolerance (0.05mm) allows, or to a number of faces.",
+        "Decimate the mesh: within a tolerance (0.05mm), or to a number of faces.",
         parse=decimation,
     )  # fmt: skip
     close: bool = option(False, "switch", "Close the surface; the faces added are marked.")
     fill: FillHow | Literal["none"] | None = option(
         None, "choice",
         "Hole filling: flat, membrane (minimal area), tangent (in the tangent planes of the "
-        "border), curvature (with its curvature too), or none; auto takes membrane where an edge "
+        "boundary), curvature (with its curvature too), or none; auto takes membrane where an edge "
         "runs round the hole, and tangent elsewhere.  [default: auto]",
         choices=(*get_args(FillHow), "none"),
     )  # fmt: skip
     top: Top | Literal["hole"] | None = option(
         None, "choice",
-        "With close, the gap at the top: in its plane, to the axis, with the curvature of "
-        "its border, filled like any hole, or left open.  [default: plane]",
+        "With close, the gap at the top: closed by its plane, by a fan to the axis, with the "
+        "curvature of its boundary (smooth), as any hole, or left open.  [default: plane]",
         choices=("plane", "fan", "smooth", "hole", "open"),
     )  # fmt: skip
     bottom: Bottom | Literal["hole"] | None = option(
         None, "choice",
-        "With close, the gap at the foot: led down to the platter and closed with its "
-        "plane, filled like any hole, or left open.  [default: floor]",
+        "With close, the gap at the bottom: extended to the platter and closed by its plane "
+        "(floor), filled as any hole, or left open.  [default: floor]",
         choices=("floor", "hole", "open"),
     )  # fmt: skip
     largest_hole: float | None = option(
         None,
         "number",
-        "With close, mm across; larger holes stay open.  [default: all are filled]",
+        "With close, largest hole to fill, mm across; larger ones stay open.  [default: all are "
+        "filled]",
         least=0,
         above=True,
     )

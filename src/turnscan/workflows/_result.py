@@ -143,7 +143,7 @@ class ReconstructResult:
         """
         error = next((f for f in self.findings if f.severity == "error"), None)
         if error is not None:
-            raise ExportError(f"nothing is saved: {error.message}", hint=error.remedy)
+            raise ExportError(f"nothing was written: {error.message}", hint=error.remedy)
         formats, profiles = self.content(options or ExportOptions())
         return save(dict.fromkeys(map(Path, paths), self.mesh), formats, profiles)
 

@@ -115,7 +115,7 @@ def same_pictures(series: Series) -> list[Finding]:
             "warning",
             f"{len(same)} pictures are byte for byte the one before them",
             where=", ".join(same[:5]),
-            remedy="remove them, or scan again: a frozen camera sees no part",
+            remedy="remove them, or scan again: the camera delivered the same picture repeatedly",
         )
     ]
 
@@ -128,7 +128,7 @@ def _paths(specs: list[str]) -> list[Path]:
     out = [path for spec in specs for path in list_pictures(spec)]
     if len(set(out)) != len(out):
         twice = next(p for p in out if out.count(p) > 1)
-        raise InputError(f"{twice}: named twice", hint="name every picture once")
+        raise InputError(f"{twice}: given twice", hint="name every picture once")
     return out
 
 
@@ -156,7 +156,7 @@ def _numbers(paths: list[Path], found: list[Finding]) -> list[int]:
                 Finding(
                     "scan.no-numbers",
                     "note",
-                    "the names do not differ in one number; pictures count in natural order",
+                    "the names do not differ in one number; pictures are numbered in natural order",
                     where=f"{paths[0].name} … {paths[-1].name}",
                 )
             )
@@ -168,7 +168,8 @@ def _numbers(paths: list[Path], found: list[Finding]) -> list[int]:
             Finding(
                 "scan.wild-numbers",
                 "warning",
-                "the numbers in the names are too far apart to be steps; pictures count in order",
+                "the numbers in the names are too far apart to be steps; pictures are numbered "
+                "in order",
                 where=f"{paths[0].name} … {paths[-1].name}",
                 remedy="number the pictures by their step if some are missing",
             )
@@ -212,7 +213,7 @@ def _thinned(series: Series, every: int) -> Series:
     keep = [i for i, shot in enumerate(series.shots) if shot.step % every == 0]
     if not keep:
         raise InputError(
-            f"this leaves no picture of laser {series.laser!r}", option=Option("every", every)
+            f"no picture of this laser remains: {series.laser!r}", option=Option("every", every)
         )
     shots = tuple(replace(series.shots[i], step=series.shots[i].step // every) for i in keep)
     each = len(series.dark) == len(series.shots) > 1

@@ -127,7 +127,7 @@ def _backgrounds(
         yield temporal_background(lit), f"median of {len(lit)} pictures"
     if options.background in ("auto", "beside"):
         background = background_beside(lit, _lines(lit, options, known))
-        yield background, f"median of {len(lit)} pictures, of each pixel away from the stripe"
+        yield background, f"median of {len(lit)} pictures, of each pixel outside the stripe"
     if options.background in ("auto", "darkest"):
         yield temporal_background(lit, 0.0), f"darkest of {len(lit)} pictures"
 

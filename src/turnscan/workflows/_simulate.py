@@ -20,21 +20,27 @@ from turnscan.workflows._simulated import plan_of, scan_into_file, scan_into_fol
 class SimulateOptions(Checked):
     """How a part is scanned by a simulated rig; None leaves it to the scene's address."""
 
-    rig: str | None = option(None, "text", "paper, modern or ciclop.  [default: paper]")
-    theta_deg: float | None = option(
-        None, "number", "Angle of triangulation.  [default: the rig's]"
+    rig: str | None = option(
+        None, "text", "Simulated rig: paper, modern or ciclop.  [default: paper]"
     )
-    lasers: int | None = option(None, "count", "1 or 2.  [default: what the scene needs]")
-    steps: int | None = option(None, "count", "Table positions in one turn.  [default: the rig's]")
-    tip_deg: float | None = option(None, "number", "The part tipped over by so much: another pose.")
-    seed: int | None = option(None, "count", "Of speckle and noise.  [default: 0]")
-    exposure: float | None = option(None, "number", "Seconds.  [default: the rig's]")
+    theta_deg: float | None = option(None, "number", "Triangulation angle.  [default: the rig's]")
+    lasers: int | None = option(
+        None, "count", "Number of lasers, 1 or 2.  [default: what the scene needs]"
+    )
+    steps: int | None = option(
+        None, "count", "Number of table positions per turn.  [default: the rig's]"
+    )
+    tip_deg: float | None = option(None, "number", "Tilt of the part: another pose.")
+    seed: int | None = option(None, "count", "Seed of speckle and noise.  [default: 0]")
+    exposure: float | None = option(None, "number", "Exposure time, s.  [default: the rig's]")
     keep: Keep = option(
-        "sparse", "choice", "In a scan file: the pixels around the stripe, or all.",
+        "sparse", "choice", "Pixels stored in a scan file: those around the stripe, or all.",
         choices=get_args(Keep),
     )  # fmt: skip
-    no_speckle: bool = option(False, "switch", "A laser without speckle.")
-    perfect: bool = option(False, "switch", "Thin sheet, no speckle, blur or noise, 16 bits.")
+    no_speckle: bool = option(False, "switch", "Simulate a laser without speckle.")
+    perfect: bool = option(
+        False, "switch", "Simulate an ideal rig: thin sheet, no speckle, blur or noise, 16 bits."
+    )
 
     def changes(self) -> dict[str, Any]:
         """What they change of the bench that the scene's address describes."""

@@ -65,7 +65,7 @@ def truth(devices: Simulated) -> Mesh:
 
 
 def hardware_of(devices: Simulated) -> Hardware:
-    """A simulated bench as the hardware of a scan."""
+    """A simulated rig as the hardware of a scan."""
     return Hardware(devices.camera, devices.turntable, devices.lasers)
 
 

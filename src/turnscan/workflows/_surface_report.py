@@ -130,8 +130,8 @@ def light_line(done: Reconstruction) -> list[str]:
         return []
     whose = ("laser " if len(names) == 1 else "lasers ") + ", ".join(names)
     return [
-        f"causes: where the light of {whose} comes from is not known; it was taken to stand as "
-        "high and as far from the axis as the camera"
+        f"causes: the light source position of {whose} is unknown; it was assumed to be at the "
+        "height and distance from the axis of the camera"
     ]
 
 
@@ -150,13 +150,13 @@ def surface_parts(done: Reconstruction) -> list[str]:
     m = maps(done.grids)
     share = f"{s['measured_mm2']:.0f} mm² measured, {s['missing_mm2']:.0f} mm² in holes: "
     parts = [html.heading("Coverage"), html.paragraph(f"{share}{s['measured_share']:.1%} measured")]
-    caption = "How many lasers measured, over angle and height; white: none; numbers: the holes"
+    caption = "Number of measuring lasers over angle and height; white: none; numbers: the holes"
     parts.append(html.picture(_coverage(m, done.holes), caption))
     if np.isfinite(m.sigma).any():
         caption = "Standard uncertainty of a point, mm: the median of each cell; white: no point"
         parts.append(html.picture(_sigma(m), caption))
     parts.append(html.heading("Holes"))
-    parts += [html.paragraph(line) for line in holes_line(done) or ["No hole."]]
+    parts += [html.paragraph(line) for line in holes_line(done) or ["No holes."]]
     if done.holes:
         parts.append(_table(figures["holes"]))
         parts += [html.paragraph(line) for line in light_line(done)]

@@ -124,7 +124,7 @@ def verify(
     if not sources:
         raise InputError("no scan to verify", hint="name a scan of the artefact")
     if len({s.resolve() for s in sources}) < len(sources):
-        raise InputError("a scan is named twice", hint="name each scan once")
+        raise InputError("a scan is given twice", hint="name each scan once")
     scans = tuple(_verified(source, body, rig, tick) for source in sources)
     repeated = repeatability([s.values for s in scans], body.limits.get("repeatability"))
     trends = tuple[Trend, ...]()
@@ -271,8 +271,9 @@ def _findings(
         said.append(
             Finding(
                 "verify.nominal", "warning",
-                "the dimensions of the artefact are those of its drawing, nobody measured it",
-                body.name, "measure it once, and write into its file what was found, and by whom",
+                "the dimensions of the artefact are those of its drawing; it has not been measured",
+                body.name, "measure it once, and enter the values and who measured them into its "
+                           "file",
             )
         )  # fmt: skip
     for s in scans:
@@ -285,8 +286,8 @@ def _findings(
         said.append(
             Finding(
                 "verify.rig-unknown", "note",
-                "a mesh does not tell what its rig's calibration is worth: that part of the "
-                "uncertainty is not known", remedy="give the scan file",
+                "a mesh does not contain the uncertainty of its rig's calibration, so that part "
+                "of the uncertainty is unknown", remedy="give the scan file",
             )
         )  # fmt: skip
     return said
@@ -298,7 +299,7 @@ def _of_value(v: TestValue, where: str) -> list[Finding]:
         return [
             Finding(
                 "verify.limit", "error", f"{told}, limit {v.limit:g} mm", where,
-                "calibrate again, and look at focus, exposure and what holds the artefact",
+                "calibrate again, and check focus, exposure and what holds the artefact",
             )
         ]  # fmt: skip
     known = not math.isnan(v.calibration) and v.calibration > 0
@@ -306,8 +307,9 @@ def _of_value(v: TestValue, where: str) -> list[Finding]:
         return [
             Finding(
                 "verify.unexplained", "warning",
-                f"{told}: more than noise, calibration and artefact explain", where,
-                "look whether camera, laser or table have moved since the calibration",
+                f"{told}: more than the uncertainties of noise, calibration and artefact "
+                f"explain", where,
+                "check whether camera, laser or table have moved since the calibration",
             )
         ]  # fmt: skip
     return []
@@ -319,8 +321,9 @@ def _drifted(t: Trend) -> Finding:
     way = "up" if up > down else "down"
     return Finding(
         "verify.drift", "error",
-        f"{t.name} goes {way}: {t.values[-1]:+.4f} mm, first {t.values[0]:+.4f} mm; cumulative sum "
+        f"{t.name} drifts {way}: {t.values[-1]:+.4f} mm, first {t.values[0]:+.4f} mm; cumulative "
+        f"sum "
         f"{max(up, down):.1f}, alarm above 5",
         f"value {first} of {len(t.values)}",
-        "look what moved (laser, camera, table), then calibrate again",
+        "check what has moved (laser, camera, table), then calibrate again",
     )  # fmt: skip

@@ -97,7 +97,7 @@ class _Reader:
 
     def artefact(self) -> Artefact:
         if not isinstance(self.body, dict) or self.body.get("format") != FORMAT:
-            raise self._wrong(f'no artefact, it has no format = "{FORMAT}"')
+            raise self._wrong(f'not an artefact file, it has no format = "{FORMAT}"')
         version = self.body.get("version")
         if version != VERSION or isinstance(version, bool):
             raise self._wrong(f"version {version!r}, expected {VERSION}")
@@ -126,7 +126,7 @@ class _Reader:
         extra = sorted(set(self.body) - {*known, *lengths})
         if extra:
             raise self._wrong(
-                f"{extra[0]!r} says nothing of a {kind}; its lengths are {', '.join(lengths)}"
+                f"{extra[0]!r} has no meaning for a {kind}; its lengths are {', '.join(lengths)}"
             )
 
     def _dimensions(self, kind: Kind) -> dict[str, Any]:

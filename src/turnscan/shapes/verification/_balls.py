@@ -65,7 +65,7 @@ def find_balls(survey: Survey, diameters: Sequence[float]) -> list[Ball]:
         if at is None:
             raise InputError(
                 f"ball {number} of {diameter:g} mm was not found among {len(X)} points",
-                hint="is this the artefact, alone on the table, and the right file?",
+                hint="is this the artefact, alone on the table, and this its file?",
             )
         found.append(at)
         free &= np.linalg.norm(X - at[0], axis=1) > 1.1 * at[1]

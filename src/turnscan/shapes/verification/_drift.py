@@ -65,7 +65,9 @@ def drift(values: npt.ArrayLike, noise: npt.ArrayLike, scatter: float | None = N
     if x.ndim != 1 or x.shape != u.shape or not np.isfinite(x).all():
         raise InputError(f"drift: {x.shape} values and {u.shape} uncertainties")
     if not (np.isfinite(u) & (u >= 0)).all():
-        raise InputError("drift: an uncertainty that is none", hint="give standard uncertainties")
+        raise InputError(
+            "drift: an uncertainty that is not above 0", hint="give standard uncertainties"
+        )
     spread = _scatter(x, u) if scatter is None else scatter
     variance = np.maximum(u**2 + spread**2, _LEAST**2)
     score = _scores(x, variance)

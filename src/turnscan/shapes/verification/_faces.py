@@ -121,7 +121,7 @@ def levels_of(survey: Survey, faces: Sequence[Face], heights: Sequence[float]) -
         near = "" if best is None else f"; the nearest set is {least:.3f} mm off"
         raise InputError(
             f"no parallel faces {steps} mm above one among {len(faces)} flat faces{near}",
-            hint="is this the artefact, are its levels in view, and is this the right file?",
+            hint="is this the artefact, are its levels visible, and is this the right file?",
         )
     return joint(survey, best)
 

@@ -104,7 +104,7 @@ class TestValue:
         if self.limit is None:
             return "no limit"
         sure = abs(abs(self.value) - self.limit) > self.expanded
-        return ("fail" if self.exceeded else "pass") + ("" if sure else ", barely")
+        return ("fail" if self.exceeded else "pass") + ("" if sure else ", within the uncertainty")
 
 
 def values_of(artefact: Artefact, survey: Survey) -> list[TestValue]:
@@ -125,7 +125,7 @@ def values_of(artefact: Artefact, survey: Survey) -> list[TestValue]:
     if not faces:
         raise InputError(
             f"no flat face was found among {len(survey.points)} points",
-            hint="is this the artefact, and the right file?",
+            hint="is this the artefact, and this its file?",
         )
     if not want:
         return face_values(artefact, survey, faces[:1])

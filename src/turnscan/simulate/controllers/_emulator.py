@@ -1,4 +1,4 @@
-"""A rig that isn't there behind real wires: a board on a serial port, a camera on the network."""
+"""A simulated rig behind real wires: a board on a serial port, a camera on the network."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LaserTimes:
 
 
 class Emulator:
-    """One simulated bench behind a real serial port and, if wanted, a real GigE Vision camera.
+    """One simulated rig behind a real serial port and, if wanted, a real GigE Vision camera.
 
     Whatever opens `board` and `camera`, by the drivers of this program or another, turns the same
     table and sees the same lasers. A context manager.
@@ -63,7 +63,7 @@ class Emulator:
     ) -> None:
         """``port``: where the serial port shall appear; ``hurry``: how much faster the board lives.
 
-        Raises InputError for a dialect there is not, a port that exists already, or a bench
+        Raises InputError for a dialect there is not, a port that already exists, or a bench
         without noise, whose camera would count as broken.
         """
         if dialect not in EMULATED:
@@ -162,6 +162,6 @@ def _check_free(port: Path) -> None:
     if port.is_symlink() and not port.exists():
         port.unlink()  # left behind by one that was killed
     if port.exists():
-        raise InputError(f"{port}: exists already", hint="name another port")
+        raise InputError(f"{port}: already exists", hint="name another port")
     if not port.resolve().parent.is_dir():
         raise InputError(f"{port}: no such folder", hint="name a port in a folder that is there")

@@ -67,7 +67,7 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
         drop = _run_ends(grid, c)
         out = without(out, drop, StripeFlag.EDGE)
         if drop.any():
-            text = f"{int(drop.sum())} points at the ends of the light are taken away"
+            text = f"{int(drop.sum())} points at the ends of profile runs are removed"
             findings.append(
                 Finding("surface.edges", "note", text, where, "keep them with --edge 0")
             )
@@ -77,7 +77,7 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
     drop = _strays(out, c)
     if drop.any():
         out = without(out, drop, StripeFlag.AMBIGUOUS)
-        text = f"{int(drop.sum())} points without a surface round them are taken away"
+        text = f"{int(drop.sum())} isolated points are removed"
         findings.append(
             Finding("surface.strays", "note", text, where, "keep them with --keep-strays")
         )

@@ -79,6 +79,6 @@ def _offsets(grid: RangeGrid, scale: float, told: Told, *, alone: bool) -> tuple
 def _eyes(grid: RangeGrid) -> Floats:
     if grid.eyes is None:
         raise InputError(
-            f"{grid.laser}: where the camera stood is not known", hint="leave denoising out"
+            f"{grid.laser}: the camera position is unknown", hint="leave denoising out"
         )
     return grid.eyes

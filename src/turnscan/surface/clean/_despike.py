@@ -49,5 +49,5 @@ def despike(what: RangeGrid | Mesh, beyond: float = 5.0) -> tuple[RangeGrid | Me
 def _findings(drop: Bools, beyond: float, place: str) -> list[Finding]:
     if not drop.any():
         return []
-    text = f"{int(drop.sum())} points more than {beyond:g} sigma off the surface are taken away"
+    text = f"{int(drop.sum())} points more than {beyond:g} sigma off the surface are removed"
     return [Finding("surface.spikes", "note", text, place)]

@@ -55,7 +55,7 @@ def long_islands(mesh: Mesh, smallest: int | None = None) -> list[Finding]:
             continue
         box = " × ".join(f"{side:.0f}" for side in sides)
         text = (
-            f"a loose piece of {size[piece]} faces was taken away as an island: {box} mm, "
+            f"a loose piece of {size[piece]} faces was removed as an island: {box} mm, "
             "perhaps a thin part of the object"
         )
         where = "({:.0f}, {:.0f}, {:.0f}) mm".format(*middle)

@@ -48,7 +48,10 @@ def decimate(
     Raises InputError where neither is given, or one is not positive.
     """
     if tolerance is None and faces is None:
-        raise InputError("decimate to what?", hint="give a tolerance in mm or a number of faces")
+        raise InputError(
+            "neither a tolerance nor a face count is given",
+            hint="give a tolerance in mm or a number of faces",
+        )
     if tolerance is not None and not (tolerance > 0 and np.isfinite(tolerance)):
         raise InputError(f"a tolerance of {tolerance} mm", hint="give a positive length")
     if faces is not None and faces < _FEWEST:
@@ -114,7 +117,7 @@ def decimation_findings(before: Mesh, after: Mesh, wanted: int | None) -> list[F
     text = f"{len(after.faces)} of {len(before.faces)} faces are left"
     out = [Finding("surface.decimated", "note", text)]
     if wanted is not None and len(after.faces) > wanted:
-        text = f"{wanted} faces cannot be reached: with fewer than these the surface would tear"
+        text = f"{wanted} faces cannot be reached: further decimation would break the surface"
         out.append(Finding("surface.decimated", "warning", text, "", "close it first with --close"))
     return out
 

@@ -196,7 +196,7 @@ def _star(net: Any, v: int, corners: Any) -> int:
 
 @njit(cache=True, nogil=True)
 def ends(faces: Any, corner: int) -> tuple[int, int]:
-    """The other two corners of a face, in its winding."""
+    """The other two vertices of a face, in its winding."""
     f, i = corner // 3, corner % 3
     return faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 Index = npt.NDArray[np.int64]
 
 CORNERS: Index = np.array([[c & 1, c >> 1 & 1, c >> 2 & 1] for c in range(8)])
-"""(8, 3) corners of the cube, voxels."""
+"""(8, 3) vertices of the cube, voxels."""
 
 
 def _edges() -> Index:

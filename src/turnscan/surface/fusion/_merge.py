@@ -91,7 +91,7 @@ def merge(
     ramp = min(max(2.5 * size, 3 * sigma), 6 * size)
     text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
     if along is not None:
-        text += "; the spacing along profiles has no effect on it"
+        text += "; the spacing along profiles has no effect"
     findings.append(Finding("surface.merge", "note", text, "", "other ways: --merge grid|paste"))
     mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, max(size, 3 * sigma))
     mesh, lost = _witnessed(mesh, surfaces, size)

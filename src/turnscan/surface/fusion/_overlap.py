@@ -172,9 +172,11 @@ def apart_findings(
             if share < _SAME_PART:
                 text = (
                     f"only {share:.0%} of what the one measured is a surface of the other: one of "
-                    "the two sheets is mirrored, or belongs to another laser"
+                    "the two laser sheets is mirrored, or belongs to another laser"
                 )
-                remedy = f"calibrate again; look at each alone to see which of {first}, {second}"
+                remedy = (
+                    f"calibrate again; reconstruct each alone to see which of {first}, {second}"
+                )
                 where = f"{first} and {second}"
                 out.append(Finding("surface.apart", "warning", text, where, remedy))
     return out
@@ -194,7 +196,7 @@ def overlap_findings(found: Sequence[Overlap]) -> list[Finding]:
             f"{np.median(np.abs(o.offsets[beyond])):.3f} mm about ({x:.0f}, {y:.0f}, {z:.0f}) mm; "
             f"over all {np.median(o.offsets):+.3f} mm"
         )
-        remedy = "calibrate again, or look there for glare"
+        remedy = "calibrate again, or check for glare there"
         where = f"{o.first} and {o.second}"
         out.append(Finding("surface.disagree", "warning", text, where, remedy))
     if len(apart) > _PAIRS:

@@ -127,7 +127,7 @@ def feet(X: Any, normals: Any, near: Any, points: Any, faces: Any, start: Any, n
         for ring in range(2):
             for j in range(start[near[i]], start[near[i] + 1]):
                 for c in range(3):
-                    # The second ring: the faces round the corners of the first.
+                    # The second ring: the faces round the vertices of the first.
                     v = faces[numbers[j], c]
                     low, high = (start[v], start[v + 1]) if ring else (j, j + 1)
                     for k in range(low, high):

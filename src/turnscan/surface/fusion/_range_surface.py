@@ -111,7 +111,7 @@ def range_surfaces(grid: RangeGrid, tears: Tears | None = None) -> list[RangeSur
 def _surface(grid: RangeGrid, keep: Bools, tears: Tears | None) -> RangeSurface:
     if grid.eyes is None:
         raise InputError(
-            f"{grid.laser}: where the camera stood is not known", hint="merge with --merge paste"
+            f"{grid.laser}: the camera position is unknown", hint="merge with --merge paste"
         )
     part = grid
     if (grid.found & ~keep).any():

@@ -28,7 +28,7 @@ _SLACK = 0.02
 _BENT = float(np.cos(np.deg2rad(45.0)))
 """Cosine of the angle between normals of neighbours beyond which there is an edge between them."""
 _APART = 0.02
-"""Voxels that a vertex keeps from the corners of its cube: the vertices on several edges at one
+"""Voxels that a vertex keeps from the vertices of its cube: the vertices on several edges at one
 corner would else fall on one place in the 32-bit numbers of an STL."""
 
 
@@ -64,7 +64,7 @@ class Cubes(NamedTuple):
     corners: Any
     """(8, 3) voxels."""
     edges: Any
-    """(12, 3) the two corners of each, and its axis."""
+    """(12, 3) the two vertices of each, and its axis."""
     table: Any
     """(256, t, 3) edges whose vertices make a face, for each pattern of corners inside."""
     sizes: Any

@@ -15,7 +15,7 @@ from turnscan.surface.holes._holes import Hole
 Side = tuple[int, int]
 """Two vertex numbers, in either order."""
 _LARGEST = 16_000_000
-"""Product of the corners of two borders that are joined, at most."""
+"""Product of the vertices of two borders that are joined, at most."""
 
 
 def bridge(mesh: Mesh, a: Side | Hole, b: Side | Hole, how: FillHow = "tangent") -> Mesh:
@@ -33,7 +33,7 @@ def bridge(mesh: Mesh, a: Side | Hole, b: Side | Hole, how: FillHow = "tangent")
     if isinstance(a, Hole) and isinstance(b, Hole):
         return _checked(mesh, with_patches(mesh, [_band(mesh, a.loop, b.loop, how)]))
     if isinstance(a, Hole) or isinstance(b, Hole):
-        raise InputError("a bridge goes from side to side, or from hole to hole")
+        raise InputError("a bridge joins two edges or two holes")
     return _checked(mesh, with_patches(mesh, [_strip(mesh, a, b)]))
 
 
@@ -48,7 +48,7 @@ def _checked(mesh: Mesh, done: Mesh) -> Mesh:
     twice = any(tuple(s) in taken for s in sides.tolist())
     if twice or not hanging_together(done.faces)[len(mesh.faces) :].all():
         raise InputError(
-            "a bridge there would touch what is there already", hint="choose sides further apart"
+            "a bridge there would touch the existing surface", hint="choose edges further apart"
         )
     return done
 
@@ -58,7 +58,7 @@ def _strip(mesh: Mesh, a: Side, b: Side) -> Patch:
     there = set(zip(begin.tolist(), end.tolist(), strict=True))
     (u, v), (p, q) = (_directed(there, side) for side in (a, b))
     if {u, v} == {p, q}:
-        raise InputError(f"sides {a} and {b} are the same", hint="choose two sides")
+        raise InputError(f"edges {a} and {b} are the same", hint="choose two edges")
     if u == q or v == p:
         # Neighbours round a notch: one face between them.
         corners = [v, u, p] if u == q else [v, u, q]
@@ -73,7 +73,7 @@ def _directed(there: set[tuple[int, int]], side: Side) -> Side:
     for one in (side, side[::-1]):
         if one in there:
             return one
-    raise InputError(f"side {side} does not lie on a border", hint="take sides of holes(mesh)")
+    raise InputError(f"edge {side} does not lie on a boundary", hint="take edges of holes(mesh)")
 
 
 def _band(mesh: Mesh, one: Ints, other: Ints, how: FillHow) -> Patch:
@@ -81,13 +81,13 @@ def _band(mesh: Mesh, one: Ints, other: Ints, how: FillHow) -> Patch:
 
     if len(one) * len(other) > _LARGEST:
         raise InputError(
-            f"borders of {len(one)} and {len(other)} corners are too long to join",
+            f"borders of {len(one)} and {len(other)} vertices are too long to join",
             hint="decimate the mesh first",
         )
     for loop in (one, other):
         _on_border(mesh, loop)
     if np.isin(one, other).any():
-        raise InputError("the two borders have corners in common", hint="choose two holes")
+        raise InputError("the two boundaries share vertices", hint="choose two holes")
     # The band runs against the winding of the faces on both sides.
     first, second = one[::-1], other[::-1]
     i, j = _nearest(mesh.vertices[first], mesh.vertices[second])
@@ -107,7 +107,7 @@ def _on_border(mesh: Mesh, loop: Ints) -> None:
     there: npt.NDArray[np.int64] = np.array(loop, dtype=np.int64)
     if len(there) < 3 or not np.isin(there * size + np.roll(there, -1), rim).all():
         raise InputError(
-            "a hole to bridge is no border of this mesh",
+            "a hole to bridge is not a boundary of this mesh",
             hint="take the holes of the mesh that is to be bridged",
         )
 

@@ -102,7 +102,7 @@ def close(mesh: Mesh, caps: Caps | None = None, told: Told = silent) -> tuple[Me
     if mended.replaced:
         done = submesh(done, np.ones(len(done.faces), dtype=np.bool_))
     if again:
-        text = f"{again} faces about places where the surface cut through itself were made anew"
+        text = f"{again} faces at self-intersections were rebuilt"
         remarks.append(Finding("surface.mended", "note", text))
     return done, remarks + _said(done, gaps, foot if stands else [], c)
 
@@ -110,7 +110,7 @@ def close(mesh: Mesh, caps: Caps | None = None, told: Told = silent) -> tuple[Me
 def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None, closed: Mesh) -> list[str]:
     """In a word for each hole of a mesh how `close` dealt with it: "open" where it did not.
 
-    ``closed`` is what became of the mesh; it may have been thinned out.
+    ``closed`` is what became of the mesh; it may have been decimated.
     """
     if caps is None:
         return ["open"] * len(found)
@@ -135,7 +135,7 @@ def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None, closed: Mesh)
 
 
 def _same(hole: Hole, centre: Floats, size: float) -> bool:
-    """Whether a gap of this centre and size is the hole: thinning out moves both a little."""
+    """Whether a gap of this centre and size is the hole: decimating moves both a little."""
     away = float(np.linalg.norm(hole.centre - centre))
     return max(away, abs(hole.size - size)) <= _ALIKE * hole.size
 
@@ -148,7 +148,9 @@ def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: Caps) -> list[Finding]
         out.append(Finding("surface.caps", "warning" if share > 0.25 else "note", text))
     if foot:
         area = mesh.area_of((mesh.triangles[..., 2] == c.floor).all(axis=1))
-        text = f"the part's foot is closed with the platter's plane, {area:.0f} mm² at {c.floor} mm"
+        text = (
+            f"the bottom of the part is closed by the platter plane, {area:.0f} mm² at {c.floor} mm"
+        )
         out.append(Finding("surface.floor", "note", text, "", ""))
     return out
 

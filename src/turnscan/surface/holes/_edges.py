@@ -82,7 +82,7 @@ def faces_beyond(
 
 
 def _turned_off(b: _Borders, places: Places, measurable: Measurable) -> tuple[Floats, Floats]:
-    """Ways (m, 3) in which the part turns off at corners of borders, and normals (m, 3) there; both
+    """Ways (m, 3) in which the part turns off at border vertices, and normals (m, 3) there; both
     zero where none would have hidden it."""
     way, up = np.zeros_like(b.X), np.zeros_like(b.X)
     left = np.arange(len(b.X), dtype=np.int32)

@@ -20,7 +20,7 @@ from turnscan.surface._told import Told, silent
 from turnscan.surface.holes._holes import Hole, holes, vector_area
 
 FillHow = Literal["auto", "flat", "membrane", "tangent", "curvature"]
-"""flat: triangles between the corners of the border alone. membrane: as a soap film spans the
+"""flat: triangles between the vertices of the border alone. membrane: as a soap film spans the
 border, flat where that is. tangent: goes on in the border's tangent planes. curvature: goes on with
 the border's curvature, too. auto: membrane in a hole that an edge runs round, tangent in others
 (`fill`)."""
@@ -140,7 +140,7 @@ def patches(
         told(number / len(loops))
         if len(loop) < 3 or (after[loop] != np.roll(loop, -1)).any():
             raise InputError(
-                f"hole {number}: its {len(loop)} corners are no border of this mesh",
+                f"hole {number}: its {len(loop)} vertices are not a boundary of this mesh",
                 hint="take the holes of the mesh that is to be filled",
             )
         # The patch lies on the other side of the border: it runs against the faces' winding.
@@ -187,7 +187,7 @@ def _patch(
 def refined(
     ring: Ints, points: Floats, faces: Ints, scale: Floats, used: Bools, how: FillHow
 ) -> Patch:
-    """A patch over the corners of its border, made as dense as the border's ``scale`` (m,) mm."""
+    """A patch over the vertices of its border, made as dense as the border's ``scale`` (m,) mm."""
     from turnscan.surface.holes import _patch_kernels as kernels
 
     area = _area(points, faces)
@@ -233,7 +233,7 @@ def _turned(t: Ints) -> list[tuple[int, int, int]]:
 
 
 class _Chords:
-    """Which corners of a loop a side of the mesh joins already."""
+    """Which vertices of a loop a side of the mesh joins already."""
 
     def __init__(self, mesh: Mesh, loops: Sequence[Ints]) -> None:
         self._loops = loops
@@ -249,7 +249,7 @@ class _Chords:
         self._start = np.searchsorted(which[a[inside]][order], np.arange(len(loops) + 1))
 
     def of(self, number: int) -> Bools:
-        """(m, m) True where corners of the loop are joined by a side, also one of the border."""
+        """(m, m) True where vertices of the loop are joined by a side, also one of the border."""
         m = len(self._loops[number])
         used = np.zeros((m, m), dtype=np.bool_)
         part = slice(self._start[number], self._start[number + 1])

@@ -23,7 +23,7 @@ CAUSE_WORDS: Final[dict[Cause, str]] = {
     "saturated": "too bright",
     "outside": "outside the picture or the working volume",
     "ambiguous": "several stripes, none of them sure",
-    "removed": "taken away by the clean-up",
+    "removed": "removed by the clean-up",
     "unknown": "not known",
 }
 """Every cause in words for people."""

@@ -127,7 +127,7 @@ def _unroll(apex: Any, faces: Any) -> None:
 @njit(cache=True, nogil=True)
 def lace(a: Any, b: Any) -> Any:
     """Two loops (n, 3), (k, 3), side by side and against each other → (n + k, 3) triangles of
-    least area between them; corners of the second count from n. Corners 0 are joined.
+    least area between them; vertices of the second count from n. Corners 0 are joined.
     """
     n, k = len(a), len(b)
     cost = np.full((n + 1, k + 1), np.inf)

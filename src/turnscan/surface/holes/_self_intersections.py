@@ -115,7 +115,7 @@ def _refilled(mesh: Mesh, bad: Bools, owner: Ints, flat: Bools, how: FillHow) ->
 
 
 def _most(owners: Ints) -> int:
-    """The patch that a place belonged to, by the corners of its border; −1 where to none."""
+    """The patch that a place belonged to, by the vertices of its border; −1 where to none."""
     known = owners[owners >= 0]
     return int(np.bincount(known).argmax()) if len(known) else -1
 

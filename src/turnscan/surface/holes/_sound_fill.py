@@ -160,7 +160,7 @@ def unfilled(left: Sequence[Hole], hint: str) -> Finding:
     x, y, z = left[0].centre
     text = (
         f"{len(left)} gap(s) up to {max(h.size for h in left):.1f} mm wide stay open: filled, the "
-        "surface would cut through itself there"
+        "surface would intersect itself there"
     )
     where = f"({x:.2f}, {y:.2f}, {z:.2f}) mm"
     more = "" if len(left) == 1 else f", the first of {len(left)}"

@@ -47,7 +47,7 @@ def spanned(mesh: Mesh, found: Sequence[Hole]) -> Floats:
 
 
 def smoothed(values: Floats) -> Floats:
-    """(m, 3) sums over the corners of a border (m, 3) and those beside them."""
+    """(m, 3) sums over the vertices of a border (m, 3) and those beside them."""
     return np.asarray(sum(np.roll(values, k, axis=0) for k in range(-_ALONG, _ALONG + 1)))
 
 
