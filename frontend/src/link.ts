@@ -20,6 +20,8 @@ export class RefusedError extends Error {
 }
 
 const REQUEST_SECONDS = 120;
+/** A little less than what the server takes in one message. */
+const MOST_BYTES = 3.5 * 2 ** 20;
 const FETCH_SECONDS = 120;
 const RETRY_MS = [250, 500, 1000, 2000, 4000];
 
@@ -74,6 +76,17 @@ export class Link {
   request(request: Request, arrays: Record<string, AnyArray> = {}): Promise<Received> {
     const id = this.nextId++;
     return new Promise((resolve, reject) => {
+      const bytes = Object.values(arrays).reduce((sum, array) => sum + array.byteLength, 0);
+      if (bytes > MOST_BYTES) {
+        reject(
+          new RefusedError(
+            "too-large",
+            `The request is too large: ${(bytes / 2 ** 20).toFixed(1)} MB, the limit is ${MOST_BYTES / 2 ** 20} MB.`,
+            "Select fewer faces, or decimate first.",
+          ),
+        );
+        return;
+      }
       this.waiting.set(id, { resolve, reject, timer: this.patience(id) });
       if (!this.send({ ...request, id }, arrays)) {
         this.settle(id)?.reject(

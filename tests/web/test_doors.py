@@ -427,7 +427,7 @@ def test_connections_that_never_ask_are_hung_up_on(
         ('{"kind":"undo","id":1,"scan":"abcdefgh","more":1}', 1008),
         ('{"kind":"undo","id":1,"scan":"../../x"}', 1008),
         ('{"kind":"turn","id":1,"angle_deg":1e999}', 1008),
-        ("a" * (2**20 + 1), 1009),
+        ("a" * (4 * 2**20 + 1), 1009),
     ],
 )
 def test_a_message_that_is_none_ends_the_socket(

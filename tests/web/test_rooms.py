@@ -43,6 +43,14 @@ def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
         )
         assert shown["kind"] == "preview"
         np.testing.assert_array_equal(shown["arrays"]["dead"], chosen)
+        mask = np.zeros(faces, np.uint8)
+        mask[chosen] = 1
+        bits = {"face_bits": np.packbits(mask, bitorder="little")}
+        same = one.ask("edit", bits, scan=scan, base_revision=0, edit=edit, preview=True)
+        np.testing.assert_array_equal(same["arrays"]["dead"], chosen)
+        beyond = {"face_bits": np.full(faces // 8 + 2, 255, np.uint8)}
+        refused = one.ask("edit", beyond, scan=scan, base_revision=0, edit=edit, preview=True)
+        assert "faces that are not there" in refused["text"]
         assert (
             one.ask("edit", {"faces": chosen}, scan=scan, base_revision=0, edit=edit)["kind"]
             == "done"

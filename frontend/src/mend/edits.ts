@@ -25,7 +25,7 @@ function selectedFaces(): Faces | null {
     notify("note", "Nothing is selected.", "Use a tool on the left first, for instance the lasso (L).");
     return null;
   }
-  return { faces: selection.numbers() };
+  return selection.arrays();
 }
 
 export async function deleteSelected(): Promise<void> {
@@ -42,7 +42,7 @@ export async function deleteUnselected(): Promise<void> {
 /** The selection as arrays of an edit; empty where nothing is selected, which means everywhere. */
 export function selectionArrays(): Faces {
   const selection = currentViewport()?.selection;
-  return selection?.count ? { faces: selection.numbers() } : {};
+  return selection?.count ? selection.arrays() : {};
 }
 
 /** Smooth what the brush has passed over, or else the selection. */

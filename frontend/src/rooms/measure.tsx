@@ -95,8 +95,8 @@ function enough(): boolean {
 async function take(): Promise<void> {
   const scan = opened.value?.scan;
   if (!scan || !enough() || busy.value) return;
-  const region = kind.value.region !== "none" ? currentViewport()?.selection.numbers() : undefined;
-  const arrays: Record<string, AnyArray> = region?.length ? { faces: region } : {};
+  const selection = kind.value.region !== "none" ? currentViewport()?.selection : undefined;
+  const arrays: Record<string, AnyArray> = selection?.count ? selection.arrays() : {};
   busy.value = true;
   try {
     await link.request({ kind: "measure", scan, what: kind.value.what, places: [...places.value] }, arrays);

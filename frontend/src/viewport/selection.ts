@@ -1,4 +1,5 @@
 /** What is selected, one byte a face. */
+import type { AnyArray } from "../envelope";
 import type { MeshModel } from "../mesh/model";
 
 export type Mode = "replace" | "add" | "remove" | "intersect";
@@ -38,6 +39,15 @@ export class Selection {
 
   invert(mesh: MeshModel): void {
     this.set(this.faces.map((one, face) => (one ? 0 : mesh.alive[face])));
+  }
+
+  /** The selection as arrays of a request: a list of numbers, or a bit for each face where that is shorter. */
+  arrays(): Record<string, AnyArray> {
+    const bytes = Math.ceil(this.faces.length / 8);
+    if (4 * this.count <= bytes) return { faces: this.numbers() };
+    const bits = new Uint8Array(bytes);
+    for (let face = 0; face < this.faces.length; face++) bits[face >> 3] |= this.faces[face] << (face & 7);
+    return { face_bits: bits };
   }
 
   numbers(): Uint32Array<ArrayBuffer> {

@@ -423,13 +423,14 @@ class OpenScan:
 
 
 def _region(body: edit.Body, arrays: Mapping[str, Array]) -> edit.Region | None:
-    """The faces that came with a request. Raises InputError where they are none of the surface."""
-    if "faces" not in arrays:
-        return None
-    faces = arrays["faces"]
-    if faces.dtype.kind != "u" or faces.ndim != 1:
-        raise InputError("faces: not a list of numbers")
-    return edit.Region.of(body, faces)
+    """The faces that came with a request, as numbers or as a bit for each. Raises InputError where they are none of the surface."""
+    for name in ("faces", "face_bits"):
+        if name in arrays and (arrays[name].dtype.kind != "u" or arrays[name].ndim != 1):
+            raise InputError(f"{name}: not a list of numbers")
+    if "face_bits" in arrays:
+        bits = np.unpackbits(arrays["face_bits"].astype(np.uint8), bitorder="little")
+        return edit.Region.of(body, np.flatnonzero(bits))
+    return edit.Region.of(body, arrays["faces"]) if "faces" in arrays else None
 
 
 def _defect(finding: Finding, grids: Sequence[RangeGrid]) -> p.Defect:

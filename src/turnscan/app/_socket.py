@@ -19,7 +19,8 @@ from turnscan.app._requests import REQUESTS, Ack, ClientMessage
 from turnscan.app._workshop import Workshop
 from turnscan.errors import FormatError, InputError
 
-MESSAGE_BYTES = 2**20
+MESSAGE_BYTES = 4 * 2**20
+"""A selection of a surface of 28 million faces, with a bit for each, and its header."""
 SEND_SECONDS = 10.0
 """s that a message may take; who reads slower is hung up on."""
 _NOT_A_MESSAGE, _BAD_REQUEST, _TOO_MUCH, _BEHIND, _FULL = 1003, 1008, 1008, 1013, 1013
@@ -97,7 +98,7 @@ def _parse(data: str | bytes) -> tuple[dict[str, Any], dict[str, Array]]:
     if isinstance(data, bytes):
         return unpack(data)
     if len(data.encode()) > MESSAGE_BYTES:
-        raise FormatError("message: more than 1 MB")
+        raise FormatError(f"message: more than {MESSAGE_BYTES >> 20} MB")
     body = strict_json(data, "message")
     if not isinstance(body, dict):
         raise FormatError("message: not an object")
