@@ -7,6 +7,7 @@ import { getArrays, type Received } from "./link";
 import { type MeshArrays, MeshModel, type Part } from "./mesh/model";
 import { Profile } from "./profile/data";
 import type {
+  BranchEntry,
   Defect,
   Figures,
   GridHeader,
@@ -23,6 +24,8 @@ import { complain, connection, go, notify, place, scans } from "./state";
 export const opened = signal<Opened | null>(null);
 export const figures = signal<Figures | null>(null);
 export const history = signal<readonly HistoryEntry[]>([]);
+/** Other histories, left when an edit was made after stepping back. */
+export const branches = signal<readonly BranchEntry[]>([]);
 export const cursor = signal(0);
 export const holes = signal<readonly Hole[] | null>(null);
 export const defects = signal<readonly Defect[] | null>(null);
@@ -91,6 +94,7 @@ async function show(message: Opened): Promise<void> {
     opened.value = message;
     figures.value = message.figures;
     history.value = message.history;
+    branches.value = message.branches;
     cursor.value = message.cursor;
     measures.value = message.measures;
     holes.value = defects.value = null;
@@ -226,6 +230,7 @@ async function toScan(
     | { kind: "undo" }
     | { kind: "redo" }
     | { kind: "go_to"; cursor: number }
+    | { kind: "take_branch"; edit: number }
     | { kind: "switch"; edit: number; on: boolean },
 ) {
   const scan = opened.value?.scan;
@@ -239,6 +244,7 @@ async function toScan(
 
 export const undo = () => toScan({ kind: "undo" });
 export const redo = () => toScan({ kind: "redo" });
+export const takeBranch = (edit: number) => toScan({ kind: "take_branch", edit });
 export const goTo = (to: number) => toScan({ kind: "go_to", cursor: to });
 export const switchEdit = (edit: number, isOn: boolean) => toScan({ kind: "switch", edit, on: isOn });
 
@@ -339,6 +345,7 @@ function hearServer(): void {
   on("history", (message) => {
     if (message.scan !== opened.value?.scan) return;
     history.value = message.history;
+    branches.value = message.branches;
     cursor.value = message.cursor;
   });
   on("measures", (message) => {

@@ -48,6 +48,18 @@ export interface BeginCalibration {
   orientation?: "vertical" | "horizontal";
 }
 
+/** Another history, left when an edit was made after stepping back. */
+export interface BranchEntry {
+  /** Number of its last edit, by which it is taken up. */
+  edit: number;
+  /** How many edits it has that the history has not. */
+  edits: number;
+  /** Its last edit in words. */
+  text: string;
+  /** ISO time of that, UTC. */
+  at: string;
+}
+
 /** A calibration in the making, each time a picture has been looked at. */
 export interface Calibration {
   kind: "calibration";
@@ -323,6 +335,7 @@ export interface History {
   scan: string;
   history: HistoryEntry[];
   cursor: number;
+  branches: BranchEntry[];
 }
 
 /** An edit in the list. */
@@ -470,6 +483,7 @@ export interface Opened {
   figures: Figures;
   history: HistoryEntry[];
   cursor: number;
+  branches: BranchEntry[];
   findings: Remark[];
   measures: Measure[];
 }
@@ -689,6 +703,14 @@ export interface Switch {
   on: boolean;
 }
 
+/** The branch of the history that ends with an edit becomes the history. */
+export interface TakeBranch {
+  id: number;
+  kind: "take_branch";
+  scan: string;
+  edit: number;
+}
+
 /** Become the operator. */
 export interface TakeControl {
   id: number;
@@ -777,6 +799,7 @@ export type ClientMessage =
   | Undo
   | Redo
   | GoTo
+  | TakeBranch
   | Switch
   | ListHoles
   | ListDefects

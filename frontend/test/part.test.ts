@@ -20,6 +20,7 @@ function opened(scan: string, revision = 3, epoch = 1) {
     figures: FIGURES,
     history: [],
     cursor: 0,
+    branches: [],
     findings: [],
     measures: [],
   } as const;
@@ -198,9 +199,9 @@ describe("what belongs to the scan", () => {
   it("follows the server, and only for this scan", async () => {
     const page = await shown();
     const entry = { index: 0, edit: 1, name: "close", text: "", on: true, at: "" };
-    await page.say({ kind: "history", scan: "box", history: [entry], cursor: 1 });
+    await page.say({ kind: "history", scan: "box", history: [entry], cursor: 1, branches: [] });
     expect(page.part.history.value).toEqual([]);
-    await page.say({ kind: "history", scan: "cup", history: [entry], cursor: 1 });
+    await page.say({ kind: "history", scan: "cup", history: [entry], cursor: 1, branches: [] });
     expect([page.part.history.value.length, page.part.cursor.value]).toEqual([1, 1]);
   });
 

@@ -164,8 +164,8 @@ def test_histories_and_logs() -> None:
         history_from_log(['{"version":1,"do":"go","cursor":2}'])
     with pytest.raises(FormatError, match="there is no edit 5"):
         history_from_log(['{"version":1,"do":"switch","id":5,"on":true}'])
-    with pytest.raises(ScanNewer, match="version 2"):
-        history_from_log(['{"version":2,"do":"go","cursor":0}'])
+    with pytest.raises(ScanNewer, match="version 3"):
+        history_from_log(['{"version":3,"do":"go","cursor":0}'])
     with pytest.raises(FormatError, match="version"):
         history_from_log(['{"do":"go","cursor":0}'])
 

@@ -78,6 +78,18 @@ def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
         )
         _, arrays = unpack(http.get(f"/api/scans/{scan}/mesh").content)
         assert arrays["alive"].all()
+        first = history["history"][0]["edit"]
+        assert one.ask("go_to", scan=scan, cursor=0)["kind"] == "done"
+        state = next(m for m in reversed(one.heard) if m["kind"] == "patch")
+        again = one.ask(
+            "edit", {"faces": chosen[:9]}, scan=scan, base_revision=state["revision"], edit=edit
+        )
+        assert again["kind"] == "done"
+        history = next(m for m in reversed(one.heard) if m["kind"] == "history")
+        assert [(b["edit"], b["edits"]) for b in history["branches"]] == [(first, 1)]
+        assert one.ask("take_branch", scan=scan, edit=first)["kind"] == "done"
+        history = next(m for m in reversed(one.heard) if m["kind"] == "history")
+        assert [e["edit"] for e in history["history"]] == [first]
         with serving(folder) as second, Browser(second) as other:
             other.send("open", scan=other.hello["scans"][0]["scan"])
             failed = other.until("job", lambda m: m["state"] == "failed")

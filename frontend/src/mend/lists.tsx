@@ -1,6 +1,7 @@
 /** Holes, defects and the history. */
 import { useSignal, useSignalEffect } from "@preact/signals";
 import {
+  branches,
   cursor,
   defects,
   goTo,
@@ -13,6 +14,7 @@ import {
   opened,
   redo,
   switchEdit,
+  takeBranch,
   undo,
 } from "../part";
 import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
@@ -205,6 +207,28 @@ export function HistoryPanel() {
           </li>
         ))}
       </ol>
+      {branches.value.length > 0 && (
+        <>
+          <h3>Branches</h3>
+          <ul class="list" aria-label="Branches of the history, the newest first">
+            {branches.value.toReversed().map((branch) => (
+              <li key={branch.edit}>
+                <button
+                  type="button"
+                  class="button plain grow"
+                  title="Return to this branch; the history as it is now becomes a branch"
+                  onClick={() => void takeBranch(branch.edit)}
+                >
+                  <span>
+                    {branch.edits} other {branch.edits === 1 ? "edit" : "edits"}, the last: {branch.text}
+                  </span>
+                  <span class="quiet num">{new Date(branch.at).toLocaleTimeString("sv").slice(0, 5)}</span>
+                </button>
+              </li>
+            ))}
+          </ul>
+        </>
+      )}
       <p class="quiet">Every edit is in the scan file; the pictures are never changed.</p>
     </Section>
   );

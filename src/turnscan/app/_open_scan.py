@@ -152,6 +152,7 @@ class OpenScan:
             figures=state.figures,
             history=self._entries(state),
             cursor=state.document.history.cursor,
+            branches=self._branches(state),
             findings=remarks(self.findings),
             measures=measures(state.document),
         )
@@ -330,6 +331,11 @@ class OpenScan:
         with self._lock:
             self._keep(*self.now.document.go(cursor, job.share), job)
 
+    def branch(self, id: int, job: Job) -> None:
+        """The branch that ends with this edit becomes the history. Raises InputError."""
+        with self._lock:
+            self._keep(*self.now.document.branch(id, job.share), job)
+
     def switch(self, id: int, on: bool, job: Job) -> None:
         """One edit off, or on again. Raises InputError where there is none of that number."""
         with self._lock:
@@ -386,7 +392,12 @@ class OpenScan:
         for k, steps in _changed(before.grids, state.grids):
             self._hub.tell(p.GridChanged(scan=self.name, grid=k, steps=steps))
         self._hub.tell(
-            p.History(scan=self.name, history=self._entries(state), cursor=document.history.cursor)
+            p.History(
+                scan=self.name,
+                history=self._entries(state),
+                cursor=document.history.cursor,
+                branches=self._branches(state),
+            )
         )
 
     def _entries(self, state: State) -> list[p.HistoryEntry]:
@@ -400,6 +411,19 @@ class OpenScan:
                 at=_iso(self._times.get(e.id, math.nan)),
             )
             for k, e in enumerate(state.document.history.entries)
+        ]
+
+    def _branches(self, state: State) -> list[p.BranchEntry]:
+        history = state.document.history
+        here = {e.id for e in history.entries}
+        return [
+            p.BranchEntry(
+                edit=path[-1].id,
+                edits=sum(e.id not in here for e in path),
+                text=edit.in_words(path[-1].edit),
+                at=_iso(self._times.get(path[-1].id, math.nan)),
+            )
+            for path in history.branches
         ]
 
     def _build(
@@ -423,7 +447,10 @@ class OpenScan:
 
 
 def _region(body: edit.Body, arrays: Mapping[str, Array]) -> edit.Region | None:
-    """The faces that came with a request, as numbers or as a bit for each. Raises InputError where they are none of the surface."""
+    """The faces that came with a request, as numbers or as a bit for each.
+
+    Raises InputError where they are none of the surface.
+    """
     for name in ("faces", "face_bits"):
         if name in arrays and (arrays[name].dtype.kind != "u" or arrays[name].ndim != 1):
             raise InputError(f"{name}: not a list of numbers")
@@ -481,6 +508,8 @@ def _what(action: edit.Action | None, history: edit.History) -> str:
             return edit.in_words(action.edit)
         case edit.Switch():
             return f"edit {action.id} switched {'on' if action.on else 'off'}"
+        case edit.Branch():
+            return f"branch of {len(history.entries)} edits taken up"
         case edit.Go():
             return f"{action.cursor} of {len(history.entries)} edits"
         case None:

@@ -128,6 +128,19 @@ class HistoryEntry(Model):
     """ISO time, UTC."""
 
 
+class BranchEntry(Model):
+    """Another history, left when an edit was made after stepping back."""
+
+    edit: Count
+    """Number of its last edit, by which it is taken up."""
+    edits: Count
+    """How many edits it has that the history has not."""
+    text: str
+    """Its last edit in words."""
+    at: str
+    """ISO time of that, UTC."""
+
+
 class HoleEntry(Model):
     """A hole in the surface. Its border is the array ``loop_{hole}``, f32 (m, 3)."""
 
@@ -341,6 +354,7 @@ class Opened(Model):
     figures: Figures
     history: list[HistoryEntry]
     cursor: Count
+    branches: list[BranchEntry]
     findings: list[Remark]
     measures: list[Measure]
 
@@ -403,6 +417,7 @@ class History(Model):
     scan: Opaque
     history: list[HistoryEntry]
     cursor: Count
+    branches: list[BranchEntry]
 
 
 class GridChanged(Model):

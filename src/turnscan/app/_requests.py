@@ -97,6 +97,14 @@ class GoTo(Request):
     cursor: Count
 
 
+class TakeBranch(Request):
+    """The branch of the history that ends with an edit becomes the history."""
+
+    kind: Literal["take_branch"] = "take_branch"
+    scan: Opaque
+    edit: Count
+
+
 class Switch(Request):
     """One edit of the list off or on again, all others as they are."""
 
@@ -315,6 +323,7 @@ ClientMessage = Annotated[
     | Undo
     | Redo
     | GoTo
+    | TakeBranch
     | Switch
     | ListHoles
     | ListDefects

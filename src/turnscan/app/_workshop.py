@@ -91,6 +91,7 @@ class Workshop:
             q.Undo: (self._undo, True),
             q.Redo: (self._redo, True),
             q.GoTo: (self._go_to, True),
+            q.TakeBranch: (self._take_branch, True),
             q.Switch: (self._switch, True),
             q.ListHoles: (self._list_holes, False),
             q.ListDefects: (
@@ -374,6 +375,10 @@ class Workshop:
     def _go_to(self, call: Call) -> None:
         with self._mending(call, "Replaying the history") as (scan, job):
             scan.go(call.request.cursor, job)
+
+    def _take_branch(self, call: Call) -> None:
+        with self._mending(call, "Taking up a branch of the history") as (scan, job):
+            scan.branch(call.request.edit, job)
 
     def _switch(self, call: Call) -> None:
         with self._mending(call, "Enabling or disabling an edit") as (scan, job):

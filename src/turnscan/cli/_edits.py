@@ -54,6 +54,7 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
 )
 @click.option("--off", type=int, multiple=True, metavar="N", help="Disable edit N.")
 @click.option("--on", type=int, multiple=True, metavar="N", help="Enable edit N again.")
+@click.option("--branch", type=int, metavar="N", help="Return to the branch that ends with edit N.")
 @click.option("--undo", is_flag=True, help="Undo the last edit.")
 @click.option("--redo", is_flag=True, help="Redo the next undone edit.")
 def verb(
@@ -65,6 +66,7 @@ def verb(
     grow: int,
     off: tuple[int, ...],
     on: tuple[int, ...],
+    branch: int | None,
     undo: bool,
     redo: bool,
 ) -> None:
@@ -72,10 +74,12 @@ def verb(
     _check(scan, output, source, rules, grow)
     added = [] if source is None else [e.edit for e in read_history(source).enabled]
     added += [edit_from_json(text, "--make") for text in texts]
-    if added or rules or off or on or undo or redo:
+    if added or rules or off or on or undo or redo or branch is not None:
         with Scan.resume(scan) as opened:
             history = history_of(opened)
             actions: list[Action] = []
+            if branch is not None:
+                history = _then(actions, history, history.branch(branch))
             for edit in added:
                 history = _then(actions, history, history.add(edit))
             if rules:
@@ -124,13 +128,16 @@ def _times(scan: Scan) -> dict[int, float]:
 
 
 def _listed(history: History, times: dict[int, float]) -> list[str]:
-    if not history.entries:
-        return ["no edits"]
-    lines = []
+    lines = [] if history.entries else ["no edits"]
     for place, entry in enumerate(history.entries):
         state = "done" if place < history.cursor else "undone"
         at = times[entry.id]
         when = "" if math.isnan(at) else datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M  ")
         mark = state if entry.on else f"{state}, off"
         lines.append(f"{entry.id:>4}  {when}{mark:<11}  {in_words(entry.edit)}")
+    here = {e.id for e in history.entries}
+    for path in history.branches:
+        own = sum(e.id not in here for e in path)
+        last = path[-1]
+        lines.append(f"{last.id:>4}  branch of {own} other edits; its last: {in_words(last.edit)}")
     return lines

@@ -32,6 +32,7 @@ from turnscan.edit._grid import HAND_SIGMA, Eyes, Stripes, lost_edits, mend_grid
 from turnscan.edit._history import (
     Action,
     Add,
+    Branch,
     Entry,
     Go,
     History,
@@ -76,6 +77,7 @@ __all__ = [
     "Alive",
     "Append",
     "Body",
+    "Branch",
     "BridgeHoles",
     "BridgeSides",
     "Build",

@@ -102,6 +102,10 @@ class Document:
         """Let the first ``cursor`` edits count. Raises InputError where there are fewer."""
         return self.after(Go(cursor), told)
 
+    def branch(self, id: int, told: Told = silent) -> tuple[Document, Change]:
+        """Take up the branch that ends with this edit. Raises InputError where there is none."""
+        return self.after(self.history.branch(id), told)
+
     def switch(self, id: int, on: bool, told: Told = silent) -> tuple[Document, Change]:
         """Switch one edit on or off. Raises InputError where there is none of that number."""
         return self.after(self.history.switch(id, on), told)

@@ -16,8 +16,9 @@ from turnscan.edit._edits import Edit, bad_key, edit_from_value, edit_to_value
 from turnscan.errors import FormatError, InputError, ScanNewer
 from turnscan.json_text import strict_json
 
-VERSION = 1
-"""Of the log and of history files."""
+VERSION = 2
+"""Of the log; what older programs can read is written as version 1."""
+_MOST_BRANCHES = 200
 _MOST = 100_000
 _STRICT = ConfigDict(extra="forbid")
 Id = Annotated[int, Field(ge=1, le=1 << 53, strict=True)]
@@ -25,7 +26,7 @@ Id = Annotated[int, Field(ge=1, le=1 << 53, strict=True)]
 
 @dataclass(frozen=True)
 class Add:
-    """An edit was made; what had been undone before it is not in the history any more."""
+    """An edit was made; what had been undone leaves the history and is kept as a branch."""
 
     __pydantic_config__ = _STRICT
     id: Id
@@ -52,7 +53,16 @@ class Switch:
     do: Literal["switch"] = "switch"
 
 
-Action = Add | Go | Switch
+@dataclass(frozen=True)
+class Branch:
+    """The branch whose last edit this is became the history; what was the history is a branch."""
+
+    __pydantic_config__ = _STRICT
+    id: Id
+    do: Literal["branch"] = "branch"
+
+
+Action = Add | Branch | Go | Switch
 _ACTION: TypeAdapter[Action] = TypeAdapter(Annotated[Action, Field(discriminator="do")])
 
 
@@ -80,6 +90,9 @@ class History:
     cursor: int = 0
     """The first so many are done; those after it are undone and can be redone."""
     next_id: int = 1
+    branches: tuple[tuple[Entry, ...], ...] = ()
+    """Other histories, from their first edit on, the newest last: each was left by an edit that was
+    made after stepping back. At most 200; the log itself keeps all."""
 
     @property
     def enabled(self) -> tuple[Entry, ...]:
@@ -108,6 +121,12 @@ class History:
             raise InputError("there is nothing to redo")
         return Go(ahead[0] + 1)
 
+    def branch(self, id: int) -> Branch:
+        """The action that takes up the branch that ends with this edit. Raises InputError."""
+        if all(path[-1].id != id for path in self.branches):
+            raise InputError(f"no branch of the history ends with edit {id}")
+        return Branch(id)
+
     def switch(self, id: int, on: bool) -> Switch:
         """The action that switches one edit on or off. Raises InputError where there is none."""
         if all(e.id != id for e in self.entries):
@@ -121,7 +140,14 @@ class History:
                 if action.id < self.next_id:
                     raise InputError(f"edit {action.id} is in the history already")
                 kept = (*self.entries[: self.cursor], Entry(action.id, action.edit))
-                return History(kept, len(kept), action.id + 1)
+                return History(kept, len(kept), action.id + 1, self._with_branch(kept))
+            case Branch():
+                path = next((p for p in self.branches if p[-1].id == action.id), None)
+                if path is None:
+                    raise InputError(f"no branch of the history ends with edit {action.id}")
+                return replace(
+                    self, entries=path, cursor=len(path), branches=self._with_branch(path)
+                )
             case Go():
                 if action.cursor > len(self.entries):
                     raise InputError(
@@ -135,6 +161,13 @@ class History:
                 entry = replace(self.entries[at], on=action.on)
                 return replace(self, entries=(*self.entries[:at], entry, *self.entries[at + 1 :]))
 
+    def _with_branch(self, now: tuple[Entry, ...]) -> tuple[tuple[Entry, ...], ...]:
+        """The branches when ``now`` is the history: what it leaves out of this one is kept."""
+        ids = {e.id for e in now}
+        others = tuple(path for path in self.branches if path[-1].id not in ids)
+        lost = bool(self.entries) and self.entries[-1].id not in ids
+        return (*others, self.entries)[-_MOST_BRANCHES:] if lost else others
+
 
 def _unknown(id: int) -> InputError:
     return InputError(f"there is no edit {id} in the history", hint="list them with turnscan edits")
@@ -142,7 +175,8 @@ def _unknown(id: int) -> InputError:
 
 def action_to_json(action: Action) -> str:
     """An action as the text that the log keeps."""
-    body: dict[str, Any] = {"version": VERSION, **asdict(action)}
+    version = VERSION if isinstance(action, Branch) else 1
+    body: dict[str, Any] = {"version": version, **asdict(action)}
     return _dump(body)
 
 
@@ -177,7 +211,7 @@ def history_to_json(history: History) -> str:
     return _dump(
         {
             "format": "turnscan-edits",
-            "version": VERSION,
+            "version": 1,
             "edits": [
                 {"id": e.id, "on": e.on, "edit": edit_to_value(e.edit)}
                 for e in history.entries[: history.cursor]
