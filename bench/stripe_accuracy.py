@@ -28,7 +28,7 @@ def clean(strategy: str, name: str) -> tuple[float, float]:
     lit = picture(rng, light(centre, sigma, peak, 101) + background, read, full)
     saturation = None if full is None else full
     settings = StripeSettings(
-        strategy=strategy,  # type: ignore[arg-type]
+        strategy=strategy,
         electrons_per_dn=1.0,
         saturation=saturation,
     )
@@ -46,7 +46,7 @@ def speckle(strategy: str, name: str) -> tuple[float, float]:
         intensity, centre = speckled(rng, grain, sigma, rows=192, fine=fine)
         lit = picture(rng, intensity / intensity[:, 30].mean() * 5000)
         settings = StripeSettings(
-            strategy=strategy,  # type: ignore[arg-type]
+            strategy=strategy,
             electrons_per_dn=1.0,
             speckle_contrast=1.0,
             speckle_grain=grain,

@@ -1,45 +1,55 @@
 """turnscan: laser-line turntable 3-D scanning.
 
 >>> import turnscan as ts
->>> part = ts.reconstruct("cup.turnscan")
+>>> part = ts.reconstruct("cup.turnscan", close=True)
 >>> part.save("cup.dxf")
 []
 
-Names are imported when they are used, so that ``import turnscan`` takes no time.
+Names are imported when they are used, so that ``import turnscan`` takes no time. Rooms of the
+house are imported by their own path, as in ``from turnscan.rig import Camera``; where a verb has
+the name of a room (``calibrate``, ``simulate``), ``ts.calibrate`` is the verb.
 """
 
 from __future__ import annotations
 
+import sys
+
 __version__ = "0.1.0"
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:
+if not TYPE_CHECKING:
+    ModuleType = type(sys)
+else:
+    from types import ModuleType
     from typing import Any
 
-    from turnscan.errors import (
-        CalibrationError,
-        DeviceError,
-        ExportError,
-        InputError,
-        ScanError,
-        TurnscanError,
-    )
+    from turnscan.errors import InputError, TurnscanError
     from turnscan.findings import Finding
     from turnscan.formats import ExportOptions
     from turnscan.mesh import Mesh
     from turnscan.points import RangeGrid
     from turnscan.progress import Cancelled, Progress
-    from turnscan.rig import Camera, Design, LaserSheet, Pose, Rig, design_preset
-    from turnscan.scan import Frame, Scan
+    from turnscan.rig import Rig
+    from turnscan.stripes import Stripe
     from turnscan.workflows import (
-        Comparison,
-        Exported,
-        Measured,
+        CalibrateOptions,
+        CalibrationPictures,
+        DesignOptions,
+        EvenSteps,
+        ImportOptions,
+        ListedAngles,
+        MarkerAngles,
         MeasureOptions,
+        OpenScan,
         ReconstructOptions,
         ReconstructResult,
+        SimulateOptions,
+        calibrate,
+        check,
         compare,
-        export_mesh,
+        design,
+        export,
+        import_pictures,
         join,
         measure,
         open_scan,
@@ -47,58 +57,60 @@ if TYPE_CHECKING:
         read_mesh_file,
         read_rig_file,
         reconstruct,
-        save,
+        section,
+        simulate,
+        verify,
     )
 
 _ROOMS = {
-    "errors": (
-        *("CalibrationError", "DeviceError", "ExportError", "InputError", "ScanError"),
-        "TurnscanError",
-    ),
-    "formats": ("ExportOptions",),
+    "errors": ("InputError", "TurnscanError"),
     "findings": ("Finding",),
+    "formats": ("ExportOptions",),
+    "mesh": ("Mesh",),
     "points": ("RangeGrid",),
     "progress": ("Cancelled", "Progress"),
-    "rig": ("Camera", "Design", "LaserSheet", "Pose", "Rig", "design_preset"),
-    "scan": ("Frame", "Scan"),
-    "mesh": ("Mesh",),
+    "rig": ("Rig",),
+    "stripes": ("Stripe",),
     "workflows": (
-        *("Comparison", "Exported", "MeasureOptions", "Measured", "ReconstructOptions"),
-        *("ReconstructResult", "compare", "export_mesh", "join", "measure", "open_scan"),
-        *("options_of", "read_mesh_file", "read_rig_file", "reconstruct", "save"),
+        *("CalibrateOptions", "CalibrationPictures", "DesignOptions", "EvenSteps"),
+        *("ImportOptions", "ListedAngles", "MarkerAngles", "MeasureOptions", "OpenScan"),
+        *("ReconstructOptions", "ReconstructResult", "SimulateOptions", "calibrate", "check"),
+        *("compare", "design", "export", "import_pictures", "join", "measure", "open_scan"),
+        *("options_of", "read_mesh_file", "read_rig_file", "reconstruct", "section"),
+        *("simulate", "verify"),
     ),
 }
 _HOMES = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
-    "CalibrationError",
-    "Camera",
+    "CalibrateOptions",
+    "CalibrationPictures",
     "Cancelled",
-    "Comparison",
-    "Design",
-    "DeviceError",
-    "ExportError",
+    "DesignOptions",
+    "EvenSteps",
     "ExportOptions",
-    "Exported",
     "Finding",
-    "Frame",
+    "ImportOptions",
     "InputError",
-    "LaserSheet",
+    "ListedAngles",
+    "MarkerAngles",
     "MeasureOptions",
-    "Measured",
     "Mesh",
-    "Pose",
+    "OpenScan",
     "Progress",
     "RangeGrid",
     "ReconstructOptions",
     "ReconstructResult",
     "Rig",
-    "Scan",
-    "ScanError",
+    "SimulateOptions",
+    "Stripe",
     "TurnscanError",
+    "calibrate",
+    "check",
     "compare",
-    "design_preset",
-    "export_mesh",
+    "design",
+    "export",
+    "import_pictures",
     "join",
     "measure",
     "open_scan",
@@ -106,7 +118,9 @@ __all__ = [
     "read_mesh_file",
     "read_rig_file",
     "reconstruct",
-    "save",
+    "section",
+    "simulate",
+    "verify",
 ]
 
 
@@ -120,3 +134,18 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return [*__all__, "__version__"]
+
+
+class _Package(ModuleType):
+    """The package as a module that no room takes a public name from.
+
+    Python binds a room to its name in the package once it is imported, which would turn the
+    function ``ts.simulate`` into the room ``turnscan.simulate``, or not, by the order of imports.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in _HOMES or not isinstance(value, ModuleType):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -52,26 +52,8 @@ class View:
 
         Raises ScanCorrupt naming a frame.
         """
-        scan, signal = self.scan, self._signal
-
-        def find(shots: list[Stored]) -> tuple[int, float, Stripe, float]:
-            frames = [stored.decode() for stored in shots]
-            for _ in frames:
-                tick()
-            first = frames[0]
-            if scan.plan.exposures > 1:
-                stripe = signal.detect_bracket(_bracket(frames), self.settings, self.inside)
-            else:
-                stripe = signal.detect(
-                    first.lit, first.dark, self.settings, first.level, first.noise, self.inside
-                )
-            return first.step, first.angle, stripe, first.angle_sigma
-
-        # A bracket tells what is clipped by the colours as they were taken.
-        stored = scan.stored(self.lit, signal.project if scan.plan.exposures == 1 else None)
-        with ThreadPoolExecutor() as pool:
-            brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
-            done = list(pool.map(find, brackets))
+        scan = self.scan
+        brackets, done = look_through(scan, self.lit, self.settings, self.inside, tick)
         good = [k for k, (_, angle, *_) in enumerate(done) if not np.isnan(angle)]
         findings = points.lost_frames(self.lit, scan.missing(self.lit), len(done) - len(good))
         steps = tuple(done[k][0] for k in good)
@@ -136,21 +118,61 @@ class Sight:
     findings: tuple[Finding, ...]
 
 
+Looked = tuple[int, float, Stripe, float]
+"""Step, angle rad, stripe, and standard uncertainty of the angle; NaN where not known."""
+
+
+def look_through(
+    scan: Scan,
+    lit: str,
+    settings: StripeSettings,
+    inside: Bools | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> tuple[list[list[Stored]], list[Looked]]:
+    """The frames of a name, those of a step together, and the stripe of each step.
+
+    ``inside`` (H, W) is True where a stripe counts; ``tick`` is called after each frame, by any
+    thread. Raises ScanCorrupt naming a frame.
+    """
+    signal = Signal(scan.plan.weights, scan.plan.dtype)
+
+    def find(shots: list[Stored]) -> Looked:
+        frames = [stored.decode() for stored in shots]
+        for _ in frames:
+            tick()
+        first = frames[0]
+        if scan.plan.exposures > 1:
+            stripe = signal.detect_bracket(_bracket(frames), settings, inside)
+        else:
+            stripe = signal.detect(
+                first.lit, first.dark, settings, first.level, first.noise, inside
+            )
+        return first.step, first.angle, stripe, first.angle_sigma
+
+    # A bracket tells what is clipped by the colours as they were taken.
+    stored = scan.stored(lit, signal.project if scan.plan.exposures == 1 else None)
+    with ThreadPoolExecutor() as pool:
+        brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
+        return brackets, list(pool.map(find, brackets))
+
+
 def see(
     scan: Scan,
     rig: Rig,
     settings: StripeSettings,
     volume: Volume | None = None,
     tick: Callable[[], None] = lambda: None,
+    only: str | None = None,
 ) -> list[Sight]:
     """The stripes of each laser of a scan, in all its frames.
 
-    ``volume`` None takes what the rig can measure; ``tick`` is called after each frame. It is what
-    takes time in a reconstruction, and what no edit changes. Raises ScanCorrupt naming a frame.
+    ``volume`` None takes what the rig can measure; ``tick`` is called after each frame; ``only``
+    names one laser, None takes all. It is what takes time in a reconstruction, and what no edit
+    changes. Raises ScanCorrupt naming a frame.
     """
     seen = []
     for lit in scan.plan.lasers:
-        for laser in lit_in(lit, rig):
+        for laser in (n for n in lit_in(lit, rig) if only in (None, n)):
             kept = volume or points.working_volume(rig, laser)
             others = set(lit_in(lit, rig)) - {laser}
             inside = points.view_mask(rig, laser, kept, others=others)

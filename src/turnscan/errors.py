@@ -29,7 +29,8 @@ Every error says what, where and which value in its message, and what to do next
     │   ├── NotEnoughViews
     │   ├── Degenerate
     │   └── DidNotConverge
-    └── ExportError (OSError)           exit 5
+    ├── ExportError (OSError)           exit 5
+    └── PluginError (RuntimeError)      exit 2
 
 The exit codes of the command line: 0 done, 1 finding, 2 usage or bad input, 3 device, 4 safety,
 5 storage, 130 interrupted and resumable.
@@ -184,3 +185,9 @@ class ExportError(TurnscanError, OSError):
     """The result cannot be written, or what was written does not read back the same."""
 
     exit_code = 5
+
+
+class PluginError(TurnscanError, RuntimeError):
+    """Code that another package adds to turnscan failed; the message names the package."""
+
+    exit_code = 2

@@ -130,7 +130,7 @@ def to_grids(
             now(0)
             seamed = edit.mend_grid(turn, edits)
             kept = points.drop_specks(points.clip(seamed, v.volume), s.shortest)
-            findings += points.grid_findings(turn, kept, v.volume, v.settings.strategy)
+            findings += points.grid_findings(turn, kept, v.volume, str(v.settings.strategy))
             findings += points.together_findings(kept, v.rig, v.others, v.volume)
             if s.clean is not None:
                 kept, taken = clean.clean(kept, s.clean)

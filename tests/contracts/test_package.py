@@ -11,49 +11,93 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import turnscan as ts
-from tests.workflows.scans import write_can
+from tests.workflows.scans import write_can, write_pictures
 
 TOP = Path(__file__).parents[2]
 
 
+VERBS = {"calibrate", "design", "export", "import_pictures", "open_scan", "reconstruct", "simulate"}
+"""Verbs that a program counts on."""
+
+
 @pytest.fixture(scope="module")
-def scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_can(tmp_path_factory.mktemp("package") / "cup.turnscan")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scan, and the pictures and the rig that it is made of."""
+    folder = tmp_path_factory.mktemp("package")
+    write_can(folder / "cup.turnscan")
+    write_pictures(folder / "cup.turnscan", folder)
+    return folder
 
 
 @pytest.fixture
-def desk(scan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to work in, with a scan in it."""
-    shutil.copy(scan, tmp_path / "cup.turnscan")
+def desk(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with a scan in it, its pictures and its rig."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def test_the_names_are_few_all_there_and_no_rooms() -> None:
+def test_the_names_are_few_and_all_there() -> None:
     assert 25 <= len(ts.__all__) <= 40
     assert sorted(ts.__all__) == sorted(ts._HOMES)
     for name in ts.__all__:
         assert getattr(ts, name).__doc__, name
-    rooms = {m.name for m in pkgutil.iter_modules(ts.__path__)}
-    assert not rooms & set(ts.__all__), "a room that is imported would hide the name"
     assert set(ts.__all__) < set(dir(ts))
+    assert set(ts.__all__) > VERBS
     with pytest.raises(AttributeError, match="has no attribute 'scna'"):
         _ = ts.scna
 
 
-def test_every_function_says_what_it_takes_returns_and_raises() -> None:
-    for name in ts.__all__:
-        thing = getattr(ts, name)
-        if inspect.isfunction(thing) and thing.__module__.startswith("turnscan.workflows"):
-            for section in ("Parameters\n", "Returns\n", "Raises\n", ">>> "):
-                assert section in thing.__doc__, f"{name}: {section}"
-            for parameter in inspect.signature(thing).parameters:
-                assert re.search(rf"\b{parameter}\b", thing.__doc__), f"{name}: {parameter}"
+ROOMS_AND_VERBS = sorted({m.name for m in pkgutil.iter_modules(ts.__path__)} & set(ts.__all__))
+
+
+@pytest.mark.parametrize("first", ["room", "verb"])
+def test_a_verb_keeps_its_name_whichever_is_imported_first(first: str) -> None:
+    """A room of the same name, once imported, is bound to the package by Python."""
+    assert {"calibrate", "simulate"} <= set(ROOMS_AND_VERBS)
+    room = "import turnscan.{0}; from turnscan.{0} import __all__ as names; assert names"
+    verb = "assert turnscan.{0} is turnscan.workflows.{0}, turnscan.{0}"
+    after = "from turnscan import {0}; assert {0} is sys.modules['turnscan'].{0}"
+    parts = [room, verb, after] if first == "room" else [verb, room, verb, after]
+    code = [part.format(name) for part in parts for name in ROOMS_AND_VERBS]
+    text = "\n".join(["import sys, turnscan, turnscan.workflows", *code])
+    subprocess.run([sys.executable, "-c", text], check=True, timeout=60)
+
+
+def test_what_is_no_public_name_can_be_set_on_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ts, "__version__", "none")
+    assert ts.__version__ == "none"
+    monkeypatch.setattr(ts, "reconstruct", len)
+    assert ts.reconstruct is len
+
+
+def _methods(kind: type) -> list[object]:
+    """The public methods of a class that take arguments."""
+    methods = [m for name, m in vars(kind).items() if inspect.isfunction(m) and name[0] != "_"]
+    return [m for m in methods if len(inspect.signature(m).parameters) > 1]
+
+
+DOCUMENTED = [f for name in ts.__all__ if inspect.isfunction(f := getattr(ts, name))]
+DOCUMENTED += [*_methods(ts.OpenScan), *_methods(ts.ReconstructResult)]
+
+
+@pytest.mark.parametrize("function", DOCUMENTED, ids=lambda f: f.__qualname__)
+def test_every_function_says_what_it_takes_returns_and_raises(function: Any) -> None:
+    doc, signature = inspect.getdoc(function) or "", inspect.signature(function)
+    headings = ["Parameters\n---", "Raises\n---", ">>> "]
+    if signature.return_annotation != "None":
+        headings.append("Returns\n---")
+    for heading in headings:
+        assert heading in doc, heading
+    described = doc[: doc.index("Raises\n---")]
+    for parameter in set(signature.parameters) - {"self"}:
+        assert re.search(rf"^[\w, ]*\b{parameter}\b[\w, ]*\n    ", described, re.M), parameter
 
 
 @pytest.mark.parametrize("name", ["turnscan", *ts.__all__])
@@ -102,7 +146,7 @@ def test_ten_lines_lead_from_a_scan_to_a_dxf(desk: Path) -> None:
 def test_points_and_mesh_go_to_other_libraries(desk: Path) -> None:
     import trimesh
 
-    part = ts.reconstruct("cup.turnscan", ts.ReconstructOptions(close=True))
+    part = ts.reconstruct("cup.turnscan", close=True)
     points = part.points
     assert points.dtype.names == ("x", "y", "z", "sigma", "laser", "step", "row")
     (grid,) = part.grids

@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from PIL import Image as Pillow
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape
+from turnscan.rig import rig_to_json
 from turnscan.scan import Frame, Scan, ScanPlan
 
 STEPS = 24
@@ -24,3 +26,17 @@ def write_can(path: Path) -> Path:
             lit, off = (np.clip(np.rint(p), 0, 255).astype(np.uint8) for p in (light, dark))
             scan.add(Frame(k, "L0", lit, off, commanded=float(full_turn(STEPS)[k])))
     return path
+
+
+def write_pictures(scan: Path, folder: Path) -> None:
+    """The frames of a grey scan as pictures, with the laser on and off, and its rig."""
+    (folder / "pictures").mkdir()
+    (folder / "dark").mkdir()
+    with Scan.open(scan) as opened:
+        assert opened.rig is not None
+        (folder / "rig.json").write_text(rig_to_json(opened.rig))
+        for frame in opened.frames():
+            assert frame.dark is not None
+            name = f"step{frame.step:03d}.png"
+            Pillow.fromarray(frame.lit).save(folder / "pictures" / name)
+            Pillow.fromarray(frame.dark).save(folder / "dark" / name)

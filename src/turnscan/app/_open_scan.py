@@ -32,6 +32,7 @@ from turnscan.pipeline import Reconstruction, build, finished, source_of
 from turnscan.points import RangeGrid
 from turnscan.scan import Scan, rig_for
 from turnscan.shapes import Source
+from turnscan.stripes import named
 from turnscan.surface.clean import settled
 from turnscan.surface.holes import CAUSE_WORDS, Hole, Sought, explain, holes
 from turnscan.workflows import ReconstructResult, about, kept_options
@@ -255,7 +256,7 @@ class OpenScan:
             width=plan.width,
             height=plan.height,
             threshold=plan.threshold,
-            strategy=self._settings.stripes.strategy,
+            strategy=named(self._settings.stripes.strategy),
             edited=bool((arrays["chosen"] == -2).any()),
         )
         return header, arrays

@@ -10,7 +10,7 @@ from turnscan.cli._flags import flags_of
 from turnscan.cli._output import format_options
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
-from turnscan.workflows import ExportOptions, ReconstructOptions, check_targets, export_mesh
+from turnscan.workflows import ExportOptions, ReconstructOptions, check_targets, export
 
 
 @click.command("export")
@@ -36,7 +36,7 @@ def verb(
     """
     check_targets(outputs, [source])
     with progress_bar() as progress:
-        done = export_mesh(
+        done = export(
             source, *outputs, formats=formats, decimate=options.decimate, progress=progress
         )
     for finding in done.findings:

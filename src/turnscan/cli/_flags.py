@@ -43,6 +43,23 @@ class _Text(click.ParamType[str]):
         return value
 
 
+class _OpenChoice(click.Choice[str]):
+    """A choice that installed packages may add to; they are looked up when one is named."""
+
+    def __init__(self, option: Declared) -> None:
+        super().__init__(option.choices)
+        self._option = option
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the choice, or refuse it naming the flag and what there is."""
+        if value in self.choices:
+            return value
+        trouble = self._option.trouble(value)
+        if trouble is not None:
+            self.fail(trouble, param, ctx)
+        return value
+
+
 def flags_of(options: type[Any], *only: str) -> Callable[[Command], Command]:
     """Give a verb a flag for each option of a class; it receives the value as ``options``.
 
@@ -86,7 +103,7 @@ def _flag(option: Declared) -> Callable[[Any], Any]:
     kind: click.ParamType[Any]
     match option.kind:
         case "choice":
-            kind = click.Choice(option.choices)
+            kind = click.Choice(option.choices) if option.more is None else _OpenChoice(option)
         case "count":
             low, high = (None if x is None else int(x) for x in (option.least, option.most))
             kind = click.INT if low is high is None else click.IntRange(low, high)

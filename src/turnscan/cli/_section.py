@@ -15,9 +15,6 @@ from turnscan.workflows import (
     check_output,
     cuts_of,
     section,
-    section_file,
-    section_in_words,
-    write_atomically,
 )
 
 
@@ -83,10 +80,7 @@ def verb(
     cuts = cuts_of(planes, half_planes)
     with progress_bar() as bar:
         sections = section(part, cuts, tolerance, bar)
-    about = {"source": part.name}
-    ready = {p: section_file(sections, p.suffix, part.name, about, version) for p in outputs}
-    for path, data in ready.items():
-        write_atomically(path, data)
-    click.echo("\n".join(line for s in sections for line in section_in_words(s)))
+    sections.save(*outputs, version=version)
+    click.echo(sections)
     for path in outputs:
         click.echo(f"{path}: {len(sections)} section{'s' if len(sections) > 1 else ''}")

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Self, TypeVar
@@ -95,7 +96,7 @@ class Scan:
         return cls(path, *database.create(path, meta), meta)
 
     @classmethod
-    def open(cls, path: str | Path) -> Self:
+    def open(cls, path: str | PathLike[str]) -> Self:
         """Open a scan file read-only, also while it is being written: then it shows the frames
         that are there now (`being_written`).
 
@@ -105,7 +106,7 @@ class Scan:
         return cls._load(Path(path), writing=False)
 
     @classmethod
-    def resume(cls, path: str | Path) -> Self:
+    def resume(cls, path: str | PathLike[str]) -> Self:
         """Open a scan file to add the frames that are missing.
 
         Raises like `open`, and ScanBusy where another process is writing it.

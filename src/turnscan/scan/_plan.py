@@ -14,7 +14,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from turnscan.arrays import Image
 from turnscan.errors import FormatError, InputError
 from turnscan.json_text import strict_json
-from turnscan.scan._limits import EXPOSURES, IMAGE_PIXELS, NAME_BYTES, STEPS, check_pixels
+from turnscan.picture import Picture, brightened
+from turnscan.scan._limits import (
+    EXPOSURES,
+    IMAGE_PIXELS,
+    NAME_BYTES,
+    STEPS,
+    check_pixels,
+)
 
 Keep = Literal["sparse", "full"]
 Setting = str | int | float | bool
@@ -107,6 +114,10 @@ class Frame:
     """s since 1970-01-01 UTC; NaN where unknown."""
     settings: Mapping[str, Setting] = field(default_factory=lambda: MappingProxyType({}))
     """Camera settings as read back, name of the source picture, and the like."""
+
+    def show(self) -> Picture:
+        """The laser-on picture as an eye would see it, for a notebook; `lit` has the pixels."""
+        return Picture(brightened(self.lit))
 
     @property
     def angle(self) -> float:

@@ -3,9 +3,11 @@
 from turnscan.stripes._background import background_beside, temporal_background, without_lines
 from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
 from turnscan.stripes._detect import choose, detect, find_candidates, scattered
+from turnscan.stripes._detector import named
 from turnscan.stripes._fuse import Fused, fuse_exposures
+from turnscan.stripes._installed import detector_names
 from turnscan.stripes._light import Light
-from turnscan.stripes._settings import Choice, Refinement, Strategy, StripeSettings
+from turnscan.stripes._settings import Choice, Detector, Refinement, Strategy, StripeSettings
 from turnscan.stripes._signal import Exposed, Signal
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
@@ -13,6 +15,7 @@ __all__ = [
     "COLOURS",
     "Candidates",
     "Choice",
+    "Detector",
     "Exposed",
     "Fused",
     "Light",
@@ -26,9 +29,11 @@ __all__ = [
     "background_beside",
     "choose",
     "detect",
+    "detector_names",
     "find_candidates",
     "fuse_exposures",
     "learn_colour",
+    "named",
     "project_colour",
     "scattered",
     "temporal_background",

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats, Image
 from turnscan.errors import InputError
+from turnscan.stripes._detector import centres_of, told
 from turnscan.stripes._light import Light
 from turnscan.stripes._settings import Choice, Strategy, StripeSettings
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
@@ -93,16 +94,38 @@ def scattered(stripe: Stripe) -> Floats:
 
 def _tables(lit: Image, dark: Image | None, settings: StripeSettings) -> tuple[Table, Bits]:
     """Run the kernel: (4, lines, K) position, sigma, amplitude, width, and (lines, K) flags."""
-    from turnscan.stripes._kernels import detect_lines
-
+    columns = lit.shape[1 if settings.orientation == "vertical" else 0]
     lit, off, roi = _prepare(lit, dark, settings)
     lines = lit.shape[0]
     table = np.full((4, lines, settings.max_candidates), np.nan)
     bits = np.zeros((lines, settings.max_candidates), np.uint16)
     if roi[0] < roi[2] and roi[1] < roi[3]:
-        detect_lines(lit, off, roi, _terms(lit, off, roi, settings), table, bits)
+        terms = _terms(lit, off, roi, settings)
+        if isinstance(settings.strategy, str):
+            from turnscan.stripes._kernels import detect_lines
+
+            detect_lines(lit, off, roi, terms, table, bits)
+        else:
+            table, bits = _by_another(lit[:, :columns], off[:, :columns], roi, terms, settings)
     bits[: roi[1], 0] |= np.uint16(StripeFlag.OUTSIDE)
     bits[roi[3] :, 0] |= np.uint16(StripeFlag.OUTSIDE)
+    return table, bits
+
+
+def _by_another(
+    lit: Image, off: Image, roi: tuple[int, int, int, int], terms: Terms, s: StripeSettings
+) -> tuple[Table, Bits]:
+    """What a detector of others finds in the region, as the kernel would give it."""
+    assert not isinstance(s.strategy, str)
+    u0, v0, u1, v1 = roi
+    dark = np.ascontiguousarray(np.broadcast_to(off, lit.shape))
+    seen = dark.copy()
+    seen[v0:v1, u0:u1] = lit[v0:v1, u0:u1]
+    known = told(s, terms.base, terms.noise, terms.level)
+    table, bits = centres_of(s.strategy, _readable(seen), _readable(dark), known, s.max_candidates)
+    lost = np.ones(len(bits), np.bool_)
+    lost[v0:v1] = False
+    table[:, lost], bits[lost] = np.nan, 0
     return table, bits
 
 
@@ -202,7 +225,7 @@ def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSett
         speckle=float(speckle),
         width=float(s.width or 0.0),
         saturation=float(s.saturation or 0.0),
-        strategy=get_args(Strategy).index(s.strategy),
+        strategy=get_args(Strategy).index(s.strategy) if isinstance(s.strategy, str) else 0,
     )
 
 

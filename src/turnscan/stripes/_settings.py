@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 
-from turnscan.arrays import Bools, frozen
+from turnscan.arrays import Bools, Image, frozen
 from turnscan.errors import InputError
-from turnscan.stripes._stripe import Orientation
+from turnscan.plugins import Plugin
+from turnscan.stripes._installed import detector_names, installed_detector
+from turnscan.stripes._stripe import Candidates, Orientation, Stripe
 
 Strategy = Literal[
     "window",
@@ -33,6 +35,34 @@ Refinement = Literal["none", "auto", "spacetime"]
 MAX_CANDIDATES = 5
 
 
+class Detector(Protocol):
+    """A function that finds the laser's stripe in a picture, in place of turnscan's own.
+
+    It may be called by several threads at once, and with pictures of any size.
+    """
+
+    def __call__(self, lit: Image, dark: Image, settings: StripeSettings) -> Stripe | Candidates:
+        """Find one centre in each row, or several to choose from.
+
+        Parameters
+        ----------
+        lit, dark
+            (n, m) uint8 or uint16, read-only: the laser on and off. Rows run across the stripe,
+            whichever way the camera lies. Where no stripe can be, both are equal; where there is no
+            picture without the laser, ``dark`` is 0.
+        settings
+            What is known: ``background`` (level, noise) of lit − dark away from the stripe, and
+            ``threshold``, what light lies above that level, are always numbers, in grey levels.
+
+        Returns
+        -------
+        Stripe or Candidates
+            Of n rows: centres in px along the row, NaN where there is none; sigma px, amplitude in
+            grey levels above the background, rms width px, and bits of `StripeFlag`.
+        """
+        ...
+
+
 @dataclass(frozen=True)
 class StripeSettings:
     """How a stripe is found, measured and chosen.
@@ -40,12 +70,13 @@ class StripeSettings:
     The defaults need no tuning: the threshold, the width and the noise are taken from the picture.
     """
 
-    strategy: Strategy = "window"
+    strategy: str | Detector | Plugin = "window"
     """window: centre of gravity in a symmetric window of ±2.5 rms widths that follows the centre,
     local background removed. The paper's three: maximum (middle of the plateau on ties), centroid
     (intensity-weighted over the run above threshold), median (the point that halves the energy of
     that run). parabola and gauss3 use three pixels (Naidu & Fisher 1991), squared weights by the
-    squared intensity, blais-rioux is the zero crossing of their 8-pixel operator (1986)."""
+    squared intensity, blais-rioux is the zero crossing of their 8-pixel operator (1986).
+    Another name is that of an installed `Detector`, which is loaded at once; or give a function."""
     choose: Choice = "brightest"
     """Among several candidates in a line: the brightest, the first or last along the line, or the
     one nearest to its neighbours in the adjacent lines (the cheapest path through the picture)."""
@@ -85,7 +116,10 @@ class StripeSettings:
     """Grey level from which a pixel counts as clipped; None learns it from the picture."""
 
     def __post_init__(self) -> None:
-        _one_of("strategy", self.strategy, get_args(Strategy))
+        if isinstance(self.strategy, str) and self.strategy not in get_args(Strategy):
+            known = (*get_args(Strategy), *detector_names())
+            _one_of("strategy", self.strategy, known)
+            object.__setattr__(self, "strategy", installed_detector(self.strategy))
         _one_of("choose", self.choose, get_args(Choice))
         _one_of("refine", self.refine, get_args(Refinement))
         _one_of("orientation", self.orientation, get_args(Orientation))

@@ -1,7 +1,11 @@
-"""Checks that the author of a driver runs against it; they need nothing but turnscan."""
+"""Checks that the author of a driver, a detector or a format runs against it.
+
+They need nothing but turnscan.
+"""
 
 from turnscan.testing._cameras import check_camera
+from turnscan.testing._detectors import CheckedDetector, check_detector
 from turnscan.testing._lasers import check_lasers
 from turnscan.testing._turntables import check_turntable
 
-__all__ = ["check_camera", "check_lasers", "check_turntable"]
+__all__ = ["CheckedDetector", "check_camera", "check_detector", "check_lasers", "check_turntable"]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._declare import Declared, declared
     from turnscan.workflows._design import DesignedRig, design, published_design
     from turnscan.workflows._design_options import DesignOptions, parse_theta
-    from turnscan.workflows._export import Exported, export_mesh
+    from turnscan.workflows._export import Exported, export
     from turnscan.workflows._files import (
         check_apart,
         check_output,
@@ -39,21 +39,17 @@ if TYPE_CHECKING:
     from turnscan.workflows._join import join
     from turnscan.workflows._kept_options import kept_options, options_of
     from turnscan.workflows._measure import Measured, MeasureOptions, measure
-    from turnscan.workflows._opening import open_scan
+    from turnscan.workflows._opening import OpenScan, open_scan
     from turnscan.workflows._reading import UNITS, read_mesh_file, read_rig_file
     from turnscan.workflows._reconstruct import reconstruct
     from turnscan.workflows._reconstruct_options import ReconstructOptions
     from turnscan.workflows._report import about
     from turnscan.workflows._result import ReconstructResult
     from turnscan.workflows._saving import save
-    from turnscan.workflows._section import (
-        SECTION_SUFFIXES,
-        cuts_of,
-        section,
-        section_file,
-        section_in_words,
-    )
+    from turnscan.workflows._section import section
+    from turnscan.workflows._sections import SECTION_SUFFIXES, Sections, cuts_of
     from turnscan.workflows._simulate import SimulatedScan, SimulateOptions, simulate
+    from turnscan.workflows._stripes import ScanStripes
     from turnscan.workflows._targets import check_targets
     from turnscan.workflows._verify import (
         Trend,
@@ -68,17 +64,18 @@ _MODULES = {
     "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
     "_compare": ("Agreement", "Comparison", "compare"),
     "_declare": ("Declared", "declared"),
-    "_export": ("Exported", "export_mesh"),
+    "_export": ("Exported", "export"),
     "_join": ("join",),
     "_kept_options": ("kept_options", "options_of"),
     "_measure": ("MeasureOptions", "Measured", "measure"),
-    "_opening": ("open_scan",),
+    "_opening": ("OpenScan", "open_scan"),
     "_reading": ("UNITS", "read_mesh_file", "read_rig_file"),
     "_reconstruct": ("reconstruct",),
     "_reconstruct_options": ("ReconstructOptions",),
     "_report": ("about",),
     "_result": ("ReconstructResult",),
     "_saving": ("ExportOptions", "save"),
+    "_stripes": ("ScanStripes",),
     "_targets": ("check_targets",),
     "_calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
     "_calibrate_options": ("CalibrateOptions",),
@@ -96,7 +93,8 @@ _MODULES = {
     ),
     "_import_pictures": ("ImportedScan", "import_pictures"),
     "_simulate": ("SimulateOptions", "SimulatedScan", "simulate"),
-    "_section": ("SECTION_SUFFIXES", "cuts_of", "section", "section_file", "section_in_words"),
+    "_section": ("section",),
+    "_sections": ("SECTION_SUFFIXES", "Sections", "cuts_of"),
     "_artefact": ("PAPERS", "TARGET", "artefact"),
     "_verify": (
         "Trend",
@@ -135,8 +133,11 @@ __all__ = [
     "MarkerAngles",
     "MeasureOptions",
     "Measured",
+    "OpenScan",
     "ReconstructOptions",
     "ReconstructResult",
+    "ScanStripes",
+    "Sections",
     "SimulateOptions",
     "SimulatedScan",
     "Trend",
@@ -154,7 +155,7 @@ __all__ = [
     "cuts_of",
     "declared",
     "design",
-    "export_mesh",
+    "export",
     "import_pictures",
     "join",
     "kept_options",
@@ -170,8 +171,6 @@ __all__ = [
     "reconstruct",
     "save",
     "section",
-    "section_file",
-    "section_in_words",
     "simulate",
     "verification_json",
     "verify",

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from os import PathLike, fspath
 from pathlib import Path
+from typing import Any
 
 from turnscan.arrays import Floats
 from turnscan.calibrate import (
@@ -21,7 +23,7 @@ from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option
-from turnscan.rig import rig_to_json
+from turnscan.rig import Rig, rig_to_json
 from turnscan.scan import list_pictures
 from turnscan.workflows._calibrate_options import CalibrateOptions
 from turnscan.workflows._calibrate_pictures import (
@@ -32,6 +34,7 @@ from turnscan.workflows._calibrate_pictures import (
     table_pictures,
     with_dark,
 )
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output, write_atomically
 
 _STAGES = 4
@@ -65,15 +68,25 @@ class CalibratedRig:
     """What each stage of the calibration had to go by, in words."""
     findings: tuple[Finding, ...]
 
+    @property
+    def rig(self) -> Rig:
+        """The rig, with its uncertainty."""
+        return self.calibration.rig
+
+    def __fspath__(self) -> str:
+        """Its path: it stands for the rig file wherever a file is wanted."""
+        return fspath(self.path)
+
 
 def calibrate(
     pictures: CalibrationPictures,
     board: str,
-    output: Path,
-    options: CalibrateOptions,
+    output: str | PathLike[str],
+    options: CalibrateOptions | None = None,
     *,
-    report: Path | None = None,
+    report: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
+    **changes: Any,
 ) -> CalibratedRig:
     """Calibrate camera, laser sheets and table from pictures; the board's square gives the scale.
 
@@ -86,13 +99,20 @@ def calibrate(
         ``charuco:COLSxROWS:SQUARE_MM:MARKER_MM:DICT`` (squares).
     output
         The rig file, ``….json``.
+    options
+        What there is on the table and in the pictures; ``markers`` or ``table_board`` is needed.
     report
         A report to write, ``….html``; None for none.
+    progress
+        Told how far it is; it may cancel.
+    changes
+        Options to change by name, as in ``markers="DICT_4X4_50:30"``.
 
     Returns
     -------
     CalibratedRig
-        The calibration, with figures and findings.
+        The calibration, with figures and findings; it stands for the rig file wherever one is
+        wanted.
 
     Raises
     ------
@@ -104,13 +124,22 @@ def calibrate(
         A file cannot be written.
     Cancelled
         By ``progress``; nothing is written then, as after any error.
+
+    >>> import turnscan as ts
+    >>> board = "charuco:7x5:8:6:DICT_5X5_50"
+    >>> taken = ts.CalibrationPictures("boards", {"left": "boards"}, "table")
+    >>> ts.calibrate(taken, board, "rig.json", markers="DICT_4X4_50:20")
+    Traceback (most recent call last):
+    turnscan.errors.InputError: boards: there is no such file or folder → check the path
     """
+    output, report = Path(output), None if report is None else Path(report)
+    wanted = chosen(CalibrateOptions, options, changes)
     check_output(output, (".json",))
     if report is not None:
         check_output(report, (".html",))
     if not pictures.laser:
         raise InputError("no pictures of a laser are named", option=Option("laser"))
-    result, stages = _adjusted(pictures, parse_board(board), options, progress)
+    result, stages = _adjusted(pictures, parse_board(board), wanted, progress)
     found = figures(result)
     remarks = findings_of(result, found)
     if report is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,7 @@ class CheckedScan:
         return any(f.severity == "error" for f in self.findings)
 
 
-def check(path: str | Path, progress: Progress = no_progress) -> CheckedScan | CheckedMesh:
+def check(path: str | PathLike[str], progress: Progress = no_progress) -> CheckedScan | CheckedMesh:
     """Read all of a file and say what it holds, and whether it is whole.
 
     Parameters
@@ -70,6 +71,8 @@ def check(path: str | Path, progress: Progress = no_progress) -> CheckedScan | C
     path
         A scan, compared with its checksums, or a mesh (STL, PLY, OBJ, 3MF, GLB, DXF): closed,
         manifold, oriented, free of self-intersections.
+    progress
+        Told how far it is; it may cancel.
 
     Returns
     -------
@@ -84,6 +87,11 @@ def check(path: str | Path, progress: Progress = no_progress) -> CheckedScan | C
         It cannot be read at all.
     Cancelled
         By ``progress``.
+
+    >>> import turnscan as ts
+    >>> found = ts.check("cup.turnscan")
+    >>> found.complete, found.findings
+    (True, ())
     """
     path = Path(path)
     if path.suffix.lower() in _MESHES:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from difflib import get_close_matches
+from typing import Any, Literal, TypeVar
 
 from turnscan.errors import InputError
 from turnscan.remedy import Option
@@ -34,6 +35,8 @@ class Declared:
     """Whether None is a value: it leaves the choice to turnscan."""
     parse: Callable[[str], object] | None
     """Of a text: refuses it with ValueError."""
+    more: Callable[[], tuple[str, ...]] | None = None
+    """Of a choice: what installed packages add, looked up when a value is none of ``choices``."""
 
     def trouble(self, value: object) -> str | None:
         """What is wrong with a value; None where nothing is."""
@@ -43,11 +46,14 @@ class Declared:
             case "switch":
                 return None if isinstance(value, bool) else f"{value!r} is not true or false"
             case "choice":
-                listed = ", ".join(self.choices)
-                return None if value in self.choices else f"{value!r} is not one of {listed}"
+                return None if value in self.choices else self._trouble_of_choice(value)
             case "text":
                 return self._trouble_of_text(value)
         return self._trouble_of_number(value)
+
+    def _trouble_of_choice(self, value: object) -> str | None:
+        known = (*self.choices, *(self.more() if self.more is not None else ()))
+        return None if value in known else f"{value!r} is not one of {', '.join(known)}"
 
     def _trouble_of_text(self, value: object) -> str | None:
         if not isinstance(value, str):
@@ -83,6 +89,7 @@ def option(
     above: bool = False,
     optional: bool | None = None,
     parse: Callable[[str], object] | None = None,
+    more: Callable[[], tuple[str, ...]] | None = None,
 ) -> Any:
     """A field of an option class; ``optional`` is whether None is a value, by the default."""
     declared = {
@@ -94,6 +101,7 @@ def option(
         "above": above,
         "optional": default is None if optional is None else optional,
         "parse": parse,
+        "more": more,
     }
     return field(default=default, metadata={"declared": declared})
 
@@ -123,3 +131,22 @@ class Checked:
             for name, option in declared(self).items()
             if getattr(self, name) != option.default
         }
+
+
+Options = TypeVar("Options", bound=Checked)
+
+
+def chosen(kind: type[Options], options: Options | None, changes: Mapping[str, Any]) -> Options:
+    """The options of a call: those given (None: the usual ones), with some of them changed.
+
+    Raises InputError for an option that the class does not have, and for a value that none can
+    have.
+    """
+    there = declared(kind)
+    for name in changes:
+        if name not in there:
+            near = get_close_matches(name, there, 1)
+            hint = f"it is called {near[0]}" if near else f"there is {', '.join(there)}"
+            raise InputError(f"no option {name!r}", hint=hint)
+    old = {} if options is None else {name: getattr(options, name) for name in there}
+    return kind(**{**old, **changes})

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from turnscan.errors import InputError
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Design, rig_to_json, table_1_designs
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._design_options import DesignOptions
 from turnscan.workflows._design_report import (
     design_body,
@@ -44,8 +46,9 @@ def design(
     options: DesignOptions | None = None,
     theta_deg: Sequence[float] = (),
     *,
-    picture: Path | None = None,
-    rig: Path | None = None,
+    picture: str | PathLike[str] | None = None,
+    rig: str | PathLike[str] | None = None,
+    **changes: Any,
 ) -> DesignedRig:
     """Resolution, working volume and physical limits of a rig before it is built.
 
@@ -59,6 +62,8 @@ def design(
         A PNG to write: working volume, resolution and error of the first angle.
     rig
         A rig file to write, as if this geometry were calibrated; for one angle only.
+    changes
+        Options to change by name, as in ``distance=300.0``.
 
     Returns
     -------
@@ -71,11 +76,19 @@ def design(
         A rig that cannot be; nothing is written then.
     ExportError
         A file cannot be written.
+
+    >>> import turnscan as ts
+    >>> done = ts.design(theta_deg=[22.5, 45.0], preset="paper")
+    >>> [round(float(d.delta_r()), 2) for d in done.designs]  # mm in a pixel, at the axis
+    [1.15, 0.62]
     """
-    return _written(DesignedRig((options or DesignOptions()).designs(theta_deg)), picture, rig)
+    wanted = chosen(DesignOptions, options, changes)
+    return _written(DesignedRig(wanted.designs(theta_deg)), picture, rig)
 
 
-def published_design(*, picture: Path | None = None, rig: Path | None = None) -> DesignedRig:
+def published_design(
+    *, picture: str | PathLike[str] | None = None, rig: str | PathLike[str] | None = None
+) -> DesignedRig:
     """The paper's rig: its Table 1, and where its print and its equations disagree.
 
     Takes, returns and raises what `design` does.
@@ -83,7 +96,11 @@ def published_design(*, picture: Path | None = None, rig: Path | None = None) ->
     return _written(DesignedRig(table_1_designs(), published=True), picture, rig)
 
 
-def _written(done: DesignedRig, picture: Path | None, rig: Path | None) -> DesignedRig:
+def _written(
+    done: DesignedRig, picture: str | PathLike[str] | None, rig: str | PathLike[str] | None
+) -> DesignedRig:
+    picture = None if picture is None else Path(picture)
+    rig = None if rig is None else Path(rig)
     if picture is not None:
         check_output(picture, (".png",))
     if rig is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 
 from turnscan.errors import InputError
@@ -29,9 +30,9 @@ class Exported:
     """Of reading the files back."""
 
 
-def export_mesh(
+def export(
     source: Source,
-    *paths: str | Path,
+    *paths: str | PathLike[str],
     formats: ExportOptions | None = None,
     decimate: str | None = None,
     progress: Progress = no_progress,
@@ -65,7 +66,7 @@ def export_mesh(
         Where a file cannot be written or does not read back the same.
 
     >>> import turnscan as ts
-    >>> done = ts.export_mesh("cup.turnscan", "cup.stl", decimate="500")
+    >>> done = ts.export("cup.turnscan", "cup.stl", decimate="500")
     >>> len(done.mesh.faces) <= 500
     True
     """

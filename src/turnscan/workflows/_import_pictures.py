@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from os import PathLike, fspath
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from turnscan.remedy import Option
 from turnscan.rig import Rig
 from turnscan.scan import NOISE_FACTOR, ScanPlan, replacing_scan
 from turnscan.workflows._angles import find_angles
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
 from turnscan.workflows._import_frames import Tally, write_frames
 from turnscan.workflows._import_options import AngleSource, ImportOptions, MarkerAngles
@@ -55,16 +58,21 @@ class ImportedScan:
     """Of the scan file."""
     findings: tuple[Finding, ...]
 
+    def __fspath__(self) -> str:
+        """Its path: it stands for its file wherever a file is wanted."""
+        return fspath(self.path)
+
 
 def import_pictures(
     pictures: Pictures | Mapping[str, Pictures],
-    output: str | Path,
+    output: str | PathLike[str],
     angles: AngleSource,
     *,
     dark: Pictures | Mapping[str, Pictures] = (),
-    rig: Rig | str | Path | None = None,
+    rig: Rig | str | PathLike[str] | None = None,
     options: ImportOptions | None = None,
     progress: Progress = no_progress,
+    **changes: Any,
 ) -> ImportedScan:
     """Make a scan file of pictures.
 
@@ -84,11 +92,18 @@ def import_pictures(
         background is found from the scan itself.
     rig
         The rig to store with it, or its file; its camera must have the size of the pictures.
+    options
+        Choices about the import; None takes the usual ones.
+    progress
+        Told how far it is; it may cancel.
+    changes
+        Options to change by name, as in ``colour="red"``.
 
     Returns
     -------
     ImportedScan
-        What was written, and what is worth knowing about it.
+        What was written, and what is worth knowing about it; it stands for the scan file wherever
+        one is wanted.
 
     Raises
     ------
@@ -98,26 +113,31 @@ def import_pictures(
         The scan file cannot be written.
     Cancelled
         By ``progress``; the output is as it was.
+
+    >>> import turnscan as ts
+    >>> scan = ts.import_pictures("pictures", "part.turnscan", ts.EvenSteps(15.0), rig="rig.json")
+    >>> scan.frames, scan.angle_source
+    (24, 'steps of 15°')
     """
-    output, chosen = Path(output), options or ImportOptions()
-    stored = read_rig_file(Path(rig)) if isinstance(rig, str | Path) else rig
+    output, wanted = Path(output), chosen(ImportOptions, options, changes)
+    stored = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
     lit = _by_laser(pictures)
-    series, steps, found = find_series(lit, _dark_by_laser(dark, list(lit)), chosen)
+    series, steps, found = find_series(lit, _dark_by_laser(dark, list(lit)), wanted)
     check_output(output, (".turnscan",))
     first = next(picture for _, picture in series[0].pictures(series[0].shots[:1]))
     _fits_rig(first, stored, series[0])
     marked = _MARKERS if isinstance(angles, MarkerAngles) else 0.0
     reading = progress.subrange(0, marked, "reading angles")
-    table, remarks, source = find_angles(angles, series, chosen.every, stored, reading)
+    table, remarks, source = find_angles(angles, series, wanted.every, stored, reading)
     sampling = progress.subrange(marked, marked + _SAMPLES, "sampling pictures")
-    signals = _signals(series, chosen, first, sampling)
-    plan = _plan(series, steps, chosen, first, signals, source)
+    signals = _signals(series, wanted, first, sampling)
+    plan = _plan(series, steps, wanted, first, signals, source)
     total = sum(len(s.shots) for s in series)
     count = progress.subrange(marked + _SAMPLES, 1, "importing").counter(total)
     with replacing_scan(output, plan, stored) as scan:
         tally = write_frames(scan, series, signals, table, first, count)
     found += [*remarks, *tally.findings]
-    return _imported(output, chosen, plan, signals, tally, source, found)
+    return _imported(output, wanted, plan, signals, tally, source, found)
 
 
 def _by_laser(pictures: Pictures | Mapping[str, Pictures]) -> dict[str, list[str]]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag
 from turnscan.surface.fusion import range_surfaces
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._history import history_of
 from turnscan.workflows._joined_report import joined_sections
 from turnscan.workflows._landmarks import read_landmarks
@@ -52,14 +55,15 @@ class _Source:
 
 
 def join(
-    sources: Sequence[str | Path],
+    sources: Sequence[str | PathLike[str]],
     options: ReconstructOptions | None = None,
     *,
-    points: str | Path | Landmarks | None = None,
+    points: str | PathLike[str] | Landmarks | None = None,
     markers: float | None = None,
     rig: Rig | None = None,
     unit: str = "m",
     progress: Progress = no_progress,
+    **changes: Any,
 ) -> ReconstructResult:
     """Bring several poses of one part together as one surface.
 
@@ -84,6 +88,8 @@ def join(
         Unit of range scans: mm, cm, m or inch; results are always mm.
     progress
         Told how far it is; it may cancel.
+    changes
+        Options to change by name, as in ``close=True``.
 
     Returns
     -------
@@ -100,7 +106,7 @@ def join(
     Traceback (most recent call last):
     turnscan.errors.InputError: cup.turnscan: given twice → give each pose once
     """
-    wanted = options or ReconstructOptions()
+    wanted = chosen(ReconstructOptions, options, changes)
     settings = wanted.settings()
     if points is not None and markers is not None:
         raise InputError("points and markers: mutually exclusive", hint="give one of them")
@@ -111,7 +117,7 @@ def join(
     done = _merged(read, found, settings, progress.subrange(_PLACED, 1, "building the surface"))
     told = {**about(files[0], None, settings), "source": " + ".join(p.name for p in files)}
     told["rig_sha256"] = {s.name: rig_hash(s.rig) for s in read if s.rig is not None} or None
-    return ReconstructResult(done, told, sections=joined_sections(found), options=wanted)
+    return ReconstructResult(done, told, tables=joined_sections(found), options=wanted)
 
 
 def _read_all(
@@ -132,7 +138,7 @@ def _read_all(
 def _aligned(
     read: list[_Source],
     settings: Settings,
-    points: str | Path | Landmarks | None,
+    points: str | PathLike[str] | Landmarks | None,
     markers: float | None,
     progress: Progress,
 ) -> tuple[Alignment, list[_Source]]:
@@ -143,7 +149,7 @@ def _aligned(
         for s in read
     ]
     if points is not None:
-        known = read_landmarks(Path(points)) if isinstance(points, str | Path) else points
+        known = read_landmarks(Path(points)) if isinstance(points, str | PathLike) else points
         starts = poses.from_landmarks(names, {k: dict(v) for k, v in known.items()})
     elif markers is not None:
         balls = [poses.marker_spheres(v, markers) for v in views]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import stat
-from dataclasses import asdict, replace
+from dataclasses import asdict
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from turnscan.errors import FormatError, InputError, ScanError, ScanNewer, Turns
 from turnscan.findings import Finding
 from turnscan.json_text import strict_json
 from turnscan.scan import Scan
-from turnscan.workflows._declare import declared
+from turnscan.workflows._declare import chosen, declared
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 
 _SET = "default"
@@ -53,7 +54,7 @@ def keep_options(scan: Scan, options: ReconstructOptions) -> None:
     scan.keep_settings(json.dumps(body, sort_keys=True))
 
 
-def options_of(source: Scan | str | Path, **changes: Any) -> ReconstructOptions:
+def options_of(source: Scan | str | PathLike[str], **changes: Any) -> ReconstructOptions:
     """The settings of a scan, with these options changed.
 
     Parameters
@@ -71,7 +72,7 @@ def options_of(source: Scan | str | Path, **changes: Any) -> ReconstructOptions:
     Raises
     ------
     InputError
-        Where no such file, or an option has no such value.
+        Where there is no such file, or no such option, or an option has no such value.
     FormatError
         Where the settings in the file are damaged.
 
@@ -82,7 +83,7 @@ def options_of(source: Scan | str | Path, **changes: Any) -> ReconstructOptions:
     if not isinstance(source, Scan):
         with Scan.open(source) as scan:
             return options_of(scan, **changes)
-    return replace(kept_options(source), **changes)
+    return chosen(ReconstructOptions, kept_options(source), changes)
 
 
 def store_options(path: Path, options: ReconstructOptions) -> Finding | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 
 from turnscan.errors import InputError
@@ -16,7 +17,7 @@ from turnscan.workflows._reading import read_mesh_file, read_start
 from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._result import ReconstructResult
 
-Source = Mesh | ReconstructResult | Scan | str | Path
+Source = Mesh | ReconstructResult | Scan | str | PathLike[str]
 """What a surface may come from."""
 
 
@@ -42,7 +43,7 @@ def load(source: Source, unit: str = "mm", progress: Progress = no_progress) -> 
     """
     if isinstance(source, Mesh):
         return Loaded(source, "the mesh")
-    if isinstance(source, str | Path) and Path(source).suffix.lower() != ".turnscan":
+    if isinstance(source, str | PathLike) and Path(source).suffix.lower() != ".turnscan":
         path = Path(source)
         return Loaded(read_mesh_file(path, unit), str(path), read_about(read_start(path)))
     if not isinstance(source, ReconstructResult):

@@ -24,7 +24,7 @@ from turnscan.shapes import (
     volume_in_words,
     volume_sigma,
 )
-from turnscan.workflows._declare import Checked, option
+from turnscan.workflows._declare import Checked, chosen, option
 from turnscan.workflows._loading import Source, load
 
 _SAME = 1e-6
@@ -67,7 +67,11 @@ class Measured:
 
 
 def measure(
-    source: Source, options: MeasureOptions | None = None, *, progress: Progress = no_progress
+    source: Source,
+    options: MeasureOptions | None = None,
+    *,
+    progress: Progress = no_progress,
+    **changes: Any,
 ) -> Measured:
     """Measure a surface: size and volume, and the shapes that the options ask for.
 
@@ -84,6 +88,8 @@ def measure(
         What to measure; None: size and volume.
     progress
         Told how far the reconstruction of a scan is; it may cancel.
+    changes
+        Options to change by name, as in ``sphere=True``.
 
     Returns
     -------
@@ -96,11 +102,11 @@ def measure(
         Where there are no points, or no faces to find flat sides on.
 
     >>> import turnscan as ts
-    >>> found = ts.measure("cup.turnscan", ts.MeasureOptions(cylinder=True))
+    >>> found = ts.measure("cup.turnscan", cylinder=True)
     >>> 20 < found.figures["cylinder"]["radius_mm"] < 60
     True
     """
-    wanted = options or MeasureOptions()
+    wanted = chosen(MeasureOptions, options, changes)
     loaded = load(source, progress=progress)
     mesh = loaded.mesh
     if not len(mesh.vertices):

@@ -2,23 +2,92 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from os import PathLike
+from typing import Any
 
+from turnscan.progress import Progress, no_progress
+from turnscan.rig import Rig
 from turnscan.scan import Scan
+from turnscan.stripes import Detector
+from turnscan.workflows._declare import chosen
+from turnscan.workflows._kept_options import kept_options
+from turnscan.workflows._reconstruct_options import ReconstructOptions
+from turnscan.workflows._stripes import ScanStripes, stripes_of
 
 
-def open_scan(path: str | Path) -> Scan:
+class OpenScan(Scan):
+    """A scan file open for reading, with its frames and its stripes; use it as a context manager.
+
+    >>> import turnscan as ts
+    >>> with ts.open_scan("cup.turnscan") as scan:
+    ...     picture = scan.frame(5).show()
+    ...     stripes = scan.stripes()
+    >>> picture.shape, stripes.position.shape
+    ((240, 320), (24, 240))
+    """
+
+    def stripes(
+        self,
+        laser: str | None = None,
+        options: ReconstructOptions | None = None,
+        *,
+        rig: Rig | None = None,
+        detector: Detector | None = None,
+        progress: Progress = no_progress,
+        **changes: Any,
+    ) -> ScanStripes:
+        """Find the stripes of one laser in all its frames.
+
+        Parameters
+        ----------
+        laser
+            Its name; None takes the first one.
+        options
+            As for `reconstruct`, of which those about stripes count; None takes the scan's own.
+        rig
+            Tells where a stripe can be; None takes the one in the scan file. Without any, stripes
+            are sought in the whole picture.
+        detector
+            A function that finds the stripe in a picture instead of ``options.strategy``.
+        progress
+            Told how far it is; it may cancel.
+        changes
+            Options to change by name, as in ``strategy="gauss3"``.
+
+        Returns
+        -------
+        ScanStripes
+            Arrays of one row a frame.
+
+        Raises
+        ------
+        InputError
+            Where there is no such laser or option.
+        ScanCorrupt
+            Naming the frame that is damaged.
+
+        >>> import turnscan as ts
+        >>> with ts.open_scan("cup.turnscan") as scan:
+        ...     ours, coarse = scan.stripes(), scan.stripes(strategy="maximum")
+        >>> float(abs(ours.position - coarse.position)[ours.found & coarse.found].max()) < 3.0
+        True
+        """
+        wanted = chosen(ReconstructOptions, options or kept_options(self), changes)
+        return stripes_of(self, laser, wanted, rig, detector, progress)
+
+
+def open_scan(path: str | PathLike[str]) -> OpenScan:
     """Open a scan file for reading, also while it is being written.
 
     Parameters
     ----------
     path
-        The scan file (.turnscan).
+        The scan file (.turnscan), or what made one.
 
     Returns
     -------
-    Scan
-        Its frames, angles, rig, settings and edits; use it as a context manager.
+    OpenScan
+        Its frames, stripes, angles, rig, settings and edits; use it as a context manager.
 
     Raises
     ------
@@ -32,4 +101,4 @@ def open_scan(path: str | Path) -> Scan:
     ...     len(scan), scan.frame(5).lit.shape
     (24, (240, 320))
     """
-    return Scan.open(path)
+    return OpenScan.open(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 
 from turnscan.errors import FormatError, InputError, LimitExceeded
@@ -37,7 +38,7 @@ def read_start(path: Path) -> bytes:
         return file.read(_START)
 
 
-def read_mesh_file(path: str | Path, unit: str = "mm") -> Mesh:
+def read_mesh_file(path: str | PathLike[str], unit: str = "mm") -> Mesh:
     """Read a mesh from a file.
 
     Parameters
@@ -74,7 +75,7 @@ def read_mesh_file(path: str | Path, unit: str = "mm") -> Mesh:
     return replace(mesh, vertices=mesh.vertices * UNITS[unit]) if unit != "mm" else mesh
 
 
-def read_rig_file(path: str | Path) -> Rig:
+def read_rig_file(path: str | PathLike[str]) -> Rig:
     """Read a rig.
 
     Parameters

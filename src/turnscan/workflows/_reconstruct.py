@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from turnscan.detection import see
 from turnscan.edit import Entry
@@ -12,6 +14,8 @@ from turnscan.pipeline import build
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in, rig_for
+from turnscan.stripes import Detector
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._history import wanted_history
 from turnscan.workflows._kept_options import kept_options, store_options
 from turnscan.workflows._range_scans import join_scans, placed_scans
@@ -24,22 +28,24 @@ _DETECTION = 0.6
 
 
 def reconstruct(
-    source: Scan | str | Path,
+    source: Scan | str | PathLike[str],
     options: ReconstructOptions | None = None,
     *,
     rig: Rig | None = None,
     edits: str | Sequence[Entry] = "own",
     unit: str = "m",
+    detector: Detector | None = None,
     store: bool = False,
     progress: Progress = no_progress,
+    **changes: Any,
 ) -> ReconstructResult:
     """Turn a scan into a surface.
 
     Parameters
     ----------
     source
-        A scan file (.turnscan), an open scan, or the .conf file that places the range scans (PLY)
-        of another scanner beside it.
+        A scan file (.turnscan) or what made one, an open scan, or the .conf file that places the
+        range scans (PLY) of another scanner beside it.
     options
         How points become a surface; None takes the scan's own, those it was last reconstructed
         with, or the usual ones.
@@ -50,11 +56,16 @@ def reconstruct(
         of a .json file, or entries of a history.
     unit
         Unit of range scans: mm, cm, m or inch; results are always mm.
+    detector
+        A function that finds the stripe in a picture instead of ``options.strategy``; it is not
+        kept in the scan file.
     store
         Keep the options in the scan file, so that every door opens it with them. A file that
         cannot be changed stays as it is, with a note among the findings.
     progress
         Told how far it is; it may cancel.
+    changes
+        Options to change by name, as in ``close=True``.
 
     Returns
     -------
@@ -64,25 +75,27 @@ def reconstruct(
     Raises
     ------
     InputError
-        Where no such file, scan and rig do not fit, or no angle is known.
+        Where there is no such file or option, scan and rig do not fit, or no angle is known.
     ScanCorrupt
         Naming the frame that is damaged.
 
     >>> import turnscan as ts
-    >>> part = ts.reconstruct("cup.turnscan", ts.ReconstructOptions(strategy="gauss3"))
+    >>> part = ts.reconstruct("cup.turnscan", strategy="gauss3", close=True)
     >>> part.failed
     False
     """
     if isinstance(source, Scan):
-        return _of_scan(source, options or kept_options(source), rig, edits, progress)
+        wanted = chosen(ReconstructOptions, options or kept_options(source), changes)
+        return _of_scan(source, wanted, rig, edits, detector, progress)
     path = Path(source)
     if path.suffix.lower() == ".conf":
-        wanted = options or ReconstructOptions()
+        wanted = chosen(ReconstructOptions, options, changes)
         settings = wanted.settings()
         done = join_scans(path, placed_scans(path, unit), unit, settings, progress)
         return ReconstructResult(done, about(path, None, settings), options=wanted)
     with Scan.open(path) as scan:
-        result = _of_scan(scan, options or kept_options(scan), rig, edits, progress)
+        wanted = chosen(ReconstructOptions, options or kept_options(scan), changes)
+        result = _of_scan(scan, wanted, rig, edits, detector, progress)
     note = store_options(path, result.options) if store and not result.failed else None
     return result if note is None else replace(result, notes=(note,))
 
@@ -92,11 +105,14 @@ def _of_scan(
     options: ReconstructOptions,
     rig: Rig | None,
     edits: str | Sequence[Entry],
+    detector: Detector | None,
     progress: Progress,
 ) -> ReconstructResult:
     rig = rig_for(scan, rig)
     by_hand = wanted_history(scan, edits).enabled if isinstance(edits, str) else edits
     settings = options.settings(rig, scan)
+    if detector is not None:
+        settings = replace(settings, stripes=replace(settings.stripes, strategy=detector))
     looks = sum(len(lit_in(name, rig)) * len(scan.steps(name)) for name in scan.plan.lasers)
     tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
     seen = see(scan, rig, settings.stripes, settings.volume, tick)

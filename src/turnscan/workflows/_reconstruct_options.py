@@ -11,7 +11,7 @@ from turnscan.points import Along, Between, Spacing, Volume, working_volume
 from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in
 from turnscan.settings import Settings
-from turnscan.stripes import Choice, Refinement, Strategy, StripeSettings
+from turnscan.stripes import Choice, Refinement, Strategy, StripeSettings, detector_names
 from turnscan.surface.clean import Clean
 from turnscan.surface.fusion import How
 from turnscan.surface.holes import Bottom, Caps, FillHow, Top
@@ -63,9 +63,11 @@ def spacing_between(text: str) -> Between:
 class ReconstructOptions(Checked):
     """How the points of a scan become a surface; lengths in mm, None leaves it to turnscan."""
 
-    strategy: Strategy = option(
-        "window", "choice", "Estimator of the stripe centre.", choices=get_args(Strategy)
-    )
+    strategy: str = option(
+        "window", "choice",
+        "Estimator of the stripe centre; installed packages may add others.",
+        choices=get_args(Strategy), more=detector_names,
+    )  # fmt: skip
     choose: Choice = option(
         "brightest", "choice",
         "Which candidate is taken where an image row shows several "

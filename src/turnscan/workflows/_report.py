@@ -16,10 +16,12 @@ from turnscan.edit import Entry, edit_to_value, in_words
 from turnscan.findings import record
 from turnscan.mesh import is_closed
 from turnscan.pipeline import Reconstruction, source_of
+from turnscan.plugins import Plugin
 from turnscan.points import systematic_sigma
 from turnscan.rig import Rig, rig_hash
 from turnscan.settings import Settings
 from turnscan.shapes import volume_figures, volume_in_words, volume_sigma
+from turnscan.stripes import named
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._surface_report import holes_line, surface_figures, surface_parts
 
@@ -66,6 +68,8 @@ def _plain(value: Any) -> Any:
     """Settings as JSON holds them; what is unlimited or not set is left out."""
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items() if v is not None and not _endless(v)}
+    if callable(value) or isinstance(value, Plugin):
+        return named(value)
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
     return value

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from turnscan.surface.holes import Hole
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import Section, figures, known, summary, volume_of, write_report
 from turnscan.workflows._saving import save
+from turnscan.workflows._sections import Sections, cuts_of, sections_of
 
 POINT = np.dtype(
     [
@@ -49,7 +51,7 @@ class ReconstructResult:
     """Where it comes from: version, source, rig, parameters, edits; embedded in files."""
     rig: Rig | None = None
     """The rig that measured it; None for range scans of other scanners and for joined poses."""
-    sections: Sequence[Section] = ()
+    tables: Sequence[Section] = ()
     """Tables of the report that concern this result alone."""
     options: ReconstructOptions = field(default_factory=ReconstructOptions)
     """What it was made with."""
@@ -112,7 +114,55 @@ class ReconstructResult:
         """What is known of the volume, mm³, measured and filled; empty where it is open."""
         return known(volume_of(self.reconstruction, self.rig))
 
-    def save(self, *paths: str | Path, options: ExportOptions | None = None) -> list[Finding]:
+    def sections(
+        self,
+        *planes: str,
+        x: float | Sequence[float] = (),
+        y: float | Sequence[float] = (),
+        z: float | Sequence[float] = (),
+        half_planes_deg: Sequence[float] = (),
+        tolerance: float | None = None,
+    ) -> Sections:
+        """Cut the surface with planes, and fit lines, arcs and splines to each section.
+
+        Parameters
+        ----------
+        planes
+            As texts: ``z=20``, ``z=10:100:10`` (from, to, step), ``nx,ny,nz,distance``, mm.
+        x, y, z
+            Planes at right angles to an axis, mm: one place or several.
+        half_planes_deg
+            Half-planes from the rotation axis at these angles.
+        tolerance
+            mm that a misfit may be; None: what the noise of the points allows.
+
+        Returns
+        -------
+        Sections
+            To be saved as drawings.
+
+        Raises
+        ------
+        InputError
+            Where nothing is asked for, or a cut misses the part.
+
+        >>> import turnscan as ts
+        >>> part = ts.reconstruct("cup.turnscan")
+        >>> part.sections(z=[10.0, 20.0]).save("cup.dxf")
+        """
+        along = {"x": x, "y": y, "z": z}
+        texts = [
+            f"{axis}={float(at)!r}"
+            for axis, places in along.items()
+            for at in ([places] if isinstance(places, int | float) else places)
+        ]
+        cuts = cuts_of([*planes, *texts], half_planes_deg)
+        title = str(self.about["source"])
+        return sections_of(self.mesh, cuts, tolerance, title, {**self.about, **self.volume()})
+
+    def save(
+        self, *paths: str | PathLike[str], options: ExportOptions | None = None
+    ) -> list[Finding]:
         """Write the surface to files, whose suffixes name the formats.
 
         Each file is read back and compared first; nothing is written unless all are sound.
@@ -150,7 +200,25 @@ class ReconstructResult:
     def content(self, options: ExportOptions) -> tuple[ExportOptions, Profiles | None]:
         """What goes into files besides the mesh: provenance, and profiles where they are asked for.
 
-        Returns the options with the provenance, and the profiles.
+        Parameters
+        ----------
+        options
+            Choices about the formats.
+
+        Returns
+        -------
+        tuple of ExportOptions and Profiles
+            The options with the provenance, and the profiles; None where nobody asks for them.
+
+        Raises
+        ------
+        ValueError
+            Where a profile holds what is no number.
+
+        >>> import turnscan as ts
+        >>> options, profiles = ts.reconstruct("cup.turnscan").content(ts.ExportOptions())
+        >>> options.about["source"], profiles
+        ('cup.turnscan', None)
         """
         lines: dict[str, tuple[Any, ...]] = {}
         if "profiles" in options.dxf_forms:
@@ -160,9 +228,20 @@ class ReconstructResult:
         described = replace(options, about={**self.about, **self.volume()})
         return described, Profiles(lines) if lines else None
 
-    def save_report(self, path: str | Path) -> None:
-        """Write the report: .html with pictures, or .json.
+    def save_report(self, path: str | PathLike[str]) -> None:
+        """Write the report.
 
-        Raises ExportError where it cannot be written.
+        Parameters
+        ----------
+        path
+            The file: .html with pictures, or .json.
+
+        Raises
+        ------
+        ExportError
+            Where it cannot be written.
+
+        >>> import turnscan as ts
+        >>> ts.reconstruct("cup.turnscan").save_report("cup.json")
         """
-        write_report(Path(path), self.about, self.reconstruction, self.rig, self.sections)
+        write_report(Path(path), self.about, self.reconstruction, self.rig, self.tables)

@@ -2,144 +2,54 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
+from pathlib import Path
 
-from turnscan.drawings import (
-    found,
-    with_sigma,
-    write_section_dxf,
-    write_section_json,
-    write_section_pdf,
-    write_section_svg,
-)
-from turnscan.errors import InputError
-from turnscan.formats import DxfVersion
 from turnscan.progress import Progress, no_progress
-from turnscan.shapes import Arc, Cut, FittedSection, fit_section, half_plane_cut, plane_cut
+from turnscan.shapes import Cut
 from turnscan.workflows._loading import Source, load
-
-SECTION_SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
-"""What `section_file` can make."""
-_MOST = 100
-_FORM = "write z=20, z=10:100:10 (from, to, step) or nx,ny,nz,distance"
-
-
-def cuts_of(planes: Iterable[str], half_planes_deg: Iterable[float] = ()) -> list[Cut]:
-    """Cuts from texts: ``z=20``, ``z=10:100:10`` (from, to, step), ``nx,ny,nz,distance`` in mm.
-
-    ``half_planes_deg`` are angles in degrees about the rotation axis. Raises InputError naming
-    the text that is none of these, for more than 100 cuts, and for none at all.
-    """
-    cuts = [cut for text in planes for cut in _planes(text)]
-    cuts += [half_plane_cut(math.radians(a), f"half-plane at {a:g}°") for a in half_planes_deg]
-    if not cuts:
-        raise InputError("no section was asked for", hint="give a plane or a half-plane")
-    if len(cuts) > _MOST:
-        raise InputError(f"{len(cuts)} sections; at most {_MOST} go into one drawing",
-                         hint="take a larger step")  # fmt: skip
-    return cuts
-
-
-def _planes(text: str) -> list[Cut]:
-    axis, equals, rest = text.strip().partition("=")
-    if equals and axis.strip() in ("x", "y", "z"):
-        axis = axis.strip()
-        normal = [float(axis == a) for a in "xyz"]
-        values = _range(_floats(rest.split(":"), text), text)
-        return [plane_cut(normal, v, f"{axis} = {v:.6g} mm") for v in values]
-    numbers = _floats(text.split(","), text)
-    if len(numbers) != 4:
-        raise InputError(f"plane {text!r}", hint=_FORM)
-    return [plane_cut(numbers[:3], numbers[3])]
-
-
-def _floats(parts: Sequence[str], text: str) -> list[float]:
-    try:
-        numbers = [float(p) for p in parts]
-    except ValueError:
-        raise InputError(f"plane {text!r}", hint=_FORM) from None
-    if not all(map(math.isfinite, numbers)):
-        raise InputError(f"plane {text!r} has a number that is not finite", hint=_FORM)
-    return numbers
-
-
-def _range(numbers: list[float], text: str) -> list[float]:
-    if len(numbers) == 1:
-        return numbers
-    if len(numbers) != 3 or not numbers[2] > 0 or numbers[1] < numbers[0]:
-        raise InputError(f"plane {text!r}", hint=_FORM)
-    start, stop, step = numbers
-    count = (stop - start) / step
-    if count > _MOST:
-        raise InputError(f"plane {text!r}: {count:.0f} sections; at most {_MOST} are drawn",
-                         hint="take a larger step")  # fmt: skip
-    return [start + k * step for k in range(int(count + 1e-9) + 1)]
+from turnscan.workflows._sections import Sections, cuts_of, sections_of
 
 
 def section(
     source: Source,
-    cuts: Sequence[Cut],
+    cuts: Sequence[Cut | str],
     tolerance: float | None = None,
     progress: Progress = no_progress,
-) -> list[FittedSection]:
+) -> Sections:
     """Cut a surface, and fit lines, arcs and splines to each section.
 
-    ``source`` is a mesh, a mesh file, or a scan, which is reconstructed with its own settings.
-    ``tolerance`` mm is what a misfit may be; without one, what the noise of the points allows.
-    Raises InputError for a mesh without faces, a cut that misses it, and a tolerance that is not
-    positive; and what `turnscan.workflows.reconstruct` raises.
+    Parameters
+    ----------
+    source
+        A mesh, a mesh file in mm, the result of `reconstruct`, or a scan, which is reconstructed
+        with its own settings.
+    cuts
+        Planes as texts: ``z=20``, ``z=10:100:10`` (from, to, step) or ``nx,ny,nz,distance``, mm;
+        or cuts of `turnscan.shapes`.
+    tolerance
+        mm that a misfit may be; None: what the noise of the points allows.
+    progress
+        Told how far the reconstruction of a scan is; it may cancel.
+
+    Returns
+    -------
+    Sections
+        The sections in the order of the cuts, to be saved as drawings.
+
+    Raises
+    ------
+    InputError
+        For a mesh without faces, a cut that misses it or is none, and a tolerance that is not
+        positive; and what `reconstruct` raises.
+
+    >>> import turnscan as ts
+    >>> cut = ts.section("cup.turnscan", ["z=20"])
+    >>> cut.save("cup.svg")
+    >>> len(cut), cut[0].cut.name
+    (1, 'z = 20 mm')
     """
-    if tolerance is not None and not (tolerance > 0 and math.isfinite(tolerance)):
-        raise InputError(f"tolerance {tolerance:g} mm", hint="give a positive length in mm")
-    mesh = load(source, progress=progress).mesh
-    return [fit_section(mesh, cut, tolerance) for cut in cuts]
-
-
-def section_file(
-    sections: Sequence[FittedSection],
-    suffix: str,
-    title: str,
-    about: Mapping[str, object],
-    version: DxfVersion = "R2010",
-) -> bytes:
-    """The sections as a file: ``.dxf``, ``.svg``, ``.pdf`` or ``.json``.
-
-    ``title`` stands on the drawings, ``about`` says where they come from. Raises InputError for
-    another suffix.
-    """
-    kind = suffix.lower()
-    if kind == ".dxf":
-        return write_section_dxf(sections, version, about)
-    if kind == ".svg":
-        return write_section_svg(sections, title, about)
-    if kind == ".pdf":
-        return write_section_pdf(sections, title)
-    if kind == ".json":
-        return write_section_json(sections, about)
-    raise InputError(f"a section is not written as {suffix!r}",
-                     hint=f"choose one of {' '.join(SECTION_SUFFIXES)}")  # fmt: skip
-
-
-def section_in_words(section: FittedSection) -> list[str]:
-    """What was found, in a line or two of text for each outline."""
-    box, sigma = section.box, section.size_sigma
-    width, height = box[1] - box[0]
-    size = f"{with_sigma(width, sigma[0])} × {with_sigma(height, sigma[1])} mm"
-    lines = [f"section {section.cut.name}: {size}; {found(section) or 'nothing fitted'}"]
-    for outline in section.fitted:
-        rest = [p.rest for p in outline.pieces]
-        if isinstance(circle := outline.pieces[0], Arc) and circle.full:
-            diameter = with_sigma(2 * circle.radius, 2 * circle.radius_sigma)
-            lines.append(f"  circle ⌀ {diameter} mm, rms {rest[0].rms:.4f} mm")
-            continue
-        worst = max(r.worst for r in rest)
-        ring = "closed" if outline.closed else "open"
-        lines.append(
-            f"  {ring} outline of {len(outline.pieces)}: tolerance {outline.tolerance:.3g} mm, "
-            f"no point further off than {worst:.3g} mm"
-        )
-        for s in outline.sizes:
-            if s.kind == "distance":
-                lines.append(f"    parallel lines {with_sigma(s.value, s.sigma)} mm apart")
-    return lines
+    wanted = [c for cut in cuts for c in (cuts_of([cut]) if isinstance(cut, str) else [cut])]
+    loaded = load(source, progress=progress)
+    title = Path(loaded.name).name
+    return sections_of(loaded.mesh, wanted, tolerance, title, {"source": title, **loaded.about})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,7 +12,7 @@ from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
 from turnscan.scan import Keep
 from turnscan.simulate import simulated, wish_of
-from turnscan.workflows._declare import Checked, option
+from turnscan.workflows._declare import Checked, chosen, option
 from turnscan.workflows._files import check_output
 from turnscan.workflows._simulated import plan_of, scan_into_file, scan_into_folder
 
@@ -70,12 +71,17 @@ class SimulatedScan:
     exposure: float
     """s."""
 
+    def __fspath__(self) -> str:
+        """Its path: it stands for its file wherever a file is wanted."""
+        return fspath(self.path)
+
 
 def simulate(
     scene: str,
-    output: str | Path,
+    output: str | PathLike[str],
     options: SimulateOptions | None = None,
     progress: Progress = no_progress,
+    **changes: Any,
 ) -> SimulatedScan:
     """Scan a part with a simulated rig. The same arguments always give the same pictures.
 
@@ -87,11 +93,17 @@ def simulate(
     output
         A scan file (``….turnscan``), which holds the true rig; or a new or empty folder for
         pictures, angles.csv and rig.json.
+    options
+        How it is scanned; None: as the scene's address says.
+    progress
+        Told how far it is; it may cancel.
+    changes
+        Options to change by name, as in ``steps=50``.
 
     Returns
     -------
     SimulatedScan
-        What was taken.
+        What was taken; it stands for the file or folder wherever one is wanted.
 
     Raises
     ------
@@ -101,20 +113,26 @@ def simulate(
         The output cannot be written.
     Cancelled
         By ``progress``. No scan file is written then; a folder keeps the pictures so far.
+
+    >>> import turnscan as ts
+    >>> few = ts.SimulateOptions(rig="ciclop", lasers=1, no_speckle=True)
+    >>> done = ts.simulate("sphere", "sphere.turnscan", few, steps=1)
+    >>> done.steps, done.lasers
+    (1, ('right',))
     """
-    output, chosen = Path(output), options or SimulateOptions()
+    output, wanted = Path(output), chosen(SimulateOptions, options, changes)
     into_file = output.suffix == ".turnscan"
     if into_file:
         check_output(output)
     elif output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise InputError(f"{output}: exists and is not an empty folder", hint="name a new folder")
     wish, faults = wish_of(scene if scene.startswith("sim:") else f"sim:{scene}")
-    wish = replace(wish, **chosen.changes())
+    wish = replace(wish, **wanted.changes())
     devices = simulated(wish, faults)
-    plan = plan_of(devices, chosen.exposure)
+    plan = plan_of(devices, wanted.exposure)
     scanning = progress.subrange(0, 1, "scanning")
     if into_file:
-        scan_into_file(devices, plan, output, chosen.keep, scanning)
+        scan_into_file(devices, plan, output, wanted.keep, scanning)
     else:
         scan_into_folder(devices, plan, output, scanning)
     seconds = plan.exposures[0].seconds

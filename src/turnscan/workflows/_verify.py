@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -97,35 +98,62 @@ class Verification:
 
 
 def verify(
-    sources: Sequence[Path],
-    artefact: Path,
+    sources: Sequence[str | PathLike[str]],
+    artefact: str | PathLike[str],
     *,
     time: float,
     rig: Rig | None = None,
     limits: Mapping[str, float] | None = None,
-    history: Path | None = None,
+    history: str | PathLike[str] | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> Verification:
     """Test a scanner by its scans (or meshes made of them) of one artefact.
 
-    ``sources`` are files of scans or meshes, each one scan, in the order of time; ``artefact`` is
-    the file of what was measured on it (TOML or JSON); ``time`` says when, in seconds since 1970,
-    UTC; ``rig`` replaces the rigs of the scan files; ``limits`` mm replace those of the artefact's
-    file; ``history`` is an SQLite file that the run is added to, and made where it is not there.
-    The history is written last, and by nothing that fails.
-
     The definitions of the test values stand in `turnscan.shapes.verification._values`, the rule of
     the drift alarm in `drift`. A value beyond its limit, and a drift, are findings of severity
-    error. Raises InputError, FormatError, ScanError and LimitExceeded where a file cannot be used
-    or the artefact is not in a scan.
+    error. The history is written last, and by nothing that fails.
+
+    Parameters
+    ----------
+    sources
+        Files of scans or meshes, each one scan, in the order of time.
+    artefact
+        The file of what was measured on it (TOML or JSON).
+    time
+        When it was, in seconds since 1970, UTC.
+    rig
+        Replaces the rigs of the scan files.
+    limits
+        mm, by the name of the test; they replace those of the artefact's file.
+    history
+        An SQLite file that the run is added to, and made where it is not there.
+    tick
+        Called after each frame.
+
+    Returns
+    -------
+    Verification
+        The test values with their uncertainty, and what is wrong with them.
+
+    Raises
+    ------
+    InputError, FormatError, ScanError, LimitExceeded
+        Where a file cannot be used, or the artefact is not in a scan.
+
+    >>> import turnscan as ts
+    >>> ts.verify(["cup.turnscan"], "ball-bar.toml", time=0.0)
+    Traceback (most recent call last):
+    turnscan.errors.InputError: ball-bar.toml: no such file → check the name
     """
-    body = _with_limits(read_artefact(artefact), limits or {})
+    files = [Path(source) for source in sources]
+    history = None if history is None else Path(history)
+    body = _with_limits(read_artefact(Path(artefact)), limits or {})
     past = [] if history is None else read_verifications(history)
-    if not sources:
+    if not files:
         raise InputError("no scan to verify", hint="name a scan of the artefact")
-    if len({s.resolve() for s in sources}) < len(sources):
+    if len({s.resolve() for s in files}) < len(files):
         raise InputError("a scan is given twice", hint="name each scan once")
-    scans = tuple(_verified(source, body, rig, tick) for source in sources)
+    scans = tuple(_verified(source, body, rig, tick) for source in files)
     repeated = repeatability([s.values for s in scans], body.limits.get("repeatability"))
     trends = tuple[Trend, ...]()
     if history is not None:
