@@ -130,7 +130,7 @@ def calibrate(
     >>> taken = ts.CalibrationPictures("boards", {"left": "boards"}, "table")
     >>> ts.calibrate(taken, board, "rig.json", markers="DICT_4X4_50:20")
     Traceback (most recent call last):
-    turnscan.errors.InputError: boards: there is no such file or folder → check the path
+    turnscan.errors.InputError: boards: no such file or folder → check the path
     """
     output, report = Path(output), None if report is None else Path(report)
     wanted = chosen(CalibrateOptions, options, changes)
