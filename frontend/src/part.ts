@@ -3,7 +3,7 @@ import { batch, computed, effect, signal } from "@preact/signals";
 import { link, on } from "./bus";
 import type { AnyArray, Arrays } from "./envelope";
 import { Grid } from "./grid/data";
-import { getArrays, type Received } from "./link";
+import { getArrays, type Received, RefusedError } from "./link";
 import { type MeshArrays, MeshModel, type Part } from "./mesh/model";
 import { Profile } from "./profile/data";
 import type {
@@ -191,9 +191,27 @@ async function patch(message: Patch, arrays: Arrays): Promise<void> {
 
 export type EditValue = { kind: string } & Record<string, unknown>;
 
+/** The edit that was asked for last, or its end. */
+let lastEdit: Promise<unknown> = Promise.resolve();
+
+/** One edit after another, each on the surface that the one before it left. */
 function editRequest(edit: EditValue, arrays: Record<string, AnyArray>, preview: boolean): Promise<Received> {
   const scan = opened.value?.scan ?? "";
-  return link.request({ kind: "edit", scan, base_revision: revision, edit, preview }, arrays);
+  const numbered = Object.keys(arrays).length > 0;
+  const selectedIn = epoch;
+  const mine = lastEdit.then(async () => {
+    await underWay?.arrival;
+    if (numbered && epoch !== selectedIn) {
+      throw new RefusedError(
+        "stale",
+        "The surface was rebuilt after the selection was made; nothing was edited.",
+        "Select again, then repeat.",
+      );
+    }
+    return link.request({ kind: "edit", scan, base_revision: revision, edit, preview }, arrays);
+  });
+  lastEdit = mine.catch(() => undefined);
+  return mine;
 }
 
 /** Do an edit; true when it is in the scan file. */

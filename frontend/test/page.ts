@@ -40,12 +40,14 @@ export interface Page {
   /** Answer the oldest fetch of a path. */
   serve(path: string, header: object, arrays: Record<string, AnyArray>): Promise<void>;
   connect(): Promise<void>;
+  /** Until the page has done what it can without an answer. */
+  settle(): Promise<void>;
   disconnect(): Promise<void>;
   /** As the back button does, or a link. */
   walk(hash: string): Promise<void>;
 }
 
-const settled = () => vi.advanceTimersByTimeAsync(0);
+const settled = async () => void (await vi.advanceTimersByTimeAsync(0));
 
 /** Load the page's state and part with this storage, address and theme of the system. */
 export async function openPage({ stored = {}, hash = "", light = false }: Partial<Options> = {}): Promise<Page> {
@@ -108,6 +110,7 @@ export async function openPage({ stored = {}, hash = "", light = false }: Partia
       fetched.splice(k, 1)[0].answer(pack(header, arrays));
       await settled();
     },
+    settle: settled,
     async connect() {
       Socket.last.onopen();
       await settled();

@@ -167,17 +167,47 @@ describe("a patch", () => {
 });
 
 describe("an edit", () => {
-  it("names the revision that the person saw, and takes its arrays along", async () => {
+  it("names the revision that the page shows", async () => {
     const page = await shown();
     const done = page.part.doEdit({ kind: "close" });
+    await page.settle();
     expect(page.asked("edit")).toMatchObject([{ scan: "cup", base_revision: 3, preview: false }]);
     await page.say({ kind: "done", id: page.asked("edit")[0].id });
     expect(await done).toBe(true);
   });
 
+  it("waits for the one before it, and names the revision that this one left", async () => {
+    const page = await shown();
+    const first = page.part.doEdit({ kind: "close" });
+    const second = page.part.doEdit({ kind: "smooth" });
+    await page.settle();
+    expect(page.asked("edit")).toMatchObject([{ edit: { kind: "close" }, base_revision: 3 }]);
+    await page.say(patch("cup", 4));
+    await page.say({ kind: "done", id: page.asked("edit")[0].id });
+    expect(page.asked("edit")[1]).toMatchObject({ edit: { kind: "smooth" }, base_revision: 4 });
+    await page.say({ kind: "refused", id: page.asked("edit")[1].id, code: "InputError", text: "No.", hint: "" });
+    expect([await first, await second]).toEqual([true, false]);
+  });
+
+  it("of a selection is not sent when the edit before it has renumbered the surface", async () => {
+    const page = await shown();
+    const first = page.part.doEdit({ kind: "decimate" });
+    const second = page.part.doEdit({ kind: "delete" }, { faces: Uint32Array.of(1) });
+    await page.settle();
+    await page.say(patch("cup", 4, [{ kind: "replace" }], 2));
+    await page.say({ kind: "done", id: page.asked("edit")[0].id });
+    await serveMesh(page, "cup", 4, 2);
+    expect([await first, await second]).toEqual([true, false]);
+    expect(page.asked("edit").length).toBe(1);
+    expect(page.state.notices.value).toMatchObject([
+      { severity: "warning", text: expect.stringMatching(/rebuilt after the selection/) },
+    ]);
+  });
+
   it("that is refused is not done, and says why", async () => {
     const page = await shown();
     const done = page.part.doEdit({ kind: "close" });
+    await page.settle();
     const { id } = page.asked("edit")[0];
     await page.say({ kind: "refused", id, code: "stale", text: "The surface has changed.", hint: "" });
     expect(await done).toBe(false);
@@ -187,6 +217,7 @@ describe("an edit", () => {
   it("as a preview gives the surface it would make", async () => {
     const page = await shown();
     const asked = page.part.previewEdit({ kind: "close" });
+    await page.settle();
     const { id } = page.asked("edit")[0];
     const arrays = { positions: new Float32Array(9), faces: new Uint32Array(3), dead: Uint32Array.of(1) };
     await page.say({ kind: "preview", id, figures: FIGURES }, arrays);

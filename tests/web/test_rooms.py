@@ -50,7 +50,7 @@ def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
         np.testing.assert_array_equal(same["arrays"]["dead"], chosen)
         beyond = {"face_bits": np.full(faces // 8 + 2, 255, np.uint8)}
         refused = one.ask("edit", beyond, scan=scan, base_revision=0, edit=edit, preview=True)
-        assert "faces that are not there" in refused["text"]
+        assert "faces that do not exist" in refused["text"]
         assert (
             one.ask("edit", {"faces": chosen}, scan=scan, base_revision=0, edit=edit)["kind"]
             == "done"
@@ -64,6 +64,12 @@ def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
             assert len(file.edits()) == 1
         stale = one.ask("edit", {"faces": chosen}, scan=scan, base_revision=0, edit=edit)
         assert (stale["kind"], stale["code"]) == ("refused", "stale")
+        nothing = {"kind": "despike", "beyond": 1000.0}
+        empty = one.ask("edit", scan=scan, base_revision=1, edit=nothing)
+        assert empty["kind"] == "refused"
+        assert empty["code"] != "stale"
+        with Scan.open(folder / "ball.turnscan") as file:
+            assert len(file.edits()) == 1
         assert one.ask("undo", scan=scan)["kind"] == "done"
         assert one.ask("undo", scan=scan)["kind"] == "refused"
         assert one.ask("redo", scan=scan)["kind"] == "done"

@@ -222,9 +222,7 @@ function Rig() {
     <div class="room no-rail">
       <LivePane
         empty={
-          connected()
-            ? "Press Look for live pictures."
-            : "Connect devices, or the simulated rig already filled in."
+          connected() ? "Press Look for live pictures." : "Connect devices, or the simulated rig already filled in."
         }
       />
       <aside class="inspector" aria-label="Rig">

@@ -348,8 +348,8 @@ class OpenScan:
         job.check()  # while it waited for the edit before it
         if base != self.now.revision:
             raise Stale(
-                f"the surface has changed since: this is revision {self.now.revision}, not {base}",
-                hint="check it, then repeat",
+                "another edit changed the surface meanwhile; this one was not made",
+                hint="check the surface, then repeat",
             )
         wish = dict(value)
         region = _region(self.now.document.body, arrays)
@@ -361,6 +361,9 @@ class OpenScan:
         refused = next((f for f in change.findings if f.severity == "error"), None)
         if refused is not None:
             raise InputError(refused.message, hint=refused.remedy)
+        if not (change.patches or edit.is_grid_edit(wanted) or edit.is_measure(wanted)):
+            said = "; ".join(f.message for f in change.findings)
+            raise InputError(said or f"{edit.in_words(wanted)} changes nothing here")
         return document, change
 
     def _keep(self, document: edit.Document, change: edit.Change, job: Job) -> None:

@@ -27,6 +27,7 @@ from turnscan.edit._edits import (
     edit_from_value,
     edit_to_value,
     is_grid_edit,
+    is_measure,
 )
 from turnscan.edit._grid import HAND_SIGMA, Eyes, Stripes, lost_edits, mend_grid, mend_stripes
 from turnscan.edit._history import (
@@ -143,6 +144,7 @@ __all__ = [
     "history_to_json",
     "in_words",
     "is_grid_edit",
+    "is_measure",
     "lost_edits",
     "mend_grid",
     "mend_mesh",

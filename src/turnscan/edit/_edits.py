@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -245,6 +245,11 @@ _HINT = "docs/reference/edits.md lists the edits and their keys"
 def is_grid_edit(edit: Edit) -> bool:
     """Whether the edit changes what was seen, so that the surface must be made anew."""
     return isinstance(edit, GridEdit)
+
+
+def is_measure(edit: Edit) -> bool:
+    """Whether the edit is a measurement, which leaves the surface as it is."""
+    return isinstance(edit, get_args(Measure))
 
 
 def edit_to_value(edit: Edit) -> dict[str, Any]:
