@@ -1,5 +1,5 @@
 /** What the Mend room has in hand. */
-import { computed, signal } from "@preact/signals";
+import { batch, computed, signal } from "@preact/signals";
 import type { GridColouring, Range } from "../grid/view";
 import { grids, lasers, loadGrid, type Mark, mark, mesh, onMesh, opened, type Preview } from "../part";
 import type { PictureTool } from "../profile/picture";
@@ -36,6 +36,25 @@ export function startMend(): void {
     chosenHoles.value = new Set();
   });
   preview.subscribe((shown) => currentViewport()?.showPreview(shown));
+  let scan: string | null = null;
+  opened.subscribe((now) => {
+    if (now && now.scan !== scan) {
+      scan = now.scan;
+      startAnew();
+    }
+  });
+}
+
+/** Another scan: no tool, choice or view of the one before is carried over. */
+function startAnew(): void {
+  batch(() => {
+    tool.value = "navigate";
+    pictureTool.value = "mark";
+    tab.value = "repair";
+    large.value = bridgeFrom.value = range.value = null;
+    lines.value = [];
+    gridShown.value = 0;
+  });
 }
 
 /** The grid (one turn of one laser) that a vertex was measured in. */

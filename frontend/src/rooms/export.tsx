@@ -33,8 +33,8 @@ const format = signal<Format>("dxf");
 const forms = signal<readonly Form[]>(["3dface"]);
 const version = signal<"auto" | "R12" | "R2010">("auto");
 const ascii = signal(false);
-/** Exports started in this page: job → file name. */
-const started = signal<readonly { job: string; name: string }[]>([]);
+/** Exports started in this page, the newest first. */
+const started = signal<readonly { job: string; name: string; at: Date }[]>([]);
 /** Finished ones stay here when their job is forgotten. */
 const ready = signal<ReadonlyMap<string, string>>(new Map());
 /** Keep the addresses of finished files: once. */
@@ -54,8 +54,16 @@ function request(): ExportRequest {
   return { format: "dxf", dxf_forms: [...forms.value], dxf_version: version.value === "auto" ? null : version.value };
 }
 
+/** The name of the part, numbered where this page has exported a file of that name. */
+function newName(part: string, suffix: string): string {
+  const taken = new Set(started.value.map(({ name }) => name));
+  let name = `${part}.${suffix}`;
+  for (let number = 2; taken.has(name); number++) name = `${part}-${number}.${suffix}`;
+  return name;
+}
+
 async function start(): Promise<void> {
-  const name = `${opened.value?.name ?? "part"}.${format.value}`;
+  const name = newName(opened.value?.name ?? "part", format.value);
   try {
     const response = await http(`api/scans/${place.value.scan}/exports`, {
       method: "POST",
@@ -63,7 +71,7 @@ async function start(): Promise<void> {
       body: JSON.stringify(request()),
     });
     const { job }: StartedExport = await response.json();
-    started.value = [...started.value, { job, name }];
+    started.value = [{ job, name, at: new Date() }, ...started.value];
   } catch (error) {
     complain(error);
   }
@@ -157,8 +165,8 @@ function Files() {
   if (!started.value.length) return null;
   return (
     <Section title="Files">
-      <ul class="list" aria-label="Exported files">
-        {started.value.map(({ job, name }) => {
+      <ul class="list" aria-label="Exported files, the newest first">
+        {started.value.map(({ job, name, at }) => {
           const state = jobs.value.get(job);
           const download = ready.value.get(job);
           return (
@@ -167,6 +175,7 @@ function Files() {
                 <a class="button plain grow" href={download} download={name}>
                   <Icon name="export" />
                   {name}
+                  <span class="quiet num">{at.toLocaleTimeString("sv")}</span>
                 </a>
               ) : (
                 <span class="grow">

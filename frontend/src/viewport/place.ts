@@ -81,8 +81,10 @@ function create(element: HTMLElement): Viewport {
   let shown: string | null = null;
   const follow = () => {
     const part = location.hash.split("/")[1] ?? null;
-    view.setMesh(mesh.peek(), part === shown);
-    shown = part;
+    const next = mesh.peek();
+    view.setMesh(next, part === shown);
+    // Between two scans there is no mesh: the second one is looked at anew.
+    if (next) shown = part;
   };
   onMesh((parts) => (parts ? view.patched(parts) : follow()));
   mesh.subscribe((value) => {
