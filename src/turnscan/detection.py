@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
+from queue import Empty, SimpleQueue
 
 import numpy as np
 
@@ -18,7 +19,15 @@ from turnscan.findings import Finding
 from turnscan.points import Volume
 from turnscan.rig import Rig
 from turnscan.scan import Frame, Scan, Stored, lit_in
-from turnscan.stripes import Candidates, Exposed, Light, Signal, Stripe, StripeSettings
+from turnscan.stripes import (
+    Candidates,
+    Exposed,
+    Light,
+    RunDetector,
+    Signal,
+    Stripe,
+    StripeSettings,
+)
 
 FLANKS = 24
 """px beyond the working volume in which a stripe is still seen, but does not count."""
@@ -47,13 +56,16 @@ class View:
         """The lasers that are lit in the same frames."""
         return set(lit_in(self.lit, self.rig)) - {self.laser}
 
-    def seek(self, tick: Callable[[], None]) -> tuple[Stripes, list[Finding]]:
+    def seek(
+        self, tick: Callable[[], None], jobs: int | None = None
+    ) -> tuple[Stripes, list[Finding]]:
         """The stripes of all frames, and what is missing; ``tick`` is called after each frame.
 
+        ``jobs`` threads share the work, one or more for each core where it is None.
         Raises ScanCorrupt naming a frame.
         """
         scan = self.scan
-        brackets, done = look_through(scan, self.lit, self.settings, self.inside, tick)
+        brackets, done = look_through(scan, self.lit, self.settings, self.inside, tick, jobs)
         good = [k for k, (_, angle, *_) in enumerate(done) if not np.isnan(angle)]
         findings = points.lost_frames(self.lit, scan.missing(self.lit), len(done) - len(good))
         steps = tuple(done[k][0] for k in good)
@@ -61,14 +73,18 @@ class View:
         stripes = tuple(done[k][2] for k in good)
         shaky = np.array([done[k][3] for k in good], np.float64)
         if self.settings.refine != "none":
-            swept = self._refined(stripes, angles, [brackets[k] for k in good])
+            swept = self._refined(stripes, angles, [brackets[k] for k in good], jobs)
             asked = self.settings.refine == "spacetime"
             findings += points.swept_findings(self.laser, swept, asked=asked)
             stripes = swept.stripes
         return Stripes(self.laser, steps, angles, stripes, shaky), findings
 
     def _refined(
-        self, stripes: tuple[Stripe, ...], angles: Floats, brackets: list[list[Stored]]
+        self,
+        stripes: tuple[Stripe, ...],
+        angles: Floats,
+        brackets: list[list[Stored]],
+        jobs: int | None,
     ) -> points.Swept:
         """The stripes of these frames, refined with the light of the frames around each."""
         signal = self._signal
@@ -80,7 +96,7 @@ class View:
             first = frames[0]
             return signal.light(first.lit, first.dark, self.settings, first.level, first.noise)
 
-        with ThreadPoolExecutor() as pool:
+        with ThreadPoolExecutor(jobs) as pool:
             return points.refine(self.rig, self.laser, stripes, angles, look, pool.map)
 
     def candidates(self, step: int) -> Candidates:
@@ -128,32 +144,66 @@ def look_through(
     settings: StripeSettings,
     inside: Bools | None = None,
     tick: Callable[[], None] = lambda: None,
+    jobs: int | None = None,
 ) -> tuple[list[list[Stored]], list[Looked]]:
     """The frames of a name, those of a step together, and the stripe of each step.
 
     ``inside`` (H, W) is True where a stripe counts; ``tick`` is called after each frame, by any
-    thread. Raises ScanCorrupt naming a frame.
+    thread; ``jobs`` threads share the work. Raises ScanCorrupt naming a frame.
     """
-    signal = Signal(scan.plan.weights, scan.plan.dtype)
-
-    def find(shots: list[Stored]) -> Looked:
-        frames = [stored.decode() for stored in shots]
-        for _ in frames:
-            tick()
-        first = frames[0]
-        if scan.plan.exposures > 1:
-            stripe = signal.detect_bracket(_bracket(frames), settings, inside)
-        else:
-            stripe = signal.detect(
-                first.lit, first.dark, settings, first.level, first.noise, inside
-            )
-        return first.step, first.angle, stripe, first.angle_sigma
-
+    search = _Search(scan, settings, inside, tick)
     # A bracket tells what is clipped by the colours as they were taken.
-    stored = scan.stored(lit, signal.project if scan.plan.exposures == 1 else None)
-    with ThreadPoolExecutor() as pool:
+    stored = scan.stored(lit, search.signal.project if scan.plan.exposures == 1 else None)
+    with ThreadPoolExecutor(jobs) as pool:
         brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
-        return brackets, list(pool.map(find, brackets))
+        return brackets, list(pool.map(search.find, brackets))
+
+
+class _Search:
+    """Finds the stripes of one laser, step by step, in any number of threads at a time."""
+
+    def __init__(
+        self, scan: Scan, settings: StripeSettings, inside: Bools | None, tick: Callable[[], None]
+    ) -> None:
+        self.signal = Signal(scan.plan.weights, scan.plan.dtype)
+        self._plan = scan.plan
+        self._settings = settings
+        self._inside = inside
+        self._tick = tick
+        self._sparse = (
+            scan.plan.keep == "sparse"
+            and scan.plan.exposures == 1
+            and isinstance(settings.strategy, str)  # a detector of others wants pictures
+        )
+        self._idle = SimpleQueue[RunDetector]()
+        """Each has a work surface of the size of a picture: as many as there are threads."""
+
+    def find(self, shots: list[Stored]) -> Looked:
+        """The stripe in the frames of one step. Raises ScanCorrupt naming a frame."""
+        first = shots[0]
+        stripe = self._in_runs(first) if self._sparse else None
+        if stripe is None:
+            stripe = self._in_pictures([stored.decode() for stored in shots])
+        for _ in shots:
+            self._tick()
+        return first.row.step, first.angle, stripe, first.row.sigma
+
+    def _in_pictures(self, frames: list[Frame]) -> Stripe:
+        if self._plan.exposures > 1:
+            return self.signal.detect_bracket(_bracket(frames), self._settings, self._inside)
+        f = frames[0]
+        return self.signal.detect(f.lit, f.dark, self._settings, f.level, f.noise, self._inside)
+
+    def _in_runs(self, shot: Stored) -> Stripe | None:
+        """The same from the pixels that are kept, if they tell."""
+        try:
+            detector = self._idle.get_nowait()
+        except Empty:
+            shape = (self._plan.height, self._plan.width)
+            detector = RunDetector(self.signal, self._settings, shape, self._inside)
+        stripe = detector.stripe(shot.runs(), shot.level, shot.noise)
+        self._idle.put(detector)
+        return stripe
 
 
 def see(
@@ -163,12 +213,14 @@ def see(
     volume: Volume | None = None,
     tick: Callable[[], None] = lambda: None,
     only: str | None = None,
+    jobs: int | None = None,
 ) -> list[Sight]:
     """The stripes of each laser of a scan, in all its frames.
 
     ``volume`` None takes what the rig can measure; ``tick`` is called after each frame; ``only``
     names one laser, None takes all. It is what takes time in a reconstruction, and what no edit
-    changes. Raises ScanCorrupt naming a frame.
+    changes. ``jobs`` threads share it, one or more for each core where it is None; their number
+    changes nothing in the result. Raises ScanCorrupt naming a frame.
     """
     seen = []
     for lit in scan.plan.lasers:
@@ -176,10 +228,10 @@ def see(
             kept = volume or points.working_volume(rig, laser)
             others = set(lit_in(lit, rig)) - {laser}
             inside = points.view_mask(rig, laser, kept, others=others)
-            mask = points.view_mask(rig, laser, kept, others=others, margin=FLANKS)
+            mask = points.widened(inside, FLANKS)
             look = replace(settings, orientation=scan.plan.orientation, mask=mask)
             view = View(scan, rig, lit, laser, kept, look, inside)
-            stripes, found = view.seek(tick)
+            stripes, found = view.seek(tick, jobs)
             seen.append(Sight(view, stripes, tuple(found)))
     return seen
 

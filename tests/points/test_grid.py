@@ -32,6 +32,7 @@ from turnscan.points import (
     without,
     working_volume,
 )
+from turnscan.points._triangulate import beyond_axis
 from turnscan.rig import Marker, Rig
 from turnscan.stripes import StripeFlag
 
@@ -198,6 +199,37 @@ def test_the_mask_shows_the_volume_and_nothing_else():
     wide = view_mask(rig, "L0", volume, margin=8)
     assert wide[mask].all()
     assert np.flatnonzero(wide.any(axis=1))[0] == np.flatnonzero(mask.any(axis=1))[0] - 8
+
+
+@given(
+    elevation=st.floats(0.05, 0.9),
+    lift=st.floats(-60, 90),
+    r_max=st.floats(3, 200),
+    z_min=st.floats(-80, 40),
+    lens=st.sampled_from([(0, 0, 0, 0, 0), (-0.3, 0.1, 0.002, -0.001, 0), (0.2, 0.4, 0, 0, 0.1)]),
+    bow=st.sampled_from([(0, 0, 0), (2e-3, 0, 1e-3), (-3e-3, 1e-3, 0)]),
+    rival=st.booleans(),
+)
+@settings(max_examples=25, deadline=None)
+def test_the_mask_is_what_every_pixel_for_itself_sees(
+    elevation, lift, r_max, z_min, lens, bow, rival
+):
+    look = {"bow": bow, "distortion": lens, "lasers": (0.45, -0.3)}
+    rig = make_rig(elevation=elevation, lift=lift, **look)
+    volume = Volume(r_max, z_min, z_min + 70.0)
+    v, u = np.mgrid[:240, :320].astype(float)
+    rays = rig.camera.rays(np.stack([u, v], -1))
+
+    def sees(name, near):
+        X = rig.sheet(name).intersect(rays)
+        there = volume.contains(rig.T_camera_table.inverse().apply(X))
+        return there & ~beyond_axis(rig, name, X) if near else there
+
+    each = sees("L0", rival)
+    if rival:
+        each &= ~sees("L1", True)
+    mask = view_mask(rig, "L0", volume, others=["L1"] if rival else [])
+    assert (mask == each).all()
 
 
 def test_specks_go_and_runs_stay():

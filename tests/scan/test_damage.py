@@ -159,13 +159,10 @@ def test_a_reader_that_compares_no_checksum_is_found(
     """The mutant: a payload is taken as it is."""
     from turnscan.scan import _database
 
-    def credulous(db: sqlite3.Connection, row: _database.Row, path: Path) -> bytes:
-        payload: bytes = db.execute(
-            "SELECT payload FROM frames WHERE id = ?", (row.id,)
-        ).fetchone()[0]
+    def credulous(payload: bytes, row: _database.Row, path: Path) -> bytes:
         return payload
 
-    monkeypatch.setattr(_database, "read_payload", credulous)
+    monkeypatch.setattr(_database, "check_payload", credulous)
     with pytest.raises(AssertionError, match=r"of 1002 found"):
         test_each_of_1000_flipped_bits_in_payloads_is_named(tmp_path)
 

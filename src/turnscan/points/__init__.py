@@ -23,12 +23,12 @@ from turnscan.points._triangulate import (
     to_object,
     triangulate,
 )
+from turnscan.points._view import view_mask, widened
 from turnscan.points._volume import (
     Volume,
     clip,
     cloud,
     drop_specks,
-    view_mask,
     without,
     working_volume,
 )
@@ -71,6 +71,7 @@ __all__ = [
     "triangulate",
     "view_mask",
     "whole_turns",
+    "widened",
     "without",
     "working_volume",
 ]

@@ -68,13 +68,17 @@ def beyond_axis(rig: Rig, laser: str, points_camera: npt.ArrayLike) -> npt.NDArr
     There the turning table carries the surface through the sheet the other way. The laser is
     taken to stand on the camera's side of the axis.
     """
+    return np.asarray(side_of_axis(rig, laser, points_camera) < 0)
+
+
+def side_of_axis(rig: Rig, laser: str, points_camera: npt.ArrayLike) -> Floats:
+    """(...) mm that points (..., 3) of a sheet lie before the axis; negative `beyond_axis`."""
     T = rig.T_camera_table
     axis = T.rotation[:, 2]
     normal = rig.sheet(laser).normal
     along = np.cross(axis, normal)
     along = along if along @ -T.translation > 0 else -along
-    side = (np.asarray(points_camera) - T.translation) @ along
-    return np.asarray(side < 0)
+    return np.asarray((np.asarray(points_camera) - T.translation) @ along)
 
 
 def point_covariance(rig: Rig, laser: str, pixels: npt.ArrayLike, angles: npt.ArrayLike) -> Floats:

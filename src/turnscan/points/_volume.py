@@ -82,35 +82,6 @@ def working_volume(rig: Rig, laser: str, *, platter_margin: float = 2.0) -> Volu
     return Volume(r_max=reach, z_min=platter_margin)
 
 
-def view_mask(
-    rig: Rig, laser: str, volume: Volume, *, margin: int = 0, others: Iterable[str] = ()
-) -> Bools:
-    """(height, width) True at the pixels that see the sheet inside the volume, at any table angle.
-
-    Letting only these count keeps a bright wall or platter from winning over the part. ``margin``
-    px are added all round, for what must see a stripe's flanks too. ``others`` are lasers lit at
-    the same time: pixels that see one of theirs on the near side of the axis do not count, and of
-    this laser's own only the near side does, so that each stripe has one owner.
-    """
-    v, u = np.mgrid[0 : rig.camera.height, 0 : rig.camera.width].astype(np.float64)
-    rays = rig.camera.rays(np.stack([u, v], axis=-1))
-
-    def seen_by(name: str, near: bool) -> Bools:
-        X = rig.sheet(name).intersect(rays)
-        inside = volume.contains(rig.T_camera_table.inverse().apply(X))
-        return np.asarray(inside & ~beyond_axis(rig, name, X)) if near else inside
-
-    rivals = tuple(others)
-    seen = seen_by(laser, near=bool(rivals))
-    for name in rivals:
-        seen &= ~seen_by(name, near=True)
-    if margin < 1:
-        return seen
-    from scipy.ndimage import maximum_filter
-
-    return np.asarray(maximum_filter(seen, 2 * margin + 1), dtype=np.bool_)
-
-
 def clip(grid: RangeGrid, volume: Volume) -> RangeGrid:
     """The grid with every point outside ``volume`` missing, flagged OUTSIDE.
 

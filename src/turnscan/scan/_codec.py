@@ -16,6 +16,7 @@ channel by channel (red and blue less green), as differences from the pixel befo
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -26,6 +27,7 @@ from turnscan.arrays import Image
 from turnscan.errors import LimitExceeded, ScanCorrupt
 from turnscan.scan._plan import Frame, ScanPlan
 from turnscan.scan._signal import SAMPLES, Pixels, signal_of, statistics
+from turnscan.stripes import Orientation, Runs
 
 Dark = Literal["own", "background", "none"]
 Project = Callable[[Image], Pixels]
@@ -43,19 +45,36 @@ class Background:
         """``project`` is None where pixels are shown as they are stored."""
         self.project = project
         self.shown: Pixels = stored if project is None else project(stored)
+        self._turned: Pixels | None = None
 
     def raised(self, fill: Pixels) -> Pixels:
         """A new picture of the background, brighter by ``fill`` (C,) modulo 2^bits."""
         if not fill.any():
             return self.shown.copy()
-        added: Pixels = fill.astype(f"i{fill.dtype.itemsize}").astype(np.int32)
-        if self.project is not None:
-            two = np.stack([np.maximum(added, 0), np.maximum(-added, 0)]).astype(fill.dtype)
-            up, down = self.project(two.reshape(1, 2, 3))[0].astype(np.int32)
-            added = up - down
         top = np.iinfo(self.shown.dtype).max
-        picture = np.clip(self.shown + added, 0, top)
+        picture = np.clip(self.shown + self._added(fill), 0, top)
         return np.asarray(picture.astype(self.shown.dtype))
+
+    def above(self, fill: Pixels) -> int:
+        """By how much `raised` is brighter, of pictures of one channel as they are shown."""
+        return int(self._added(fill).reshape(-1)[0])
+
+    def lines(self, orientation: Orientation) -> Image:
+        """The picture as it is shown, laid so that lines are rows."""
+        if orientation == "vertical":
+            return self.shown
+        if self._turned is None:
+            self._turned = np.ascontiguousarray(self.shown.T)
+        return self._turned
+
+    def _added(self, fill: Pixels) -> Pixels:
+        """(C,) or, where pixels are projected, one number: signed levels."""
+        added: Pixels = fill.astype(f"i{fill.dtype.itemsize}").astype(np.int32)
+        if self.project is None:
+            return added
+        two = np.stack([np.maximum(added, 0), np.maximum(-added, 0)]).astype(fill.dtype)
+        up, down = self.project(two.reshape(1, 2, 3))[0].astype(np.int32)
+        return np.asarray(up - down)
 
 
 def encode(
@@ -140,6 +159,76 @@ def _indices(
     return np.asarray(np.repeat(line + starts * n, lengths) + within * n, np.int64)
 
 
+def decode_runs(
+    payload: bytes,
+    plan: ScanPlan,
+    dark: Dark,
+    background: Background | None,
+    project: Project | None,
+    where: str,
+) -> Runs:
+    """The runs that a payload of a sparse scan keeps; of a colour scan, projected.
+
+    `decode` makes whole pictures of the same. Raises ScanCorrupt naming ``where``.
+    """
+    kept = _kept(_unpacked(payload, plan, dark == "own", where), plan, dark, project, where)
+    n = plan.channels
+    ground = background.above(kept.fill) if background else _level(kept.fill[:n], project)
+    return Runs(
+        kept.counts,
+        kept.starts,
+        kept.lengths,
+        kept.values[0],
+        kept.values[1] if dark == "own" else None,
+        ground,
+        _level(kept.fill[n:], project) if dark == "own" else 0,
+        None if background is None else background.lines(plan.orientation),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """What a sparse payload holds."""
+
+    fill: Pixels
+    """(C,) of lit, or (2C,) of lit and dark: what stands where nothing is kept."""
+    counts: npt.NDArray[np.int64]
+    starts: npt.NDArray[np.int64]
+    lengths: npt.NDArray[np.int64]
+    values: list[Pixels]
+    """Pixels of all runs: of lit, and of dark where the frame has its own."""
+
+
+def _kept(
+    body: memoryview, plan: ScanPlan, dark: Dark, project: Project | None, where: str
+) -> _Kept:
+    dtype, channels = np.dtype(plan.dtype), plan.channels
+    lines, across = _laid_shape(plan)
+    pictures = 2 if dark == "own" else 1
+    head = 8 + pictures * channels * dtype.itemsize
+    if len(body) < head + 4 * lines:
+        raise ScanCorrupt(f"{where}: its table of runs is truncated")
+    runs, count = (int(v) for v in np.frombuffer(body, _U32, 2))
+    fill = np.frombuffer(body, dtype.newbyteorder("<"), pictures * channels, 8).astype(dtype)
+    table = 4 * (lines + 2 * runs)
+    if len(body) != head + table + pictures * count * channels * dtype.itemsize:
+        raise ScanCorrupt(f"{where}: {len(body)} bytes do not hold {runs} runs, {count} pixels")
+    numbers = np.frombuffer(body, _U32, lines + 2 * runs, head).astype(np.int64)
+    counts, starts, lengths = np.split(numbers, [lines, lines + runs])
+    if counts.sum() != runs or lengths.sum() != count or (starts + lengths > across).any():
+        raise ScanCorrupt(f"{where}: its runs do not fit the picture")
+    values = [
+        _spread(body[head + table :], i, count, channels, dtype, project) for i in range(pictures)
+    ]
+    return _Kept(fill, counts, starts, lengths, values)
+
+
+def _laid_shape(plan: ScanPlan) -> tuple[int, int]:
+    """Lines, and pixels across them."""
+    shape = (plan.height, plan.width)
+    return shape if plan.orientation == "vertical" else shape[::-1]
+
+
 def _decode_runs(
     body: memoryview,
     plan: ScanPlan,
@@ -148,31 +237,15 @@ def _decode_runs(
     project: Project | None,
     where: str,
 ) -> tuple[Pixels, Pixels | None]:
-    dtype, channels = np.dtype(plan.dtype), plan.channels
-    shape = (plan.height, plan.width) if plan.orientation == "vertical" else plan.shape[1::-1]
-    pictures = 2 if dark == "own" else 1
-    head = 8 + pictures * channels * dtype.itemsize
-    if len(body) < head + 4 * shape[0]:
-        raise ScanCorrupt(f"{where}: its table of runs is truncated")
-    runs, count = (int(v) for v in np.frombuffer(body, _U32, 2))
-    fill = np.frombuffer(body, dtype.newbyteorder("<"), pictures * channels, 8).astype(dtype)
-    table = 4 * (shape[0] + 2 * runs)
-    if len(body) != head + table + pictures * count * channels * dtype.itemsize:
-        raise ScanCorrupt(f"{where}: {len(body)} bytes do not hold {runs} runs, {count} pixels")
-    numbers = np.frombuffer(body, _U32, shape[0] + 2 * runs, head).astype(np.int64)
-    counts, starts, lengths = np.split(numbers, [shape[0], shape[0] + runs])
-    if counts.sum() != runs or lengths.sum() != count or (starts + lengths > shape[1]).any():
-        raise ScanCorrupt(f"{where}: its runs do not fit the picture")
-    index = _indices(counts, starts, lengths, shape, plan)
-    values = [
-        _spread(body[head + table :], i, count, channels, dtype, project) for i in range(pictures)
-    ]
-    lit = _ground(plan, fill[:channels], background, project)
-    _put(lit, index, values[0])
+    channels = plan.channels
+    kept = _kept(body, plan, dark, project, where)
+    index = _indices(kept.counts, kept.starts, kept.lengths, _laid_shape(plan), plan)
+    lit = _ground(plan, kept.fill[:channels], background, project)
+    _put(lit, index, kept.values[0])
     if dark != "own":
         return lit, None if background is None else background.shown
-    off = _ground(plan, fill[channels:], None, project)
-    _put(off, index, values[1])
+    off = _ground(plan, kept.fill[channels:], None, project)
+    _put(off, index, kept.values[1])
     return lit, off
 
 
@@ -282,6 +355,11 @@ def _ground(
     if project is not None:
         return np.full((plan.height, plan.width), project(pixel)[0, 0])
     return np.broadcast_to(pixel, plan.shape).copy()
+
+
+def _level(fill: Pixels, project: Project | None) -> int:
+    """What `_ground` is everywhere in pictures of one channel as they are shown."""
+    return int(fill[0]) if project is None else int(project(fill.reshape(1, 1, 3))[0, 0])
 
 
 def _put(picture: Pixels, index: npt.NDArray[np.int64], values: Pixels) -> None:

@@ -300,14 +300,19 @@ def read_rows(db: sqlite3.Connection, path: Path, largest: int) -> list[Row]:
 
 
 def read_payload(db: sqlite3.Connection, row: Row, path: Path) -> bytes:
-    """The payload of one row, compared with its digest. Raises ScanCorrupt naming the row."""
+    """The payload of one row, for `check_payload`. Raises ScanCorrupt naming the row."""
     with storage(path):
         found = db.execute("SELECT payload FROM frames WHERE id = ?", (row.id,)).fetchone()
     if found is None or not isinstance(found[0], bytes):
         raise damaged(path, f"the pixels of {row} are missing")
-    if hashlib.sha256(found[0]).digest() != row.payload_sha256:
-        raise damaged(path, f"the pixels of {row} do not match their checksum")
     return found[0]
+
+
+def check_payload(payload: bytes, row: Row, path: Path) -> bytes:
+    """The payload, if it agrees with its row's digest. Raises ScanCorrupt naming the row."""
+    if hashlib.sha256(payload).digest() != row.payload_sha256:
+        raise damaged(path, f"the pixels of {row} do not match their checksum")
+    return payload
 
 
 def quick_check(db: sqlite3.Connection, path: Path) -> None:

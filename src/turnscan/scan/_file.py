@@ -298,7 +298,7 @@ class Scan:
         return (stored.decode() for stored in self.stored(laser, project))
 
     def stored(self, laser: str | None = None, project: Project | None = None) -> Iterator[Stored]:
-        """Like `frames`, not yet unpacked: give these to a pool of threads."""
+        """Like `frames`, not yet read: give these to a pool of threads, and close nothing."""
         for row in self._index.in_order(laser):
             yield self._unpacker.stored(row, project)
 
@@ -398,7 +398,8 @@ class Scan:
 
     def _payload(self, row: Row) -> bytes:
         with self._thread:
-            return database.read_payload(self._db, row, self.path)
+            payload = database.read_payload(self._db, row, self.path)
+        return database.check_payload(payload, row, self.path)
 
     def _check_picture(self, picture: Image, what: str) -> None:
         if picture.shape != self.plan.shape or picture.dtype != self.plan.dtype:

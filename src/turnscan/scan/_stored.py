@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Final
 
-from turnscan.scan._codec import Background, Dark, Project, decode
+from turnscan.scan._codec import Background, Dark, Project, decode, decode_runs
 from turnscan.scan._database import Row
 from turnscan.scan._plan import Frame, ScanPlan, settings_from_json
+from turnscan.stripes import Runs
 
 DARKS: Final[tuple[Dark, ...]] = ("own", "background", "none")
 
@@ -17,13 +20,42 @@ class Stored:
     """A frame as it lies in the file; `decode` may run in any thread, many at a time."""
 
     row: Row
-    payload: bytes
+    read: Callable[[Row], bytes] = field(repr=False)
+    """Reads the packed pixels of a row from the file, which must still be open."""
     plan: ScanPlan
     background: Background | None
     project: Project | None
     scale: float
     """Grey levels of the projected signal for one of ``weights`` · (red, green, blue)."""
     where: str
+
+    @property
+    def payload(self) -> bytes:
+        """The packed pixels, read anew each time. Raises ScanCorrupt naming the frame."""
+        return self.read(self.row)
+
+    def runs(self) -> Runs:
+        """The pixels that a sparse scan keeps, and nothing else; of colour, only projected ones.
+
+        Raises ScanCorrupt naming the file and the frame.
+        """
+        dark = dark_of(self.row)
+        return decode_runs(self.payload, self.plan, dark, self.background, self.project, self.where)
+
+    @property
+    def level(self) -> float:
+        """`Frame.level`."""
+        return self.row.level * self.scale
+
+    @property
+    def noise(self) -> float:
+        """`Frame.noise`."""
+        return self.row.noise * self.scale
+
+    @property
+    def angle(self) -> float:
+        """`Frame.angle`."""
+        return self.row.commanded if math.isnan(self.row.measured) else self.row.measured
 
     def decode(self) -> Frame:
         """Unpack the pixels. Raises ScanCorrupt naming the file and the frame."""
@@ -40,8 +72,8 @@ class Stored:
             commanded=row.commanded,
             measured=row.measured,
             angle_sigma=row.sigma,
-            noise=row.noise * self.scale,
-            level=row.level * self.scale,
+            noise=self.noise,
+            level=self.level,
             time=row.time,
             settings=settings_from_json(row.settings, self.where),
         )

@@ -33,7 +33,7 @@ class Unpacker:
         self._scales: tuple[Project, float] | None = None
 
     def stored(self, row: Row, project: Project | None) -> Stored:
-        """A frame, not yet unpacked. Raises ScanCorrupt where its pixels or background are gone."""
+        """A frame, not yet unpacked. Raises ScanCorrupt where its background is gone."""
         if self._plan.channels == 1:
             project = None
         background = None
@@ -41,7 +41,7 @@ class Unpacker:
             background = self._ground(row, project)
         where = f"{self._path}: {row}"
         scale = 1.0 if project is None else self._scale(project)
-        return Stored(row, self._payload(row), self._plan, background, project, scale, where)
+        return Stored(row, self._payload, self._plan, background, project, scale, where)
 
     def whole(self, row: Row) -> Image:
         """A picture of which all pixels are kept: a texture or a background."""

@@ -11,7 +11,7 @@ import numpy as np
 from turnscan.compiled import njit
 from turnscan.stripes._levels import typical
 
-DARK, OUTSIDE, AMBIGUOUS, SATURATED, EDGE, MULTI, GRAZING = 1, 2, 4, 8, 32, 64, 128
+DARK, OUTSIDE, AMBIGUOUS, SATURATED, HALO, EDGE, MULTI, GRAZING = 1, 2, 4, 8, 16, 32, 64, 128
 BRIGHTEST, FIRST, LAST, NEAREST = range(4)
 
 GLOW_WIDTH, GLOW_AMPLITUDE = 3.0, 0.35
@@ -26,6 +26,8 @@ WEAK_COST, WIDTH_COST = 0.5, 0.5
 """Path: cost per e-fold below the usual amplitude, and away from the usual width."""
 MARGIN = 2.0
 """Path: a second candidate whose path costs less than this more is ambiguous."""
+GLOW_REACH = 4.0
+"""Own widths from a brighter centre within which a haloed one is that one's glow."""
 EDGE_JUMP = 4.0
 """A stripe that jumps by more than this many widths to the next line ends there."""
 LAGS = (1, 2, 4)
@@ -169,6 +171,61 @@ def path_choice(table: Any, bits: Any, chosen: Any) -> None:
                 if j != state and own[v, j] < np.inf and other - through < MARGIN:
                     bits[v, state] |= AMBIGUOUS
         state = back[v, state]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def glow_of(table: Any, bits: Any, beyond: Any, v: int, j: int) -> bool:
+    """Whether a candidate is haloed and near a brighter one ``beyond`` the region that counts.
+
+    Where a stripe leaves the region, as at the foot of a part for the platter, the light it spreads
+    shines on in the region, and would be the brightest there is.
+    """
+    if bits[v, j] & HALO:
+        for i in range(beyond.shape[1]):
+            near = abs(table[0, v, j] - beyond[v, i]) <= GLOW_REACH * table[3, v, j]
+            if near and table[2, v, i] > table[2, v, j]:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def restrict_lines(table: Any, bits: Any, inside: Any, beyond: Any) -> None:
+    """Keep the candidates at pixels where ``inside`` (lines, columns) is True.
+
+    Lines that lose all are OUTSIDE; the places of those that are not inside go to ``beyond``
+    (lines, K), NaN where there are none, and their glow goes with them.
+    """
+    _, lines, k = table.shape
+    last = inside.shape[1] - 1
+    lost = np.empty(k, np.bool_)
+    for v in range(lines):
+        others = False
+        for j in range(k):
+            beyond[v, j] = np.nan
+            at = table[0, v, j]
+            if not np.isnan(at) and not inside[v, int(min(max(np.rint(at), 0.0), last))]:
+                beyond[v, j] = at
+                others = True
+        if not others:
+            continue
+        for j in range(k):
+            lost[j] = (
+                np.isnan(table[0, v, j])
+                or not np.isnan(beyond[v, j])
+                or glow_of(table, bits, beyond, v, j)
+            )
+        kept = 0
+        for j in range(k):
+            if not lost[j]:
+                for i in range(4):
+                    table[i, v, kept] = table[i, v, j]
+                bits[v, kept] = bits[v, j]
+                kept += 1
+        for j in range(kept, k):
+            table[:, v, j] = np.nan
+            bits[v, j] = 0
+        if kept == 0:
+            bits[v, 0] = OUTSIDE
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

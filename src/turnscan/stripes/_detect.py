@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Table = npt.NDArray[np.float64]
 Bits = npt.NDArray[np.uint16]
+Region = tuple[int, int, int, int]
+"""First column and line, and those after the last."""
 
 MIN_THRESHOLD = 4.0
 """Quantisation steps: below this the automatic threshold would follow rounding."""
@@ -55,7 +57,7 @@ def choose(candidates: Candidates, settings: StripeSettings | None = None) -> St
     settings = settings or StripeSettings()
     c = candidates
     table = np.stack([c.position, c.sigma, c.amplitude, c.width])
-    return _stripe(table, c.flags.copy(), c.orientation, settings, c.beyond)
+    return chosen(table, c.flags.copy(), c.orientation, settings, c.beyond)
 
 
 def detect(lit: Image, dark: Image | None = None, settings: StripeSettings | None = None) -> Stripe:
@@ -66,7 +68,7 @@ def detect(lit: Image, dark: Image | None = None, settings: StripeSettings | Non
     """
     settings = settings or StripeSettings()
     table, bits = _tables(lit, dark, settings)
-    return _stripe(table, bits, settings.orientation, settings)
+    return chosen(table, bits, settings.orientation, settings)
 
 
 def light(lit: Image, dark: Image | None, settings: StripeSettings) -> Light:
@@ -122,7 +124,7 @@ def _by_another(
     seen = dark.copy()
     seen[v0:v1, u0:u1] = lit[v0:v1, u0:u1]
     known = told(s, terms.base, terms.noise, terms.level)
-    table, bits = centres_of(s.strategy, _readable(seen), _readable(dark), known, s.max_candidates)
+    table, bits = centres_of(s.strategy, readable(seen), readable(dark), known, s.max_candidates)
     lost = np.ones(len(bits), np.bool_)
     lost[v0:v1] = False
     table[:, lost], bits[lost] = np.nan, 0
@@ -131,7 +133,7 @@ def _by_another(
 
 def _prepare(
     lit: Image, dark: Image | None, settings: StripeSettings
-) -> tuple[Image, Image, tuple[int, int, int, int]]:
+) -> tuple[Image, Image, Region]:
     """Check the pictures and lay them so that lines are rows; no laser-off picture is zeros."""
     for name, image in (("lit", lit), ("dark", dark)):
         if image is None:
@@ -147,58 +149,69 @@ def _prepare(
             hint="both pictures must come from the same camera",
         )
     height, width = lit.shape
+    roi = region_of(settings, (height, width))
+    if settings.mask is not None:
+        # The light outside the mask is put out.
+        lit = np.where(settings.mask, lit, lit.dtype.type(0) if dark is None else dark)
+    if settings.orientation == "horizontal":
+        lit = lit.T
+        dark = None if dark is None else dark.T
+    off = np.zeros((1, lit.shape[1]), lit.dtype) if dark is None else dark
+    lack = MIN_PICTURE - lit.shape[1]
+    if lack > 0:
+        lit, off = (np.pad(image, ((0, 0), (0, lack))) for image in (lit, off))
+    return readable(lit), readable(off), roi
+
+
+def region_of(settings: StripeSettings, shape: tuple[int, int]) -> Region:
+    """The region of interest, no larger than the mask, in pictures (H, W) laid so that lines are
+    rows. Raises InputError where it or the mask does not fit the pictures.
+    """
+    height, width = shape
     u0, v0, u1, v1 = settings.roi or (0, 0, width, height)
     if u1 > width or v1 > height:
         raise InputError(
             f"roi {settings.roi} reaches beyond the picture of {width} × {height}",
             hint="give (u0, v0, u1, v1) with u1 ≤ width and v1 ≤ height",
         )
-    if settings.mask is not None:
-        lit, dark, (u0, v0, u1, v1) = _masked(lit, dark, settings.mask, (u0, v0, u1, v1))
-    if settings.orientation == "horizontal":
-        lit = lit.T
-        dark = None if dark is None else dark.T
-        u0, v0, u1, v1 = v0, u0, v1, u1
-    off = np.zeros((1, lit.shape[1]), lit.dtype) if dark is None else dark
-    lack = MIN_PICTURE - lit.shape[1]
-    if lack > 0:
-        lit, off = (np.pad(image, ((0, 0), (0, lack))) for image in (lit, off))
-    return _readable(lit), _readable(off), (u0, v0, u1, v1)
+    mask = settings.mask
+    if mask is not None:
+        if mask.shape != shape:
+            raise InputError(
+                f"mask of shape {mask.shape} for a picture of shape {shape}",
+                hint="give a mask of the picture's shape",
+            )
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        if not len(rows):
+            return 0, 0, 0, 0
+        u0, v0 = max(u0, int(columns[0])), max(v0, int(rows[0]))
+        u1, v1 = min(u1, int(columns[-1]) + 1), min(v1, int(rows[-1]) + 1)
+        u1, v1 = max(u0, u1), max(v0, v1)
+    return (u0, v0, u1, v1) if settings.orientation == "vertical" else (v0, u0, v1, u1)
 
 
-def _readable(image: Image) -> Image:
+def readable(image: Any) -> Any:
     """A contiguous read-only view: one type for the compiler, whoever owns the picture."""
-    view: Image = np.ascontiguousarray(image).view()  # type: ignore[assignment]
+    view = np.ascontiguousarray(image).view()
     view.flags.writeable = False
     return view
 
 
-def _masked(
-    lit: Image, dark: Image | None, mask: npt.NDArray[np.bool_], roi: tuple[int, int, int, int]
-) -> tuple[Image, Image | None, tuple[int, int, int, int]]:
-    """Put out the light outside the mask, and shrink the region to what the mask leaves."""
-    if mask.shape != lit.shape:
-        raise InputError(
-            f"mask of shape {mask.shape} for a picture of shape {lit.shape}",
-            hint="give a mask of the picture's shape",
-        )
-    off = lit.dtype.type(0) if dark is None else dark
-    lit = np.where(mask, lit, off)
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
-        return lit, dark, (0, 0, 0, 0)
-    u0, v0, u1, v1 = roi
-    u0, v0 = max(u0, int(columns[0])), max(v0, int(rows[0]))
-    u1, v1 = min(u1, int(columns[-1]) + 1), min(v1, int(rows[-1]) + 1)
-    return lit, dark, (u0, v0, max(u0, u1), max(v0, v1))
+def _terms(lit: Image, off: Image, roi: Region, s: StripeSettings) -> Terms:
+    from turnscan.stripes import _levels
+
+    known = s.background or _levels.background(lit, off, roi)
+    return terms_of(s, known, paired=off.shape[0] > 1)
 
 
-def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSettings) -> Terms:
-    """The threshold, the noise and the rest of what the kernel needs to know."""
-    from turnscan.stripes import _levels, _scan
+def terms_of(s: StripeSettings, background: tuple[float, float], *, paired: bool) -> Terms:
+    """The threshold, the noise and the rest of what the kernel needs to know.
 
-    level, noise = s.background or _levels.background(lit, off, roi)
-    paired = off.shape[0] > 1
+    ``background`` is its level and noise; ``paired`` tells that there is a laser-off picture.
+    """
+    from turnscan.stripes import _scan
+
+    level, noise = background
     step = s.quantisation
     noise = max(noise, step / math.sqrt(12.0))
     base = level if s.threshold is None else 0.0
@@ -229,7 +242,7 @@ def _terms(lit: Image, off: Image, roi: tuple[int, int, int, int], s: StripeSett
     )
 
 
-def _stripe(
+def chosen(
     table: Table,
     bits: Bits,
     orientation: Orientation,

@@ -31,7 +31,7 @@ from turnscan.stripes._list import (
     list_candidates,
 )
 from turnscan.stripes._measure import HALF_WINDOW, accumulate, centre_window, variance_of
-from turnscan.stripes._scan import PEAKS, first_pass, usual_peak
+from turnscan.stripes._scan import PEAK_COLUMNS, PEAKS, first_pass, usual_peak
 from turnscan.stripes._strategies import (
     BLAIS_RIOUX,
     CENTROID,
@@ -212,25 +212,29 @@ def write_down(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: Any) -> None:
-    """Fill ``table`` (4, H, K: position, sigma, amplitude, width) and ``bits`` (H, K).
-
-    Both come filled with NaN and zeros.
-    """
-    _, v0, _, v1 = roi
-    paired = dark.shape[0] > 1
-    light = np.empty(lit.shape[1])
-    peaks = np.empty(((v1 - v0) * PEAKS, 7))
-    counts = np.zeros(v1 - v0, np.int64)
-    first_pass(lit, dark, roi, terms, peaks, counts)
-    usual, brightest, flat = usual_peak(lit, v0, peaks, counts)
-    fixed = terms.width > 0.0
+def list_peaks(lit: Any, roi: Any, terms: Any, peaks: Any, counts: Any, wanted: int) -> Any:
+    """From the peaks of all lines to the list of candidates: the list, the end of each one's pixels
+    in the pool, their number, the size of the pool, and the saturation."""
+    usual, brightest, flat = usual_peak(lit, roi[1], peaks, counts)
     room = counts.sum()
     some = np.zeros((room + 1, COLUMNS))
     stops = np.empty(room, np.int64)
-    wanted = table.shape[2]
-    expected = terms.width if fixed else usual
+    expected = terms.width if terms.width > 0.0 else usual
     n, total = list_candidates(roi, terms, peaks, counts, expected, wanted, some, stops)
+    saturation = terms.saturation
+    if saturation <= 0.0:
+        saturation = learned_saturation(lit, brightest, flat)
+    return some, stops, n, total, saturation
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def measure_candidates(
+    lit: Any, dark: Any, roi: Any, terms: Any, listed: Any, table: Any, bits: Any
+) -> None:
+    """Measure what `list_peaks` listed and write it down."""
+    some, stops, n, total, saturation = listed
+    paired = dark.shape[0] > 1
+    light = np.empty(lit.shape[1])
     pool = np.empty((total, 3), np.int64)
     for i in range(n):
         start = stops[i - 1] if i else 0
@@ -238,7 +242,7 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
         left = int(some[i, START])
         right = left + stops[i] - start - 2
         accumulate(lit, dark, v, v if paired else 0, left, right, pool, start)
-    if fixed:
+    if terms.width > 0.0:
         some[:, WIDTH] = terms.width
         measure_round(some, n, pool, stops, terms, FIXED_TURNS)
     else:
@@ -249,8 +253,19 @@ def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: An
         for _ in range(ROUNDS):
             smooth_widths(some, n, up, down, ahead)
             measure_round(some, n, pool, stops, terms, 1)
-    saturation = terms.saturation
-    if saturation <= 0.0:
-        saturation = learned_saturation(lit, brightest, flat)
     write_down(lit, dark, roi, terms, saturation, some, n, light, stops, table, bits)
     drop_glow(table, bits)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: Any) -> None:
+    """Fill ``table`` (4, H, K: position, sigma, amplitude, width) and ``bits`` (H, K).
+
+    Both come filled with NaN and zeros.
+    """
+    _, v0, _, v1 = roi
+    peaks = np.empty(((v1 - v0) * PEAKS, PEAK_COLUMNS))
+    counts = np.zeros(v1 - v0, np.int64)
+    first_pass(lit, dark, roi, terms, peaks, counts)
+    listed = list_peaks(lit, roi, terms, peaks, counts, table.shape[2])
+    measure_candidates(lit, dark, roi, terms, listed, table, bits)

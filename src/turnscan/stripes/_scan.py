@@ -230,6 +230,43 @@ def merge_peaks(peaks: Any, line: int, count: int, usual: float) -> int:
     return i - line + 1
 
 
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def limits_of(lit: Any, terms: Any) -> Any:
+    """Levels of ``lit - dark``: a run rises above the first, and goes on above the second."""
+    limit = min(max(0, math.floor(terms.level + terms.base)), np.iinfo(lit.dtype).max)
+    return limit, min(np.int64(math.floor(terms.low + terms.base)), limit)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def keep_run(
+    lit: Any,
+    dark: Any,
+    v: int,
+    w: int,
+    first: int,
+    done: int,
+    stop: int,
+    low: int,
+    run: Any,
+    peaks: Any,
+    line: int,
+    count: int,
+    terms: Any,
+) -> Any:
+    """Append the peaks of the run about ``first``, a pixel above the threshold, to the line's list.
+
+    The run does not reach back before ``done``. Returns where it ends, and the line's count.
+    """
+    slack = 4.0 * terms.noise
+    while first > done and difference(lit, dark, v, w, first - 1) > low:
+        first -= 1
+    done, seed, end, top, rise = follow_run(lit, dark, v, w, first, stop, low, run)
+    if rise <= slack:
+        middle = 0.5 * (seed + end)
+        return done, keep_peak(run, peaks, line, count, first, done - 1, middle, top, terms.base)
+    return done, split(run, first, done - 1, slack, peaks, line, count, terms.base)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: Any) -> None:
     """Peaks of every line, one after the other in ``peaks``; their number per line in ``counts``.
@@ -239,10 +276,7 @@ def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: An
     """
     u0, v0, u1, v1 = roi
     paired = dark.shape[0] > 1
-    base = terms.base
-    limit = min(max(0, math.floor(terms.level + base)), np.iinfo(lit.dtype).max)
-    low = min(np.int64(math.floor(terms.low + base)), limit)
-    slack = 4.0 * terms.noise
+    limit, low = limits_of(lit, terms)
     run = np.empty(u1, np.int32)
     line = 0
     for v in range(v0, v1):
@@ -256,14 +290,9 @@ def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: An
                 first = first_above(lit, dark, v, w, start, max(start, done), limit)
                 if first >= stop:
                     break
-                while first > done and difference(lit, dark, v, w, first - 1) > low:
-                    first -= 1
-                done, seed, end, top, rise = follow_run(lit, dark, v, w, first, u1, low, run)
-                if rise <= slack:
-                    middle = 0.5 * (seed + end)
-                    count = keep_peak(run, peaks, line, count, first, done - 1, middle, top, base)
-                else:
-                    count = split(run, first, done - 1, slack, peaks, line, count, base)
+                done, count = keep_run(
+                    lit, dark, v, w, first, done, u1, low, run, peaks, line, count, terms
+                )
         counts[v - v0] = count
         line += count
 
@@ -273,9 +302,9 @@ def plateau_at(lit: Any, v: int, x: int) -> bool:
     """Whether `PLATEAU` pixels in a row about x are as bright as the one there."""
     lowest = (1.0 - LEVEL) * lit[v, x]
     first = last = x
-    while first > 0 and lit[v, first - 1] >= lowest:
+    while last - first + 1 < PLATEAU and first > 0 and lit[v, first - 1] >= lowest:
         first -= 1
-    while last < lit.shape[1] - 1 and lit[v, last + 1] >= lowest:
+    while last - first + 1 < PLATEAU and last < lit.shape[1] - 1 and lit[v, last + 1] >= lowest:
         last += 1
     return last - first + 1 >= PLATEAU
 

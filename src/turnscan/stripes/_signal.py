@@ -10,14 +10,14 @@ from typing import Literal, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Image
+from turnscan.arrays import Bools, Image
 from turnscan.errors import InputError
 from turnscan.stripes._colour import UINT16_SCALE, Weights, project_colour
-from turnscan.stripes._detect import choose, find_candidates, light
+from turnscan.stripes._detect import choose, find_candidates, light, readable
 from turnscan.stripes._fuse import fuse_exposures
 from turnscan.stripes._light import Light
 from turnscan.stripes._settings import StripeSettings
-from turnscan.stripes._stripe import Candidates, Stripe, StripeFlag
+from turnscan.stripes._stripe import Candidates, Stripe
 
 _COUNTS = 0.3
 """A colour channel of at least this part of the largest weight clips the signal when it clips."""
@@ -25,8 +25,6 @@ _FULL_WELL = 10_000.0
 """Electrons at the top of the scale where nobody knows; it only weighs exposures."""
 _FINE = 60_000.0
 """Levels of a fused picture that the range of its shortest exposure is spread over."""
-_GLOW = 4.0
-"""Own widths from a brighter centre within which a haloed one is that one's glow."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +73,14 @@ class Signal:
         return (UINT16_SCALE if self.dtype == "uint8" else 1.0) / span
 
     @property
-    def _black(self) -> float:
+    def black(self) -> float:
         """The projected level of a signal of 0: negative weights shift it up."""
         down = 0.0 if self.weights is None else -sum(w for w in self.weights if w < 0)
         return down * float(np.iinfo(self.dtype).max) * self.gain
+
+    def in_levels(self, settings: StripeSettings) -> StripeSettings:
+        """Settings in grey levels → in levels of the projected picture."""
+        return _in_levels(settings, self.gain)
 
     def detect(
         self,
@@ -176,9 +178,9 @@ class Signal:
     def _ready(
         self, lit: Image, dark: Image | None, settings: StripeSettings, level: float, noise: float
     ) -> _Ready:
-        black = self._black if dark is None else 0.0
+        black = self.black if dark is None else 0.0
         known = None if math.isnan(noise) else (level + black, noise)
-        scaled = _in_levels(replace(settings, background=known), self.gain)
+        scaled = self.in_levels(replace(settings, background=known))
         return _Ready(lit, dark, scaled, self.gain)
 
     def _alone(self, e: Exposed, settings: StripeSettings) -> _Ready:
@@ -263,44 +265,12 @@ def restrict(candidates: Candidates, inside: Bools) -> Candidates:
     Lines that lose all are OUTSIDE. The places of the others are kept as ``beyond``, so that no
     stripe seems to end at the border.
     """
+    from turnscan.stripes._choice import restrict_lines
+
     c = candidates
-    picture = inside if c.orientation == "vertical" else inside.T
-    line = np.arange(len(c.position))[:, None]
-    there = ~np.isnan(c.position)
-    pixel = np.clip(np.rint(np.where(there, c.position, 0.0)), 0, picture.shape[1] - 1)
-    others = there & ~picture[line, pixel.astype(np.intp)]
-    keep = there & ~others & ~_glow_of(c, others)
-    order = np.argsort(~keep, axis=1, kind="stable")
-
-    def kept(values: Floats) -> Floats:
-        return np.take_along_axis(np.where(keep, values, np.nan), order, axis=1)
-
-    flags = np.take_along_axis(np.where(keep, c.flags, 0), order, axis=1)
-    lost = ~keep.any(axis=1)
-    flags[lost, 0] = np.where(there[lost].any(axis=1), StripeFlag.OUTSIDE, c.flags[lost, 0])
-    return Candidates(
-        kept(c.position),
-        kept(c.sigma),
-        kept(c.amplitude),
-        kept(c.width),
-        flags.astype(np.uint16),
-        c.orientation,
-        np.where(others, c.position, np.nan),
-    )
-
-
-def _glow_of(c: Candidates, others: Bools) -> Bools:
-    """(n, K) True for the haloed centres near a brighter one of ``others`` (n, K): its glow.
-
-    Where a stripe leaves the region that counts, as at the foot of a part for the platter, the
-    light it spreads shines on in the region, and would be the brightest there is.
-    """
-    out = np.zeros_like(others)
-    lines = np.flatnonzero(others.any(axis=1))
-    at, height = c.position[lines], c.amplitude[lines]
-    with np.errstate(invalid="ignore"):
-        near = np.abs(at[:, :, None] - at[:, None]) <= _GLOW * c.width[lines][:, :, None]
-        brighter = height[:, None] > height[:, :, None]
-    spread = (c.flags[lines] & StripeFlag.HALO) != 0
-    out[lines] = spread & (near & brighter & others[lines][:, None]).any(axis=2)
-    return out
+    table = np.stack([c.position, c.sigma, c.amplitude, c.width])
+    bits = c.flags.copy()
+    beyond = np.empty(bits.shape)
+    picture = readable(inside if c.orientation == "vertical" else inside.T)
+    restrict_lines(table, bits, picture, beyond)
+    return Candidates(table[0], table[1], table[2], table[3], bits, c.orientation, beyond)
