@@ -8,121 +8,158 @@ from typing import Any
 import numpy as np
 
 from turnscan.compiled import njit
+from turnscan.mesh._tree_kernels import meet
 
 _FLAT = 1e-12
 """Corners nearer to a plane than this share of a triangle's size lie in it."""
 
 
 @njit(cache=True, nogil=True)
-def crossings(corners: Any, numbers: Any, asked: Any, low: Any, high: Any, most: int) -> Any:
-    """Pairs (k, 2) of triangles (f, 3, 3) that have more in common than vertices and edges.
+def planes(vertices: Any, faces: Any) -> Any:
+    """(f, 3) unit normals of triangles, and their longest sides (f,), 0 where there is no area."""
+    normals, sizes = np.empty((len(faces), 3)), np.empty(len(faces))
+    for f in range(len(faces)):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        sizes[f] = _plane(a, b, c, normals[f])
+    return normals, sizes
 
-    ``numbers`` (f, 3) are the vertices; only pairs with a triangle ``asked`` (f,) for are looked
-    for, and no more than ``most`` of them. ``low`` and ``high`` are the boxes of a heap over the
-    triangles, as `boxes` gives them.
+
+@njit(cache=True, nogil=True)
+def nodes_with(asked: Any, leaves: int) -> Any:
+    """(2 · leaves,) True for the nodes that hold a triangle that is asked for."""
+    count = len(asked)
+    out = np.zeros(2 * leaves, dtype=np.bool_)
+    for leaf in range(leaves):
+        for f in range(leaf * count // leaves, (leaf + 1) * count // leaves):
+            out[leaves + leaf] |= asked[f]
+    for node in range(leaves - 1, 0, -1):
+        out[node] = out[2 * node] or out[2 * node + 1]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def crossings(vertices: Any, faces: Any, asked: Any, spans: Any, nodes: Any, most: int) -> Any:
+    """Pairs (k, 2) of triangles that have more in common than vertices and edges.
+
+    Only pairs with a triangle ``asked`` (f,) for are looked for, and no more than ``most`` of them.
+    ``spans`` are those of the triangles ``faces`` (f, 3), ``nodes`` the boxes of a heap over them.
+    The tree is laid against itself: pairs of nodes of one level, of which only those go on to their
+    halves whose boxes meet, so that the work grows with the number of triangles.
     """
-    leaves = len(low) // 2
-    count = len(corners)
+    leaves, count = len(nodes) // 2, len(faces)
+    normals, sizes = planes(vertices, faces)
+    wanted = nodes_with(asked, leaves)
     found = np.empty((64, 2), dtype=np.int32)
     made = 0
-    stack = np.empty(128, dtype=np.int64)
-    n, d = np.empty(3), np.empty(3)
-    for leaf in range(leaves):
-        node = leaf + leaves
-        begin, end = leaf * count // leaves, (leaf + 1) * count // leaves
-        stack[0], top = 1, int(asked[begin:end].any())
-        while top:
-            top -= 1
-            other = stack[top]
-            if not _meet(low, high, node, other):
-                continue
-            if other < leaves:
-                stack[top], stack[top + 1] = 2 * other, 2 * other + 1
-                top += 2
-                continue
-            for i in range(begin, end):
-                if not asked[i]:
+    stack = np.empty((256, 2), dtype=np.int64)
+    stack[0], top = 1, 1
+    while top:
+        top -= 1
+        a, b = stack[top, 0], stack[top, 1]
+        if not ((wanted[a] | wanted[b]) & meet(nodes, a, nodes, b)):
+            continue
+        if a < leaves:
+            top = _halves(stack, top, a, b)
+            continue
+        first, last = (b - leaves) * count // leaves, (b - leaves + 1) * count // leaves
+        for i in range((a - leaves) * count // leaves, (a - leaves + 1) * count // leaves):
+            for j in range(max(i + 1, first), last):
+                if not ((asked[i] | asked[j]) & meet(spans, i, spans, j)):
                     continue
-                for j in range(
-                    (other - leaves) * count // leaves, (other - leaves + 1) * count // leaves
+                # The one that is asked for comes first, of two the first in order.
+                p, q = (i, j) if asked[i] else (j, i)
+                if not _cross(vertices, faces, normals, sizes, p, q) or _apart(
+                    vertices, faces, p, q
                 ):
-                    # A pair that is asked for twice is looked at once.
-                    if j == i or (asked[j] and j < i) or _apart(corners, i, j):
-                        continue
-                    if not _cross(corners[i], corners[j], numbers[i], numbers[j], n, d):
-                        continue
-                    if made == len(found):
-                        found = np.concatenate((found, np.empty_like(found)))
-                    found[made, 0], found[made, 1] = i, j
-                    made += 1
-                    if made == most:
-                        return found[:made].copy()
+                    continue
+                if made == len(found):
+                    found = np.concatenate((found, np.empty_like(found)))
+                found[made, 0], found[made, 1] = p, q
+                made += 1
+                if made == most:
+                    return found[:made].copy()
     return found[:made].copy()
 
 
 @njit(cache=True, nogil=True)
-def _meet(low: Any, high: Any, a: int, b: int) -> bool:
-    return (
-        low[a, 0] <= high[b, 0]
-        and low[b, 0] <= high[a, 0]
-        and low[a, 1] <= high[b, 1]
-        and low[b, 1] <= high[a, 1]
-        and low[a, 2] <= high[b, 2]
-        and low[b, 2] <= high[a, 2]
-    )
+def _halves(stack: Any, top: int, a: int, b: int) -> int:
+    """Put the pairs of halves of two nodes, or of one with itself, on the stack."""
+    for i in range(2):
+        for j in range(i if a == b else 0, 2):
+            stack[top, 0], stack[top, 1] = 2 * a + i, 2 * b + j
+            top += 1
+    return top
 
 
 @njit(cache=True, nogil=True)
-def _apart(c: Any, i: int, j: int) -> bool:
+def _apart(v: Any, faces: Any, i: int, j: int) -> bool:
     """Whether the boxes of two triangles do not meet."""
+    a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+    p, q, r = faces[j, 0], faces[j, 1], faces[j, 2]
     for k in range(3):
-        if min(c[i, 0, k], c[i, 1, k], c[i, 2, k]) > max(c[j, 0, k], c[j, 1, k], c[j, 2, k]):
+        if min(v[a, k], v[b, k], v[c, k]) > max(v[p, k], v[q, k], v[r, k]):
             return True
-        if min(c[j, 0, k], c[j, 1, k], c[j, 2, k]) > max(c[i, 0, k], c[i, 1, k], c[i, 2, k]):
+        if min(v[p, k], v[q, k], v[r, k]) > max(v[a, k], v[b, k], v[c, k]):
             return True
     return False
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _off(v: Any, x: int, n: Any, p: int, origin: int) -> float:
+    """Distance of vertex x from the plane with normal number p through a vertex."""
+    a = n[p, 0] * (v[x, 0] - v[origin, 0])
+    b = n[p, 1] * (v[x, 1] - v[origin, 1])
+    return a + b + n[p, 2] * (v[x, 2] - v[origin, 2])
+
+
 @njit(cache=True, nogil=True)
-def _cross(a: Any, b: Any, of_a: Any, of_b: Any, n: Any, d: Any) -> bool:
-    size = _plane(a, n)
-    if not size > 0.0:
+def _cross(v: Any, faces: Any, n: Any, sizes: Any, p: int, q: int) -> bool:
+    """Whether triangles p and q cut through each other."""
+    if not sizes[p] > 0.0:
         return False
-    flat = True
-    above, below = False, False
-    for i in range(3):
-        d[i] = 0.0
-        for k in range(3):
-            d[i] += n[k] * (b[i, k] - a[0, k])
-        if of_b[i] == of_a[0] or of_b[i] == of_a[1] or of_b[i] == of_a[2]:
-            d[i] = 0.0
-        flat = flat and abs(d[i]) <= _FLAT * size
-        above, below = above or d[i] > 0.0, below or d[i] < 0.0
-    if flat:
-        return _overlap(a, b, n)
-    if above and below and _pierced(b, a, of_b, of_a, d):
+    a0, a1, a2 = faces[p, 0], faces[p, 1], faces[p, 2]
+    b0, b1, b2 = faces[q, 0], faces[q, 1], faces[q, 2]
+    same_0 = (b0 == a0) | (b0 == a1) | (b0 == a2)
+    same_1 = (b1 == a0) | (b1 == a1) | (b1 == a2)
+    same_2 = (b2 == a0) | (b2 == a1) | (b2 == a2)
+    d0 = 0.0 if same_0 else _off(v, b0, n, p, a0)
+    d1 = 0.0 if same_1 else _off(v, b1, n, p, a0)
+    d2 = 0.0 if same_2 else _off(v, b2, n, p, a0)
+    if max(abs(d0), abs(d1), abs(d2)) <= _FLAT * sizes[p]:
+        return _overlap(v, faces[p], faces[q], n[p])
+    if np.int64(same_0) + np.int64(same_1) + np.int64(same_2) > 1:
+        return False  # every side of either touches the other
+    if (
+        (d0 * d1 < 0.0 and not (same_0 | same_1) and _pierced(v, b0, b1, a0, a1, a2))
+        or (d1 * d2 < 0.0 and not (same_1 | same_2) and _pierced(v, b1, b2, a0, a1, a2))
+        or (d2 * d0 < 0.0 and not (same_2 | same_0) and _pierced(v, b2, b0, a0, a1, a2))
+    ):
         return True
-    if not _plane(b, n) > 0.0:
+    if not sizes[q] > 0.0:
         return False
-    for i in range(3):
-        d[i] = 0.0
-        for k in range(3):
-            d[i] += n[k] * (a[i, k] - b[0, k])
-    return _pierced(a, b, of_a, of_b, d)
+    same_0 = (a0 == b0) | (a0 == b1) | (a0 == b2)
+    same_1 = (a1 == b0) | (a1 == b1) | (a1 == b2)
+    same_2 = (a2 == b0) | (a2 == b1) | (a2 == b2)
+    d0, d1, d2 = _off(v, a0, n, q, b0), _off(v, a1, n, q, b0), _off(v, a2, n, q, b0)
+    return (
+        (d0 * d1 < 0.0 and not (same_0 | same_1) and _pierced(v, a0, a1, b0, b1, b2))
+        or (d1 * d2 < 0.0 and not (same_1 | same_2) and _pierced(v, a1, a2, b0, b1, b2))
+        or (d2 * d0 < 0.0 and not (same_2 | same_0) and _pierced(v, a2, a0, b0, b1, b2))
+    )
 
 
 @njit(cache=True, nogil=True)
-def _plane(a: Any, n: Any) -> float:
+def _plane(a: Any, b: Any, c: Any, n: Any) -> float:
     """Write the unit normal; gives the longest side, 0 where there is no area."""
     longest = 0.0
-    for i in range(3):
+    for p, q in ((a, b), (b, c), (c, a)):
         s = 0.0
         for k in range(3):
-            s += (a[(i + 1) % 3, k] - a[i, k]) ** 2
+            s += (q[k] - p[k]) ** 2
         longest = max(longest, s)
     for k in range(3):
         p, q = (k + 1) % 3, (k + 2) % 3
-        n[k] = (a[1, p] - a[0, p]) * (a[2, q] - a[0, q]) - (a[1, q] - a[0, q]) * (a[2, p] - a[0, p])
+        n[k] = (b[p] - a[p]) * (c[q] - a[q]) - (b[q] - a[q]) * (c[p] - a[p])
     twice = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     if not twice > 1e-14 * longest:
         return 0.0
@@ -132,54 +169,44 @@ def _plane(a: Any, n: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _pierced(a: Any, b: Any, of_a: Any, of_b: Any, d: Any) -> bool:
-    """Whether a side of ``a`` runs through ``b``; ``d`` are a's distances from b's plane."""
-    for i in range(3):
-        j = (i + 1) % 3
-        if not d[i] * d[j] < 0.0:
-            continue
-        common = False
-        for k in range(3):
-            common = common or of_a[i] == of_b[k] or of_a[j] == of_b[k]
-        if common:
-            continue
-        x = _volume(a[i], a[j], b[0], b[1])
-        y = _volume(a[i], a[j], b[1], b[2])
-        z = _volume(a[i], a[j], b[2], b[0])
-        if (x >= 0.0 and y >= 0.0 and z >= 0.0) or (x <= 0.0 and y <= 0.0 and z <= 0.0):
-            return True
-    return False
+def _pierced(v: Any, p: int, q: int, a: int, b: int, c: int) -> bool:
+    """Whether the line from vertex p to q runs through a triangle; its plane parts them."""
+    x = _volume(v, p, q, a, b)
+    y = _volume(v, p, q, b, c)
+    z = _volume(v, p, q, c, a)
+    return (x >= 0.0 and y >= 0.0 and z >= 0.0) or (x <= 0.0 and y <= 0.0 and z <= 0.0)
 
 
-@njit(cache=True, nogil=True)
-def _volume(p: Any, q: Any, a: Any, b: Any) -> float:
+@njit(cache=True, nogil=True, inline="always")
+def _volume(v: Any, p: int, q: int, a: int, b: int) -> float:
     """Six times the signed volume of the tetrahedron."""
-    u0, u1, u2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    v0, v1, v2 = a[0] - p[0], a[1] - p[1], a[2] - p[2]
-    w0, w1, w2 = b[0] - p[0], b[1] - p[1], b[2] - p[2]
+    u0, u1, u2 = v[q, 0] - v[p, 0], v[q, 1] - v[p, 1], v[q, 2] - v[p, 2]
+    v0, v1, v2 = v[a, 0] - v[p, 0], v[a, 1] - v[p, 1], v[a, 2] - v[p, 2]
+    w0, w1, w2 = v[b, 0] - v[p, 0], v[b, 1] - v[p, 1], v[b, 2] - v[p, 2]
     return u0 * (v1 * w2 - v2 * w1) + u1 * (v2 * w0 - v0 * w2) + u2 * (v0 * w1 - v1 * w0)
 
 
 @njit(cache=True, nogil=True)
-def _overlap(a: Any, b: Any, n: Any) -> bool:
+def _overlap(v: Any, of_a: Any, of_b: Any, n: Any) -> bool:
     """Whether triangles in one plane of normal n overlap: no side of either parts them."""
     k = 0
     for i in range(1, 3):
         if abs(n[i]) > abs(n[k]):
             k = i
     x, y = (k + 1) % 3, (k + 2) % 3
-    return not (_parted(a, b, x, y) or _parted(b, a, x, y))
+    return not (_parted(v, of_a, of_b, x, y) or _parted(v, of_b, of_a, x, y))
 
 
 @njit(cache=True, nogil=True)
-def _parted(a: Any, b: Any, x: int, y: int) -> bool:
+def _parted(v: Any, of_a: Any, of_b: Any, x: int, y: int) -> bool:
     for i in range(3):
-        j, o = (i + 1) % 3, (i + 2) % 3
-        ux, uy = a[j, x] - a[i, x], a[j, y] - a[i, y]
-        inside = ux * (a[o, y] - a[i, y]) - uy * (a[o, x] - a[i, x])
+        p, q, o = v[of_a[i]], v[of_a[(i + 1) % 3]], v[of_a[(i + 2) % 3]]
+        ux, uy = q[x] - p[x], q[y] - p[y]
+        inside = ux * (o[y] - p[y]) - uy * (o[x] - p[x])
         outside = True
         for k in range(3):
-            side = ux * (b[k, y] - a[i, y]) - uy * (b[k, x] - a[i, x])
+            r = v[of_b[k]]
+            side = ux * (r[y] - p[y]) - uy * (r[x] - p[x])
             outside = outside and side * inside <= 1e-12 * inside * inside
         if outside:
             return True

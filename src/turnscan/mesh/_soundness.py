@@ -12,6 +12,8 @@ from turnscan.mesh._topology import fans_about
 
 _THIN = 1e-9
 """A face has no area where its height is less than this share of its longest side."""
+_LEAF = 4
+"""Faces, about, in a leaf of the tree of boxes."""
 _PAIRS = 16
 """Times the number of faces: the most pairs of faces that cut through each other to search for.
 A heap of loose faces has millions, and nobody needs them all."""
@@ -58,28 +60,29 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     No more than 16 times as many pairs as faces are looked for.
     """
     from turnscan.mesh import _crossing_kernels as kernels
-    from turnscan.mesh._ray_tree import boxes, morton_order
+    from turnscan.mesh._tree_kernels import boxes, morton_order, spans
 
-    if not len(mesh.faces):
+    if not len(mesh.faces) or (asked is not None and not asked.any()):
         return np.empty((0, 2), dtype=np.int32)
-    corners = mesh.triangles
-    near = np.arange(len(corners))
-    if asked is not None:
-        if not asked.any():
-            return np.empty((0, 2), dtype=np.int32)
-        least, most = corners[asked].min(axis=(0, 1)), corners[asked].max(axis=(0, 1))
-        over = (corners.min(axis=1) <= most) & (corners.max(axis=1) >= least)
-        near = np.flatnonzero(over.all(axis=1))
-    order = near[morton_order(corners[near].mean(axis=1))]
-    corners = np.ascontiguousarray(corners[order])
-    leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(corners) / 4)))))
-    which = np.ones(len(corners), dtype=np.bool_) if asked is None else asked[order]
-    low, high = boxes(corners, leaves)
-    numbers, most = np.ascontiguousarray(mesh.faces[order]), _PAIRS * len(mesh.faces)
-    pairs = kernels.crossings(corners, numbers, which, low, high, most)
+    near = np.arange(len(mesh.faces)) if asked is None else _around(mesh, asked)
+    order = near[morton_order(mesh.vertices, mesh.faces[near])]
+    which = np.ones(len(order), dtype=np.bool_) if asked is None else asked[order]
+    faces = mesh.faces[order]
+    leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(faces) / _LEAF)))))
+    reach = spans(mesh.vertices, faces)
+    most = _PAIRS * len(mesh.faces)
+    pairs = kernels.crossings(mesh.vertices, faces, which, reach, boxes(reach, leaves), most)
     pairs = np.sort(order[pairs].astype(np.int32), axis=1)
     found: Ints = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     return found
+
+
+def _around(mesh: Mesh, asked: Bools) -> npt.NDArray[np.intp]:
+    """The faces whose boxes meet the box of those asked for."""
+    corners = mesh.triangles
+    least, most = corners[asked].min(axis=(0, 1)), corners[asked].max(axis=(0, 1))
+    over = (corners.min(axis=1) <= most) & (corners.max(axis=1) >= least)
+    return np.flatnonzero(over.all(axis=1))
 
 
 def _side_places(mesh: Mesh, *, many: bool) -> Floats:

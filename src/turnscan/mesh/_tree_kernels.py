@@ -1,0 +1,108 @@
+"""Compiled kernels of a balanced tree of boxes over triangles; imported only when it is used.
+
+Triangles are sorted along a Morton curve, so that neighbours in the list are neighbours in space;
+the tree halves the list. Node 1 is the root, 2i and 2i + 1 are the halves of i; of ``leaves``
+leaves number k holds the triangles from k · count // leaves up to those of the next.
+"""
+# mypy: disable-error-code="untyped-decorator,no-any-return"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from turnscan.compiled import njit
+
+_ROUND = 1e-6
+"""What rounding to 32 bits may take from a box is less than this share of its place."""
+_CELLS = 1023
+"""Along the longest side of what is sorted."""
+_DIGIT = 10
+"""Bits of a Morton code that are sorted by at a time."""
+
+
+@njit(cache=True, nogil=True)
+def morton_order(vertices: Any, faces: Any) -> Any:
+    """(f,) triangles (f, 3) in the order in which a Morton curve meets their centres."""
+    count = len(faces)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for f in range(count):
+        for k in range(3):
+            at = _centre(vertices, faces, f, k)
+            low[k], high[k] = min(low[k], at), max(high[k], at)
+    size = 1e-9
+    for k in range(3):
+        size = max(size, high[k] - low[k])
+    code = np.empty(count, np.int32)
+    for f in range(count):
+        code[f] = 0
+        for k in range(3):
+            cell = int((_centre(vertices, faces, f, k) - low[k]) / size * _CELLS)
+            for bit in range(10):
+                code[f] |= ((cell >> bit) & 1) << (3 * bit + k)
+    order = np.arange(count)
+    other = np.empty_like(order)
+    for shift in range(0, 3 * 10, _DIGIT):
+        starts = np.zeros((1 << _DIGIT) + 1, np.int64)
+        for i in range(count):
+            starts[((code[order[i]] >> shift) & ((1 << _DIGIT) - 1)) + 1] += 1
+        starts = np.cumsum(starts)
+        for i in range(count):
+            digit = (code[order[i]] >> shift) & ((1 << _DIGIT) - 1)
+            other[starts[digit]] = order[i]
+            starts[digit] += 1
+        order, other = other, order
+    return order
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _centre(vertices: Any, faces: Any, f: int, k: int) -> float:
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    return (vertices[a, k] + vertices[b, k] + vertices[c, k]) / 3.0
+
+
+@njit(cache=True, nogil=True)
+def spans(vertices: Any, faces: Any) -> Any:
+    """(f, 6) float32: from where to where triangles reach along each axis, a little more."""
+    out = np.empty((len(faces), 6), np.float32)
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        for k in range(3):
+            low = min(vertices[a, k], vertices[b, k], vertices[c, k])
+            high = max(vertices[a, k], vertices[b, k], vertices[c, k])
+            out[f, k] = low - abs(low) * _ROUND
+            out[f, 3 + k] = high + abs(high) * _ROUND
+    return out
+
+
+@njit(cache=True, nogil=True)
+def boxes(spans: Any, leaves: int) -> Any:
+    """(2 · leaves, 6) boxes of the nodes, as `spans` has them; triangles in order."""
+    count = len(spans)
+    out = np.empty((2 * leaves, 6), np.float32)
+    out[:, :3], out[:, 3:] = np.inf, -np.inf
+    for leaf in range(leaves):
+        node = leaves + leaf
+        for f in range(leaf * count // leaves, (leaf + 1) * count // leaves):
+            for k in range(3):
+                out[node, k] = min(out[node, k], spans[f, k])
+                out[node, 3 + k] = max(out[node, 3 + k], spans[f, 3 + k])
+    for node in range(leaves - 1, 0, -1):
+        for k in range(3):
+            out[node, k] = min(out[2 * node, k], out[2 * node + 1, k])
+            out[node, 3 + k] = max(out[2 * node, 3 + k], out[2 * node + 1, 3 + k])
+    return out
+
+
+@njit(cache=True, nogil=True, inline="always")
+def meet(one: Any, a: int, other: Any, b: int) -> bool:
+    """Whether a box meets another one."""
+    return (
+        (one[a, 0] <= other[b, 3])
+        & (other[b, 0] <= one[a, 3])
+        & (one[a, 1] <= other[b, 4])
+        & (other[b, 1] <= one[a, 4])
+        & (one[a, 2] <= other[b, 5])
+        & (other[b, 2] <= one[a, 5])
+    )
