@@ -12,10 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from turnscan.errors import InputError
+from turnscan.runs import Runs
 from turnscan.scan._codec import Background, decode, decode_runs, encode
 from turnscan.scan._plan import ScanPlan
 from turnscan.scan._signal import signal_of, statistics
-from turnscan.stripes import Choice, RunDetector, Runs, Signal, Strategy, StripeSettings
+from turnscan.stripes import Choice, RunDetector, Signal, Strategy, StripeSettings
 
 H, W = 40, 210
 FIELDS = ("position", "sigma", "amplitude", "width", "flags")

@@ -25,9 +25,9 @@ import zstandard
 
 from turnscan.arrays import Image
 from turnscan.errors import LimitExceeded, ScanCorrupt
+from turnscan.runs import Runs
 from turnscan.scan._plan import Frame, ScanPlan
 from turnscan.scan._signal import SAMPLES, Pixels, signal_of, statistics
-from turnscan.stripes import Orientation, Runs
 
 Dark = Literal["own", "background", "none"]
 Project = Callable[[Image], Pixels]
@@ -59,7 +59,7 @@ class Background:
         """By how much `raised` is brighter, of pictures of one channel as they are shown."""
         return int(self._added(fill).reshape(-1)[0])
 
-    def lines(self, orientation: Orientation) -> Image:
+    def lines(self, orientation: Literal["vertical", "horizontal"]) -> Image:
         """The picture as it is shown, laid so that lines are rows."""
         if orientation == "vertical":
             return self.shown

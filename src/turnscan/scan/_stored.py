@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
+from turnscan.runs import Runs
 from turnscan.scan._codec import Background, Dark, Project, decode, decode_runs
 from turnscan.scan._database import Row
 from turnscan.scan._plan import Frame, ScanPlan, settings_from_json
-from turnscan.stripes import Runs
 
 DARKS: Final[tuple[Dark, ...]] = ("own", "background", "none")
 

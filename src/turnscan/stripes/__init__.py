@@ -7,7 +7,7 @@ from turnscan.stripes._detector import named
 from turnscan.stripes._fuse import Fused, fuse_exposures
 from turnscan.stripes._installed import detector_names
 from turnscan.stripes._light import Light
-from turnscan.stripes._runs import RunDetector, Runs
+from turnscan.stripes._runs import RunDetector
 from turnscan.stripes._settings import Choice, Detector, Refinement, Strategy, StripeSettings
 from turnscan.stripes._signal import Exposed, Signal
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
@@ -23,7 +23,6 @@ __all__ = [
     "Orientation",
     "Refinement",
     "RunDetector",
-    "Runs",
     "Signal",
     "Strategy",
     "Stripe",

@@ -1,4 +1,4 @@
-"""Runs: a picture of which only the pixels near the stripe are kept, and the search in them alone.
+"""The search in a picture of which only the pixels near the stripe are kept.
 
 What costs time and memory here is the light that was kept, not the picture it was taken from. The
 stripe is to the bit the one that `Signal.detect` finds in the whole picture.
@@ -7,49 +7,21 @@ stripe is to the bit the one that `Signal.detect` finds in the whole picture.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Image
 from turnscan.errors import InputError
+from turnscan.runs import Runs
 from turnscan.stripes._detect import Table, chosen, readable, region_of, terms_of
 from turnscan.stripes._settings import StripeSettings
 from turnscan.stripes._stripe import Stripe, StripeFlag
 
 if TYPE_CHECKING:
     from turnscan.stripes._signal import Signal
-
-Numbers = npt.NDArray[np.int64]
-Values = npt.NDArray[Any]
-
-
-@dataclass(frozen=True, eq=False)
-class Runs:
-    """A picture, and the one without the laser, of which only runs of pixels are kept.
-
-    Lines are image rows for a vertical stripe and image columns for a horizontal one. Nothing is
-    checked here: `RunDetector` refuses what it cannot lay out.
-    """
-
-    counts: Numbers
-    """(lines,) runs of each line."""
-    starts: Numbers
-    """(runs,) first pixel of each, ascending in a line."""
-    lengths: Numbers
-    """(runs,) pixels of each."""
-    lit: Values
-    """(n,) uint8 or uint16: the pixels of all runs, one after the other."""
-    dark: Values | None
-    """(n,) the same without the laser; None where there is no such picture, or ``background``."""
-    ground: int
-    """Level of ``lit`` where nothing is kept; where there is a ``background``, above that."""
-    dark_ground: int
-    """Level of ``dark`` where nothing is kept."""
-    background: Image | None
-    """(lines, columns) the picture without the laser, or None."""
 
 
 class RunDetector:
