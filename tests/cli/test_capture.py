@@ -50,7 +50,10 @@ def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     for words, said in (
         (("file", "--stage", "camera"), "is not a folder"),
-        (("x", "--stage", "camera", "--laser-name", "right"), "--laser-name is for --stage table"),
+        (
+            ("x", "--stage", "camera", "--laser-name", "right"),
+            "laser_name=right: only for stage table",
+        ),
         (("x", "--stage", "camera", "--count", "0"), "0 pictures"),
         (("x", "--stage", "table", "--laser-name", "up"), "no laser 'up'"),
     ):

@@ -9,9 +9,9 @@ import signal
 import pytest
 
 from tests.needs import needs
-from turnscan.cli._hardware import addresses_of, again, ended_by_signals
-
-NONE = dict.fromkeys(("camera", "turntable", "lasers", "device"))
+from turnscan.cli._devices_in_use import again
+from turnscan.cli._signals import ended_by_signals
+from turnscan.workflows import DeviceOptions
 
 
 def test_a_hang_up_ends_the_block_but_not_under_nohup() -> None:
@@ -29,9 +29,9 @@ def test_a_hang_up_ends_the_block_but_not_under_nohup() -> None:
 
 
 def test_options_are_repeated_as_they_were_given() -> None:
-    assert again(NONE) == ""
-    assert again({**NONE, "device": "sim:cup?seed=8"}) == " --device 'sim:cup?seed=8'"
-    given = {**NONE, "camera": "folder:my pictures", "turntable": "grbl:/dev/ttyUSB0"}
+    assert again(None) == again(DeviceOptions()) == ""
+    assert again(DeviceOptions(device="sim:cup?seed=8")) == " --device 'sim:cup?seed=8'"
+    given = DeviceOptions(camera="folder:my pictures", turntable="grbl:/dev/ttyUSB0")
     words = shlex.split(again(given))
     assert words == ["--camera", "folder:my pictures", "--turntable", "grbl:/dev/ttyUSB0"]
-    assert addresses_of(given).camera == "folder:my pictures"
+    assert given.addresses().camera == "folder:my pictures"

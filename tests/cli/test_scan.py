@@ -18,7 +18,8 @@ from click.testing import CliRunner, Result
 
 from tests.needs import needs
 from turnscan.cli import turnscan
-from turnscan.cli._hardware import was_interrupted
+from turnscan.cli._signals import was_interrupted
+from turnscan.cli._words import error_line
 from turnscan.errors import InputError, ScanBusy, TurnscanError
 from turnscan.scan import Scan
 from turnscan.scanner import stops_of
@@ -143,7 +144,7 @@ def test_damaged_frames_are_taken_again_on_request(whole: Path, tmp_path: Path) 
         (["a.turnscan", "--exposure", "-1"], "exposure -1"),
         (["a.turnscan", "--device", "sim:nothing"], "no scene"),
         (["a.turnscan", "--device", "sim:cup", "--camera", "uvc:0"], "stands for"),
-        (["a.turnscan", "--camera", "uvc:0"], "--turntable is not given"),
+        (["a.turnscan", "--camera", "uvc:0"], "--turntable: not given"),
         (["a.turnscan", "--camera", "uvc:0", "--turntable", "grbl:/dev/no-such-port"], "no-such"),
         (["a.turnscan", "--camera", "sim:cup", "--turntable", "sim:mug"], "in one"),
         (["a.txt"], "ends .turnscan"),
@@ -158,7 +159,7 @@ def test_what_cannot_be_done_is_one_line_and_leaves_nothing(
     (tmp_path / "there.turnscan").write_text("precious")
     done = cli("scan", *words)
     assert isinstance(done.exception, TurnscanError), done.output
-    assert says in str(done.exception)
+    assert says in error_line(done.exception)
     assert "\n" not in str(done.exception)
     assert os.listdir(tmp_path) == ["there.turnscan"]
     assert (tmp_path / "there.turnscan").read_text() == "precious"

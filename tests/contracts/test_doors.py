@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
+import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
+
+from turnscan.cli import _VERBS
+from turnscan.points import Spacing
+from turnscan.rig import PRESET_NAMES
+from turnscan.scan import Keep
+from turnscan.stripes import Choice, Orientation, Refinement, Strategy
+from turnscan.surface.fusion import How
+from turnscan.surface.holes import FillHow
+from turnscan.workflows import _choices
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "src" / "turnscan"
 
-THIN = (
-    "_artefact", "_calibrate", "_check", "_compare", "_design", "_export", "_import", "_join",
-    "_measure", "_reconstruct", "_section", "_simulate", "_verify",
-)  # fmt: skip
-"""Modules of the command line whose verbs are in `workflows`."""
 HELPERS = (
-    "_degrees", "_flags", "_numbers", "_output", "_own_settings", "_progress", "_show",
-    "_verify_report", "_words",
+    "_devices_in_use", "_flags", "_numbers", "_output", "_own_settings", "_progress", "_serving",
+    "_show", "_signals", "_verify_report", "_words",
 )  # fmt: skip
 """Modules of the command line that declare flags, show progress and word results."""
 LOWEST = ("errors", "findings", "progress", "remedy", "workflows")
@@ -26,15 +33,6 @@ DOORS = ("__main__.py", "app", "cli")
 LONGEST = 100
 FLAG = re.compile(r"(?<!var\()--[a-z][a-z-]*\b(?!: *#)")
 """Not the colours that a style sheet names."""
-
-NOT_YET_CLEAN = {
-    "acquire/_angle.py", "acquire/_watch.py", "devices/_picamera2.py", "devices/_registry.py",
-    "devices/_sentences.py", "points/_build.py", "points/_findings.py", "poses/_align.py",
-    "poses/_place.py", "scan/_edit_log.py", "scan/_fit.py", "scanner/_wishes.py",
-    "surface/clean/_clean.py", "surface/decimation/_decimate.py", "surface/_findings.py",
-    "surface/fusion/_merge.py", "surface/fusion/_range_surface.py", "surface/fusion/_tsdf.py",
-}  # fmt: skip
-"""Modules below the doors whose texts still name flags. Clean one, and take it from the list."""
 
 
 def _below_the_doors() -> list[str]:
@@ -56,21 +54,46 @@ def _flags_in(path: Path) -> list[str]:
 
 @pytest.mark.parametrize("path", _below_the_doors())
 def test_below_the_doors_no_text_names_a_flag(path: str) -> None:
-    found = _flags_in(SOURCES / path)
-    if path in NOT_YET_CLEAN:
-        assert found, f"{path} is clean: take it from the list"
-    else:
-        assert not found
+    assert not _flags_in(SOURCES / path)
 
 
-@pytest.mark.parametrize("verb", THIN)
+@pytest.mark.parametrize("verb", sorted(_VERBS))
 def test_a_verb_of_the_command_line_declares_calls_and_prints(verb: str) -> None:
-    path = SOURCES / "cli" / f"{verb}.py"
+    path = SOURCES / "cli" / f"_{verb}.py"
     text = path.read_text()
     assert len(text.splitlines()) <= LONGEST
     allowed = {f"turnscan.cli.{name}" for name in HELPERS} | {f"turnscan.{n}" for n in LOWEST}
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("turnscan"):
+        if isinstance(node, ast.ImportFrom) and node.module == "turnscan":
+            assert [a.name for a in node.names] == ["workflows"], path.name
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("turnscan"):
             assert node.module in allowed, f"{path.name} imports {node.module}"
         if isinstance(node, ast.Import):
             assert not any(a.name.startswith("turnscan") for a in node.names)
+
+
+def test_help_of_a_verb_loads_no_room() -> None:
+    """Whose loading would take a second before a line of help is read."""
+    probe = (
+        "import importlib, sys\n"
+        f"for name in {sorted(_VERBS)!r}: importlib.import_module(f'turnscan.cli._{{name}}')\n"
+        "print([m for m in sys.modules if m in ('numpy', 'scipy', 'cv2', 'numba', 'pydantic', "
+        "'sqlite3', 'rich', 'matplotlib')])\n"
+        "print(sorted({m.split('.')[1] for m in sys.modules if m.startswith('turnscan.')}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, timeout=60, check=True
+    )
+    libraries, rooms = map(ast.literal_eval, done.stdout.splitlines())
+    assert libraries == []
+    assert set(rooms) <= {"cli", *LOWEST}
+
+
+def test_words_that_options_choose_among_are_those_of_the_rooms() -> None:
+    declared_in_rooms = {
+        "STRATEGY": Strategy, "CHOICE": Choice, "REFINEMENT": Refinement, "SPACING": Spacing,
+        "ORIENTATION": Orientation, "KEEP": Keep, "HOW": How, "FILL_HOW": FillHow,
+    }  # fmt: skip
+    for name, kind in declared_in_rooms.items():
+        assert getattr(_choices, name) == get_args(kind), name
+    assert _choices.PRESETS == PRESET_NAMES

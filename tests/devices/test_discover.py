@@ -161,12 +161,12 @@ def locked_board(fw: Firmware, path: str, *, moving: bool) -> float:
             fw._alarm(1)
 
         threading.Thread(target=alarm, daemon=True).start()
-        with pytest.raises(DeviceAlarm, match=f"turnscan devices {path} --acknowledge"):
+        with pytest.raises(DeviceAlarm, match=f"turnscan devices {path} acknowledge"):
             device.move_to(30.0, 30.0)
     else:
         fw._alarm(1)
         time.sleep(0.1)
-        with pytest.raises(DeviceAlarm, match=f"turnscan devices {path} --acknowledge"):
+        with pytest.raises(DeviceAlarm, match=f"turnscan devices {path} acknowledge"):
             device.move_to(0.7, 5.0)
     device.close()
     return float(at)
@@ -179,11 +179,11 @@ def test_an_alarm_is_acknowledged_from_the_command_line(moving: bool) -> None:
         at = locked_board(fw, socket.path, moving=moving)
         found = board(f"grbl:{socket.path}", deadlines=QUICK)
         assert "found in an alarm" in found.alarm
-        assert f"turnscan devices {socket.path} --acknowledge" in found.alarm
+        assert f"turnscan devices {socket.path} acknowledge" in found.alarm
         found.close()
         done = CliRunner().invoke(turnscan, ["devices", socket.path, "--acknowledge"])
         assert done.exit_code == 0, (done.output, done.exception)
-        kept = "lost" if moving else "kept"
+        kept = "lost" if moving else "known"
         assert f"the alarm was cleared; the angle of its table is {kept}" in done.output
         again = board(f"grbl:{socket.path}", deadlines=QUICK)
         assert again.alarm == ""

@@ -38,8 +38,8 @@ from turnscan.errors import DeviceTimeout, TurnscanError
 from turnscan.scanner import (
     Addresses,
     Opened,
+    ScanRequest,
     Series,
-    Wishes,
     examine,
     opened,
     photograph,
@@ -194,17 +194,17 @@ class HangingCamera:
 
 
 def _scan(at: Addresses, bench: Opened, folder: Path) -> None:
-    ready = prepare(at, bench, Wishes(steps=4, exposures=(0.02,), settle=0.0))
+    ready = prepare(bench, ScanRequest(steps=4, exposures=(0.02,), settle=0.0))
     with ready.create(folder / "a.turnscan") as scan:
         run(ready.plan, bench.hardware, scan, first=ready.first)
 
 
 def _long_exposure(at: Addresses, bench: Opened, folder: Path) -> None:
-    prepare(at, bench, Wishes(steps=4, exposures=(LONG,), settle=0.0))
+    prepare(bench, ScanRequest(steps=4, exposures=(LONG,), settle=0.0))
 
 
 def _auto_exposure(at: Addresses, bench: Opened, folder: Path) -> None:
-    prepare(at, bench, Wishes(steps=4, auto_exposure=True))
+    prepare(bench, ScanRequest(steps=4, auto_exposure=True))
 
 
 def _capture(at: Addresses, bench: Opened, folder: Path) -> None:

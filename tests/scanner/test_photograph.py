@@ -10,7 +10,7 @@ import pytest
 
 from turnscan.acquire import Hardware
 from turnscan.errors import DeviceDisconnected, InputError
-from turnscan.scanner import Opened, Series, Shot, photograph
+from turnscan.scanner import Addresses, Opened, Series, Shot, photograph
 
 
 @dataclass
@@ -51,7 +51,8 @@ class Bench:
 
 
 def opened(bench: Bench) -> Opened:
-    return Opened(Hardware(bench, bench, bench), 0.01, 8)  # type: ignore[arg-type]
+    at = Addresses("fake:", "fake:", "fake:")
+    return Opened(at, Hardware(bench, bench, bench), 0.01, 8)  # type: ignore[arg-type]
 
 
 def test_each_laser_has_a_dark_picture_of_its_own_at_every_stop() -> None:

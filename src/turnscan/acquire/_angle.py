@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 from turnscan.acquire._plan import Plan
 from turnscan.devices import Turntable
 from turnscan.errors import AngleLost, InputError
+from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
 
 _AGREES = math.radians(0.01)
@@ -105,8 +106,10 @@ def check_angle(
     raise AngleLost(
         f"{scan.path}: the last frame was taken at {math.degrees(last):.3f}°; the controller of "
         f"the table says: {said}",
-        hint="turn the table to a mark whose angle in this scan you know, and resume with "
-        "--at-deg ANGLE",
+        hint=Remedy(
+            "turn the table to a mark whose angle in this scan you know, and resume with ",
+            Option("at_deg", "ANGLE"),
+        ),
     )
 
 
@@ -117,7 +120,8 @@ def reindexed(turntable: Turntable, at: float) -> Shifted:
     """
     if not isinstance(turntable, Counting):
         raise InputError(
-            "this table has an absolute angle, it needs no new one", hint="leave out --at-deg"
+            "this table has an absolute angle, it needs no new one",
+            hint=Remedy("leave out ", Option("at_deg")),
         )
     acknowledge = getattr(turntable, "acknowledge", None)
     if acknowledge is not None:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from turnscan.acquire._plan import Plan
 from turnscan.arrays import Image
 from turnscan.errors import LaserStateUnknown
+from turnscan.remedy import Option, Remedy
 from turnscan.scan import ScanPlan, signal_of, statistics
 
 Pixels = npt.NDArray[Any]
@@ -77,7 +78,11 @@ class LaserWatch:
             raise LaserStateUnknown(
                 f"laser {laser!r}: {blind} consecutive steps show no stripe although it was lit: "
                 "it is defective, was lit all the time, or is not seen by the camera",
-                hint="if it is lit, cut its power; check laser and exposure (or --blind-steps 0)",
+                hint=Remedy(
+                    "if it is lit, cut its power; check laser and exposure (or ",
+                    Option("blind_steps", 0),
+                    ")",
+                ),
             )
         return False
 

@@ -38,8 +38,8 @@ from turnscan.calibrate import (
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.rig import rig_to_json
-from turnscan.scanner import Series, Shot, exact_degrees, photograph
 from turnscan.stripes import Orientation
+from turnscan.workflows import CaptureOptions, Shot, photograph
 
 COLUMNS, ROWS = 8, 6
 """Cells of the picture in which corners are counted."""
@@ -96,21 +96,20 @@ class CalibrateRoom:
         Raises InputError where there is no calibration, or the pictures cannot be.
         """
         self._begun()
-        lasers: tuple[str, ...] = () if wish.laser is None else (wish.laser,)
-        _, bench = self._rig.connected
-        if wish.stage == "laser":
-            lasers = bench.hardware.lasers.names
-        series = Series(
+        ends = wish.range_deg
+        options = CaptureOptions(
+            stage=wish.stage,
             count=wish.count,
-            range_deg=None if wish.range_deg is None else exact_degrees(*wish.range_deg),
+            range_deg=None if ends is None else f"{ends[0]:.4f}:{ends[1]:.4f}",
             every=wish.every,
-            lasers=lasers,
-            seconds=wish.seconds,
+            laser_name=wish.laser,
+            exposure=wish.seconds,
         )
+        series = options.series(self._rig.connected.hardware.lasers.names)
         self._rig.look_off()
 
         def work(job: Job) -> Result:
-            shots = len(series.angles_deg()) * max(len(lasers), 1)
+            shots = len(series.angles_deg()) * max(len(series.lasers), 1)
             job.steps(shots)
             good = 0
             what = "calibration pictures are being taken"

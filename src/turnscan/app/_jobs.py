@@ -15,7 +15,8 @@ from turnscan.app._hub import Hub
 from turnscan.app._protocol import JobState, Remark
 from turnscan.errors import SafetyError, TurnscanError
 from turnscan.findings import Finding
-from turnscan.progress import Cancelled
+from turnscan.progress import Cancelled, Progress
+from turnscan.remedy import Option, Remedy
 
 What = Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
 _TELL_EVERY = 0.1
@@ -69,8 +70,16 @@ class Job:
 
     def share(self, done: float) -> None:
         """So much is done, 0 to 1, from the work's own thread. Raises Cancelled."""
-        self._total, self._done = _SHARES, round(_SHARES * done)
         self.check()
+        self._share(done, "")
+
+    @property
+    def progress(self) -> Progress:
+        """The same as workflows report it and ask for its end."""
+        return Progress(self._share, lambda: self.cancelled)
+
+    def _share(self, fraction: float, text: str) -> None:
+        self._total, self._done = _SHARES, round(_SHARES * fraction)
         self._tell_now_and_then()
 
     def tick(self) -> None:
@@ -226,7 +235,7 @@ class Jobs:
             job.tell("cancelled")
         except TurnscanError as e:
             stopped = job.cancelled and not isinstance(e, SafetyError)
-            text, hint = self._hub.hide(e.message), self._hub.hide(str(e.hint))
+            text, hint = self._hub.hide(e.message), self._hub.hide(in_words(e.hint))
             job.tell("cancelled" if stopped else "failed", Result(text), hint)
         except MemoryError:
             job.tell("failed", Result("out of memory"), "close other programs, or use less")
@@ -241,15 +250,25 @@ class Jobs:
                 self._threads.discard(threading.current_thread())
 
 
+def in_words(remedy: str | Remedy) -> str:
+    """What to do, each option of it by its name in quotes, as the page shows it."""
+    return remedy if isinstance(remedy, str) else remedy.worded(_option_in_words)
+
+
+def _option_in_words(option: Option) -> str:
+    name = option.name.replace("_", " ")
+    return f"“{name}”" if option.value is None else f"“{name} {option.value_text}”"
+
+
 def remarks(findings: Sequence[Finding]) -> list[Remark]:
-    """Findings as they are told; what is to be typed on a command line helps nobody here."""
+    """Findings as they are told, in the words of the browser."""
     return [
         Remark(
             code=f.code,
             severity=f.severity,
             text=f.message,
             where=f.where,
-            remedy="" if "--" in str(f.remedy) else str(f.remedy),
+            remedy=in_words(f.remedy),
         )
         for f in findings
     ]

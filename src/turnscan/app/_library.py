@@ -15,8 +15,7 @@ from pathlib import Path
 
 from turnscan.app._protocol import ScanEntry
 from turnscan.errors import InputError, LimitExceeded, ScanError, StorageFull, TurnscanError
-from turnscan.scan import Scan
-from turnscan.scanner import acquisition_of, steps_left
+from turnscan.workflows import open_scan, scan_left
 
 SUFFIX = ".turnscan"
 UPLOAD_BYTES = 2**30
@@ -85,9 +84,9 @@ class Library:
         if known is not None and known[0] == state:
             return known[1]
         left = 0
-        with contextlib.suppress(TurnscanError), Scan.open(path) as scan:
-            if scan.acquisition:
-                left = steps_left(acquisition_of(scan).plan, scan)
+        with contextlib.suppress(TurnscanError):
+            at = scan_left(path)
+            left = at.steps - at.done
         self._left[path] = state, left
         return left
 
@@ -208,7 +207,7 @@ def safe_name(wish: str) -> str:
 def _check_scan(part: Path, name: str) -> None:
     """Raise as `Scan.open`, with the file's own name in the words."""
     try:
-        with Scan.open(part):
+        with open_scan(part):
             return
     except (InputError, ScanError) as e:
         raise type(e)(e.message.replace(str(part), name), hint=e.hint) from None

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter
 
 from turnscan.app._protocol import Count, Model, Name, Opaque, Vector
-from turnscan.scanner import LONGEST_PAUSE, MOST_PICTURES
+from turnscan.workflows import LONGEST_PAUSE, MOST_PICTURES
 
 Orientation = Literal["vertical", "horizontal"]
 Stage = Literal["camera", "laser", "table"]

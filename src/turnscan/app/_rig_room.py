@@ -20,14 +20,19 @@ from turnscan.app._watched import WatchedLasers, watched
 from turnscan.devices import (
     StopSwitch,
     burning,
-    find_cameras,
     frame_deadline,
-    list_ports,
-    probe_port,
 )
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.rig import Rig
-from turnscan.scanner import DEFAULT_DEVICE, Addresses, Opened, examine, opened
+from turnscan.workflows import (
+    DEFAULT_DEVICE,
+    DeviceOptions,
+    DoctorOptions,
+    Opened,
+    doctor,
+    find_devices,
+    opened_devices,
+)
 
 ALONE_SECONDS = 3.0
 """s without an operator after which live pictures end and the lasers are dark."""
@@ -62,7 +67,6 @@ class RigRoom:
         self._switch: StopSwitch | None = None
         self._stack = ExitStack()
         self._bench: Opened | None = None
-        self._at: Addresses | None = None
         self._lasers: WatchedLasers | None = None
         self._camera = self._table = _NOTHING
         self._angle: float | None = None
@@ -78,12 +82,13 @@ class RigRoom:
 
     def find(self, id: int, probe: bool) -> p.Found:
         """What is connected to the computer; ports are opened where ``probe`` is wanted."""
-        cameras, notes = find_cameras()
-        found = [p.FoundDevice(address=a[:200], text=a[:200], role="camera") for a in cameras]
-        for port in list_ports():
+        seen = find_devices(probe=probe)
+        found = [p.FoundDevice(address=a[:200], text=a[:200], role="camera") for a in seen.cameras]
+        answers = {answer.path: answer for answer in seen.answers}
+        for port in seen.ports:
             address, text = "", port.description or "a serial port"
-            if probe:
-                answer = probe_port(port.path)
+            if port.path in answers:
+                answer = answers[port.path]
                 address, text = answer.address, answer.address or answer.why_not
             found.append(p.FoundDevice(address=address or port.path, text=text[:200], role="board"))
         text = "a simulated rig: camera, table and lasers in one"
@@ -91,16 +96,16 @@ class RigRoom:
         text = "the same, with a hand-held board for calibration"
         address = f"{DEFAULT_DEVICE}&hand=charuco"
         found.append(p.FoundDevice(address=address, text=text, role="board"))
-        return p.Found(id=id, devices=found, notes=remarks(notes))
+        return p.Found(id=id, devices=found, notes=remarks(seen.findings))
 
     def connect(self, camera: str, turntable: str, lasers: str) -> None:
         """Open devices; those connected before are let go. Raises InputError, DeviceError."""
         self.look_off()
         with self._alone("devices are being connected"):
             self._let_go()
-            at = Addresses(camera, turntable, lasers)
+            wanted = DeviceOptions(camera, turntable, lasers)
             try:
-                bench = self._stack.enter_context(opened(at))
+                bench = self._stack.enter_context(opened_devices(wanted))
                 self._lasers = watched(bench.hardware.lasers)
                 self._lasers.off()
                 switch = self._switch = StopSwitch(self._lasers, bench.hardware.turntable)
@@ -109,7 +114,6 @@ class RigRoom:
             except BaseException:
                 self._let_go()
                 raise
-            self._at = at
             self._camera = p.DeviceState(state="ready", text=camera[:200])
             self._table = p.DeviceState(state="ready", text=turntable[:200])
         self.tell()
@@ -151,11 +155,9 @@ class RigRoom:
                 self.tell()
 
     @property
-    def connected(self) -> tuple[Addresses, Opened]:
+    def connected(self) -> Opened:
         """The devices and where they are. Raises InputError where there are none."""
-        bench, at = self._there(), self._at
-        assert at is not None
-        return at, bench
+        return self._there()
 
     def close(self) -> None:
         """End everything; lasers dark. Raises SafetyError where they may be lit still."""
@@ -176,7 +178,8 @@ class RigRoom:
 
     def tell(self) -> None:
         """Tell everybody how the devices are."""
-        at, lasers, bench = self._at, self._lasers, self._bench
+        lasers, bench = self._lasers, self._bench
+        at = None if bench is None else bench.at
         self._hub.tell(
             p.Devices(
                 addresses=[] if at is None else [at.camera, at.turntable, at.lasers],
@@ -269,7 +272,8 @@ class RigRoom:
 
         def work(job: Job) -> Result:
             with self.using("the doctor is running", job) as bench:
-                seen = examine(bench, seconds, still=still, tick=job.tick)
+                options = DoctorOptions(exposure=seconds, still=still)
+                seen = doctor(bench, options, progress=job.progress)
             wrong = [f for f in seen.findings if f.severity != "note"]
             text = f"{len(wrong)} findings" if wrong else "ready"
             return Result(text, findings=seen.findings)
@@ -315,7 +319,7 @@ class RigRoom:
 
     def _let_go(self) -> None:
         """Close the devices, whatever they make of it; the first error leaves."""
-        self._bench = self._at = self._lasers = self._switch = None
+        self._bench = self._lasers = self._switch = None
         self._camera = self._table = _NOTHING
         self._angle = None
         stack, self._stack = self._stack, ExitStack()

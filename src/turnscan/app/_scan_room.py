@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from turnscan import acquire
+from turnscan import workflows
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
 from turnscan.app._hub import Hub
@@ -19,19 +18,7 @@ from turnscan.app._library import Library
 from turnscan.app._live import Growing, Taken
 from turnscan.app._rig_room import RigRoom
 from turnscan.errors import InputError
-from turnscan.rig import Rig
-from turnscan.scan import Scan
-from turnscan.scanner import (
-    Opened,
-    Wishes,
-    acquisition_of,
-    check_space,
-    exact_degrees,
-    forget_bad,
-    hardware_to_resume,
-    prepare,
-    steps_left,
-)
+from turnscan.workflows import Opened, PlannedScan, ScanOptions, TakenScan, scan_events
 
 State = Literal["running", "paused", "complete", "aborted", "failed"]
 
@@ -50,7 +37,7 @@ class ScanRoom:
         self._hub, self._jobs, self._library, self._rig = hub, jobs, library, rig
         self._open_scans = open_scans
         self._lock = threading.Lock()
-        self._control: acquire.Control | None = None
+        self._control: workflows.ScanControl | None = None
 
     def start(self, wish: q.ScanPlan) -> Job:
         """Take a scan, as a job.
@@ -58,13 +45,14 @@ class ScanRoom:
         Raises InputError for a name or a plan that cannot be, and where nothing is connected or
         another scan is under way.
         """
-        at, _ = self._rig.connected
-        path, wishes = self._library.new_path(wish.name), _wishes(wish)
+        _ = self._rig.connected
+        path, options = self._library.new_path(wish.name), _options(wish)
 
-        def take(taking: _Taking, bench: Opened) -> acquire.Outcome:
-            ready = prepare(at, bench, wishes, self._rig.rig)
-            with ready.create(path) as scan:
-                return taking.run(scan, ready.plan, bench.hardware, ready.rig, ready.first)
+        def take(taking: _Taking, bench: Opened) -> TakenScan:
+            return workflows.scan(
+                path, options, devices=bench, rig=self._rig.rig, planned=taking.planned,
+                listener=taking.hear, control=taking.control,
+            )  # fmt: skip
 
         return self._begin(f"Scanning {path.stem}", path, take)
 
@@ -74,26 +62,17 @@ class ScanRoom:
         Raises InputError where nothing is connected or another scan is under way.
         """
         _ = self._rig.connected
-        at = None if wish.at_deg is None else math.radians(wish.at_deg)
 
-        def take(taking: _Taking, bench: Opened) -> acquire.Outcome:
-            with Scan.resume(path) as scan:
-                plan = acquisition_of(scan).plan
-                if wish.retake:
-                    forget_bad(scan)
-                left = steps_left(plan, scan)
-                if not left:
-                    return acquire.Outcome(complete=True, frames=0, missing=0)
-                check_space(scan, plan, left)
-                hardware = hardware_to_resume(plan, scan, bench.hardware, at)
-                return taking.run(scan, plan, hardware, scan.rig)
+        def take(taking: _Taking, bench: Opened) -> TakenScan:
+            return workflows.resume(
+                path, devices=bench, at_deg=wish.at_deg, retake=wish.retake,
+                planned=taking.planned, listener=taking.hear, control=taking.control,
+            )  # fmt: skip
 
         return self._begin(f"Resuming {path.stem}", path, take)
 
-    def _begin(
-        self, title: str, path: Path, take: Callable[[_Taking, Opened], acquire.Outcome]
-    ) -> Job:
-        control = acquire.Control()
+    def _begin(self, title: str, path: Path, take: Callable[[_Taking, Opened], TakenScan]) -> Job:
+        control = workflows.ScanControl()
         with self._lock:
             if self._control is not None:
                 raise InputError(
@@ -106,7 +85,11 @@ class ScanRoom:
             job.on_cancel = control.abort
             try:
                 with self._rig.using("a scan is running", job) as bench, self._told():
-                    outcome = take(_Taking(self._hub, self._library, job, control), bench)
+                    taking = _Taking(self._hub, self._library, job, control)
+                    try:
+                        outcome = take(taking, bench)
+                    finally:
+                        taking.close()
             finally:
                 self._control = None
                 self._rig.tell()
@@ -130,7 +113,7 @@ class ScanRoom:
         self._running.abort()
 
     @property
-    def _running(self) -> acquire.Control:
+    def _running(self) -> workflows.ScanControl:
         if self._control is None:
             raise InputError("no scan is running")
         return self._control
@@ -144,45 +127,42 @@ class ScanRoom:
             self._rig.busy = False
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Taking:
     """A scan that is being taken, and whom to tell of it."""
 
     hub: Hub
     library: Library
     job: Job
-    control: acquire.Control
+    control: workflows.ScanControl
+    _story: _Story | None = None
+    _growing: Growing | None = None
+    _planned: PlannedScan | None = None
 
-    def run(
-        self,
-        scan: Scan,
-        plan: acquire.Plan,
-        hardware: acquire.Hardware,
-        rig: Rig | None,
-        first: acquire.FirstLook | None = None,
-    ) -> acquire.Outcome:
-        """Take every frame that the file does not have, with live pictures and points."""
-        left = steps_left(plan, scan)
-        self.job.steps(left)
+    def planned(self, scan: PlannedScan) -> None:
+        """Begin to tell of it, with live pictures and points."""
+        self.job.steps(scan.left)
         name = self.library.name_of(scan.path)
-        reason = "" if first is None else first.threshold_reason
-        story = _Story(self.hub, name, left, self.job, reason)
-        growing = Growing(self.hub, name, rig, scan.plan.orientation)
-        growing.colour(scan.plan.weights)
+        self._story = _Story(self.hub, name, scan.left, self.job, scan.threshold_reason)
+        plan = scan.scan.plan
+        self._growing = Growing(self.hub, name, scan.rig, plan.orientation)
+        self._growing.colour(plan.weights)
+        self._planned = scan
 
-        def listen(event: acquire.Event) -> None:
-            if isinstance(event, acquire.Taken):
-                angle = plan.angle(event.step)
-                growing.put(Taken(event.step, event.laser, angle, event.lit, event.dark))
-            else:
-                story.tell(event)
+    def hear(self, event: scan_events.Event) -> None:
+        """Tell an event, or show its picture."""
+        if self._planned is None or self._story is None or self._growing is None:
+            return
+        if isinstance(event, scan_events.Taken):
+            angle = self._planned.plan.angle(event.step)
+            self._growing.put(Taken(event.step, event.laser, angle, event.lit, event.dark))
+        else:
+            self._story.tell(event)
 
-        try:
-            return acquire.run(
-                plan, hardware, scan, first=first, listener=listen, control=self.control
-            )
-        finally:
-            growing.close()
+    def close(self) -> None:
+        """Show what is waiting."""
+        if self._growing is not None:
+            self._growing.close()
 
 
 class _Story:
@@ -194,22 +174,22 @@ class _Story:
         self._left: float | None = None
         self._say("running", reason)
 
-    def tell(self, event: acquire.Event) -> None:
+    def tell(self, event: scan_events.Event) -> None:
         """Tell an event, where anybody would want to know."""
         match event:
-            case acquire.StepDone():
+            case scan_events.StepDone():
                 self._done, self._left = event.done, event.seconds_left
                 self._job.at(event.done)
                 self._say("running")
-            case acquire.Missing():
+            case scan_events.Missing():
                 self._missing += 1
                 where = f"step {event.step} of laser {event.laser}"
                 self._say("running", f"{where} is missing: {event.cause}")
-            case acquire.Paused():
+            case scan_events.Paused():
                 self._say("paused", "lasers dark, table at rest")
-            case acquire.WentOn():
+            case scan_events.WentOn():
                 self._say("running")
-            case acquire.Ended():
+            case scan_events.Ended():
                 ends: dict[str, State] = {"complete": "complete", "aborted": "aborted"}
                 self._say(ends.get(event.why, "failed"), event.why)
             case _:
@@ -229,11 +209,12 @@ class _Story:
         )
 
 
-def _wishes(wish: q.ScanPlan) -> Wishes:
-    return Wishes(
+def _options(wish: q.ScanPlan) -> ScanOptions:
+    """The options of the workflow; angles to a ten-thousandth of a degree."""
+    return ScanOptions(
         steps=wish.steps,
-        range_deg=exact_degrees(wish.from_deg, wish.to_deg),
-        lasers=wish.lasers,
+        range_deg=f"{wish.from_deg:.4f}:{wish.to_deg:.4f}",
+        laser_names=None if wish.lasers is None else ",".join(wish.lasers),
         exposures=wish.seconds,
         gain=wish.gain,
         keep=wish.keep,

@@ -19,7 +19,7 @@ from turnscan.app._doors import name_of
 from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
 from turnscan.app._hub import Client, Hub
-from turnscan.app._jobs import Job, Jobs, Result
+from turnscan.app._jobs import Job, Jobs, Result, in_words
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan, Stale
 from turnscan.app._rig_room import RigRoom
@@ -220,7 +220,7 @@ class Workshop:
             self.hub.tell(message or p.Done(id=call.id), arrays, to=client)
 
     def _refuse(self, call: Call, code: str, e: TurnscanError) -> None:
-        text, hint = self.hub.hide(e.message), self.hub.hide(str(e.hint))
+        text, hint = self.hub.hide(e.message), self.hub.hide(in_words(e.hint))
         self.hub.tell(p.Refused(id=call.id, code=code, text=text, hint=hint), to=call.client)
 
     @contextlib.contextmanager

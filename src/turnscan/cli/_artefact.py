@@ -7,9 +7,9 @@ from typing import Literal
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._numbers import Finite
 from turnscan.errors import ExportError, InputError
-from turnscan.workflows import write_atomically
 
 _length = Finite(min=0, min_open=True)
 
@@ -89,7 +89,7 @@ def verb(
     except OSError as e:
         raise ExportError(f"{output}: cannot be made ({e.strerror})") from None
     for file, data in files.items():
-        write_atomically(output / file, data)
+        workflows.write_atomically(output / file, data)
         click.echo(str(output / file))
 
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import flags_of
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
 from turnscan.errors import InputError
 from turnscan.findings import record
-from turnscan.workflows import CalibratedRig, CalibrateOptions, CalibrationPictures, calibrate
 
 _NAMED = "[NAME=]PICTURES"
 _path = click.Path(path_type=Path)
@@ -34,7 +34,7 @@ _path = click.Path(path_type=Path)
 @click.option("--table", required=True, metavar="PICTURES",
               help="Pictures of the empty table, step by step.")  # fmt: skip
 @click.option("--table-dark", metavar="PICTURES", help="The same with the laser off.")
-@flags_of(CalibrateOptions)
+@flags_of(workflows.CalibrateOptions)
 @click.option("-o", "--output", required=True, type=_path, help="rig.json")
 @click.option("--report", type=_path, help="HTML report to write.")
 @click.option("--json", "as_json", is_flag=True, help="Print results and findings as JSON.")
@@ -45,7 +45,7 @@ def verb(
     laser_dark: tuple[str, ...],
     table: str,
     table_dark: str | None,
-    options: CalibrateOptions,
+    options: workflows.CalibrateOptions,
     output: Path,
     report: Path | None,
     as_json: bool,
@@ -56,9 +56,9 @@ def verb(
     compared with what the pictures say and never trusted; the board's square gives the scale.
     """
     lit, dark = _by_name(laser, "--laser"), _by_name(laser_dark, "--laser-dark")
-    pictures = CalibrationPictures(camera, lit, table, dark, table_dark)
+    pictures = workflows.CalibrationPictures(camera, lit, table, dark, table_dark)
     with progress_bar() as bar:
-        done = calibrate(pictures, board, output, options, report=report, progress=bar)
+        done = workflows.calibrate(pictures, board, output, options, report=report, progress=bar)
     for stage in done.stages:
         click.echo(stage, err=True)
     found = [with_flags(finding) for finding in done.findings]
@@ -84,7 +84,7 @@ def _by_name(specs: Sequence[str], flag: str) -> dict[str, str]:
     return out
 
 
-def _lines(done: CalibratedRig) -> list[str]:
+def _lines(done: workflows.CalibratedRig) -> list[str]:
     f, network = done.figures, done.calibration.network
     lines = [f"camera   {f.camera_rms_px:.3f} px rms over {f.camera_views} board views"]
     for laser in network.lasers:

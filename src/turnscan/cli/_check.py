@@ -11,10 +11,10 @@ from typing import Any
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
 from turnscan.findings import Finding, findings_json
-from turnscan.workflows import CheckedMesh, CheckedScan, check
 
 _OF_PLAN = (
     "width", "height", "dtype", "channels", "weights", "keep", "threshold", "orientation",
@@ -33,29 +33,35 @@ def verb(file: Path, as_json: bool) -> None:
     error among the findings.
     """
     with progress_bar() as bar:
-        done = check(file, bar)
+        done = workflows.check(file, bar)
     found = [with_flags(finding) for finding in done.findings]
     if as_json:
         body = _body(done) | {"findings": json.loads(findings_json(found))}
         click.echo(json.dumps(body, indent=1, allow_nan=False))
     else:
-        lines = _of_mesh(done, found) if isinstance(done, CheckedMesh) else _of_scan(done, found)
+        lines = (
+            _of_mesh(done, found)
+            if isinstance(done, workflows.CheckedMesh)
+            else _of_scan(done, found)
+        )
         click.echo("\n".join(lines))
-    if any(f.severity != "note" for f in found) or (found and isinstance(done, CheckedMesh)):
+    if any(f.severity != "note" for f in found) or (
+        found and isinstance(done, workflows.CheckedMesh)
+    ):
         sys.exit(1)
 
 
-def _body(done: CheckedScan | CheckedMesh) -> dict[str, Any]:
+def _body(done: workflows.CheckedScan | workflows.CheckedMesh) -> dict[str, Any]:
     body = asdict(done)
     start: dict[str, Any] = {"file": str(body.pop("path")), "bytes": body.pop("size_bytes")}
-    if isinstance(done, CheckedScan):
+    if isinstance(done, workflows.CheckedScan):
         plan = body.pop("plan")
         start["raw_bytes"] = body.pop("raw_bytes")
         start |= {name: plan[name] for name in _OF_PLAN}
     return start | body
 
 
-def _of_scan(done: CheckedScan, found: Sequence[Finding]) -> list[str]:
+def _of_scan(done: workflows.CheckedScan, found: Sequence[Finding]) -> list[str]:
     plan = done.plan
     kind = "colour" if plan.channels == 3 else "grey"
     lines = [
@@ -76,7 +82,7 @@ def _of_scan(done: CheckedScan, found: Sequence[Finding]) -> list[str]:
     return [*lines, "DAMAGED" if done.damaged else "intact: every frame matches its checksum"]
 
 
-def _of_mesh(done: CheckedMesh, found: Sequence[Finding]) -> list[str]:
+def _of_mesh(done: workflows.CheckedMesh, found: Sequence[Finding]) -> list[str]:
     volume = "" if done.volume_mm3 is None else f", volume {done.volume_mm3:.2f} mm³"
     marked = f"{done.faces_not_measured} not measured"
     if done.faces_not_measured is None:

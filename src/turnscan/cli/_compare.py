@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._numbers import Finite
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
-from turnscan.workflows import UNITS, check_output, compare
 
 
 @click.command(name="compare")
@@ -33,8 +33,10 @@ from turnscan.workflows import UNITS, check_output, compare
 @click.option(
     "--limit", type=Finite(min=0, min_open=True), help="deviation at the ends of the colour map, mm"
 )
-@click.option("--unit", type=click.Choice(list(UNITS)), default="mm", help="unit of MEASURED")
-@click.option("--reference-unit", type=click.Choice(list(UNITS)), default="mm",
+@click.option(
+    "--unit", type=click.Choice(list(workflows.UNITS)), default="mm", help="unit of MEASURED"
+)
+@click.option("--reference-unit", type=click.Choice(list(workflows.UNITS)), default="mm",
               help="unit of REFERENCE")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="print the results as JSON, unrounded")
 def verb(
@@ -57,9 +59,9 @@ def verb(
     off the end of an open reference.
     """
     if picture is not None:
-        check_output(picture, (".png",), [measured, reference])
+        workflows.check_output(picture, (".png",), [measured, reference])
     with progress_bar() as progress:
-        found = compare(
+        found = workflows.compare(
             measured, reference, tolerances=tolerances, samples=samples, unit=unit,
             reference_unit=reference_unit, progress=progress,
         )  # fmt: skip

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import flags_of, given
 from turnscan.errors import InputError
-from turnscan.workflows import DesignOptions, declared, design, parse_theta, published_design
 
 _path = click.Path(path_type=Path)
 
@@ -25,7 +25,7 @@ _path = click.Path(path_type=Path)
 @click.option("--theta-deg", multiple=True, metavar="ANGLES",
               help="Triangulation angle: 22.5, a list 10,20,30 or a range FROM:TO:STEP; "
               "repeatable.")  # fmt: skip
-@flags_of(DesignOptions)
+@flags_of(workflows.DesignOptions)
 @click.option("--json", "as_json", is_flag=True, help="Print all results as JSON, unrounded.")
 @click.option(
     "--picture",
@@ -42,7 +42,7 @@ _path = click.Path(path_type=Path)
 def verb(
     as_paper: bool,
     theta_deg: tuple[str, ...],
-    options: DesignOptions,
+    options: workflows.DesignOptions,
     as_json: bool,
     picture: Path | None,
     rig: Path | None,
@@ -51,17 +51,17 @@ def verb(
 
     Lengths in mm. Without options: a 5 megapixel rig at 30°.
     """
-    changed = given(*declared(DesignOptions), "theta_deg")
+    changed = given(*workflows.declared(workflows.DesignOptions), "theta_deg")
     if as_paper and changed:
         raise InputError(
             f"--paper prints the paper's own rig, {changed[0]} cannot change it",
             hint="use --preset paper to start from that rig",
         )
     if as_paper:
-        done = published_design(picture=picture, rig=rig)
+        done = workflows.published_design(picture=picture, rig=rig)
     else:
-        thetas = [theta for text in theta_deg for theta in parse_theta(text)]
-        done = design(options, thetas, picture=picture, rig=rig)
+        thetas = [theta for text in theta_deg for theta in workflows.parse_theta(text)]
+        done = workflows.design(options, thetas, picture=picture, rig=rig)
     if as_json:
         click.echo(json.dumps(done.body(), indent=2, ensure_ascii=False, allow_nan=False))
         return

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
-from turnscan.cli._hardware import addresses_of, device_options, ended_by_signals
+from turnscan import workflows
+from turnscan.cli._flags import flags_of
 from turnscan.cli._numbers import Finite
-from turnscan.devices import acknowledge_alarm, camera_schemes, find_cameras, list_ports, probe_port
-from turnscan.errors import DeviceNotFound, InputError
-from turnscan.findings import findings_json
-
-if TYPE_CHECKING:
-    from turnscan.scanner import Seen
+from turnscan.cli._signals import ended_by_signals
+from turnscan.cli._words import with_flags
+from turnscan.errors import InputError
 
 
 @click.command("devices")
@@ -33,14 +30,14 @@ if TYPE_CHECKING:
     help="Exposure time, with --camera.  [default: 0.02]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
-@device_options
+@flags_of(workflows.DeviceOptions, into="devices")
 def verb(
     ports: tuple[str, ...],
     probe: bool,
     acknowledge: bool,
     exposure: float | None,
     as_json: bool,
-    devices: dict[str, str | None],
+    devices: workflows.DeviceOptions,
 ) -> None:
     """List serial ports and cameras. Nothing moves and no laser is lit.
 
@@ -54,45 +51,23 @@ def verb(
     With --camera and --turntable (and --lasers), or with --device, lasers are identified instead:
     each is lit for one picture, and the camera shows which is which.
     """
-    if any(devices.values()):
-        from turnscan.scanner import opened, which_laser
-
-        with ended_by_signals(), opened(addresses_of(devices)) as bench:
-            _tell_lasers(which_laser(bench, exposure), as_json)
-        return
-    if acknowledge:
-        _acknowledge(ports)
-        return
-    listed = list_ports()
-    asked = list(ports) or ([p.path for p in listed] if probe else [])
-    answers = [probe_port(path, tell=_say) for path in asked]
-    cameras, findings = find_cameras()
-    if as_json:
-        report = {
-            "ports": [asdict(p) for p in listed],
-            "boards": [asdict(a) for a in answers],
-            "cameras": cameras,
-            "camera_schemes": camera_schemes(),
-            "findings": json.loads(findings_json(findings)),
-        }
-        click.echo(json.dumps(report, indent=1))
+    if devices.changed():
+        with ended_by_signals():
+            lasers = workflows.identify_lasers(devices, exposure)
+        body: dict[str, Any] = {"lasers": [asdict(laser) for laser in lasers]}
+        click.echo(json.dumps(body, indent=1) if as_json else workflows.lasers_in_words(lasers))
+        failed = any(laser.column is None for laser in lasers)
+    elif acknowledge:
+        if not ports:
+            raise InputError("--acknowledge: no PORT", hint="name the board's port, or its address")
+        for port in ports:
+            click.echo(str(workflows.acknowledge(port, tell=_say)))
+        failed = False
     else:
-        for port in listed:
-            click.echo(f"port {port.path}: {port.description}")
-        for answer in answers:
-            why = answer.why_not.removeprefix(f"{answer.path}: ")
-            click.echo(f"{answer.path}: {answer.address or f'no board ({why})'}")
-        for camera in cameras:
-            click.echo(f"camera {camera}")
-        for finding in findings:
-            click.echo(str(finding))
-        if not listed and not asked:
-            click.echo("no serial port")
-        if not cameras:
-            click.echo("no camera")
-        if listed and not asked:
-            click.echo("turnscan devices --probe asks which boards are behind the ports")
-    if ports and not all(a.address for a in answers):
+        found = workflows.find_devices(ports, probe=probe, tell=_say)
+        click.echo(json.dumps(found.body(), indent=1) if as_json else _in_words(found))
+        failed = bool(ports) and not all(a.address for a in found.answers)
+    if failed:
         sys.exit(1)
 
 
@@ -100,36 +75,17 @@ def _say(text: str) -> None:
     click.echo(text, err=True)
 
 
-def _acknowledge(ports: tuple[str, ...]) -> None:
-    """End the alarms of these boards. Raises InputError, DeviceError, SafetyError."""
-    if not ports:
-        raise InputError("--acknowledge: no PORT", hint="name the board's port, or its address")
-    for port in ports:
-        address = port
-        if ":" not in port or os.path.exists(port):
-            found = probe_port(port, tell=_say)
-            if not found.address:
-                raise DeviceNotFound(
-                    f"{port}: no board ({found.why_not.removeprefix(port + ': ')})"
-                )
-            address = found.address
-        alarm, kept = acknowledge_alarm(address)
-        was = "the alarm was cleared" if alarm else "there was no alarm"
-        lost = "lost; resume with --at-deg, or start a new scan"
-        angle = "known; resume as usual" if kept else lost
-        click.echo(f"{address}: {was}; the angle of its table is {angle}")
-
-
-def _tell_lasers(lasers: list[Seen], as_json: bool) -> None:
-    """Which is which, and what to write so that their names say so."""
-    if as_json:
-        click.echo(json.dumps({"lasers": [asdict(laser) for laser in lasers]}, indent=1))
-    else:
-        for laser in lasers:
-            where = "no stripe" if laser.column is None else f"stripe at {laser.column:.0f} px"
-            click.echo(f"laser {laser.name}: {where}: {laser.place}")
-        places = [laser.place for laser in lasers]
-        if {"left", "right"} <= set(places) and "dark" not in places:
-            click.echo(f"in the board's address: lasers={','.join(places)}")
-    if any(laser.column is None for laser in lasers):
-        sys.exit(1)
+def _in_words(found: workflows.FoundDevices) -> str:
+    lines = [f"port {port.path}: {port.description}" for port in found.ports]
+    for answer in found.answers:
+        why = answer.why_not.removeprefix(f"{answer.path}: ")
+        lines.append(f"{answer.path}: {answer.address or f'no board ({why})'}")
+    lines += [f"camera {camera}" for camera in found.cameras]
+    lines += [str(with_flags(finding)) for finding in found.findings]
+    if not found.ports and not found.answers:
+        lines.append("no serial port")
+    if not found.cameras:
+        lines.append("no camera")
+    if found.ports and not found.answers:
+        lines.append("turnscan devices --probe asks which boards are behind the ports")
+    return "\n".join(lines)

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._serving import run, serving_options
 
 
@@ -18,8 +19,6 @@ def verb(scan: Path, serving: dict[str, Any]) -> None:
 
     Prints a link that lets one browser in and opens it. Ends with Ctrl-C.
     """
-    from turnscan.scan import Scan
-
-    with Scan.open(scan):
+    with workflows.open_scan(scan):
         pass  # what is no scan file is said here, before a server is started
     run(scan.resolve().parent, scan, serving)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import flags_of
 from turnscan.cli._output import format_options
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
-from turnscan.workflows import ExportOptions, ReconstructOptions, check_targets, export
 
 
 @click.command("export")
@@ -24,19 +24,22 @@ from turnscan.workflows import ExportOptions, ReconstructOptions, check_targets,
     type=click.Path(path_type=Path),
     help="File to write; its suffix names the format. May be repeated.",
 )
-@flags_of(ReconstructOptions, "decimate")
+@flags_of(workflows.ReconstructOptions, "decimate")
 @format_options
 def verb(
-    source: Path, outputs: tuple[Path, ...], options: ReconstructOptions, formats: ExportOptions
+    source: Path,
+    outputs: tuple[Path, ...],
+    options: workflows.ReconstructOptions,
+    formats: workflows.ExportOptions,
 ) -> None:
     """Write the mesh in SOURCE, or of a scan (.turnscan), in other formats, and audit them.
 
     Each is chosen by its suffix: .dxf .stl .ply .obj .3mf .glb .xyz. A scan is reconstructed with
     its own settings.
     """
-    check_targets(outputs, [source])
+    workflows.check_targets(outputs, [source])
     with progress_bar() as progress:
-        done = export(
+        done = workflows.export(
             source, *outputs, formats=formats, decimate=options.decimate, progress=progress
         )
     for finding in done.findings:

@@ -10,21 +10,31 @@ import click
 from click.core import ParameterSource
 
 from turnscan.cli._numbers import Finite
+from turnscan.cli._words import flag_of
 from turnscan.workflows import Declared, declared
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 _METAVARS = {
+    "camera": "ADDRESS",
     "colour": "COLOUR",
     "decimate": "TOL|COUNT",
+    "device": "ADDRESS",
+    "lamps": "NAME",
     "laser_board": "SPEC",
+    "laser_name": "NAME",
+    "laser_names": "A,B",
+    "lasers": "ADDRESS",
     "markers": "DICT:SIDE_MM",
     "pixel_um": "W[,H]",
+    "range_deg": "A:B",
     "sensor": "COLSxROWS",
     "spacing_between": "SPACING",
+    "step_deg": "ANGLE",
     "table_board": "SPEC",
     "table_laser": "NAME",
+    "turntable": "ADDRESS",
 }
 
 
@@ -37,7 +47,7 @@ class _Text(click.ParamType[str]):
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the text, or refuse it naming the flag."""
-        trouble = self._option.trouble(value)
+        trouble = self._option.trouble_of_one(value)
         if trouble is not None:
             self.fail(trouble, param, ctx)
         return value
@@ -60,8 +70,8 @@ class _OpenChoice(click.Choice[str]):
         return value
 
 
-def flags_of(options: type[Any], *only: str) -> Callable[[Command], Command]:
-    """Give a verb a flag for each option of a class; it receives the value as ``options``.
+def flags_of(options: type[Any], *only: str, into: str = "options") -> Callable[[Command], Command]:
+    """Give a verb a flag for each option of a class; it receives the value as ``into``.
 
     With names given, it gets flags for those alone.
     """
@@ -71,7 +81,7 @@ def flags_of(options: type[Any], *only: str) -> Callable[[Command], Command]:
         @wraps(command)
         def with_flags(*args: Any, **values: Any) -> Any:
             own = {name: values.pop(name) for name in wanted}
-            return command(*args, options=options(**own), **values)
+            return command(*args, **{into: options(**own)}, **values)
 
         made: Any = with_flags
         for option in reversed(wanted.values()):
@@ -83,7 +93,7 @@ def flags_of(options: type[Any], *only: str) -> Callable[[Command], Command]:
 
 def given(*names: str) -> list[str]:
     """The flags of these options that are on the command line."""
-    return ["--" + n.removesuffix("_path").replace("_", "-") for n in names if _is_given(n)]
+    return [flag_of(n.removesuffix("_path")) for n in names if _is_given(n)]
 
 
 def values_given(kind: type[Any], options: object) -> dict[str, Any]:
@@ -97,7 +107,7 @@ def _is_given(name: str) -> bool:
 
 
 def _flag(option: Declared) -> Callable[[Any], Any]:
-    name = "--" + option.name.replace("_", "-")
+    name = flag_of(option.name)
     if option.kind == "switch":
         return click.option(name, is_flag=True, help=option.help)
     kind: click.ParamType[Any]
@@ -111,7 +121,8 @@ def _flag(option: Declared) -> Callable[[Any], Any]:
             kind = _Text(option)
         case _:
             kind = Finite(option.least, option.most, min_open=option.above)
-    shown = option.default is not None and "[default" not in option.help
+    shown = option.default not in (None, ()) and "[default" not in option.help
     return click.option(
-        name, option.name, type=kind, default=option.default, show_default=shown, help=option.help
-    )
+        name, option.name, type=kind, default=option.default, multiple=option.many,
+        show_default=shown, help=option.help,
+    )  # fmt: skip

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import flags_of
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
 from turnscan.errors import InputError
-from turnscan.workflows import ImportedScan, ImportOptions, import_pictures, parse_angles
 
 
 @click.command("import")
@@ -34,7 +34,7 @@ from turnscan.workflows import ImportedScan, ImportOptions, import_pictures, par
               "(--background).")  # fmt: skip
 @click.option("--laser", default="laser", show_default=True, help="Name of the laser.")
 @click.option("--rig", type=click.Path(path_type=Path), help="rig.json to store in the scan.")
-@flags_of(ImportOptions)
+@flags_of(workflows.ImportOptions)
 def verb(
     pictures: tuple[str, ...],
     output: Path,
@@ -43,7 +43,7 @@ def verb(
     dark: tuple[str, ...],
     laser: str,
     rig: Path | None,
-    options: ImportOptions,
+    options: workflows.ImportOptions,
 ) -> None:
     """Make a scan file of pictures: folders, patterns, files, or one video.
 
@@ -51,10 +51,10 @@ def verb(
     a picture are recorded as missing. Nothing is written unless all of it is good.
     """
     on, off = _by_laser(pictures, lit, dark, laser)
-    at = parse_angles(angles)
+    at = workflows.parse_angles(angles)
     with progress_bar() as bar:
-        done = import_pictures(on, output, at, dark=off, rig=rig, options=options, progress=bar)
-    _tell(done)
+        _tell(workflows.import_pictures(on, output, at, dark=off, rig=rig, options=options,
+                                        progress=bar))  # fmt: skip
 
 
 def _by_laser(
@@ -80,7 +80,7 @@ def _by_laser(
     return on, off
 
 
-def _tell(done: ImportedScan) -> None:
+def _tell(done: workflows.ImportedScan) -> None:
     plan = done.plan
     kind = "colour" if plan.channels == 3 else "grey"
     click.echo(

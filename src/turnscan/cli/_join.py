@@ -6,19 +6,12 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import flags_of
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import format_options
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._show import show_result
-from turnscan.workflows import (
-    UNITS,
-    ExportOptions,
-    ReconstructOptions,
-    check_targets,
-    join,
-    read_rig_file,
-)
 
 _path = click.Path(path_type=Path)
 
@@ -51,10 +44,10 @@ _path = click.Path(path_type=Path)
 @click.option(
     "--rig", "rig_path", type=_path, help="rig.json.  [default: the one stored in each scan]"
 )
-@flags_of(ReconstructOptions)
+@flags_of(workflows.ReconstructOptions)
 @click.option(
     "--unit",
-    type=click.Choice(list(UNITS)),
+    type=click.Choice(list(workflows.UNITS)),
     default="m",
     show_default=True,
     help="Unit of range scans (.ply and .conf input); results are always mm.",
@@ -69,8 +62,8 @@ def verb(
     rig_path: Path | None,
     unit: str,
     report: Path | None,
-    options: ReconstructOptions,
-    formats: ExportOptions,
+    options: workflows.ReconstructOptions,
+    formats: workflows.ExportOptions,
 ) -> None:
     """Register several poses of one part and write them as one surface.
 
@@ -80,10 +73,10 @@ def verb(
     overlap, or fit in several ways.
     """
     inputs = [*sources, *(p for p in (rig_path, points_path) if p is not None)]
-    check_targets(outputs, inputs, report, unit)
-    rig = None if rig_path is None else read_rig_file(rig_path)
+    workflows.check_targets(outputs, inputs, report, unit)
+    rig = None if rig_path is None else workflows.read_rig_file(rig_path)
     with progress_bar() as progress:
-        result = join(
+        result = workflows.join(
             sources, options, points=points_path, markers=diameter, rig=rig, unit=unit,
             progress=progress,
         )  # fmt: skip

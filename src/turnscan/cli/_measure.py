@@ -7,17 +7,17 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import flags_of
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._words import with_flags
-from turnscan.workflows import MeasureOptions, measure
 
 
 @click.command("measure")
 @click.argument("file", type=click.Path(path_type=Path))
-@flags_of(MeasureOptions)
+@flags_of(workflows.MeasureOptions)
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, unrounded.")
-def verb(file: Path, options: MeasureOptions, as_json: bool) -> None:
+def verb(file: Path, options: workflows.MeasureOptions, as_json: bool) -> None:
     """Measure the mesh in FILE (.ply .stl .obj .3mf .glb .dxf, mm), or the scan (.turnscan).
 
     A scan is reconstructed with its own settings. Only what was measured is fitted, no vertex of a
@@ -26,7 +26,7 @@ def verb(file: Path, options: MeasureOptions, as_json: bool) -> None:
     the fit; what a wrong calibration does to all points alike is not in them.
     """
     with progress_bar() as progress:
-        found = measure(file, options, progress=progress)
+        found = workflows.measure(file, options, progress=progress)
     for finding in found.findings:
         click.echo(with_flags(finding), err=True)
     click.echo(json.dumps(found.figures, indent=1) if as_json else str(found))

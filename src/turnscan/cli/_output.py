@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from turnscan.workflows import ExportOptions
+from turnscan import workflows
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -39,7 +39,7 @@ def format_options(command: Command) -> Command:
     def with_options(
         *args: Any, forms: Any, version: Any, text: bool, single: bool, **others: Any
     ) -> Any:
-        options = ExportOptions(
+        options = workflows.ExportOptions(
             dxf_forms=tuple(dict.fromkeys(forms)),
             dxf_version=version or ("R2010" if "mesh" in forms else "R12"),
             ascii=text,

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import flags_of, values_given
-from turnscan.workflows import ReconstructOptions, ReconstructResult, options_of
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -23,20 +23,20 @@ def settings_options(command: Command) -> Command:
         help="Settings that the options of this command modify: those stored in the scan by its "
         "last reconstruction, or the defaults.  [default: own without such options, default with]",
     )
-    return flags_of(ReconstructOptions)(base(command))
+    return flags_of(workflows.ReconstructOptions)(base(command))
 
 
 def chosen_options(
-    source: Path, options: ReconstructOptions, base: str | None
-) -> ReconstructOptions | None:
+    source: Path, options: workflows.ReconstructOptions, base: str | None
+) -> workflows.ReconstructOptions | None:
     """The options to reconstruct with; None for the scan's own."""
-    named = values_given(ReconstructOptions, options)
+    named = values_given(workflows.ReconstructOptions, options)
     if base == "own":
-        return options_of(source, **named)
+        return workflows.options_of(source, **named)
     return options if named or base == "default" else None
 
 
-def show_own(result: ReconstructResult) -> None:
+def show_own(result: workflows.ReconstructResult) -> None:
     """Say what the scan's own settings are, where they are not the usual ones."""
     own = ", ".join(f"{name}={value}" for name, value in result.options.changed().items())
     if own:

@@ -3,46 +3,23 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
 from contextlib import contextmanager
+
+import click
 
 from turnscan.progress import Progress, no_progress
 
 
 @contextmanager
-def progress(what: str, total: int | None) -> Iterator[Callable[[], None]]:
-    """Show a bar on stderr while the block runs, if that is a terminal; yields its tick.
+def progress_bar(*, lines: bool = False) -> Iterator[Progress]:
+    """Show how far a workflow is on stderr while the block runs.
 
-    ``total`` is the number of ticks, None where nobody knows.
+    Where that is no terminal nothing is shown, or, with ``lines``, a line each tenth of the work.
     """
     if not sys.stderr.isatty():
-        yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda: bar.advance(task)
-
-
-@contextmanager
-def progress_bar() -> Iterator[Progress]:
-    """Show how far a workflow is on stderr while the block runs, if that is a terminal."""
-    if not sys.stderr.isatty():
-        yield no_progress
+        yield _tenths() if lines else no_progress
         return
     from rich import progress as rich
     from rich.console import Console
@@ -60,3 +37,16 @@ def progress_bar() -> Iterator[Progress]:
             bar.update(task, completed=fraction, description=text)
 
         yield Progress(show)
+
+
+def _tenths() -> Progress:
+    began, said = time.monotonic(), 0
+
+    def show(fraction: float, text: str) -> None:
+        nonlocal said
+        if int(10 * fraction) > said:
+            said = int(10 * fraction)
+            left = (time.monotonic() - began) * (1 / fraction - 1)
+            click.echo(f"{text}, {left:.0f} s left", err=True)
+
+    return Progress(show)

@@ -6,19 +6,13 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import given
 from turnscan.cli._output import format_options
 from turnscan.cli._own_settings import chosen_options, settings_options, show_own
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._show import show_result
 from turnscan.errors import InputError
-from turnscan.workflows import (
-    ExportOptions,
-    ReconstructOptions,
-    check_targets,
-    read_rig_file,
-    reconstruct,
-)
 
 _OF_PICTURES = (
     "rig_path", "strategy", "choose", "threshold", "spacing", "spacing_by", "spacing_between",
@@ -63,12 +57,12 @@ def verb(
     source: Path,
     outputs: tuple[Path, ...],
     rig_path: Path | None,
-    options: ReconstructOptions,
+    options: workflows.ReconstructOptions,
     base: str | None,
     unit: str,
     edits: str,
     report: Path | None,
-    formats: ExportOptions,
+    formats: workflows.ExportOptions,
 ) -> None:
     """Turn SOURCE into a surface and write it; each file is read back and compared.
 
@@ -83,11 +77,11 @@ def verb(
         raise InputError(said, hint="leave it out")
     inputs = [source] if rig_path is None else [source, rig_path]
     inputs += [] if edits in ("own", "none") else [Path(edits)]
-    check_targets(outputs, inputs, report, unit)
-    rig = None if rig_path is None else read_rig_file(rig_path)
+    workflows.check_targets(outputs, inputs, report, unit)
+    rig = None if rig_path is None else workflows.read_rig_file(rig_path)
     chosen = options if ranges else chosen_options(source, options, base)
     with progress_bar() as progress:
-        result = reconstruct(
+        result = workflows.reconstruct(
             source, chosen, rig=rig, edits=edits, unit=unit, store=True, progress=progress
         )
     if chosen is None:

@@ -7,15 +7,9 @@ from typing import Literal
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._numbers import Finite
 from turnscan.cli._progress import progress_bar
-from turnscan.workflows import (
-    SECTION_SUFFIXES,
-    check_apart,
-    check_output,
-    cuts_of,
-    section,
-)
 
 
 @click.command("section")
@@ -47,7 +41,7 @@ from turnscan.workflows import (
     required=True,
     multiple=True,
     type=click.Path(path_type=Path),
-    help=f"File to write: {' '.join(SECTION_SUFFIXES)}. May be repeated.",
+    help=f"File to write: {' '.join(workflows.SECTION_SUFFIXES)}. May be repeated.",
 )
 @click.option(
     "--dxf-version",
@@ -74,12 +68,12 @@ def verb(
     of their own. Several sections are placed side by side in a DXF, and on a sheet each in SVG and
     PDF; the JSON holds every point with its sigma.
     """
-    check_apart(outputs)
+    workflows.check_apart(outputs)
     for path in outputs:
-        check_output(path, SECTION_SUFFIXES, inputs=[part])
-    cuts = cuts_of(planes, half_planes)
+        workflows.check_output(path, workflows.SECTION_SUFFIXES, inputs=[part])
+    cuts = workflows.cuts_of(planes, half_planes)
     with progress_bar() as bar:
-        sections = section(part, cuts, tolerance, bar)
+        sections = workflows.section(part, cuts, tolerance, bar)
     sections.save(*outputs, version=version)
     click.echo(sections)
     for path in outputs:

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._words import with_flags
-from turnscan.workflows import ExportOptions, ReconstructResult
 
 
 def show_result(
-    result: ReconstructResult, outputs: Sequence[Path], report: Path | None, formats: ExportOptions
+    result: workflows.ReconstructResult,
+    outputs: Sequence[Path],
+    report: Path | None,
+    formats: workflows.ExportOptions,
 ) -> None:
     """Print what was found, write the outputs and the report; exit code 1 where one is an error.
 

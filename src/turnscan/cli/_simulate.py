@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
+from turnscan import workflows
 from turnscan.cli._flags import flags_of
 from turnscan.cli._progress import progress_bar
-from turnscan.workflows import SimulateOptions, simulate
 
 
 @click.command("simulate")
@@ -20,8 +20,8 @@ from turnscan.workflows import SimulateOptions, simulate
     type=click.Path(path_type=Path),
     help="Scan file (.turnscan), or a new folder for pictures, angles.csv and rig.json.",
 )
-@flags_of(SimulateOptions)
-def verb(scene: str, output: Path, options: SimulateOptions) -> None:
+@flags_of(workflows.SimulateOptions)
+def verb(scene: str, output: Path, options: workflows.SimulateOptions) -> None:
     """Scan SCENE with a simulated rig.
 
     SCENE is a part (cup, head, bust, sphere, shaft, …), a board (charuco, chessboard), a mesh
@@ -29,6 +29,6 @@ def verb(scene: str, output: Path, options: SimulateOptions) -> None:
     knows. The same arguments always give the same pictures. The scan file holds the true rig.
     """
     with progress_bar() as bar:
-        done = simulate(scene, output, options, bar)
+        done = workflows.simulate(scene, output, options, bar)
     what = f"{done.steps} steps × {', '.join(done.lasers)}, {done.exposure:g} s exposure"
     click.echo(f"{output}: {done.scene} on rig {done.rig}, {what}")

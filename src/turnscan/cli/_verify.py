@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
-from turnscan.cli._progress import progress
+from turnscan import workflows
+from turnscan.cli._progress import progress_bar
 from turnscan.errors import InputError
-from turnscan.workflows import check_apart, check_output, read_rig_file, write_atomically
 
 _path = click.Path(path_type=Path)
 
@@ -54,31 +54,31 @@ def verb(
     if trend is not None and history is None:
         raise InputError(f"{trend}: a trend chart needs a history", hint="give --history FILE")
     outputs = [*reports, *(p for p in (trend, history) if p is not None)]
-    check_apart(outputs)
+    workflows.check_apart(outputs)
     for path in reports:
-        check_output(path, (".html", ".json"), inputs)
+        workflows.check_output(path, (".html", ".json"), inputs)
     if trend is not None:
-        check_output(trend, (".png",), inputs)
+        workflows.check_output(trend, (".png",), inputs)
     if history is not None:
-        check_output(history, (), inputs)
+        workflows.check_output(history, (), inputs)
     when = date.replace(tzinfo=UTC) if date is not None else datetime.now(UTC)
-    with progress("verifying", None) as tick:
+    with progress_bar() as bar:
         done = verify(
             scans,
             artefact,
             time=when.timestamp(),
-            rig=None if rig_path is None else read_rig_file(rig_path),
+            rig=None if rig_path is None else workflows.read_rig_file(rig_path),
             limits=dict(map(_limit, limits)),
             history=history,
-            tick=tick,
+            progress=bar,
         )
     from turnscan.cli._verify_report import lines, report_html, trend_picture
 
     for path in reports:
         text = report_html(done) if path.suffix.lower() == ".html" else verification_json(done)
-        write_atomically(path, text.encode())
+        workflows.write_atomically(path, text.encode())
     if trend is not None:
-        write_atomically(trend, trend_picture(done))
+        workflows.write_atomically(trend, trend_picture(done))
     click.echo(verification_json(done) if as_json else "\n".join(lines(done)))
     if not done.passed:
         sys.exit(1)

@@ -8,6 +8,14 @@ from turnscan.errors import TurnscanError
 from turnscan.findings import Finding
 from turnscan.remedy import Option, Remedy
 
+_FLAGS = {"exposures": "--exposure", "lamps": "--lamp"}
+"""Flags whose names are not those of the options: what may be given several times."""
+
+
+def flag_of(name: str) -> str:
+    """The flag of an option."""
+    return _FLAGS.get(name) or "--" + name.replace("_", "-")
+
 
 def error_line(error: TurnscanError) -> str:
     """An error as one line: what is wrong, and what to do."""
@@ -27,5 +35,5 @@ def _worded(remedy: str | Remedy) -> str:
 
 
 def _flag(option: Option) -> str:
-    flag = "--" + option.name.replace("_", "-")
+    flag = flag_of(option.name)
     return flag if option.value is None else f"{flag} {option.value_text}"

@@ -41,7 +41,7 @@ class Picamera2Camera:
             self._camera = library.Picamera2(int(where))
         except IndexError:
             raise DeviceNotFound(
-                f"{self._name}: no such camera", hint="see rpicam-hello --list-cameras"
+                f"{self._name}: no such camera", hint="rpicam-hello lists those there are"
             ) from None
         except RuntimeError as e:
             raise DeviceRefused(
@@ -128,6 +128,6 @@ def _library() -> Any:
         raise DeviceNotFound(
             "picamera2: the library is not installed",
             hint="on a Raspberry Pi: apt install python3-picamera2, and make the virtual "
-            "environment with --system-site-packages",
+            "environment with access to the site packages of the system",
         ) from None
     return picamera2

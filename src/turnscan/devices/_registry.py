@@ -13,6 +13,7 @@ from urllib.parse import parse_qsl, unquote
 
 from turnscan.devices._protocols import Lasers, Turntable
 from turnscan.errors import DeviceError, DeviceNotFound, InputError, TurnscanError
+from turnscan.remedy import Option, Remedy
 
 TURNTABLES, LASERS = "turnscan.turntables", "turnscan.lasers"
 """The entry-point groups. An entry is a function from the whole address to the device."""
@@ -78,7 +79,9 @@ def acknowledge_alarm(address: str) -> tuple[bool, bool]:
     table: Any = open_turntable(address)
     try:
         if not hasattr(table, "look_over"):
-            raise InputError(f"{address}: has no alarms", hint="it needs no --acknowledge")
+            raise InputError(
+                f"{address}: has no alarms", hint=Remedy("it needs no ", Option("acknowledge"))
+            )
         alarm = bool(table.alarm)
         return alarm, table.look_over()
     finally:

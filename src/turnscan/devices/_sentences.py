@@ -14,6 +14,7 @@ from turnscan.errors import (
     InterlockOpen,
     TurnscanError,
 )
+from turnscan.remedy import Option, Remedy
 
 LONGEST_LINE = 256
 
@@ -74,25 +75,24 @@ def locked(port: str, said: str) -> DeviceAlarm:
     )
 
 
-def look_and_acknowledge(port: str) -> str:
+def look_and_acknowledge(port: str) -> Remedy:
     """What a person does about an alarm."""
-    return f"inspect the machine, then {_acknowledge(port)}"
+    return Remedy("inspect the machine, then ", *_acknowledge(port))
 
 
-def _acknowledge(port: str) -> str:
+def _acknowledge(port: str) -> tuple[str, Option]:
     """The command that ends an alarm; a program that has the port open is in its way."""
-    return (
-        "disconnect from it (in the browser: Disconnect) and run turnscan devices "
-        f"{port} --acknowledge"
-    )
+    words = f"disconnect whatever uses its port, in a browser too, and run turnscan devices {port} "
+    return words, Option("acknowledge")
 
 
-def lost_place(port: str) -> str:
+def lost_place(port: str) -> Remedy:
     """What a person does about a table that nobody knows the angle of."""
-    return (
-        f"its position is lost: {_acknowledge(port)}, then start a new scan, or turn the table "
-        f"to a mark "
-        "and resume with --at-deg"
+    return Remedy(
+        "its position is lost: ",
+        *_acknowledge(port),
+        ", then start a new scan, or turn the table to a mark and resume with ",
+        Option("at_deg"),
     )
 
 
@@ -100,7 +100,7 @@ def door_open(port: str) -> InterlockOpen:
     """What a door that opens means: it never goes on by itself."""
     return InterlockOpen(
         f"{port}: the door or the interlock is open",
-        hint=f"close it, {look_and_acknowledge(port)}",
+        hint=Remedy("close it, ", *look_and_acknowledge(port).parts),
     )
 
 

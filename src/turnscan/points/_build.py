@@ -13,6 +13,7 @@ from turnscan.errors import InputError
 from turnscan.points._grid import RangeGrid
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
 from turnscan.points._wholeness import Light, wholeness
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Stripe, StripeFlag
 
@@ -43,7 +44,7 @@ def build_grid(
     if not stripes:
         raise InputError(
             f"laser {laser}: no frame with a picture and a table angle",
-            hint="import the pictures again with --angles",
+            hint=Remedy("import the pictures again with ", Option("angles")),
         )
     if not (len(stripes) == turns.size == np.size(steps)):
         raise InputError(

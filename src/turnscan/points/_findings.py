@@ -11,6 +11,7 @@ from turnscan.points._grid import RangeGrid
 from turnscan.points._sweep import Swept
 from turnscan.points._triangulate import beyond_axis
 from turnscan.points._volume import Volume
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
 
@@ -24,14 +25,18 @@ _WORDS = (
         StripeFlag.HALO,
         "halo",
         "lie in a halo that shifts them by more than their sigma",
-        "compare --strategy blais-rioux, which uses only the core of the stripe",
+        Remedy(
+            "compare ",
+            Option("strategy", "blais-rioux"),
+            ", which uses only the core of the stripe",
+        ),
     ),
     (StripeFlag.GRAZING, "grazing", "are seen at a grazing angle", "their sigma is larger"),
     (
         StripeFlag.AMBIGUOUS,
         "ambiguous",
         "had another candidate",
-        "select the candidate with --choose",
+        Remedy("select the candidate with ", Option("choose")),
     ),
 )
 
@@ -57,7 +62,13 @@ def grid_findings(
                 "error",
                 f"{cause} ({volume})",
                 where,
-                "check the rig, --radius and --z-min, or the threshold",
+                Remedy(
+                    "check the rig, ",
+                    Option("radius"),
+                    " and ",
+                    Option("z_min"),
+                    ", or the threshold",
+                ),
             )
         ]
     out = [
@@ -131,7 +142,11 @@ def together_findings(
         f"{either.mean():.0%} of the points could be another laser's, seen beyond the axis and "
         f"lower; so seen, what stands highest ({highest:.1f} mm) may not be there"
     )
-    remedy = "give the part's height with --z-max, or scan with one laser after the other"
+    remedy = Remedy(
+        "give the part's height with ",
+        Option("z_max"),
+        ", or scan with one laser after the other",
+    )
     return [Finding("points.together", "warning", text, f"laser {grid.laser}", remedy)]
 
 
@@ -153,12 +168,13 @@ def swept_findings(laser: str, swept: Swept, asked: bool) -> list[Finding]:
     why = f"no point refined: a step moves the surface by {swept.arc:.2f} mm; "
     if swept.arc > swept.most:
         text = f"{why}at most {swept.most:.2f} mm is possible with a sheet of light this thin"
-        remedy = f"take {swept.arc / swept.most:.1f} times as many steps, or leave --refine out"
+        more = f"take {swept.arc / swept.most:.1f} times as many steps"
+        remedy = Remedy(f"{more}, or leave ", Option("refine"), " out")
     else:
         text = (
             f"{why}so near the axis it stays in the sheet of light, {swept.thickness:.2f} mm thick"
         )
-        remedy = "place the part further out, or leave --refine out"
+        remedy = Remedy("place the part further out, or leave ", Option("refine"), " out")
     return [Finding("points.not-refined", "warning", text, where, remedy)]
 
 

@@ -16,6 +16,7 @@ from turnscan.poses._freedom import Freedom, covariance, freedoms, held_motions,
 from turnscan.poses._links import Links
 from turnscan.poses._refine import Equations, all_links, equations, refine, samples_of
 from turnscan.poses._view import View, coarse
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
 
 _SAMPLES = 12_000
@@ -149,8 +150,12 @@ def check(found: Alignment, *, by_shape: bool = False) -> None:
             loose = next(str(k) for k in found.freedoms if k.view == i)
             raise InputError(
                 f"{name}: its overlap with the other poses has too little relief: {loose} is open",
-                hint="scan poses that overlap in more than flat or round sides, or pick point "
-                "pairs (--points)",
+                hint=Remedy(
+                    "scan poses that overlap in more than flat or round sides, "
+                    "or pick point pairs (",
+                    Option("points"),
+                    ")",
+                ),
             )
         if f.shared < LEAST:
             raise InputError(

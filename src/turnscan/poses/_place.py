@@ -15,6 +15,7 @@ from turnscan.poses._freedom import explains, freedoms
 from turnscan.poses._match import Sampled, placements, sampled
 from turnscan.poses._refine import all_links, equations, refine, samples_of
 from turnscan.poses._view import View, coarse
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
 
 _TRIED = 20
@@ -175,10 +176,18 @@ def _nowhere(views: Sequence[View], placed: Placed, unclear: Sequence[int]) -> I
     if unclear:
         return InputError(
             f"{views[unclear[0]].name}: fits {there} in several ways",
-            hint="pick at least three point pairs that tell them apart (--points)",
+            hint=Remedy(
+                "pick at least three point pairs that tell them apart (",
+                Option("points"),
+                ")",
+            ),
         )
     lost = ", ".join(v.name for k, v in enumerate(views) if k not in placed)
     return InputError(
         f"{lost}: no place where its surface agrees with {there}",
-        hint="scan poses that overlap by a third, pick point pairs (--points), or leave it out",
+        hint=Remedy(
+            "scan poses that overlap by a third, pick point pairs (",
+            Option("points"),
+            "), or leave it out",
+        ),
     )

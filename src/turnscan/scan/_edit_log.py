@@ -13,6 +13,7 @@ from pathlib import Path
 
 from turnscan.errors import InputError, ScanCorrupt
 from turnscan.json_text import JSON_BYTES
+from turnscan.remedy import Option, Remedy
 from turnscan.scan._storage import storage
 
 MOST_ENTRIES = 1_000_000
@@ -84,5 +85,5 @@ def _entry(number: int, time: float, text: str, before: bytes) -> LogEntry:
 def _damaged(path: Path, what: str) -> ScanCorrupt:
     return ScanCorrupt(
         f"{path}: damaged: {what}",
-        hint="reconstruct with --edits none, or take a copy from a backup",
+        hint=Remedy("reconstruct with ", Option("edits", "none"), ", or take a copy from a backup"),
     )

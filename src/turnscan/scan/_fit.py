@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from turnscan.errors import InputError
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig
 from turnscan.scan._file import Scan
 
@@ -19,7 +20,7 @@ def rig_for(scan: Scan, rig: Rig | None = None) -> Rig:
     """
     used = rig or scan.rig
     if used is None:
-        raise InputError(f"{scan.path}: no rig in it", hint="give one with --rig")
+        raise InputError(f"{scan.path}: no rig in it", hint=Remedy("give one with ", Option("rig")))
     missing = {n for name in scan.plan.lasers for n in lit_in(name, used)} - {
         s.name for s in used.sheets
     }

@@ -3,8 +3,24 @@
 from turnscan.scanner._doctor import Diagnosis, TableFacts, examine
 from turnscan.scanner._examine import CameraFacts, Examination, LaserFacts
 from turnscan.scanner._identify_lasers import Seen, which_laser
-from turnscan.scanner._open import DEFAULT_DEVICE, Addresses, Opened, opened
-from turnscan.scanner._photograph import LONGEST_PAUSE, MOST_PICTURES, Series, Shot, photograph
+from turnscan.scanner._open import Addresses, Opened, opened
+from turnscan.scanner._photograph import (
+    LONGEST_PAUSE,
+    MOST_PICTURES,
+    Series,
+    Shot,
+    photograph,
+)
+from turnscan.scanner._prepare import (
+    USUAL_SECONDS,
+    USUAL_STEPS,
+    Prepared,
+    ScanRequest,
+    laser_colour,
+    plan_of,
+    prepare,
+    stops_of,
+)
 from turnscan.scanner._resume import (
     acquisition_of,
     check_space,
@@ -13,20 +29,8 @@ from turnscan.scanner._resume import (
     steps_left,
 )
 from turnscan.scanner._verified import USUAL_DAYS, verification_findings
-from turnscan.scanner._wishes import (
-    USUAL_SECONDS,
-    USUAL_STEPS,
-    Prepared,
-    Wishes,
-    exact_degrees,
-    laser_colour,
-    plan_of,
-    prepare,
-    stops_of,
-)
 
 __all__ = [
-    "DEFAULT_DEVICE",
     "LONGEST_PAUSE",
     "MOST_PICTURES",
     "USUAL_DAYS",
@@ -39,14 +43,13 @@ __all__ = [
     "LaserFacts",
     "Opened",
     "Prepared",
+    "ScanRequest",
     "Seen",
     "Series",
     "Shot",
     "TableFacts",
-    "Wishes",
     "acquisition_of",
     "check_space",
-    "exact_degrees",
     "examine",
     "forget_bad",
     "hardware_to_resume",

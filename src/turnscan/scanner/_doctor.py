@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from turnscan.findings import Finding
 from turnscan.scanner._examine import CameraFacts, Examination, LaserFacts
 from turnscan.scanner._open import Opened
-from turnscan.scanner._wishes import USUAL_SECONDS
+from turnscan.scanner._prepare import USUAL_SECONDS
 
 _LIES = 0.02
 _FLICKER = 0.005

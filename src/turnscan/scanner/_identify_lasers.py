@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from turnscan.scanner._examine import Examination
 from turnscan.scanner._open import Opened
-from turnscan.scanner._wishes import USUAL_SECONDS
+from turnscan.scanner._prepare import USUAL_SECONDS
 
 _FEW = 0.05
 """Share of the lines with a stripe below which a laser was not seen."""

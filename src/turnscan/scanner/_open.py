@@ -11,9 +11,6 @@ from turnscan.devices import Steady, open_camera, open_devices
 from turnscan.errors import InputError
 from turnscan.rig import Rig
 
-DEFAULT_DEVICE = "sim:cup?seed=7"
-"""Where nobody says anything else."""
-
 
 @dataclass(frozen=True)
 class Addresses:
@@ -28,6 +25,7 @@ class Addresses:
 class Opened:
     """Devices, and what only a simulated rig knows."""
 
+    at: Addresses
     hardware: Hardware
     seconds: float | None = None
     """The exposure that suits it."""
@@ -51,15 +49,15 @@ def opened(at: Addresses) -> Iterator[Opened]:
                 "a simulated rig is camera, turntable and lasers in one",
                 hint="give sim:… alone, for all three",
             )
-        yield _bench(at.camera)
+        yield _bench(at)
         return
     with open_devices(at.turntable, at.lasers) as board, open_camera(at.camera) as camera:
-        yield Opened(Hardware(Steady(camera), board.turntable, board.lasers))
+        yield Opened(at, Hardware(Steady(camera), board.turntable, board.lasers))
 
 
-def _bench(address: str) -> Opened:
+def _bench(at: Addresses) -> Opened:
     from turnscan.simulate import simulated
 
-    bench = simulated(address)
+    bench = simulated(at.camera)
     hardware = Hardware(bench.camera, bench.turntable, bench.lasers)
-    return Opened(hardware, bench.seconds, bench.steps, bench.world.bench.rig)
+    return Opened(at, hardware, bench.seconds, bench.steps, bench.world.bench.rig)

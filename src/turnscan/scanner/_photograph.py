@@ -12,7 +12,7 @@ from turnscan.arrays import Image
 from turnscan.errors import InputError
 from turnscan.scanner._examine import Examination
 from turnscan.scanner._open import Opened
-from turnscan.scanner._wishes import SETTLE, USUAL_SECONDS, stops_of
+from turnscan.scanner._prepare import SETTLE, USUAL_SECONDS, stops_of
 
 MOST_PICTURES = 400
 LONGEST_PAUSE = 60.0

@@ -6,6 +6,7 @@ from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._soundness import soundness
 from turnscan.mesh._topology import boundary_loops, is_closed
+from turnscan.remedy import Option, Remedy
 
 
 def mesh_findings(
@@ -15,15 +16,16 @@ def mesh_findings(
     out = []
     if islands:
         text = f"{islands} loose pieces with {island_faces} faces in all were removed"
-        out.append(Finding("surface.islands", "note", text, "", "keep them with --island 0"))
+        keep = Remedy("keep them with ", Option("island", 0))
+        out.append(Finding("surface.islands", "note", text, "", keep))
     if not len(mesh.faces):
-        remedy = "finer steps, or a looser working volume"
-        return [*out, Finding("surface.none", "error", "no face could be formed", "", remedy)]
+        finer = "finer steps, or a looser working volume"
+        return [*out, Finding("surface.none", "error", "no face could be formed", "", finer)]
     out += soundness(mesh)
     if not is_closed(mesh):
         loops = boundary_loops(mesh)
         longest = len(loops[0]) if loops else 0
         text = f"the surface has {len(loops)} boundaries, the longest of {longest} edges"
-        remedy = "" if closed else "close them with --close"
+        remedy = "" if closed else Remedy("close them with ", Option("close"))
         out.append(Finding("surface.open", "note", text, "", remedy))
     return out

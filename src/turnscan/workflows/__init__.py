@@ -14,12 +14,30 @@ if TYPE_CHECKING:
     from turnscan.workflows._artefact import PAPERS, TARGET, artefact
     from turnscan.workflows._calibrate import CalibratedRig, CalibrationPictures, calibrate
     from turnscan.workflows._calibrate_options import CalibrateOptions
+    from turnscan.workflows._capture import CapturedPicture, CapturedPictures, capture
+    from turnscan.workflows._capture_options import CaptureOptions
     from turnscan.workflows._check import CheckedLaser, CheckedScan, check
     from turnscan.workflows._check_mesh import CheckedMesh
     from turnscan.workflows._compare import Agreement, Comparison, compare
     from turnscan.workflows._declare import Declared, declared
+    from turnscan.workflows._demo import Demonstration, demo
+    from turnscan.workflows._demo_options import DemoOptions
     from turnscan.workflows._design import DesignedRig, design, published_design
     from turnscan.workflows._design_options import DesignOptions, parse_theta
+    from turnscan.workflows._device_options import DEFAULT_DEVICE, DeviceOptions
+    from turnscan.workflows._devices import (
+        Acknowledged,
+        FoundDevices,
+        acknowledge,
+        find_devices,
+        identify_lasers,
+        lasers_in_words,
+    )
+    from turnscan.workflows._doctor import diagnosis_json, diagnosis_lines, doctor
+    from turnscan.workflows._doctor_options import DoctorOptions
+    from turnscan.workflows._edits import EditChanges, KeptEdits, edits
+    from turnscan.workflows._emulate import EmulatedDevices, EmulatedLog, emulate
+    from turnscan.workflows._emulate_options import EmulateOptions
     from turnscan.workflows._export import Exported, export
     from turnscan.workflows._files import (
         check_apart,
@@ -38,19 +56,42 @@ if TYPE_CHECKING:
     from turnscan.workflows._import_pictures import ImportedScan, import_pictures
     from turnscan.workflows._join import join
     from turnscan.workflows._kept_options import kept_options, options_of
-    from turnscan.workflows._measure import Measured, MeasureOptions, measure
+    from turnscan.workflows._measure import Measured, measure
+    from turnscan.workflows._measure_options import MeasureOptions
     from turnscan.workflows._opening import OpenScan, open_scan
-    from turnscan.workflows._reading import UNITS, read_mesh_file, read_rig_file
+    from turnscan.workflows._reading import read_mesh_file, read_rig_file
     from turnscan.workflows._reconstruct import reconstruct
     from turnscan.workflows._reconstruct_options import ReconstructOptions
     from turnscan.workflows._report import about
     from turnscan.workflows._result import ReconstructResult
     from turnscan.workflows._saving import save
+    from turnscan.workflows._scan import (
+        PlannedScan,
+        ScanLeft,
+        TakenScan,
+        opened_devices,
+        resume,
+        scan,
+        scan_left,
+    )
+    from turnscan.workflows._scan_options import ScanOptions
     from turnscan.workflows._section import section
-    from turnscan.workflows._sections import SECTION_SUFFIXES, Sections, cuts_of
-    from turnscan.workflows._simulate import SimulatedScan, SimulateOptions, simulate
+    from turnscan.workflows._sections import Sections, cuts_of
+    from turnscan.workflows._selection_rules import SELECTION_RULES
+    from turnscan.workflows._simulate import SimulatedScan, simulate
+    from turnscan.workflows._simulate_options import SimulateOptions
     from turnscan.workflows._stripes import ScanStripes
     from turnscan.workflows._targets import check_targets
+    from turnscan.workflows._types import (
+        LONGEST_PAUSE,
+        MOST_PICTURES,
+        Opened,
+        ScanControl,
+        Shot,
+        photograph,
+        scan_events,
+    )
+    from turnscan.workflows._units import SECTION_SUFFIXES, UNITS
     from turnscan.workflows._verify import (
         Trend,
         Verification,
@@ -61,28 +102,35 @@ if TYPE_CHECKING:
     )
 
 _MODULES = {
-    "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
-    "_compare": ("Agreement", "Comparison", "compare"),
-    "_declare": ("Declared", "declared"),
-    "_export": ("Exported", "export"),
-    "_join": ("join",),
-    "_kept_options": ("kept_options", "options_of"),
-    "_measure": ("MeasureOptions", "Measured", "measure"),
-    "_opening": ("OpenScan", "open_scan"),
-    "_reading": ("UNITS", "read_mesh_file", "read_rig_file"),
-    "_reconstruct": ("reconstruct",),
-    "_reconstruct_options": ("ReconstructOptions",),
-    "_report": ("about",),
-    "_result": ("ReconstructResult",),
-    "_saving": ("ExportOptions", "save"),
-    "_stripes": ("ScanStripes",),
-    "_targets": ("check_targets",),
+    "_artefact": ("PAPERS", "TARGET", "artefact"),
     "_calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
     "_calibrate_options": ("CalibrateOptions",),
+    "_capture": ("CapturedPicture", "CapturedPictures", "capture"),
+    "_capture_options": ("CaptureOptions",),
     "_check": ("CheckedLaser", "CheckedScan", "check"),
     "_check_mesh": ("CheckedMesh",),
+    "_compare": ("Agreement", "Comparison", "compare"),
+    "_declare": ("Declared", "declared"),
+    "_demo": ("Demonstration", "demo"),
+    "_demo_options": ("DemoOptions",),
     "_design": ("DesignedRig", "design", "published_design"),
     "_design_options": ("DesignOptions", "parse_theta"),
+    "_device_options": ("DEFAULT_DEVICE", "DeviceOptions"),
+    "_devices": (
+        "Acknowledged",
+        "FoundDevices",
+        "acknowledge",
+        "find_devices",
+        "identify_lasers",
+        "lasers_in_words",
+    ),
+    "_doctor": ("diagnosis_json", "diagnosis_lines", "doctor"),
+    "_doctor_options": ("DoctorOptions",),
+    "_edits": ("EditChanges", "KeptEdits", "edits"),
+    "_emulate": ("EmulatedDevices", "EmulatedLog", "emulate"),
+    "_emulate_options": ("EmulateOptions",),
+    "_export": ("Exported", "export"),
+    "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
     "_import_options": (
         "AngleSource",
         "EvenSteps",
@@ -92,10 +140,44 @@ _MODULES = {
         "parse_angles",
     ),
     "_import_pictures": ("ImportedScan", "import_pictures"),
-    "_simulate": ("SimulateOptions", "SimulatedScan", "simulate"),
+    "_join": ("join",),
+    "_kept_options": ("kept_options", "options_of"),
+    "_measure": ("Measured", "measure"),
+    "_measure_options": ("MeasureOptions",),
+    "_opening": ("OpenScan", "open_scan"),
+    "_reading": ("read_mesh_file", "read_rig_file"),
+    "_reconstruct": ("reconstruct",),
+    "_reconstruct_options": ("ReconstructOptions",),
+    "_report": ("about",),
+    "_result": ("ReconstructResult",),
+    "_saving": ("ExportOptions", "save"),
+    "_scan": (
+        "PlannedScan",
+        "ScanLeft",
+        "TakenScan",
+        "opened_devices",
+        "resume",
+        "scan",
+        "scan_left",
+    ),
+    "_scan_options": ("ScanOptions",),
     "_section": ("section",),
-    "_sections": ("SECTION_SUFFIXES", "Sections", "cuts_of"),
-    "_artefact": ("PAPERS", "TARGET", "artefact"),
+    "_sections": ("Sections", "cuts_of"),
+    "_selection_rules": ("SELECTION_RULES",),
+    "_simulate": ("SimulatedScan", "simulate"),
+    "_simulate_options": ("SimulateOptions",),
+    "_stripes": ("ScanStripes",),
+    "_targets": ("check_targets",),
+    "_types": (
+        "LONGEST_PAUSE",
+        "MOST_PICTURES",
+        "Opened",
+        "ScanControl",
+        "Shot",
+        "photograph",
+        "scan_events",
+    ),
+    "_units": ("SECTION_SUFFIXES", "UNITS"),
     "_verify": (
         "Trend",
         "Verification",
@@ -108,44 +190,71 @@ _MODULES = {
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "DEFAULT_DEVICE",
+    "LONGEST_PAUSE",
+    "MOST_PICTURES",
     "PAPERS",
     "SECTION_SUFFIXES",
+    "SELECTION_RULES",
     "TARGET",
     "UNITS",
+    "Acknowledged",
     "Agreement",
     "AngleSource",
     "CalibrateOptions",
     "CalibratedRig",
     "CalibrationPictures",
+    "CaptureOptions",
+    "CapturedPicture",
+    "CapturedPictures",
     "CheckedLaser",
     "CheckedMesh",
     "CheckedScan",
     "Comparison",
     "Declared",
+    "DemoOptions",
+    "Demonstration",
     "DesignOptions",
     "DesignedRig",
+    "DeviceOptions",
+    "DoctorOptions",
+    "EditChanges",
+    "EmulateOptions",
+    "EmulatedDevices",
+    "EmulatedLog",
     "EvenSteps",
     "ExportOptions",
     "Exported",
+    "FoundDevices",
     "ImportOptions",
     "ImportedScan",
+    "KeptEdits",
     "ListedAngles",
     "MarkerAngles",
     "MeasureOptions",
     "Measured",
     "OpenScan",
+    "Opened",
+    "PlannedScan",
     "ReconstructOptions",
     "ReconstructResult",
+    "ScanControl",
+    "ScanLeft",
+    "ScanOptions",
     "ScanStripes",
     "Sections",
+    "Shot",
     "SimulateOptions",
     "SimulatedScan",
+    "TakenScan",
     "Trend",
     "Verification",
     "Verified",
     "about",
+    "acknowledge",
     "artefact",
     "calibrate",
+    "capture",
     "check",
     "check_apart",
     "check_output",
@@ -154,22 +263,37 @@ __all__ = [
     "compare",
     "cuts_of",
     "declared",
+    "demo",
     "design",
+    "diagnosis_json",
+    "diagnosis_lines",
+    "doctor",
+    "edits",
+    "emulate",
     "export",
+    "find_devices",
+    "identify_lasers",
     "import_pictures",
     "join",
     "kept_options",
+    "lasers_in_words",
     "measure",
     "open_scan",
+    "opened_devices",
     "options_of",
     "parse_angles",
     "parse_theta",
+    "photograph",
     "published_design",
     "read_artefact",
     "read_mesh_file",
     "read_rig_file",
     "reconstruct",
+    "resume",
     "save",
+    "scan",
+    "scan_events",
+    "scan_left",
     "section",
     "simulate",
     "verification_json",

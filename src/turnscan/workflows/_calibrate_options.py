@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import get_args
+from typing import TYPE_CHECKING
 
-from turnscan.calibrate import CalibrationSettings, aruco_dictionary, parse_board
 from turnscan.errors import InputError
 from turnscan.remedy import Option, Remedy
-from turnscan.stripes import Orientation
+from turnscan.workflows import _choices as choices
 from turnscan.workflows._declare import Checked, option
+
+if TYPE_CHECKING:
+    from turnscan.calibrate import CalibrationSettings
+    from turnscan.stripes import Orientation
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class CalibrateOptions(Checked):
         "vertical",
         "choice",
         "Orientation of the stripe in the picture.",
-        choices=get_args(Orientation),
+        choices=choices.ORIENTATION,
     )
 
     def __post_init__(self) -> None:
@@ -65,6 +68,8 @@ class CalibrateOptions(Checked):
 
     def settings(self) -> CalibrationSettings:
         """The settings of the calibration. Raises InputError for an unknown board or marker."""
+        from turnscan.calibrate import CalibrationSettings, parse_board
+
         dictionary, side = _markers(self.markers)
         return CalibrationSettings(
             dictionary=dictionary,
@@ -109,5 +114,7 @@ def _markers(text: str | None) -> tuple[str, float]:
         raise InputError(
             "no side in mm", hint="write DICT_4X4_50:30", option=Option("markers", text)
         )
+    from turnscan.calibrate import aruco_dictionary
+
     aruco_dictionary(name)
     return name, length

@@ -37,9 +37,19 @@ class Declared:
     """Of a text: refuses it with ValueError."""
     more: Callable[[], tuple[str, ...]] | None = None
     """Of a choice: what installed packages add, looked up when a value is none of ``choices``."""
+    many: bool = False
+    """Whether the value is a tuple of such values."""
 
     def trouble(self, value: object) -> str | None:
         """What is wrong with a value; None where nothing is."""
+        if not self.many:
+            return self.trouble_of_one(value)
+        if not isinstance(value, tuple):
+            return f"{value!r} is not a tuple"
+        return next(filter(None, map(self.trouble_of_one, value)), None)
+
+    def trouble_of_one(self, value: object) -> str | None:
+        """What is wrong with a value, one of several where there are; None where nothing is."""
         if value is None:
             return None if self.optional else "no value"
         match self.kind:
@@ -90,6 +100,7 @@ def option(
     optional: bool | None = None,
     parse: Callable[[str], object] | None = None,
     more: Callable[[], tuple[str, ...]] | None = None,
+    many: bool = False,
 ) -> Any:
     """A field of an option class; ``optional`` is whether None is a value, by the default."""
     declared = {
@@ -102,6 +113,7 @@ def option(
         "optional": default is None if optional is None else optional,
         "parse": parse,
         "more": more,
+        "many": many,
     }
     return field(default=default, metadata={"declared": declared})
 

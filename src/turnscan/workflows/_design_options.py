@@ -6,12 +6,15 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from turnscan.errors import InputError
 from turnscan.remedy import Option
-from turnscan.rig import PRESET_NAMES, Design, design_preset
+from turnscan.workflows import _choices as choices
 from turnscan.workflows._declare import Checked, option
+
+if TYPE_CHECKING:
+    from turnscan.rig import Design
 
 _MOST_ANGLES = 100
 _UM, _NM = 1e-3, 1e-6
@@ -29,7 +32,7 @@ class DesignOptions(Checked):
 
     preset: Literal["paper", "modern", "ciclop"] = option(
         "modern", "choice", "The rig to start from; the other options change it.",
-        choices=PRESET_NAMES,
+        choices=choices.PRESETS,
     )  # fmt: skip
     distance: float | None = _number("Distance from camera to rotation axis, L, mm.")
     focal: float | None = _number("Principal distance of the lens, f, mm.")
@@ -70,6 +73,8 @@ class DesignOptions(Checked):
         if self.sensor is not None:
             fields["columns"], fields["rows"] = _sensor(self.sensor)
         changes = {name: value for name, value in fields.items() if value is not None}
+        from turnscan.rig import design_preset
+
         base = design_preset(self.preset)
         thetas = [math.radians(t) for t in theta_deg]
         return tuple(replace(base, theta=t, **changes) for t in thetas or [base.theta])

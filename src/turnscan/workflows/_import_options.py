@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from turnscan.errors import FormatError, InputError
 from turnscan.remedy import Option
-from turnscan.scan import Keep
+from turnscan.workflows import _choices as choices
 from turnscan.workflows._declare import Checked, option
 
+if TYPE_CHECKING:
+    from turnscan.scan import Keep
+    from turnscan.stripes import Orientation
+
 Background = Literal["auto", "median", "beside", "darkest"]
-Orientation = Literal["vertical", "horizontal"]
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ class ImportOptions(Checked):
     )  # fmt: skip
     keep: Keep = option(
         "sparse", "choice", "Store the pixels around the stripe, or all; both losslessly.",
-        choices=get_args(Keep),
+        choices=choices.KEEP,
     )  # fmt: skip
     threshold: float | None = option(
         None, "number",
@@ -101,7 +104,7 @@ class ImportOptions(Checked):
         "vertical",
         "choice",
         "Orientation of the stripe in the picture.",
-        choices=get_args(Orientation),
+        choices=choices.ORIENTATION,
     )
     background: Background = option(
         "auto", "choice",

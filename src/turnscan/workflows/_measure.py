@@ -24,33 +24,14 @@ from turnscan.shapes import (
     volume_in_words,
     volume_sigma,
 )
-from turnscan.workflows._declare import Checked, chosen, option
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._loading import Source, load
+from turnscan.workflows._measure_options import MeasureOptions
 
 _SAME = 1e-6
 """Relative: a volume that differs by more from what its file says is that of another mesh."""
 _SQUARE = np.deg2rad(20.0)
 """Sides within this of square or parallel are compared with it."""
-
-
-@dataclass(frozen=True)
-class MeasureOptions(Checked):
-    """What to measure besides size and volume."""
-
-    planes: bool = option(
-        False, "switch", "Find planar faces of the part and the angles between them."
-    )
-    tolerance: float | None = option(
-        None, "number",
-        "Largest distance of a point from its plane, mm.  [default: three times the noise of the "
-        "surface]",
-        least=0, above=True,
-    )  # fmt: skip
-    smallest: float = option(
-        0.02, "number", "Smallest planar face, as a fraction of the total area.", least=0, most=1
-    )
-    sphere: bool = option(False, "switch", "Fit a sphere to all measured points.")
-    cylinder: bool = option(False, "switch", "Fit a cylinder to all measured points.")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from turnscan.progress import Progress
 from turnscan.rig import Pose
 from turnscan.settings import Settings
 from turnscan.surface.clean import clean
-from turnscan.workflows._reading import UNITS, read_bytes
+from turnscan.workflows._reading import read_bytes
+from turnscan.workflows._units import UNITS
 
 _CONF_BYTES = 2**20
 _PLY_BYTES = 2 * 2**30

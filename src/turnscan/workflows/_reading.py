@@ -9,9 +9,7 @@ from pathlib import Path
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.mesh import Mesh
 from turnscan.rig import Rig, rig_from_json
-
-UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
-"""mm in each unit that a file without a unit of its own may be in."""
+from turnscan.workflows._units import UNITS
 
 _MAX_RIG_BYTES = 16 * 2**20
 _START = 1 << 16

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 from turnscan.errors import InputError
-from turnscan.points import Along, Between, Spacing, Volume, working_volume
-from turnscan.rig import Rig
-from turnscan.scan import Scan, lit_in
-from turnscan.settings import Settings
-from turnscan.stripes import Choice, Refinement, Strategy, StripeSettings, detector_names
-from turnscan.surface.clean import Clean
-from turnscan.surface.fusion import How
-from turnscan.surface.holes import Bottom, Caps, FillHow, Top
+from turnscan.workflows import _choices as choices
 from turnscan.workflows._declare import Checked, option
+
+if TYPE_CHECKING:
+    from turnscan.points import Between, Spacing, Volume
+    from turnscan.rig import Rig
+    from turnscan.scan import Scan
+    from turnscan.settings import Settings
+    from turnscan.stripes import Choice, Refinement
+    from turnscan.surface.fusion import How
+    from turnscan.surface.holes import Bottom, Caps, FillHow, Top
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def decimation(text: str) -> Decimation:
     return Decimation(tolerance=tolerance)
 
 
-def spacing_between(text: str) -> Between:
+def _spacing(text: str) -> tuple[float, Literal["rad", "mm"]]:
     """``2deg`` is a table angle, ``1.5mm`` a length on the part's outermost circle.
 
     Raises ValueError.
@@ -56,7 +58,21 @@ def spacing_between(text: str) -> Between:
         size = math.nan
     if not (size > 0 and math.isfinite(size)):
         raise ValueError(f"{text!r}: give an angle like 2deg or a length like 1.5mm.")
-    return Between(math.radians(size), "rad") if unit == "deg" else Between(size, "mm")
+    return (math.radians(size), "rad") if unit == "deg" else (size, "mm")
+
+
+def spacing_between(text: str) -> Between:
+    """The spacing that a text like ``2deg`` or ``1.5mm`` stands for. Raises ValueError."""
+    from turnscan.points import Between
+
+    return Between(*_spacing(text))
+
+
+def _detectors() -> tuple[str, ...]:
+    """Stripe detectors of other packages."""
+    from turnscan.stripes import detector_names
+
+    return detector_names()
 
 
 @dataclass(frozen=True)
@@ -66,18 +82,18 @@ class ReconstructOptions(Checked):
     strategy: str = option(
         "window", "choice",
         "Estimator of the stripe centre; installed packages may add others.",
-        choices=get_args(Strategy), more=detector_names,
+        choices=choices.STRATEGY, more=_detectors,
     )  # fmt: skip
     choose: Choice = option(
         "brightest", "choice",
         "Which candidate is taken where an image row shows several "
-        "stripes.", choices=get_args(Choice),
+        "stripes.", choices=choices.CHOICE,
     )  # fmt: skip
     refine: Refinement = option(
         "none", "choice",
         "spacetime: refine each point over the neighbouring pictures, where the steps are small "
         "enough; auto: the same, without a finding where they are not.",
-        choices=("none", "auto", "spacetime"),
+        choices=choices.REFINEMENT,
     )  # fmt: skip
     threshold: float | None = option(
         None,
@@ -96,13 +112,13 @@ class ReconstructOptions(Checked):
     spacing_by: Spacing = option(
         "height", "choice",
         "Space points by equal height, or by equal arc length along each profile.",
-        choices=get_args(Spacing),
+        choices=choices.SPACING,
     )  # fmt: skip
     spacing_between: str | None = option(
         None, "text",
         "Spacing between profiles: an angle (2deg), or a length at the largest radius (1.5mm); "
         "profiles are interpolated between measured ones.  [default: as scanned]",
-        parse=spacing_between,
+        parse=_spacing,
     )  # fmt: skip
     every: int = option(1, "count", "Use every N-th profile.", least=1)
     radius: float | None = option(
@@ -146,7 +162,7 @@ class ReconstructOptions(Checked):
         "auto", "choice",
         "Merging of several lasers or scans: average in angle and height (grid), in voxels "
         "(tsdf), or keep every point (paste).",
-        choices=get_args(How),
+        choices=choices.HOW,
     )  # fmt: skip
     voxel: float | None = option(
         None, "number", "Voxel size of tsdf, mm.  [default: the point spacing]", least=0, above=True
@@ -162,7 +178,7 @@ class ReconstructOptions(Checked):
         "Hole filling: flat, membrane (minimal area), tangent (in the tangent planes of the "
         "boundary), curvature (with its curvature too), or none; auto takes membrane where an edge "
         "runs round the hole, and tangent elsewhere.  [default: auto]",
-        choices=(*get_args(FillHow), "none"),
+        choices=(*choices.FILL_HOW, "none"),
     )  # fmt: skip
     top: Top | Literal["hole"] | None = option(
         None, "choice",
@@ -201,6 +217,8 @@ class ReconstructOptions(Checked):
         """How the surface is closed; None leaves its borders open."""
         if not self.close:
             return None
+        from turnscan.surface.holes import Caps
+
         return Caps(
             holes=None if self.fill == "none" else self.fill or "auto",
             top=None if self.top == "hole" else self.top or "plane",
@@ -214,6 +232,11 @@ class ReconstructOptions(Checked):
 
         Raises InputError where no height of the rig's working volume is left.
         """
+        from turnscan.points import Along
+        from turnscan.settings import Settings
+        from turnscan.stripes import StripeSettings
+        from turnscan.surface.clean import Clean
+
         clean = Clean(edge=self.edge, outlier=self.outliers)
         fewer = Decimation() if self.decimate is None else decimation(self.decimate)
         between = self.spacing_between
@@ -242,6 +265,9 @@ class ReconstructOptions(Checked):
         """What is wanted, and the rig's own limits for the rest; None for those alone."""
         if self.radius is None and self.z_min is None and self.z_max is None:
             return None
+        from turnscan.points import Volume, working_volume
+        from turnscan.scan import lit_in
+
         names = [name for lit in scan.plan.lasers for name in lit_in(lit, rig)]
         usual = [working_volume(rig, laser) for laser in names]
         low = usual[0].z_min if self.z_min is None else self.z_min

@@ -23,9 +23,8 @@ from turnscan.formats import DxfVersion
 from turnscan.mesh import Mesh
 from turnscan.shapes import Arc, Cut, FittedSection, fit_section, half_plane_cut, plane_cut
 from turnscan.workflows._files import check_apart, check_output, write_atomically
+from turnscan.workflows._units import SECTION_SUFFIXES
 
-SECTION_SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
-"""What `section_file` can make."""
 _MOST = 100
 _SIZE = re.compile(r'(?<=<svg )(.*?)width="[^"]*" height="[^"]*" ')
 _FORM = "write z=20, z=10:100:10 (from, to, step) or nx,ny,nz,distance"

@@ -14,7 +14,8 @@ from turnscan.errors import InputError
 from turnscan.progress import Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import LEAST_THRESHOLD, NOISE_FACTOR, read_picture, signal_of, statistics
-from turnscan.workflows._import_options import ImportOptions, Orientation
+from turnscan.stripes import Orientation
+from turnscan.workflows._import_options import ImportOptions
 from turnscan.workflows._series import Series, Shot
 
 if TYPE_CHECKING:

@@ -2,60 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
-from turnscan.scan import Keep
 from turnscan.simulate import simulated, wish_of
-from turnscan.workflows._declare import Checked, chosen, option
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
+from turnscan.workflows._simulate_options import SimulateOptions
 from turnscan.workflows._simulated import plan_of, scan_into_file, scan_into_folder
-
-
-@dataclass(frozen=True)
-class SimulateOptions(Checked):
-    """How a part is scanned by a simulated rig; None leaves it to the scene's address."""
-
-    rig: str | None = option(
-        None, "text", "Simulated rig: paper, modern or ciclop.  [default: paper]"
-    )
-    theta_deg: float | None = option(None, "number", "Triangulation angle.  [default: the rig's]")
-    lasers: int | None = option(
-        None, "count", "Number of lasers, 1 or 2.  [default: what the scene needs]"
-    )
-    steps: int | None = option(
-        None, "count", "Number of table positions per turn.  [default: the rig's]"
-    )
-    tip_deg: float | None = option(None, "number", "Tilt of the part: another pose.")
-    seed: int | None = option(None, "count", "Seed of speckle and noise.  [default: 0]")
-    exposure: float | None = option(None, "number", "Exposure time, s.  [default: the rig's]")
-    keep: Keep = option(
-        "sparse", "choice", "Pixels stored in a scan file: those around the stripe, or all.",
-        choices=get_args(Keep),
-    )  # fmt: skip
-    no_speckle: bool = option(False, "switch", "Simulate a laser without speckle.")
-    perfect: bool = option(
-        False, "switch", "Simulate an ideal rig: thin sheet, no speckle, blur or noise, 16 bits."
-    )
-
-    def changes(self) -> dict[str, Any]:
-        """What they change of the bench that the scene's address describes."""
-        given: dict[str, Any] = {
-            "rig": self.rig,
-            "lasers": self.lasers,
-            "steps": self.steps,
-            "seed": self.seed,
-            "theta": None if self.theta_deg is None else math.radians(self.theta_deg),
-            "tip": None if self.tip_deg is None else math.radians(self.tip_deg),
-            "waves": "diffraction" if self.no_speckle else None,
-            "perfect": self.perfect or None,
-        }
-        return {name: value for name, value in given.items() if value is not None}
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -17,12 +17,14 @@ from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.findings import Finding, record
 from turnscan.formats import EXPORTERS, read_mesh
 from turnscan.pipeline import to_grids
+from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig, rig_to_json
 from turnscan.scan import (
     Scan,
     VerifiedFigure,
     VerifiedRun,
     add_verification,
+    lit_in,
     read_verifications,
     rig_for,
 )
@@ -105,7 +107,7 @@ def verify(
     rig: Rig | None = None,
     limits: Mapping[str, float] | None = None,
     history: str | PathLike[str] | None = None,
-    tick: Callable[[], None] = lambda: None,
+    progress: Progress = no_progress,
 ) -> Verification:
     """Test a scanner by its scans (or meshes made of them) of one artefact.
 
@@ -127,8 +129,8 @@ def verify(
         mm, by the name of the test; they replace those of the artefact's file.
     history
         An SQLite file that the run is added to, and made where it is not there.
-    tick
-        Called after each frame.
+    progress
+        Told how far it is; it may cancel.
 
     Returns
     -------
@@ -153,7 +155,10 @@ def verify(
         raise InputError("no scan to verify", hint="name a scan of the artefact")
     if len({s.resolve() for s in files}) < len(files):
         raise InputError("a scan is given twice", hint="name each scan once")
-    scans = tuple(_verified(source, body, rig, tick) for source in files)
+    scans = tuple(
+        _verified(source, body, rig, progress.subrange(k / len(files), (k + 1) / len(files)))
+        for k, source in enumerate(files)
+    )
     repeated = repeatability([s.values for s in scans], body.limits.get("repeatability"))
     trends = tuple[Trend, ...]()
     if history is not None:
@@ -222,9 +227,9 @@ def _with_limits(body: Artefact, given: Mapping[str, float]) -> Artefact:
     return replace(body, limits=limits)
 
 
-def _verified(source: Path, body: Artefact, rig: Rig | None, tick: Callable[[], None]) -> Verified:
+def _verified(source: Path, body: Artefact, rig: Rig | None, progress: Progress) -> Verified:
     try:
-        survey, key = _survey(source, rig, tick)
+        survey, key = _survey(source, rig, progress)
         return Verified(source, tuple(values_of(body, survey)), key)
     except InputError as e:
         if str(source) in e.message:
@@ -232,11 +237,13 @@ def _verified(source: Path, body: Artefact, rig: Rig | None, tick: Callable[[], 
         raise type(e)(f"{source}: {e.message}", hint=e.hint) from None
 
 
-def _survey(source: Path, rig: Rig | None, tick: Callable[[], None]) -> tuple[Survey, str]:
+def _survey(source: Path, rig: Rig | None, progress: Progress) -> tuple[Survey, str]:
     if source.suffix.lower() in EXPORTERS:
         return survey_of_mesh(read_mesh(_read(source, _MAX_MESH), source.suffix)), ""
     with Scan.open(source) as scan:
         known, s = rig_for(scan, rig), Settings()
+        looks = sum(len(lit_in(n, known)) * len(scan.steps(n)) for n in scan.plan.lasers)
+        tick = progress.counter(looks, "verifying")
         grids, _, _ = to_grids(see(scan, known, s.stripes, s.volume, tick), s)
     return survey_of_grids(grids, known), _key(rig_to_json(known))
 

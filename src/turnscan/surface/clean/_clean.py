@@ -9,6 +9,7 @@ import numpy as np
 from turnscan.arrays import Bools
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid, without
+from turnscan.remedy import Option, Remedy
 from turnscan.stripes import StripeFlag
 from turnscan.surface._noise import noise, spacing
 from turnscan.surface.clean._despike import despike
@@ -69,7 +70,13 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
         if drop.any():
             text = f"{int(drop.sum())} points at the ends of profile runs are removed"
             findings.append(
-                Finding("surface.edges", "note", text, where, "keep them with --edge 0")
+                Finding(
+                    "surface.edges",
+                    "note",
+                    text,
+                    where,
+                    Remedy("keep them with ", Option("edge", 0)),
+                )
             )
     if c.outlier is not None:
         out, taken = despike(out, c.outlier)
@@ -79,7 +86,13 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
         out = without(out, drop, StripeFlag.AMBIGUOUS)
         text = f"{int(drop.sum())} isolated points are removed"
         findings.append(
-            Finding("surface.strays", "note", text, where, "keep them with --keep-strays")
+            Finding(
+                "surface.strays",
+                "note",
+                text,
+                where,
+                Remedy("keep them with ", Option("keep_strays")),
+            )
         )
     return out, findings
 

@@ -14,6 +14,7 @@ from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import measured, submesh
 from turnscan.mesh._topology import fans_about, twins
+from turnscan.remedy import Option, Remedy
 from turnscan.surface._told import Told, silent
 
 _HELD = 2 / 3
@@ -118,7 +119,8 @@ def decimation_findings(before: Mesh, after: Mesh, wanted: int | None) -> list[F
     out = [Finding("surface.decimated", "note", text)]
     if wanted is not None and len(after.faces) > wanted:
         text = f"{wanted} faces cannot be reached: further decimation would break the surface"
-        out.append(Finding("surface.decimated", "warning", text, "", "close it first with --close"))
+        remedy = Remedy("close it first with ", Option("close"))
+        out.append(Finding("surface.decimated", "warning", text, "", remedy))
     return out
 
 

@@ -12,6 +12,7 @@ from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import submesh
 from turnscan.points import Along, RangeGrid
+from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import Tears
 from turnscan.surface.fusion._carve import carved
 from turnscan.surface.fusion._combine import paste
@@ -73,7 +74,8 @@ def merge(
     turns = all(len(g.angles) > 2 and np.ptp(g.angles) > 0 for g in there)
     if how == "grid" and not turns:
         raise InputError(
-            "scans without a turning table have no angle to merge by", hint="use --merge tsdf"
+            "scans without a turning table have no angle to merge by",
+            hint=Remedy("use ", Option("merge", "tsdf")),
         )
     if turns and how != "tsdf":
         cells = polar_grid(surfaces, _steps(there), rise(surfaces))
@@ -83,7 +85,7 @@ def merge(
             text = f"{len(there)} grids merged in angle and height ({why}); {off} cells disagreed"
             return mesh, [
                 *findings,
-                Finding("surface.merge", "note", text, "", "other ways: --merge tsdf|paste"),
+                _merged_by(text, "tsdf|paste"),
             ]
     else:
         why = "asked for" if how == "tsdf" else "the scans have no common axis"
@@ -92,10 +94,17 @@ def merge(
     text = f"{len(there)} grids merged in voxels of {size:.3g} mm, ramp {ramp:.3g} mm ({why})"
     if along is not None:
         text += "; the spacing along profiles has no effect"
-    findings.append(Finding("surface.merge", "note", text, "", "other ways: --merge grid|paste"))
+    findings.append(_merged_by(text, "grid|paste"))
     mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, max(size, 3 * sigma))
     mesh, lost = _witnessed(mesh, surfaces, size)
     return mesh, [*findings, *lost]
+
+
+def _merged_by(text: str, others: str) -> Finding:
+    """How grids were merged, and what else could be chosen."""
+    return Finding(
+        "surface.merge", "note", text, "", Remedy("other ways: ", Option("merge", others))
+    )
 
 
 def _witnessed(

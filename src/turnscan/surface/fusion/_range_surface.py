@@ -13,6 +13,7 @@ from turnscan.errors import InputError
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._normals import roughness, steady_normals
 from turnscan.points import RangeGrid
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import rotation_z
 from turnscan.surface._grid_mesh import Tears, mesh_grid
 
@@ -111,7 +112,8 @@ def range_surfaces(grid: RangeGrid, tears: Tears | None = None) -> list[RangeSur
 def _surface(grid: RangeGrid, keep: Bools, tears: Tears | None) -> RangeSurface:
     if grid.eyes is None:
         raise InputError(
-            f"{grid.laser}: the camera position is unknown", hint="merge with --merge paste"
+            f"{grid.laser}: the camera position is unknown",
+            hint=Remedy("merge with ", Option("merge", "paste")),
         )
     part = grid
     if (grid.found & ~keep).any():

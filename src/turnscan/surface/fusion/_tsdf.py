@@ -15,6 +15,7 @@ from turnscan.mesh._fair import fair
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import components, joined_provenance, submesh
 from turnscan.mesh._topology import half_edges
+from turnscan.remedy import Option, Remedy
 from turnscan.surface.fusion import _marching_cubes as _cubes
 from turnscan.surface.fusion._range_surface import RangeSurface
 
@@ -85,7 +86,7 @@ def fuse(
     if np.prod(shape.astype(np.float64)) > _BLOCKS:
         raise LimitExceeded(
             f"a volume of {' × '.join(str(int(v)) for v in extent)} voxels of {voxel:g} mm",
-            hint="give larger voxels with --voxel",
+            hint=Remedy("give larger voxels with ", Option("voxel")),
         )
     used = np.zeros(tuple(shape), dtype=np.bool_)
     looks = [(_look(s), _rim(s)) if seam else (_look(s),) for s in parts]
@@ -99,7 +100,7 @@ def fuse(
     if len(blocks) > _POOL:
         raise LimitExceeded(
             f"{len(blocks)} blocks of voxels of {voxel:g} mm",
-            hint="give larger voxels with --voxel",
+            hint=Remedy("give larger voxels with ", Option("voxel")),
         )
     index = np.full(tuple(shape), -1, dtype=np.int32)
     index[used] = np.arange(len(blocks))

@@ -1,4 +1,4 @@
-"""Selections on the command line: rules like ``sigma=0.2`` or ``piece=10,0,35`` → faces."""
+"""Selections by rules like ``sigma=0.2`` or ``piece=10,0,35`` → faces."""
 
 from __future__ import annotations
 
@@ -9,31 +9,29 @@ import numpy as np
 
 from turnscan import edit
 from turnscan.arrays import Bools
-from turnscan.cli._progress import progress
 from turnscan.detection import see
 from turnscan.edit import Entry, History, Region
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction, build
+from turnscan.progress import Progress, no_progress
 from turnscan.scan import Scan, rig_for
 from turnscan.stripes import StripeFlag
 from turnscan.surface import Told, holes
 from turnscan.surface.holes import CAUSE_WORDS
-from turnscan.workflows import kept_options
+from turnscan.workflows._kept_options import kept_options
 
-RULES = """\b
-laser=NAME         seen by one laser
-steps=A-B          seen at these steps; A above B goes over the seam
-sigma=MM           less sure than this
-flag=NAME          stripes of a quality: saturated, halo, edge, multi, grazing, ambiguous
-cause=NAME         along holes of a cause: laser, camera, dark, saturated, outside, …
-pieces=N           loose pieces of fewer faces
-piece=X,Y,Z        the loose piece nearest to a point
-crease=X,Y,Z,DEG   what is reached from there without crossing an edge sharper than DEG"""
+_HINT = "the help of turnscan edits lists the rules"
 
 
-def region_where(scan: Scan, history: History, rules: Sequence[str], rounds: int) -> Region:
+def region_where(
+    scan: Scan,
+    history: History,
+    rules: Sequence[str],
+    rounds: int,
+    progress: Progress = no_progress,
+) -> Region:
     """What any of the rules means on the surface of a scan with these edits, grown or shrunk.
 
     Raises InputError for a rule that is none, and where nothing is like it.
@@ -46,8 +44,8 @@ def region_where(scan: Scan, history: History, rules: Sequence[str], rounds: int
         made.append(build(seen, settings, entries, told, finish=False))
         return made[-1].mesh, made[-1].findings
 
-    with progress("reconstructing", len(scan)) as tick:
-        seen = see(scan, rig, settings.stripes, settings.volume, tick)
+    tick = progress.subrange(0, 0.6, "reconstructing").counter(len(scan))
+    seen = see(scan, rig, settings.stripes, settings.volume, tick)
     body = edit.Document.open(built, history).body
     live = edit.Compact.of(body)
     chosen = np.zeros(len(live.mesh.faces), dtype=np.bool_)
@@ -95,7 +93,7 @@ def select(done: Reconstruction, mesh: Mesh, rule: str) -> Bools:
             *place, degrees = _numbers(rule, value.split(","), 4)
             seed = _nearest(mesh, place)
             return edit.within_angle(seed, edit.beside(mesh), mesh, math.radians(degrees))
-    raise InputError(f"{rule!r} is not a rule", hint="see turnscan edits --help")
+    raise InputError(f"{rule!r} is not a rule", hint=_HINT)
 
 
 def _nearest(mesh: Mesh, place: list[float]) -> Bools:
@@ -114,4 +112,4 @@ def _numbers(rule: str, words: list[str], count: int) -> list[float]:
 
 
 def _odd(rule: str, wanted: str) -> InputError:
-    return InputError(f"{rule!r}: expected {wanted} after the =", hint="see turnscan edits --help")
+    return InputError(f"{rule!r}: expected {wanted} after the =", hint=_HINT)

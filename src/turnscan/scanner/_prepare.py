@@ -25,9 +25,10 @@ from turnscan.acquire import (
 from turnscan.arrays import Image
 from turnscan.devices import burning, frame_deadline
 from turnscan.errors import InputError
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig
 from turnscan.scan import Keep, Scan, ScanPlan
-from turnscan.scanner._open import Addresses, Opened
+from turnscan.scanner._open import Opened
 from turnscan.stripes import Orientation
 
 USUAL_STEPS = 400
@@ -43,7 +44,7 @@ _NOTHING = 0.1
 
 
 @dataclass(frozen=True)
-class Wishes:
+class ScanRequest:
     """What a person wants; None leaves it to the devices."""
 
     steps: int | None = None
@@ -93,31 +94,33 @@ class Prepared:
 
 
 def prepare(
-    at: Addresses, bench: Opened, wishes: Wishes, rig: Rig | None = None, rig_name: str = "the rig"
+    bench: Opened, request: ScanRequest, rig: Rig | None = None, rig_name: str = "the rig"
 ) -> Prepared:
     """Plan a scan and take its first pictures; the lasers are dark when this returns.
 
-    ``rig`` None takes that of a simulated rig. Raises InputError where wishes, devices and rig do
+    ``rig`` None takes that of a simulated rig. Raises InputError where request, devices and rig do
     not go together, and DeviceError and SafetyError as the devices do.
     """
-    plan, reason = plan_of(wishes, bench), ""
-    if wishes.auto_exposure:
-        plan, reason = _exposed(plan, bench, wishes)
+    plan, reason = plan_of(request, bench), ""
+    if request.auto_exposure:
+        plan, reason = _exposed(plan, bench, request)
     first = look(
-        plan, bench.hardware, keep=wishes.keep, orientation=wishes.orientation, source=at.camera,
-        weigh=laser_colour, threshold=wishes.threshold,
+        plan, bench.hardware, keep=request.keep, orientation=request.orientation,
+        source=bench.at.camera, weigh=laser_colour, threshold=request.threshold,
     )  # fmt: skip
     used = rig or bench.rig
     if used is not None:
         _check_rig(used, plan, first.scan_plan, rig_name)
     counting = counting_of(bench.hardware.turntable)
-    how = acquisition_to_json(Acquisition(plan, at.camera, at.turntable, at.lasers, counting))
+    how = acquisition_to_json(
+        Acquisition(plan, bench.at.camera, bench.at.turntable, bench.at.lasers, counting)
+    )
     return Prepared(plan, first, used, estimate(plan, first), how, reason)
 
 
-def _exposed(plan: Plan, bench: Opened, wishes: Wishes) -> tuple[Plan, str]:
+def _exposed(plan: Plan, bench: Opened, request: ScanRequest) -> tuple[Plan, str]:
     """The plan with the exposure at which no laser's stripe clips, and how that came about."""
-    if wishes.exposures:
+    if request.exposures:
         raise InputError(
             "fixed and automatic exposure are mutually exclusive", hint="give one of them"
         )
@@ -135,23 +138,26 @@ def _exposed(plan: Plan, bench: Opened, wishes: Wishes) -> tuple[Plan, str]:
     if best.peak - stripe_peak(dark) < _NOTHING:
         raise InputError(
             "no stripe is found at the first position at any exposure",
-            hint="turn the part into the laser line, or give --exposure",
+            hint=Remedy("turn the part into the laser line, or give ", Option("exposure")),
         )
     text = f"exposure {1000 * best.seconds:.3g} ms: the stripe reaches {best.peak:.0%} of the scale"
     return replace(plan, exposures=(Exposure(best.seconds, gain),)), text
 
 
-def plan_of(wishes: Wishes, bench: Opened) -> Plan:
-    """The plan that the wishes come to with these devices. Raises InputError."""
-    w = wishes
-    step, stops = stops_of(w.range_deg, w.steps, w.step_deg, bench.steps or USUAL_STEPS)
-    names = w.lasers
+def plan_of(request: ScanRequest, bench: Opened) -> Plan:
+    """The plan that the request comes to with these devices. Raises InputError."""
+    step, stops = stops_of(
+        request.range_deg, request.steps, request.step_deg, bench.steps or USUAL_STEPS
+    )
+    names = request.lasers
     if names is None:
-        names = tuple(n for n in bench.hardware.lasers.names if n not in w.lamps)
+        names = tuple(n for n in bench.hardware.lasers.names if n not in request.lamps)
     shown = None
-    if w.texture is not None:
-        shown = Texture(Exposure(w.texture, w.gain), w.texture_every, w.lamps)
-    settle = w.settle
+    if request.texture is not None:
+        shown = Texture(
+            Exposure(request.texture, request.gain), request.texture_every, request.lamps
+        )
+    settle = request.settle
     if settle is None:
         settle = 0.0 if bench.steps else SETTLE
     return Plan(
@@ -159,21 +165,17 @@ def plan_of(wishes: Wishes, bench: Opened) -> Plan:
         stops=stops,
         lasers=names,
         exposures=tuple(
-            Exposure(s, w.gain) for s in w.exposures or (bench.seconds or USUAL_SECONDS,)
+            Exposure(s, request.gain)
+            for s in request.exposures or (bench.seconds or USUAL_SECONDS,)
         ),
-        start_deg=w.range_deg[0],
-        passes=w.passes,
-        together=w.together,
-        dark_every=w.dark_every,
+        start_deg=request.range_deg[0],
+        passes=request.passes,
+        together=request.together,
+        dark_every=request.dark_every,
         texture=shown,
         settle=settle,
-        blind_steps=w.blind_steps,
+        blind_steps=request.blind_steps,
     )
-
-
-def exact_degrees(first: float, last: float) -> tuple[Fraction, Fraction]:
-    """A range as exact numbers, to a ten-thousandth of a degree."""
-    return Fraction(round(first * 10000), 10000), Fraction(round(last * 10000), 10000)
 
 
 def stops_of(
@@ -185,19 +187,26 @@ def stops_of(
     stops. Raises InputError where range and steps do not go together.
     """
     if steps is not None and step_deg is not None:
-        raise InputError("--steps and --step-deg", hint="give one of them")
+        raise InputError(
+            "mutually exclusive with the number of steps",
+            hint="give one of them",
+            option=Option("step_deg"),
+        )
     width = ends[1] - ends[0]
     closed = width != 0 and width % 360 == 0
     if step_deg is not None:
         if step_deg <= 0:
-            raise InputError(f"--step-deg {float(step_deg):g}", hint="give an angle above 0")
+            given = Option("step_deg", float(step_deg))
+            raise InputError("not a step", hint="give an angle above 0", option=given)
         step = step_deg if width >= 0 else -step_deg
         count = width / step
         return step, (-(-count.numerator // count.denominator) if closed else int(count) + 1)
     if steps is None:
         steps = max(1, round(usual * abs(width) / 360) + (not closed))
     if steps < 1:
-        raise InputError(f"--steps {steps}", hint="a scan has at least one step")
+        raise InputError(
+            "too few", hint="a scan has at least one step", option=Option("steps", steps)
+        )
     gaps = steps if closed else steps - 1
     if gaps == 0 and width != 0 and not closed:
         raise InputError(f"one step over {float(width):g}°", hint="give 2 steps or more")

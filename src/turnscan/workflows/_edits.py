@@ -1,0 +1,164 @@
+"""Edits: the repairs kept in a scan file, listed, switched, copied."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from turnscan.edit import (
+    Action,
+    Add,
+    Delete,
+    History,
+    action_from_json,
+    action_to_json,
+    edit_from_json,
+    history_to_json,
+    in_words,
+)
+from turnscan.errors import InputError
+from turnscan.progress import Progress, no_progress
+from turnscan.remedy import Option, Remedy
+from turnscan.scan import Scan
+from turnscan.workflows._files import check_output, write_atomically
+from turnscan.workflows._history import history_of, read_history
+from turnscan.workflows._selection import region_where
+
+
+@dataclass(frozen=True)
+class EditChanges:
+    """What is to become of the edits in a scan file; done in this order."""
+
+    source: Path | None = None
+    """Add the edits of another scan, or of a .json file."""
+    make: tuple[str, ...] = ()
+    """Edits to make, each as JSON (docs/reference/edits.md)."""
+    delete: tuple[str, ...] = ()
+    """Rules of faces to delete, of the surface with all edits before."""
+    grow: int = 0
+    """Rounds to grow what is deleted; negative ones shrink it."""
+    off: tuple[int, ...] = ()
+    """Numbers of edits to switch off."""
+    on: tuple[int, ...] = ()
+    """Numbers of edits to switch on again."""
+    undo: bool = False
+    """Take back the last edit."""
+    redo: bool = False
+    """Do the next undone edit again."""
+
+    @property
+    def nothing(self) -> bool:
+        """Whether nothing is to be changed."""
+        return self == EditChanges(grow=self.grow)
+
+
+@dataclass(frozen=True)
+class KeptEdits:
+    """The edits that a scan file holds, those undone too."""
+
+    history: History
+    times: dict[int, float]
+    """When each was made, s since 1970; NaN where nobody knows."""
+
+    @property
+    def done(self) -> int:
+        """How many count."""
+        return self.history.cursor
+
+    def lines(self) -> list[str]:
+        """One line for each, in words."""
+        if not self.history.entries:
+            return ["no edits"]
+        lines = []
+        for place, entry in enumerate(self.history.entries):
+            state = "done" if place < self.history.cursor else "undone"
+            at = self.times[entry.id]
+            when = datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M  ") if at == at else ""
+            mark = state if entry.on else f"{state}, off"
+            lines.append(f"{entry.id:>4}  {when}{mark:<11}  {in_words(entry.edit)}")
+        return lines
+
+
+def edits(
+    scan: str | Path,
+    changes: EditChanges | None = None,
+    *,
+    output: str | Path | None = None,
+    progress: Progress = no_progress,
+) -> KeptEdits:
+    """List the edits kept in a scan file, after changing them.
+
+    Nothing is forgotten: the file keeps every action, and the frames are never touched. Nothing is
+    written unless all changes fit the history.
+
+    Parameters
+    ----------
+    scan
+        The scan file.
+    changes
+        What to change; None changes nothing.
+    output
+        A .json file for the edits that are done.
+    progress
+        Told how far a reconstruction is that a rule needs; it may cancel.
+
+    Returns
+    -------
+    KeptEdits
+        The history, and when each edit was made.
+
+    Raises
+    ------
+    InputError
+        For a rule that is none, one that means no face, and an edit that there is not.
+    FormatError
+        For an edit that is none.
+    """
+    path, c = Path(scan), changes or EditChanges()
+    if c.grow and not c.delete:
+        hint = Remedy("say what is deleted with ", Option("delete", "RULE"))
+        raise InputError("there is nothing to grow", hint=hint, option=Option("grow", c.grow))
+    if output is not None:
+        check_output(Path(output), (".json",), [path, *([c.source] if c.source else [])])
+    if not c.nothing:
+        _change(path, c, progress)
+    with Scan.open(path) as opened:
+        kept = KeptEdits(history_of(opened), _times(opened))
+    if output is not None:
+        write_atomically(Path(output), history_to_json(kept.history).encode())
+    return kept
+
+
+def _change(path: Path, c: EditChanges, progress: Progress) -> None:
+    added = [] if c.source is None else [e.edit for e in read_history(c.source).enabled]
+    added += [edit_from_json(text, "make") for text in c.make]
+    with Scan.resume(path) as opened:
+        history = history_of(opened)
+        actions: list[Action] = []
+        for edit in added:
+            history = _then(actions, history, history.add(edit))
+        if c.delete:
+            region = region_where(opened, history, c.delete, c.grow, progress)
+            history = _then(actions, history, history.add(Delete(region)))
+        for number in (*c.off, *c.on):
+            history = _then(actions, history, history.switch(number, number in c.on))
+        if c.undo:
+            history = _then(actions, history, history.undo())
+        if c.redo:
+            _then(actions, history, history.redo())
+        # Every one fits the history; only now is anything written.
+        for action in actions:
+            opened.append_edit(action_to_json(action), time.time())
+
+
+def _then(actions: list[Action], history: History, action: Action) -> History:
+    actions.append(action)
+    return history.after(action)
+
+
+def _times(scan: Scan) -> dict[int, float]:
+    log = scan.edits()
+    made = ((action_from_json(entry.text), entry.time) for entry in log)
+    return {action.id: at for action, at in made if isinstance(action, Add)}

@@ -1,0 +1,27 @@
+"""What a user may choose about a measurement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from turnscan.workflows._declare import Checked, option
+
+
+@dataclass(frozen=True)
+class MeasureOptions(Checked):
+    """What to measure besides size and volume."""
+
+    planes: bool = option(
+        False, "switch", "Find planar faces of the part and the angles between them."
+    )
+    tolerance: float | None = option(
+        None, "number",
+        "Largest distance of a point from its plane, mm.  [default: three times the noise of the "
+        "surface]",
+        least=0, above=True,
+    )  # fmt: skip
+    smallest: float = option(
+        0.02, "number", "Smallest planar face, as a fraction of the total area.", least=0, most=1
+    )
+    sphere: bool = option(False, "switch", "Fit a sphere to all measured points.")
+    cylinder: bool = option(False, "switch", "Fit a cylinder to all measured points.")

@@ -1,0 +1,17 @@
+"""Types and limits of the rooms below that the doors need by name."""
+
+from __future__ import annotations
+
+from turnscan import acquire as scan_events
+from turnscan.acquire import Control as ScanControl
+from turnscan.scanner import LONGEST_PAUSE, MOST_PICTURES, Opened, Shot, photograph
+
+__all__ = [
+    "LONGEST_PAUSE",
+    "MOST_PICTURES",
+    "Opened",
+    "ScanControl",
+    "Shot",
+    "photograph",
+    "scan_events",
+]

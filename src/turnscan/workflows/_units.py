@@ -1,0 +1,8 @@
+"""Units and kinds of files, as the doors name them."""
+
+from __future__ import annotations
+
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+"""mm in each unit that a file without a unit of its own may be in."""
+SECTION_SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
+"""Of drawings and figures of sections."""
