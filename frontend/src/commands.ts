@@ -19,8 +19,15 @@ export const paletteOpen = signal(false);
 export const keysOpen = signal(false);
 /** The commands of the room that is shown. */
 export const roomCommands = signal<readonly Command[]>([]);
-/** The rooms, for the commands that lead there. */
-export const roomList = signal<readonly { id: string; title: string }[]>([]);
+/** The rooms, for the commands that lead there and those that they offer. */
+export const roomList = signal<readonly Place[]>([]);
+
+interface Place {
+  id: string;
+  title: string;
+  needsScan: boolean;
+  commands: readonly Command[];
+}
 
 /** Lasers dark and table stopped, for anybody, from anywhere. */
 export function stop(): void {
@@ -59,6 +66,25 @@ function general(): Command[] {
 
 export function allCommands(): Command[] {
   return [...roomCommands.value, ...general()];
+}
+
+/** What the other rooms offer and this one does not: running it leads there first. */
+export function commandsElsewhere(): Command[] {
+  const here = new Set(allCommands().map(({ title }) => title));
+  return roomList.value
+    .filter(({ id, needsScan }) => id !== place.value.room && !(needsScan && place.value.scan === null))
+    .flatMap(({ id, title: room, commands }) =>
+      commands
+        .filter(({ title }) => !here.has(title))
+        .map(({ title, run }) => ({
+          title,
+          group: room,
+          run: () => {
+            go(id);
+            setTimeout(run);
+          },
+        })),
+    );
 }
 
 const TEXT_FIELDS = 'input:not([type="checkbox"]):not([type="radio"]):not([type="range"]), textarea, select';

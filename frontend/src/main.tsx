@@ -44,7 +44,7 @@ startLive();
 startCalibration();
 startMend();
 startExport();
-roomList.value = rooms.map(({ id, title }) => ({ id, title }));
+roomList.value = rooms;
 effect(() => {
   roomCommands.value = room().commands;
 });

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sqlite3
 from pathlib import Path
 
@@ -53,7 +54,7 @@ def test_it_takes_the_writers_lock(path: Path) -> None:
         ("UPDATE edits SET edit = '{\"n\":3}' WHERE id = 1", "entry 1 .* checksum"),
         ("UPDATE edits SET time = 6.0 WHERE id = 1", "entry 1 .* checksum"),
         ("UPDATE edits SET sha256 = x'00' WHERE id = 2", "entry 2 .* checksum"),
-        ("DELETE FROM edits WHERE id = 1", "entry 1 .* is gone"),
+        ("DELETE FROM edits WHERE id = 1", "entry 1 .* is missing"),
         ("DELETE FROM edits WHERE id = 1; UPDATE edits SET id = 1", "entry 1 .* checksum"),
     ],
 )
@@ -93,3 +94,16 @@ def test_a_sound_row_of_another_scan_does_not_pass_for_one_of_this(
     db.close()
     with Scan.open(path) as scan, pytest.raises(ScanCorrupt, match=r"entry 2 .* checksum"):
         scan.edits()
+
+
+def test_a_copy_of_a_file_in_use_has_its_edits(path: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "elsewhere" / "copy.turnscan"
+    copy.parent.mkdir()
+    with Scan.resume(path) as scan:
+        scan.append_edit('{"version":1}', 12.0)
+        scan.append_edit('{"version":2}', 13.0)
+        scan.keep_settings('{"sets": {}}')
+        shutil.copy(path, copy)  # as a person does: the one file, not what lies beside it
+    with Scan.open(copy) as opened:
+        assert [e.text for e in opened.edits()][-2:] == ['{"version":1}', '{"version":2}']
+        assert opened.settings == '{"sets": {}}'

@@ -1,11 +1,12 @@
 import type { Command } from "../commands";
+import { openSection } from "../ui/controls";
 import { viewCommands } from "../ui/surface";
 import { bordersShown, brushRadius, currentViewport, selected, tool, visibleOnly } from "../viewport/place";
 import { TOOLS, type Tool } from "../viewport/tools";
 import { deletePoints, deleteSelected, deleteUnselected } from "./edits";
 import { onPage } from "./panes";
 import { nudge } from "./point";
-import { bridgeFrom, large, lines, preview, stepMark, tab } from "./state";
+import { bridgeFrom, large, lines, preview, stepMark, type Tab, tab } from "./state";
 
 export const TOOL_NAMES: Record<Tool, readonly [string, string]> = {
   navigate: ["Look and mark", "V"],
@@ -50,6 +51,21 @@ export const stepCommands: readonly Command[] = [
   { title: "Line below", group: "Profile", keys: "Down", run: () => void stepMark(0, 1) },
 ];
 
+/** What has settings of its own: the command leads to them. */
+const PANELS = [
+  ["Fill holes …", "holes", "Holes"],
+  ["Smooth …", "repair", "Smooth"],
+  ["Remove spikes …", "repair", "Spikes"],
+  ["Decimate …", "repair", "Fewer triangles"],
+  ["Make watertight …", "repair", "Close everything"],
+  ["Join first and last profile …", "repair", "Seam"],
+] as const;
+
+function openPanel(where: Tab, section: string): void {
+  tab.value = where;
+  openSection(section);
+}
+
 export const commands: readonly Command[] = [
   ...TOOLS.map((name) => ({
     title: TOOL_NAMES[name][0],
@@ -83,6 +99,7 @@ export const commands: readonly Command[] = [
     run: () => void deleteUnselected(),
     enabled: some,
   },
+  ...PANELS.map(([title, where, section]) => ({ title, group: "Repair", run: () => openPanel(where, section) })),
   { title: "Holes and remarks", group: "Repair", keys: "H", run: () => (tab.value = "holes") },
   { title: "History", group: "Repair", keys: "Y", run: () => (tab.value = "history") },
   ...viewCommands,

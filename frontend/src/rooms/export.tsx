@@ -228,6 +228,14 @@ export const exporting: Room = {
   View: Export,
   commands: [
     ...viewCommands,
+    ...FORMATS.map(([id, title]) => ({
+      title: `Export as ${title}`,
+      group: "Export",
+      run: () => {
+        format.value = id;
+        void start();
+      },
+    })),
     { title: "Write the file", group: "Export", keys: "Ctrl+Enter", run: () => void start() },
   ],
 };

@@ -9,7 +9,7 @@ import { RemarkLine, useLastJob } from "../scanner/remarks";
 import { StripeField } from "../scanner/stripe";
 import { LivePane } from "../scanner/views";
 import { ask, devices, isOperator } from "../state";
-import { Button, Check, NumberField, Section, TextField } from "../ui/controls";
+import { Button, Check, NumberField, openSection, Section, TextField } from "../ui/controls";
 import type { Room } from "./room";
 
 const SIMULATED = "sim:cup?seed=7";
@@ -237,4 +237,10 @@ function Rig() {
   );
 }
 
-export const rig: Room = { id: "rig", title: "Rig", needsScan: false, View: Rig, commands: [] };
+export const rig: Room = {
+  id: "rig",
+  title: "Rig",
+  needsScan: false,
+  View: Rig,
+  commands: [{ title: "Calibrate …", group: "Rig", run: () => openSection("Calibration") }],
+};

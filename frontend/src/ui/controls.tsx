@@ -42,9 +42,21 @@ interface SectionProps {
   children: ComponentChildren;
 }
 
+/** Open a section of the panel that is shown, and put the keyboard there. */
+export function openSection(title: string): void {
+  // What was just chosen is on the page only after this turn.
+  setTimeout(() => {
+    const section = document.querySelector<HTMLDetailsElement>(`details.section[data-title="${title}"]`);
+    if (!section) return;
+    section.open = true;
+    section.scrollIntoView({ block: "nearest" });
+    section.querySelector("summary")?.focus();
+  });
+}
+
 export function Section({ title, count, open = true, children }: SectionProps) {
   return (
-    <details class="section" open={open}>
+    <details class="section" data-title={title} open={open}>
       <summary>
         {title}
         {count !== undefined && <span class="count num">{count}</span>}

@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
-import { allCommands, type Command, keysOpen, paletteOpen } from "../commands";
+import { allCommands, type Command, commandsElsewhere, keysOpen, paletteOpen } from "../commands";
 import { ask, dismiss, jobs, notices } from "../state";
 import { Button } from "./controls";
 import { useDialog } from "./dialog";
@@ -59,7 +59,7 @@ function PaletteDialog() {
   const [words, setWords] = useState("");
   const [at, setAt] = useState(0);
   const wanted = words.toLowerCase().split(/\s+/).filter(Boolean);
-  const found = allCommands().filter(({ title, group }) =>
+  const found = [...allCommands(), ...commandsElsewhere()].filter(({ title, group }) =>
     wanted.every((word) => `${title} ${group}`.toLowerCase().includes(word)),
   );
   const run = (command: Command | undefined) => {
@@ -99,7 +99,7 @@ function PaletteDialog() {
       <ul id="palette-list" role="listbox" aria-label="Commands">
         {found.map((command, i) => (
           <li
-            key={command.title}
+            key={`${command.group} ${command.title}`}
             id={`command-${i}`}
             role="option"
             aria-selected={i === at}

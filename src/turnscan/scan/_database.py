@@ -6,6 +6,7 @@ and every SQLite error becomes a named one (`_storage`).
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import hashlib
 import json
@@ -217,6 +218,15 @@ def open_reading(path: Path) -> sqlite3.Connection:
             db.execute("PRAGMA query_only = ON")
             _judge_schema(db, path)
     return db
+
+
+def checkpoint(db: sqlite3.Connection) -> None:
+    """Bring what was committed into the one file that people copy, as far as that can be done now.
+
+    What was committed is safe in the side file all the same, so that a failure here is none.
+    """
+    with contextlib.suppress(sqlite3.OperationalError):
+        db.execute("PRAGMA wal_checkpoint(PASSIVE)")
 
 
 def seal(db: sqlite3.Connection) -> None:

@@ -23,7 +23,7 @@ from turnscan.rig import Rig, rig_from_json, rig_to_json
 from turnscan.scan import _database as database
 from turnscan.scan import _edit_log as edit_log
 from turnscan.scan._codec import Dark, Project, encode
-from turnscan.scan._database import Row, transaction
+from turnscan.scan._database import Row, checkpoint, transaction
 from turnscan.scan._edit_log import LogEntry
 from turnscan.scan._index import Index, form_of
 from turnscan.scan._lock import WriterLock, being_written
@@ -263,6 +263,7 @@ class Scan:
                 self._last_edit = next(reversed(self.edits()), None)
             with storage(self.path), transaction(self._db):
                 new = edit_log.append(self._db, self.path, self._last_edit, text, time)
+            checkpoint(self._db)
             self._last_edit = new
         return new
 
@@ -273,8 +274,10 @@ class Scan:
         StorageFull, ScanError.
         """
         self._must_write()
-        with self._thread, storage(self.path), transaction(self._db):
-            database.write_meta(self._db, "settings", text)
+        with self._thread:
+            with storage(self.path), transaction(self._db):
+                database.write_meta(self._db, "settings", text)
+            checkpoint(self._db)
         self.settings = text
 
     # Reading
