@@ -438,6 +438,17 @@ def test_a_message_that_is_none_ends_the_socket(
         assert _close_code(one, [message]) == code
 
 
+def test_what_a_person_typed_wrong_is_refused_in_a_sentence(locked: Locked) -> None:
+    server, cookie = locked
+    with Browser(server, cookie) as one:
+        empty = one.ask("connect", camera="", turntable="sim:", lasers="sim:", rig=None)
+        assert (empty["kind"], empty["code"]) == ("refused", "bad-request")
+        assert empty["text"] == "camera: may not be empty"
+        far = one.ask("turn", angle_deg=1e9)
+        assert far["text"].startswith("angle_deg: must be at most ")
+        assert one.ask("find_devices")["kind"] in ("found", "refused"), "still connected"
+
+
 def test_a_flood_of_messages_ends_the_socket_and_nothing_else(locked: Locked) -> None:
     server, cookie = locked
     with Browser(server, cookie) as calm:

@@ -25,6 +25,16 @@ SEND_SECONDS = 10.0
 """s that a message may take; who reads slower is hung up on."""
 _NOT_A_MESSAGE, _BAD_REQUEST, _TOO_MUCH, _BEHIND, _FULL = 1003, 1008, 1008, 1013, 1013
 
+_TYPED = {
+    "string_too_short": "may not be empty",
+    "string_too_long": "has more than {max_length} characters",
+    "greater_than": "must be above {gt}",
+    "greater_than_equal": "must be at least {ge}",
+    "less_than": "must be below {lt}",
+    "less_than_equal": "must be at most {le}",
+}
+"""What a person can do wrong in a field, by pydantic's word for it; our page does nothing else."""
+
 _log = logging.getLogger("turnscan.app")
 
 
@@ -82,8 +92,9 @@ async def _receive(websocket: WebSocket, client: Client, workshop: Workshop) -> 
         try:
             request: ClientMessage = REQUESTS.validate_python(body)
         except ValidationError as e:
-            await _refuse(websocket, body, e)
-            return
+            if not await _refused(websocket, body, e):
+                return
+            continue
         if isinstance(request, Ack):
             client.unshown.discard(request.number)
             continue
@@ -105,21 +116,27 @@ def _parse(data: str | bytes) -> tuple[dict[str, Any], dict[str, Array]]:
     return body, {}
 
 
-async def _refuse(websocket: WebSocket, body: dict[str, Any], e: ValidationError) -> None:
-    """Say what was wrong, and hang up: our own page sends no such thing."""
-    first = e.errors(include_url=False, include_context=False, include_input=False)[0]
-    where = ".".join(str(k) for k in first["loc"])[:100]
+async def _refused(websocket: WebSocket, body: dict[str, Any], e: ValidationError) -> bool:
+    """Say what was wrong; hang up, and return False, unless a person may have typed it."""
+    first = e.errors(include_url=False, include_input=False)[0]
+    typed = _TYPED.get(first["type"])
+    # The first word of the place is the kind of the request, of which nobody has heard.
+    where = ".".join(str(k) for k in first["loc"][1:] or first["loc"])[:100]
+    why = typed.format(**first.get("ctx", {})) if typed else first["msg"]
     number = body.get("id")
     known = type(number) is int and 0 <= number < 2**53
     answer = Refused(
         id=number if known else None,
         code="bad-request",
-        text=f"{where or 'request'}: {first['msg']}"[:300],
-        hint="reload the page",
+        text=f"{where or 'request'}: {why}"[:300],
+        hint="correct it, then repeat" if typed else "reload the page",
     )
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):
         await websocket.send_text(answer.model_dump_json())
-    await _close(websocket, _BAD_REQUEST, "bad request")
+    if typed is None or not known:
+        await _close(websocket, _BAD_REQUEST, "bad request")
+        return False
+    return True
 
 
 async def _close(websocket: WebSocket, code: int, reason: str) -> None:
