@@ -31,6 +31,23 @@ HELPERS = (
 LOWEST = ("errors", "findings", "progress", "remedy", "workflows")
 DOORS = ("__main__.py", "app", "cli")
 LONGEST = 100
+STILL_BELOW = {
+    "_calibrate_room.py": {"calibrate", "rig", "stripes"},
+    "_envelope.py": {"scan"},
+    "_figure_kernels.py": {"compiled"},
+    "_live.py": {"points", "rig", "stripes"},
+    "_measuring.py": {"edit"},
+    "_open_scan.py": {
+        "detection", "edit", "mesh", "pipeline", "points", "scan", "shapes", "stripes", "surface",
+    },
+    "_rig_room.py": {"devices", "rig"},
+    "_watched.py": {"devices"},
+    "_wire_grid.py": {"detection", "edit", "points", "rig", "stripes", "surface"},
+    "_wire_mesh.py": {"edit", "mesh"},
+    "_workshop.py": {"rig"},
+}  # fmt: skip
+"""Rooms below `workflows` that modules of the browser's door know still: it shows their arrays,
+keeps an edited document and live pictures, and calibrates from pictures one by one."""
 FLAG = re.compile(r"(?<!var\()--[a-z][a-z-]*\b(?!: *#)")
 """Not the colours that a style sheet names."""
 
@@ -97,3 +114,15 @@ def test_words_that_options_choose_among_are_those_of_the_rooms() -> None:
     for name, kind in declared_in_rooms.items():
         assert getattr(_choices, name) == get_args(kind), name
     assert _choices.PRESETS == PRESET_NAMES
+
+
+@pytest.mark.parametrize("path", sorted((SOURCES / "app").glob("*.py")), ids=lambda p: p.name)
+def test_the_browser_calls_workflows(path: Path) -> None:
+    rooms = set[str]()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module == "turnscan":
+            rooms |= {a.name for a in node.names} - {"__version__"}
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("turnscan."):
+            rooms.add((node.module or "").split(".")[1])
+    below = rooms - {"app", "arrays", "json_text", *LOWEST}
+    assert below == STILL_BELOW.get(path.name, set()), "take it from the list, or call a workflow"

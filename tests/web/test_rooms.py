@@ -20,6 +20,7 @@ from turnscan.edit import Change, Document, Edit
 from turnscan.findings import Finding
 from turnscan.formats import read_mesh
 from turnscan.progress import Cancelled
+from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
 
 
@@ -472,11 +473,11 @@ def test_the_doctor_is_a_job_with_findings(server: Running) -> None:
         assert done["text"] == "ready" or done["findings"]
 
 
-def test_a_remark_does_not_advise_to_type_options() -> None:
+def test_a_remark_names_settings_and_no_flags() -> None:
     told = remarks(
         [
-            Finding("a", "note", "points went", "", "keep them with --edge 0"),
+            Finding("a", "note", "points went", "", Remedy("keep them with ", Option("edge", 0))),
             Finding("b", "warning", "a hole", "", "scan again"),
         ]
     )
-    assert [r.remedy for r in told] == ["", "scan again"]
+    assert [r.remedy for r in told] == ["keep them with “edge 0”", "scan again"]

@@ -13,7 +13,13 @@ from tests.workflows.scans import write_can
 from turnscan.cli import turnscan
 from turnscan.errors import FormatError, InputError, ScanNewer
 from turnscan.scan import Scan
-from turnscan.workflows import ReconstructOptions, kept_options, options_of, reconstruct
+from turnscan.workflows import (
+    ReconstructOptions,
+    kept_names,
+    kept_options,
+    options_of,
+    reconstruct,
+)
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +64,24 @@ def test_options_replace_the_whole_set_or_change_it(scan: Path) -> None:
     assert options_of(scan, every=3).changed() == {"every": 3}
 
 
+def test_named_sets_stand_beside_each_other(scan: Path) -> None:
+    out = scan.with_name("can.ply")
+    run("reconstruct", scan, "-o", out, "--every", 2)
+    done = run("reconstruct", scan, "-o", out, "--set", "fine", "--edge", 2)
+    assert done.exit_code == 0, done.output
+    fine = out.read_bytes()
+    assert options_of(scan) == ReconstructOptions(every=2)
+    assert options_of(scan, "fine") == ReconstructOptions(edge=2)
+    with Scan.open(scan) as opened:
+        assert kept_names(opened) == ["default", "fine"]
+    run("reconstruct", scan, "-o", out, "--set", "fine")
+    assert out.read_bytes() == fine
+    with pytest.raises(InputError, match="no set 'coarse' → there is default, fine"):
+        reconstruct(scan, settings="coarse")
+    with pytest.raises(InputError, match="not a name"):
+        reconstruct(scan, settings=" ")
+
+
 def test_a_scan_that_nobody_chose_settings_for_is_not_touched(scan: Path) -> None:
     before = scan.read_bytes()
     assert run("reconstruct", scan, "-o", scan.with_name("a.stl")).exit_code == 0
@@ -88,14 +112,14 @@ def test_a_result_without_a_surface_keeps_nothing(scan: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "kind", "says"),
     [
-        ("{}", FormatError, "not in the form"),
-        ("[]", FormatError, "not in the form"),
-        ('{"version": 1, "sets": {"default": []}}', FormatError, "not in the form"),
+        ("{}", FormatError, "not in the expected form"),
+        ("[]", FormatError, "not in the expected form"),
+        ('{"version": 1, "sets": {"default": []}}', FormatError, "not in the expected form"),
         ('{"version": 1, "sets": {"default": {"every": 0}}}', FormatError, "every: 0 is not"),
         ('{"version": 1, "sets": {"default": {"every": true}}}', FormatError, "every: True"),
         ('{"version": 1, "sets": {"default": {"fill": "flat"}}}', FormatError, "no effect"),
-        ('{"version": 1, "sets": {"default": {"warp": 9}}}', ScanNewer, "later turnscan"),
-        ('{"version": 2}', ScanNewer, "later turnscan"),
+        ('{"version": 1, "sets": {"default": {"warp": 9}}}', ScanNewer, "later version"),
+        ('{"version": 2}', ScanNewer, "later version"),
     ],
 )
 def test_settings_that_are_none_are_named_and_can_be_replaced(

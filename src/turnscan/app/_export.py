@@ -6,8 +6,8 @@ from turnscan.app import _requests as q
 from turnscan.app._downloads import Downloads
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._open_scan import OpenScan
-from turnscan.errors import ExportError, InputError
-from turnscan.formats import ExportOptions, audit, export
+from turnscan.errors import InputError
+from turnscan.workflows import ExportOptions, audited
 
 
 def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportRequest) -> Job:
@@ -25,18 +25,13 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportR
     def work(job: Job) -> Result:
         result = scan.result(state, job.share)
         mesh = result.mesh
-        job.steps(3)
+        job.steps(2)
         job.at(0)
         if not len(mesh.faces):
             raise InputError("no surface to export", hint="undo, or open another scan")
         formats, lines = result.content(options)
         job.tick()
-        data = export(mesh, suffix, options=formats, profiles=lines)
-        job.tick()
-        found = audit(data, mesh, suffix, options=formats, profiles=lines)
-        for finding in found:
-            if finding.severity == "error":
-                raise ExportError(finding.message, hint=finding.remedy)
+        data, found = audited(mesh, suffix, formats, lines, scan.path.stem + suffix)
         job.tick()
         name = downloads.add(data, scan.path.stem + suffix)
         size = f"{len(data) / 1e6:.2f} MB, read back the same"

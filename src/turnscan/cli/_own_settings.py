@@ -15,7 +15,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def settings_options(command: Command) -> Command:
-    """Give a verb the flags of a reconstruction and what they change: ``options``, ``base``."""
+    """Give a verb the flags of a reconstruction, and of the set of settings that they change."""
     base = click.option(
         "--settings",
         "base",
@@ -23,16 +23,24 @@ def settings_options(command: Command) -> Command:
         help="Settings that the options of this command modify: those stored in the scan by its "
         "last reconstruction, or the defaults.  [default: own without such options, default with]",
     )
-    return flags_of(workflows.ReconstructOptions)(base(command))
+    name = click.option(
+        "--set",
+        "name",
+        default="default",
+        show_default=True,
+        metavar="NAME",
+        help="Named set of settings in the scan, in which this reconstruction stores its own.",
+    )
+    return flags_of(workflows.ReconstructOptions)(base(name(command)))
 
 
 def chosen_options(
-    source: Path, options: workflows.ReconstructOptions, base: str | None
+    source: Path, options: workflows.ReconstructOptions, base: str | None, name: str
 ) -> workflows.ReconstructOptions | None:
     """The options to reconstruct with; None for the scan's own."""
     named = values_given(workflows.ReconstructOptions, options)
     if base == "own":
-        return workflows.options_of(source, **named)
+        return workflows.options_of(source, name, **named)
     return options if named or base == "default" else None
 
 

@@ -59,6 +59,7 @@ def verb(
     rig_path: Path | None,
     options: workflows.ReconstructOptions,
     base: str | None,
+    name: str,
     unit: str,
     edits: str,
     report: Path | None,
@@ -79,10 +80,17 @@ def verb(
     inputs += [] if edits in ("own", "none") else [Path(edits)]
     workflows.check_targets(outputs, inputs, report, unit)
     rig = None if rig_path is None else workflows.read_rig_file(rig_path)
-    chosen = options if ranges else chosen_options(source, options, base)
+    chosen = options if ranges else chosen_options(source, options, base, name)
     with progress_bar() as progress:
         result = workflows.reconstruct(
-            source, chosen, rig=rig, edits=edits, unit=unit, store=True, progress=progress
+            source,
+            chosen,
+            rig=rig,
+            edits=edits,
+            unit=unit,
+            store=True,
+            settings=name,
+            progress=progress,
         )
     if chosen is None:
         show_own(result)

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     )
     from turnscan.workflows._import_pictures import ImportedScan, import_pictures
     from turnscan.workflows._join import join
-    from turnscan.workflows._kept_options import kept_options, options_of
+    from turnscan.workflows._kept_options import kept_names, kept_options, options_of
     from turnscan.workflows._measure import Measured, measure
     from turnscan.workflows._measure_options import MeasureOptions
     from turnscan.workflows._opening import OpenScan, open_scan
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._reconstruct_options import ReconstructOptions
     from turnscan.workflows._report import about
     from turnscan.workflows._result import ReconstructResult
-    from turnscan.workflows._saving import save
+    from turnscan.workflows._saving import audited, save
     from turnscan.workflows._scan import (
         PlannedScan,
         ScanLeft,
@@ -141,7 +141,7 @@ _MODULES = {
     ),
     "_import_pictures": ("ImportedScan", "import_pictures"),
     "_join": ("join",),
-    "_kept_options": ("kept_options", "options_of"),
+    "_kept_options": ("kept_names", "kept_options", "options_of"),
     "_measure": ("Measured", "measure"),
     "_measure_options": ("MeasureOptions",),
     "_opening": ("OpenScan", "open_scan"),
@@ -150,7 +150,7 @@ _MODULES = {
     "_reconstruct_options": ("ReconstructOptions",),
     "_report": ("about",),
     "_result": ("ReconstructResult",),
-    "_saving": ("ExportOptions", "save"),
+    "_saving": ("ExportOptions", "audited", "save"),
     "_scan": (
         "PlannedScan",
         "ScanLeft",
@@ -253,6 +253,7 @@ __all__ = [
     "about",
     "acknowledge",
     "artefact",
+    "audited",
     "calibrate",
     "capture",
     "check",
@@ -275,6 +276,7 @@ __all__ = [
     "identify_lasers",
     "import_pictures",
     "join",
+    "kept_names",
     "kept_options",
     "lasers_in_words",
     "measure",

@@ -17,7 +17,7 @@ from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.stripes import Detector
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._history import wanted_history
-from turnscan.workflows._kept_options import kept_options, store_options
+from turnscan.workflows._kept_options import DEFAULT_SET, check_name, kept_options, store_options
 from turnscan.workflows._range_scans import join_scans, placed_scans
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
@@ -36,6 +36,7 @@ def reconstruct(
     unit: str = "m",
     detector: Detector | None = None,
     store: bool = False,
+    settings: str = DEFAULT_SET,
     progress: Progress = no_progress,
     **changes: Any,
 ) -> ReconstructResult:
@@ -62,6 +63,9 @@ def reconstruct(
     store
         Keep the options in the scan file, so that every door opens it with them. A file that
         cannot be changed stays as it is, with a note among the findings.
+    settings
+        Name of the set of settings in the scan file that is opened without ``options``, and in
+        which ``store`` keeps them.
     progress
         Told how far it is; it may cancel.
     changes
@@ -84,19 +88,20 @@ def reconstruct(
     >>> part.failed
     False
     """
+    check_name(settings)
     if isinstance(source, Scan):
-        wanted = chosen(ReconstructOptions, options or kept_options(source), changes)
+        wanted = chosen(ReconstructOptions, options or kept_options(source, settings), changes)
         return _of_scan(source, wanted, rig, edits, detector, progress)
     path = Path(source)
     if path.suffix.lower() == ".conf":
         wanted = chosen(ReconstructOptions, options, changes)
-        settings = wanted.settings()
-        done = join_scans(path, placed_scans(path, unit), unit, settings, progress)
-        return ReconstructResult(done, about(path, None, settings), options=wanted)
+        used = wanted.settings()
+        done = join_scans(path, placed_scans(path, unit), unit, used, progress)
+        return ReconstructResult(done, about(path, None, used), options=wanted)
     with Scan.open(path) as scan:
-        wanted = chosen(ReconstructOptions, options or kept_options(scan), changes)
+        wanted = chosen(ReconstructOptions, options or kept_options(scan, settings), changes)
         result = _of_scan(scan, wanted, rig, edits, detector, progress)
-    note = store_options(path, result.options) if store and not result.failed else None
+    note = store_options(path, result.options, settings) if store and not result.failed else None
     return result if note is None else replace(result, notes=(note,))
 
 

@@ -50,10 +50,8 @@ def save(
     remarks: list[Finding] = []
     for path, what in results.items():
         check_writable(path)
-        data = export(what, path.suffix, options=options, profiles=profiles)
-        for finding in audit(data, what, path.suffix, options=options, profiles=profiles):
-            if finding.severity == "error":
-                raise ExportError(f"{path}: {finding.message}", hint=finding.remedy)
+        data, found = audited(what, path.suffix, options, profiles, str(path))
+        for finding in found:
             where = ", ".join(filter(None, [path.name, finding.where]))
             remarks.append(
                 Finding(finding.code, finding.severity, finding.message, where, finding.remedy)
@@ -62,3 +60,23 @@ def save(
     for path, data in ready.items():
         write_atomically(path, data)
     return remarks
+
+
+def audited(
+    what: Mesh | PointCloud | Profiles,
+    suffix: str,
+    options: ExportOptions,
+    profiles: Profiles | None = None,
+    name: str = "the file",
+) -> tuple[bytes, list[Finding]]:
+    """A result as the bytes of a file, read back and compared, and what the comparison remarks.
+
+    Raises InputError for a format that is unknown or cannot hold it, ExportError naming the file
+    where it does not read back the same.
+    """
+    data = export(what, suffix, options=options, profiles=profiles)
+    found = audit(data, what, suffix, options=options, profiles=profiles)
+    for finding in found:
+        if finding.severity == "error":
+            raise ExportError(f"{name}: {finding.message}", hint=finding.remedy)
+    return data, list(found)
