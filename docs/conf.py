@@ -1,5 +1,8 @@
 """How Sphinx builds the documentation."""
 
+import sys
+from pathlib import Path
+
 from turnscan import __version__
 
 project = "turnscan"
@@ -7,7 +10,8 @@ author = "the turnscan authors"
 copyright = "the turnscan authors"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+sys.path.insert(0, str(Path(__file__).parent))
+extensions = ["myst_parser", "notebook_cells", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 napoleon_google_docstring = False
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3

@@ -53,7 +53,6 @@ from turnscan.surface.holes import (
     fill,
     holes,
 )
-from turnscan.workflows._render import render
 from turnscan.workflows._simulated import plan_of, scan_into_file
 
 HERE = Path(__file__).parent / "pictures"
@@ -218,14 +217,16 @@ def fills() -> None:
     for centre, radius in (((0.0, 0.0, 112.0), 32.0), ((26.0, -32.0, 47.0), 14.0)):
         cut |= np.linalg.norm(middle - centre, axis=1) < radius
     torn, _ = cut_touching(submesh(whole, ~cut))
-    pictures = [render(torn, azimuth=0.9, elevation=0.5, size=(360, 400))]
+    pictures = [torn.show(azimuth=0.9, elevation=0.5, size=(360, 400)).pixels]
     ways: tuple[FillHow, ...] = ("flat", "tangent", "curvature")
     for how in ways:
         mesh = fill(torn, holes(torn), how)
         assert mesh.measured is not None
         colour = np.full((len(mesh.vertices), 3), (122.0, 158.0, 196.0))
         colour[mesh.faces[~mesh.measured]] = (232.0, 150.0, 70.0)
-        pictures.append(render(mesh, azimuth=0.9, elevation=0.5, size=(360, 400), colour=colour))
+        pictures.append(
+            mesh.show(azimuth=0.9, elevation=0.5, size=(360, 400), colour=colour).pixels
+        )
     row = tuple(Pillow.fromarray(p) for p in pictures)
     strip([row], width=1100).save(HERE / "fills.png", optimize=True)
 
@@ -267,7 +268,7 @@ def poses() -> None:
         row = []
         for name, azimuth in (("up", 0.6), ("side", 2.6), ("both", 0.6)):
             mesh = read_mesh((at / f"{name}.ply").read_bytes(), ".ply")
-            view = render(mesh, azimuth=azimuth, elevation=0.75, size=(480, 480))
+            view = mesh.show(azimuth=azimuth, elevation=0.75, size=(480, 480)).pixels
             row.append(Pillow.fromarray(view))
     strip([tuple(row)], width=1100).save(HERE / "poses.png", optimize=True)
 

@@ -10,7 +10,6 @@ from PIL import Image as Pillow
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.workflows import _html
-from turnscan.workflows._render import render
 
 
 def test_text_from_outside_is_never_markup() -> None:
@@ -55,14 +54,14 @@ def _tetrahedron() -> Mesh:
 
 def test_render_fits_the_frame_and_tells_front_from_back() -> None:
     mesh = _tetrahedron()
-    front = render(mesh, size=(120, 90))
+    front = mesh.show(size=(120, 90)).pixels
     drawn = (front != 255).any(axis=2)
     assert 0.15 < drawn.mean() < 0.9
     assert not drawn[:, 0].any()
     assert not drawn[0].any()
     blue = front[drawn][:, 2].astype(int) > front[drawn][:, 0]
     assert blue.mean() > 0.95
-    inside_out = render(Mesh(mesh.vertices, mesh.faces[:, ::-1]), size=(120, 90))
+    inside_out = Mesh(mesh.vertices, mesh.faces[:, ::-1]).show(size=(120, 90)).pixels
     rust = inside_out[drawn][:, 0].astype(int) > inside_out[drawn][:, 2]
     assert rust.mean() > 0.95
 
@@ -74,11 +73,11 @@ def test_render_draws_the_near_face_over_the_far_one() -> None:
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     mesh = Mesh(np.concatenate([far, near]), np.concatenate([faces, faces + 4]))
     colour = np.array([[0, 0, 255]] * 4 + [[255, 0, 0]] * 4)
-    image = render(mesh, azimuth=0.0, elevation=0.0, size=(100, 100), colour=colour)
+    image = mesh.show(azimuth=0.0, elevation=0.0, size=(100, 100), colour=colour).pixels
     assert image[50, 50, 0] > 100
     assert image[50, 50, 2] == 0
     assert image[10, 50, 2] > 100
 
 
 def test_render_of_nothing_is_white() -> None:
-    assert (render(Mesh(np.zeros((0, 3)), np.zeros((0, 3))), size=(8, 6)) == 255).all()
+    assert (Mesh(np.zeros((0, 3)), np.zeros((0, 3))).show(size=(8, 6)).pixels == 255).all()

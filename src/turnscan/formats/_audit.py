@@ -112,6 +112,9 @@ def _errors(found: list[Finding]) -> bool:
 def _step(points: Floats, suffix: str, options: ExportOptions) -> float:
     """Return by how much the format may move a coordinate, mm."""
     largest = float(np.abs(points).max(initial=0.0))
+    rounding = exporter_for(suffix).rounding
+    if rounding is not None:
+        return rounding(points)
     binary = not options.ascii
     if (suffix.lower() == ".stl" and binary) or suffix.lower() == ".glb":
         return 1.1 * largest * 2.0**-24 + 1e-45  # and what the way to metres and back rounds

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import TypeVar
 
+from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.formats._dxf import write_dxf
 from turnscan.formats._dxf_read import read_dxf
@@ -18,6 +20,11 @@ from turnscan.formats._ply_read import read_ply
 from turnscan.formats._stl import read_stl, write_stl
 from turnscan.formats._threemf import read_3mf, write_3mf
 from turnscan.mesh import Mesh, PointCloud
+from turnscan.plugins import Plugin, find_plugin, plugin_names
+
+GROUP = "turnscan.formats"
+"""The entry-point group. An entry is an `Exporter`, by its suffix without the dot."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,9 @@ class Exporter:
     read: Callable[[bytes], Mesh]
     write_points: Callable[[PointCloud, ExportOptions], bytes] | None = None
     """For a format that holds points without faces."""
+    rounding: Callable[[Floats], float] | None = None
+    """(n, 3) mm → how far the format may move a coordinate of these, mm; None: it keeps the
+    decimals that turnscan's own texts have, at least 6."""
 
 
 EXPORTERS = MappingProxyType(
@@ -49,15 +59,45 @@ EXPORTERS = MappingProxyType(
 
 
 def exporter_for(suffix: str) -> Exporter:
-    """Return the format of a suffix such as ``.dxf``, in any case.
+    """Return the format of a suffix such as ``.dxf``, in any case: ours, or an installed one.
 
-    Raises InputError where there is none.
+    Raises InputError where there is none, PluginError where an installed one cannot be loaded.
     """
     found = EXPORTERS.get(suffix.lower())
-    if found is None:
-        known = ", ".join(EXPORTERS)
-        raise InputError(f"files ending {suffix!r} are not known", hint=f"use one of {known}")
-    return found
+    if found is not None:
+        return found
+    plugin = find_plugin(GROUP, suffix.lower().removeprefix("."))
+    if plugin is not None:
+        return _contained(plugin, suffix.lower())
+    known = ", ".join([*EXPORTERS, *(f".{name}" for name in plugin_names(GROUP))])
+    raise InputError(f"files ending {suffix!r} are not known", hint=f"use one of {known}")
+
+
+def _contained(plugin: Plugin, suffix: str) -> Exporter:
+    """The format of another package; whatever it does wrong is a PluginError that names it."""
+    there = plugin.value
+    if not isinstance(there, Exporter):
+        raise plugin.failure(f"it gives a {type(there).__name__}, not an Exporter")
+    if there.suffix != suffix:
+        raise plugin.failure(f"it is for files ending {there.suffix!r}, not {suffix!r}")
+
+    def called(kind: type[T], function: Callable[..., T]) -> Callable[..., T]:
+        def call(*args: object) -> T:
+            made = plugin.run(function, *args)
+            if not isinstance(made, kind):
+                raise plugin.failure(f"it gave a {type(made).__name__}, not {kind.__name__}")
+            return made
+
+        return call
+
+    points = there.write_points
+    return Exporter(
+        suffix,
+        called(bytes, there.write),
+        called(Mesh, there.read),
+        None if points is None else called(bytes, points),
+        None if there.rounding is None else called(float, there.rounding),
+    )
 
 
 def export(

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
+from turnscan.errors import InputError
+from turnscan.mesh._render import render
+from turnscan.picture import Picture, card, image
 
 if TYPE_CHECKING:
     import trimesh
@@ -93,15 +97,50 @@ class Mesh:
             return np.full((2, 3), np.nan)
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
+    def show(
+        self,
+        *,
+        azimuth: float = 0.6,
+        elevation: float = 0.45,
+        size: tuple[int, int] = (640, 480),
+        colour: npt.ArrayLike | None = None,
+    ) -> Picture:
+        """Draw the mesh, shaded, z up, fitted to the frame.
+
+        It is seen from ``azimuth`` and ``elevation`` (radians); ``size`` is (width, height) in px;
+        ``colour`` is (v, 3) red, green, blue 0 to 255 per vertex, None takes the mesh's own, or one
+        plain colour. Faces seen from behind are rust, so that a hole or a wrong orientation shows.
+        """
+        paint = self.colour if colour is None else colour
+        drawn = render(
+            self.vertices, self.faces, azimuth=azimuth, elevation=elevation, size=size, colour=paint
+        )
+        return Picture(drawn)
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, object]] = [
+            ("vertices", len(self.vertices)),
+            ("faces", len(self.faces)),
+        ]
+        if not len(self.faces):
+            return card("Mesh", rows)
+        low, high = self.bounds
+        sides = " × ".join(f"{side:.2f}" for side in high - low)
+        rows.append(("size", f"{sides} mm"))
+        if self.measured is not None:
+            rows.append(("not measured", f"{int((~self.measured).sum())} faces"))
+        if self.provenance is not None and np.isfinite(self.provenance.sigma).any():
+            rows.append(("sigma, median", f"{np.nanmedian(self.provenance.sigma):.4f} mm"))
+        return card("Mesh", rows, image(self.show(size=(320, 240)).pixels))
+
     def to_trimesh(self) -> trimesh.Trimesh:
-        """The same mesh for the library trimesh, which is installed beside turnscan.
+        """The same mesh for the library trimesh.
 
         Vertices keep their order; ``vertex_attributes["sigma"]`` is the standard uncertainty in mm,
-        ``face_attributes["measured"]`` is False for faces that close a gap.
+        ``face_attributes["measured"]`` is False for faces that close a gap. Raises InputError where
+        trimesh is not installed.
         """
-        import trimesh
-
-        out = trimesh.Trimesh(self.vertices, self.faces, process=False)
+        out: trimesh.Trimesh = _library("trimesh").Trimesh(self.vertices, self.faces, process=False)
         if self.provenance is not None:
             out.vertex_attributes["sigma"] = self.provenance.sigma
         if self.measured is not None:
@@ -109,3 +148,44 @@ class Mesh:
         if self.colour is not None:
             out.visual.vertex_colors = self.colour
         return out
+
+    def to_open3d(self) -> Any:
+        """The same mesh for the library Open3D, as ``open3d.geometry.TriangleMesh``.
+
+        Vertices and faces keep their order. Raises InputError where Open3D is not installed.
+        """
+        o3d = _library("open3d")
+        out = o3d.geometry.TriangleMesh(
+            o3d.utility.Vector3dVector(np.array(self.vertices)),
+            o3d.utility.Vector3iVector(np.array(self.faces)),
+        )
+        if self.colour is not None:
+            out.vertex_colors = o3d.utility.Vector3dVector(np.array(self.colour) / 255.0)
+        return out
+
+    def to_pyvista(self) -> Any:
+        """The same mesh for the library PyVista, as ``pyvista.PolyData``.
+
+        Vertices and faces keep their order; ``point_data["sigma"]`` is the standard uncertainty in
+        mm, ``cell_data["measured"]`` is False for faces that close a gap. Raises InputError where
+        PyVista is not installed.
+        """
+        pyvista = _library("pyvista")
+        out = pyvista.PolyData.from_regular_faces(np.array(self.vertices), np.array(self.faces))
+        if self.provenance is not None:
+            out.point_data["sigma"] = np.array(self.provenance.sigma)
+        if self.measured is not None:
+            out.cell_data["measured"] = np.array(self.measured)
+        if self.colour is not None:
+            out.point_data["colour"] = np.array(self.colour)
+        return out
+
+
+def _library(name: str) -> Any:
+    """A library that is not among those that turnscan needs."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as e:
+        raise InputError(
+            f"{name} is not installed: {e}", hint=f"pip install 'turnscan[{name}]'"
+        ) from None

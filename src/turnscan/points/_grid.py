@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Bools, Flags, Floats, Ints, frozen
+from turnscan.picture import Picture, card, coloured, image, shrunk
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,32 @@ class RangeGrid:
             put(self, "eyes", frozen(self.eyes, (s, 3), "RangeGrid.eyes"))
         if self.behind is not None:
             put(self, "behind", frozen(self.behind, (s, n), "RangeGrid.behind", np.bool_))
+
+    def show(self) -> Picture:
+        """A map of the points' distance from the rotation axis: a step a column, a line a row."""
+        return Picture(coloured(np.hypot(self.points[..., 0], self.points[..., 1]).T))
+
+    def _repr_html_(self) -> str:
+        there = self.found
+        rows: list[tuple[str, object]] = [
+            ("profiles", f"{len(self.steps)}{', all the way round' if self.closed else ''}"),
+            ("points", f"{int(there.sum())} of {there.size}"),
+        ]
+        if there.any():
+            away = np.hypot(self.points[..., 0], self.points[..., 1])[there]
+            height = self.points[..., 2][there]
+            rows += [
+                ("from the axis", f"{away.min():.2f} to {away.max():.2f} mm"),
+                ("height", f"{height.min():.2f} to {height.max():.2f} mm"),
+                ("sigma, median", f"{np.nanmedian(self.sigma):.4f} mm"),
+            ]
+        return card(f"Range grid of laser {self.laser}", rows, self._map() if there.any() else "")
+
+    def _map(self) -> str:
+        """The map without the lines that nothing was found in, a few pixels a step."""
+        lines = np.flatnonzero(self.found.any(axis=0))
+        small = shrunk(self.show().pixels[lines[0] : lines[-1] + 1], 320)
+        return image(np.repeat(small, max(1, 240 // small.shape[1]), axis=1))
 
     @property
     def found(self) -> Bools:

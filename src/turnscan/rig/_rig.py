@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
+from turnscan.picture import card
 from turnscan.rig._camera import Camera
+from turnscan.rig._drawing import Beam, views
 from turnscan.rig._pose import Pose, rotation_from_vector
 from turnscan.rig._sheet import LaserSheet
 
@@ -64,6 +67,28 @@ class Rig:
         """Names of the rig's free parameters, in the order of `covariance` and `perturbed`."""
         sheets = tuple(f"{s.name}.{p}" for s in self.sheets for p in _SHEET)
         return tuple(f"camera.{p}" for p in _CAMERA) + sheets + tuple(f"table.{p}" for p in _TABLE)
+
+    def html(self, title: str = "Rig", more: Sequence[tuple[str, object]] = ()) -> str:
+        """What a notebook shows: two views to scale, the main figures, and ``more`` of them."""
+        c, back = self.camera, self.T_camera_table.inverse()
+        eye = back.translation
+        rows: list[tuple[str, object]] = [
+            ("camera", f"{c.width} × {c.height} px, focal length {c.fx:.0f} px"),
+            ("from the axis", f"{np.hypot(eye[0], eye[1]):.1f} mm, {eye[2]:.1f} mm high"),
+        ]
+        for s in self.sheets:
+            angle = np.degrees(np.arcsin(min(abs(float(s.normal[2])), 1.0)))
+            rows.append((f"laser {s.name}", f"{angle:.1f}° to the optical axis"))
+        known = "not known" if self.covariance is None else "known (covariance)"
+        beams = [
+            Beam(s.name, back.apply(self.light_source(s.name)), back.apply(s.centre))
+            for s in self.sheets
+        ]
+        drawn = views(eye, back.turn(np.array([0.0, 0.0, 1.0])), beams)
+        return card(title, [*rows, ("uncertainty", known), *more], drawn)
+
+    def _repr_html_(self) -> str:
+        return self.html()
 
     def sheet(self, name: str) -> LaserSheet:
         """The sheet of that name; raises KeyError that lists the names there are."""

@@ -73,6 +73,16 @@ class CalibratedRig:
         """The rig, with its uncertainty."""
         return self.calibration.rig
 
+    def _repr_html_(self) -> str:
+        f = self.figures
+        rows: list[tuple[str, object]] = [
+            ("boards", f"{f.camera_rms_px:.3f} px rms in {f.camera_views} pictures"),
+            *((f"sheet {n}", f"{mm:.3f} mm rms") for n, mm in f.sheet_rms_mm.items()),
+            *((f"radius at {at}", f"± {k2:.3f} mm (k = 2)") for at, k2 in f.radius_k2_mm.items()),
+            *((finding.severity, finding.message) for finding in self.findings),
+        ]
+        return self.rig.html(f"Calibration {self.path.name}", rows)
+
     def __fspath__(self) -> str:
         """Its path: it stands for the rig file wherever a file is wanted."""
         return fspath(self.path)

@@ -27,7 +27,6 @@ from turnscan.workflows._demo_report import DemoFrame, demo_report, frame_figure
 from turnscan.workflows._deviation_map import deviation_figure
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._png import write_png
-from turnscan.workflows._render import render
 from turnscan.workflows._report import about, summary
 from turnscan.workflows._saving import save
 from turnscan.workflows._simulated import plan_of, scan_into_file, truth
@@ -140,7 +139,7 @@ def demo(
     pictures: dict[str, Image | Figure] = {
         "stripe": frame_figure(frames[0]),
         "grid": grid_figure(done.grids[0]),
-        "mesh": render(done.mesh, azimuth=0.6),
+        "mesh": done.mesh.show(azimuth=0.6).pixels,
         "deviation": deviation_figure(done.mesh, found),
     }
     for picture, image in pictures.items():

@@ -19,7 +19,6 @@ from turnscan.simulate import Simulated
 from turnscan.stripes import Stripe
 from turnscan.workflows import _html as html
 from turnscan.workflows._deviation_map import deviation_figure
-from turnscan.workflows._render import render
 from turnscan.workflows._report import summary
 
 if TYPE_CHECKING:
@@ -62,11 +61,13 @@ def demo_report(
         *(html.picture(grid_figure(g), _grid_caption(g)) for g in done.grids),
         html.heading("Surface"),
         *(
-            html.picture(render(done.mesh, azimuth=a), f"As measured, from {math.degrees(a):.0f}°.")
+            html.picture(
+                done.mesh.show(azimuth=a).pixels, f"As measured, from {math.degrees(a):.0f}°."
+            )
             for a in (0.6, 0.6 + math.pi)
         ),
         html.picture(
-            render(mended, azimuth=0.6, elevation=0.9),
+            mended.show(azimuth=0.6, elevation=0.9).pixels,
             "Repaired. Surface that was never lit is interpolated here, for instance the inside "
             "of a vessel.",
         ),

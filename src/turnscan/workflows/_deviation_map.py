@@ -9,7 +9,6 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.mesh import Mesh
 from turnscan.shapes import Deviation
-from turnscan.workflows._render import render
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +30,7 @@ def deviation_figure(mesh: Mesh, found: Deviation, limit: float | None = None) -
     figure = Figure(figsize=(11, 4), layout="constrained")
     left, right, chart = figure.subplots(1, 3, width_ratios=[1, 1, 0.8])
     for axes, azimuth in ((left, 0.6), (right, 0.6 + np.pi)):
-        axes.imshow(render(mesh, azimuth=azimuth, size=(480, 420), colour=colour))
+        axes.imshow(mesh.show(azimuth=azimuth, size=(480, 420), colour=colour).pixels)
         axes.set_axis_off()
     _histogram(chart, found.distance, top)
     shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(-top, top), _MAP)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from os import PathLike
 from typing import Any
 
+import numpy as np
+
+from turnscan.picture import brightened, card, image, shrunk
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
 from turnscan.scan import Scan
@@ -25,6 +28,25 @@ class OpenScan(Scan):
     >>> picture.shape, stripes.position.shape
     ((240, 320), (24, 240))
     """
+
+    def _repr_html_(self) -> str:
+        plan = self.plan
+        angles = np.degrees(self.angles(plan.lasers[0]))
+        kind = "colour" if plan.channels == 3 else "grey"
+        known = angles[~np.isnan(angles)]
+        rows: list[tuple[str, object]] = [
+            ("frames", f"{len(self)} in {plan.steps} steps, lasers {', '.join(plan.lasers)}"),
+            ("pictures", f"{plan.width} × {plan.height} {plan.dtype}, {kind}"),
+            ("angles", f"{known.min():.2f}° to {known.max():.2f}°" if len(known) else "not known"),
+            ("rig", "none" if self.rig is None else f"{len(self.rig.sheets)} lasers"),
+            ("complete", "yes" if self.complete else "no"),
+        ]
+        steps = self.steps(plan.lasers[0])
+        if not steps:
+            return card(f"Scan {self.path.name}", rows)
+        middle = self.frame(steps[len(steps) // 2])
+        drawn = brightened(shrunk(middle.lit, 320))
+        return card(f"Scan {self.path.name}", rows, image(drawn))
 
     def stripes(
         self,

@@ -17,6 +17,7 @@ from turnscan.errors import ExportError
 from turnscan.findings import Finding
 from turnscan.formats import ExportOptions, Profiles
 from turnscan.mesh import Mesh
+from turnscan.picture import card, image
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid, cloud, profiles
 from turnscan.rig import Rig
@@ -101,6 +102,15 @@ class ReconstructResult:
         out["sigma"], out["laser"] = loose.sigma, loose.laser
         out["step"], out["row"] = loose.step, loose.line
         return out
+
+    def __str__(self) -> str:
+        return "\n".join(self.summary())
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, object]] = [("", line) for line in self.summary()]
+        rows += [("", finding) for finding in self.findings if finding.severity != "note"]
+        drawn = image(self.mesh.show(size=(320, 240)).pixels) if len(self.mesh.faces) else ""
+        return card(f"Surface of {self.about['source']}", rows, drawn)
 
     def figures(self) -> dict[str, Any]:
         """The result in numbers: points, faces, size, volume with its uncertainty."""

@@ -250,11 +250,9 @@ def _sigma(m: Maps) -> Figure:
 
 
 def _picture(mesh: Mesh, azimuth: float) -> Image:
-    from turnscan.workflows._render import render
-
     if mesh.measured is None or mesh.measured.all():
-        return render(mesh, azimuth=azimuth)
+        return mesh.show(azimuth=azimuth).pixels
     corners = np.arange(3 * len(mesh.faces), dtype=np.int32)
     own = Mesh(mesh.triangles.reshape(-1, 3), corners.reshape(-1, 3))
     paint = np.where(mesh.measured[:, None], _MEASURED, _FILLED)
-    return render(own, azimuth=azimuth, colour=np.repeat(paint, 3, axis=0))
+    return own.show(azimuth=azimuth, colour=np.repeat(paint, 3, axis=0)).pixels

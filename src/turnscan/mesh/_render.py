@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
-from turnscan.mesh import Mesh
 from turnscan.rig import rotation_about
 
 Rgb = npt.NDArray[np.uint8]
@@ -19,14 +18,17 @@ _SURFACE = np.array([122.0, 158.0, 196.0])
 
 
 def render(
-    mesh: Mesh,
+    vertices: Floats,
+    faces: Ints,
     *,
     azimuth: float = 0.6,
     elevation: float = 0.45,
     size: tuple[int, int] = (640, 480),
     colour: npt.ArrayLike | None = None,
 ) -> Rgb:
-    """Draw a mesh as seen from ``azimuth`` and ``elevation`` (radians), z up, fitted to the frame.
+    """Draw faces (f, 3) of vertices (v, 3), z up, fitted to the frame; no colour is plain blue.
+
+    They are seen from ``azimuth`` and ``elevation`` (radians).
 
     ``size`` is (width, height) in pixels; ``colour`` is (v, 3) red, green, blue 0 to 255 per
     vertex, or None for one plain colour. Faces seen from behind are drawn in rust, so that a hole
@@ -34,28 +36,28 @@ def render(
     """
     w, h = size[0] * _OVERSAMPLE, size[1] * _OVERSAMPLE
     picture = np.full((h, w, 3), _BACKGROUND)
-    if len(mesh.faces):
+    if len(faces):
         T = rotation_about([1, 0, 0], elevation) @ rotation_about([0, 0, 1], -azimuth)
-        seen = mesh.vertices @ T.T  # x right, y away from the viewer, z up
+        seen = vertices @ T.T  # x right, y away from the viewer, z up
         low, high = seen.min(axis=0), seen.max(axis=0)
         scale = 0.92 * min(w / max(high[0] - low[0], 1e-9), h / max(high[2] - low[2], 1e-9))
         x = (seen[:, 0] - (low[0] + high[0]) / 2) * scale + w / 2
         y = h / 2 - (seen[:, 2] - (low[2] + high[2]) / 2) * scale
         flat = np.stack([x, y, seen[:, 1]], axis=-1)
         paint = (
-            np.broadcast_to(_SURFACE, mesh.vertices.shape)
+            np.broadcast_to(_SURFACE, vertices.shape)
             if colour is None
             else np.asarray(colour, dtype=np.float64)
         )
         depth = np.full((h, w), np.inf)
-        _paint(flat, mesh.faces, np.ascontiguousarray(paint), _shade(seen, mesh), picture, depth)
+        _paint(flat, faces, np.ascontiguousarray(paint), _shade(seen, faces), picture, depth)
     small: Floats = picture.reshape(size[1], _OVERSAMPLE, size[0], _OVERSAMPLE, 3).mean(axis=(1, 3))
     return np.round(small).astype(np.uint8)
 
 
-def _shade(seen: Floats, mesh: Mesh) -> Floats:
+def _shade(seen: Floats, faces: Ints) -> Floats:
     """Brightness per face, negative for a face seen from behind."""
-    t = seen[mesh.faces]
+    t = seen[faces]
     normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
     length = np.linalg.norm(normal, axis=1)
     normal /= np.where(length > 0, length, 1.0)[:, None]
