@@ -8,7 +8,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._topology import fans_about
+from turnscan.mesh._topology import fans_about, unpaired
 
 _THIN = 1e-9
 """A face has no area where its height is less than this share of its longest side."""
@@ -31,10 +31,11 @@ def soundness(mesh: Mesh) -> list[Finding]:
         return []
     t = mesh.triangles
     crossed = crossings(mesh)
+    many, against = _side_places(mesh)
     checks = (
-        ("surface.side", "non-manifold edges (more than two faces)", _side_places(mesh, many=True)),
+        ("surface.side", "non-manifold edges (more than two faces)", many),
         ("surface.orientation", "edges whose two faces have opposite orientations",
-         _side_places(mesh, many=False)),
+         against),
         ("surface.touching", "non-manifold vertices",
          mesh.vertices[_touching(mesh)]),
         ("surface.equal", "duplicate vertices", _equal_places(mesh)),
@@ -85,20 +86,15 @@ def _around(mesh: Mesh, asked: Bools) -> npt.NDArray[np.intp]:
     return np.flatnonzero(over.all(axis=1))
 
 
-def _side_places(mesh: Mesh, *, many: bool) -> Floats:
-    """Middles of the sides with more than two faces, or else of those with two that disagree."""
-    a = mesh.faces[:, [0, 1, 2]].ravel().astype(np.int64)
-    b = mesh.faces[:, [1, 2, 0]].ravel().astype(np.int64)
+def _side_places(mesh: Mesh) -> tuple[Floats, Floats]:
+    """Middles of the sides with more than two faces, and of those with two that disagree."""
+    a, b = unpaired(mesh.faces)
     size = len(mesh.vertices)
     key = np.minimum(a, b) * size + np.maximum(a, b)
-    order = np.argsort(key, kind="stable")
-    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
-    count = np.diff(np.append(starts, len(key)))
-    forward = np.add.reduceat((a < b)[order].astype(np.int64), starts)
-    bad = count > 2 if many else (count == 2) & (forward != 1)
-    which = key[order][starts[bad]]
-    middle: Floats = (mesh.vertices[which // size] + mesh.vertices[which % size]) / 2
-    return middle
+    which, group, count = np.unique(key, return_inverse=True, return_counts=True)
+    forward = np.bincount(group[a < b], minlength=len(which))
+    middle = (mesh.vertices[which // size] + mesh.vertices[which % size]) / 2
+    return middle[count > 2], middle[(count == 2) & (forward != 1)]
 
 
 def _touching(mesh: Mesh) -> npt.NDArray[np.intp]:

@@ -83,11 +83,23 @@ def fans_about(faces: Ints) -> tuple[Ints, Ints]:
 
 def half_edges(faces: Ints) -> tuple[Ints, Ints]:
     """Start and end of the sides that have one face only."""
-    if not len(faces):
+    a, b = unpaired(faces)
+    if not len(a):
         return np.zeros(0, np.int32), np.zeros(0, np.int32)
-    a = faces[:, [0, 1, 2]].ravel().astype(np.int64)
-    b = faces[:, [1, 2, 0]].ravel().astype(np.int64)
-    size = int(max(a.max(initial=0), b.max(initial=0))) + 1
+    size = int(max(a.max(), b.max())) + 1
     back = np.sort(b * size + a)
     lonely = back[np.minimum(np.searchsorted(back, a * size + b), len(back) - 1)] != a * size + b
     return a[lonely].astype(np.int32), b[lonely].astype(np.int32)
+
+
+def unpaired(faces: Ints) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Start and end of the sides that are not one of exactly two that run opposite ways.
+
+    Those that agree with one of them about their ends are among them too: the pairs are complete.
+    """
+    if not len(faces):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    side = np.flatnonzero(twins(faces) < 0)
+    face, corner = np.divmod(side, 3)
+    a, b = faces[face, corner], faces[face, (corner + 1) % 3]
+    return a.astype(np.int64), b.astype(np.int64)
