@@ -53,6 +53,18 @@ def scan_path(rig, tmp_path_factory):
     return path
 
 
+def test_the_number_of_threads_changes_nothing(scan_path, rig):
+    with Scan.open(scan_path) as scan:
+        one, several = (see(scan, rig, StripeSettings(), jobs=n) for n in (1, 5))
+    assert [s.view.laser for s in one] == ["L0", "L1"]
+    for a, b in zip(one, several, strict=True):
+        assert a.stripes.steps == b.stripes.steps
+        for p, q in zip(a.stripes.stripes, b.stripes.stripes, strict=True):
+            for name in ("position", "sigma", "amplitude", "width", "flags"):
+                assert getattr(p, name).tobytes() == getattr(q, name).tobytes(), name
+    assert sum(s.found.sum() for s in one[0].stripes.stripes) > 1000
+
+
 def test_a_box_comes_out_of_its_pictures(scan_path):
     ticks = []
     with Scan.open(scan_path) as scan:

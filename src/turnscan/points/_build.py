@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,8 @@ from turnscan.stripes import Stripe, StripeFlag
 
 _GAP = 2.5
 """The turn is closed when the gap from last to first is at most this many usual steps."""
+_OF_POINTS = ("points", "sigma", "amplitude", "flags")
+"""What a grid knows of each point and its light."""
 
 
 def build_grid(
@@ -94,9 +97,28 @@ def _doubted(
 ) -> RangeGrid:
     """The grid with what the stripes' ``width`` (s, n) px and the angles' uncertainty ``shaky``
     (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
-    found = grid.found
-    if len(grid.steps) < 2 or grid.eyes is None or not found.any():
+    seen = np.flatnonzero(grid.found.any(axis=0))
+    if len(grid.steps) < 2 or grid.eyes is None or not len(seen):
         return grid
+    # Lines before the first one with a point and after the last tell nothing of any other.
+    part = slice(int(seen[0]), int(seen[-1]) + 1)
+    some = RangeGrid(
+        **{name: getattr(grid, name) for name in ("laser", "steps", "angles", "closed", "eyes")},
+        **{name: getattr(grid, name)[:, part] for name in _OF_POINTS},
+    )
+    better = _judged(some, rig, width[:, part], scale[:, part], shaky, vertical)
+    whole: dict[str, Any] = {name: np.array(getattr(grid, name)) for name in _OF_POINTS}
+    for name, values in whole.items():
+        values[:, part] = getattr(better, name)
+    return replace(grid, **whole)
+
+
+def _judged(
+    grid: RangeGrid, rig: Rig, width: Floats, scale: Floats, shaky: Floats, vertical: bool
+) -> RangeGrid:
+    """`_doubted`, of a grid that knows where its camera stood, with all the memory it takes."""
+    assert grid.eyes is not None
+    found = grid.found
     turn = rotation_z(grid.angles)
     T, sheet = rig.T_camera_table, rig.sheet(grid.laser)
     camera = T.apply(np.einsum("sij,snj->sni", turn, grid.points)[found])
