@@ -61,8 +61,9 @@ class Notebook:
 
 def shows(value: Any) -> Output:
     """What a notebook shows of a value: its HTML, its picture, or its text."""
-    if hasattr(value, "_repr_html_"):
-        return Output("text/html", value._repr_html_())
+    html = value._repr_html_() if hasattr(value, "_repr_html_") else None
+    if html is not None:
+        return Output("text/html", html)
     if hasattr(value, "_repr_png_"):
         return Output("image/png", value._repr_png_())
     if hasattr(value, "savefig"):
