@@ -134,3 +134,42 @@ def test_a_single_profile_stays_as_it_is():
 def test_settings_without_sense_are_refused(wrong):
     with pytest.raises(ValueError, match="Clean"):
         Clean(**wrong)
+
+
+def _ending(shape: str) -> RangeGrid:
+    """The tube, whose light fades over the last four lines: of every third profile alone, which
+    slide off by up to 1 mm (``slides``) or stay (``stays``), or of all, as where it rounds off."""
+    grid = wall(60)
+    points, light = grid.points.copy(), 100.0 * grid.amplitude
+    outward = points * [1.0, 1.0, 0.0] / 30.0
+    which = np.zeros(60, bool)
+    which[:: 1 if shape == "rounds off" else 3] = True
+    fading = np.array([0.7, 0.5, 0.35, 0.2])
+    light[which, -4:] *= fading
+    if shape != "stays":
+        sign = -1.0 if shape == "rounds off" else 1.0
+        points[which, -4:] += sign * np.array([0.3, 0.6, 0.9, 1.2])[:, None] * outward[which, -4:]
+    return replace(grid, points=points, amplitude=light)
+
+
+@pytest.mark.parametrize(("shape", "lost"), [("slides", 4), ("stays", 0), ("rounds off", 0)])
+def test_a_stripe_that_slides_off_the_end_of_the_surface_loses_its_last_points(shape, lost):
+    grid = _ending(shape)
+    out, _ = clean(grid)
+    assert int((~out.found[::3, -4:]).sum()) == lost * 20
+    assert out.found[:, :-4].all()
+    assert out.found[1::3].all()
+    assert (out.flags[~out.found] == StripeFlag.EDGE).all()
+
+
+@pytest.mark.parametrize(("sigma", "stays"), [(1.0, True), (5.0, False)])
+def test_a_point_by_itself_beside_a_gap_stays_if_it_is_known_well(sigma, stays):
+    grid = wall(60)
+    points, own = grid.points.copy(), grid.sigma.copy()
+    points[20:23] = np.nan
+    points[23, 10:41] = np.nan
+    points[23, 25] = grid.points[23, 25]
+    own[23, 25] *= sigma
+    out, _ = clean(replace(grid, points=points, sigma=own), Clean(support=0, piece=0.0))
+    assert out.found[23, 25] == stays
+    assert out.found[24:].all()

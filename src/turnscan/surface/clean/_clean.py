@@ -16,6 +16,14 @@ from turnscan.surface.clean._despike import despike
 
 _BEND = float(np.cos(np.deg2rad(25.0)))
 """Two sides in a row go on alike where they bend by less than this."""
+_FADES, _INNER = 4, 6
+"""Last points of a run in which its light may fade, and the points before that tell what is usual
+…"""
+_FAINT, _APART = 0.75, 8.0
+"""… of which, and of the profile beside, they keep less than this part, and how far, in sigma, they
+lie off the line that the points before make."""
+_DOUBTED = 3.0
+"""Usual sigma beyond which a point by itself at a border is not believed."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +61,13 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
 
     Two neighbours in the grid are linked where they can be one surface (see `Clean`). First the
     last points of each run go where the light is one-sided (flag EDGE) or a jump in depth follows:
-    there the stripe falls on two surfaces and its centre on neither. Then `despike`, where
-    ``outlier`` is given. Then points with too few linked neighbours go, again and again: single
-    strays, and spikes of one line's or one profile's width. What is taken away is flagged EDGE or
-    AMBIGUOUS. A grid of one profile or one line has no neighbours to judge by and stays as it is.
+    there the stripe falls on two surfaces and its centre on neither. So do up to four that fade
+    and bend away from the line of the run, where the stripe slides off the surface aslant, and
+    points by themselves at a border, of more than three times the usual sigma. Then `despike`,
+    where ``outlier`` is given. Then points with too few linked neighbours go, again and again:
+    single strays, and spikes of one line's or one profile's width. What is taken away is flagged
+    EDGE or AMBIGUOUS. A grid of one profile or one line has no neighbours to judge by and stays as
+    it is.
     """
     c = settings or Clean()
     s, n = grid.flags.shape
@@ -84,6 +95,8 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
     drop = _strays(out, c)
     if drop.any():
         out = without(out, drop, StripeFlag.AMBIGUOUS)
+        if c.edge:  # what is beside a gap since then
+            out = without(out, _badly_known(out, c), StripeFlag.EDGE)
         text = f"{int(drop.sum())} isolated points are removed"
         findings.append(
             Finding(
@@ -120,7 +133,36 @@ def _run_ends(grid: RangeGrid, c: Clean) -> Bools:
         for _ in range(c.edge):
             drop |= ends
             ends = _shifted(ends, -towards) & found
-    return np.asarray(drop | (one_sided & _beside_gaps(grid, c)))
+    return np.asarray(drop | _badly_known(grid, c) | _fading(grid))
+
+
+def _badly_known(grid: RangeGrid, c: Clean) -> Bools:
+    """(s, n) True for points beside a gap between profiles whose light is one-sided, or which are
+    by themselves in their profile, of a large sigma: the rest of a stripe on two surfaces."""
+    found, known = grid.found, grid.sigma[grid.found]
+    usual = float(np.nanmedian(known)) if np.isfinite(known).any() else np.inf
+    alone = found & ~_shifted(found, 1) & ~_shifted(found, -1)
+    with np.errstate(invalid="ignore"):
+        alone &= grid.sigma > _DOUBTED * usual
+    one_sided = (grid.flags & StripeFlag.EDGE) != 0
+    return np.asarray((alone | one_sided) & _beside_gaps(grid, c))
+
+
+def _fading(grid: RangeGrid) -> Bools:
+    """(s, n) True for the last points of runs whose light fades and leaves the surface.
+
+    Where a round part is lit and seen more and more flatly the profiles beside fade alike.
+    """
+    from turnscan.surface.clean import _clean_kernels as kernels
+
+    light = np.where(grid.found, grid.amplitude, 0.0)
+    beside = np.maximum(np.roll(light, 1, axis=0), np.roll(light, -1, axis=0))
+    if not grid.closed:
+        beside[0], beside[-1] = light[1], light[-2]
+    fades: Bools = kernels.fading(
+        grid.points, noise(grid), light, beside, _FADES, _INNER, _FAINT, _APART
+    )
+    return fades
 
 
 def _beside_gaps(grid: RangeGrid, c: Clean) -> Bools:

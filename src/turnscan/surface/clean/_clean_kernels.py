@@ -123,6 +123,75 @@ def links(
 
 
 @njit(cache=True, nogil=True)
+def fading(
+    points: Any,
+    sigma: Any,
+    light: Any,
+    beside: Any,
+    most: int,
+    inner: int,
+    share: float,
+    apart: float,
+) -> Any:
+    """(s, n) True for points at the ends of runs of lines where the light fades and bends away.
+
+    Of the last ``most`` points of a run those count that are fainter than ``share`` of the median
+    of the ``inner`` points before, and of the light ``beside`` (s, n) in the next profiles, and lie
+    off the straight line through these points by more than ``apart`` of their median sigma; so do
+    all points beyond one that counts.
+    """
+    s, n, _ = points.shape
+    out = np.zeros((s, n), dtype=np.bool_)
+    own = np.empty((inner, 3))
+    for k in range(s):
+        for j in range(n):
+            for d in (-1, 1):
+                last = j - d * (most + inner - 1)
+                ends = j + d < 0 or j + d >= n or np.isnan(points[k, j + d, 0])
+                if np.isnan(points[k, j, 0]) or not ends or last < 0 or last >= n:
+                    continue
+                first = j - d * most
+                middle, slope, usual, noise = _run(points, sigma, light, k, first, d, own)
+                for i in range(most - 1, -1, -1):
+                    here = j - d * i
+                    off = points[k, here] - middle
+                    off -= (off * slope).sum() * slope
+                    due = share * min(usual, beside[k, here])
+                    if light[k, here] < due and np.sqrt((off * off).sum()) > noise * apart:
+                        for beyond in range(here, j + d, d):
+                            out[k, beyond] = not np.isnan(points[k, beyond, 0])
+                        break
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _run(
+    points: Any, sigma: Any, light: Any, k: int, first: int, d: int, own: Any
+) -> tuple[Any, Any, float, float]:
+    """Middle (3,) and direction (3,) of the line through the points before the end of a run, their
+    median light and sigma; a light of 0 where half of them are missing."""
+    inner = len(own)
+    lights, sigmas, at = np.empty(inner), np.empty(inner), np.empty(inner)
+    have = 0
+    for i in range(inner):
+        line = first - d * i
+        if not np.isnan(points[k, line, 0]):
+            own[have], at[have] = points[k, line], i
+            lights[have], sigmas[have] = light[k, line], sigma[k, line]
+            have += 1
+    middle, slope = np.zeros(3), np.zeros(3)
+    if 2 * have <= inner:
+        return middle, slope, 0.0, 0.0
+    for i in range(have):
+        middle += own[i] / have
+    mean = at[:have].mean()
+    for i in range(have):
+        slope += (at[i] - mean) * own[i]
+    slope /= max(np.sqrt((slope * slope).sum()), 1e-12)
+    return middle, slope, np.median(lights[:have]), np.median(sigmas[:have])
+
+
+@njit(cache=True, nogil=True)
 def _neighbours(
     keep: Any, to_step: Any, to_line: Any, closed: bool, k: int, j: int, ks: Any, js: Any
 ) -> int:
