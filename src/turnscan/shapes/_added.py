@@ -7,12 +7,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.mesh import Mesh, components, measured_vertices, steady_normals, submesh
+from turnscan.mesh import (
+    Mesh,
+    components,
+    measured_vertices,
+    steady_normals,
+    submesh,
+    vertex_normals,
+)
 
 _EDGE = float(np.cos(np.radians(60.0)))
 """A filling is a lid where along most of its border the surface stands steeper than this on it."""
 _RING = 0.3
 """Of a patch's area, the least that its vector sum must be for it to face one way at all."""
+_BESIDE = 7
+"""Vertices of a border whose normals are averaged where an edge of the part runs beside it …"""
+_CREASE = float(np.cos(np.radians(25.0)))
+"""… which is where that mean differs from the mean over all that is about by more than this."""
 _FLAT, _SMOOTH = 0.6, 0.15
 """Of the doubt, what a flat filling and one in the tangent planes of its border are wrong by: on
 balls, cones, cups and the outside of tori 30 to 80 % and up to 20 %."""
@@ -48,8 +59,7 @@ def added_part(mesh: Mesh) -> Added:
         return Added(0.0, abs(mesh.volume))
     t = mesh.triangles
     area = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) / 2
-    # Those of what was measured alone: a lid would turn them at its edge.
-    normals = steady_normals(replace(mesh, faces=mesh.faces[real], measured=None))
+    normals = _border_normals(mesh, known, real)
     doubt = np.zeros(len(t))
     doubt[~real] = _doubt(mesh, known, normals, area[~real])
     faces = np.flatnonzero(~real).astype(np.int32)
@@ -67,6 +77,31 @@ def added_part(mesh: Mesh) -> Added:
         volume += float(np.einsum("ij,ij->", from_middle[:, 0], across)) / 6
         sigma += float(doubt[mine].sum()) * _share(mesh, mine, border, area[mine], normals)
     return Added(volume, sigma)
+
+
+def _border_normals(mesh: Mesh, known: Bools, real: Bools) -> Floats:
+    """(v, 3) unit normals of what was measured; at its borders those of its own side of an edge.
+
+    A mean over rings of neighbours is steady against noise, and leans half way to the next face
+    where an edge is near: a lid on a strip of its own plane would seem to bulge. There the mean
+    goes along the border alone.
+    """
+    from scipy.spatial import cKDTree
+
+    own = replace(mesh, faces=mesh.faces[real], measured=None)
+    normals = steady_normals(own)
+    filled = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    filled[mesh.faces[~real]] = True
+    border = np.flatnonzero(filled & known)
+    if len(border) < _BESIDE:
+        return normals
+    near = cKDTree(mesh.vertices[border]).query(mesh.vertices[border], _BESIDE)[1]
+    along = np.nan_to_num(vertex_normals(own))[border][near].sum(axis=1)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    edge = np.einsum("ij,ij->i", along, normals[border]) < _CREASE
+    normals = normals.copy()
+    normals[border[edge]] = along[edge]
+    return normals
 
 
 def _doubt(mesh: Mesh, known: Bools, normals: Floats, area: Floats) -> Floats:
