@@ -14,7 +14,10 @@ counts as known, follows from geometry and light alone:
    Otherwise it is **saturated** where it would be measurable but for clipping, **dark** where it
    was seen and lit and never bright enough. Never both at once, it is hidden: from the **laser**
    where it was seen, from the **camera** where it was lit, and from both where both came about, or
-   neither. **Outside** is what never was inside, and what the working volume leaves out.
+   neither. Where nothing stood between at such a moment, and it was turned to both, but to one of
+   them less than `GRAZING`, it is **grazing**, and hidden from that one, too: what lies at 80° to
+   90° and what is turned away differ by the tilt of a face that nobody saw. **Outside** is what
+   never was inside, and what the working volume leaves out.
 4. A mesh has corners only where there are samples. It ends up to one sample before the place where
    the light ends, and the clean-up takes one more, whatever ended the light. So what is measurable
    and no further than `SAMPLES` from what is not belongs to the cause beside it, and has no say.
@@ -51,6 +54,8 @@ FINE = 1.0
 GRAZING = (float(np.cos(np.deg2rad(76.0))), float(np.cos(np.deg2rad(84.0))))
 """Cosines of the angle off face-on from which a surface counts as hidden: by definition 80°, as
 `Tears.grazing`; up to 4° to either side it hangs on a facet's tilt, and is not known."""
+HORIZON = float(np.cos(np.deg2rad(90.0)))
+"""Cosine beyond which it is turned away, and no longer grazing."""
 SAMPLES = 2.0
 """Steps or picture lines: one for the sampling, one that the clean-up takes."""
 ASKED = 20_000
@@ -65,9 +70,15 @@ PEAK = 0.45
 """Share of the grey scale that the stripe reaches on plain grey of `GREY`, face-on (presets)."""
 GREY = 0.6
 
-LABELS = ("measurable", "dark", "saturated", "laser", "camera", "hidden", "outside")
-MEASURABLE, DARK, SATURATED, LASER, CAMERA, HIDDEN, OUTSIDE = range(len(LABELS))
-NAMES = ("removed", "dark", "saturated", "laser", "camera", "outside")
+LABELS = (
+    "measurable", "dark", "saturated", "laser", "camera", "hidden", "outside",
+    "flat to the laser", "flat to the camera", "flat to both",
+)  # fmt: skip
+(
+    MEASURABLE, DARK, SATURATED, LASER, CAMERA, HIDDEN, OUTSIDE,
+    LASER_FLAT, CAMERA_FLAT, BOTH_FLAT,
+) = range(len(LABELS))  # fmt: skip
+NAMES = ("removed", "dark", "saturated", "laser", "camera", "outside", "grazing")
 RIGHT: Mapping[str, tuple[str, ...]] = {
     "measurable": ("removed",),
     "dark": ("dark",),
@@ -76,6 +87,9 @@ RIGHT: Mapping[str, tuple[str, ...]] = {
     "camera": ("camera",),
     "hidden": ("laser", "camera"),
     "outside": ("outside",),
+    "flat to the laser": ("grazing", "laser"),
+    "flat to the camera": ("grazing", "camera"),
+    "flat to both": ("grazing", "laser", "camera"),
 }
 """For each true label, the names that are right."""
 
@@ -146,15 +160,17 @@ def labels(
 ) -> Ints:
     """(f,) for each patch what hinders it, index into `LABELS`, in a turn of ``steps``.
 
-    ``grazing`` is the cosine off face-on below which it is hidden, ``faint`` the light below which
-    there is no stripe, in `threshold`, ``clipped`` that from which there is none, in white.
+    ``grazing`` is the cosine off face-on below which it is too flat, ``faint`` the light below
+    which there is no stripe, in `threshold`, ``clipped`` that from which there is none, in white.
     """
     faint *= threshold(made)
     whole = triangles(made.scene.bodies)
     caster = Caster(whole.vertices, whole.faces)
     T = made.rig.T_camera_table
     size = (made.rig.camera.width - 0.5, made.rig.camera.height - 0.5)
-    good, white, dark, seen, lit, inside = np.zeros((6, len(some.middle)), dtype=np.bool_)
+    good, white, dark, seen, lit, dim, slant, inside = np.zeros(
+        (8, len(some.middle)), dtype=np.bool_
+    )
     for beam in made.beams:
         within = points.working_volume(made.rig, beam.name).contains(some.middle)
         for place, angle in crossings(made, beam.name, some.middle, steps):
@@ -165,19 +181,21 @@ def labels(
             with np.errstate(invalid="ignore"):
                 ok = ((uv > -0.5) & (uv < size)).all(axis=1) & within[place]
             eye, apex = turn @ T.inverse().translation, turn @ T.inverse().apply(beam.apex)
-            s = ok & _reached(caster, X, n, eye, grazing)
-            b = ok & _in_fan(made, beam.name, camera) & _reached(caster, X, n, apex, grazing)
+            s = ok & _reached(caster, X, n, eye, HORIZON)
+            b = ok & _in_fan(made, beam.name, camera) & _reached(caster, X, n, apex, HORIZON)
             light = brightness(made, X, n, eye, apex)
-            both = s & b
+            looked, shone = _cosine(X, n, eye) > grazing, _cosine(X, n, apex) > grazing
+            both, flat = s & b & looked & shone, s & b & ~(looked & shone)
             for hit, what in (
-                (ok, inside), (s, seen), (b, lit), (both & (light <= faint), dark),
-                (both & (light >= clipped), white),
+                (ok, inside), (s, seen), (b, lit), (flat & ~shone, dim), (flat & ~looked, slant),
+                (both & (light <= faint), dark), (both & (light >= clipped), white),
                 (both & (light > faint) & (light < clipped), good),
             ):  # fmt: skip
                 what[place[hit]] = True
     label = np.full(len(some.middle), HIDDEN, dtype=np.int32)
     for what, name in (
-        (~inside, OUTSIDE), (seen & ~lit, LASER), (lit & ~seen, CAMERA), (dark, DARK),
+        (~inside, OUTSIDE), (seen & ~lit, LASER), (lit & ~seen, CAMERA), (dim, LASER_FLAT),
+        (slant, CAMERA_FLAT), (dim & slant, BOTH_FLAT), (dark, DARK),
         (white, SATURATED), (good, MEASURABLE),
     ):  # fmt: skip
         label[what] = name

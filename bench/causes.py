@@ -84,7 +84,7 @@ def share(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> Share:
     names = np.array([truth.NAMES.index(h.cause) if h.cause in truth.NAMES else -1 for h in holes])
     right, placed = np.zeros(len(holes), np.bool_), np.zeros(len(owner), np.bool_)
     word = np.zeros(len(holes), np.int32)
-    for limits in zip(truth.GRAZING, truth.FAINT, truth.CLIPPED, strict=True):
+    for limits in LIMITS:
         label = truth.labels(made, some, steps, *limits)
         votes, total = _votes(made, some, owner, label, steps, len(holes))
         word = np.argmax(votes, axis=1).astype(np.int32)
@@ -106,6 +106,8 @@ def share(made: Bench, steps: int, mesh: Mesh, holes: Sequence[Hole]) -> Share:
     )
 
 
+LIMITS = tuple(zip(truth.GRAZING, truth.FAINT, truth.CLIPPED, strict=True))
+"""Lower and upper limits of what is too flat, too faint and clipped."""
 _RIGHT: Floats = np.array(
     [[name in truth.RIGHT[label] for name in truth.NAMES] for label in truth.LABELS], np.float64
 )

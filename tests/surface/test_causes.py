@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape
-from turnscan import points, surface
-from turnscan.mesh import Mesh
+from turnscan import points
+from turnscan.mesh import Caster, Mesh, cut_touching, join, submesh
 from turnscan.points import RangeGrid, Volume
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
-from turnscan.surface.holes import Cause, Sought
+from turnscan.surface import mesh_grid
+from turnscan.surface.clean import drop_islands
+from turnscan.surface.holes import Cause, Sought, explain, holes
+from turnscan.surface.holes import _causes as causes
 from turnscan.surface.holes._hole_places import places_in
 
 STEPS = 60
@@ -26,10 +31,10 @@ def scanned() -> tuple[Rig, RangeGrid]:
 
 def _cause(rig: Rig, grid: RangeGrid, volume: Volume, more: Mesh | None = None) -> Cause | None:
     """Of the hole that looks sideways."""
-    mesh = surface.mesh_grid(grid)
-    whole = mesh if more is None else surface.join([mesh, more])
-    found = surface.holes(mesh)
-    named = surface.explain(whole, found, [Sought(rig, grid, volume)])
+    mesh = mesh_grid(grid)
+    whole = mesh if more is None else join([mesh, more])
+    found = holes(mesh)
+    named = explain(whole, found, [Sought(rig, grid, volume)])
     return next(h.cause for h in named if h.size < 40)
 
 
@@ -60,10 +65,10 @@ def test_what_was_lit_and_seen_is_explained_by_the_frame(
 
 def test_what_the_volume_leaves_out_is_outside(scanned: tuple[Rig, RangeGrid]) -> None:
     rig, grid = scanned
-    low, high = Volume(z_min=5.0), surface.holes(surface.mesh_grid(grid))
+    low, high = Volume(z_min=5.0), holes(mesh_grid(grid))
     cut = points.clip(grid, low)
-    mesh = surface.mesh_grid(cut)
-    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, cut, low)])
+    mesh = mesh_grid(cut)
+    named = explain(mesh, holes(mesh), [Sought(rig, cut, low)])
     foot = min(named, key=lambda h: h.centre[2])
     assert foot.cause == "outside"
     assert len(high) == len(named)
@@ -76,7 +81,7 @@ def test_a_screen_before_one_of_them_hides_the_window(
     """A screen turns with the part and stands between the window and the laser or the camera."""
     rig, grid = scanned
     missing = _window(grid, StripeFlag.DARK)
-    window = min(surface.holes(surface.mesh_grid(missing)), key=lambda h: h.size)
+    window = min(holes(mesh_grid(missing)), key=lambda h: h.size)
     T = rig.T_camera_table.inverse()
     there = T.translation if hider == "camera" else T.apply(rig.light_source("L0"))
     # The table angle at which the window passes the sheet, and the screen half way to there.
@@ -101,9 +106,9 @@ def _screen(at: np.ndarray, facing: np.ndarray, half: float) -> Mesh:
 
 
 def test_without_a_rig_no_cause_is_named(scanned: tuple[Rig, RangeGrid]) -> None:
-    mesh = surface.mesh_grid(scanned[1])
-    found = surface.holes(mesh)
-    assert surface.explain(mesh, found, []) == found
+    mesh = mesh_grid(scanned[1])
+    found = holes(mesh)
+    assert explain(mesh, found, []) == found
     assert all(h.cause is None for h in found)
 
 
@@ -113,10 +118,10 @@ def test_an_open_turn_leaves_what_never_passed_the_sheet_outside(
     rig, grid = scanned
     stripes = scan_shape(rig, cylinder(25, 0, 40), full_turn(STEPS)[: STEPS // 2])
     half = points.build_grid(rig, "L0", stripes, np.arange(STEPS // 2), grid.angles[: STEPS // 2])
-    mesh = surface.mesh_grid(half)
-    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, half, Volume())])
+    mesh = mesh_grid(half)
+    named = explain(mesh, holes(mesh), [Sought(rig, half, Volume())])
     assert [h.cause for h in named] == ["outside"]
-    assert named[0].loop.tolist() == surface.holes(mesh)[0].loop.tolist()
+    assert named[0].loop.tolist() == holes(mesh)[0].loop.tolist()
 
 
 def test_what_is_missing_beside_the_dark_is_missing_for_the_dark(
@@ -145,8 +150,8 @@ def test_the_border_of_an_island_is_explained_by_what_is_about_it(
     ring[12:36, low:high] = True
     ring[19:29, low + 15 : high - 15] = False
     ringed = points.without(grid, ring & grid.found, StripeFlag.DARK)
-    mesh = surface.mesh_grid(ringed)
-    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, ringed, Volume())])
+    mesh = mesh_grid(ringed)
+    named = explain(mesh, holes(mesh), [Sought(rig, ringed, Volume())])
     assert len(named) == 4  # both ends, and the ring's two sides
     island = min(named, key=lambda h: h.perimeter)
     assert island.cause == "dark"
@@ -155,11 +160,9 @@ def test_the_border_of_an_island_is_explained_by_what_is_about_it(
 def test_the_same_holes_get_the_same_causes(scanned: tuple[Rig, RangeGrid]) -> None:
     rig, grid = scanned
     missing = _window(grid, StripeFlag.DARK)
-    mesh = surface.mesh_grid(missing)
-    found = surface.holes(mesh)
-    first, second = (
-        surface.explain(mesh, found, [Sought(rig, missing, Volume())]) for _ in range(2)
-    )
+    mesh = mesh_grid(missing)
+    found = holes(mesh)
+    first, second = (explain(mesh, found, [Sought(rig, missing, Volume())]) for _ in range(2))
     assert [h.cause for h in first] == [h.cause for h in second]
 
 
@@ -169,18 +172,18 @@ def test_a_slit_no_wider_than_a_face_lacks_no_sample(
 ) -> None:
     """The dark about a slit at an edge is what lies beside the part, and not a dark patch."""
     rig, grid = scanned
-    whole = surface.mesh_grid(grid)
+    whole = mesh_grid(grid)
     corners = whole.vertices[whole.faces]
     turn = np.angle(np.exp(1j * (np.arctan2(corners[..., 1], corners[..., 0]) - 1.0)))
     high = np.abs(corners[..., 2] - 20.0) < 12.0
     step = 2 * np.pi / STEPS
     start = turn[turn > 0].min()
     strip = (turn > start - 1e-6) & (turn < start + (wide + 1e-3) * step) & high
-    mesh = surface.submesh(whole, ~strip.all(axis=1))
+    mesh = submesh(whole, ~strip.all(axis=1))
     lines = np.zeros(grid.found.shape, dtype=np.bool_)
     lines |= np.abs(grid.points[..., 2] - 20.0) < 13.0
     dark = points.without(grid, lines & grid.found, StripeFlag.DARK)
-    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, dark, Volume())])
+    named = explain(mesh, holes(mesh), [Sought(rig, dark, Volume())])
     assert next(h.cause for h in named if h.size < 40) == cause
 
 
@@ -199,9 +202,9 @@ def test_what_hardly_showed_before_it_was_taken_away_is_dark(
     amplitude = np.where(grid.found, usual, np.nan)
     amplitude[0, np.flatnonzero(grid.found[0])[0]] = least = usual / 50
     amplitude[gone] = light * (least if cause == "dark" else usual)
-    mesh = surface.mesh_grid(window)
+    mesh = mesh_grid(window)
     sought = Sought(rig, window, Volume(), light=amplitude)
-    named = surface.explain(mesh, surface.holes(mesh), [sought])
+    named = explain(mesh, holes(mesh), [sought])
     assert next(h.cause for h in named if h.size < 40) == cause
 
 
@@ -211,9 +214,9 @@ def test_a_sample_of_one_laser_outweighs_the_dark_of_another(
     """The mesh lacks a face there; the second scan found the place, the first did not."""
     rig, grid = scanned
     missing = _window(grid, StripeFlag.DARK)
-    mesh = surface.mesh_grid(missing)
+    mesh = mesh_grid(missing)
     views = [Sought(rig, missing, Volume()), Sought(rig, grid, Volume())]
-    named = surface.explain(mesh, surface.holes(mesh), views)
+    named = explain(mesh, holes(mesh), views)
     assert next(h.cause for h in named if h.size < 40) == "removed"
 
 
@@ -230,8 +233,8 @@ def test_two_holes_that_one_looks_through_are_a_bore_and_not_dark(
         z = grid.points[50:55, :, 2]
         gone[50:55] = (z >= low) & (z <= high)
     missing = points.without(grid, gone & grid.found, StripeFlag.DARK)
-    mesh = surface.mesh_grid(missing)
-    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, missing, Volume())])
+    mesh = mesh_grid(missing)
+    named = explain(mesh, holes(mesh), [Sought(rig, missing, Volume())])
     small = [h for h in named if h.size < 40]
     assert len(small) == 1 + bored
     assert {h.cause for h in small} <= causes
@@ -250,7 +253,7 @@ def test_a_slender_hole_looks_where_its_border_does() -> None:
     b, c, d = a + 1, a + 1 + len(x), a + len(x)
     faces = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).astype(np.int32)
     mesh = Mesh(vertices, faces)
-    hole = min(surface.holes(mesh), key=lambda h: h.size)
+    hole = min(holes(mesh), key=lambda h: h.size)
     assert not places_in(mesh, [hole]).wide[0]
     normals = places_in(mesh, [hole]).normal
     riser = np.array([10.0, 2.0, 0.0]) / np.hypot(10.0, 2.0)
@@ -265,8 +268,8 @@ def test_only_points_that_were_taken_away_there_leave_a_hole_by_that(
     rig, grid = scanned
     window = _window(grid, StripeFlag.AMBIGUOUS)
     taken = np.where(window.found[..., None], grid.points, grid.points + [0.0, 0.0, off])
-    mesh = surface.mesh_grid(window)
-    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, window, Volume(), taken=taken)])
+    mesh = mesh_grid(window)
+    named = explain(mesh, holes(mesh), [Sought(rig, window, Volume(), taken=taken)])
     assert next(h.cause for h in named if h.size < 40) == cause
 
 
@@ -284,8 +287,56 @@ def test_what_turns_away_at_an_edge_is_hidden_and_not_dark() -> None:
     turn = full_turn(STEPS)
     stripes = scan_shape(rig, _leaning_box, turn)
     grid = points.build_grid(rig, "L0", stripes, np.arange(STEPS), turn)
-    mesh = surface.cut_touching(surface.mesh_grid(grid))[0]
-    mesh = surface.drop_islands(mesh)[0]
-    named = surface.explain(mesh, surface.holes(mesh), [Sought(rig, grid, Volume())])
+    mesh = cut_touching(mesh_grid(grid))[0]
+    mesh = drop_islands(mesh)[0]
+    named = explain(mesh, holes(mesh), [Sought(rig, grid, Volume())])
     assert sum(h.area > 100 for h in named) >= 3
     assert {h.cause for h in named if h.area > 100} <= {"laser", "camera"}
+
+
+@pytest.mark.parametrize(
+    ("turned", "guessed", "name"),
+    [
+        (60.0, False, "measurable"),
+        (92.0, False, "grazing"),
+        (110.0, False, "hidden"),
+        (92.0, True, "hidden"),
+    ],
+)
+def test_what_light_and_look_come_to_too_flatly_is_grazing(
+    scanned: tuple[Rig, RangeGrid], turned: float, guessed: bool, name: str
+) -> None:
+    """A place before the wall, turned up from facing them: camera and light stand 6° above it."""
+    rig, grid = scanned
+    mesh = mesh_grid(grid)
+    a = np.deg2rad(turned)
+    one = places_in(mesh, holes(mesh)[:1]).part(slice(0, 1))
+    one = replace(
+        one,
+        at=np.array([[30.0, 0.0, 20.0]]),
+        normal=np.array([[np.cos(a), 0.0, np.sin(a)]]),
+        bent=np.array([guessed]),
+    )
+    scene = causes._Scene(mesh, Caster(mesh.vertices, mesh.faces))
+    found = causes._reachable(one, [Sought(rig, grid, Volume())], scene)
+    assert found.both[0] == (name == "measurable")
+    assert (found.hider[0] == causes.FLAT) == (name == "grazing")
+
+
+def test_the_foot_of_a_part_that_lies_is_outside() -> None:
+    """Where the volume ends the part goes on down, and stands on a face: there is more of that
+    than of what the flanks above it hide."""
+    rig = make_rig(elevation=0.1, lift=20.0, lasers=(-0.4, 0.4))
+    turn, low = full_turn(STEPS), Volume(z_min=4.0)
+    stripes = scan_shape(rig, _lying_bar, turn)
+    grid = points.clip(points.build_grid(rig, "L0", stripes, np.arange(STEPS), turn), low)
+    mesh = drop_islands(cut_touching(mesh_grid(grid))[0])[0]
+    named = explain(mesh, holes(mesh), [Sought(rig, grid, low)])
+    foot = min((h for h in named if h.area > 100), key=lambda h: h.centre[2])
+    assert foot.cause == "outside"
+
+
+def _lying_bar(p: np.ndarray) -> np.ndarray:
+    q = p - np.array([0.0, 0.0, 15.0])
+    off = np.abs(q) - (30.0, 14.0, 15.0)
+    return np.linalg.norm(np.maximum(off, 0.0), axis=-1) + np.minimum(off.max(axis=-1), 0.0)

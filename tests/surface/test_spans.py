@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from turnscan import surface
 from turnscan.arrays import Floats
 from turnscan.mesh import Mesh
+from turnscan.surface.holes import holes
 from turnscan.surface.holes._spans import smoothed, spanned, unit
 
 R, HIGH = 20.0, 40.0
@@ -32,7 +32,7 @@ def _tube(gap: tuple[float, float] | None) -> Mesh:
 
 def _shares(mesh: Mesh) -> Floats:
     """Of the lower end, the window, the upper end."""
-    found = sorted(surface.holes(mesh), key=lambda h: h.centre[2])
+    found = sorted(holes(mesh), key=lambda h: h.centre[2])
     return spanned(mesh, found)
 
 

@@ -21,7 +21,7 @@ from turnscan.surface.holes._through_holes import through, walls
 from turnscan.surface.holes._visibility import GRAZING, Crossings, Sought, crossings, line_of
 
 _CAUSES: tuple[Cause, ...] = get_args(Cause)
-LASER, CAMERA, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN = range(len(_CAUSES))
+LASER, CAMERA, FLAT, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN = range(len(_CAUSES))
 _BOTH = len(_CAUSES)
 """Hidden from the laser and from the camera: counts for either."""
 _SAMPLED, _LID = 0.05, 0.02
@@ -122,33 +122,61 @@ def _beyond(
 ) -> tuple[Floats, Bools]:
     """(holes, causes) shares of the faces beyond borders that no smooth surface spans
     (`faces_beyond`) by what hides them, and (holes,) True where that says something."""
-    sides, area = faces_beyond(
-        mesh, found, places, lambda p: _reachable(p, views, scene)[2], scene.ahead
-    )
+    inner = [_inner(view.volume, places.margin) for view in views]
+    sides, area, cut = faces_beyond(
+        mesh, found, places, lambda p: _reachable(p, views, scene).both, scene.ahead,
+        lambda X: ~np.any([v.contains(X) for v in inner], axis=0),
+    )  # fmt: skip
     count = np.zeros((len(found), _BOTH + 1))
-    seen, lit, both, inside = _reachable(sides, views, scene)
-    name = np.where(seen == lit, _BOTH, np.where(seen, LASER, CAMERA))
-    name[~inside & ~seen & ~lit] = OUTSIDE
-    np.add.at(count, (sides.hole[~both], name[~both]), area[~both])
+    reach = _reachable(sides, views, scene)
+    name = reach.hider
+    name[cut | (~reach.inside & ~reach.seen & ~reach.lit)] = OUTSIDE
+    lacking = cut | ~reach.both
+    np.add.at(count, (sides.hole[lacking], name[lacking]), area[lacking])
+    whole = count.sum(axis=1)
     count[:, [LASER, CAMERA]] += count[:, _BOTH, None]
-    whole = count[:, :_BOTH].sum(axis=1)
     return count[:, :_BOTH] / np.maximum(whole, 1e-9)[:, None], np.asarray(whole > 0)
 
 
-def _reachable(
-    places: Places, views: Sequence[Sought], scene: _Scene
-) -> tuple[Bools, Bools, Bools, Bools]:
-    """(m,) which places the camera sees, the light reaches, both at one moment, and which are ever
-    in the picture and in the volume."""
-    seen, lit, both, inside = np.zeros((4, len(places.at)), dtype=np.bool_)
+@dataclass(frozen=True)
+class _Reachable:
+    """What ever came to places (m,), each True or False."""
+
+    seen: Bools
+    """The camera had them in view, however flatly."""
+    lit: Bools
+    """The light fell on them, however flatly."""
+    flat: Bools
+    """Both at one moment, one of them too flatly."""
+    both: Bools
+    """Both at one moment, steeply enough to be measured."""
+    inside: Bools
+    """In the picture, and in the volume."""
+
+    @property
+    def hider(self) -> Ints:
+        """(m,) what hinders those that were not in reach of both."""
+        return _hider(self.seen, self.lit, self.flat)
+
+
+def _hider(seen: Bools, lit: Bools, flat: Bools) -> Ints:
+    """(m,) the cause of places that were never lit and seen steeply at one moment."""
+    name = np.where(seen == lit, _BOTH, np.where(seen, LASER, CAMERA))
+    return np.asarray(np.where(flat, FLAT, name), dtype=np.int32)
+
+
+def _reachable(places: Places, views: Sequence[Sought], scene: _Scene) -> _Reachable:
+    """Which places the camera sees and the light reaches."""
+    seen, lit, flat, both, inside = np.zeros((5, len(places.at)), dtype=np.bool_)
     for view in views:
-        c, s, b, _ = _sight(places, view, scene)
-        np.logical_or.at(seen, c.place, s)
-        np.logical_or.at(lit, c.place, b)
-        np.logical_or.at(both, c.place, s & b)
-        np.logical_or.at(inside, c.place, c.inside)
+        c, sight = _sight(places, view, scene)
+        for some, what in (
+            (sight.seen, seen), (sight.lit, lit), (sight.flat, flat), (sight.both, both),
+            (c.inside, inside),
+        ):  # fmt: skip
+            np.logical_or.at(what, c.place, some)
         inside &= view.volume.contains(places.at)
-    return seen, lit, both, inside
+    return _Reachable(seen, lit, flat, both, inside)
 
 
 def _lacks_nothing(hole: Hole, face: float) -> bool:
@@ -159,18 +187,18 @@ def _lacks_nothing(hole: Hole, face: float) -> bool:
 def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints, Floats]:
     """(m,) for each place the cause that came nearest to a measurement, and its weight."""
     m = len(places.at)
-    seen, lit, out, turned, measured, reached, buried = np.zeros((7, m), dtype=np.bool_)
+    seen, lit, flat, out, turned, measured, reached, buried = np.zeros((8, m), dtype=np.bool_)
     light = np.full(m, -1, dtype=np.int32)
     for view in views:
         out |= ~_inner(view.volume, 0.25 * places.margin).contains(places.at)
-        c, s, b, under = _sight(places, view, scene)
-        np.logical_or.at(buried, c.place, under)
-        faces = _faces(places, c.place, c.eye) | _faces(places, c.place, c.source)
-        np.logical_or.at(turned, c.place, faces)
-        np.logical_or.at(seen, c.place, s)
-        np.logical_or.at(lit, c.place, b)
-        np.logical_or.at(out, c.place, ~c.inside)
-        both = np.flatnonzero(s & b).astype(np.int32)
+        c, sight = _sight(places, view, scene)
+        faces = np.maximum(_faces(places, c.place, c.eye), _faces(places, c.place, c.source))
+        for some, what in (
+            (sight.buried, buried), (faces > GRAZING, turned), (sight.seen, seen),
+            (sight.lit, lit), (sight.flat, flat), (~c.inside, out),
+        ):  # fmt: skip
+            np.logical_or.at(what, c.place, some)
+        both = np.flatnonzero(sight.both).astype(np.int32)
         reached[c.place[both]] = True
         near = _between_samples(view.grid, places, c.part(both))
         near &= ~view.faint[c.step[both], c.line[both]]
@@ -180,10 +208,8 @@ def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints
         np.maximum.at(light, c.place[both], why)
     if not any(view.grid.closed for view in views):
         out |= ~turned  # the scan ended before its turn came
-    vote = np.full(m, _BOTH, dtype=np.int32)
+    vote = _hider(seen, lit, flat)
     vote[out & ~seen & ~lit] = OUTSIDE
-    vote[lit & ~seen] = CAMERA
-    vote[seen & ~lit] = LASER
     vote[measured] = REMOVED
     known = (light >= 0) & ~measured & ~places.bent & places.smooth[places.hole]
     reached |= buried & ~(seen | lit)  # within the part, so no place of its surface
@@ -196,16 +222,34 @@ def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints
     return np.where(known, light, vote), np.where(known | ~reached, 1.0, weak)
 
 
-def _sight(places: Places, view: Sought, scene: _Scene) -> tuple[Crossings, Bools, Bools, Bools]:
-    """The moments at which places pass a sheet; (c,) at which they are seen and lit, and which look
-    at the inner side of what was measured."""
+@dataclass(frozen=True)
+class _Sight:
+    """What came to places at the moments (c,) at which they pass a sheet, each True or False."""
+
+    seen: Bools
+    """In view of the camera, however flatly."""
+    lit: Bools
+    """In the light, however flatly."""
+    both: Bools
+    """Seen and lit steeply enough to be measured."""
+    buried: Bools
+    """Looking at the inner side of what was measured."""
+
+    @property
+    def flat(self) -> Bools:
+        """Seen and lit, one of them too flatly."""
+        return self.seen & self.lit & ~self.both
+
+
+def _sight(places: Places, view: Sought, scene: _Scene) -> tuple[Crossings, _Sight]:
+    """The moments at which places pass a sheet, and what came to them then."""
     c = crossings(view, places.at)
     ok = c.inside & view.volume.contains(places.at)[c.place]
-    s, b, under = np.zeros((3, len(c.place)), dtype=np.bool_)
-    s[ok], under[ok] = _reached(scene, places, c.place[ok], c.eye[ok])
-    b[ok], deep = _reached(scene, places, c.place[ok], c.source[ok])
-    under[ok] |= deep
-    return c, s, b, under
+    seen, lit, steep, buried = np.zeros((4, len(c.place)), dtype=np.bool_)
+    seen[ok], looked, buried[ok] = _reached(scene, places, c.place[ok], c.eye[ok])
+    lit[ok], shone, deep = _reached(scene, places, c.place[ok], c.source[ok])
+    steep[ok], buried[ok] = looked & shone, buried[ok] | deep
+    return c, _Sight(seen, lit, steep, buried)
 
 
 def _further_in(places: Places, views: Sequence[Sought], scene: _Scene) -> Ints:
@@ -222,10 +266,9 @@ def _further_in(places: Places, views: Sequence[Sought], scene: _Scene) -> Ints:
             break
         here = places.some(left)
         here = replace(here, at=here.at - (depth * here.reach[here.hole])[:, None] * here.normal)
-        seen, lit, both, _ = _reachable(here, views, scene)
-        name = np.where(seen == lit, _BOTH, np.where(seen, LASER, CAMERA))
-        vote[left[~both]] = name[~both]
-        left = left[both]
+        reach = _reachable(here, views, scene)
+        vote[left[~reach.both]] = reach.hider[~reach.both]
+        left = left[reach.both]
     return vote
 
 
@@ -236,23 +279,29 @@ def _inner(volume: Volume, margin: float) -> Volume:
     return Volume(r, volume.z_min + half, volume.z_max - half)
 
 
-def _faces(places: Places, which: Ints, end: Floats) -> Bools:
-    """(c,) True where a place is turned towards the end, and not too flatly."""
+def _faces(places: Places, which: Ints, end: Floats) -> Floats:
+    """(c,) cosine off face-on under which places are looked at from the ends (c, 3)."""
     way = end - places.at[which]
     up = np.einsum("ij,ij->i", way, places.normal[which])
-    return np.asarray(up > GRAZING * np.linalg.norm(way, axis=1))
+    return np.asarray(up / np.maximum(np.linalg.norm(way, axis=1), 1e-12))
 
 
-def _reached(scene: _Scene, places: Places, which: Ints, end: Floats) -> tuple[Bools, Bools]:
-    """(c,) where a place is turned towards the end and nothing stands between; and where it is
-    turned there and looks at the inner side of the surface, so that it lies within the part."""
-    out = _faces(places, which, end)
+def _reached(scene: _Scene, places: Places, which: Ints, end: Floats) -> tuple[Bools, Bools, Bools]:
+    """(c,) where a place is turned towards the end and nothing stands between; where it is so, and
+    not too flatly; and where it is turned there steeply and looks at the inner side of the
+    surface, so that it lies within the part.
+
+    Where its direction is but a guess, 80° off face-on and turned away are one: hidden.
+    """
+    cosine = _faces(places, which, end)
+    out = cosine > np.where(places.bent[which], GRAZING, 0.0)
     at, normal, end = places.at[which[out]], places.normal[which[out]], end[out]
     free = scene.caster.visible(at, normal, end)
     within = np.zeros(len(out), dtype=np.bool_)
     within[out] = ~free & (scene.hits(at, end - at)[1] > 0)
     out[out] = free
-    return out, within
+    steep = cosine > GRAZING
+    return out, out & steep, within & steep
 
 
 def _in_air(view: Sought, places: Places, scene: _Scene, c: Crossings) -> Bools:

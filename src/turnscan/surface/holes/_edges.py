@@ -19,7 +19,7 @@ _CORNERS = 60
 _BENDS = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0, 135.0])
 """How far the part may turn off at its border."""
 _MORE = np.deg2rad(20.0)
-"""The least bend that hides a face is only just enough: as much more is usual."""
+"""A bend beyond a square one that hides a face is only just enough: as much more is usual."""
 _FAR = 0.5
 """Of the size of its hole: how far a face goes that comes to nothing."""
 _LIFT = 0.125
@@ -31,6 +31,8 @@ Measurable = Callable[[Places], Bools]
 """(m,) True for places that the camera would have seen lit."""
 Ahead = Callable[[Floats, Floats], Floats]
 """(m,) how far rays from (m, 3) along (m, 3) go to what was measured; infinite for none."""
+Ends = Callable[[Floats], Bools]
+"""(m,) True for places (m, 3) at which the surface ends because what is kept of it ends there."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +58,20 @@ class _Borders:
 
 
 def faces_beyond(
-    mesh: Mesh, found: Sequence[Hole], places: Places, measurable: Measurable, ahead: Ahead
-) -> tuple[Places, Floats]:
+    mesh: Mesh,
+    found: Sequence[Hole],
+    places: Places,
+    measurable: Measurable,
+    ahead: Ahead,
+    ends: Ends,
+) -> tuple[Places, Floats, Bools]:
     """Places on the faces that the part may have beyond the borders of holes that no smooth surface
-    spans, and their weights (m,), mm² each.
+    spans, their weights (m,), mm² each, and (m,) True where the surface ``ends`` at the border.
 
     At each corner of such a border the part turns off by little more than the least that would not
     have been measured, and goes on straight as far as to something that was, or to the platter.
+    Where what is kept ends, the face that the part stands on is missing, too, and goes as far as
+    one that comes to nothing.
     """
     b = _borders(mesh, found, ~places.smooth)
     way, up = _turned_off(b, places, measurable)
@@ -74,11 +83,12 @@ def faces_beyond(
     reach = np.where(np.isinf(reach), _FAR * size, np.minimum(reach, size)) + step
     reach = np.minimum(reach, np.maximum(X[:, 2], 0.1) / np.maximum(-way[:, 2], 1e-9))
     at = X[:, None] + (_DEPTHS * reach[:, None])[..., None] * way[:, None] + lift * up[:, None]
-    count = len(_DEPTHS)
-    weight = np.repeat(b.width[kept] * reach / count, count)
-    return _asked(
-        places, at.reshape(-1, 3), np.repeat(up, count, axis=0), np.repeat(hole, count)
-    ), np.asarray(weight)
+    count, cut = len(_DEPTHS), ends(X)
+    weight = np.repeat(b.width[kept] * np.where(cut, _FAR * size, reach) / count, count)
+    bent = np.einsum("ij,ij->i", up, b.n[kept]) < 1.0 - 1e-6
+    asked = _asked(places, at.reshape(-1, 3), np.repeat(up, count, axis=0), np.repeat(hole, count))
+    asked = replace(asked, bent=np.repeat(bent, count))
+    return asked, np.asarray(weight), np.repeat(cut, count)
 
 
 def _turned_off(b: _Borders, places: Places, measurable: Measurable) -> tuple[Floats, Floats]:
@@ -90,9 +100,21 @@ def _turned_off(b: _Borders, places: Places, measurable: Measurable) -> tuple[Fl
         d, m = b.bent(left, float(bend))
         at = b.X[left] + places.margin * (d + _LIFT * m)
         out = ~measurable(_asked(places, at, m, b.hole[left]))
-        way[left[out]], up[left[out]] = b.bent(left[out], float(bend + _MORE))
+        way[left[out]], up[left[out]] = b.bent(left[out], _likely(float(bend)))
         left = left[~out]
     return way, up
+
+
+def _likely(least: float) -> float:
+    """How far a part turns off that must turn off by ``least``, rad.
+
+    What goes on straight need not turn off; most edges are square; and where that is not enough,
+    the least that hides a face is only just enough.
+    """
+    if least == 0.0:
+        return 0.0
+    square = 0.5 * np.pi
+    return square if least <= square + 1e-6 else least + _MORE
 
 
 def _asked(places: Places, at: Floats, normal: Floats, hole: Ints) -> Places:

@@ -45,7 +45,8 @@ class Places:
     beyond what is measured of it."""
 
     bent: Bools
-    """(m,) True where the patch turns off from the surface about it by more than 60°."""
+    """(m,) True where the patch turns off from the surface about it by more than 60°, and where a
+    face is thought to turn off at all: its direction is a guess."""
     wide: Bools
     """(h,) True for the holes that are wide enough for their patch to have a direction."""
 

@@ -12,13 +12,22 @@ from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._topology import boundary_loops
 
 Cause = Literal[
-    "laser", "camera", "dark", "saturated", "outside", "ambiguous", "removed", "unknown"
+    "laser",
+    "camera",
+    "grazing",
+    "dark",
+    "saturated",
+    "outside",
+    "ambiguous",
+    "removed",
+    "unknown",
 ]
 """Why nothing was measured where a hole is."""
 
 CAUSE_WORDS: Final[dict[Cause, str]] = {
     "laser": "hidden from the laser",
     "camera": "hidden from the camera",
+    "grazing": "lit or seen at a grazing angle",
     "dark": "too dark",
     "saturated": "too bright",
     "outside": "outside the picture or the working volume",
