@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from tests.calibrate.test_boards import drawn_chessboard
+from tests.calibrate.test_boards import drawn_chessboard, marker_picture
 from turnscan.cli._calibrate import verb
 from turnscan.errors import TurnscanError
 
@@ -58,8 +58,9 @@ def test_board_never_found(folders: dict[str, Path]) -> None:
 def test_too_few_boards(folders: dict[str, Path]) -> None:
     for k in range(6):
         picture = drawn_chessboard() if k < 2 else np.full((480, 640), 80, np.uint8)
-        for name in ("camera", "laser", "table"):
+        for name in ("camera", "laser"):
             Image.fromarray(picture).save(folders[name] / f"p{k}.png")
+        Image.fromarray(marker_picture(0.2 * k)).save(folders["table"] / f"p{k}.png")
     assert "found in 1 of 6" in str(run(folders))  # the second one is a copy of the first
 
 

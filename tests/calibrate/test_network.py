@@ -14,6 +14,7 @@ from turnscan.calibrate._findings import _of_camera
 from turnscan.calibrate._network import BOARD, RigNetwork
 from turnscan.calibrate._normal import Block, cost_of, weight
 from turnscan.calibrate._rig import Calibration
+from turnscan.calibrate._stages import Stages
 from turnscan.calibrate._start_table import start_markers
 from turnscan.calibrate._state import State
 from turnscan.calibrate._terms import lens, stripe_term, trace
@@ -247,7 +248,9 @@ def test_a_bent_board_is_said_where_it_is_sure() -> None:
     p = len(fit.state.rig.parameter_names)
     rig = replace(fit.state.rig, covariance=fit.covariance[:p, :p])
     names = tuple(str(k) for k in range(len(network.own_sizes)))
-    flat = Calibration(rig, CalibrationSettings(), fit, network, (), names, None)
+    flat = Calibration(
+        rig, CalibrationSettings(), fit, network, (), names, None, (), Stages(("camera",))
+    )
     told = _of_camera(flat, figures(flat))
     assert not [f for f in told if f.code == "calibrate.board-bent"]
     first = network.names.index("board.bend_xx")

@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "src" / "turnscan"
 
 HELPERS = (
+    "_calibrate_report",
     "_devices_in_use", "_flags", "_numbers", "_output", "_own_settings", "_progress", "_serving",
     "_show", "_signals", "_verify_report", "_words",
 )  # fmt: skip

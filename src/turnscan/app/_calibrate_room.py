@@ -168,7 +168,8 @@ class CalibrateRoom:
             found = figures(done)
             job.check()
             self._library.write(path, rig_to_json(done.rig).encode())
-            self._rig.use_rig(done.rig, path.name)
+            if not done.rig.lacking:
+                self._rig.use_rig(done.rig, path.name)
             unused = [
                 Finding("calibrate.not-used", "note", r.reason, f"{r.role}: {r.name}")
                 for r in done.rejected

@@ -283,7 +283,11 @@ class Workshop:
         if path.stat().st_size > _RIG_BYTES:
             raise InputError(f"{path.name}: too large for a rig file")
         text = path.read_bytes().decode("utf-8", "replace")
-        self.rig.use_rig(rig_from_json(text, path.name), path.name)
+        rig = rig_from_json(text, path.name)
+        if rig.lacking:
+            missing = " and ".join(rig.lacking)
+            raise InputError(f"{path.name}: {missing} of this rig is not calibrated yet")
+        self.rig.use_rig(rig, path.name)
 
     def _capture(self, call: Call) -> p.Model:
         if call.request.stage == "laser" or call.request.laser is not None:

@@ -1,5 +1,6 @@
 """Views of a target or an artefact → Rig + covariance + findings."""
 
+from turnscan.calibrate._advice import Advice, advice_of
 from turnscan.calibrate._angle import TableAngle, measure_table_angle
 from turnscan.calibrate._board import (
     Board,
@@ -7,18 +8,24 @@ from turnscan.calibrate._board import (
     Charuco,
     Chessboard,
     detect_board,
+    other_chessboard,
     parse_board,
 )
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._figures import Figures, Measured, coverage, figures, measured_uncertainty
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
+from turnscan.calibrate._limits import refuse_poor
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
 from turnscan.calibrate._pairs import SheetFit, fit_sheet
+from turnscan.calibrate._parameters import parameters_of
+from turnscan.calibrate._picture import picture_fault
 from turnscan.calibrate._rig import Calibration, calibrate_rig
+from turnscan.calibrate._stages import KnownRig
 from turnscan.calibrate._steps import AngleModel, angle_model
 
 __all__ = [
+    "Advice",
     "AngleModel",
     "Board",
     "BoardView",
@@ -27,6 +34,7 @@ __all__ = [
     "Charuco",
     "Chessboard",
     "Figures",
+    "KnownRig",
     "LaserPicture",
     "MarkerView",
     "Measured",
@@ -34,6 +42,7 @@ __all__ = [
     "SheetFit",
     "TableAngle",
     "TablePicture",
+    "advice_of",
     "angle_model",
     "aruco_dictionary",
     "calibrate_rig",
@@ -46,6 +55,10 @@ __all__ = [
     "laser_weights",
     "measure_table_angle",
     "measured_uncertainty",
+    "other_chessboard",
+    "parameters_of",
     "parse_board",
+    "picture_fault",
+    "refuse_poor",
     "stripe_candidates",
 ]

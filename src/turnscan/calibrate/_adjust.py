@@ -34,6 +34,7 @@ _ROUNDS = 60
 _SCALE_ROUNDS = 4
 _SETTLED = 1e-8  # relative change of the cost
 _LEAST_SCALE = 1e-6  # px
+_LEAST_FREEDOM = 1.0  # redundant parameters of the views, below which their scatter says nothing
 
 
 @dataclass(frozen=True)
@@ -134,6 +135,14 @@ def _minimise(
     )
 
 
+def shared_columns(network: Network[State], block: Block, system: System, free: Bools) -> Floats:
+    """Derivative of a block by the free shared parameters, its view's own following them."""
+    A: Floats = block.common[:, free]
+    if block.view < 0 or not network.own_sizes[block.view]:
+        return A
+    return A - block.own @ (system.inverses[block.view] @ system.cross[block.view])
+
+
 def _shares(
     network: Network[State],
     blocks: list[Block],
@@ -147,10 +156,9 @@ def _shares(
     paid = []
     for b in blocks:
         w = weight(b, scales, _HUBER if robust else None)
-        A = b.common[:, free]
+        A = shared_columns(network, b, system, free)
         if b.view >= 0 and network.own_sizes[b.view]:
             inv = system.inverses[b.view]
-            A = A - b.own @ (inv @ system.cross[b.view])
             own = np.einsum("mi,ij,mj->m", b.own, inv, b.own)
         else:
             own = np.zeros(len(w))
@@ -199,11 +207,12 @@ def _finish(
     factor = _view_factor(network, blocks, system, C, free, scales, huber)
     widen = variance * factor**2
     covariance = np.zeros((len(free), len(free)))
-    covariance[np.ix_(free, free)] = C * widen
+    C = _widened(network, blocks, system, C, free, widen)
+    covariance[np.ix_(free, free)] = C
     own, noise = [], []
     for inv, c in zip(system.inverses, system.cross, strict=True):
         lever = inv @ c
-        own.append((inv + lever @ C @ lever.T) * widen)
+        own.append(inv * widen + lever @ C @ lever.T)
         noise.append(inv * variance)
     return Fit(
         state,
@@ -216,6 +225,24 @@ def _finish(
         squares,
         float(factor),
     )
+
+
+def _widened(
+    network: Network[State],
+    blocks: list[Block],
+    system: System,
+    C: Floats,
+    free: Bools,
+    widen: float,
+) -> Floats:
+    """Covariance of the shared parameters; what was known before is as good as it was said to be,
+    and only what the views say is widened."""
+    known = [b.common[:, free] for b in blocks if b.kind.startswith("prior")]
+    if not known:
+        wider: Floats = C * widen
+        return wider
+    before = sum((A.T @ A for A in known), np.zeros_like(C))
+    return inverse_of((system.reduced - before) / widen + before, free_name(network, free))
 
 
 def _view_factor(
@@ -233,21 +260,33 @@ def _view_factor(
     and then 300 stripe pixels are not 300 measurements. The scatter of the sum of each view's pull
     (the "sandwich" estimate of Liang & Zeger, 1986), relative to what independent residuals give,
     shows it; the median over the parameters is taken, and never less than 1.
+
+    Few views, or parameters that were known before, leave that estimate without redundancy. Then
+    the sum of pᵀ C p over the pulls p is compared with its expectation: where H is a view's own
+    part of the equations, its pull has the covariance H − H C H (the leverages of Bell & McCaffrey,
+    2002, of all parameters together).
     """
     p = len(C)
     pulls: dict[int, Floats] = {}
+    parts: dict[int, Floats] = {}
+    prior = False
     for b in blocks:
         if b.kind.startswith("prior") or b.view < 0:
+            prior = True
             continue
         w = weight(b, scales, huber)
-        A = b.common[:, free]
-        if network.own_sizes[b.view]:
-            A = A - b.own @ (system.inverses[b.view] @ system.cross[b.view])
+        A = shared_columns(network, b, system, free)
         pulls[b.view] = pulls.get(b.view, np.zeros(p)) + A.T @ (w * b.residual)
+        parts[b.view] = parts.get(b.view, np.zeros((p, p))) + (A.T * w) @ A
     n = len(pulls)
-    if n < p + 5:
-        return 1.0
     G = np.array(list(pulls.values()))
+    if prior or n < p + 5:
+        levers = [C @ H for H in parts.values()]
+        expected = sum(float(np.trace(L) - (L * L.T).sum()) for L in levers)
+        if expected < _LEAST_FREEDOM:
+            return 1.0
+        found = float(np.einsum("ij,jk,ik->", G, C, G))
+        return max(float(np.sqrt(found / expected)), 1.0)
     meat = np.diag(C @ (G.T @ G) @ C) * n / (n - p)
     ratio = float(np.sqrt(np.median(meat / np.diag(C))))
     return max(ratio, 1.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from turnscan.arrays import Floats, Image, Ints, frozen
 from turnscan.calibrate._markers import aruco_dictionary
-from turnscan.calibrate._picture import Grey, grey8
+from turnscan.calibrate._picture import Grey, grey8, picture_fault
 from turnscan.errors import FormatError
 
 _FEWEST_CORNERS = 6
@@ -173,13 +173,31 @@ def _find_chessboard(grey: Grey, board: Chessboard) -> tuple[Floats, str]:
     )
     if found:
         return _refined(grey, corners, board), ""
-    contrast = float(np.percentile(grey, 99) - np.percentile(grey, 1))
-    if contrast < 30:
-        return np.zeros((0, 2)), f"the picture has almost no contrast ({contrast:.0f} of 255)"
+    fault = picture_fault(grey)
+    if fault:
+        return np.zeros((0, 2)), f"the picture is {fault}"
     return np.zeros((0, 2)), (
         f"no chessboard of {board.columns}x{board.rows} inner corners "
-        "(covered, cut off, blurred, or another size)"
+        "(covered, cut off, or another size)"
     )
+
+
+def other_chessboard(image: Image, board: Chessboard) -> tuple[int, int] | None:
+    """The larger and the smaller number of inner corners of another chessboard in a picture.
+
+    A person who counts squares is off by one. Boards with up to three rows or columns less than
+    ``board``, or with more of them, are looked for.
+    """
+    import cv2
+
+    least = (max(3, board.columns - 3), max(3, board.rows - 3))
+    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
+    found, _, meta = cv2.findChessboardCornersSBWithMeta(grey8(image), least, flags=flags)
+    if not found:
+        return None
+    size = (max(meta.shape), min(meta.shape))
+    own = (max(board.columns, board.rows), min(board.columns, board.rows))
+    return None if size == own else size
 
 
 def _refined(grey: Grey, corners: Any, board: Chessboard) -> Floats:

@@ -35,12 +35,12 @@ class Figures:
     """The figures of a calibration that a person asks for first."""
 
     camera_rms_px: float
-    """Corners of the boards, per component."""
+    """Corners of the boards, per component; NaN without boards."""
     camera_views: int
     coverage: float
     """Share of the picture's 8×6 cells in which there is a corner."""
     sheet_rms_px: dict[str, float]
-    """Per laser, stripes on boards."""
+    """Per laser with pictures, stripes on boards."""
     sheet_rms_mm: dict[str, float]
     """The same, distance from the sheet."""
     sheet_views: dict[str, int]
@@ -67,15 +67,16 @@ def figures(c: Calibration) -> Figures:
     px, mm, views, offset = {}, {}, {}, {}
     for laser in net.lasers:
         distances = _board_distances(c, laser)
-        px[laser] = fit.rms(stripe_kind("boards", laser))
-        mm[laser] = _rms(distances)
-        views[laser] = len(distances)
-        if net.table:
+        if distances:
+            px[laser] = fit.rms(stripe_kind("boards", laser))
+            mm[laser] = _rms(distances)
+            views[laser] = len(distances)
+        if c.rig.table_known:
             offset[laser] = _sheet_offset(c.rig, laser)
     sides, side, centre = _markers(c)
     radius, height = {}, {}
-    if net.table and net.lasers:
-        for R, z in _test_points(c):
+    if c.rig.table_known and net.lasers:
+        for R, z in test_points(c):
             u = measured_uncertainty(c.rig, net.lasers[0], R, z)
             if u is not None:
                 radius[f"{R:g} / {z:g}"], height[f"{R:g} / {z:g}"] = 2 * u[0], 2 * u[1]
@@ -147,7 +148,7 @@ def measured_uncertainty(
     return float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))
 
 
-def _test_points(c: Calibration) -> list[tuple[float, float]]:
+def test_points(c: Calibration) -> list[tuple[float, float]]:
     """Radius and height, mm: the rim of what was seen, half of it, and as high as wide."""
     if isinstance(c.fit.state.layout, MarkerLayout):
         rim = float(np.linalg.norm(c.fit.state.layout.squares[:, :2], axis=1).max())

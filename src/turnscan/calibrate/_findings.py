@@ -30,6 +30,8 @@ def findings_of(c: Calibration, f: Figures) -> tuple[Finding, ...]:
 
 
 def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
+    if not c.network.boards:
+        return []
     out = []
     if f.camera_rms_px > _CAMERA_PX:
         out.append(
@@ -40,7 +42,8 @@ def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
                 remedy="check for blurred pictures, a changed focus or another board size",
             )
         )
-    if f.camera_views < _FEW_VIEWS:
+    given = "camera" in c.stages.given
+    if given and f.camera_views < _FEW_VIEWS:
         out.append(
             Finding(
                 "calibrate.few-views",
@@ -49,7 +52,7 @@ def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
                 remedy="add pictures of the board, tilted up to 45°",
             )
         )
-    if f.coverage < _LITTLE_COVERAGE:
+    if given and f.coverage < _LITTLE_COVERAGE:
         out.append(
             Finding(
                 "calibrate.coverage",
@@ -110,7 +113,7 @@ def _residual_trend(c: Calibration) -> float:
 def _of_lasers(c: Calibration, f: Figures) -> list[Finding]:
     out = []
     for laser in c.network.lasers:
-        if f.sheet_rms_mm[laser] > _SHEET_MM:
+        if f.sheet_rms_mm.get(laser, 0.0) > _SHEET_MM:
             out.append(
                 Finding(
                     "calibrate.sheet-residual",
@@ -244,6 +247,17 @@ def _of_fit(c: Calibration) -> list[Finding]:
                 "note",
                 "residuals within a picture are correlated; all uncertainties are increased "
                 f"{c.fit.view_factor:.1f}-fold",
+            )
+        )
+    known = c.stages.known
+    if c.stages.held and known is not None and known.rig.covariance is None:
+        out.append(
+            Finding(
+                "calibrate.held-exactly",
+                "warning",
+                f"the rig says nothing of the uncertainty of {', '.join(c.stages.held)}: taken for "
+                "exact, so all uncertainties here are too small",
+                remedy="calibrate these stages from pictures, too",
             )
         )
     pairs = strong_correlations(c)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -13,6 +13,7 @@ from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._layout import BoardLayout, MarkerLayout, cross_matrices, moved_pose
 from turnscan.calibrate._normal import Block
+from turnscan.calibrate._prior import RigPrior
 from turnscan.calibrate._state import (
     RiderView,
     State,
@@ -25,7 +26,8 @@ from turnscan.calibrate._terms import CAMERA_SIZE, Traced, point_term, stripe_te
 from turnscan.rig import Pose, rotation_z
 
 BEND = ("board.bend_xx", "board.bend_xy", "board.bend_yy")
-BOARD, RIDER, PRIOR = "board corners", "table corners", "prior marker side"
+BOARD, RIDER = "board corners", "table corners"
+_PRIOR_SIDE, _PRIOR_RIG = "prior marker side", "prior rig"
 Where = Literal["boards", "table"]
 
 
@@ -46,6 +48,8 @@ class RigNetwork:
     layout_names: tuple[str, ...] = ()
     trusted_side: tuple[float, float] | None = None
     """Mean marker side and its uncertainty, mm, where nothing else gives the scale."""
+    prior: RigPrior | None = None
+    """What was known of the rig before."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -90,7 +94,12 @@ class RigNetwork:
                 out.append(self._rider_stripe(state, k, stripe, seen))
                 at += len(stripe.pixels)
         if self.trusted_side is not None and isinstance(state.layout, MarkerLayout):
-            out.append(self._prior(state.layout, self.trusted_side))
+            out.append(self._side(state.layout, self.trusted_side))
+        if self.prior is not None:
+            common = self._zeros(len(self.prior.index))
+            common[:, self.prior.index] = self.prior.root
+            none = np.zeros((len(common), 0))
+            out.append(Block(-1, _PRIOR_RIG, self.prior.residual(state.rig), common, none))
         return out
 
     def moved(self, state: State, common: Floats, own: Sequence[Floats]) -> State:
@@ -112,13 +121,14 @@ class RigNetwork:
         camera: bool | Sequence[str] = True,
         bow: bool = False,
         bend: bool = False,
-        sheet: bool = True,
+        sheet: bool | Collection[str] = True,
         platter: bool = True,
     ) -> Bools:
         """Which shared parameters the observations at hand should determine.
 
         ``camera`` may name the distortion coefficients to estimate besides focal lengths and
-        principal point.
+        principal point, ``sheet`` the lasers. What the prior is about is free, too: it is held by
+        its uncertainty.
         """
         names = self.names
         on = np.zeros(len(names), dtype=bool)
@@ -128,6 +138,8 @@ class RigNetwork:
                 on[names.index(f"camera.{name}")] = True
         seen = {s.laser for group in self.board_stripes for s in group}
         seen |= {s.laser for v in self.table for s in v.stripes}
+        if not isinstance(sheet, bool):
+            seen &= set(sheet)
         for laser in seen if sheet else ():
             first = names.index(f"{laser}.turn_along")
             # Light runs straight: a bent sheet is curved along the fan, not along its rays.
@@ -140,6 +152,8 @@ class RigNetwork:
                 on[table + 6 + k] = False
             if isinstance(state.layout, MarkerLayout) and not platter:
                 on[table + 6 : table + 11] = False
+        if self.prior is not None:
+            on[self.prior.index] = True
         return on
 
     def _zeros(self, rows: int) -> Floats:
@@ -255,10 +269,10 @@ class RigNetwork:
         kind = stripe_kind("table", stripe.laser)
         return Block(view, kind, term.residual, common, own[:, None] if k else own[:, None][:, :0])
 
-    def _prior(self, layout: MarkerLayout, trusted: tuple[float, float]) -> Block:
+    def _side(self, layout: MarkerLayout, trusted: tuple[float, float]) -> Block:
         side, sigma = trusted
         common = self._zeros(1)
         m = len(layout.numbers)
         common[0, self._table_column + 6 + 5 + 3 : -3 : 4] = 1.0 / (m * sigma)
         residual = np.array([(side - float(layout.squares[:, 3].mean())) / sigma])
-        return Block(-1, PRIOR, residual, common, np.zeros((1, 0)))
+        return Block(-1, _PRIOR_SIDE, residual, common, np.zeros((1, 0)))

@@ -15,11 +15,15 @@ from turnscan.calibrate._layout import MarkerLayout
 from turnscan.calibrate._network import RIDER, RigNetwork
 from turnscan.calibrate._stages import (
     REJECT,
+    KnownRig,
+    Stages,
     camera_stage,
     distinct,
+    known_camera_stage,
     refuse_no_boards,
     sheet_stage,
     table_stage,
+    with_rest,
 )
 from turnscan.calibrate._start_table import FEWEST_STEPS
 from turnscan.calibrate._state import State, StripeView
@@ -43,7 +47,9 @@ class Calibration:
     views: tuple[str, ...]
     """Names of the pictures of ``network``: boards, then table."""
     angles: AngleModel | None
-    angle_names: tuple[str, ...] = field(default=())
+    angle_names: tuple[str, ...] = ()
+    stages: Stages = field(default_factory=lambda: Stages(()))
+    """Which stages had pictures, and what was known of the others."""
 
 
 def calibrate_rig(
@@ -52,13 +58,17 @@ def calibrate_rig(
     table: Sequence[TablePicture],
     settings: CalibrationSettings,
     say: Say = lambda _: None,
+    known: KnownRig | None = None,
 ) -> Calibration:
-    """Calibrate a rig from what was found in the pictures.
+    """Calibrate a rig, or stages of one, from what was found in the pictures.
 
     First values stage by stage (camera; each laser's sheet; table), then one adjustment of all
     observations in pixels with the camera, the bend of the board, the sheets, the axis, the shape
     of the platter, the markers' sizes and places and every angle free. Without a stripe on the
     platter the scale of a table with markers rests on their nominal side.
+
+    Stages without pictures are those of ``known``, held by the uncertainty that they have there
+    (exactly where it has none); what nobody knows stays open (`Rig.lacking`).
 
     Raises NotEnoughViews, Degenerate, DidNotConverge or InputError with what to do.
     """
@@ -69,42 +79,57 @@ def calibrate_rig(
     rejected += [Rejected(role, v.name, v.failure) for role, v in roles if v.failure]
     kept = distinct([v for v in camera if not v.failure], rejected)
     with_stripe = [(name, p) for name, ps in lasers.items() for p in ps if not p.view.failure]
-    refuse_no_boards(camera, kept)
-    state, kept, with_stripe = camera_stage(kept, with_stripe, rejected)
-    say(f"camera: {len(kept) + len(with_stripe)} board views")
-    state, stripes = sheet_stage(state, len(kept), with_stripe, settings, rejected)
+    if camera or known is None:
+        refuse_no_boards(camera, kept)
+        state, kept, with_stripe = camera_stage(kept, with_stripe, rejected)
+        state = with_rest(state, known)
+    else:
+        state, with_stripe = known_camera_stage(known.rig, with_stripe, rejected)
     boards = (*kept, *(p.view for _, p in with_stripe))
-    nothing: tuple[StripeView, ...] = ()
-    network = RigNetwork(boards, (nothing,) * len(kept) + stripes, (), tuple(lasers))
+    if boards:
+        say(f"camera: {len(boards)} board views")
+    stripes: tuple[tuple[StripeView, ...], ...] = ()
     if lasers:
+        state, stripes = sheet_stage(state, len(kept), with_stripe, settings, rejected, known)
         say(f"laser: {sum(len(s) for s in stripes)} stripes on boards")
-    model = None
+    nothing: tuple[StripeView, ...] = ()
+    names = tuple(s.name for s in state.rig.sheets)
+    network = RigNetwork(boards, (nothing,) * len(kept) + stripes, (), names)
     used: list[TablePicture] = []
     if table:
         state, network, used = table_stage(state, network, table, settings, rejected)
         say(f"table: {len(used)} pictures")
-    fit = adjust(network, state, _free(network, state))
-    fit, network, dropped = _without_bad_views(fit, network, used)
+    given = (*(("camera",) if camera else ()), *lasers, *(("table",) if table else ()))
+    return _adjusted(state, network, used, settings, rejected, Stages(given, known))
+
+
+def _adjusted(
+    state: State,
+    network: RigNetwork,
+    used: list[TablePicture],
+    settings: CalibrationSettings,
+    rejected: list[Rejected],
+    stages: Stages,
+) -> Calibration:
+    """Everything together, without the pictures that do not fit."""
+    network = replace(network, prior=stages.prior(state.rig))
+    fit = adjust(network, state, stages.free(network, state))
+    fit, network, dropped = _without_bad_views(fit, network, used, stages)
     rejected += dropped
     gone = {d.name for d in dropped}
     used = [p for p in used if p.name not in gone]
-    fit = _keep_significant(fit, network)
-    if table:
-        model = _angles(fit, network, used, settings)
+    fit = _keep_significant(fit, network, stages)
+    model = _angles(fit, network, used, settings) if used else None
     rig = _finished_rig(fit, network, settings)
     names = (*(v.name for v in network.boards), *(v.name for v in network.table))
+    angle_names = tuple(p.name for p in used)
     return Calibration(
-        rig, settings, fit, network, tuple(rejected), names, model, tuple(p.name for p in used)
+        rig, settings, fit, network, tuple(rejected), names, model, angle_names, stages
     )
 
 
-def _free(network: RigNetwork, state: State, camera: Sequence[str] = ()) -> np.ndarray:
-    lens = ("k1", "k2", "p1", "p2", *camera)
-    return network.free(state, camera=lens, bend=True)
-
-
 def _without_bad_views(
-    fit: Fit[State], network: RigNetwork, used: list[TablePicture]
+    fit: Fit[State], network: RigNetwork, used: list[TablePicture], stages: Stages
 ) -> tuple[Fit[State], RigNetwork, list[Rejected]]:
     """Drop table pictures whose corners are far off, and adjust again."""
     n = len(network.boards)
@@ -123,31 +148,35 @@ def _without_bad_views(
     table = tuple(v for v, b in zip(network.table, bad, strict=True) if not b)
     network = replace(network, table=table)
     state = replace(fit.state, angles=fit.state.angles[~bad])
-    return adjust(network, state, _free(network, state), near=fit), network, dropped
+    return adjust(network, state, stages.free(network, state), near=fit), network, dropped
 
 
-def _keep_significant(fit: Fit[State], network: RigNetwork) -> Fit[State]:
+def _keep_significant(fit: Fit[State], network: RigNetwork, stages: Stages) -> Fit[State]:
     """Add k3 and the sheets' bow where they are significant; drop p1 and p2 where they are not."""
     names = network.names
-    free = _free(network, fit.state)
+    free = stages.free(network, fit.state)
 
     def matters(result: Fit[State], name: str, value: float) -> bool:
         k = names.index(name)
         return abs(value) > _SIGNIFICANT * float(np.sqrt(result.covariance[k, k]))
 
     p1, p2 = fit.state.rig.camera.distortion[2:4]
-    if not (matters(fit, "camera.p1", p1) or matters(fit, "camera.p2", p2)):
+    camera_given = "camera" in stages.given
+    if camera_given and not (matters(fit, "camera.p1", p1) or matters(fit, "camera.p2", p2)):
         free[[names.index("camera.p1"), names.index("camera.p2")]] = False
         camera = fit.state.rig.camera
         d = camera.distortion * np.array([1, 1, 0, 0, 1])
         start = replace(fit.state, rig=replace(fit.state.rig, camera=replace(camera, distortion=d)))
         fit = adjust(network, start, free, near=fit)
-    tried = free.copy()
-    tried[names.index("camera.k3")] = True
-    more = adjust(network, fit.state, tried, near=fit)
-    if matters(more, "camera.k3", float(more.state.rig.camera.distortion[4])):
-        fit, free = more, tried
+    if camera_given:
+        tried = free.copy()
+        tried[names.index("camera.k3")] = True
+        more = adjust(network, fit.state, tried, near=fit)
+        if matters(more, "camera.k3", float(more.state.rig.camera.distortion[4])):
+            fit, free = more, tried
     for sheet in fit.state.rig.sheets:
+        if sheet.name not in stages.given:
+            continue
         tried = free.copy()
         tried[names.index(f"{sheet.name}.bow_aa")] = True
         more = adjust(network, fit.state, tried, near=fit)
@@ -171,7 +200,7 @@ def _finished_rig(fit: Fit[State], network: RigNetwork, settings: CalibrationSet
     rig, layout = fit.state.rig, fit.state.layout
     p = len(rig.parameter_names)
     covariance: Floats = fit.covariance[:p, :p]
-    markers: tuple[Marker, ...] = ()
+    markers: tuple[Marker, ...] = rig.markers if layout is None else ()
     if isinstance(layout, MarkerLayout):
         markers = layout.markers(settings.dictionary)
     elif layout is not None:
@@ -185,4 +214,5 @@ def _finished_rig(fit: Fit[State], network: RigNetwork, settings: CalibrationSet
         carried = np.eye(p, p + n)
         carried[p - 3 : p, p:] = np.outer(up, by[low, 2])
         covariance = carried @ fit.covariance[: p + n, : p + n] @ carried.T
-    return replace(rig, markers=markers, covariance=covariance)
+    known = rig.table_known or layout is not None
+    return replace(rig, markers=markers, covariance=covariance, table_known=known)

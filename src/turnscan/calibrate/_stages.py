@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._layout import Layout, MarkerLayout
 from turnscan.calibrate._light import measuring_direction
 from turnscan.calibrate._network import BOARD, RigNetwork
+from turnscan.calibrate._prior import RigPrior, like, prior_of
 from turnscan.calibrate._select import on_board, on_platter
 from turnscan.calibrate._start import FEWEST_VIEWS, board_pose, same_size, start_camera, start_sheet
 from turnscan.calibrate._start_table import FEWEST_STEPS, start_board, start_markers
 from turnscan.calibrate._state import RiderView, State, StripeView
-from turnscan.errors import Degenerate, NotEnoughViews
+from turnscan.errors import Degenerate, InputError, NotEnoughViews
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Camera, Pose, Rig
+
+_ALIEN_PX = 5.0
+"""rms of a board's corners before a known camera, above which it was taken by another one."""
 
 REJECT = 3.0  # times the usual residual of a view
 _STRIPE_POINTS = 40  # neighbours along a stripe share their errors; more would only be slower
@@ -28,6 +32,98 @@ _SCALE_TRUST = 0.02  # of the nominal marker side, where nothing measures it
 _LEAST_TILT = np.radians(8.0)
 _UNSURE_FOCUS = 0.05
 _UP = np.array([0.0, -1.0, 0.0])
+_FIXED = ("camera", "table")
+"""Stages that are no lasers."""
+
+
+@dataclass(frozen=True)
+class KnownRig:
+    """A rig, or part of one, that was known before."""
+
+    rig: Rig
+    counts: bool = False
+    """Whether it counts, by its uncertainty, for stages with pictures too, as a ruler's numbers do;
+    else these start anew."""
+
+
+@dataclass(frozen=True)
+class Stages:
+    """Which stages of a calibration have pictures, and what is known of the others."""
+
+    given: tuple[str, ...]
+    """"camera", names of lasers, "table"."""
+    known: KnownRig | None = None
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """The stages without pictures that were known before."""
+        if self.known is None:
+            return ()
+        rig = self.known.rig
+        some = ["camera", *(s.name for s in rig.sheets), *(["table"] if rig.table_known else [])]
+        return tuple(s for s in some if s not in self.given)
+
+    def prior(self, now: Rig) -> RigPrior | None:
+        """What was known before about the rig as it is ``now``, and still counts."""
+        if self.known is None:
+            return None
+        rig = self.known.rig
+        counting = set(self.held)
+        if self.known.counts:
+            counting |= {s for s in self.given if s in (*_FIXED, *(x.name for x in rig.sheets))}
+        return prior_of(rig, now, counting, anew="table" in self.given)
+
+    def free(self, network: RigNetwork, state: State) -> Bools:
+        """Which shared parameters the pictures and what is known determine."""
+        lens = ("k1", "k2", "p1", "p2") if "camera" in self.given else False
+        lasers = set(self.given) - set(_FIXED)
+        return network.free(state, camera=lens, bend=True, sheet=lasers)
+
+
+def with_rest(state: State, known: KnownRig | None) -> State:
+    """The state with what was known of sheets and table."""
+    if known is None:
+        return state
+    camera, before = state.rig.camera, known.rig.camera
+    if (camera.width, camera.height) != (before.width, before.height):
+        raise InputError(
+            f"the boards are {camera.width}×{camera.height}, but the rig's camera has "
+            f"{before.width}×{before.height}",
+            hint="calibrate with pictures of one camera at one resolution",
+        )
+    return replace(state, rig=replace(known.rig, camera=camera, covariance=None))
+
+
+def known_camera_stage(
+    rig: Rig, with_stripe: list[tuple[str, LaserPicture]], rejected: list[Rejected]
+) -> tuple[State, list[tuple[str, LaserPicture]]]:
+    """Poses of the boards before a camera that is known; boards of another one are dropped."""
+    camera = rig.camera
+    views = [p.view for _, p in with_stripe]
+    for v in views:
+        if v.size != (camera.width, camera.height):
+            raise InputError(
+                f"{v.name} is {v.size[0]}×{v.size[1]}, but the rig's camera has "
+                f"{camera.width}×{camera.height}",
+                hint="calibrate with pictures of one camera at one resolution",
+            )
+    poses = [board_pose(camera, v) for v in views]
+    off = [camera.project(T.apply(v.points)) - v.corners for v, T in zip(views, poses, strict=True)]
+    rms = np.array([float(np.sqrt(np.mean(r**2))) for r in off])
+    if len(rms) and float(np.median(rms)) > _ALIEN_PX:
+        raise Degenerate(
+            f"the boards are {np.median(rms):.1f} px rms off where the rig's camera would see them",
+            hint="calibrate the camera anew: its lens or focus is another one",
+        )
+    bad = rms > REJECT * max(float(np.median(rms)), 0.1) if len(rms) else np.zeros(0, bool)
+    for (name, p), r, b in zip(with_stripe, rms, bad, strict=True):
+        if b:
+            reason = f"corners {r:.2f} px rms off, the other views {np.median(rms):.2f} px"
+            rejected.append(Rejected(f"laser {name}", p.view.name, reason))
+    with_stripe = [p for p, b in zip(with_stripe, bad, strict=True) if not b]
+    kept = tuple(T for T, b in zip(poses, bad, strict=True) if not b)
+    state = State(replace(rig, covariance=None), None, kept, np.zeros(0))
+    return state, with_stripe
 
 
 def refuse_no_boards(asked: Sequence[BoardView], kept: Sequence[BoardView]) -> None:
@@ -77,7 +173,7 @@ def camera_stage(
     camera, poses = start_camera(kept)
     _refuse_no_tilt(poses)
     poses = (*poses, *(board_pose(camera, p.view) for _, p in with_stripe))
-    state = State(Rig(camera, (), Pose()), None, poses, np.zeros(0))
+    state = State(Rig(camera, (), Pose(), table_known=False), None, poses, np.zeros(0))
     while True:
         boards = (*kept, *(p.view for _, p in with_stripe))
         network = RigNetwork(boards, tuple(() for _ in boards), (), ())
@@ -130,6 +226,7 @@ def sheet_stage(
     with_stripe: list[tuple[str, LaserPicture]],
     settings: CalibrationSettings,
     rejected: list[Rejected],
+    known: KnownRig | None = None,
 ) -> tuple[State, tuple[tuple[StripeView, ...], ...]]:
     """Which candidates are the stripe on each board, and a plane through them for every laser."""
     camera = state.rig.camera
@@ -159,7 +256,13 @@ def sheet_stage(
             else:
                 reason = "the line found on it does not lie in the sheet of the others"
                 rejected.append(Rejected(f"laser {name}", with_stripe[i][1].view.name, reason))
-    return replace(state, rig=replace(state.rig, sheets=tuple(sheets))), tuple(stripes)
+    merged = {s.name: s for s in state.rig.sheets}
+    for sheet in sheets:
+        before = merged.get(sheet.name)
+        both = known is not None and known.counts and before is not None
+        merged[sheet.name] = like(sheet, before) if both and before is not None else sheet
+    rig = replace(state.rig, sheets=tuple(merged.values()))
+    return replace(state, rig=rig), tuple(stripes)
 
 
 def _on_plane_mm(camera: Camera, pixels: Floats, pose: Pose) -> Floats:

@@ -9,6 +9,7 @@ from turnscan.rig._planar import PlanarPoint, planar_pixel, planar_point
 from turnscan.rig._pose import Pose, rotation_about, rotation_from_vector, rotation_z
 from turnscan.rig._presets import PRESET_NAMES, design_preset
 from turnscan.rig._rig import Marker, Rig
+from turnscan.rig._ruler import rig_from_ruler
 from turnscan.rig._sheet import LaserSheet
 from turnscan.rig._table1 import (
     Disagreement,
@@ -37,6 +38,7 @@ __all__ = [
     "planar_pixel",
     "planar_point",
     "rig_from_json",
+    "rig_from_ruler",
     "rig_hash",
     "rig_to_json",
     "rotation_about",

@@ -295,7 +295,7 @@ class Design:
             raise _wrong("height", up, "a finite number")
         if not abs(look_down) < math.pi / 2:
             raise _wrong("look_down", look_down, "between −90° and 90°")
-        T = _looking(np.array([self.distance, 0.0, up]), self.pan, look_down)
+        T = looking(np.array([self.distance, 0.0, up]), self.pan, look_down)
         sheets = [_sheet("right", self.theta, self.offset, up, T)]
         if both:
             sheets.append(_sheet("left", -self.theta, -self.offset, up, T))
@@ -310,7 +310,7 @@ class Design:
         return Rig(camera=camera, sheets=tuple(sheets), T_camera_table=T)
 
 
-def _looking(centre: Floats, pan: float, look_down: float) -> Pose:
+def looking(centre: Floats, pan: float, look_down: float) -> Pose:
     """``T_camera_table`` of a camera at ``centre`` that looks along −x, panned and pitched."""
     level = np.array([-math.cos(pan), math.sin(pan), 0.0])
     right = np.array([math.sin(pan), math.cos(pan), 0.0])

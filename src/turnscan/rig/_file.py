@@ -63,7 +63,8 @@ class _RigFile(_Strict):
     unit: Literal["mm"]
     camera: _CameraFile
     sheets: tuple[_SheetFile, ...]
-    T_camera_table: _PoseFile
+    T_camera_table: _PoseFile | None
+    """None before the axis is calibrated."""
     markers: tuple[_MarkerFile, ...] = ()
     covariance: tuple[tuple[float, ...], ...] | None = None
 
@@ -93,7 +94,9 @@ def rig_to_json(rig: Rig) -> str:
         "T_camera_table": {
             "rotation": rig.T_camera_table.rotation.tolist(),
             "translation": rig.T_camera_table.translation.tolist(),
-        },
+        }
+        if rig.table_known
+        else None,
         "markers": [
             {"dictionary": m.dictionary, "number": m.number, "corners": m.corners.tolist()}
             for m in rig.markers
@@ -138,7 +141,8 @@ def _build(f: _RigFile) -> Rig:
     return Rig(
         camera=Camera(**f.camera.model_dump()),
         sheets=tuple(LaserSheet(**s.model_dump()) for s in f.sheets),
-        T_camera_table=Pose(**f.T_camera_table.model_dump()),
+        T_camera_table=Pose(**f.T_camera_table.model_dump()) if f.T_camera_table else Pose(),
+        table_known=f.T_camera_table is not None,
         markers=tuple(Marker(**m.model_dump()) for m in f.markers),
         covariance=None if f.covariance is None else _square(f.covariance),
     )

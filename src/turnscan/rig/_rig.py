@@ -51,6 +51,8 @@ class Rig:
     """Markers on the platter; empty when there are none."""
     covariance: Floats | None = None
     """(p, p) covariance of the parameters named by `parameter_names`, or None when not known."""
+    table_known: bool = True
+    """False before the axis is calibrated: ``T_camera_table`` then says nothing."""
 
     def __post_init__(self) -> None:
         names = [s.name for s in self.sheets]
@@ -68,9 +70,19 @@ class Rig:
         sheets = tuple(f"{s.name}.{p}" for s in self.sheets for p in _SHEET)
         return tuple(f"camera.{p}" for p in _CAMERA) + sheets + tuple(f"table.{p}" for p in _TABLE)
 
+    @property
+    def lacking(self) -> tuple[str, ...]:
+        """What is still to be calibrated before this rig can scan, in words."""
+        out = () if self.sheets else ("a laser sheet",)
+        return out if self.table_known else (*out, "the rotation axis")
+
     def html(self, title: str = "Rig", more: Sequence[tuple[str, object]] = ()) -> str:
         """What a notebook shows: two views to scale, the main figures, and ``more`` of them."""
         c, back = self.camera, self.T_camera_table.inverse()
+        if not self.table_known:
+            size = f"{c.width} × {c.height} px, focal length {c.fx:.0f} px"
+            missing = ", ".join(self.lacking)
+            return card(title, [("camera", size), ("not calibrated yet", missing), *more], "")
         eye = back.translation
         rows: list[tuple[str, object]] = [
             ("camera", f"{c.width} × {c.height} px, focal length {c.fx:.0f} px"),

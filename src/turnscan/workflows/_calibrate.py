@@ -3,31 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
 from turnscan.arrays import Floats
 from turnscan.calibrate import (
+    Advice,
     Board,
     Calibration,
+    CalibrationSettings,
     Figures,
+    KnownRig,
     LaserPicture,
+    advice_of,
     calibrate_rig,
     figures,
     findings_of,
     parse_board,
+    refuse_poor,
 )
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress, no_progress
-from turnscan.remedy import Option
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, rig_to_json
 from turnscan.scan import list_pictures
+from turnscan.workflows._calibrate_look import check_sizes, look_for_board, look_for_markers
 from turnscan.workflows._calibrate_options import CalibrateOptions
 from turnscan.workflows._calibrate_pictures import (
-    SameSize,
     camera_views,
     colour_weights,
     laser_pictures,
@@ -36,6 +41,7 @@ from turnscan.workflows._calibrate_pictures import (
 )
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output, write_atomically
+from turnscan.workflows._reading import read_rig_file
 
 _STAGES = 4
 """How often an adjustment says how far it is."""
@@ -43,13 +49,17 @@ _STAGES = 4
 
 @dataclass(frozen=True)
 class CalibrationPictures:
-    """Where the pictures of a calibration are: each a folder, a pattern or a file."""
+    """Where the pictures of a calibration are: each a folder, a pattern or a file.
 
-    camera: str
+    Any of the stages may be left out where the rig that is started from knows it, or where it is
+    to follow later.
+    """
+
+    camera: str | None = None
     """The board in many poses, the laser off."""
-    laser: Mapping[str, str]
+    laser: Mapping[str, str] = field(default_factory=dict)
     """The board with the stripe on it or on its white margin, by the names of the lasers."""
-    table: str
+    table: str | None = None
     """Pictures of the empty table, step by step."""
     laser_dark: Mapping[str, str] | None = None
     """The same as ``laser`` with the laser off: as many pictures as with it on, or one."""
@@ -62,19 +72,20 @@ class CalibratedRig:
     """A rig file, and how well the rig is known."""
 
     path: Path
-    calibration: Calibration
-    figures: Figures
+    rig: Rig
+    calibration: Calibration | None
+    """None where there were no pictures, only what a ruler says."""
+    figures: Figures | None
     stages: tuple[str, ...]
     """What each stage of the calibration had to go by, in words."""
+    advice: Advice
+    """What is still undetermined, and which pictures would help most."""
     findings: tuple[Finding, ...]
-
-    @property
-    def rig(self) -> Rig:
-        """The rig, with its uncertainty."""
-        return self.calibration.rig
 
     def _repr_html_(self) -> str:
         f = self.figures
+        if f is None:
+            return self.rig.html(f"Calibration {self.path.name}")
         rows: list[tuple[str, object]] = [
             ("boards", f"{f.camera_rms_px:.3f} px rms in {f.camera_views} pictures"),
             *((f"sheet {n}", f"{mm:.3f} mm rms") for n, mm in f.sheet_rms_mm.items()),
@@ -90,27 +101,34 @@ class CalibratedRig:
 
 def calibrate(
     pictures: CalibrationPictures,
-    board: str,
+    board: str | None,
     output: str | PathLike[str],
     options: CalibrateOptions | None = None,
     *,
+    rig: Rig | str | PathLike[str] | None = None,
     report: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
     **changes: Any,
 ) -> CalibratedRig:
-    """Calibrate camera, laser sheets and table from pictures; the board's square gives the scale.
+    """Calibrate a rig, or stages of one, from pictures; the board's square gives the scale.
 
     Parameters
     ----------
     pictures
-        Where they are.
+        Where they are, of all stages or of some: camera alone; lasers or the table of a rig whose
+        camera is known.
     board
         ``chessboard:COLSxROWS:SQUARE_MM`` (inner corners) or
-        ``charuco:COLSxROWS:SQUARE_MM:MARKER_MM:DICT`` (squares).
+        ``charuco:COLSxROWS:SQUARE_MM:MARKER_MM:DICT`` (squares); None where no stage needs it.
     output
         The rig file, ``….json``.
     options
-        What there is on the table and in the pictures; ``markers`` or ``table_board`` is needed.
+        What there is on the table and in the pictures; with pictures of the table, ``markers`` or
+        ``table_board`` is needed.
+    rig
+        What is known already: a rig or its file, whose stages without pictures are held by their
+        uncertainty while the others start anew; or what a ruler says (``….toml``), which counts,
+        by its wide uncertainty, for stages with pictures, too.
     report
         A report to write, ``….html``; None for none.
     progress
@@ -127,9 +145,9 @@ def calibrate(
     Raises
     ------
     InputError, FormatError
-        Pictures and options that do not fit together, or cannot be read.
+        Pictures and options that do not fit together, cannot be read, or show something else.
     NotEnoughViews, Degenerate, DidNotConverge
-        The pictures do not determine the rig.
+        The pictures do not determine the rig, or it does not fit them.
     ExportError
         A file cannot be written.
     Cancelled
@@ -147,36 +165,145 @@ def calibrate(
     check_output(output, (".json",))
     if report is not None:
         check_output(report, (".html",))
-    if not pictures.laser:
-        raise InputError("no pictures of a laser are named", option=Option("laser"))
-    result, stages = _adjusted(pictures, parse_board(board), wanted, progress)
+    known = _known(rig)
+    _check_stages(pictures, board, wanted, known)
+    if not pictures.camera and not pictures.laser and not pictures.table:
+        assert known is not None
+        write_atomically(output, rig_to_json(known.rig).encode())
+        return CalibratedRig(output, known.rig, None, None, (), advice_of(known.rig), ())
+    target = None if board is None else parse_board(board)
+    result, stages = _adjusted(pictures, target, wanted, known, progress)
     found = figures(result)
+    refuse_poor(result, found)
+    advice = advice_of(result.rig, result)
     remarks = findings_of(result, found)
     if report is not None:
         from turnscan.workflows._calibrate_report import report_html
 
-        text = report_html(result, found, remarks, _paths(pictures))
+        text = report_html(result, found, advice, remarks, _paths(pictures))
         write_atomically(report, text.encode())
     write_atomically(output, rig_to_json(result.rig).encode())
-    return CalibratedRig(output, result, found, tuple(stages), tuple(remarks))
+    return CalibratedRig(output, result.rig, result, found, tuple(stages), advice, tuple(remarks))
+
+
+def _known(rig: Rig | str | PathLike[str] | None) -> KnownRig | None:
+    if rig is None:
+        return None
+    if isinstance(rig, Rig):
+        return KnownRig(rig)
+    return KnownRig(read_rig_file(rig, partial=True), Path(rig).suffix.lower() == ".toml")
+
+
+def _check_stages(
+    pictures: CalibrationPictures,
+    board: str | None,
+    options: CalibrateOptions,
+    known: KnownRig | None,
+) -> None:
+    """Raise InputError where a stage lacks what it begins with."""
+    some = bool(pictures.camera or pictures.laser or pictures.table)
+    if not some and (known is None or not known.counts):
+        raise InputError(
+            "no pictures are named",
+            hint=Remedy("give ", Option("camera"), ", ", Option("laser"), " or ", Option("table")),
+        )
+    if (pictures.camera or pictures.laser) and board is None:
+        raise InputError("which board do the pictures show?", option=Option("board"))
+    if not pictures.camera and known is None:
+        stage = "laser" if pictures.laser else "table"
+        raise InputError(
+            "the camera is not known, and this stage begins with it",
+            hint=Remedy("give the pictures of the board (", Option("camera"),
+                        "), or the rig whose camera is calibrated (", Option("rig"), ")"),
+            option=Option(stage),
+        )  # fmt: skip
+    for name in pictures.laser:
+        if name in ("camera", "table"):
+            raise InputError(
+                "a laser cannot be called so",
+                hint="give it another name",
+                option=Option("laser", name),
+            )
+    if pictures.table and options.markers is None and options.table_board is None:
+        raise InputError(
+            "table: what rides on it, markers or a board?",
+            hint=Remedy("give either ", Option("markers"), " or ", Option("table_board")),
+        )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The pictures of a calibration, as paths: lit and dark ones."""
+
+    camera: list[Path]
+    laser: dict[str, list[tuple[Path, Path | None]]]
+    table: list[tuple[Path, Path | None]]
+
+    def all(self) -> list[Path]:
+        """Every picture once."""
+        pairs = [*(pair for some in self.laser.values() for pair in some), *self.table]
+        every = [*self.camera, *(p for pair in pairs for p in pair if p is not None)]
+        return list(dict.fromkeys(every))
+
+
+def _listed(pictures: CalibrationPictures) -> _Found:
+    darks = pictures.laser_dark or {}
+    camera = [] if pictures.camera is None else list_pictures(pictures.camera)
+    laser = {
+        name: with_dark(list_pictures(spec), darks.get(name), Option("laser", name))
+        for name, spec in pictures.laser.items()
+    }
+    table: list[tuple[Path, Path | None]] = []
+    if pictures.table is not None:
+        table = with_dark(list_pictures(pictures.table), pictures.table_dark, Option("table"))
+    return _Found(camera, laser, table)
+
+
+def _first_look(
+    found: _Found, board: Board | None, second: Board | None, settings: CalibrationSettings
+) -> None:
+    """Refuse pictures that are not of one size, or of another stage or target, by the first."""
+    check_sizes(found.all())
+    if found.camera and board is not None:
+        look_for_board(found.camera, board, Option("camera"), settings.dictionary)
+    for name, pairs in found.laser.items():
+        if second is not None:
+            clear = [lit if dark is None else dark for lit, dark in pairs]
+            look_for_board(clear, second, Option("laser", name), settings.dictionary)
+    if found.table:
+        clear = [lit if dark is None else dark for lit, dark in found.table]
+        if settings.table_board is None:
+            look_for_markers(clear, settings.dictionary, board)
+        else:
+            look_for_board(clear, settings.table_board, Option("table"), settings.dictionary)
 
 
 def _adjusted(
-    pictures: CalibrationPictures, board: Board, options: CalibrateOptions, progress: Progress
+    pictures: CalibrationPictures,
+    board: Board | None,
+    options: CalibrateOptions,
+    known: KnownRig | None,
+    progress: Progress,
 ) -> tuple[Calibration, Sequence[str]]:
     """All pictures read and adjusted, and what each stage had to go by."""
     settings = options.settings()
-    lit_on_table = options.lit_on_table(list(pictures.laser))
-    size = SameSize()
-    views = camera_views(
-        list_pictures(pictures.camera), board, size, progress.subrange(0, 0.2, "camera boards")
-    )
-    boards = progress.subrange(0.2, 0.4, "laser boards")
-    on_boards, weights = _on_boards(pictures, board, options, size, boards)
-    pairs = with_dark(list_pictures(pictures.table), pictures.table_dark, Option("table"))
-    mix = None if lit_on_table is None else weights[lit_on_table]
+    lasers = list(dict.fromkeys([*pictures.laser, *_sheets_of(known)]))
+    lit_on_table = options.lit_on_table(lasers) if pictures.table else None
+    found = _listed(pictures)
+    second = board if options.laser_board is None else parse_board(options.laser_board)
+    progress(0.0, "first look")
+    _first_look(found, board, second, settings)
+    views = []
+    if board is not None and found.camera:
+        views = camera_views(found.camera, board, progress.subrange(0.05, 0.25, "camera boards"))
+    boards = progress.subrange(0.25, 0.4, "laser boards")
+    on_boards, weights = _on_boards(found, second, options, boards)
+    mix = None if lit_on_table is None else weights.get(lit_on_table)
+    if found.table and lit_on_table is not None and lit_on_table not in weights:
+        on = settings.table_board or settings.dictionary
+        mix = colour_weights(options.colour, found.table, on)
     turning = progress.subrange(0.4, 0.7, "table")
-    turned = table_pictures(pairs, settings, lit_on_table, mix, size, turning)
+    turned = table_pictures(found.table, settings, lit_on_table, mix, turning)
     adjusting = progress.subrange(0.7, 1.0, "adjusting")
     stages: list[str] = []
 
@@ -185,29 +312,25 @@ def _adjusted(
         adjusting(len(stages) / _STAGES)
 
     adjusting(0.0)
-    return calibrate_rig(views, on_boards, turned, settings, stage), stages
+    return calibrate_rig(views, on_boards, turned, settings, stage, known), stages
+
+
+def _sheets_of(known: KnownRig | None) -> list[str]:
+    return [] if known is None else [sheet.name for sheet in known.rig.sheets]
 
 
 def _on_boards(
-    pictures: CalibrationPictures,
-    board: Board,
-    options: CalibrateOptions,
-    size: SameSize,
-    progress: Progress,
+    found: _Found, board: Board | None, options: CalibrateOptions, progress: Progress
 ) -> tuple[dict[str, Sequence[LaserPicture]], dict[str, Floats | None]]:
     """What each laser drew on the board, and the weights of its colour."""
     on_boards: dict[str, Sequence[LaserPicture]] = {}
     weights: dict[str, Floats | None] = {}
-    second = board if options.laser_board is None else parse_board(options.laser_board)
-    darks = pictures.laser_dark or {}
-    count = len(pictures.laser)
-    for k, (name, spec) in enumerate(pictures.laser.items()):
-        pairs = with_dark(list_pictures(spec), darks.get(name), Option("laser", name))
-        weights[name] = colour_weights(options.colour, pairs, second)
+    count = len(found.laser)
+    for k, (name, pairs) in enumerate(found.laser.items()):
+        assert board is not None
+        weights[name] = colour_weights(options.colour, pairs, board)
         mine = progress.subrange(k / count, (k + 1) / count)
-        on_boards[name] = laser_pictures(
-            pairs, second, weights[name], options.orientation, size, mine
-        )
+        on_boards[name] = laser_pictures(pairs, board, weights[name], options.orientation, mine)
     return on_boards, weights
 
 
@@ -215,4 +338,4 @@ def _paths(pictures: CalibrationPictures) -> dict[tuple[str, str], Path]:
     """Where each picture lies, by its role and name."""
     roles = {"camera": pictures.camera, "table": pictures.table}
     roles |= {f"laser {name}": spec for name, spec in pictures.laser.items()}
-    return {(role, p.name): p for role, spec in roles.items() for p in list_pictures(spec)}
+    return {(role, p.name): p for role, spec in roles.items() if spec for p in list_pictures(spec)}

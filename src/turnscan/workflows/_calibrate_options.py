@@ -60,7 +60,7 @@ class CalibrateOptions(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if (self.markers is None) == (self.table_board is None):
+        if self.markers is not None and self.table_board is not None:
             raise InputError(
                 "table: it has either markers or a board",
                 hint=Remedy("give either ", Option("markers"), " or ", Option("table_board")),
@@ -87,6 +87,8 @@ class CalibrateOptions(Checked):
         Raises InputError where that is not known.
         """
         if self.table_laser == "none":
+            return None
+        if not lasers and self.table_laser is None:
             return None
         if self.table_laser is None and len(lasers) > 1:
             raise InputError(

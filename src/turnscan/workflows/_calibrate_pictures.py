@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from turnscan.arrays import Floats, Image
+from turnscan.arrays import Floats
 from turnscan.calibrate import (
     Board,
     BoardView,
@@ -33,33 +37,32 @@ _COLOURS = {
 _LESSONS = 8
 
 
-class SameSize:
-    """Checks that all pictures come from one camera at one resolution."""
-
-    def __init__(self) -> None:
-        self.first: tuple[str, tuple[int, ...]] | None = None
-
-    def check(self, path: Path, picture: Image) -> Image:
-        """The picture; raises InputError where its size is not that of the first one."""
-        shape = picture.shape[:2]
-        if self.first is None:
-            self.first = (str(path), shape)
-        elif self.first[1] != shape:
-            a, (h, w) = self.first
-            raise InputError(
-                f"pictures of different size: {a} is {w}×{h}, {path} is {shape[1]}×{shape[0]}",
-                hint="calibrate with pictures of one camera at one resolution",
-            )
-        return picture
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 
 
-def camera_views(
-    paths: list[Path], board: Board, size: SameSize, progress: Progress
-) -> list[BoardView]:
+def in_turn(
+    work: Callable[[Item], Found], items: Sequence[Item], progress: Progress
+) -> list[Found]:
+    """What ``work`` finds in each item, in order, on two processors where there are two."""
+    count = progress.counter(len(items))
+    with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
+        waiting = [pool.submit(work, item) for item in items]
+        out = []
+        try:
+            for one in waiting:
+                out.append(one.result())
+                count()
+        except BaseException:
+            for one in waiting:
+                one.cancel()
+            raise
+    return out
+
+
+def camera_views(paths: list[Path], board: Board, progress: Progress) -> list[BoardView]:
     """The board in each picture."""
-    return [
-        detect_board(size.check(p, read_picture(p)), board, p.name) for p in progress.track(paths)
-    ]
+    return in_turn(lambda p: detect_board(read_picture(p), board, p.name), paths, progress)
 
 
 def with_dark(lit: list[Path], dark: str | None, option: Option) -> list[tuple[Path, Path | None]]:
@@ -80,9 +83,12 @@ def with_dark(lit: list[Path], dark: str | None, option: Option) -> list[tuple[P
 
 
 def colour_weights(
-    colour: str, pairs: list[tuple[Path, Path | None]], board: Board
+    colour: str, pairs: list[tuple[Path, Path | None]], target: Board | str
 ) -> Floats | None:
-    """Weights (3,) of the colours; None where the pictures are grey."""
+    """Weights (3,) of the colours; None where the pictures are grey.
+
+    The colour is learned beside ``target``, a board or the markers of a dictionary.
+    """
     if colour in _COLOURS:
         return np.array(_COLOURS[colour])
     if colour != "learn":
@@ -104,9 +110,13 @@ def colour_weights(
         picture = read_picture(lit)
         if picture.ndim == 2:
             return None
-        view = detect_board(picture, board)
         off = None if dark is None else read_picture(dark)
-        excess = laser_weights(picture, off, view.corners)
+        clear = picture if off is None else off
+        if isinstance(target, str):
+            corners = detect_markers(clear, target).corners.reshape(-1, 2)
+        else:
+            corners = detect_board(clear, target).corners
+        excess = laser_weights(picture, off, corners)
         if excess is not None:
             lessons.append(excess)
     if not lessons:
@@ -121,20 +131,21 @@ def laser_pictures(
     board: Board,
     weights: Floats | None,
     orientation: Orientation,
-    size: SameSize,
     progress: Progress,
 ) -> list[LaserPicture]:
     """The board, and what may be the stripe on it, in each picture."""
-    out = []
-    for lit, dark in progress.track(pairs):
-        picture = size.check(lit, read_picture(lit))
-        off = None if dark is None else size.check(dark, read_picture(dark))
+
+    def look(pair: tuple[Path, Path | None]) -> LaserPicture:
+        lit, dark = pair
+        picture = read_picture(lit)
+        off = None if dark is None else read_picture(dark)
         view = detect_board(picture if off is None else off, board, lit.name)
         light = np.zeros((0, 2))
         if not view.failure:
             light = stripe_candidates(picture, off, weights, orientation)
-        out.append(LaserPicture(view, light))
-    return out
+        return LaserPicture(view, light)
+
+    return in_turn(look, pairs, progress)
 
 
 def table_pictures(
@@ -142,26 +153,26 @@ def table_pictures(
     settings: CalibrationSettings,
     laser: str | None,
     weights: Floats | None,
-    size: SameSize,
     progress: Progress,
 ) -> list[TablePicture]:
     """Markers or board on the table, and what may be stripes there, in each picture."""
-    steps = _steps([p.name for p, _ in pairs])
-    out = []
-    for (lit, dark), step in zip(progress.track(pairs), steps, strict=True):
-        picture = size.check(lit, read_picture(lit))
-        off = None if dark is None else size.check(dark, read_picture(dark))
+
+    def look(item: tuple[tuple[Path, Path | None], float]) -> TablePicture:
+        (lit, dark), step = item
+        picture = read_picture(lit)
+        off = None if dark is None else read_picture(dark)
         clear = picture if off is None else off
         light = {}
         if laser is not None:
             light[laser] = stripe_candidates(picture, off, weights, settings.orientation)
         if settings.table_board is None:
             seen = detect_markers(clear, settings.dictionary)
-            out.append(TablePicture(seen, light, lit.name, step))
-        else:
-            view = detect_board(clear, settings.table_board, lit.name)
-            out.append(TablePicture(view, light, lit.name, step))
-    return out
+            return TablePicture(seen, light, lit.name, step)
+        view = detect_board(clear, settings.table_board, lit.name)
+        return TablePicture(view, light, lit.name, step)
+
+    steps = _steps([p.name for p, _ in pairs])
+    return in_turn(look, list(zip(pairs, steps, strict=True)), progress)
 
 
 def _steps(names: list[str]) -> list[float]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.calibrate import Calibration, Figures
+from turnscan.calibrate import Advice, Calibration, Figures, parameters_of
 from turnscan.findings import Finding
 from turnscan.scan import read_picture
 from turnscan.workflows import _html
@@ -24,6 +24,7 @@ _ARROW = 100.0
 def report_html(
     c: Calibration,
     f: Figures,
+    advice: Advice,
     findings: Sequence[Finding],
     pictures: Mapping[tuple[str, str], Path],
 ) -> str:
@@ -32,12 +33,21 @@ def report_html(
         _html.table(("", ""), _summary(c, f)),
         _html.heading("Findings"),
         _html.findings(findings),
-        _html.heading("Camera"),
-        _html.picture(_corners(c), "Residuals of the board corners, 100 times enlarged."),
-        _html.picture(_per_view(c), "Residual of every board view; the table's pictures follow."),
-        _html.heading("Laser sheets"),
-        _html.picture(_stripes(c), "Residuals of the stripes along the picture."),
+        _html.heading("What is still open"),
+        _html.paragraph(f"Undetermined: {', '.join(advice.undetermined) or 'nothing'}."),
+        _html.paragraph(f"What would help most: {advice.text}."),
     ]
+    if c.network.boards:
+        parts += [
+            _html.heading("Camera"),
+            _html.picture(_corners(c), "Residuals of the board corners, 100 times enlarged."),
+            _html.picture(_per_view(c), "Residual of every board view; then those of the table."),
+        ]
+    if f.sheet_views:
+        parts += [
+            _html.heading("Laser sheets"),
+            _html.picture(_stripes(c), "Residuals of the stripes along the picture."),
+        ]
     if c.angles is not None:
         parts += [
             _html.heading("Table"),
@@ -58,7 +68,7 @@ def report_html(
             ],
         ),
         _html.heading("Parameters"),
-        _html.table(("parameter", "standard uncertainty"), _parameters(c)),
+        _html.table(("parameter", "value", "standard uncertainty"), parameters_of(c)),
         _html.heading("Pictures not used"),
         _html.table(("role", "picture", "why"), [(r.role, r.name, r.reason) for r in c.rejected]),
         *(
@@ -78,10 +88,12 @@ def _summary(c: Calibration, f: Figures) -> list[tuple[str, str]]:
         ("focal lengths", f"{camera.fx:.2f}, {camera.fy:.2f} px"),
         ("principal point", f"{camera.cx:.2f}, {camera.cy:.2f} px"),
         ("distortion k1 k2 p1 p2 k3", k),
-        ("board corners", f"{f.camera_rms_px:.3f} px rms, {f.camera_views} views"),
-        ("picture covered by corners", f"{f.coverage:.0%}"),
+        *_views(c, f),
     ]
     for laser in c.network.lasers:
+        if laser not in f.sheet_views:
+            rows.append((f"sheet of {laser}", "as it was known before"))
+            continue
         rows.append(
             (
                 f"sheet of {laser}",
@@ -106,11 +118,15 @@ def _sides(f: Figures) -> list[tuple[int, str]]:
     return [(n, m.text("mm", 3)) for n, m in f.marker_sides_mm.items()]
 
 
-def _parameters(c: Calibration) -> list[tuple[str, str]]:
-    sigma = np.sqrt(np.diag(c.fit.covariance))
+def _views(c: Calibration, f: Figures) -> list[tuple[str, str]]:
+    """How many pictures of boards were used, by what they were given for."""
+    if not c.network.boards:
+        return [("camera", "as it was known before")]
+    lit = sum(1 for stripes in c.network.board_stripes if stripes)
+    used = f"{f.camera_views} views, {lit} of them with a stripe"
     return [
-        (name, f"{s:.3g}" if s > 0 else "held fixed")
-        for name, s in zip(c.network.names, sigma, strict=True)
+        ("board corners", f"{f.camera_rms_px:.3f} px rms, {used}"),
+        ("picture covered by corners", f"{f.coverage:.0%}"),
     ]
 
 

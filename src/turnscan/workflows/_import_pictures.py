@@ -22,7 +22,7 @@ from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
 from turnscan.workflows._import_frames import Tally, write_frames
 from turnscan.workflows._import_options import AngleSource, ImportOptions, MarkerAngles
-from turnscan.workflows._reading import read_rig_file
+from turnscan.workflows._reading import read_rig_file, require_complete
 from turnscan.workflows._series import Series, find_series
 from turnscan.workflows._signal import Signal, Weights, find_signal
 
@@ -226,6 +226,7 @@ def _check_threshold(threshold: float, first: Image, weights: Weights | None) ->
 def _fits_rig(picture: Image, rig: Rig | None, series: Series) -> None:
     if rig is None:
         return
+    require_complete(rig, "rig")
     height, width = picture.shape[:2]
     if (width, height) != (rig.camera.width, rig.camera.height):
         raise InputError(

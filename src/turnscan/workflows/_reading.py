@@ -8,7 +8,7 @@ from pathlib import Path
 
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.mesh import Mesh
-from turnscan.rig import Rig, rig_from_json
+from turnscan.rig import Rig, rig_from_json, rig_from_ruler
 from turnscan.workflows._units import UNITS
 
 _MAX_RIG_BYTES = 16 * 2**20
@@ -73,13 +73,15 @@ def read_mesh_file(path: str | PathLike[str], unit: str = "mm") -> Mesh:
     return replace(mesh, vertices=mesh.vertices * UNITS[unit]) if unit != "mm" else mesh
 
 
-def read_rig_file(path: str | PathLike[str]) -> Rig:
+def read_rig_file(path: str | PathLike[str], *, partial: bool = False) -> Rig:
     """Read a rig.
 
     Parameters
     ----------
     path
-        The file, like ``rig.json``.
+        The file, like ``rig.json``; a ``….toml`` holds what a ruler and a protractor say.
+    partial
+        Whether a rig will do of which not all stages are calibrated yet.
 
     Returns
     -------
@@ -89,7 +91,7 @@ def read_rig_file(path: str | PathLike[str]) -> Rig:
     Raises
     ------
     InputError
-        Where no such file.
+        Where no such file, or its rig is not complete.
     FormatError
         Naming the key that is wrong.
 
@@ -103,4 +105,17 @@ def read_rig_file(path: str | PathLike[str]) -> Rig:
         text = read_bytes(path, _MAX_RIG_BYTES).decode()
     except UnicodeDecodeError:
         raise FormatError(f"{path}: not a text file", hint="give a rig.json") from None
-    return rig_from_json(text, str(path))
+    ruler = path.suffix.lower() == ".toml"
+    rig = rig_from_ruler(text, str(path)) if ruler else rig_from_json(text, str(path))
+    if not partial:
+        require_complete(rig, str(path))
+    return rig
+
+
+def require_complete(rig: Rig, name: str) -> None:
+    """Raise InputError naming what is not calibrated yet in a rig that is to be used."""
+    if rig.lacking:
+        raise InputError(
+            f"{name}: {' and '.join(rig.lacking)} of this rig is not calibrated yet",
+            hint="calibrate that stage with pictures, starting from this rig",
+        )
