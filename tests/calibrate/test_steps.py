@@ -59,7 +59,7 @@ def test_a_misread_marker_is_dropped_but_a_lost_step_is_kept() -> None:
     assert not model.measured[30]
     assert model.measured[55:65].all()
     assert np.abs(model.angles - a).max() < np.radians(0.3)
-    assert "calibrate.step-uneven" in codes(model)
+    assert "calibrate.step-jump" in codes(model)
 
 
 def test_an_even_turn_has_nothing_to_complain_about() -> None:
@@ -90,3 +90,38 @@ def test_too_little_to_go_by() -> None:
         angle_model([0.0, 0.1, np.nan, np.nan], np.full(4, SIGMA))
     with pytest.raises(Degenerate):
         angle_model(np.random.default_rng(1).uniform(-3, 3, 60), np.full(60, SIGMA))
+
+
+def _faults(kind: str) -> np.ndarray:
+    """A turn of 120 steps of 3° with one kind of fault."""
+    a = turn()
+    if kind == "jump":
+        a[60:] += np.radians(3.0)
+    elif kind == "start":
+        a[1:] -= np.radians(1.5)
+        a[2:] -= np.radians(0.8)
+        a[3:] -= np.radians(0.3)
+    elif kind == "harmonic":
+        a += np.radians(1.0) * np.cos(a)
+    elif kind == "uneven":
+        a += np.radians(0.3) * np.random.default_rng(5).standard_normal(len(a))
+    return a
+
+
+@pytest.mark.parametrize("kind", ["jump", "start", "harmonic", "uneven"])
+def test_faults_of_the_table_are_told_apart(kind: str) -> None:
+    """Each with its place and pictures, and none of the others with it."""
+    names = [f"p{n}.jpg" for n in range(120)]
+    model = angle_model(wrapped(_faults(kind)), np.full(120, SIGMA), names=names)
+    assert codes(model) == {f"calibrate.step-{kind}", "calibrate.turn"}
+    found = next(f for f in model.findings if f.code != "calibrate.turn")
+    if kind == "jump":
+        assert found.where == "step 59 to 60 (p59.jpg to p60.jpg)"
+        assert "+6.0" in found.message or "+5.9" in found.message
+    if kind == "start":
+        assert found.where == "step 0 to 1 (p0.jpg to p1.jpg)"
+        assert "first 3 steps together are 2.5" in found.message or "2.6" in found.message
+    if kind == "harmonic":
+        assert "amplitudes 1.0" in found.message or "amplitudes 0.99" in found.message
+    if kind == "uneven":
+        assert 0.25 < float(found.message.split("scatter by ")[1].split("°")[0]) < 0.35

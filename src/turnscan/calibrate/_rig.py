@@ -193,7 +193,9 @@ def _angles(
     # The first picture is where zero is, by definition; it was read no better than its neighbour.
     sigmas = np.array([np.sqrt(c[0, 0]) if len(c) else np.nan for c in own])
     sigmas[0] = np.nanmedian(sigmas)
-    return angle_model(fit.state.angles, sigmas, [p.step for p in used], settings.step)
+    return angle_model(
+        fit.state.angles, sigmas, [p.step for p in used], settings.step, [p.name for p in used]
+    )
 
 
 def _finished_rig(fit: Fit[State], network: RigNetwork, settings: CalibrationSettings) -> Rig:

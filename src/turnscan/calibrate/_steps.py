@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, frozen
+from turnscan.calibrate._unevenness import unevenness
 from turnscan.errors import Degenerate, NotEnoughViews
 from turnscan.findings import Finding
 
@@ -49,6 +51,7 @@ def angle_model(
     sigmas: npt.ArrayLike,
     step_numbers: npt.ArrayLike | None = None,
     nominal_step: float | None = None,
+    names: Sequence[str] = (),
 ) -> AngleModel:
     """Fill in and check the angles of a turn.
 
@@ -93,7 +96,8 @@ def angle_model(
     best = np.where(good, fit + residual / s**2 / np.where(good, weight, 1.0), fit + gap)
     sigma = np.where(good, 1 / np.sqrt(np.where(good, weight, 1.0)), np.sqrt(2 * spread2))
     deviation = np.where(good, a - (start + step * k), np.nan)
-    found = _findings(k, best, sigma, deviation, have, good, step, nominal_step)
+    found = unevenness(k, best, sigma, good, names)
+    found += _findings(k, best, sigma, deviation, have, good, step, nominal_step)
     return AngleModel(best, sigma, good, step, deviation, tuple(found))
 
 
@@ -191,32 +195,8 @@ def _findings(
 ) -> list[Finding]:
     out: list[Finding] = []
     deg = np.degrees
-    order = np.argsort(k, kind="stable")
-    both = good[order][1:] & good[order][:-1] & (np.diff(k[order]) > 0)
-    dk = np.diff(k[order])[both]
-    steps = np.diff(angles[order])[both] / dk
-    sigma = np.hypot(sigmas[order][1:], sigmas[order][:-1])[both] / dk
-    away = np.abs(steps - step)
-    wrong = away > np.maximum(4 * sigma, 0.1 * abs(step))
     worst = float(np.nanmax(np.abs(deviation)))
     noise = float(np.median(sigmas[good]))
-    if wrong.any() or worst > max(4 * noise, float(_SENSIBLE)):
-        n = int(np.count_nonzero(wrong))
-        at = int(np.nanargmax(np.abs(deviation)))
-        extreme = int(away.argmax())
-        out.append(
-            Finding(
-                "calibrate.step-uneven",
-                "warning",
-                f"the table does not turn uniformly: {n} of {len(steps)} steps differ from "
-                f"{deg(step):.4f}° per step number by more than 10 % and their uncertainty "
-                f"({deg(np.median(sigma)):.3f}°), the steps scatter by {deg(np.std(steps)):.3f}° "
-                f"rms, one is {deg(steps[extreme]):.3f}°, and the angle is up to "
-                f"{deg(deviation[at]):+.2f}° ± {deg(noise):.2f}° from uniform motion",
-                where=f"step number {k[at]:g}",
-                remedy="take each picture's angle from the markers, not from the step count",
-            )
-        )
     span = float(np.ptp(k[good]))
     step_sigma = noise / max(span, 1.0) * 3.5 + worst / max(span, 1.0) / 2
     if nominal is not None and abs(abs(step) - abs(nominal)) > max(4 * step_sigma, 1e-9):

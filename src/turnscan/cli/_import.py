@@ -92,7 +92,7 @@ def _tell(done: workflows.ImportedScan) -> None:
     if plan.weights is not None:
         red, green, blue = plan.weights
         click.echo(f"laser: {red:+.2f} red {green:+.2f} green {blue:+.2f} blue")
-    click.echo("background: " + "; ".join(done.backgrounds))
+    click.echo(f"background: {'; '.join(done.backgrounds)}; line in {done.line_share:.0%} of rows")
     click.echo(f"threshold: {plan.threshold:.2f} grey levels, {done.threshold_source}")
     size = f"{done.size_bytes / 1e6:.1f} MB, 1/{done.raw_bytes / done.size_bytes:.1f}"
     click.echo(f"kept: {100 * done.kept:.1f} % of the pixels, {size} of the raw ones")

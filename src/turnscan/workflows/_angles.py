@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from turnscan.progress import Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig
 from turnscan.scan import is_video, read_picture
+from turnscan.workflows._import_look import check_turn
 from turnscan.workflows._import_options import AngleSource, EvenSteps, MarkerAngles
 from turnscan.workflows._series import Series, Shot
 
@@ -49,6 +50,8 @@ def find_angles(
     """
     if isinstance(source, EvenSteps):
         step = source.step_deg
+        if rig is not None and rig.markers:
+            check_turn(source, rig, _sampled(series[0]), every)
         even = {
             (s.laser, shot.step): Angle(math.radians(step * every * shot.step))
             for s in series
@@ -65,6 +68,14 @@ def find_angles(
             option=Option("angles", str(source)),
         )
     return _by_table(source.path, series), [], f"the list {source.path.name}"
+
+
+def _sampled(series: Series) -> list[tuple[int, str, Image]]:
+    """Step, name and picture of the first steps, which tell turns apart, and some of the rest."""
+    count = len(series.shots)
+    some = {*range(min(4, count)), *np.linspace(0, count - 1, 8).round().astype(int).tolist()}
+    wanted = {series.shots[i] for i in some}
+    return [(s.step, s.name, p) for s, p in _marker_pictures(series, wanted)]
 
 
 def _by_table(path: Path, series: Sequence[Series]) -> Angles:
@@ -175,8 +186,12 @@ def _by_markers(
     return angles, list(model.findings)
 
 
-def _marker_pictures(series: Series) -> Iterator[tuple[Shot, Image]]:
+def _marker_pictures(
+    series: Series, wanted: Collection[Shot] | None = None
+) -> Iterator[tuple[Shot, Image]]:
     """Pictures in which to look for markers: with the laser off where each shot has one."""
+    shots = [s for s in series.shots if wanted is None or s in wanted]
     if len(series.dark) == len(series.shots) > 1 and not is_video(series.lit[0]):
-        return ((shot, read_picture(p)) for shot, p in zip(series.shots, series.dark, strict=True))
-    return series.pictures()
+        dark = dict(zip(series.shots, series.dark, strict=True))
+        return ((shot, read_picture(dark[shot])) for shot in shots)
+    return series.pictures(shots)

@@ -173,6 +173,16 @@ def calibrate(
         return CalibratedRig(output, known.rig, None, None, (), advice_of(known.rig), ())
     target = None if board is None else parse_board(board)
     result, stages = _adjusted(pictures, target, wanted, known, progress)
+    return _written(result, stages, output, report, pictures)
+
+
+def _written(
+    result: Calibration,
+    stages: Sequence[str],
+    output: Path,
+    report: Path | None,
+    pictures: CalibrationPictures,
+) -> CalibratedRig:
     found = figures(result)
     refuse_poor(result, found)
     advice = advice_of(result.rig, result)

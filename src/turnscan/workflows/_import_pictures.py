@@ -50,6 +50,8 @@ class ImportedScan:
     """Where the pictures without the laser come from, in words; one for each way."""
     threshold_source: str
     """Where the threshold comes from, in words."""
+    line_share: float
+    """Fraction of the rows of the samples in which a line was found."""
     kept: float
     """Fraction of the pixels that is kept."""
     raw_bytes: int
@@ -136,7 +138,7 @@ def import_pictures(
     count = progress.subrange(marked + _SAMPLES, 1, "importing").counter(total)
     with replacing_scan(output, plan, stored) as scan:
         tally = write_frames(scan, series, signals, table, first, count)
-    found += [*remarks, *tally.findings]
+    found += [*remarks, *(f for s in signals for f in s.findings), *tally.findings]
     return _imported(output, wanted, plan, signals, tally, source, found)
 
 
@@ -257,6 +259,7 @@ def _imported(
         source,
         tuple(dict.fromkeys(s.origin for s in signals)),
         chosen if options.threshold is None else "as given",
+        min(s.line_share for s in signals),
         tally.kept / max(tally.frames, 1),
         pixels * plan.channels * np.dtype(plan.dtype).itemsize * per_frame,
         path.stat().st_size,

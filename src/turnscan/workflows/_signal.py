@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from turnscan.arrays import Image
 from turnscan.errors import InputError
+from turnscan.findings import Finding
 from turnscan.progress import Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import LEAST_THRESHOLD, NOISE_FACTOR, read_picture, signal_of, statistics
 from turnscan.stripes import Orientation
+from turnscan.workflows._import_look import look_at_line
 from turnscan.workflows._import_options import ImportOptions
 from turnscan.workflows._series import Series, Shot
 
@@ -43,6 +45,10 @@ class Signal:
     """Grey levels of the signal."""
     threshold: float
     """Grey levels of the signal from which pixels are kept."""
+    line_share: float = 0.0
+    """Of the rows of the samples: those in which a line stands in line with its neighbours."""
+    findings: tuple[Finding, ...] = ()
+    """What is wrong with the line."""
 
 
 def find_signal(
@@ -77,7 +83,18 @@ def find_signal(
     some = range(0, len(lit), max(1, len(lit) // 16))
     noise = float(np.median([statistics(signal_of(lit[i], darks[i], weights)).noise for i in some]))
     threshold = max(NOISE_FACTOR * noise, LEAST_THRESHOLD)
-    return Signal(weights, background, origin, noise, threshold)
+    pairs = ((_grey(lit[i], weights), _grey(darks[i], weights)) for i in some)
+    share, remarks = look_at_line(series.laser, pairs, options.orientation)
+    return Signal(weights, background, origin, noise, threshold, share, tuple(remarks))
+
+
+def _grey(picture: Image | None, weights: Weights | None) -> Any:
+    """One channel of a picture, by the weights of the colours where it has several."""
+    from turnscan.stripes import project_colour
+
+    if picture is None or weights is None:
+        return picture
+    return project_colour(picture, weights, np.uint16)
 
 
 def check_kind(picture: Image, first: Image, name: str) -> None:
