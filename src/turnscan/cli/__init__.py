@@ -33,6 +33,7 @@ _VERBS = {
     "resume": "complete an interrupted scan",
     "scan": "a turn of the table with the devices that are connected → a scan file",
     "section": "planes through a part → a drawing of lines and arcs: DXF, SVG, PDF",
+    "shapes": "planes, cylinders, spheres, cones and tori of a part, their sizes and relations",
     "simulate": "pictures or a scan file of a simulated part",
     "verify": "test the scanner with a measured artefact, and keep its history",
 }

@@ -78,6 +78,8 @@ if TYPE_CHECKING:
     from turnscan.workflows._section import section
     from turnscan.workflows._sections import Sections, cuts_of
     from turnscan.workflows._selection_rules import SELECTION_RULES
+    from turnscan.workflows._shapes import FoundShapes, find_shapes
+    from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
     from turnscan.workflows._simulate import SimulatedScan, simulate
     from turnscan.workflows._simulate_options import SimulateOptions
     from turnscan.workflows._stripes import ScanStripes
@@ -164,6 +166,8 @@ _MODULES = {
     "_section": ("section",),
     "_sections": ("Sections", "cuts_of"),
     "_selection_rules": ("SELECTION_RULES",),
+    "_shapes": ("FoundShapes", "find_shapes"),
+    "_shapes_options": ("SHAPES_SUFFIXES", "ShapesOptions"),
     "_simulate": ("SimulatedScan", "simulate"),
     "_simulate_options": ("SimulateOptions",),
     "_stripes": ("ScanStripes",),
@@ -196,6 +200,7 @@ __all__ = [
     "PAPERS",
     "SECTION_SUFFIXES",
     "SELECTION_RULES",
+    "SHAPES_SUFFIXES",
     "TARGET",
     "UNITS",
     "Acknowledged",
@@ -226,6 +231,7 @@ __all__ = [
     "ExportOptions",
     "Exported",
     "FoundDevices",
+    "FoundShapes",
     "ImportOptions",
     "ImportedScan",
     "KeptEdits",
@@ -243,6 +249,7 @@ __all__ = [
     "ScanOptions",
     "ScanStripes",
     "Sections",
+    "ShapesOptions",
     "Shot",
     "SimulateOptions",
     "SimulatedScan",
@@ -273,6 +280,7 @@ __all__ = [
     "emulate",
     "export",
     "find_devices",
+    "find_shapes",
     "identify_lasers",
     "import_pictures",
     "join",

@@ -1,0 +1,17 @@
+"""Planes, spheres, cylinders, cones and tori in a mesh, with uncertainty and relations."""
+
+from turnscan.shapes.primitives._find import find_shapes
+from turnscan.shapes.primitives._shapes import Kind, Relation, RelationKind, Shape, ShapeSet
+from turnscan.shapes.primitives._sizes import ShapeSize, neighbours_of, sizes_between
+
+__all__ = [
+    "Kind",
+    "Relation",
+    "RelationKind",
+    "Shape",
+    "ShapeSet",
+    "ShapeSize",
+    "find_shapes",
+    "neighbours_of",
+    "sizes_between",
+]

@@ -1,0 +1,256 @@
+"""The shapes of a mesh: regions grown, merged, settled, fitted together, related."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats
+from turnscan.errors import InputError
+from turnscan.mesh import Mesh, measured_vertices, submesh
+from turnscan.shapes.primitives import _region_kernels as region
+from turnscan.shapes.primitives import _surface_kernels as surface
+from turnscan.shapes.primitives._regions import (
+    LEAST,
+    Ground,
+    Index,
+    Region,
+    cells,
+    centred,
+    fair,
+    grow_regions,
+    merged,
+    prepared,
+    refit,
+)
+from turnscan.shapes.primitives._relations import adopt
+from turnscan.shapes.primitives._shapes import KINDS, Shape, ShapeSet
+from turnscan.shapes.primitives._surface_kernels import CYLINDER, FREE, PLANE, SPHERE
+from turnscan.shapes.verification._statistics import clumping
+
+_MOST_POINTS = 40_000
+_STEPS = 30
+_EDGE = 2
+"""Rings of vertices at the end of a region that have no say: stripes are bent beside edges."""
+_KEEP = 0.4
+"""Share of a region that must be left without them, else they stay."""
+_SURE = 0.1
+"""A radius whose standard uncertainty is more of it than this is none."""
+
+
+def find_shapes(
+    mesh: Mesh,
+    *,
+    tolerance: float | None = None,
+    smallest: float = 0.003,
+    most: int = 100,
+    relations: bool = True,
+    moves: Iterable[Floats] = (),
+) -> ShapeSet:
+    """Planes, spheres, cylinders, cones and tori that the measured part of a mesh lies on.
+
+    Regions grow from the flattest places; a region of freeform surface is told from a shape by the
+    pattern of its misfit (`_regions`). Regions of one surface are joined, vertices between two
+    shapes go to the nearer one, and each shape is fitted to its vertices (orthogonal distances,
+    truncated at four standard deviations) without two rings at its edges. Vertices that nobody
+    measured have no say and belong to no shape.
+
+    ``tolerance`` mm is how far a vertex may lie off its shape; None takes three standard deviations
+    of its noise, at least 1/10000 of the size. ``smallest`` is the least area of a shape as a part
+    of the measured surface, ``most`` their number. ``relations`` False leaves each shape as it was
+    measured. ``moves`` are (v, 3) mm each: how all vertices move with one standard deviation of
+    each common cause (`calibration_moves`).
+
+    Uncertainties: from each point's sigma, or its scatter where that is larger; more where
+    neighbours are off together; and from ``moves``.
+
+    Raises InputError for a mesh without measured faces.
+    """
+    if not len(mesh.faces):
+        raise InputError("the mesh has no faces", hint="give a surface, not a cloud of points")
+    known = measured_vertices(mesh)
+    whole = np.asarray(known[mesh.faces].all(axis=1), dtype=np.bool_)
+    if not whole.any():
+        raise InputError("no face was measured", hint="give a mesh with measured faces")
+    inside = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    inside[mesh.faces[whole]] = True
+    part = mesh if whole.all() and inside.all() else submesh(mesh, whole)
+    back = np.flatnonzero(inside)
+    ground = prepared(part, _sigma(part), tolerance)
+    total = float(ground.area.sum())
+    found = merged(ground, grow_regions(ground, smallest * total, most))
+    label = _settled(ground, found)
+    fields = [np.asarray(m)[back] for m in moves]
+    return _finished(ground, found, label, fields, relations, back, len(mesh.vertices))
+
+
+def _sigma(mesh: Mesh) -> Floats | None:
+    """(v,) mm, the median where a vertex does not know its own; None where none does."""
+    if mesh.provenance is None:
+        return None
+    sigma = mesh.provenance.sigma
+    good = np.isfinite(sigma) & (sigma > 0)
+    if not good.any():
+        return None
+    return np.where(good, sigma, float(np.median(sigma[good])))
+
+
+def _settled(g: Ground, found: list[Region]) -> Index:
+    """The label of each vertex after regions shared out what lies between them."""
+    label = np.full(len(g.vertices), -1, dtype=np.int64)
+    off = np.ones(len(g.vertices))
+    for k, r in enumerate(found):
+        label[r.member] = k
+        d = surface.distances(r.kind, r.q, g.vertices[r.member])[0]
+        off[r.member] = np.abs(d) / g.limit[r.member]
+    if not found:
+        return label
+    kinds = np.array([r.kind for r in found])
+    q = np.array([r.q for r in found])
+    side = np.array([r.side for r in found])
+    out: Index = region.settled(
+        label, off, g.start, g.near, kinds, q, side, g.vertices, g.normals, g.limit, 6
+    )
+    return out
+
+
+class _Fit:
+    """A shape with its points, and the normal equations of its parameters."""
+
+    def __init__(self, g: Ground, r: Region, member: Index, own: Bools) -> None:
+        self.region, self.own = r, own
+        core = region.eroded(own, g.start, g.near, g.border, _EDGE)
+        self.used = np.flatnonzero(core if core.sum() >= _KEEP * own.sum() else own)
+        if len(self.used) > _MOST_POINTS:
+            self.used = self.used[:: len(self.used) // _MOST_POINTS + 1]
+        q, _ = refit(g, r.kind, r.q, self.used, _MOST_POINTS, _STEPS)
+        self.q = centred(r.kind, q, g.vertices[self.used])
+        if r.kind == PLANE and r.side < 0:
+            self.q[3:6] *= -1
+            r.side = 1.0
+        self.free = np.flatnonzero(FREE[r.kind])
+        points, scale = g.vertices[self.used], g.scale[self.used]
+        d, J = surface.jacobian(r.kind, self.q, points)
+        kept = np.abs(d) <= 4.0 * np.maximum(scale, 0.0)
+        self.residual, self.J = d[kept], J[kept][:, self.free]
+        self.used, self.weight = self.used[kept], 1.0 / scale[kept] ** 2
+        N = (self.J * self.weight[:, None]).T @ self.J
+        self.inverse = _inverse(N)
+        count = max(len(self.residual) - len(self.free), 1)
+        unit = max(1.0, float((self.weight * self.residual**2).sum()) / count)
+        where = cells(g, self.used)
+        unit *= clumping(self.residual * np.sqrt(self.weight), where, len(self.free))
+        self.covariance = np.zeros((7, 7))
+        self.covariance[np.ix_(self.free, self.free)] = self.inverse * unit
+
+    def sure(self) -> bool:
+        """Whether a curved shape knows its radius."""
+        if self.region.kind == PLANE:
+            return bool(np.isfinite(self.covariance).all())
+        return bool(
+            np.isfinite(self.covariance).all()
+            and np.sqrt(self.covariance[5, 5]) < _SURE * max(self.q[6], 1e-9) + 1e-9
+        )
+
+    def answer(self, field: Floats, g: Ground) -> Floats:
+        """(7,) what the parameters do when all points move by ``field`` (v, 3)."""
+        n = surface.distances(self.region.kind, self.q, g.vertices[self.used])[1]
+        along = np.einsum("ij,ij->i", n, field[self.used])
+        out = np.zeros(7)
+        out[self.free] = -self.inverse @ (self.J.T @ (self.weight * along))
+        return out
+
+
+def _inverse(N: Floats) -> Floats:
+    s = 1.0 / np.sqrt(np.maximum(np.diagonal(N), 1e-300))
+    try:
+        return np.linalg.inv(N * np.outer(s, s)) * np.outer(s, s)
+    except np.linalg.LinAlgError:
+        return np.full_like(N, np.inf)
+
+
+def _finished(
+    g: Ground,
+    found: list[Region],
+    label: Index,
+    fields: list[Floats],
+    relations: bool,
+    back: Index,
+    count: int,
+) -> ShapeSet:
+    fits, owns = list[_Fit](), list[Bools]()
+    for k, r in enumerate(found):
+        own = label == k
+        if own.sum() < LEAST[r.kind]:
+            continue
+        fit = _Fit(g, r, r.member, own)
+        if fit.sure() and fair(g, r.kind, fit.q, np.flatnonzero(own)):
+            fits.append(fit)
+            owns.append(own)
+    order = sorted(range(len(fits)), key=lambda k: -float(g.area[owns[k]].sum()))
+    fits = [fits[k] for k in order]
+    covariance = _block([f.covariance for f in fits])
+    for field in fields:
+        answer = np.concatenate([np.zeros(0), *(f.answer(field, g) for f in fits)])
+        covariance += np.outer(answer, answer)
+    q = np.array([f.q for f in fits]).reshape(-1, 10)
+    measured = _shapes(g, fits, q, covariance)
+    kinds = [f.region.kind for f in fits]
+    adopted = None
+    if relations and fits:
+        adopted = adopt(kinds, [f.region.side for f in fits], q, covariance)
+        q, covariance = adopted.q, adopted.covariance
+    labels, residual = np.full(count, -1, dtype=np.int32), np.full(count, np.nan)
+    used = np.zeros(count, dtype=np.bool_)
+    for k, f in enumerate(fits):
+        labels[back[f.own]] = k
+        d = surface.distances(f.region.kind, q[k], g.vertices[f.own])[0]
+        residual[back[f.own]] = d * (1.0 if f.region.kind == PLANE else f.region.side)
+        used[back[f.used]] = True
+    covered = float(g.area[np.logical_or.reduce([f.own for f in fits])].sum()) if fits else 0.0
+    return ShapeSet(
+        _shapes(g, fits, q, covariance),
+        measured,
+        () if adopted is None else tuple(adopted.relations),
+        covariance,
+        labels,
+        residual,
+        used,
+        float(np.median(g.limit)),
+        covered / float(g.area.sum()),
+    )
+
+
+def _block(parts: list[Floats]) -> Floats:
+    out = np.zeros((7 * len(parts), 7 * len(parts)))
+    for k, part in enumerate(parts):
+        out[7 * k : 7 * k + 7, 7 * k : 7 * k + 7] = part
+    return out
+
+
+def _shapes(g: Ground, fits: list[_Fit], q: Floats, covariance: Floats) -> tuple[Shape, ...]:
+    out = []
+    for k, f in enumerate(fits):
+        kind, one = f.region.kind, q[k]
+        X = g.vertices[f.own]
+        along = (X - one[:3]) @ one[3:6]
+        d = surface.distances(kind, one, g.vertices[f.used])[0]
+        C = covariance[7 * k : 7 * k + 7, 7 * k : 7 * k + 7]
+        axis = one[3:6]
+        out.append(
+            Shape(
+                KINDS[kind],
+                one[:3],
+                axis,
+                0.0 if kind == PLANE else float(one[6]),
+                float(one[7]) if kind > CYLINDER else 0.0,
+                bool(f.region.side < 0),
+                C,
+                len(f.used),
+                float(g.area[f.own].sum()),
+                float(np.sqrt(np.mean(d**2))),
+                0.0 if kind in (PLANE, SPHERE) else float(np.ptp(along)),
+            )
+        )
+    return tuple(out)

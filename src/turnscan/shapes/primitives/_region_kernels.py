@@ -1,0 +1,209 @@
+"""Compiled kernels of region growing: neighbours, smooth normals, patches, growth."""
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from turnscan.compiled import njit
+from turnscan.shapes.primitives._surface_kernels import _at
+
+
+@njit(cache=True, nogil=True)
+def neighbours(faces: Any, count: int) -> tuple[Any, Any]:
+    """Vertices next to each vertex as a compressed list: near[start[i]:start[i + 1]]."""
+    many = np.zeros(count + 1, dtype=np.int64)
+    for f in range(len(faces)):
+        for k in range(3):
+            many[faces[f, k] + 1] += 2
+    for i in range(count):
+        many[i + 1] += many[i]
+    room = np.empty(many[count], dtype=np.int32)
+    end = many[:-1].copy()
+    for f in range(len(faces)):
+        for k in range(3):
+            a = faces[f, k]
+            for m in range(1, 3):
+                b = faces[f, (k + m) % 3]
+                there = False
+                for e in range(many[a], end[a]):
+                    if room[e] == b:
+                        there = True
+                        break
+                if not there:
+                    room[end[a]] = b
+                    end[a] += 1
+    start = np.zeros(count + 1, dtype=np.int64)
+    for i in range(count):
+        start[i + 1] = start[i] + end[i] - many[i]
+    near = np.empty(start[count], dtype=np.int32)
+    for i in range(count):
+        near[start[i] : start[i + 1]] = room[many[i] : end[i]]
+    return start, near
+
+
+@njit(cache=True, nogil=True)
+def smoothed(normals: Any, start: Any, near: Any, rounds: int) -> Any:
+    """Normals (v, 3) averaged with those of their neighbours, so many times."""
+    now = normals.copy()
+    for _ in range(rounds):
+        then = now.copy()
+        for i in range(len(now)):
+            x, y, z = then[i, 0], then[i, 1], then[i, 2]
+            for e in range(start[i], start[i + 1]):
+                k = near[e]
+                x += then[k, 0]
+                y += then[k, 1]
+                z += then[k, 2]
+            long = max(np.sqrt(x * x + y * y + z * z), 1e-300)
+            now[i, 0], now[i, 1], now[i, 2] = x / long, y / long, z / long
+    return now
+
+
+@njit(cache=True, nogil=True)
+def scatter(vertices: Any, normals: Any, start: Any, near: Any) -> tuple[Any, Any]:
+    """How each vertex stands off the mean of its neighbours along the normal.
+
+    Returns (v,) mm scaled to one standard deviation of independent noise, and (v,) how far the
+    smooth normals of the neighbours turn at most, as 1 − cos.
+    """
+    off = np.zeros(len(vertices))
+    turn = np.full(len(vertices), 2.0)
+    for i in range(len(vertices)):
+        many = start[i + 1] - start[i]
+        if many < 3:
+            continue
+        s, most = 0.0, 0.0
+        for e in range(start[i], start[i + 1]):
+            k = near[e]
+            c = 0.0
+            for a in range(3):
+                s += (vertices[k, a] - vertices[i, a]) * normals[i, a]
+                c += normals[k, a] * normals[i, a]
+            most = max(most, 1.0 - c)
+        off[i] = s / many / np.sqrt(1.0 + 1.0 / many)
+        turn[i] = most
+    return off, turn
+
+
+@njit(cache=True, nogil=True)
+def patch(
+    seed: int, most: int, start: Any, near: Any, normals: Any, label: Any, cos_turn: float,
+    seen: Any, mark: int,
+) -> Any:  # fmt: skip
+    """Up to ``most`` free vertices about a seed, nearest first, whose normals turn gently."""
+    queue = np.empty(most, dtype=np.int64)
+    queue[0] = seed
+    seen[seed] = mark
+    filled, at = 1, 0
+    while at < filled and filled < most:
+        here = queue[at]
+        at += 1
+        for e in range(start[here], start[here + 1]):
+            k = near[e]
+            if seen[k] == mark or label[k] >= 0:
+                continue
+            c = 0.0
+            for a in range(3):
+                c += normals[k, a] * normals[here, a]
+            if c < cos_turn:
+                continue
+            seen[k] = mark
+            queue[filled] = k
+            filled += 1
+            if filled >= most:
+                break
+    return queue[:filled].copy()
+
+
+@njit(cache=True, nogil=True)
+def grown(
+    kind: int, q: Any, side: float, vertices: Any, normals: Any, limit: Any, cos_turn: float,
+    start: Any, near: Any, label: Any, seeds: Any, seen: Any, mark: int,
+) -> Any:  # fmt: skip
+    """Free vertices (label < 0) connected to the seeds that lie on the surface.
+
+    Each is within its ``limit`` (v,) mm, its smooth normal within the turn of the surface's, which
+    looks outward with ``side`` +1.
+    """
+    queue = np.empty(len(vertices), dtype=np.int64)
+    n = np.empty(3)
+    filled = 0
+    for k in seeds:
+        if seen[k] == mark or label[k] >= 0:
+            continue
+        if abs(_at(kind, q, vertices[k], n)[0]) > limit[k]:
+            continue
+        c = n[0] * normals[k, 0] + n[1] * normals[k, 1] + n[2] * normals[k, 2]
+        if c * side >= cos_turn:
+            seen[k] = mark
+            queue[filled] = k
+            filled += 1
+    at = 0
+    while at < filled:
+        here = queue[at]
+        at += 1
+        for e in range(start[here], start[here + 1]):
+            k = near[e]
+            if seen[k] == mark or label[k] >= 0:
+                continue
+            if abs(_at(kind, q, vertices[k], n)[0]) > limit[k]:
+                continue
+            c = n[0] * normals[k, 0] + n[1] * normals[k, 1] + n[2] * normals[k, 2]
+            if c * side >= cos_turn:
+                seen[k] = mark
+                queue[filled] = k
+                filled += 1
+    return queue[:filled].copy()
+
+
+@njit(cache=True, nogil=True)
+def eroded(member: Any, start: Any, near: Any, border: Any, rounds: int) -> Any:
+    """Members (v,) that are so many steps away from what is no member and from no border."""
+    now = member.copy()
+    for _ in range(rounds):
+        then = now.copy()
+        for i in range(len(now)):
+            if not then[i]:
+                continue
+            if border[i]:
+                continue
+            for e in range(start[i], start[i + 1]):
+                if not then[near[e]]:
+                    now[i] = False
+                    break
+    return now
+
+
+@njit(cache=True, nogil=True)
+def settled(
+    label: Any, off: Any, start: Any, near: Any, kinds: Any, q: Any, side: Any, vertices: Any,
+    normals: Any, limit: Any, rounds: int,
+) -> Any:  # fmt: skip
+    """Labels after each vertex next to another region took the surface it is nearer to.
+
+    ``off`` (v,) is how far each stands off its own surface over its limit, 1 for none; free
+    vertices join a neighbour's surface within their limit whatever their normal says, unless it
+    looks away: smooth normals are wrong beside an edge.
+    """
+    now = label.copy()
+    n = np.empty(3)
+    for _ in range(rounds):
+        then = now.copy()
+        changed = 0
+        for i in range(len(now)):
+            for e in range(start[i], start[i + 1]):
+                k = then[near[e]]
+                if k < 0 or k == now[i]:
+                    continue
+                z = abs(_at(kinds[k], q[k], vertices[i], n)[0]) / limit[i]
+                c = n[0] * normals[i, 0] + n[1] * normals[i, 1] + n[2] * normals[i, 2]
+                if z < off[i] and c * side[k] > 0.0:
+                    off[i] = z
+                    now[i] = k
+                    changed += 1
+        if changed == 0:
+            break
+    return now

@@ -1,0 +1,347 @@
+"""Regions of a mesh that lie on analytic surfaces: grown from patches, and judged by their misfit.
+
+A smooth freeform patch fits any flexible surface as far as its tolerance reaches, and then its
+misfit is larger than the noise that neighbours have among themselves, and has a pattern: the means
+of small cells stand off by a good part of the tolerance. A true surface ends at an edge, and what
+its points miss it by is noise. A region counts where both, `excess` and `pattern`, are small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Floats
+from turnscan.mesh import Mesh, vertex_normals
+from turnscan.shapes.primitives import _region_kernels as region
+from turnscan.shapes.primitives import _surface_kernels as surface
+from turnscan.shapes.primitives._start import first_guesses
+from turnscan.shapes.primitives._surface_kernels import FREE, PLANE
+
+Index = npt.NDArray[np.int64]
+
+LIMIT = 3.0
+"""Standard deviations that a point may be off its surface."""
+_PATTERN = 0.15
+"""Share of the tolerance that the means of cells may stand off the surface."""
+_EXCESS = 0.22
+"""Share of the tolerance by which points may miss their surface beyond what their neighbours say
+is noise, root mean square. Freeform has 0.25 to 0.45, shapes of scans less than 0.17."""
+_TURN = float(np.cos(np.radians(25.0)))
+"""Between the normal of the surface and the smooth normal of the mesh."""
+_GENTLE = float(np.cos(np.radians(20.0)))
+"""Between smooth normals of neighbours within the patch of a seed."""
+_PATCHES = (80, 320)
+"""Vertices of a patch that a region starts from; the larger where the smaller gives nothing."""
+LEAST = (60, 250, 200, 400, 500)
+"""Vertices that a region of each kind must have."""
+_SPAN = float(np.radians(20.0))
+"""Angle that the normals of a curved region span at the least: less of it says no radius."""
+_CELL = 9
+"""Vertices of a cell, about."""
+_CLEAR = 0.05
+"""A plane whose pattern stays below this is not compared with curved surfaces."""
+_FIT = 4000
+"""Points that a fit looks at while a region grows."""
+_ROUNDS = 12
+_STEPS = 6
+"""Of a fit while a region grows."""
+_MISFIT = 2.0
+"""Mean square, in standard deviations, that a patch may miss its first surface by."""
+_CALM = 0.10
+"""Radians that a smooth normal may be uncertain by."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A mesh prepared for growing."""
+
+    vertices: Floats
+    """(v, 3) mm."""
+    normals: Floats
+    """(v, 3) smooth, outward."""
+    start: Index
+    near: npt.NDArray[np.int32]
+    """Neighbours, near[start[i]:start[i + 1]]."""
+    border: Bools
+    """(v,) beside an open border of what was measured."""
+    scale: Floats
+    """(v,) mm: one standard deviation of each vertex."""
+    limit: Floats
+    """(v,) mm: how far each may lie off its surface."""
+    area: Floats
+    """(v,) mm² that belongs to each."""
+    turn: Floats
+    """(v,) how far smooth normals turn to the neighbours, 1 − cos."""
+    off: Floats
+    """(v,) mm: how far each stands off the mean of its neighbours, scaled to its noise."""
+    spacing: float
+    """mm between neighbours."""
+
+    size: float
+    """mm: diagonal of the box around it."""
+
+
+@dataclass
+class Region:
+    """Vertices on one surface, while regions are looked for."""
+
+    kind: int
+    q: Floats
+    side: float
+    """+1 where the surface's normal looks outward."""
+    member: Index
+
+    def parameters(self) -> int:
+        """How many the surface has."""
+        return int(FREE[self.kind].sum())
+
+
+def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Ground:
+    """A mesh ready for growing; ``sigma`` (v,) mm of its points, ``tolerance`` mm if given."""
+    X = mesh.vertices
+    start, near = region.neighbours(mesh.faces, len(X))
+    raw = np.nan_to_num(vertex_normals(mesh))
+    tail = np.repeat(np.arange(len(X)), np.diff(start))
+    steps = np.linalg.norm(X[tail] - X[near], axis=1)
+    spacing = float(np.median(steps)) if len(steps) else 0.0
+    rounds = _rounds_for(raw, tail, near)
+    normals = region.smoothed(raw, start, near, rounds)
+    off, turn = region.scatter(X, normals, start, near)
+    size = float(np.linalg.norm(np.ptp(X, axis=0)))
+    seen = np.abs(off[off != 0.0])
+    noise = 1.4826 * float(np.median(seen)) if len(seen) else 0.0
+    noise = max(noise, 1e-5 * size)
+    scale = np.full(len(X), noise) if sigma is None else np.maximum(sigma, noise)
+    floor = max(LIMIT * noise, 1e-4 * size)
+    limit = np.full(len(X), tolerance) if tolerance else np.maximum(LIMIT * scale, floor)
+    if tolerance:
+        scale = np.minimum(scale, tolerance / LIMIT)
+    t = mesh.triangles
+    faces = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 6
+    area = np.bincount(mesh.faces.ravel(), np.repeat(faces, 3), minlength=len(X)).astype(float)
+    many = np.bincount(mesh.faces.ravel(), minlength=len(X))
+    border = np.diff(start) > many
+    return Ground(X, normals, start, near, border, scale, limit, area, turn, off, spacing, size)
+
+
+def _rounds_for(raw: Floats, tail: Index, near: npt.NDArray[np.int32]) -> int:
+    """Rounds of smoothing after which normals are calm: k rounds average about 3 k² of them."""
+    if not len(tail):
+        return 0
+    dots = np.einsum("ij,ij->i", raw[tail[::7]], raw[near[::7]])
+    angle = float(np.median(np.arccos(np.clip(dots, -1, 1))))
+    return int(np.clip(np.ceil(angle / _CALM), 1, 8))
+
+
+def grow_regions(ground: Ground, least: float, most: int) -> list[Region]:
+    """Regions of at least ``least`` mm², at most ``most`` of them, in the order they were found."""
+    label = np.full(len(ground.vertices), -1, dtype=np.int64)
+    seen = np.zeros(len(ground.vertices), dtype=np.int64)
+    search = _Search(ground, label, seen, least)
+    found: list[Region] = []
+    order = np.argsort(np.round(np.log2(np.maximum(ground.turn, 1e-7)) * 2), kind="stable")
+    for seed in order:
+        if len(found) >= most:
+            break
+        if label[seed] != -1 or ground.turn[seed] > 1.0 - _GENTLE:
+            continue
+        best = search.from_seed(int(seed))
+        if best is None:
+            continue
+        label[best.member] = len(found)
+        found.append(best)
+    return found
+
+
+class _Search:
+    """The search for one region after the other; marks what it has tried."""
+
+    def __init__(self, ground: Ground, label: Index, seen: Index, least: float) -> None:
+        self.ground, self.label, self.seen, self.least = ground, label, seen, least
+        self.mark = 0
+
+    def from_seed(self, seed: int) -> Region | None:
+        """The simplest region that says about all that any says, or None."""
+        g = self.ground
+        for many in _PATCHES:
+            self.mark += 1
+            ball = region.patch(
+                seed, many, g.start, g.near, g.normals, self.label, _GENTLE, self.seen, self.mark
+            )
+            if len(ball) < _PATCHES[0] // 2:
+                break
+            options = []
+            for kind, q in first_guesses(g.vertices[ball], g.normals[ball]):
+                grown = self._grown(kind, q, ball)
+                if grown is None:
+                    continue
+                if kind == PLANE and pattern(g, kind, grown.q, grown.member) < _CLEAR:
+                    return grown
+                options.append(grown)
+            if options:
+                top = max(float(g.area[o.member].sum()) for o in options)
+                fair = [o for o in options if float(g.area[o.member].sum()) >= 0.93 * top]
+                return min(fair, key=Region.parameters)
+        self.label[ball] = np.where(self.label[ball] == -1, -2, self.label[ball])
+        return None
+
+    def _grown(self, kind: int, q: Floats, ball: Index) -> Region | None:
+        """The region of one kind that grows from a patch, if it is one."""
+        g = self.ground
+        q, cost = surface.fitted(
+            kind, q, g.vertices, g.scale, ball, FREE[kind], 6.0, 4 * g.size, 2 * _STEPS
+        )
+        if not cost <= _MISFIT * len(ball):
+            return None
+        member = ball
+        side = _side(g, kind, q, ball)
+        for turn in range(_ROUNDS):
+            self.mark += 1
+            grown = region.grown(
+                kind, q, side, g.vertices, g.normals, g.limit, _TURN, g.start, g.near,
+                self.label, member, self.seen, self.mark,
+            )  # fmt: skip
+            if len(grown) < 0.6 * len(ball):
+                return None
+            enough = len(grown) <= 1.01 * len(member) and turn > 1
+            member = grown
+            q, cost = refit(g, kind, q, member)
+            if not np.isfinite(cost):
+                return None
+            if enough:
+                break
+        if len(member) < LEAST[kind] or float(g.area[member].sum()) < self.least:
+            return None
+        if kind != PLANE and _span(g, kind, q, member) < _SPAN:
+            return None
+        if not fair(g, kind, q, member):
+            return None
+        return Region(kind, q, _side(g, kind, q, member), member)
+
+
+def _span(g: Ground, kind: int, q: Floats, member: Index) -> float:
+    """Radians between normals of the surface over a region: twice the widest from their mean."""
+    n = surface.distances(kind, q, g.vertices[_thinned(member, 500)])[1]
+    mean = n.mean(axis=0)
+    long = float(np.linalg.norm(mean))
+    if long < 0.5:
+        return float(np.pi)
+    return 2 * float(np.arccos(np.clip(np.quantile(n @ (mean / long), 0.02), -1, 1)))
+
+
+def merged(g: Ground, regions: list[Region]) -> list[Region]:
+    """Regions of one surface joined: a side that a groove or a shadow cuts in two is one side."""
+    done: list[Region] = []
+    for r in sorted(regions, key=lambda r: -len(r.member)):
+        for k, other in enumerate(done):
+            both = _joined(g, other, r)
+            if both is not None:
+                done[k] = both
+                break
+        else:
+            done.append(r)
+    return done
+
+
+def _joined(g: Ground, a: Region, b: Region) -> Region | None:
+    """One region of both, where one surface says both as well as two."""
+    if a.kind != b.kind or a.side != b.side:
+        return None
+    some = _thinned(b.member, 200)
+    d = np.abs(surface.distances(a.kind, a.q, g.vertices[some])[0]) / g.limit[some]
+    if float(np.median(d)) > 5.0:
+        return None
+    member = np.concatenate([a.member, b.member])
+    even = np.concatenate([_thinned(a.member, _FIT // 2), _thinned(b.member, _FIT // 2)])
+    q, cost = refit(g, a.kind, a.q, even)
+    if not np.isfinite(cost) or _side(g, a.kind, q, b.member) != b.side:
+        return None
+    if max(pattern(g, a.kind, q, part.member) for part in (a, b)) > _PATTERN:
+        return None
+    return Region(a.kind, q, a.side, member)
+
+
+def _side(g: Ground, kind: int, q: Floats, member: Index) -> float:
+    some = _thinned(member, 200)
+    n = surface.distances(kind, q, g.vertices[some])[1]
+    return 1.0 if float(np.einsum("ij,ij->", n, g.normals[some])) >= 0 else -1.0
+
+
+def _thinned(member: Index, most: int) -> Index:
+    """Some of the members, the same each time."""
+    if len(member) <= most:
+        return member
+    return member[np.linspace(0, len(member) - 1, most).astype(np.int64)]
+
+
+def refit(
+    g: Ground, kind: int, q: Floats, member: Index, most: int = _FIT, steps: int = _STEPS
+) -> tuple[Floats, float]:
+    """The surface through members again, and its cost per point."""
+    some = _thinned(member, most)
+    q = centred(kind, q, g.vertices[some])
+    q, cost = surface.fitted(kind, q, g.vertices, g.scale, some, FREE[kind], 4.0, 4 * g.size, steps)
+    return q, cost / len(some)
+
+
+def centred(kind: int, q: Floats, points: Floats) -> Floats:
+    """The same surface with its point p beside the middle of the points, where p may slide."""
+    out = q.copy()
+    t = float((points.mean(axis=0) - q[:3]) @ q[3:6])
+    if kind == PLANE:
+        out[:3] = points.mean(axis=0) - t * q[3:6]
+    elif kind in (surface.CYLINDER, surface.CONE):
+        out[:3] = q[:3] + t * q[3:6]
+        if kind == surface.CONE:
+            out[6] = q[6] + t * np.tan(q[7])
+    return out
+
+
+def cells(g: Ground, member: Index) -> Index:
+    """(n,) number of the cell of space that each member is in; about `_CELL` share one."""
+    side = max(g.spacing * np.sqrt(_CELL), 1e-9)
+    at = np.floor((g.vertices[member] - g.vertices[member].min(axis=0)) / side).astype(np.int64)
+    wide = at.max(axis=0) + 1
+    keys = (at[:, 0] * wide[1] + at[:, 1]) * wide[2] + at[:, 2]
+    return np.unique(keys, return_inverse=True)[1].astype(np.int64)
+
+
+def fair(g: Ground, kind: int, q: Floats, member: Index) -> bool:
+    """Whether what members miss the surface by is noise, and they are enough."""
+    return (
+        len(member) >= LEAST[kind]
+        and excess(g, kind, q, member) <= _EXCESS
+        and pattern(g, kind, q, member) <= _PATTERN
+    )
+
+
+def excess(g: Ground, kind: int, q: Floats, member: Index) -> float:
+    """How far members miss the surface beyond their own noise, over the tolerance.
+
+    The noise is what each stands off its neighbours by, half of them less and half of them more.
+    """
+    some = _thinned(member, _FIT)
+    d = surface.distances(kind, q, g.vertices[some])[0]
+    noise = 1.4826 * float(np.median(np.abs(g.off[some])))
+    return float(np.sqrt(max(float(np.mean(d * d)) - noise**2, 0.0)) / np.median(g.limit[some]))
+
+
+def pattern(g: Ground, kind: int, q: Floats, member: Index) -> float:
+    """How far the means of cells stand off the surface, root mean square, over its tolerance.
+
+    What independent noise gives them is taken off, and the worst tenth, which lies at edges.
+    """
+    d = surface.distances(kind, q, g.vertices[member])[0] / g.limit[member]
+    cell = cells(g, member)
+    count = np.bincount(cell)
+    good = count >= 4
+    if good.sum() < 6:
+        return 0.0 if kind == PLANE else float("inf")
+    mean = np.bincount(cell, d)[good] / count[good]
+    spread = np.bincount(cell, d * d)[good] / count[good] - mean**2
+    keep = np.abs(mean) <= np.quantile(np.abs(mean), 0.9)
+    noise = float((spread / (count[good] - 1))[keep].mean())
+    return float(np.sqrt(max(float((mean[keep] ** 2).mean()) - noise, 0.0)))

@@ -1,0 +1,108 @@
+"""Sizes between shapes, with the uncertainty that their joint covariance gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.mesh import Mesh
+from turnscan.shapes.primitives import _surface_kernels as surface
+from turnscan.shapes.primitives._shapes import ShapeSet
+
+SizeKind = Literal["diameter", "tube diameter", "cone angle", "distance", "axis distance", "angle"]
+_LOOK = float(np.radians(3.0))
+_EDGES = 4
+"""Sides of faces between two shapes that make them neighbours."""
+
+
+@dataclass(frozen=True)
+class ShapeSize:
+    """A size of a shape, or between two."""
+
+    kind: SizeKind
+    first: int
+    second: int | None
+    """Index of the shapes; None where the size is of one alone."""
+    value: float
+    """mm; radians for angles: between outward normals, or the whole angle of a cone."""
+    sigma: float
+    """Standard uncertainty, same unit."""
+
+
+def neighbours_of(mesh: Mesh, found: ShapeSet) -> set[tuple[int, int]]:
+    """Pairs of shapes (lower index first) that meet along the mesh."""
+    a, b = (found.label[mesh.faces[:, k]].ravel() for k in ([0, 1, 2], [1, 2, 0]))
+    both = (a >= 0) & (b >= 0) & (a != b)
+    pairs = np.sort(np.column_stack([a[both], b[both]]), axis=1)
+    unique, count = np.unique(pairs, axis=0, return_counts=True)
+    return {(int(i), int(j)) for (i, j), n in zip(unique, count, strict=True) if n >= _EDGES}
+
+
+def sizes_between(mesh: Mesh, found: ShapeSet) -> list[ShapeSize]:
+    """Diameters and cone angles, distances of parallel planes and axes, angles at edges."""
+    out = []
+    for k, s in enumerate(found.shapes):
+        C = s.covariance
+        if s.kind in ("sphere", "cylinder", "torus"):
+            out.append(ShapeSize("diameter", k, None, 2 * s.radius, 2 * s.radius_sigma))
+        if s.kind == "torus":
+            out.append(ShapeSize("tube diameter", k, None, 2 * s.second, 2 * s.second_sigma))
+        if s.kind == "cone":
+            sigma = 2 * float(np.sqrt(C[6, 6]))
+            out.append(ShapeSize("cone angle", k, None, 2 * abs(s.second), sigma))
+    meet = neighbours_of(mesh, found)
+    for i, j in combinations(range(len(found.shapes)), 2):
+        a, b = found.shapes[i], found.shapes[j]
+        if "sphere" in (a.kind, b.kind):
+            continue
+        dot = abs(float(a.axis @ b.axis))
+        if a.kind == b.kind == "plane":
+            if dot > np.cos(_LOOK):
+                out.append(_size(found, "distance", i, j, _between_planes))
+            elif (i, j) in meet:
+                out.append(_size(found, "angle", i, j, _angle))
+        elif "plane" not in (a.kind, b.kind) and dot > np.cos(_LOOK):
+            apart = _size(found, "axis distance", i, j, _between_axes)
+            if apart.value > 3 * apart.sigma and apart.value > 1e-6:
+                out.append(apart)
+    return out
+
+
+def _size(
+    found: ShapeSet, kind: SizeKind, i: int, j: int, of: Callable[[Floats, Floats], float]
+) -> ShapeSize:
+    q = [found.shapes[i].numbers, found.shapes[j].numbers]
+    slope = np.zeros(14)
+    for k in range(14):
+        step = np.zeros(7)
+        step[k % 7] = 1e-5
+        there, back = list(q), list(q)
+        there[k // 7] = surface.moved(q[k // 7], step)
+        back[k // 7] = surface.moved(q[k // 7], -step)
+        slope[k] = (of(*there) - of(*back)) / 2e-5
+    rows = np.concatenate([np.arange(7) + 7 * i, np.arange(7) + 7 * j])
+    variance = float(slope @ found.covariance[np.ix_(rows, rows)] @ slope)
+    return ShapeSize(kind, i, j, of(*q), float(np.sqrt(max(variance, 0.0))))
+
+
+def _between_planes(a: Floats, b: Floats) -> float:
+    """Mean of the distances of each plane's middle from the other plane."""
+    away = b[:3] - a[:3]
+    return (abs(float(away @ a[3:6])) + abs(float(away @ b[3:6]))) / 2
+
+
+def _between_axes(a: Floats, b: Floats) -> float:
+    """Distance of the axes in the middle between their points."""
+    middle = (a[:3] + b[:3]) / 2
+    one = a[:3] + ((middle - a[:3]) @ a[3:6]) * a[3:6]
+    other = b[:3] + ((middle - b[:3]) @ b[3:6]) * b[3:6]
+    return float(np.linalg.norm(one - other))
+
+
+def _angle(a: Floats, b: Floats) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a[3:6], b[3:6])), a[3:6] @ b[3:6]))

@@ -1,0 +1,270 @@
+"""Compiled kernels of the analytic surfaces: distance, derivatives, least squares.
+
+Each kind is a surface of revolution about an axis a through a point p. With t = (x − p)·a and
+ρ = |x − p − t a|, the distance of x is
+
+plane t · sphere |x − p| − r · cylinder ρ − r · cone (ρ − r) cos s − t sin s ·
+torus √((ρ − r)² + t²) − s.
+
+A surface is ten numbers: p, a, r, s, and two that are not used. Its seven local parameters are
+tilt of the axis along e1 and e2, shift of p along e1, e2 and a, r and s; not all of them mean
+something to each kind (`FREE`).
+"""
+# mypy: disable-error-code="untyped-decorator, no-any-return"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from turnscan.compiled import njit
+
+PLANE, SPHERE, CYLINDER, CONE, TORUS = range(5)
+
+FREE = np.array(
+    [
+        [1, 1, 0, 0, 1, 0, 0],
+        [0, 0, 1, 1, 1, 1, 0],
+        [1, 1, 1, 1, 0, 1, 0],
+        [1, 1, 1, 1, 0, 1, 1],
+        [1, 1, 1, 1, 1, 1, 1],
+    ],
+    dtype=np.bool_,
+)
+"""(kinds, 7) which local parameters a kind has."""
+_TINY = 1e-12
+
+
+@njit(cache=True, nogil=True)
+def frame(axis: Any) -> tuple[Any, Any]:
+    """Unit vectors e1, e2 across an axis; e1 × e2 = axis."""
+    k = 0
+    if abs(axis[1]) < abs(axis[k]):
+        k = 1
+    if abs(axis[2]) < abs(axis[k]):
+        k = 2
+    lead = np.zeros(3)
+    lead[k] = 1.0
+    e1 = np.empty(3)
+    e1[0] = axis[1] * lead[2] - axis[2] * lead[1]
+    e1[1] = axis[2] * lead[0] - axis[0] * lead[2]
+    e1[2] = axis[0] * lead[1] - axis[1] * lead[0]
+    e1 /= np.sqrt((e1 * e1).sum())
+    e2 = np.empty(3)
+    e2[0] = axis[1] * e1[2] - axis[2] * e1[1]
+    e2[1] = axis[2] * e1[0] - axis[0] * e1[2]
+    e2[2] = axis[0] * e1[1] - axis[1] * e1[0]
+    return e1, e2
+
+
+@njit(cache=True, nogil=True)
+def _at(kind: int, q: Any, x: Any, n: Any) -> tuple[float, float, float]:
+    """Distance of a point, derivatives by r and s; fills the normal n (3,)."""
+    y0, y1, y2 = x[0] - q[0], x[1] - q[1], x[2] - q[2]
+    t = y0 * q[3] + y1 * q[4] + y2 * q[5]
+    if kind == 0:
+        n[0], n[1], n[2] = q[3], q[4], q[5]
+        return t, 0.0, 0.0
+    if kind == 1:
+        long = max(np.sqrt(y0 * y0 + y1 * y1 + y2 * y2), _TINY)
+        n[0], n[1], n[2] = y0 / long, y1 / long, y2 / long
+        return long - q[6], -1.0, 0.0
+    o0, o1, o2 = y0 - t * q[3], y1 - t * q[4], y2 - t * q[5]
+    rho = np.sqrt(o0 * o0 + o1 * o1 + o2 * o2)
+    safe = max(rho, _TINY)
+    o0, o1, o2 = o0 / safe, o1 / safe, o2 / safe
+    if kind == 2:
+        n[0], n[1], n[2] = o0, o1, o2
+        return rho - q[6], -1.0, 0.0
+    if kind == 3:
+        c, s = np.cos(q[7]), np.sin(q[7])
+        n[0], n[1], n[2] = c * o0 - s * q[3], c * o1 - s * q[4], c * o2 - s * q[5]
+        away = rho - q[6]
+        return away * c - t * s, -c, -away * s - t * c
+    away = rho - q[6]
+    ring = max(np.sqrt(away * away + t * t), _TINY)
+    f, g = away / ring, t / ring
+    n[0], n[1], n[2] = f * o0 + g * q[3], f * o1 + g * q[4], f * o2 + g * q[5]
+    return ring - q[7], -f, -1.0
+
+
+@njit(cache=True, nogil=True)
+def distances(kind: int, q: Any, points: Any) -> tuple[Any, Any]:
+    """Signed distances (n,) mm of points (n, 3), and unit normals (n, 3) of the surface there."""
+    d = np.empty(len(points))
+    normals = np.empty((len(points), 3))
+    for i in range(len(points)):
+        d[i] = _at(kind, q, points[i], normals[i])[0]
+    return d, normals
+
+
+@njit(cache=True, nogil=True)
+def _row(kind: int, q: Any, e1: Any, e2: Any, x: Any, n: Any, J: Any) -> float:
+    """Distance of a point; fills its derivatives (7,) by the local parameters."""
+    d, J[5], J[6] = _at(kind, q, x, n)
+    y0, y1, y2 = x[0] - q[0], x[1] - q[1], x[2] - q[2]
+    c0 = y1 * n[2] - y2 * n[1]
+    c1 = y2 * n[0] - y0 * n[2]
+    c2 = y0 * n[1] - y1 * n[0]
+    J[0] = -(e2[0] * c0 + e2[1] * c1 + e2[2] * c2)
+    J[1] = e1[0] * c0 + e1[1] * c1 + e1[2] * c2
+    J[2] = -(e1[0] * n[0] + e1[1] * n[1] + e1[2] * n[2])
+    J[3] = -(e2[0] * n[0] + e2[1] * n[1] + e2[2] * n[2])
+    J[4] = -(q[3] * n[0] + q[4] * n[1] + q[5] * n[2])
+    return d
+
+
+@njit(cache=True, nogil=True)
+def jacobian(kind: int, q: Any, points: Any) -> tuple[Any, Any]:
+    """Distances (n,) and derivatives (n, 7) by the local parameters."""
+    e1, e2 = frame(q[3:6])
+    d = np.empty(len(points))
+    J = np.empty((len(points), 7))
+    n = np.empty(3)
+    for i in range(len(points)):
+        d[i] = _row(kind, q, e1, e2, points[i], n, J[i])
+    return d, J
+
+
+@njit(cache=True, nogil=True)
+def moved(q: Any, step: Any) -> Any:
+    """The surface after a step (7,) of its local parameters."""
+    e1, e2 = frame(q[3:6])
+    out = q.copy()
+    for k in range(3):
+        out[3 + k] = q[3 + k] + step[0] * e1[k] + step[1] * e2[k]
+        out[k] = q[k] + step[2] * e1[k] + step[3] * e2[k] + step[4] * q[3 + k]
+    out[3:6] /= np.sqrt((out[3:6] * out[3:6]).sum())
+    out[6] = q[6] + step[5]
+    out[7] = q[7] + step[6]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _cost(kind: int, q: Any, points: Any, scale: Any, index: Any, bound: float) -> float:
+    """Sum of squares over the scale, each at most ``bound``² (truncated least squares)."""
+    n = np.empty(3)
+    total = 0.0
+    for i in index:
+        z = _at(kind, q, points[i], n)[0] / scale[i]
+        total += min(z * z, bound * bound)
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _solved(N: Any, g: Any, damping: float) -> tuple[bool, Any]:
+    """Cholesky solution of the damped normal equations, every scale taken out first."""
+    k = len(g)
+    s = np.empty(k)
+    for i in range(k):
+        s[i] = 1.0 / np.sqrt(max(N[i, i], 1e-300))
+    L = np.zeros((k, k))
+    for i in range(k):
+        for j in range(i + 1):
+            v = N[i, j] * s[i] * s[j]
+            if i == j:
+                v += damping
+            for m in range(j):
+                v -= L[i, m] * L[j, m]
+            if i == j:
+                if not v > 1e-13:
+                    return False, g
+                L[i, i] = np.sqrt(v)
+            else:
+                L[i, j] = v / L[j, j]
+    x = np.empty(k)
+    for i in range(k):
+        v = g[i] * s[i]
+        for m in range(i):
+            v -= L[i, m] * x[m]
+        x[i] = v / L[i, i]
+    for i in range(k - 1, -1, -1):
+        v = x[i]
+        for m in range(i + 1, k):
+            v -= L[m, i] * x[m]
+        x[i] = v / L[i, i]
+    return True, x * s
+
+
+@njit(cache=True, nogil=True)
+def _normal(
+    kind: int, q: Any, points: Any, scale: Any, index: Any, which: Any, bound: float
+) -> tuple[Any, Any]:
+    """Normal matrix and right side of the parameters ``which``, of points within the bound."""
+    k = len(which)
+    e1, e2 = frame(q[3:6])
+    J, n = np.empty(7), np.empty(3)
+    N, g = np.zeros((k, k)), np.zeros(k)
+    for i in index:
+        d = _row(kind, q, e1, e2, points[i], n, J)
+        if abs(d) > bound * scale[i]:
+            continue
+        w = 1.0 / (scale[i] * scale[i])
+        for a in range(k):
+            ja = J[which[a]] * w
+            g[a] -= ja * d
+            for b in range(a + 1):
+                N[a, b] += ja * J[which[b]]
+    for a in range(k):
+        for b in range(a):
+            N[b, a] = N[a, b]
+    return N, g
+
+
+@njit(cache=True, nogil=True)
+def fitted(
+    kind: int, q: Any, points: Any, scale: Any, index: Any, free: Any, bound: float, reach: float,
+    rounds: int,
+) -> tuple[Any, float]:  # fmt: skip
+    """Truncated least squares by Levenberg and Marquardt: the surface and its cost.
+
+    ``scale`` (n,) mm is one standard deviation of each point, ``index`` those that count, ``free``
+    (7,) the parameters that may move. A point further than ``bound`` scales has no say. No radius
+    passes ``reach`` mm: beyond it curvature means nothing. The cost is inf where no fit is found.
+    """
+    which = np.flatnonzero(free)
+    k = len(which)
+    damping = 1e-4
+    cost = _cost(kind, q, points, scale, index, bound)
+    for _ in range(rounds):
+        N, g = _normal(kind, q, points, scale, index, which, bound)
+        better = False
+        gain = 0.0
+        for _try in range(6):
+            fine, x = _solved(N, g, damping)
+            if not fine:
+                damping = max(damping * 10.0, 1e-6)
+                continue
+            step = np.zeros(7)
+            for a in range(k):
+                step[which[a]] = x[a]
+            new = moved(q, step)
+            trial = _cost(kind, new, points, scale, index, bound)
+            if trial <= cost and _sound(kind, new, reach):
+                better = True
+                gain = cost - trial
+                q, cost = new, trial
+                damping = max(damping * 0.1, 1e-12)
+                break
+            damping = max(damping * 10.0, 1e-6)
+        if not better or gain <= 1e-9 * cost + 1e-12:
+            break
+    if not _sound(kind, q, reach):
+        return q, np.inf
+    return q, cost
+
+
+@njit(cache=True, nogil=True)
+def _sound(kind: int, q: Any, reach: float) -> bool:
+    """Whether a surface is one at all."""
+    for k in range(8):
+        if not np.isfinite(q[k]):
+            return False
+    if kind == 1 or kind == 2:
+        return 0.0 < q[6] < reach
+    if kind == 3:
+        return abs(q[7]) < 1.55 and abs(q[6]) < reach
+    if kind == 4:
+        return 0.0 < q[7] < reach and 0.0 <= q[6] < reach
+    return True

@@ -1,0 +1,343 @@
+"""Shapes: the planes, cylinders, spheres, cones and tori of a part, with sizes and relations."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from turnscan.drawings import with_sigma
+from turnscan.errors import InputError
+from turnscan.findings import Finding, record
+from turnscan.mesh import Mesh
+from turnscan.pipeline import source_of
+from turnscan.progress import Progress, no_progress
+from turnscan.shapes import calibration_moves
+from turnscan.shapes.primitives import Relation, Shape, ShapeSet, ShapeSize, sizes_between
+from turnscan.shapes.primitives import find_shapes as find_in_mesh
+from turnscan.workflows import _html as html
+from turnscan.workflows._declare import chosen
+from turnscan.workflows._files import write_atomically
+from turnscan.workflows._loading import Source, load
+from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._saving import save
+from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FREEFORM = (190, 190, 190)
+_COLOURS = (
+    (86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0),
+    (204, 121, 167), (148, 103, 189), (140, 86, 75), (23, 190, 207),
+)  # fmt: skip
+"""Neighbouring numbers are told apart with every common colour blindness (Okabe & Ito)."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundShapes:
+    """The shapes of a part, what was found about them, and where they lie on its mesh."""
+
+    name: str
+    """How messages call the part."""
+    mesh: Mesh
+    """The surface they were found on."""
+    found: ShapeSet
+    sizes: tuple[ShapeSize, ...]
+    findings: tuple[Finding, ...] = ()
+
+    def figures(self) -> dict[str, Any]:
+        """Shapes, relations and sizes, unrounded, by name with the unit at its end."""
+        f = self.found
+        return {
+            "source": Path(self.name).name,
+            "tolerance_mm": f.tolerance,
+            "coverage": f.coverage,
+            "shapes": [
+                {"number": k + 1, **_figures(s), "as_measured": _figures(m)}
+                for k, (s, m) in enumerate(zip(f.shapes, f.measured, strict=True))
+            ],
+            "relations": [_relation(r) for r in f.relations],
+            "sizes": [_size(s) for s in self.sizes],
+        }
+
+    def __str__(self) -> str:
+        return "\n".join(in_words(self))
+
+    def coloured(self) -> Mesh:
+        """The mesh with a colour for each shape, grey where it is freeform or not measured."""
+        colour = np.full((len(self.mesh.vertices), 3), FREEFORM, dtype=np.uint8)
+        on = self.found.label >= 0
+        colour[on] = np.array(_COLOURS, dtype=np.uint8)[self.found.label[on] % len(_COLOURS)]
+        return replace(self.mesh, colour=colour)
+
+    def save(self, *paths: str | Path) -> list[Finding]:
+        """Write the coloured mesh: .ply or .glb.
+
+        Raises InputError for another suffix, ExportError where a file cannot be written.
+        """
+        for path in map(Path, paths):
+            if path.suffix.lower() not in SHAPES_SUFFIXES:
+                raise InputError(
+                    f"{path}: colours are not written as {path.suffix!r}",
+                    hint=f"choose one of {' '.join(SHAPES_SUFFIXES)}",
+                )
+        return save(dict.fromkeys(map(Path, paths), self.coloured()))
+
+    def save_report(self, path: str | Path) -> None:
+        """Write the report: .html with pictures, or .json.
+
+        Raises ExportError where it cannot be written.
+        """
+        _write_report(self, Path(path))
+
+
+def find_shapes(
+    source: Source,
+    options: ShapesOptions | None = None,
+    *,
+    progress: Progress = no_progress,
+    **changes: Any,
+) -> FoundShapes:
+    """Find the planes, spheres, cylinders, cones and tori that a part is made of.
+
+    Only what was measured has a say. A shape is said where its misfit is noise; the rest stays
+    freeform. Relations (parallel, perpendicular, coaxial, equal radius, symmetric) are adopted
+    where the measured shapes agree with them inside their uncertainty, and each is told.
+
+    Parameters
+    ----------
+    source
+        A mesh, a mesh file in mm, the result of `reconstruct`, or a scan, which is reconstructed
+        with its own settings; for the last two the calibration's uncertainty counts too.
+    options
+        How shapes are looked for; None takes the usual way.
+    progress
+        Told how far the reconstruction of a scan is; it may cancel.
+    changes
+        Options to change by name, as in ``tolerance=0.05``.
+
+    Returns
+    -------
+    FoundShapes
+        Shapes, relations and sizes with standard uncertainties; as text, one line each.
+
+    Raises
+    ------
+    InputError
+        Where there is no surface, or no face that was measured.
+
+    >>> import turnscan as ts
+    >>> found = ts.find_shapes("cup.turnscan")
+    >>> 0 <= found.found.coverage <= 1
+    True
+    """
+    wanted = chosen(ShapesOptions, options, changes)
+    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".turnscan":
+        source = reconstruct(source, progress=progress)
+    loaded = load(source, progress=progress)
+    if not len(loaded.mesh.faces):
+        raise InputError(f"{loaded.name}: no faces", hint="shapes are found on a mesh")
+    moves = []
+    if isinstance(source, ReconstructResult):
+        done = source.reconstruction
+        known = done.source or source_of(done.grids, source.rig)
+        moves = [*calibration_moves(loaded.mesh, known), *known.moves]
+    found = find_in_mesh(
+        loaded.mesh,
+        tolerance=wanted.tolerance,
+        smallest=wanted.smallest,
+        relations=not wanted.as_measured,
+        moves=moves,
+    )
+    sizes = tuple(sizes_between(loaded.mesh, found))
+    return FoundShapes(loaded.name, loaded.mesh, found, sizes, loaded.findings)
+
+
+def _figures(s: Shape) -> dict[str, Any]:
+    sigma = np.sqrt(np.maximum(np.diagonal(s.covariance), 0.0))
+    out: dict[str, Any] = {
+        "kind": s.kind,
+        "hollow": s.hollow,
+        "points": s.count,
+        "area_mm2": s.area,
+        "rms_mm": s.rms,
+        "point_mm": s.point.tolist(),
+        "point_sigma_mm": float(sigma[2:5].max()),
+    }
+    if s.kind != "sphere":
+        out["normal" if s.kind == "plane" else "axis"] = s.axis.tolist()
+        out["axis_sigma_deg"] = float(np.rad2deg(s.axis_sigma))
+    if s.kind != "plane":
+        out["radius_mm"], out["radius_sigma_mm"] = s.radius, s.radius_sigma
+    if s.kind == "cone":
+        out["half_angle_deg"] = float(np.rad2deg(s.second))
+        out["half_angle_sigma_deg"] = float(np.rad2deg(s.second_sigma))
+    if s.kind == "torus":
+        out["tube_radius_mm"], out["tube_radius_sigma_mm"] = s.second, s.second_sigma
+    if s.length:
+        out["length_mm"] = s.length
+    return out
+
+
+def _relation(r: Relation) -> dict[str, Any]:
+    third = [] if r.third is None else [r.third + 1]
+    out: dict[str, Any] = {"kind": r.kind, "shapes": [r.first + 1, r.second + 1, *third]}
+    if r.kind in ("parallel", "perpendicular"):
+        out["off_deg"] = float(np.rad2deg(r.off))
+        out["sigma_deg"] = float(np.rad2deg(r.sigma))
+    else:
+        out["off_mm"], out["sigma_mm"] = r.off, r.sigma
+    return out
+
+
+def _size(s: ShapeSize) -> dict[str, Any]:
+    second = [] if s.second is None else [s.second + 1]
+    out: dict[str, Any] = {"kind": s.kind, "shapes": [s.first + 1, *second]}
+    if s.kind in ("angle", "cone angle"):
+        out["value_deg"] = float(np.rad2deg(s.value))
+        out["sigma_deg"] = float(np.rad2deg(s.sigma))
+    else:
+        out["value_mm"], out["sigma_mm"] = s.value, s.sigma
+    return out
+
+
+def in_words(found: FoundShapes) -> list[str]:
+    """What was found, one line for each shape, relation and size."""
+    f = found.found
+    if not f.shapes:
+        return [
+            f"{Path(found.name).name}: freeform: no shape within {f.tolerance:.3g} mm over enough "
+            "of the surface"
+        ]
+    lines = [
+        f"{Path(found.name).name}: {len(f.shapes)} shapes on {f.coverage:.1%} of the measured "
+        f"surface, tolerance {f.tolerance:.3g} mm; the rest is freeform"
+    ]
+    lines += [f"{k + 1}: {shape_in_words(s)}" for k, s in enumerate(f.shapes)]
+    lines += [relation_in_words(r) for r in f.relations]
+    lines += [size_in_words(s) for s in found.sizes]
+    return lines
+
+
+def shape_in_words(s: Shape) -> str:
+    """A shape in a line."""
+    axis = ", ".join(f"{x:+.5f}" for x in s.axis)
+    tail = f"rms {s.rms:.4f} mm over {s.count} points, {s.area:.1f} mm²"
+    if s.kind == "plane":
+        return f"plane, normal ({axis}) ± {np.rad2deg(s.axis_sigma):.4f}°, {tail}"
+    hole = "hollow " if s.hollow else ""
+    if s.kind == "sphere":
+        middle = ", ".join(f"{x:.4f}" for x in s.point)
+        return (f"{hole}sphere ⌀ {with_sigma(2 * s.radius, 2 * s.radius_sigma)} mm about "
+                f"({middle}) mm, {tail}")  # fmt: skip
+    along = f"axis ({axis}) ± {np.rad2deg(s.axis_sigma):.4f}°"
+    if s.kind == "cylinder":
+        return (f"{hole}cylinder ⌀ {with_sigma(2 * s.radius, 2 * s.radius_sigma)} mm, "
+                f"{s.length:.3f} mm of it, {along}, {tail}")  # fmt: skip
+    if s.kind == "cone":
+        angle = with_sigma(2 * abs(np.rad2deg(s.second)), 2 * np.rad2deg(s.second_sigma))
+        return f"{hole}cone of {angle}°, {s.length:.3f} mm of it, {along}, {tail}"
+    return (f"{hole}torus, ring ⌀ {with_sigma(2 * s.radius, 2 * s.radius_sigma)} mm, tube ⌀ "
+            f"{with_sigma(2 * s.second, 2 * s.second_sigma)} mm, {along}, {tail}")  # fmt: skip
+
+
+def relation_in_words(r: Relation) -> str:
+    """A relation in a line: what was adopted, and how far off it was measured."""
+    about = "" if r.third is None else f" about the axis of {r.third + 1}"
+    who = f"{r.first + 1} and {r.second + 1}: {r.kind}{about}"
+    if r.sigma == 0:
+        return f"{who} (the others imply it)"
+    if r.kind in ("parallel", "perpendicular"):
+        off = f"{np.rad2deg(r.off):.4f}° ± {np.rad2deg(r.sigma):.4f}°"
+    else:
+        off = f"{r.off:.4f} ± {r.sigma:.4f} mm"
+    return f"{who} (measured {off} off)"
+
+
+def size_in_words(s: ShapeSize) -> str:
+    """A size in a line."""
+    who = f"{s.first + 1}" if s.second is None else f"{s.first + 1} and {s.second + 1}"
+    if s.kind in ("angle", "cone angle"):
+        return f"{who}: {s.kind} {with_sigma(np.rad2deg(s.value), np.rad2deg(s.sigma))}°"
+    return f"{who}: {s.kind} {with_sigma(s.value, s.sigma)} mm"
+
+
+_MAP = "RdYlBu_r"
+_VIEWS = (0.6, 0.6 + np.pi)
+
+
+def _write_report(found: FoundShapes, path: Path) -> None:
+    """Write the report, .json or one HTML page. Raises ExportError where that fails."""
+    if path.suffix.lower() == ".json":
+        body = {**found.figures(), "findings": [record(f) for f in found.findings]}
+        write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
+        return
+    f = found.found
+    parts = [
+        html.paragraph(
+            f"{len(f.shapes)} shapes lie under {f.coverage:.1%} of the measured surface; a point "
+            f"may be {f.tolerance:.3g} mm off its shape. ± is one standard uncertainty."
+        ),
+        html.picture(shapes_figure(found), "The part by shape; grey is freeform or not measured."),
+        html.heading("Shapes"),
+        html.table(
+            ["", "shape, relations adopted", "on its own"],
+            [
+                [k + 1, shape_in_words(s), shape_in_words(m)]
+                for k, (s, m) in enumerate(zip(f.shapes, f.measured, strict=True))
+            ],
+        ),
+        html.heading("Relations adopted"),
+        html.table(["shapes and relation"], [[relation_in_words(r)] for r in f.relations]),
+        html.heading("Sizes"),
+        html.table(["shapes and size"], [[size_in_words(s)] for s in found.sizes]),
+        html.heading("Residuals"),
+        html.picture(
+            residual_figure(found),
+            "How far measured points lie off their shapes, outside positive.",
+        ),
+        html.heading("Findings"),
+        html.findings(found.findings),
+    ]
+    write_atomically(path, html.page(f"Shapes of {Path(found.name).name}", parts).encode())
+
+
+def shapes_figure(found: FoundShapes) -> Figure:
+    """Two views of the part, each shape in its colour."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    mesh = found.coloured()
+    for axes, azimuth in zip(figure.subplots(1, 2), _VIEWS, strict=True):
+        axes.imshow(mesh.show(azimuth=azimuth, size=(520, 440)).pixels)
+        axes.set_axis_off()
+    return figure
+
+
+def residual_figure(found: FoundShapes) -> Figure:
+    """Two views coloured by residual, and the histogram of all of them."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    r = found.found.residual
+    on = np.isfinite(r)
+    top = max(found.found.tolerance, 1e-6)
+    colour = np.full((len(r), 3), FREEFORM, dtype=np.float64)
+    shade = mpl.colormaps[_MAP](np.clip(r[on] / top, -1, 1) * 0.5 + 0.5)[:, :3]
+    colour[on] = shade * 255
+    figure = Figure(figsize=(11, 4), layout="constrained")
+    left, right, chart = figure.subplots(1, 3, width_ratios=[1, 1, 0.8])
+    for axes, azimuth in zip((left, right), _VIEWS, strict=True):
+        axes.imshow(found.mesh.show(azimuth=azimuth, size=(480, 420), colour=colour).pixels)
+        axes.set_axis_off()
+    chart.hist(np.clip(r[on], -top, top), bins=61, range=(-top, top), color="#4a7fb0")
+    chart.set_xlabel("residual, mm (ends: beyond)")
+    chart.set_ylabel("vertices")
+    shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(-top, top), _MAP)
+    figure.colorbar(shades, ax=[left, right], fraction=0.03, label="mm, positive outside")
+    return figure

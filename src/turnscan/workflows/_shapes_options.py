@@ -1,0 +1,29 @@
+"""What a user may choose about the search for shapes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from turnscan.workflows._declare import Checked, option
+
+SHAPES_SUFFIXES = (".ply", ".glb")
+"""What the mesh coloured by shape is written as."""
+
+
+@dataclass(frozen=True)
+class ShapesOptions(Checked):
+    """How shapes are looked for."""
+
+    tolerance: float | None = option(
+        None, "number",
+        "mm that a point may lie off its shape.  [default: three times its noise, at least "
+        "1/10000 of the size]",
+        least=0, above=True,
+    )  # fmt: skip
+    smallest: float = option(
+        0.003, "number", "Least area of a shape, as a part of the measured surface.",
+        least=0, most=1,
+    )  # fmt: skip
+    as_measured: bool = option(
+        False, "switch", "Each shape on its own: no parallel, square or coaxial is adopted."
+    )

@@ -1,0 +1,101 @@
+"""``turnscan shapes``: what it prints and writes, and one clear line for bad input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import turnscan as ts
+from tests.shapes.solids import noisy, prism
+from turnscan.cli import main, turnscan
+from turnscan.formats import write_ply
+from turnscan.mesh import Mesh
+from turnscan.workflows import read_mesh_file
+
+
+def _run(*args: object) -> str:
+    done = CliRunner().invoke(turnscan, [str(a) for a in args], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The walls of a block of 40 × 30 mm."""
+    path = tmp_path_factory.mktemp("shapes") / "block.ply"
+    block = prism([(0, 0), (40, 0), (40, 30), (0, 30)], 20, 0.8)
+    path.write_bytes(write_ply(noisy(block, 0.02, 1)))
+    return path
+
+
+def test_a_block_is_told_coloured_and_reported(part: Path, tmp_path: Path) -> None:
+    coloured, page, data = (tmp_path / n for n in ("c.ply", "r.html", "r.json"))
+    said = _run("shapes", part, "-o", coloured, "--report", page)
+    assert "4 shapes on" in said
+    assert said.count(": plane, normal") == 4
+    assert "perpendicular (measured" in said
+    assert said.count(": distance ") == 2
+    colour = read_mesh_file(coloured).colour
+    assert colour is not None
+    assert len(np.unique(colour, axis=0)) in (4, 5)
+    text = page.read_text()
+    assert text.count("<img") == 2
+    assert "Relations adopted" in text
+    said = _run("shapes", part, "--report", data, "--json", "--as-measured")
+    figures = json.loads(said)
+    assert figures == {k: v for k, v in json.loads(data.read_text()).items() if k != "findings"}
+    assert figures["relations"] == []
+    assert [s["kind"] for s in figures["shapes"]] == 4 * ["plane"]
+    found = ts.find_shapes(part, as_measured=True)
+    assert found.figures() == figures
+
+
+def _fails(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *args: object):
+    monkeypatch.setattr("sys.argv", ["turnscan", *map(str, args)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    error = capsys.readouterr().err
+    assert len(error.splitlines()) == 1, error
+    return end.value.code, error
+
+
+def test_bad_input_is_one_line(
+    part: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loose = tmp_path / "loose.ply"
+    loose.write_bytes(write_ply(Mesh(np.eye(3), np.zeros((0, 3), dtype=int))))
+    junk = tmp_path / "junk.stl"
+    junk.write_bytes(b"no mesh at all")
+    for args, words in (
+        ((loose,), "no faces"),
+        ((junk,), "junk.stl"),
+        ((tmp_path / "none.ply",), "none.ply"),
+        ((part, "-o", tmp_path / "x.stl"), ".ply or .glb"),
+        ((part, "--report", tmp_path / "x.txt"), ".html or .json"),
+        ((part, "-o", part), "is an input"),
+        ((part, "--tolerance", "0"), "--tolerance"),
+    ):
+        code, error = _fails(capsys, monkeypatch, "shapes", *args)
+        assert code == 2, error
+        assert words in error
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["junk.stl", "loose.ply"]
+
+
+def test_all_freeform_is_said(tmp_path: Path) -> None:
+    t = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    outline = [
+        (r * np.cos(a), r * np.sin(a)) for a, r in zip(t, 20 + 3 * np.sin(3 * t), strict=True)
+    ]
+    body = prism(outline, 30, 0.8)
+    X = body.vertices * 1.0
+    X[:, :2] *= (1 + 0.1 * np.sin(X[:, 2:] / 4)) * (1 + 0.02 * np.cos(X[:, :1] / 3))
+    path = tmp_path / "vase.ply"
+    path.write_bytes(write_ply(noisy(Mesh(X, body.faces), 0.02, 2)))
+    assert "freeform: no shape" in _run("shapes", path)

@@ -1,0 +1,62 @@
+"""Dense meshes of exact bodies, as a scan gives them: even vertices, noise along the normal."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.mesh import Mesh, vertex_normals
+
+
+def lines(corners: list[tuple[float, float]], step: float) -> Floats:
+    """Points (n, 2) along a polyline, about ``step`` apart, each corner one of them."""
+    out = [np.asarray(corners[0], dtype=float)]
+    for a, b in itertools.pairwise(corners):
+        d = np.subtract(b, a)
+        n = max(1, round(float(np.hypot(*d)) / step))
+        out += [np.asarray(a) + d * (k / n) for k in range(1, n + 1)]
+    return np.array(out)
+
+
+def turned(corners: list[tuple[float, float]], step: float, around: int) -> Mesh:
+    """A profile (r, z) from bottom to top, outside to the right, turned about z; no caps."""
+    p = lines(corners, step)
+    t = np.arange(around) * (2 * np.pi / around)
+    grid = np.stack(
+        [
+            p[:, None, 0] * np.cos(t),
+            p[:, None, 0] * np.sin(t),
+            np.repeat(p[:, 1:], around, axis=1),
+        ],
+        axis=-1,
+    )
+    return _wrapped(grid)
+
+
+def prism(outline: list[tuple[float, float]], height: float, step: float) -> Mesh:
+    """The walls of a closed outline (counter-clockwise) from z = 0 up; no caps."""
+    p = lines([*outline, outline[0]], step)[:-1]
+    z = np.arange(0, height + step / 2, step)
+    grid = np.stack([np.column_stack([p, np.full(len(p), h)]) for h in z])
+    return _wrapped(grid)
+
+
+def _wrapped(grid: Floats) -> Mesh:
+    """Triangles of a grid (rows, columns, 3) whose columns close; rows go up, columns around."""
+    rows, columns, _ = grid.shape
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns), indexing="ij")
+    a = (i * columns + j).ravel()
+    b = (i * columns + (j + 1) % columns).ravel()
+    faces = np.concatenate(
+        [np.column_stack([a, b, b + columns]), np.column_stack([a, b + columns, a + columns])]
+    )
+    return Mesh(grid.reshape(-1, 3), faces)
+
+
+def noisy(mesh: Mesh, sigma: float, seed: int) -> Mesh:
+    """Each vertex moved along its normal by independent noise, mm."""
+    dice = np.random.default_rng(seed)
+    n = np.nan_to_num(vertex_normals(mesh))
+    return Mesh(mesh.vertices + n * dice.normal(0, sigma, len(n))[:, None], mesh.faces)

@@ -1,0 +1,148 @@
+"""Shapes: found where they are, known as well as they say, and none where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.shapes.solids import noisy, prism, turned
+from turnscan.errors import InputError
+from turnscan.mesh import Mesh
+from turnscan.shapes.primitives import _surface_kernels as surface
+from turnscan.shapes.primitives import find_shapes, neighbours_of, sizes_between
+
+SIGMA = 0.02
+SHAFT = [(0.5, 0), (25, 0), (25, 20), (15, 20), (15, 45), (10, 50), (10, 65), (0.5, 65)]
+
+
+@pytest.fixture(scope="module")
+def shaft():
+    return turned(SHAFT, 0.6, 180)
+
+
+def test_a_stepped_shaft_is_three_cylinders_a_cone_and_three_planes(shaft):
+    mesh = noisy(shaft, SIGMA, 1)
+    found = find_shapes(mesh)
+    kinds = sorted(s.kind for s in found.shapes)
+    assert kinds == ["cone"] + 3 * ["cylinder"] + 3 * ["plane"]
+    assert found.coverage > 0.95
+    radii = sorted(s.radius for s in found.of("cylinder"))
+    assert np.allclose(radii, [10, 15, 25], atol=0.004)
+    (cone,) = found.of("cone")
+    assert abs(abs(cone.second) - np.pi / 4) < 4 * cone.second_sigma + 1e-4
+    assert not any(s.hollow for s in found.shapes)
+    coaxial = {(r.first, r.second) for r in found.relations if r.kind == "coaxial"}
+    assert len(coaxial) >= 3
+    assert np.nanmax(np.abs(found.residual)) <= found.tolerance * 1.05
+    assert 0.8 * SIGMA < np.nanstd(found.residual) < 1.2 * SIGMA
+    heights = sorted(round(s.value, 2) for s in sizes_between(mesh, found) if s.kind == "distance")
+    assert heights == pytest.approx([20, 45, 65], abs=0.02)
+
+
+def test_uncertainties_cover_the_truth(shaft):
+    """E_n over seeds: what is said to be 1 sigma is neither half of it nor twice."""
+    z = []
+    for seed in range(6):
+        found = find_shapes(noisy(shaft, SIGMA, 10 + seed), relations=False)
+        for s in found.of("cylinder"):
+            truth = min((10, 15, 25), key=lambda r, s=s: abs(r - s.radius))
+            z.append((s.radius - truth) / s.radius_sigma)
+            z.append(s.axis[0] / np.sqrt(s.covariance[0, 0]))
+    assert len(z) == 36
+    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.6
+
+
+def test_a_sphere_and_a_torus_are_one_shape_each():
+    t = np.linspace(-1.4, 1.4, 120)
+    ball = turned([(20 * np.cos(a), 20 * np.sin(a)) for a in t], 0.5, 150)
+    found = find_shapes(noisy(ball, SIGMA, 2))
+    assert [s.kind for s in found.shapes] == ["sphere"]
+    assert found.shapes[0].radius == pytest.approx(20, abs=0.003)
+    t = np.linspace(-np.pi, np.pi, 130)
+    ring = turned([(30 + 10 * np.cos(a), 10 * np.sin(a)) for a in t], 0.5, 260)
+    found = find_shapes(noisy(ring, SIGMA, 3))
+    assert found.shapes[0].kind == "torus"
+    assert found.shapes[0].area > 0.95 * ring.area_of()
+    assert found.shapes[0].radius == pytest.approx(30, abs=0.005)
+    assert found.shapes[0].second == pytest.approx(10, abs=0.005)
+
+
+def test_a_hole_is_hollow():
+    tube = turned([(8, 20), (8, 0)], 0.5, 100)
+    (bore,) = find_shapes(noisy(tube, SIGMA, 4)).shapes
+    assert (bore.kind, bore.hollow) == ("cylinder", True)
+    assert bore.radius == pytest.approx(8, abs=4 * bore.radius_sigma)
+
+
+def test_a_prism_is_square_where_it_is_and_not_where_it_is_not():
+    box = prism([(0, 0), (40, 0), (40, 30), (0, 30)], 30, 0.8)
+    found = find_shapes(noisy(box, SIGMA, 5))
+    assert [s.kind for s in found.shapes] == 4 * ["plane"]
+    assert {r.kind for r in found.relations} == {"parallel", "perpendicular"}
+    sides = [s.value for s in sizes_between(box, found) if s.kind == "distance"]
+    assert sorted(sides) == pytest.approx([30, 40], abs=0.01)
+    assert len(neighbours_of(box, found)) == 4
+    lean = prism([(0, 0), (40, 0), (41, 30), (0, 30)], 30, 0.8)  # 1.9° off square
+    found = find_shapes(noisy(lean, SIGMA, 6))
+    wrong = [r for r in found.relations if r.off > np.radians(1)]
+    assert not wrong
+    assert len([r for r in found.relations if r.kind == "perpendicular"]) == 2
+    angles = [np.degrees(s.value) for s in sizes_between(lean, found) if s.kind == "angle"]
+    assert any(abs(a - 88.09) < 0.05 for a in angles)
+
+
+def test_freeform_has_no_shape():
+    t = np.linspace(-1.3, 1.3, 110)
+    body = turned([(25 * np.cos(a), 35 * np.sin(a)) for a in t], 0.6, 160)
+    X = body.vertices.copy()
+    X[:, 0] *= 1.2 + 0.2 * np.sin(X[:, 2] / 9)
+    X[:, 1] *= 1 + 0.15 * np.cos(X[:, 2] / 7) + 0.004 * X[:, 0]
+    found = find_shapes(noisy(Mesh(X, body.faces), SIGMA, 7))
+    assert found.coverage < 0.02
+
+
+def test_what_nobody_measured_has_no_say(shaft):
+    mesh = noisy(shaft, SIGMA, 8)
+    low = (mesh.vertices[mesh.faces][:, :, 2] < 19).all(axis=1)
+    moved = mesh.vertices.copy()
+    moved[np.unique(mesh.faces[low])] *= 1.1
+    found = find_shapes(Mesh(moved, mesh.faces, measured=~low))
+    assert sorted(round(s.radius) for s in found.of("cylinder")) == [10, 15]
+    inner = np.setdiff1d(np.unique(mesh.faces[low]), np.unique(mesh.faces[~low]))
+    assert (found.label[inner] == -1).all()
+    assert np.isnan(found.residual[inner]).all()
+
+
+def test_calibration_counts(shaft):
+    mesh = noisy(shaft, SIGMA, 9)
+    out = mesh.vertices * [1, 1, 0]
+    alone = find_shapes(mesh, relations=False)
+    found = find_shapes(mesh, relations=False, moves=[0.001 * out])
+    for a, b in zip(alone.shapes, found.shapes, strict=True):
+        if a.kind == "cylinder":
+            extra = np.sqrt(b.radius_sigma**2 - a.radius_sigma**2)
+            assert extra == pytest.approx(0.001 * a.radius, rel=0.02)
+
+
+@pytest.mark.parametrize("kind", range(5))
+def test_derivatives_are_those_of_the_distance(kind):
+    dice = np.random.default_rng(kind)
+    axis = dice.normal(size=3)
+    q = np.concatenate([dice.normal(size=3), axis / np.linalg.norm(axis), [9.0, 0.4, 0, 0]])
+    if kind == surface.TORUS:
+        q[7] = 3.0
+    X = dice.normal(size=(20, 3)) * 10
+    _d, J = surface.jacobian(kind, q, X)
+    for k in np.flatnonzero(surface.FREE[kind]):
+        step = np.zeros(7)
+        step[k] = 1e-6
+        there = surface.distances(kind, surface.moved(q, step), X)[0]
+        back = surface.distances(kind, surface.moved(q, -step), X)[0]
+        assert np.allclose((there - back) / 2e-6, J[:, k], atol=1e-5)
+
+
+def test_no_surface_is_a_sentence():
+    with pytest.raises(InputError, match="no faces"):
+        find_shapes(Mesh(np.zeros((3, 3)), np.zeros((0, 3), dtype=int)))
+    with pytest.raises(InputError, match="no face was measured"):
+        find_shapes(Mesh(np.eye(3), [[0, 1, 2]], measured=[False]))
