@@ -7,7 +7,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .PHONY: help setup system drivers demo test test-fast test-interpreters check frontend frontend-check \
-	format bench bench-app accuracy mutants docs clean
+	format bench bench-libraries bench-app accuracy mutants docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 12
@@ -109,6 +109,12 @@ frontend-format: $(NODE_READY)
 bench: setup ## benchmarks, as ratios within one run
 	$(BIN)/python -m bench
 
+# In an environment of its own: half a gigabyte of libraries, and a pytest plug-in that Open3D brings.
+bench-libraries: ## our own parts beside libraries that offer the same; writes the decision pages
+	test -x .bench/bin/python || $(PYTHON) -m venv .bench
+	.bench/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,bench]'
+	.bench/bin/python -m bench libraries --quick --write
+
 bench-app: setup ## how long a person waits for the browser workshop, to a million triangles
 	$(BIN)/python -m bench.app --full
 
@@ -122,4 +128,4 @@ docs: setup ## build the documentation into docs/_build/html
 	$(BIN)/sphinx-build -q -W -b html docs docs/_build/html
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) .interpreters demo-output docs/_build
+	rm -rf $(VENV) .bench .interpreters demo-output docs/_build

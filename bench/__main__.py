@@ -1,7 +1,8 @@
 """Run every benchmark of this folder, or the named ones: ``python -m bench [NAME …] [--quick]``.
 
 A benchmark is a module here with a function ``run()`` that prints its figures. Some take ``quick``:
-it is asked for with ``--quick``, and where all of them run.
+it is asked for with ``--quick``, and where all of them run. Some have ``PARTS``: those named after
+the benchmark run alone. Some write their figures into the documents with ``--write``.
 """
 
 from __future__ import annotations
@@ -15,20 +16,32 @@ from pathlib import Path
 
 def main(words: list[str]) -> int:
     """Run the benchmarks; returns the exit code."""
-    wanted = [w for w in words if w != "--quick"]
-    quick = "--quick" in words or not wanted
+    named = [w for w in words if not w.startswith("--")]
     there = [m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)])]
     names = [name for name in there if not name.startswith("_")]
-    unknown = sorted(set(wanted) - set(names))
-    if unknown:
-        print(f"no benchmark {', '.join(unknown)} → there are {', '.join(names)}", file=sys.stderr)
-        return 2
+    wanted = dict[str, list[str]]()
+    parts: tuple[str, ...] = ()
+    for word in named:
+        if word in parts:
+            wanted[list(wanted)[-1]].append(word)
+        elif word in names:
+            wanted[word] = []
+            parts = getattr(importlib.import_module(f"bench.{word}"), "PARTS", ())
+        else:
+            print(f"no benchmark {word} → there are {', '.join((*names, *parts))}", file=sys.stderr)
+            return 2
+    quick = "--quick" in words or not wanted
     for name in wanted or names:
         module = importlib.import_module(f"bench.{name}")
         if hasattr(module, "run"):
             print(f"== {name}", flush=True)
-            asked = {"quick": quick} if "quick" in inspect.signature(module.run).parameters else {}
-            module.run(**asked)
+            able = inspect.signature(module.run).parameters
+            asked = {
+                "quick": quick,
+                "parts": wanted.get(name, []),
+                "into_pages": "--write" in words,
+            }
+            module.run(**{k: v for k, v in asked.items() if k in able})
     return 0
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.edit.surfaces import sheet
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh, cut, is_closed, join
+from turnscan.mesh import Mesh, crossings, cut, is_closed, join
 from turnscan.mesh._mesh import Provenance
 from turnscan.simulate import part
 from turnscan.surface.holes import holes
@@ -54,6 +54,24 @@ def test_a_tube_cut_across_keeps_its_bore() -> None:
         assert sorted(round(h.perimeter, 6) for h in holes(open_cut)) == sorted(
             round(120 * r * np.sin(np.pi / 60), 6) for r in (6, 10)
         )
+
+
+def test_the_lid_of_a_rough_part_does_not_lie_on_itself() -> None:
+    smooth = tube(10, 6, 20, n=360)
+    noise = np.random.default_rng(0).normal(0.0, 0.004, smooth.vertices.shape)
+    rough = Mesh(smooth.vertices + noise, smooth.faces)
+    for normal, offset in (
+        ((0.36, 0.48, 0.8), 8.0),
+        ((0.0, 0.6, 0.8), 8.0),
+        ((1.0, 0.0, 0.01), 0.3),
+    ):
+        done = cut(rough, normal, offset)
+        assert is_closed(done)
+        assert done.measured is not None
+        lid = ~done.measured
+        assert lid.sum() > 10
+        pairs = crossings(done)
+        assert not lid[pairs].all(axis=1).any()
 
 
 def test_sections_beside_and_within_each_other() -> None:

@@ -183,18 +183,37 @@ def _left(
 def _lids(
     vertices: Floats, faces: Ints, side: npt.NDArray[np.int8], unit: Floats
 ) -> tuple[Ints, int]:
-    """Faces that close the sections of ``faces`` with the plane, and how many sections."""
+    """Faces that close the sections of ``faces`` with the plane, and how many sections.
+
+    Their corners are those of the sections, and each side of a section has one of them (Manifold).
+    """
+    import manifold3d
+
     loops = _loops(vertices, faces, side)
-    if not loops:
-        return np.zeros((0, 3), dtype=np.int32), 0
     lead = np.eye(3)[int(np.argmin(np.abs(unit)))]
     e1 = np.cross(unit, lead)
     e1 /= np.linalg.norm(e1)
     # Seen from outside, which is against the normal of the side that stays.
     xy = vertices @ np.stack([np.cross(unit, e1), e1], axis=-1)
-    polygons = _nested(loops, xy)
-    lids = [_triangles(polygon, xy) for polygon in polygons]
-    return np.concatenate([np.zeros((0, 3), np.int32), *lids]), len(loops)
+    bounds = _bounding(loops, xy)
+    if not bounds:
+        return np.zeros((0, 3), dtype=np.int32), len(loops)
+    lids = manifold3d.triangulate([xy[loop] for loop in bounds])
+    return np.concatenate(bounds)[lids].astype(np.int32), len(loops)
+
+
+def _bounding(loops: list[Ints], xy: Floats) -> list[Ints]:
+    """The loops round material, and those within one: an inner one alone bounds nothing."""
+    from turnscan.mesh import _cut_kernels as kernels
+
+    area = [_area(xy[loop]) for loop in loops]
+    outer = [(loop, a) for loop, a in zip(loops, area, strict=True) if a > 0]
+    return [
+        loop
+        for loop, a in zip(loops, area, strict=True)
+        if a > 0
+        or any(big > -a and kernels.contains(xy[round_it], xy[loop[0]]) for round_it, big in outer)
+    ]
 
 
 def _loops(vertices: Floats, faces: Ints, side: npt.NDArray[np.int8]) -> list[Ints]:
@@ -211,45 +230,6 @@ def _loops(vertices: Floats, faces: Ints, side: npt.NDArray[np.int8]) -> list[In
         return []
     row, starts = kernels.chains(b[lonely], a[lonely], vertices)
     return [loop for loop in np.split(row, starts[1:]) if len(loop) >= 3]
-
-
-def _nested(loops: list[Ints], xy: Floats) -> list[Ints]:
-    """Loops → simple polygons: each inner loop is joined to the outer one round it by a bridge."""
-    from turnscan.mesh import _cut_kernels as kernels
-
-    area = [_area(xy[loop]) for loop in loops]
-    outer = [k for k in range(len(loops)) if area[k] > 0]
-    outer.sort(key=lambda k: area[k])
-    inner: dict[int, list[Ints]] = {k: [] for k in outer}
-    for k, loop in enumerate(loops):
-        if area[k] >= 0:
-            continue
-        round_it = (o for o in outer if area[o] > -area[k] and
-                    kernels.contains(xy[loops[o]], xy[loop[0]]))  # fmt: skip
-        home = next(round_it, None)
-        if home is not None:
-            inner[home].append(loop)
-    polygons = []
-    for k in outer:
-        ring = loops[k]
-        # From the right: a bridge to the right never meets a loop that is not joined yet.
-        for hole in sorted(inner[k], key=lambda h: -float(xy[h, 0].max())):
-            ring = kernels.bridged(ring, hole, xy)
-        polygons.append(ring)
-    return polygons
-
-
-def _triangles(ring: Ints, xy: Floats) -> Ints:
-    from turnscan.mesh import _loop_kernels as kernels
-
-    low, high = np.minimum(ring, np.roll(ring, -1)), np.maximum(ring, np.roll(ring, -1))
-    size = int(ring.max()) + 1
-    sides = np.unique(low.astype(np.int64) * size + high)
-    pair = np.minimum.outer(ring, ring).astype(np.int64) * size + np.maximum.outer(ring, ring)
-    # A bridge has its two faces already, and a corner that is given twice is no side.
-    used = np.isin(pair, sides) | (ring[:, None] == ring[None, :])
-    faces: Ints = ring[kernels.clip_ears(xy[ring], used)].astype(np.int32)
-    return faces
 
 
 def _area(xy: Floats) -> float:

@@ -162,7 +162,7 @@ def patches(
 def _patch(
     ring: Ints, points: Floats, outer: Floats, scale: Floats, used: Bools, how: FillHow
 ) -> Patch:
-    from turnscan.mesh import _loop_kernels
+    from turnscan.surface.holes import _loop_kernels
     from turnscan.surface.holes import _patch_kernels as kernels
 
     m = len(ring)

@@ -1,4 +1,4 @@
-"""Compiled kernels of the caps; imported only when they are used."""
+"""Compiled kernels of flat fillings; imported only when they are used."""
 # mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
