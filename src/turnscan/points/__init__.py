@@ -1,6 +1,5 @@
 """Stripe + Rig + angle → Profile → RangeGrid and PointCloud, with sigma and provenance."""
 
-from turnscan.mesh._point_cloud import PointCloud
 from turnscan.points._between import Between, respace
 from turnscan.points._build import build_grid, every, goes_round, whole_turns
 from turnscan.points._findings import (
@@ -37,7 +36,6 @@ __all__ = [
     "Along",
     "Between",
     "Origin",
-    "PointCloud",
     "Profile",
     "RangeGrid",
     "RangeScan",

@@ -1,4 +1,4 @@
-"""RangeGrid, the master structure of a scan, and PointCloud, its loose form."""
+"""RangeGrid, the master structure of a scan."""
 
 from __future__ import annotations
 
