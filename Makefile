@@ -92,7 +92,7 @@ frontend-check: ## format, lint, types and tests of the front end, and whether i
 	     [ -z "$(IN_CI)" ]; fi
 
 .PHONY: frontend-compare
-frontend-compare: $(NODE_READY)
+frontend-compare: $(NODE_READY) ## the same, where Node is known to be there
 	cd frontend && npm run --silent check && npm run --silent test
 	cd frontend && npm run --silent build -- --logLevel error --outDir ../build/static
 	diff -rq build/static src/turnscan/app/static || { echo "run make frontend, and commit"; exit 1; }
@@ -103,7 +103,7 @@ format: setup ## let ruff put the sources in order, and Biome those of the front
 	@if $(NODE_20); then $(MAKE) --no-print-directory frontend-format; fi
 
 .PHONY: frontend-format
-frontend-format: $(NODE_READY)
+frontend-format: $(NODE_READY) ## let Biome put the front end in order
 	cd frontend && npm run --silent format
 
 bench: setup ## benchmarks, as ratios within one run

@@ -16,7 +16,7 @@ from turnscan.scan import Frame, Scan, ScanPlan
 from turnscan.stripes import Light, Stripe, StripeFlag, StripeSettings
 
 BARS = Case("modern", "cylinder", 0.45, 24, bars=2.0, waves="rays")
-"""As ALGORITHMS has it: 10 : 1, R = 30 mm, a sheet of 0.15 mm, no lens."""
+"""The bars of docs/explain/stripes.md: 10 : 1, R = 30 mm, a sheet of 0.15 mm, no lens."""
 BLURRED = replace(BARS, step=0.225, steps=30, waves="diffraction")
 TOO_FAR = replace(BARS, step=0.9, steps=8)
 CREASES = Case("paper", "hexagon", 0.9, 45, rows=24)

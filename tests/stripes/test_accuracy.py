@@ -100,7 +100,7 @@ def test_speckle_is_averaged_as_well_as_a_window_can(
     e, s = np.concatenate(error), np.concatenate(claimed)
     assert np.isfinite(e).all()
     rms = float(np.sqrt(np.mean(e**2)))
-    # ALGORITHMS §3.2: a full-width centroid without camera noise; no window can be better.
+    # docs/explain/stripes.md: a full-width centroid without camera noise; no window is better.
     area = 4 / np.pi * grain**2
     floor = np.sqrt(area / np.hypot(1, 1.18 * grain) * sigma / (4 * np.sqrt(np.pi)))
     assert 0.85 * floor < rms < 1.1 * ceiling

@@ -71,7 +71,7 @@ def test_what_is_on_no_border_is_refused():
     outer, inner = holes(mesh)
     with pytest.raises(InputError, match="does not lie on a boundary"):
         bridge(mesh, (0, 8), (1, 2))
-    with pytest.raises(InputError, match="no border of this mesh"):
+    with pytest.raises(InputError, match="not a boundary of this mesh"):
         bridge(plate(7), outer, inner)
     with pytest.raises(InputError, match="side to side"):
         bridge(mesh, outer, (0, 1))

@@ -180,7 +180,7 @@ def test_the_same_input_gives_the_same_bytes_and_little_stays_as_it_is() -> None
 @pytest.mark.parametrize(
     ("wish", "words"),
     [
-        ({}, "to what"),
+        ({}, "neither a tolerance"),
         ({"tolerance": 0.0}, "tolerance of 0.0"),
         ({"tolerance": float("nan")}, "tolerance of nan"),
         ({"faces": 3}, "3 faces"),

@@ -161,7 +161,7 @@ def test_wishes_that_cannot_be_are_refused() -> None:
     _, grid = relief(SHAPES["flat"], size=8)
     with pytest.raises(InputError, match="sigma"):
         denoise(grid, 0.0)
-    with pytest.raises(InputError, match="camera stood"):
+    with pytest.raises(InputError, match="camera position"):
         denoise(replace(grid, eyes=None))
     with pytest.raises(InputError, match="nan sigma"):
         despike(grid, float("nan"))

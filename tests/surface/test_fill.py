@@ -181,7 +181,7 @@ def test_a_chord_that_is_taken_is_not_used_again():
 
 def test_holes_of_another_mesh_are_refused():
     mesh = plate(6, {(2, 2)})
-    with pytest.raises(InputError, match="no border of this mesh"):
+    with pytest.raises(InputError, match="not a boundary of this mesh"):
         fill(plate(7), holes(mesh)[1:], "flat")
     with pytest.raises(InputError, match="hole 5: the mesh has 2"):
         fill(mesh, [5], "flat")

@@ -202,7 +202,7 @@ def test_one_laser_keeps_its_measured_points(tube):
 
 
 def test_wishes_that_cannot_be_are_refused(tube):
-    with pytest.raises(InputError, match="camera stood"):
+    with pytest.raises(InputError, match="camera position"):
         merge([replace(g, eyes=None) for g in tube], how="tsdf")
     with pytest.raises(InputError, match="no angle"):
         merge([replace(g, angles=np.zeros(len(g.steps))) for g in tube], how="grid")

@@ -59,7 +59,7 @@ def test_what_cannot_be_names_its_option(make: Callable[[], object], option: str
 
 def test_a_rig_has_one_angle_and_nothing_is_written_otherwise(tmp_path: Path) -> None:
     rig, picture = tmp_path / "rig.json", tmp_path / "rig.png"
-    with pytest.raises(InputError, match="one angle, here are 2") as caught:
+    with pytest.raises(InputError, match="one angle, but there are 2") as caught:
         design(theta_deg=[20.0, 30.0], rig=rig, picture=picture)
     assert str(caught.value.hint) == "give one theta_deg"
     with pytest.raises(InputError, match="here are 5"):

@@ -144,7 +144,7 @@ def test_settings_that_are_none_are_named_and_can_be_replaced(
         ({"radius": float("nan")}, "radius: nan is not a finite number"),
         ({"edge": 1.5}, "edge: 1.5 is not a whole number"),
         ({"close": 1}, "close: 1 is not true or false"),
-        ({"decimate": "3"}, "decimate: '3' faces are no surface"),
+        ({"decimate": "3"}, "decimate: '3' faces are not a surface"),
         ({"spacing_between": "5"}, "give an angle like 2deg"),
         ({"z_min": 9.0, "z_max": 3.0}, "no height between 9.0 and 3.0"),
         ({"every": None}, "every: no value"),

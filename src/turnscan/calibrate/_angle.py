@@ -13,7 +13,7 @@ from turnscan.rig import Rig, rotation_z
 _ROUNDS = 15
 _HUBER = 2.0
 _AGREE_PX = 6.0  # a marker this far from where the others put it is not on the platter
-_LEAST_SIGMA_PX = 0.05  # vertices of real markers are never better than this
+_LEAST_SIGMA_PX = 0.05  # corners of real markers are never better than this
 
 
 @dataclass(frozen=True)

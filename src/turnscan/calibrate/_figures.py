@@ -114,8 +114,8 @@ def measured_uncertainty(
 
     The point lies in the sheet, ``radius`` mm from the axis, ``height`` mm above the platter, on
     the camera's side. Its pixel is kept, the rig's parameters are varied by their covariance
-    (ALGORITHMS: first-order propagation), so this is what calibration adds to the noise of a single
-    point. None where the sheet does not reach there.
+    (first-order propagation, docs/explain/calibration.md), so this is what calibration adds to the
+    noise of a single point. None where the sheet does not reach there.
     """
     if rig.covariance is None:
         return None

@@ -137,7 +137,7 @@ def refuse_no_boards(asked: Sequence[BoardView], kept: Sequence[BoardView]) -> N
         hint=Remedy(
             "check the size of the board (",
             Option("board"),
-            " counts inner vertices of a chessboard, squares of a ChArUco board) and that it is in "
+            " counts inner corners of a chessboard, squares of a ChArUco board) and that it is in "
             "focus and evenly lit",
         ),
     )

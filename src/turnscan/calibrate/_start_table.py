@@ -186,7 +186,7 @@ def start_board(
 
     The relative rotations of the board have the table's axis in common. ``up`` (3,) in the camera
     frame says on which side of the platter the object stands; ``lowest`` mm is the height of the
-    board's lowest corner above the platter. The views come back with the vertices of chessboards
+    board's lowest corner above the platter. The views come back with the corners of chessboards
     that were read upside down put right.
     """
     if len(views) < FEWEST_STEPS:

@@ -121,7 +121,8 @@ def stripe_term(
 
     ``direction`` (2,) is the picture direction in which the stripe was located: (1, 0) for one
     centre per row. The ray meets the plane in a point; its distance from the sheet, divided by how
-    fast that distance changes along ``direction``, is the residual in pixels (ALGORITHMS §4.1 ii).
+    fast that distance changes along ``direction``, is the residual in pixels
+    (docs/explain/calibration.md).
     """
     d = seen.rays
     across = d @ normal

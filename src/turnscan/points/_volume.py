@@ -18,7 +18,7 @@ from turnscan.stripes import StripeFlag
 _BORDER = 64
 """Pixels cast along each side of the picture to find how far the camera sees."""
 _APART = 5.0
-"""Sigma between two surfaces (ALGORITHMS 5.1)."""
+"""Combined sigma beyond which two depths are two surfaces (docs/explain/surface.md)."""
 _ABSENT = StripeFlag.DARK | StripeFlag.OUTSIDE | StripeFlag.AMBIGUOUS
 """Why a point is missing; the other flags tell about the light, which was there."""
 

@@ -2,8 +2,8 @@
 
 For each pixel near the stripe, rays run from the lens into the scene; where they meet a surface the
 laser's irradiance, its shadow and the surface's reflectance give the light that comes back
-(ALGORITHMS: irradiance of a Gaussian sheet, GGX, thin lens). Nothing here inverts what
-`turnscan.stripes` or `turnscan.points` do.
+(irradiance of a Gaussian sheet, GGX, thin lens: docs/explain/simulator.md). Nothing here
+inverts what `turnscan.stripes` or `turnscan.points` do.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ MIN_PICTURE = 128
 HYSTERESIS = 0.5
 """A run above the threshold goes on down to this part of it."""
 WINDOW_LOSS = 1.3
-"""Excess speckle variance of the ±2.5 sigma window (ALGORITHMS §2.3)."""
+"""Excess speckle variance of the ±2.5 sigma window (docs/explain/stripes.md)."""
 
 
 def find_candidates(

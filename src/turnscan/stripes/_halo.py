@@ -19,7 +19,7 @@ LEAN_LIMIT = 0.3
 GLOW_REACH, GLOW_SHARE = 60, 0.2
 """Lines on either side, and the share of their stripes that glow from which all are said to."""
 HALO_LIMIT = 0.02
-"""Tails of a stripe with less than this part of its light's amplitude are clean (ALGORITHMS §2.3):
+"""Tails of a stripe with less than this part of its light's amplitude are clean:
 under a window of five widths such a pedestal holds 4 % of the light, and all on one side it would
 move the centre by a fiftieth of a width (`HALO_BIAS`)."""
 HALO_REACH = 15

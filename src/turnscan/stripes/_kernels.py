@@ -54,7 +54,7 @@ MEMORY = 0.93
 CLIPPED_PHASE = 0.11
 """Error from the phase of the pixels on a clipped stripe, px·px² (÷ width²)."""
 HALO_BIAS = 0.24
-"""Bias of the window, in widths, when half of the light is a one-sided halo (ALGORITHMS §2.2)."""
+"""Bias of the window, in widths, with half of the light in a one-sided halo."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

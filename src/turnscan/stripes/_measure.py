@@ -15,7 +15,7 @@ import numpy as np
 from turnscan.compiled import njit
 
 HALF_WINDOW = 2.5
-"""Half window in rms widths (ALGORITHMS: noise and truncation balance near 2.5)."""
+"""Half window in rms widths (noise and truncation balance near 2.5: docs/explain/stripes.md)."""
 MIN_HALF_WINDOW = 0.9
 """px: less than this cannot see both sides of a stripe."""
 

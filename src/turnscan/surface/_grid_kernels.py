@@ -301,7 +301,7 @@ def _sound(
 ) -> bool:
     """Whether three ``corners[t]`` of a quad (4, 3), seen from ``eyes[k]``, are one surface.
 
-    ALGORITHMS §5.1.
+    The rules are those of docs/explain/surface.md, Faces.
     """
     a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
     u0, u1, u2 = q[b, 0] - q[a, 0], q[b, 1] - q[a, 1], q[b, 2] - q[a, 2]

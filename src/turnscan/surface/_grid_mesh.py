@@ -42,7 +42,7 @@ class Tears:
 
 
 def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
-    """Paste neighbouring profiles of one grid into a mesh (paper §3, ALGORITHMS §5.1).
+    """Paste neighbouring profiles of one grid into a mesh (paper §3; docs/explain/surface.md).
 
     Each quad of the grid is cut along its shorter diagonal; where a corner is missing or torn off
     the other three still make a face. The seam closes where ``grid.closed`` and there are at

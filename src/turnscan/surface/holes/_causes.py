@@ -64,9 +64,9 @@ class _Scene:
 def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[Hole]:
     """The holes of an open mesh with their cause; without views, as they are.
 
-    Places on the surface that is missing (`places_in`) are followed through the scan (ALGORITHMS
-    §5.3): at each table angle that carries a place through a laser's sheet, was it in the picture
-    and in the volume, did the camera see it and did the light reach it, past the measured surface?
+    Places on the surface that is missing (`places_in`) are followed through the scan: at each table
+    angle that carries a place through a laser's sheet, was it in the picture and in the volume, did
+    the camera see it and did the light reach it, past the measured surface?
     Where both did and a smooth surface could span the hole, the frame says what was wrong with the
     light of that line; where none could, the part lies further in (`_further_in`), or turns off at
     the border (`_beyond`). The most votes decide. What neither reached counts for hidden from
