@@ -105,7 +105,7 @@ class Figures:
             f"| faults injected | {self.faults.total()}, {self.while_lit} of them while lit |",
             f"| by kind | {kinds} |",
             f"| longest lit beyond the last sign of life, board in reach | {self.longest:.2f} s |",
-            f"| the same, board out of reach, and said each time | {self.unreached:.1f} s |",
+            f"| the same, board out of reach, reported each time | {self.unreached:.1f} s |",
         ])  # fmt: skip
 
 

@@ -63,7 +63,7 @@ export class Link {
           new RefusedError(
             "lost",
             "The connection to turnscan was lost.",
-            "It comes back by itself while the server runs.",
+            "It is restored automatically while the server runs.",
           ),
         );
       }
@@ -93,7 +93,7 @@ export class Link {
           new RefusedError(
             "lost",
             "There is no connection to turnscan.",
-            "It comes back by itself while the server runs.",
+            "It is restored automatically while the server runs.",
           ),
         );
       }
@@ -107,7 +107,7 @@ export class Link {
       if (waiting && this.living.size) waiting.timer = this.patience(id);
       else
         this.settle(id)?.reject(
-          new RefusedError("late", "The server did not answer.", "Look at the window it runs in."),
+          new RefusedError("late", "The server did not reply.", "Check the terminal in which it runs."),
         );
     }, REQUEST_SECONDS * 1000);
   }

@@ -33,7 +33,7 @@ export interface Append {
 }
 
 /**
- * Begin a calibration anew; ``calibration`` tells from now on how far it is.
+ * Start a new calibration; ``calibration`` tells from now on how far it is.
  *
  * ``board`` as ``chessboard:8x6:40`` (inner corners, mm) or ``charuco:7x5:25:19:DICT_4X4_50``;
  * ``table`` says what rides on the table: ``markers:DICT_4X4_50:30``, or a board.
@@ -393,7 +393,7 @@ export interface JobState {
   findings: Remark[];
 }
 
-/** What is known of a laser. Where nobody has confirmed that it is dark, show it as lit. */
+/** What is known of a laser. Where dark is not confirmed, show it as lit. */
 export interface LaserState {
   name: string;
   /** None: not known. */
@@ -609,7 +609,7 @@ export interface ScanEntry {
   /** ISO time, UTC. */
   modified: string;
   open: boolean;
-  /** Steps that ``resume`` would take; 0 where the scan is whole, or nobody knows how to go on. */
+  /** Steps that ``resume`` would take; 0 where the scan is whole, or it cannot be resumed. */
   missing: number;
 }
 
@@ -732,7 +732,7 @@ export interface TakeMeasure {
   places?: [number, number, number][];
 }
 
-/** Only so many vertices and faces are left: what was appended last is gone. */
+/** Only so many vertices and faces are left: what was appended last is removed. */
 export interface Truncate {
   kind: "truncate";
   vertices: number;

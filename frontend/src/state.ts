@@ -43,7 +43,7 @@ const SEVERITY: Record<string, Notice["severity"]> = { stale: "warning", cancell
 export function complain(error: unknown): void {
   if (error instanceof RefusedError) notify(SEVERITY[error.code] ?? "error", error.message, error.hint);
   else if (error instanceof DOMException && error.name === "TimeoutError")
-    notify("error", "The server did not answer in time.");
+    notify("error", "The server did not reply in time.");
   else throw error;
 }
 
@@ -109,7 +109,7 @@ function hearServer(): void {
     operator.value = message.operator;
     clients.value = message.clients;
     if (was && !isOperator.value)
-      notify("warning", "Somebody else is the operator now.", "You see everything, and can take control back.");
+      notify("warning", "Another browser is the operator now.", "You can watch, and take control back.");
   });
   on("scans", (message) => {
     scans.value = message.scans;
@@ -146,7 +146,7 @@ function watchConnection(): void {
         notify(
           "error",
           "There is no connection to turnscan.",
-          "Look whether it still runs. Where it was started anew, open the link that it printed.",
+          "Check whether it still runs. If it was restarted, open the link that it printed.",
         );
       }, LOST_MS);
     }

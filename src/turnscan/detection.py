@@ -35,7 +35,7 @@ FLANKS = 24
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """How the stripe of one laser is sought in the frames of a scan.
+    """How the stripe of one laser is searched in the frames of a scan.
 
     It looks into the scan file again when asked for single steps (`turnscan.edit.Eyes`).
     """
@@ -107,7 +107,7 @@ class View:
         return self._signal.candidates(self._frames(step), self.settings, self.inside)
 
     def again(self, step: int, edit: Redetect) -> Stripe:
-        """The stripe of a step, sought as the edit wants it. Raises like `candidates`."""
+        """The stripe of a step, searched as the edit wants it. Raises like `candidates`."""
         wishes = {name: getattr(edit, name) for name in ("threshold", "strategy", "choose")}
         given = {name: value for name, value in wishes.items() if value is not None}
         look = replace(self.settings, **given)

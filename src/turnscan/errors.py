@@ -86,11 +86,11 @@ class LeaseEnded(DeviceTimeout):
 
 
 class DeviceDisconnected(DeviceError, ConnectionError):
-    """The device was there and is gone."""
+    """The device was there and has disconnected."""
 
 
 class DeviceGarbled(DeviceError):
-    """The device sent something that is not a sentence of its language."""
+    """The device sent something that is not a valid reply of its protocol."""
 
 
 class DeviceAlarm(DeviceError):
@@ -112,7 +112,7 @@ class SafetyError(TurnscanError, RuntimeError):
 
 
 class LaserStateUnknown(SafetyError):
-    """Nobody confirmed that the laser is dark: cut the power."""
+    """It is not confirmed that the laser is dark: cut the power."""
 
 
 class InterlockOpen(SafetyError):

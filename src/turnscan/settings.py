@@ -28,7 +28,7 @@ class Settings:
     between: Between | None = None
     """Spacing between profiles; None keeps those of the scan."""
     clean: Clean | None = field(default_factory=Clean)
-    """What is taken away before points become a surface; None keeps all."""
+    """What is removed before points become a surface; None keeps all."""
     denoise: float | None = None
     """Points move along their rays, by at most this many sigma; None leaves them."""
     tears: Tears = field(default_factory=Tears)
@@ -37,7 +37,7 @@ class Settings:
     voxel: float | None = None
     """mm: voxels of the volumetric merge; None takes the usual spacing of the points."""
     island: int | None = None
-    """Loose pieces of fewer faces are taken away; None takes 1 % of the largest piece."""
+    """Loose pieces of fewer faces are removed; None takes 1 % of the largest piece."""
     caps: Caps | None = None
     """How to close the surface; None leaves its borders open."""
     tolerance: float | None = None

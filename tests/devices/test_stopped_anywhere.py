@@ -225,7 +225,7 @@ def test_two_hundred_moments(commands: Commands, tmp_path: Path) -> None:
     assert not wrong, "\n".join(str(e)[:600] for e in wrong[:10])
     for m in lost:
         # An alarm in a move loses steps. FabScanPi does not say where it is: who is killed between
-        # an order to move and its echo leaves nobody who knows whether it was heard. A frame is
+        # an order to move and its echo leaves the angle unknown whether it was heard. A frame is
         # stored while the table turns.
         unheard = (
             m.dialect == "fabscan" and m.how == "SIGKILL" and m.phase in ("turning", "storing")

@@ -1,4 +1,4 @@
-"""Faces that nobody measured stay marked, in every format that can say so."""
+"""Faces that were not measured stay marked, in every format that can say so."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a guard that nobody needs any more says to the person is said, to its last word."""
+"""What a guard that is no longer needed says to the person is said, to its last word."""
 
 from __future__ import annotations
 

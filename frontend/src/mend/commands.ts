@@ -9,15 +9,15 @@ import { nudge } from "./point";
 import { bridgeFrom, large, lines, preview, stepMark, type Tab, tab } from "./state";
 
 export const TOOL_NAMES: Record<Tool, readonly [string, string]> = {
-  navigate: ["Look and mark", "V"],
+  navigate: ["Inspect", "V"],
   box: ["Box", "R"],
   lasso: ["Lasso", "L"],
   polygon: ["Polygon", "P"],
   brush: ["Brush", "B"],
   connected: ["Connected piece", "W"],
-  angle: ["Region up to an edge", "A"],
+  angle: ["Region bounded by sharp edges", "A"],
   smooth: ["Smoothing brush", "G"],
-  bridge: ["Bridge between two borders", "J"],
+  bridge: ["Bridge between two boundaries", "J"],
   cut: ["Cut by a plane", "K"],
 };
 
@@ -56,7 +56,7 @@ const PANELS = [
   ["Fill holes …", "holes", "Holes"],
   ["Smooth …", "repair", "Smooth"],
   ["Remove spikes …", "repair", "Spikes"],
-  ["Decimate …", "repair", "Fewer triangles"],
+  ["Decimate …", "repair", "Decimate"],
   ["Make watertight …", "repair", "Close everything"],
   ["Join first and last profile …", "repair", "Seam"],
 ] as const;
@@ -76,7 +76,7 @@ export const commands: readonly Command[] = [
   { title: "Smaller brush", group: "Tools", keys: "[", run: () => resizeBrush(1 / 1.25) },
   { title: "Larger brush", group: "Tools", keys: "]", run: () => resizeBrush(1.25) },
   {
-    title: "Only what is seen, or through",
+    title: "Visible faces only, or through the part",
     group: "Selection",
     keys: "N",
     run: () => (visibleOnly.value = !visibleOnly.value),
@@ -104,7 +104,7 @@ export const commands: readonly Command[] = [
   { title: "History", group: "Repair", keys: "Y", run: () => (tab.value = "history") },
   ...viewCommands,
   {
-    title: "Show the borders of holes",
+    title: "Show the boundaries of holes",
     group: "View",
     keys: "E",
     run: () => (bordersShown.value = !bordersShown.value),

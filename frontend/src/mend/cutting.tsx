@@ -51,7 +51,7 @@ export function CutPanel() {
   const facing = currentViewport()?.camera.axes()[2];
   return (
     <Section title="Cut by a plane">
-      <p class="quiet">What is tinted red goes.</p>
+      <p class="quiet">Faces tinted red are removed.</p>
       <div class="grid-3">
         <Button small onClick={() => set(starting([0, 0, 1]))}>
           Across z

@@ -80,7 +80,7 @@ export function HolesPanel() {
         </div>
         {chosen.length === 2 && (
           <Button
-            label="Join the borders of the two chosen holes by a band"
+            label="Join the boundaries of the two chosen holes by a bridge"
             onClick={() => void apply(bridgeValue(chosen, how.value))}
           >
             Bridge the two
@@ -118,9 +118,9 @@ const SEVERITY = { error: 0, warning: 1, note: 2 };
 function DefectsPanel() {
   const list = defects.value?.toSorted((a, b) => SEVERITY[a.remark.severity] - SEVERITY[b.remark.severity]);
   return (
-    <Section title="Remarks" count={list?.length ?? "…"}>
-      {list?.length === 0 && <p class="quiet">Nothing to remark.</p>}
-      <ul class="list" aria-label="Remarks on the scan">
+    <Section title="Findings" count={list?.length ?? "…"}>
+      {list?.length === 0 && <p class="quiet">No findings.</p>}
+      <ul class="list" aria-label="Findings on the scan">
         {list?.map(({ remark, place, grid, step, line }, i) => (
           <li key={i}>
             <span
@@ -190,7 +190,7 @@ export function HistoryPanel() {
             <input
               type="checkbox"
               checked={entry.on}
-              title={entry.on ? "Leave this edit out" : "Do this edit again"}
+              title={entry.on ? "Disable this edit" : "Enable this edit"}
               aria-label={`${entry.text}: in use`}
               disabled={entry.index >= at}
               onChange={(event) => void switchEdit(entry.edit, event.currentTarget.checked)}

@@ -89,7 +89,7 @@ export function ProfilePane() {
       <canvas ref={canvas} tabIndex={0} role="img" aria-label="Profile: radius against height" />
       {(!at || at.step < 0) && <Nothing />}
       {at && at.step >= 0 && markedGrid.value && markedGrid.value.row(at.step) < 0 && (
-        <div class="empty">This profile is switched off. Undo, or switch that edit off in the history.</div>
+        <div class="empty">This profile is disabled. Undo, or disable that edit in the history.</div>
       )}
     </Pane>
   );

@@ -67,7 +67,7 @@ function Facts() {
       {at.step < 0 && (
         <>
           <dt>Measured</dt>
-          <dd>no: this part closes a gap</dd>
+          <dd>no: this face closes a gap</dd>
         </>
       )}
       {grid && i >= 0 && (
@@ -183,7 +183,7 @@ function ProfilePanel() {
           {n ? `${n} points` : "Point"}
         </Button>
         <Button
-          label="Leave out the profile, or all steps chosen in the grid"
+          label="Disable the profile, or all steps selected in the grid"
           onClick={() => void switchProfilesOff(steps)}
         >
           {many ? `Steps ${steps[0]}–${steps[1]} off` : "Profile off"}

@@ -140,7 +140,7 @@ function DecimatePanel() {
   const value = () => ({ kind: "decimate", tolerance: tolerance.value, faces: faces.value });
   const none = tolerance.value === null && faces.value === null;
   return (
-    <Section title="Fewer triangles" open={false}>
+    <Section title="Decimate" open={false}>
       <NumberField
         label="Tolerance"
         value={tolerance.value}
@@ -181,7 +181,7 @@ function SeamPanel() {
   const lasers = [...new Set(opened.value?.grids.map(({ laser }) => laser))];
   return (
     <Section title="Seam" open={false}>
-      <p class="quiet">Let the last profile of the turn neighbour the first.</p>
+      <p class="quiet">Join the last profile of the turn to the first.</p>
       {lasers.map((laser) => (
         <Button key={laser} onClick={() => void doEdit({ kind: "close_seam", laser })}>
           Close the seam of {laser}

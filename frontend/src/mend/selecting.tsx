@@ -33,10 +33,10 @@ export function SelectionPanel() {
         </Button>
       </div>
       <div class="grid-3">
-        <Button small label="One row of triangles more" keys="+" disabled={none} onClick={() => view?.grow()}>
+        <Button small label="Add one row of triangles" keys="+" disabled={none} onClick={() => view?.grow()}>
           Grow
         </Button>
-        <Button small label="One row of triangles less" keys="-" disabled={none} onClick={() => view?.shrink()}>
+        <Button small label="Remove one row of triangles" keys="-" disabled={none} onClick={() => view?.shrink()}>
           Shrink
         </Button>
         <Button small label="What is not selected" keys="Ctrl+I" onClick={() => view?.invert()}>
@@ -53,7 +53,7 @@ export function SelectionPanel() {
         </Button>
       </div>
       <Check
-        label="Only what is seen"
+        label="Visible faces only"
         keys="N"
         checked={visibleOnly.value}
         onChange={(on) => (visibleOnly.value = on)}

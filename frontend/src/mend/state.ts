@@ -121,26 +121,26 @@ export async function stepMark(steps: number, alongLines: number): Promise<void>
 }
 
 export const TOOL_HINTS = computed(() => {
-  const seen = visibleOnly.value ? "only what is seen" : "through the part";
+  const seen = visibleOnly.value ? "visible faces only" : "through the part";
   switch (tool.value) {
     case "navigate":
       return "Click: mark a point in all views · drag: turn · double click: turn about this point";
     case "box":
       return `Drag a box: ${seen} · Shift adds, Ctrl removes`;
     case "lasso":
-      return `Draw round it: ${seen} · Shift adds, Ctrl removes`;
+      return `Draw round the faces: ${seen} · Shift adds, Ctrl removes`;
     case "polygon":
-      return `Click the corners, right click or Enter closes: ${seen}`;
+      return `Click the polygon's corners; right click or Enter closes it: ${seen}`;
     case "brush":
       return `Paint: ${seen} · Ctrl+wheel or [ ]: size ${brushRadius.value.toFixed(0)} px`;
     case "connected":
-      return "Click a piece: all that hangs together";
+      return "Click a piece: all connected faces";
     case "angle":
-      return `Click a face: all up to an edge sharper than ${angleLimit.value}°`;
+      return `Click a face: the region bounded by edges sharper than ${angleLimit.value}°`;
     case "smooth":
       return "Paint where the surface is to be smoothed";
     case "bridge":
-      return bridgeFrom.value ? "Click the border at the other side" : "Click the surface beside a border";
+      return bridgeFrom.value ? "Click the boundary on the other side" : "Click the surface beside a boundary";
     case "cut":
       return "Drag the disc to shift the plane, the ball to tilt it";
   }

@@ -151,11 +151,11 @@ function Advice() {
       </dl>
       {!now.closed && format.value !== "xyz" && (
         <p class="advice">
-          The surface is open: a printer or a solid modeller may refuse it. Fill its holes in Mend first.
+          The surface is open: a printer or a solid modeller may refuse it. Fill its holes in Repair first.
         </p>
       )}
       {format.value === "dxf" && now.faces > 200_000 && (
-        <p class="advice">{count(now.faces)} triangles are heavy for CAD: decimate in Mend, or write profiles.</p>
+        <p class="advice">{count(now.faces)} triangles are heavy for CAD: decimate in Repair, or write profiles.</p>
       )}
     </Section>
   );

@@ -70,7 +70,7 @@ const TOOLS: readonly (readonly [Tool & IconName, string, string])[] = [
   ["box", "Box", "R"],
   ["lasso", "Lasso", "L"],
   ["brush", "Brush", "B"],
-  ["angle", "Region up to an edge", "A"],
+  ["angle", "Region bounded by sharp edges", "A"],
 ];
 const INK = "#f0691e";
 
@@ -251,7 +251,7 @@ function ResultsPanel() {
               kind="plain"
               small
               icon="trash"
-              label="Forget it"
+              label="Delete it"
               disabled={!isOperator.value}
               onClick={() => void forget(measure.measure)}
             />

@@ -1,4 +1,4 @@
-/** Mend: the surface, the profile with its picture, and the scan grid, all of one scan. */
+/** Repair: the surface, the profile with its picture, and the scan grid, all of one scan. */
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { commands, TOOL_NAMES, take } from "../mend/commands";
@@ -56,7 +56,7 @@ function Rail() {
       <hr />
       <Button
         icon="eye"
-        label="Only what is seen"
+        label="Visible faces only"
         keys="N"
         pressed={visibleOnly.value}
         onClick={() => (visibleOnly.value = !visibleOnly.value)}
@@ -213,4 +213,4 @@ function Mend() {
   );
 }
 
-export const mend: Room = { id: "mend", title: "Mend", needsScan: true, View: Mend, Status: LastEdit, commands };
+export const mend: Room = { id: "mend", title: "Repair", needsScan: true, View: Mend, Status: LastEdit, commands };

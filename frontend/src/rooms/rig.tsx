@@ -90,7 +90,7 @@ function FoundPanel() {
         </Button>
         <Button
           disabled={finding.value || connected()}
-          label="Asks every serial port which board it is; nothing moves or is lit"
+          label="Identifies the controller at every serial port; nothing moves or is lit"
           onClick={() => void findDevices(true)}
         >
           Ask the ports
@@ -166,7 +166,7 @@ function LookPanel() {
           End
         </Button>
       </div>
-      <p class="quiet">Lasers go dark by themselves when this page is closed.</p>
+      <p class="quiet">Lasers are switched off automatically when this page is closed.</p>
     </Section>
   );
 }
@@ -211,7 +211,7 @@ function DoctorPanel() {
       {report?.state === "running" && (
         <p class="quiet">Looking; the table turns a little, each laser is lit for a moment.</p>
       )}
-      {report?.state === "done" && report.findings.length === 0 && <p>Ready: nothing to remark.</p>}
+      {report?.state === "done" && report.findings.length === 0 && <p>Ready: no findings.</p>}
       {report?.state === "done" && report.findings.map((remark) => <RemarkLine key={remark.text} remark={remark} />)}
     </Section>
   );

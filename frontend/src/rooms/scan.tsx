@@ -1,4 +1,4 @@
-/** Scan: a plan, the camera and the points while it runs, and the way to the Mend room. */
+/** Scan: a plan, the camera and the points while it runs, and the way to the Repair room. */
 import { type Signal, signal } from "@preact/signals";
 import { kept } from "../kept";
 import type { ScanPlan } from "../protocol";
@@ -67,7 +67,7 @@ const mayStart = () =>
 
 const start = () => void ask({ kind: "scan", plan: plan() });
 
-/** Pause or go on, whichever there is. */
+/** Pause or resume, whichever there is. */
 function toggle(): void {
   if (scanning.value?.state === "running") void ask({ kind: "pause" });
   else if (scanning.value?.state === "paused") void ask({ kind: "go_on" });
@@ -97,7 +97,7 @@ function PlanPanel() {
       <Section title="Plan">
         <TextField label="Name" value={name.value} onChange={(value) => (name.value = value)} />
         <NumberField
-          label="Stops in the turn"
+          label="Steps per turn"
           value={steps.value}
           min={1}
           step={1}
@@ -131,7 +131,7 @@ function PlanPanel() {
           onChange={(value) => (threshold.value = value)}
         />
         <NumberField
-          label="Plain picture"
+          label="Texture image"
           value={texture.value}
           unit="ms"
           min={0.01}
@@ -140,7 +140,7 @@ function PlanPanel() {
         />
         {texture.value !== null && (
           <NumberField
-            label="Each so many stops"
+            label="Every N steps"
             value={textureEvery.value}
             min={1}
             step={1}
@@ -151,7 +151,7 @@ function PlanPanel() {
           outputs().map((name) => (
             <Check
               key={name}
-              label={`${name} is a lamp for plain pictures`}
+              label={`${name} is a lamp for texture images`}
               checked={lamps.value.has(name)}
               onChange={(on) => put(lamps, name, on)}
             />
@@ -216,7 +216,7 @@ function CoursePanel() {
           <Button
             icon={now.state === "paused" ? "play" : "pause"}
             keys="Space"
-            label="Pause or go on"
+            label="Pause or resume"
             disabled={!isOperator.value}
             onClick={toggle}
           >
@@ -229,7 +229,7 @@ function CoursePanel() {
       ) : (
         now.done > 0 && (
           <Button kind="primary" onClick={() => go("mend", now.scan)}>
-            Mend it
+            Repair it
           </Button>
         )
       )}
@@ -260,6 +260,6 @@ export const scan: Room = {
   View: Scan,
   commands: [
     { title: "Start the scan", group: "Scan", keys: "Ctrl+Enter", run: start, enabled: mayStart },
-    { title: "Pause or go on", group: "Scan", keys: "Space", run: toggle, enabled: isScanning },
+    { title: "Pause or resume", group: "Scan", keys: "Space", run: toggle, enabled: isScanning },
   ],
 };

@@ -83,7 +83,7 @@ function Views({ of }: { of: Calibration }) {
             kind="plain"
             small
             icon="trash"
-            label="Take this picture away"
+            label="Remove this picture"
             disabled={!isOperator.value}
             onClick={() => void ask({ kind: "forget_view", view: view.view })}
           />
@@ -97,7 +97,7 @@ function RigChoice() {
   const now = devices.value;
   if (!now) return null;
   const options = [
-    ["", now.rig ? now.rig_name || "the bench's own" : "none"] as const,
+    ["", now.rig ? now.rig_name || "the simulated rig's" : "none"] as const,
     ...now.rigs.filter((name) => name !== now.rig_name).map((name) => [name, name] as const),
   ];
   return (
@@ -219,7 +219,7 @@ export function CalibratePanel() {
           })
         }
       >
-        {now ? "Begin anew" : "Begin"}
+        {now ? "Start again" : "Begin"}
       </Button>
       {now && (
         <>

@@ -43,10 +43,10 @@ export function InterruptedPanel() {
         label="Table stands at"
         value={standing.value}
         unit="°"
-        placeholder="as it says"
+        placeholder="as the controller reports"
         onChange={(value) => (standing.value = value)}
       />
-      <Check label="Damaged frames again" checked={retake.value} onChange={(on) => (retake.value = on)} />
+      <Check label="Retake damaged frames" checked={retake.value} onChange={(on) => (retake.value = on)} />
     </Section>
   );
 }

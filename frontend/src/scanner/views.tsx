@@ -53,7 +53,7 @@ function Failed({ text }: { text: string }) {
   return (
     <div class="empty failed" role="alert">
       <strong>{text}</strong>
-      <span>The lasers were switched off. Look at cable and power, then connect again.</span>
+      <span>The lasers were switched off. Check cable and power, then connect again.</span>
     </div>
   );
 }
@@ -80,7 +80,7 @@ export function CloudPane() {
       </header>
       <div class="stage">
         <canvas ref={canvas} tabIndex={0} aria-label="Points so far; the arrow keys turn them" role="img" />
-        {n === 0 && <div class="empty">They grow here while the scan runs.</div>}
+        {n === 0 && <div class="empty">Points appear here while the scan runs.</div>}
       </div>
       {n > 0 && (
         <div class="key">

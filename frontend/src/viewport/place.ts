@@ -60,7 +60,7 @@ function create(element: HTMLElement): Viewport {
     },
     context: (state) => {
       if (state === "lost")
-        notify("warning", "The graphics card was taken away for a moment.", "The surface comes back by itself.");
+        notify("warning", "The graphics card was unavailable for a moment.", "The surface comes back by itself.");
     },
   });
   tool.subscribe((value) => {

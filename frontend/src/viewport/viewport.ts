@@ -103,7 +103,7 @@ export class Viewport implements HandledView {
     return this.painter.gpu();
   }
 
-  /** How many selected faces look away from the eye: none, where only what is seen is selected. */
+  /** How many selected faces look away from the eye: none, where visible faces only is selected. */
   selectedAway(): number {
     const projection = this.projection();
     return projection ? this.selection.numbers().filter((face) => !projection.looksAtEye(face)).length : 0;

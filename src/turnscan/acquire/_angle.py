@@ -46,7 +46,7 @@ class Noted(Protocol):
         ...
 
     def still(self, counting: str) -> bool | None:
-        """Whether they have the zero of that one; None where nobody knows."""
+        """Whether they have the zero of that one; None where unknown."""
         ...
 
 

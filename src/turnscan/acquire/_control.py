@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 _LOOK_EVERY = 0.5
-"""s between looks at a pause that nobody ends."""
+"""s between looks at a pause that is not ended."""
 
 
 class Control:

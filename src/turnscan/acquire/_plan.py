@@ -74,7 +74,7 @@ class Plan:
     settle: float = 0.0
     """s from the table's rest to the first picture."""
     blind_steps: int = 8
-    """A laser of which so many steps on end show nothing is not in a known state; 0 trusts it."""
+    """A laser that shows nothing in so many consecutive steps is in no known state; 0 trusts it."""
 
     def __post_init__(self) -> None:
         if self.stops < 1 or self.passes < 1:

@@ -207,7 +207,7 @@ class _Job:
         return self._darks[exposure]
 
     def _look_dark(self, exposure: int) -> tuple[Image | None, str]:
-        """A dark picture. Raises LaserStateUnknown where two on end show a stripe."""
+        """A dark picture. Raises LaserStateUnknown where two consecutive ones show a stripe."""
         self._shooter.configure(self._plan.exposures[exposure])
         picture, cause = self._shooter.picture(frozenset())
         laser = None if picture is None else self._watch.still_lit(exposure, picture)

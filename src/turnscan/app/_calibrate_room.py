@@ -73,7 +73,7 @@ class CalibrateRoom:
         self._next = 1
 
     def begin(self, wish: q.BeginCalibration) -> None:
-        """Begin anew, with these boards. Raises FormatError for a board that is none."""
+        """Start again, with these boards. Raises FormatError for a board that is none."""
         board = parse_board(wish.board)
         kind, _, rest = wish.table.partition(":")
         if kind == "markers":

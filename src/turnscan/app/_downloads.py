@@ -33,7 +33,7 @@ class Downloads:
         return name
 
     def find(self, name: str) -> tuple[Path, str]:
-        """Where it is, and what to call it. Raises InputError where it is gone."""
+        """Where it is, and what to call it. Raises InputError where it is no longer available."""
         with self._lock:
             found = self._files.get(name)
         if found is None:

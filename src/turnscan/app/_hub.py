@@ -111,7 +111,7 @@ class Hub:
         return True
 
     def leave(self, client: Client) -> None:
-        """A client is gone."""
+        """A client has disconnected."""
         with self._lock:
             self._clients.pop(client.id, None)
             if self._operator == client.id:

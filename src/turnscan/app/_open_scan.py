@@ -1,4 +1,4 @@
-"""OpenScan: a scan file open for seeing and mending; what it shows, and its edits as patches."""
+"""OpenScan: a scan file open for viewing and repairing; what it shows, and its edits as patches."""
 
 from __future__ import annotations
 

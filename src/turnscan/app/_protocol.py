@@ -94,11 +94,11 @@ class ScanEntry(Model):
     """ISO time, UTC."""
     open: bool
     missing: Count
-    """Steps that ``resume`` would take; 0 where the scan is whole, or nobody knows how to go on."""
+    """Steps that ``resume`` would take; 0 where the scan is whole, or it cannot be resumed."""
 
 
 class LaserState(Model):
-    """What is known of a laser. Where nobody has confirmed that it is dark, show it as lit."""
+    """What is known of a laser. Where dark is not confirmed, show it as lit."""
 
     name: str
     lit: bool | None
@@ -366,7 +366,7 @@ class Append(Model):
 
 
 class Truncate(Model):
-    """Only so many vertices and faces are left: what was appended last is gone."""
+    """Only so many vertices and faces are left: what was appended last is removed."""
 
     kind: Literal["truncate"] = "truncate"
     vertices: Count

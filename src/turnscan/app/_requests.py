@@ -206,7 +206,7 @@ class UseRig(Request):
 
 
 class BeginCalibration(Request):
-    """Begin a calibration anew; ``calibration`` tells from now on how far it is.
+    """Start a new calibration; ``calibration`` tells from now on how far it is.
 
     ``board`` as ``chessboard:8x6:40`` (inner corners, mm) or ``charuco:7x5:25:19:DICT_4X4_50``;
     ``table`` says what rides on the table: ``markers:DICT_4X4_50:30``, or a board.

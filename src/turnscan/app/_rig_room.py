@@ -244,7 +244,7 @@ class RigRoom:
             self.tell()
 
     def _watch(self) -> None:
-        """Darkness where nobody looks any more; and how the devices are, each second."""
+        """Darkness where no browser shows pictures any more; and how the devices are."""
         told = 0.0
         while not self._closed.wait(_WATCH_EVERY):
             if self._looking.is_set() and not self._attended():

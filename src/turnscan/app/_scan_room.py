@@ -57,7 +57,7 @@ class ScanRoom:
         return self._begin(f"Scanning {path.stem}", path, take)
 
     def resume(self, path: Path, wish: q.Resume) -> Job:
-        """Take what an interrupted scan is missing, as a job, which fails where nobody knows how.
+        """Take what an interrupted scan is missing, as a job, which fails where that is impossible.
 
         Raises InputError where nothing is connected or another scan is under way.
         """

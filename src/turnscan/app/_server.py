@@ -39,7 +39,7 @@ class Listening:
     allow_remote: bool = False
 
     def __post_init__(self) -> None:
-        """Raise InputError where others could connect though nobody allowed it."""
+        """Raise InputError where others could connect though that is not allowed."""
         if not self.allow_remote and self.host != "localhost" and not is_loopback(self.host):
             raise InputError(
                 f"--host {self.host}: other computers would be able to connect",

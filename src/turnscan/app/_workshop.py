@@ -354,7 +354,7 @@ class Workshop:
         return Result(f"{path.stem} is open", findings=scan.findings)
 
     def _close_one(self) -> None:
-        """Close the document that nobody has asked for the longest."""
+        """Close the document that has not been used for the longest."""
         name = min(self._scans, key=lambda n: self._scans[n].used, default=None)
         if name is None:
             raise Refusal("busy", "other scans are being opened", "wait until they are open")

@@ -267,7 +267,7 @@ def _of_fit(c: Calibration) -> list[Finding]:
             Finding(
                 "calibrate.correlated",
                 "note",
-                f"{len(pairs)} pairs of parameters are known only together (|r| > {_CORRELATED}): "
+                f"{len(pairs)} pairs of parameters are strongly correlated (|r| > {_CORRELATED}): "
                 f"{worst}; measured lengths are better known than they are, see the report",
                 remedy="add pictures of the board with more tilts, distances and positions",
             )

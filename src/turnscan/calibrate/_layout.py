@@ -107,7 +107,7 @@ class MarkerLayout:
 
 @dataclass(frozen=True)
 class BoardLayout:
-    """One board fixed to the turning table, anyhow."""
+    """One board fixed to the turning table, in any pose."""
 
     board: Board
     pose: Pose

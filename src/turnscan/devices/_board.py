@@ -99,7 +99,7 @@ class Board(ABC):
 
     @property
     def remembers(self) -> bool:
-        """Whether `angle` at connecting was that of an earlier time; otherwise it counts anew.
+        """Whether `angle` at connecting was that of an earlier time; otherwise it counts from zero.
 
         A board that counts zero may just as well have restarted; it is believed only where this
         computer has noted that the table was left there.
@@ -113,7 +113,7 @@ class Board(ABC):
         return self._left.counting if kept else ""
 
     def still(self, counting: str) -> bool | None:
-        """Whether `angle` has the zero that it had in that `counting`; None where nobody knows."""
+        """Whether `angle` has the zero that it had in that `counting`; None where unknown."""
         if self._lost is not None:
             return False
         if counting and self._left.counting == counting:
@@ -171,7 +171,7 @@ class Board(ABC):
         self._link.renew(lease)
 
     def off(self) -> None:
-        """See `Lasers`. Waits for nobody; raises LaserStateUnknown where it is not confirmed."""
+        """See `Lasers`. Does not wait; raises LaserStateUnknown where it is not confirmed."""
         self._unsettled, self._held = True, False
         self._offs += 1
         self._lit = frozenset()

@@ -55,9 +55,9 @@ PULSE = 0.25
 AGAIN = 1.0
 """s from a dark that was not confirmed to the next."""
 REOPEN = 0.25
-"""s between two attempts to open a port that has gone."""
+"""s between two attempts to open a port that has disconnected."""
 KEEP_TRYING = 600.0
-"""s for which a guard that nobody needs any more tries to get a dark confirmed."""
+"""s for which a guard that is no longer needed tries to get a dark confirmed."""
 _SOON = 1.0
 """s for which it does so before it says that it has to keep trying."""
 _HEAD = struct.Struct("<cHI")
@@ -114,7 +114,7 @@ class Settings:
     keep_trying: float = KEEP_TRYING
     """s, see `KEEP_TRYING`."""
     rescue: bool = False
-    """Whether it takes over from a guard that died: a laser may be lit, and nobody gives orders."""
+    """Whether it takes over from a guard that died: a laser may be lit, and nothing controls it."""
     scanner: int = 0
     """Its process id."""
 
@@ -178,7 +178,7 @@ class Guard:
         return self.last_word()
 
     def leave(self) -> None:
-        """Dark and goodbye, from any thread: nobody is there any more who could ask for light."""
+        """Dark and goodbye, from any thread: no request for light can follow."""
         self._hurry.set()
         self._events.put(("end", b""))
 
@@ -188,7 +188,7 @@ class Guard:
         self.leave()
 
     def last_word(self) -> int:
-        """Dark once more before the end, over a port opened anew where the old one is gone.
+        """Dark once more before the end, over a port opened again where the old one was lost.
 
         A laser that may be lit keeps it here until dark is confirmed, for `keep_trying` s, whatever
         goes wrong meanwhile.
@@ -471,7 +471,7 @@ class Guard:
             self._out.put_nowait(pack(kind, payload[:LONGEST_FRAME]))
 
     def _speak(self, file: int, what: queue.Queue[bytes]) -> None:
-        """A thread of its own, as nobody may be reading."""
+        """A thread of its own, as there may be no reader."""
         with contextlib.suppress(OSError):
             while True:
                 os.write(file, what.get())

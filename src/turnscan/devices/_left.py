@@ -28,7 +28,7 @@ class Left:
     """What is known of a table between two moves, or in one."""
 
     counting: str
-    """Names one stretch of counting; another one after the count was lost or set anew."""
+    """Names one stretch of counting; another one after the count was lost or set again."""
     base: int
     """Unit at which the board's own count is zero."""
     unit: int

@@ -24,7 +24,7 @@ from turnscan.errors import (
 )
 
 _REST = 0.3
-"""s to wait for the end of a line that nobody asked for, so that it can be understood."""
+"""s to wait for the end of an unrequested line, so that it can be understood."""
 
 
 class Readable(Protocol):
@@ -49,7 +49,7 @@ class Lines:
             pass
 
     def expect_nothing(self) -> None:
-        """Raises what it means that something came that nobody asked for; else DeviceGarbled."""
+        """Raises what it means that an unrequested line came; else DeviceGarbled."""
         while data := self._link.read(0.0):
             self._bytes += data[: self._longest]
         end = time.monotonic() + _REST
@@ -112,7 +112,7 @@ class Lines:
 
 
 def unasked(port: str, data: bytes) -> TurnscanError:
-    """What something that nobody asked for means."""
+    """What an unrequested line means."""
     for line in data.splitlines():
         try:
             if not line.strip():

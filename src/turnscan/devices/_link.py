@@ -143,7 +143,7 @@ class GuardedLink:
         self._maybe_lit = threading.Event()
         self._closing = threading.Event()
         self._gone = threading.Event()
-        """Set once the port has gone from a laser that may be lit: the guard reopens it."""
+        """Set once the port of a laser has disconnected that may be lit: the guard reopens it."""
         self._keeps_trying = threading.Event()
         """Set once that, or a last dark, was not done in a second."""
         self._ended = threading.Event()
@@ -275,7 +275,7 @@ class GuardedLink:
         return heard
 
     def _dark_by_guard(self) -> bytes:
-        """The guard is at it already, as the port has gone. Raises LaserStateUnknown."""
+        """The guard is at it already, as the port has disconnected. Raises LaserStateUnknown."""
         end = time.monotonic() + self._alone.longest
         while self._maybe_lit.is_set() and not self._ended.is_set() and time.monotonic() < end:
             time.sleep(0.01)
@@ -413,7 +413,7 @@ class GuardedLink:
                     self._take(kind, payload)
 
     def _greeting(self, kind: bytes, payload: bytes) -> None:
-        """The first is what `_greet` waits for; nobody wants another."""
+        """The first is what `_greet` waits for; no other is expected."""
         with contextlib.suppress(queue.Full):
             self._hello.put_nowait((kind, payload))
 

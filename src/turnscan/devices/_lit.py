@@ -16,7 +16,7 @@ _SELDOM = 0.1
 
 
 class _Fire:
-    """What burns, and until when if nobody shows any more that the work goes on."""
+    """What burns, and until when if there is no further sign that the work goes on."""
 
     def __init__(self, lasers: Lasers) -> None:
         self._lasers = lasers
@@ -32,7 +32,7 @@ class _Fire:
 
     @property
     def failed(self) -> bool:
-        """Whether it was out in an exposure, or has gone out while one may be under way."""
+        """Whether it was out in an exposure, or went out while one may be under way."""
         return not self.lasted and self.is_out
 
     @property
@@ -125,6 +125,6 @@ def exposed() -> None:
 
 
 def went_out() -> bool:
-    """Whether what this context lit has gone dark while a picture needed it."""
+    """Whether what this context lit went dark while a picture needed it."""
     fire = _FIRE.get(None)
     return fire is not None and fire.failed

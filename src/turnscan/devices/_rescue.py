@@ -1,4 +1,4 @@
-"""Dark without the guard: its port is opened anew, and another guard goes on where that fails."""
+"""Dark without the guard: its port is opened again, and another guard goes on where that fails."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ LOCKED = ("error:9", "error: Alarm lock")
 
 
 def locked(port: str, said: str) -> DeviceAlarm:
-    """The error that such an answer is; the alarm itself may have gone by unheard."""
+    """The error that such an answer is; the alarm itself may have been missed."""
     return DeviceAlarm(
         f"{port}: the controller is in an alarm state ({said})", hint=look_and_acknowledge(port)
     )
@@ -87,7 +87,7 @@ def _acknowledge(port: str) -> tuple[str, Option]:
 
 
 def lost_place(port: str) -> Remedy:
-    """What a person does about a table that nobody knows the angle of."""
+    """What a person does about a table whose angle is unknown."""
     return Remedy(
         "its position is lost: ",
         *_acknowledge(port),

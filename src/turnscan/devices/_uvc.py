@@ -38,7 +38,7 @@ _UNITS: dict[str, tuple[Callable[[float], float], Callable[[float], float], floa
 _WAITED = 0.5
 """Of the time between pictures: one that was waited for so long was not in a buffer."""
 _SETTLE = 3
-"""Pictures until a new exposure has gone through the camera."""
+"""Pictures until a new exposure has passed through the camera."""
 
 
 class Capture(Protocol):

@@ -243,7 +243,7 @@ _HINT = "docs/reference/edits.md lists the edits and their keys"
 
 
 def is_grid_edit(edit: Edit) -> bool:
-    """Whether the edit changes what was seen, so that the surface must be made anew."""
+    """Whether the edit changes what was seen, so that the surface must be rebuilt."""
     return isinstance(edit, GridEdit)
 
 

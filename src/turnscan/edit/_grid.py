@@ -28,7 +28,7 @@ from turnscan.surface import Told, part, silent
 HAND_SIGMA = 0.5
 """px: standard uncertainty of a centre that a person set."""
 _FOLLOW = 4.0
-"""px that a picked candidate may lie from the place it is sought at, and usual widths besides."""
+"""px that a picked candidate may lie from where it is searched, and usual widths besides."""
 
 
 class Eyes(Protocol):
@@ -39,7 +39,7 @@ class Eyes(Protocol):
         ...
 
     def again(self, step: int, edit: Redetect) -> Stripe:
-        """The stripe of a step, sought as the edit wants it."""
+        """The stripe of a step, searched as the edit wants it."""
         ...
 
 

@@ -15,7 +15,7 @@ from turnscan.arrays import Floats
 from turnscan.errors import ExportError
 
 LARGEST = 1e9
-"""mm. A coordinate beyond a thousand kilometres is a mistake, and would cost digits."""
+"""mm. A coordinate beyond a thousand kilometres is an error, and would cost digits."""
 LEAST_DECIMALS = 6
 RELATIVE = 1e-8
 """The last decimal is no coarser than this part of the longest side."""

@@ -73,7 +73,7 @@ def put_rows(values: Any, decimals: Any, text: Any, cuts: Any, out: Any) -> int:
 def split_polyfaces(
     faces: Any, vertex_count: int, max_vertices: int, max_faces: int
 ) -> tuple[Any, Any, Any, Any]:
-    """Cut faces into runs that each use few enough vertices, numbered anew within the run.
+    """Cut faces into runs that each use few enough vertices, renumbered within the run.
 
     faces (f, 3). Returns the face each run starts with (r + 1,), the place in ``used`` where
     each run's vertices start (r + 1,), the vertices used by each run end to end, and the

@@ -90,7 +90,7 @@ class Section:
     e. Where the ends of the side lie on a cylinder of radius r round the normal, the point's
     distance from the axis is √(r² − bulge): it lies on a chord."""
     measured: Bools
-    """(m,) False for a point of the filling of a gap, which nobody measured."""
+    """(m,) False for a point of the filling of a gap, which was not measured."""
 
 
 def sections(mesh: Mesh, normal: npt.ArrayLike, distance: float) -> list[Section]:

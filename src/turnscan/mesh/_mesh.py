@@ -49,7 +49,7 @@ class Mesh:
     faces: Ints
     """(f, 3) vertex indices."""
     provenance: Provenance | None = None
-    """One entry per vertex, or None for a mesh that nobody measured."""
+    """One entry per vertex, or None for a mesh that was not measured."""
     colour: npt.NDArray[np.uint8] | None = field(default=None)
     """(v, 3) red, green, blue, or None."""
     measured: Bools | None = field(default=None)

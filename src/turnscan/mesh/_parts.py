@@ -11,7 +11,7 @@ from turnscan.mesh._mesh import Mesh, Provenance
 
 
 def submesh(mesh: Mesh, keep: Bools) -> Mesh:
-    """The mesh of the faces where ``keep`` (f,) is True, without vertices that nobody uses."""
+    """The mesh of the faces where ``keep`` (f,) is True, without unused vertices."""
     faces = mesh.faces[keep]
     used = np.zeros(len(mesh.vertices), dtype=np.bool_)
     used[faces] = True

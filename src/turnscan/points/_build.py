@@ -35,10 +35,10 @@ def build_grid(
     """All stripes of one laser → its range grid in the object's frame.
 
     ``steps`` (s,) are step numbers and ``angles`` (s,) table angles in radians, one per stripe,
-    in scan order; ``angle_sigma`` (s,) rad their standard uncertainties, NaN or None where nobody
-    knows. A centre whose ray does not meet the sheet is missing, flagged OUTSIDE. Sigma is the root
-    of the sum of squares of the stripe's own, of what its width says (`wholeness`; nothing where
-    it was refined), and of how far the angle's uncertainty carries the point off its surface.
+    in scan order; ``angle_sigma`` (s,) rad their standard uncertainties, NaN or None where
+    unknown. A centre whose ray does not meet the sheet is missing, flagged OUTSIDE. Sigma is the
+    root of the sum of squares of the stripe's own, of what its width says (`wholeness`; nothing
+    where it was refined), and of how far the angle's uncertainty carries the point off its surface.
     Stripes that something cuts where what is seen ends are flagged EDGE.
 
     Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
@@ -199,7 +199,7 @@ def every(grid: RangeGrid, n: int) -> RangeGrid:
 
 
 def take_steps(grid: RangeGrid, index: npt.NDArray[np.intp]) -> RangeGrid:
-    """The grid of those profiles; whether it is closed is decided anew from their angles."""
+    """The grid of those profiles; whether it is closed is decided again from their angles."""
     return RangeGrid(
         laser=grid.laser,
         steps=grid.steps[index],

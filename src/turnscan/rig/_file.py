@@ -129,7 +129,7 @@ def rig_from_json(text: str, source: str = "rig") -> Rig:
         raise FormatError(f"{source}: {e}", hint=_HINT) from None
 
 
-_HINT = "write the rig again with `turnscan calibrate`, or mend that key by hand"
+_HINT = "write the rig again with `turnscan calibrate`, or correct that key by hand"
 
 
 def rig_hash(rig: Rig) -> str:

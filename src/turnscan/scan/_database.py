@@ -154,7 +154,7 @@ def _being_made(path: Path) -> Path:
 
 
 def _put_in_place(new: Path, path: Path) -> None:
-    """Give a new file its name, which nobody may have by now."""
+    """Give a new file its name, which may not be taken by now."""
     try:
         os.link(new, path)
     except FileExistsError:

@@ -67,7 +67,7 @@ class Scan:
         self.acquisition = meta.get("acquisition", "")
         """How the frames are taken, as JSON of whoever takes them; empty for an import."""
         self.settings = meta.get("settings", "")
-        """How its surface was last made, as JSON of whoever makes it; empty where nobody said."""
+        """How its surface was last made, as JSON of whoever makes it; empty where not given."""
         self.writing = lock is not None
         self._lock = lock
         self.sealed = False

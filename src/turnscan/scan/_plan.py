@@ -98,9 +98,9 @@ class Frame:
     exposure: int = 0
     """Number among several exposures of the same step and laser."""
     commanded: float = NAN
-    """rad, the angle the table was sent to; NaN where nobody knows."""
+    """rad, the angle the table was sent to; NaN where unknown."""
     measured: float = NAN
-    """rad, the angle seen (by markers, an encoder); NaN where nobody looked."""
+    """rad, the angle seen (by markers, an encoder); NaN where not observed."""
     angle_sigma: float = NAN
     """rad, standard uncertainty of ``angle``; NaN where unknown."""
     noise: float = NAN

@@ -31,7 +31,7 @@ class Stored:
 
     @property
     def payload(self) -> bytes:
-        """The packed pixels, read anew each time. Raises ScanCorrupt naming the frame."""
+        """The packed pixels, read again each time. Raises ScanCorrupt naming the frame."""
         return self.read(self.row)
 
     def runs(self) -> Runs:

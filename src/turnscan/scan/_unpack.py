@@ -33,7 +33,7 @@ class Unpacker:
         self._scales: tuple[Project, float] | None = None
 
     def stored(self, row: Row, project: Project | None) -> Stored:
-        """A frame, not yet unpacked. Raises ScanCorrupt where its background is gone."""
+        """A frame, not yet unpacked. Raises ScanCorrupt where its background is missing."""
         if self._plan.channels == 1:
             project = None
         background = None
@@ -58,7 +58,7 @@ class Unpacker:
         return self._pictures.get(laser)
 
     def keep(self, laser: str, picture: Image) -> None:
-        """Take a background that was just unpacked or stored; nobody else may write to it."""
+        """Take a background that was just unpacked or stored; nothing else may write to it."""
         picture.flags.writeable = False
         self._pictures[laser] = picture
 

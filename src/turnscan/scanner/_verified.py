@@ -10,7 +10,7 @@ from turnscan.scan import read_verifications
 
 _DAY = 86_400.0
 USUAL_DAYS = 90.0
-"""Days after which a verification is old, where nobody says otherwise."""
+"""Days after which a verification is old, where nothing else is given."""
 
 
 def verification_findings(history: Path, now: float, days: float = USUAL_DAYS) -> list[Finding]:

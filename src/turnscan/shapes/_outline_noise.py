@@ -14,9 +14,9 @@ from turnscan.shapes._section import Chain
 _HALF = 4
 """Points on either side of one, whose parabola says where it should lie."""
 _RELATIVE = 1e-4
-"""The tolerance is no finer than this part of the section's size where nobody asks for one."""
+"""The tolerance is no finer than this part of the section's size where none is given."""
 SIGMAS = 3.0
-"""The tolerance is so many standard deviations where nobody asks for one."""
+"""The tolerance is so many standard deviations where none is given."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,7 @@ def find_planes(
     ``smallest`` is the least area of a side, as a part of the whole surface. Points further than
     ``tolerance`` from the final plane are left out of its fit; rms is over the points kept.
 
-    Vertices that nobody measured belong to no side; points weigh 1/sigma² where all know theirs.
+    Vertices that were not measured belong to no side; points weigh 1/sigma² where all know theirs.
 
     Raises InputError for a mesh without measured faces.
     """

@@ -116,7 +116,7 @@ class Chain:
 
     @property
     def measured(self) -> Bools:
-        """(m,) False for points of which nobody measured either side."""
+        """(m,) False for points neither side of which was measured."""
         before = np.roll(self.filled, 1) if self.closed else np.r_[True, self.filled]
         after = self.filled if self.closed else np.r_[self.filled, True]
         return ~(before & after)

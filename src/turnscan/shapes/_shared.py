@@ -35,7 +35,7 @@ class Source:
 def calibration_moves(mesh: Mesh, source: Source) -> Iterator[Floats]:
     """(v, 3) mm: how the vertices of a mesh move with the rig's calibration (`points.rig_moves`).
 
-    Vertices that nobody measured go with the nearest that somebody did. Nothing where rig or
+    Vertices that were not measured go with the nearest that somebody did. Nothing where rig or
     provenance are not known.
     """
     from scipy.spatial import cKDTree

@@ -199,7 +199,7 @@ class SimLasers:
                 self._count_down(lease)
 
     def _count_down(self, lease: float | None) -> None:
-        """Anew; None for nothing that is lit."""
+        """Again; None for nothing that is lit."""
         if self._timer is not None:
             self._timer.cancel()
         self._timer = None if lease is None else threading.Timer(lease, self._expire)

@@ -1,4 +1,4 @@
-"""Signal: the one grey picture that the stripe is sought in, and the units it has."""
+"""Signal: the one grey picture that the stripe is searched in, and the units it has."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from turnscan.stripes._stripe import Candidates, Stripe
 _COUNTS = 0.3
 """A colour channel of at least this part of the largest weight clips the signal when it clips."""
 _FULL_WELL = 10_000.0
-"""Electrons at the top of the scale where nobody knows; it only weighs exposures."""
+"""Electrons at the top of the scale where unknown; it only weighs exposures."""
 _FINE = 60_000.0
 """Levels of a fused picture that the range of its shortest exposure is spread over."""
 

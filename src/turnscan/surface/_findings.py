@@ -12,7 +12,7 @@ from turnscan.remedy import Option, Remedy
 def mesh_findings(
     mesh: Mesh, islands: int, island_faces: int, *, closed: bool = False
 ) -> list[Finding]:
-    """Findings on a finished mesh: islands taken away, what is not sound, borders left open."""
+    """Findings on a finished mesh: islands removed, what is not sound, borders left open."""
     out = []
     if islands:
         text = f"{islands} loose pieces with {island_faces} faces in all were removed"

@@ -9,7 +9,7 @@ Told = Callable[[float], None]
 
 
 def silent(share: float) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 def part(told: Told, begin: float, end: float) -> Told:

@@ -48,7 +48,7 @@ class CapturedPictures:
     folder: Path
     pictures: tuple[CapturedPicture, ...]
     coverage: float | None = None
-    """Share of the picture in which a corner of the board was seen; None where none was sought."""
+    """Fraction of the picture in which board corners were seen; None where none were searched."""
 
     def __str__(self) -> str:
         text = f"{self.folder}: {len(self.pictures)} pictures"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from turnscan.scanner import Addresses
 
 DEFAULT_DEVICE = "sim:cup?seed=7"
-"""Where nobody says anything else."""
+"""Used where nothing else is given."""
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class KeptEdits:
 
     history: History
     times: dict[int, float]
-    """When each was made, s since 1970; NaN where nobody knows."""
+    """When each was made, s since 1970; NaN where unknown."""
 
     @property
     def done(self) -> int:

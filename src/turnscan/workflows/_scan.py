@@ -231,7 +231,7 @@ def resume(
 
 
 def scan_left(path: str | Path) -> ScanLeft:
-    """How far an interrupted scan is. Raises InputError for one that nobody can go on with."""
+    """How far an interrupted scan is. Raises InputError for one that cannot be resumed."""
     with Scan.open(path) as file:
         plan = acquisition_of(file).plan
         return ScanLeft(plan.steps - steps_left(plan, file), plan.steps)

@@ -124,7 +124,7 @@ def holes_line(done: Reconstruction) -> list[str]:
 
 
 def light_line(done: Reconstruction) -> list[str]:
-    """That the place of a laser's light was assumed where causes were sought; none where known."""
+    """That the place of a laser's light was assumed for the causes; none where it is known."""
     names = _assumed(done)
     if not names or not done.holes:
         return []

@@ -56,7 +56,7 @@ class Verified:
     source: Path
     values: tuple[TestValue, ...]
     rig_key: str
-    """Digest of its rig; empty where nobody knows it."""
+    """Digest of its rig; empty where unknown."""
 
 
 @dataclass(frozen=True)

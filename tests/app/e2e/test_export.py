@@ -26,7 +26,7 @@ def test_dxf_is_written_and_read_back(open_cup, picture, tmp_path: Path):
     download.value.save_as(target)
     mesh = read_mesh(target.read_bytes(), ".dxf")
     assert len(mesh.faces) == seen
-    page.get_by_role("button", name="Mend", exact=True).click()
+    page.get_by_role("button", name="Repair", exact=True).click()
     until(page, f"turnscan.faces === {seen}")
 
 

@@ -33,7 +33,7 @@ def resume(page: Any, name: str) -> None:
     row.get_by_role("button", name="Resume").click()
     page.get_by_text("Whole", exact=True).wait_for(timeout=WORKING)
     interrupted.wait_for(state="detached", timeout=WORKING)
-    page.get_by_role("button", name="Mend it").click()
+    page.get_by_role("button", name="Repair it").click()
     until(page, "turnscan.faces > 3000", OPENING)
 
 
@@ -93,8 +93,8 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
     page.get_by_role("button", name="End", exact=True).click()
     page.get_by_role("button", name="Scan", exact=True).click()
     page.locator("summary", has_text="More").click()
-    page.get_by_role("spinbutton", name="Plain picture").fill("20")
-    page.get_by_role("spinbutton", name="Plain picture").press("Enter")
+    page.get_by_role("spinbutton", name="Texture image").fill("20")
+    page.get_by_role("spinbutton", name="Texture image").press("Enter")
     page.get_by_role("checkbox", name="right is a lamp").check()
     page.get_by_role("checkbox", name="left is a lamp").check()
     page.get_by_text("Choose a laser.").wait_for()
@@ -111,7 +111,7 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
         assert dark is not None
         assert scan.texture(0).lit.max() > dark.max() + 30, "the lamp burns in the plain picture"
         camera, T = rig_for(scan).camera, rig_for(scan).T_camera_table
-    page.get_by_role("button", name="Mend it").click()
+    page.get_by_role("button", name="Repair it").click()
     until(page, "turnscan.faces > 3000", OPENING)
     found = mark(page, 3, 240)
     turned = np.array(found["point"]) @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])

@@ -65,7 +65,7 @@ def test_a_distance_is_taken_with_the_second_click_and_forgotten(open_cup):
     assert found
     # A click hits a pixel, of about a quarter of a millimetre.
     assert abs(float(found[1]) - math.dist(low, high)) < 1.0
-    page.get_by_role("button", name="Forget it").click()
+    page.get_by_role("button", name="Delete it").click()
     page.get_by_text("None yet.").wait_for()
 
 

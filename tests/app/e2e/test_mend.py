@@ -243,7 +243,7 @@ def test_every_repair_is_an_edit_that_can_be_stepped_over(open_cup):
     page.keyboard.press("Escape")
     panel("Spikes").get_by_role("button", name="Remove").click()
     edited(2)
-    fewer = panel("Fewer triangles")
+    fewer = panel("Decimate")
     fewer.get_by_label("Tolerance").fill("")
     fewer.get_by_label("Tolerance").press("Enter")
     fewer.get_by_label("Down to").fill("6000")

@@ -61,7 +61,7 @@ def test_a_scan_grows_pauses_goes_on_and_is_mended(new_page, picture):
     page.get_by_text("24 of 24 steps").wait_for()
     points = page.get_by_role("region", name="Points").locator(".about")
     assert int(points.inner_text().replace(" ", "").replace("\u2009", "")) > 3000
-    page.get_by_role("button", name="Mend it").click()
+    page.get_by_role("button", name="Repair it").click()
     until(page, "turnscan.faces > 3000")
     page.get_by_role("button", name="Rig", exact=True).click()
     disconnect(page)

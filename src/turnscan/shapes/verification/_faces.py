@@ -25,7 +25,7 @@ _SMALLEST = 0.015
 """Share of all points that a face has at least."""
 _FEWEST = 200
 _PIXELS = 48
-"""Cells across the longer side of a face, in which its outline is sought."""
+"""Cells across the longer side of a face, in which its outline is searched."""
 _PARALLEL = np.cos(np.radians(3.0))
 
 

@@ -39,7 +39,7 @@ class Survey:
 
 
 def survey_of_mesh(mesh: Mesh) -> Survey:
-    """The measured vertices of a mesh; nobody knows of its rig. Raises InputError for none."""
+    """The measured vertices of a mesh, whose rig is unknown. Raises InputError for none."""
     if not len(mesh.faces):
         raise InputError("no faces", hint="give a mesh, or the scan file itself")
     return Survey(measured_points(mesh)[0])

@@ -71,7 +71,7 @@ class TestValue:
     """NaN where the calibration of the rig is not known."""
     artefact: float
     limit: float | None
-    """What the value may be at most, either way; None where nobody says."""
+    """What the value may be at most, either way; None where not given."""
     points: int
     left_out: float
     """Share of the points found there that do not count."""
@@ -254,5 +254,5 @@ def _spread(count: int) -> Index:
 
 
 def _root(moves: Floats, survey: Survey) -> float:
-    """The root of the sum of squares of independent moves; NaN where nobody knows them."""
+    """The root of the sum of squares of independent moves; NaN where they are unknown."""
     return nan if survey.moves is None else float(np.sqrt((moves**2).sum()))

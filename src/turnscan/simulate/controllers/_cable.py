@@ -25,7 +25,7 @@ class Cable:
         self.piece = self.lose = self.double = 0
 
     def cut(self) -> None:
-        """What is on its way is gone."""
+        """What is on its way is lost."""
         self._up.clear()
 
     def up(self, data: bytes, now: float) -> None:

@@ -249,7 +249,7 @@ class Firmware(ABC):
         self._inbox.clear()
 
     def hang(self, seconds: float, *, silent: bool = False) -> None:
-        """Deaf for so long, and then the watchdog starts the board anew."""
+        """Deaf for so long, and then the watchdog restarts the board."""
         self.deafen(seconds)
         self.after(seconds, lambda: self.power_on(silent))
 

@@ -153,7 +153,7 @@ class Socket:
         return bytes(0x80 | (byte * 37 + 11) % 128 for byte in data)
 
     def _pull(self, board: Firmware) -> None:
-        """The port is gone for a while; a board that keeps its power lives on."""
+        """The port disappears for a while; a board that keeps its power lives on."""
         self._unplug()
         self.cable.cut()
         end = time.monotonic() + board.unplugged

@@ -28,7 +28,7 @@ _DOUBTED = 3.0
 
 @dataclass(frozen=True)
 class Clean:
-    """What is taken away from the points of a scan before they become a surface."""
+    """What is removed from the points of a scan before they become a surface."""
 
     edge: int = 1
     """Points dropped where a run of points ends at a jump in depth, or in one-sided light."""

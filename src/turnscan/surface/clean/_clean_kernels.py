@@ -226,7 +226,7 @@ def _neighbours(
 
 @njit(cache=True, nogil=True)
 def core(keep: Any, to_step: Any, to_line: Any, closed: bool, least: int) -> Any:
-    """The points (s, n) that stay when those with fewer than ``least`` neighbours are taken away,
+    """The points (s, n) that stay when those with fewer than ``least`` neighbours are removed,
     again and again until none is left to take. The order does not matter.
     """
     s, n = keep.shape

@@ -1,4 +1,4 @@
-"""Islands: loose pieces, small beside the part, are taken away; a long one is reported."""
+"""Islands: loose pieces, small beside the part, are removed; a long one is reported."""
 
 from __future__ import annotations
 

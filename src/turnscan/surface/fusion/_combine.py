@@ -1,4 +1,4 @@
-"""Several grids → one mesh, and what is taken away from it: double cover and islands."""
+"""Several grids → one mesh, and what is removed from it: double cover and islands."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def fuse(
 
     ``seam``: gaps between surfaces of up to twice so many voxels are closed by carrying the
     distances on (volumetric diffusion; Davis et al., Filling holes in complex surfaces, 2002);
-    faces there are not ``measured``, and lie as a membrane does. What meets nothing is taken away
+    faces there are not ``measured``, and lie as a membrane does. What meets nothing is removed
     again. Rays at an angle would part from a surface before its border: along it, faces then count
     along their normals, too.
 

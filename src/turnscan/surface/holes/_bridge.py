@@ -1,4 +1,4 @@
-"""Bridge: two borders, or a side of each, joined by faces that nobody measured."""
+"""Bridge: two borders, or a side of each, joined by faces that were not measured."""
 
 from __future__ import annotations
 

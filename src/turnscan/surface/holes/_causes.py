@@ -365,7 +365,7 @@ def _light(view: Sought, places: Places, c: Crossings) -> Ints:
     why[missing & ((flags & StripeFlag.SATURATED) != 0)] = SATURATED
     why = why[c.step, c.line]
     if view.taken is not None:
-        # What was taken away elsewhere on the line was no light of this place: here was none.
+        # What was removed elsewhere on the line was no light of this place: here was none.
         away = np.linalg.norm(view.taken[c.step, c.line] - places.at[c.place], axis=1)
         why[(why == REMOVED) & ~(away < _near(view.grid, places, c))] = DARK
     return np.asarray(why)

@@ -1,4 +1,4 @@
-"""Caps: a mesh with gaps → a closed one, with every face that nobody measured marked."""
+"""Caps: a mesh with gaps → a closed one, with every face that was not measured marked."""
 
 from __future__ import annotations
 

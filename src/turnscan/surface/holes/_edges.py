@@ -1,4 +1,4 @@
-"""What a part may look like beyond a border at which it turns off: faces that nobody could see."""
+"""What a part may look like beyond a border at which it turns off: faces that could not be seen."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from turnscan.surface.holes._holes import Hole
 from turnscan.surface.holes._spans import smoothed, unit
 
 _CORNERS = 60
-"""Corners of a border from which a face is sought, about."""
+"""Corners of a border from which a face is searched, about."""
 _BENDS = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0, 135.0])
 """How far the part may turn off at its border."""
 _MORE = np.deg2rad(20.0)
@@ -37,7 +37,7 @@ Ends = Callable[[Floats], Bools]
 
 @dataclass(frozen=True)
 class _Borders:
-    """Corners of borders from which faces are sought."""
+    """Corners of borders from which faces are searched."""
 
     X: Floats
     """(m, 3) mm."""

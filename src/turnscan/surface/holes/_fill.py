@@ -1,4 +1,4 @@
-"""Fill: holes → faces that nobody measured, continued from what lies round them."""
+"""Fill: holes → faces that were not measured, continued from what lies round them."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from turnscan.surface._told import Told, silent
 from turnscan.surface.holes._holes import Hole, holes, vector_area
 
 FillHow = Literal["auto", "flat", "membrane", "tangent", "curvature"]
-"""flat: triangles between the vertices of the border alone. membrane: as a soap film spans the
-border, flat where that is. tangent: goes on in the border's tangent planes. curvature: goes on with
-the border's curvature, too. auto: membrane in a hole that an edge runs round, tangent in others
-(`fill`)."""
+"""flat: triangles between the vertices of the border alone. membrane: the least area that
+spans the border, flat where that is. tangent: goes on in the border's tangent planes. curvature:
+goes on with the border's curvature, too. auto: membrane in a hole that an edge runs round, tangent
+in others (`fill`)."""
 _STEEPEST = float(np.radians(60.0))
 _STEEP = np.cos(_STEEPEST)
 """A border is an edge where the surface stands steeper than this on the hole's best plane."""
@@ -343,7 +343,7 @@ def _coloured(mesh: Mesh, done: Sequence[Patch]) -> npt.NDArray[np.uint8] | None
 
 
 def unmeasured(p: Provenance | None, more: int) -> Provenance | None:
-    """Provenance with ``more`` vertices added that nobody measured."""
+    """Provenance with ``more`` vertices added that were not measured."""
     if p is None:
         return None
     none = np.full(more, -1, dtype=np.int32)

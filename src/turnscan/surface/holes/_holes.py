@@ -54,7 +54,7 @@ class Hole:
     centre: Floats
     """(3,) mm: the mean of the border, by length."""
     cause: Cause | None = None
-    """Why nothing was measured there; None where nobody has asked."""
+    """Why nothing was measured there; None where not determined."""
 
     def __post_init__(self) -> None:
         put = object.__setattr__

@@ -1,4 +1,4 @@
-"""Mend: faces that cut through each other are taken away, and the places filled anew."""
+"""Repair of self-intersections: faces that intersect are removed, and the places filled again."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from turnscan.mesh._topology import boundary_loops, half_edges, hanging_together
 from turnscan.surface.holes._fill import FillHow, patches, with_patches
 
 _ROUNDS: tuple[FillHow, ...] = ("tangent", "tangent", "flat", "tangent", "flat")
-"""How the places are filled in each round, those of flat patches always flat; a ring more is taken
-away in every other."""
+"""How the places are filled in each round, those of flat patches always flat; a ring more is
+removed in every other."""
 _SIMPLE = 0.1
 """A larger share of faces than this that cut through others is no small flaw."""
 _MOSTLY = 0.5
 """A place lies mostly in a patch where more than this share of its border does."""
 _PIECE = 0.01
-"""A piece of less than this share of the faces goes where its connection was taken away."""
+"""A piece of less than this share of the faces goes where its connection was removed."""
 
 
 @dataclass(frozen=True)
 class Mended:
-    """A mesh with small self-intersections mended."""
+    """A mesh with small self-intersections repaired."""
 
     mesh: Mesh
     """With all vertices it had, in their places, also those that no face uses any more."""
     owner: Ints
     """(f,) the patch that each face belongs to, −1 for none."""
     replaced: int
-    """How many faces were made anew."""
+    """How many faces were rebuilt."""
     pairs: Ints
     """(k, 2) faces that still cut through each other."""
 
 
 def mend(mesh: Mesh, owner: Ints, flat: Bools, *, hold: bool) -> Mended:
-    """Take faces that cut through others away with those round them, and fill the places anew.
+    """Take faces that cut through others away with those round them, and fill the places again.
 
     Where a measured face and a filled one cut through each other, the filled one gives way. What
     was open before stays open. Where more than 10 % of the faces cut through others, or it cannot
@@ -66,7 +66,7 @@ def mend(mesh: Mesh, owner: Ints, flat: Bools, *, hold: bool) -> Mended:
 
 
 def _giving_way(mesh: Mesh, pairs: Ints, number: int) -> Bools:
-    """(f,) True for the faces to be taken away in a round."""
+    """(f,) True for the faces to be removed in a round."""
     known, gentle = measured(mesh), number < 2
     bad = np.zeros(len(mesh.faces), dtype=np.bool_)
     mixed = known[pairs[:, 0]] != known[pairs[:, 1]]

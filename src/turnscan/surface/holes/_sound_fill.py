@@ -33,7 +33,7 @@ class Filled:
     left: list[Hole]
     """These stayed open."""
     replaced: int
-    """Faces of patches that cut through others and were made anew."""
+    """Faces of patches that cut through others and were rebuilt."""
 
 
 def fill_soundly(
@@ -48,7 +48,7 @@ def fill_soundly(
 
     A border that runs round many tongues, as where light grazes the surface, or round a corner of
     the part, has no surface that continues it: its patch cuts through the part, through another
-    patch or through itself. Faces of patches that do are taken away with those round them and made
+    patch or through itself. Faces of patches that do are removed with those round them and made
     anew; a patch with a face that even then cuts through another is left out, of two that cut
     through each other the one that does so more. No face and no vertex of the mesh changes. Without
     ``hold`` a patch stays that `mend` brings to fit by making measured faces anew; that is then to
@@ -70,7 +70,7 @@ def fill_soundly(
 
 
 def _beyond_mending(done: Mended, flat: Bools) -> Bools:
-    """(n,) True for patches to leave out, so that `mend` sees to all others: the worst first."""
+    """(n,) True for patches to leave out, so that the repair handles all others: worst first."""
     out = np.zeros(len(flat), dtype=np.bool_)
     while True:
         keep = ~np.isin(done.owner, np.flatnonzero(out))
