@@ -176,7 +176,7 @@ class Babbler:
 def test_a_line_without_end_takes_no_memory() -> None:
     link = Babbler()
     lines = Lines(link, "port")  # type: ignore[arg-type]
-    with pytest.raises(DeviceGarbled, match="without end"):
+    with pytest.raises(DeviceGarbled, match="endless line"):
         lines.next(time.monotonic() + 5.0, "anything")
     assert link.given <= 8192
     assert len(lines._bytes) == 0
