@@ -65,7 +65,7 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
     and bend away from the line of the run, where the stripe slides off the surface aslant, and
     points by themselves at a border, of more than three times the usual sigma. Then `despike`,
     where ``outlier`` is given. Then points with too few linked neighbours go, again and again:
-    single strays, and spikes of one line's or one profile's width. What is taken away is flagged
+    single strays, and spikes of one line's or one profile's width. What is removed is flagged
     EDGE or AMBIGUOUS. A grid of one profile or one line has no neighbours to judge by and stays as
     it is.
     """
