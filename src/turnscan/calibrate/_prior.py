@@ -13,7 +13,7 @@ from turnscan.rig import LaserSheet, Pose, Rig
 _LEAST_SHARE = 1e-9
 """Of the largest: a variance below it is taken for that, so that nothing is divided by 0."""
 _FREE_TURN = 1e6
-"""rad²: of the turn about the axis, where the pictures say anew which angle is zero."""
+"""rad²: of the turn about the axis, where the pictures say again which angle is zero."""
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ def known_camera_stage(
     if len(rms) and float(np.median(rms)) > _ALIEN_PX:
         raise Degenerate(
             f"the boards are {np.median(rms):.1f} px rms off where the rig's camera would see them",
-            hint="calibrate the camera anew: its lens or focus is another one",
+            hint="calibrate the camera again: its lens or focus has changed",
         )
     bad = rms > REJECT * max(float(np.median(rms)), 0.1) if len(rms) else np.zeros(0, bool)
     for (name, p), r, b in zip(with_stripe, rms, bad, strict=True):

@@ -19,7 +19,7 @@ _path = click.Path(path_type=Path)
 
 @click.command("calibrate")
 @click.option("--rig", type=_path, help="What is known already: a rig.json whose stages are added "
-              "or calibrated anew, or what a ruler says (.toml).")  # fmt: skip
+              "or calibrated again, or what a ruler says (.toml).")  # fmt: skip
 @click.option("--camera", metavar="PICTURES",
               help="Board pictures in varied poses, laser off.")  # fmt: skip
 @click.option("--board", metavar="SPEC",

@@ -143,7 +143,7 @@ def _sheet(part: _LaserPart, T: Pose) -> LaserSheet:
 
 
 def _covariance(rig: Rig, said: _Uncertainty | None) -> Floats:
-    """Every number by itself: a ruler is laid anew for each."""
+    """Every number by itself: a ruler is laid again for each."""
     u = said or _Uncertainty(length_mm=_LENGTH, angle_deg=_ANGLE, focal_percent=_FOCAL)
     focal, centre = 0.01 * u.focal_percent * rig.camera.fx, _CENTRE * rig.camera.width
     angle = math.radians(u.angle_deg)
