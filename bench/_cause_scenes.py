@@ -16,7 +16,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.formats import write_stl
 from turnscan.mesh import Mesh
-from turnscan.simulate import Material, Wish
+from turnscan.simulate import Material, SimulationSpec
 from turnscan.simulate import _solids as solids
 
 BLACK = 0.002
@@ -36,7 +36,7 @@ class Scene:
     seed: int = 0
     paint: Material | None = None
 
-    def wish(self, rig: str, steps: int, folder: Path) -> Wish:
+    def wish(self, rig: str, steps: int, folder: Path) -> SimulationSpec:
         """The bench; a random form is written into the folder."""
         a, b = self.lean
         scene = self.name
@@ -45,7 +45,7 @@ class Scene:
             if not path.exists():
                 path.write_bytes(write_stl(FORMS[scene](np.random.default_rng(self.seed))))
             scene = str(path)
-        return Wish(
+        return SimulationSpec(
             scene, rig, lasers=2, steps=steps, seed=self.seed, tip=math.radians(self.tip),
             lean=(math.radians(a), math.radians(b)), shift=self.shift,
         )  # fmt: skip

@@ -53,7 +53,7 @@ FINE = 1.0
 """mm: longest side of the triangles that are asked."""
 GRAZING = (float(np.cos(np.deg2rad(76.0))), float(np.cos(np.deg2rad(84.0))))
 """Cosines of the angle off face-on from which a surface counts as hidden: by definition 80°, as
-`Tears.grazing`; up to 4° to either side it hangs on a facet's tilt, and is not known."""
+`TearLimits.grazing`; up to 4° to either side it hangs on a facet's tilt, and is not known."""
 HORIZON = float(np.cos(np.deg2rad(90.0)))
 """Cosine beyond which it is turned away, and no longer grazing."""
 SAMPLES = 2.0

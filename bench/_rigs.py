@@ -20,7 +20,7 @@ from turnscan.calibrate import (
     stripe_candidates,
 )
 from turnscan.rig import Pose, Rig, rotation_from_vector
-from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of
+from turnscan.simulate import Bench, Renderer, SimulationSpec, bench, seconds_of
 
 Knowledge = Literal["exact", "calibrated", "uncalibrated"]
 KNOWLEDGE: tuple[Knowledge, ...] = get_args(Knowledge)
@@ -36,7 +36,7 @@ ROOM = 0.5
 """Room light while the board is photographed, as a share of the grey scale."""
 
 
-def known_rig(made: Bench, wish: Wish, knowledge: Knowledge) -> Rig | None:
+def known_rig(made: Bench, wish: SimulationSpec, knowledge: Knowledge) -> Rig | None:
     """The rig to measure with; None for the truth itself."""
     if knowledge == "exact":
         return None
@@ -63,7 +63,7 @@ def as_planned(rig: Rig) -> Rig:
     return rig.perturbed([off.get(name, 0.0) for name in names])
 
 
-def from_pictures(wish: Wish, views: tuple[int, int, int] = VIEWS) -> Rig:
+def from_pictures(wish: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> Rig:
     """Calibrate with simulated pictures of the board: held freely, under the laser, on the table.
 
     No picture of the table has the laser on: the boards under it say where its sheet is.

@@ -23,7 +23,7 @@ from bench._rigs import KNOWLEDGE, Knowledge, known_rig
 from turnscan import points, shapes
 from turnscan.arrays import Bools, Floats, Image
 from turnscan.rig import Rig
-from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of, steps_of
+from turnscan.simulate import Bench, Renderer, SimulationSpec, bench, seconds_of, steps_of
 from turnscan.stripes import Stripe, StripeFlag, StripeSettings, detect
 
 TOLERANCES = (0.05, 0.1, 0.2)
@@ -59,10 +59,12 @@ class Case:
         known = ", true rig" if self.knowledge == "exact" else f", {self.knowledge}"
         return f"{self.rig}{angle}{known}" + (", perfect" if self.perfect else "")
 
-    def wish(self, seed: int) -> Wish:
+    def wish(self, seed: int) -> SimulationSpec:
         """The bench to build."""
         theta = math.radians(self.theta_deg) or None
-        return Wish(self.part, self.rig, theta=theta, lasers=1, seed=seed, perfect=self.perfect)
+        return SimulationSpec(
+            self.part, self.rig, theta=theta, lasers=1, seed=seed, perfect=self.perfect
+        )
 
 
 SHORT = (

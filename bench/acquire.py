@@ -71,7 +71,7 @@ class _Rig:
 
 
 @dataclass(frozen=True)
-class Figures:
+class CalibrationQuality:
     """Of one scan."""
 
     stored: list[float]
@@ -85,7 +85,7 @@ class Figures:
     seconds: float
 
 
-def scan(folder: Path, steps: int = STEPS) -> Figures:
+def scan(folder: Path, steps: int = STEPS) -> CalibrationQuality:
     """One scan into a new file in this folder."""
     rig = _Rig()
     hardware = Hardware(rig, rig, rig)
@@ -110,7 +110,7 @@ def scan(folder: Path, steps: int = STEPS) -> Figures:
         took = time.perf_counter() - began
     overlapped = sum(any(a < end and start < b for a, b in stored) for start, end in rig.moves[2:])
     seconds = [b - a for a, b in stored]
-    return Figures(seconds, worked, path.stat().st_size, overlapped, took)
+    return CalibrationQuality(seconds, worked, path.stat().st_size, overlapped, took)
 
 
 def run() -> None:

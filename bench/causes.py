@@ -26,7 +26,7 @@ from bench import _page
 from bench._cause_scenes import HELD_OUT, MADE_WITH, Scene
 from bench.surface_truth import Run, scanned
 from turnscan.arrays import Bools, Floats, Ints
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.mesh import Mesh
 from turnscan.rig import Rig
 from turnscan.scan import Scan
@@ -166,7 +166,7 @@ def shares(scene: Scene, folder: Path, light: str = "known") -> tuple[Share, Sha
     made, path = scanned(scene.wish(RIG, STEPS, folder), folder, scene.paint)
     rig = LIGHT[light](made.rig)
     with Scan.open(path) as scan:
-        run = Run(made, STEPS, tuple(see(scan, rig, Settings().stripes)))
+        run = Run(made, STEPS, tuple(detect_scan(scan, rig, Settings().stripes)))
     out = []
     for lines, done in ((1, run.one), (2, run.both)):
         lit = replace(made, beams=made.beams[:lines])

@@ -27,7 +27,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_sta
 from bench.virtual import Actor, Process, World
 from turnscan.devices import _lit
 from turnscan.devices._guard import LONGEST_LEASE
-from turnscan.devices._link import Deadlines
+from turnscan.devices._guard_client import Deadlines
 from turnscan.devices._registry import board
 from turnscan.errors import LaserStateUnknown, TurnscanError
 from turnscan.simulate.controllers import (
@@ -77,7 +77,7 @@ def firmware(dialect: str) -> Firmware:
 
 
 @dataclass
-class Figures:
+class CalibrationQuality:
     """What a run has seen."""
 
     transitions: int = 0
@@ -109,7 +109,7 @@ class Figures:
         ])  # fmt: skip
 
 
-FIGURES = Figures()
+FIGURES = CalibrationQuality()
 
 
 class Violation(AssertionError):
@@ -530,10 +530,10 @@ class Machine(RuleBasedStateMachine):
         self._pass(0.1)
 
 
-def explore(transitions: int, seed: int = 0, steps: int = 40) -> Figures:
+def explore(transitions: int, seed: int = 0, steps: int = 40) -> CalibrationQuality:
     """Run the machine for about so many transitions. Raises Violation, with the way to it."""
     global FIGURES
-    FIGURES = Figures()
+    FIGURES = CalibrationQuality()
     while FIGURES.transitions < transitions:
         left = max(1, math.ceil((transitions - FIGURES.transitions) / steps))
         run_state_machine_as_test(

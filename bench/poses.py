@@ -24,7 +24,7 @@ from turnscan.points import RangeGrid
 from turnscan.rig import Pose, rotation_from_vector
 from turnscan.scan import Scan
 from turnscan.settings import Settings
-from turnscan.simulate import Wish, part
+from turnscan.simulate import SimulationSpec, part
 from turnscan.surface.fusion import range_surfaces
 from turnscan.workflows._range_scans import placed_scans, read_range_scan
 
@@ -41,7 +41,7 @@ def view_of(name: str, grids: list[RangeGrid]) -> poses.View:
 def cup_pose(folder: Path, name: str, tip: float, steps: int) -> poses.View:
     """A cup scanned by the modern rig, tipped by so much; with speckle, noise and halo."""
     start = time.process_time()
-    wish = Wish(scene="cup", rig="modern", lasers=1, steps=steps, tip=tip)
+    wish = SimulationSpec(scene="cup", rig="modern", lasers=1, steps=steps, tip=tip)
     path = scanned(wish, folder)[1]
     print(f"  {name}: {path.name}, {time.process_time() - start:.0f} s of a core", flush=True)
     with Scan.open(path) as scan:

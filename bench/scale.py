@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.pipeline import to_grids, to_mesh
 from turnscan.rig import Camera, LaserSheet, Pose, Rig
 from turnscan.scan import Frame, Scan, ScanPlan
@@ -143,7 +143,7 @@ def measure(path: Path, warm: Path) -> tuple[list[Cost], int, float]:
     """Stages of a reconstruction, faces of its mesh, and s of processor to read the file alone."""
     settings = Settings()
     with Scan.open(warm) as scan:  # compiles, or loads what is compiled
-        grids, _, _ = to_grids(see(scan, make_rig(), settings.stripes), settings)
+        grids, _, _ = to_grids(detect_scan(scan, make_rig(), settings.stripes), settings)
         to_mesh(grids, settings, rig=make_rig())
     books = Ledger()
     start = _processor()
@@ -153,7 +153,7 @@ def measure(path: Path, warm: Path) -> tuple[list[Cost], int, float]:
         scan = Scan.open(path)
     with scan:
         with books.stage("stripes"):
-            seen = see(scan, make_rig(), settings.stripes)
+            seen = detect_scan(scan, make_rig(), settings.stripes)
         with books.stage("grids"):
             grids, _, _ = to_grids(seen, settings)
         del seen

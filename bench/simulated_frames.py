@@ -6,7 +6,7 @@ import multiprocessing
 import resource
 import time
 
-from turnscan.simulate import Renderer, Wish, bench, seconds_of
+from turnscan.simulate import Renderer, SimulationSpec, bench, seconds_of
 
 _SCENES = (
     ("cup", "paper", True, 24),
@@ -44,7 +44,7 @@ def run() -> None:
 def _work(
     scene: str, rig: str, lit: bool, first: int, frames: int, barrier: object, queue: object
 ) -> None:
-    wish = Wish(scene, rig, lasers=1)
+    wish = SimulationSpec(scene, rig, lasers=1)
     renderer = Renderer(bench(wish))
     seconds = seconds_of(wish)
     burning = ["right"] if lit else []

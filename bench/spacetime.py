@@ -16,7 +16,7 @@ import numpy as np
 from turnscan import points
 from turnscan.arrays import Floats, Image
 from turnscan.rig import Rig
-from turnscan.simulate import Bench, Renderer, Wish, bench, seconds_of
+from turnscan.simulate import Bench, Renderer, SimulationSpec, bench, seconds_of
 from turnscan.simulate._bench import Waves
 from turnscan.simulate._parts import cylinder
 from turnscan.stripes import Signal, Stripe, StripeSettings
@@ -137,7 +137,7 @@ def rms(values: Floats) -> float:
 
 def built(case: Case) -> Bench:
     """The bench of a case."""
-    made = bench(Wish(case.part, case.rig, lasers=1, seed=case.seed, waves=case.waves))
+    made = bench(SimulationSpec(case.part, case.rig, lasers=1, seed=case.seed, waves=case.waves))
     body = made.scene.bodies[0]
     if case.part == "cylinder":
         body = replace(body, part=cylinder(RADIUS))
@@ -160,7 +160,7 @@ def photographed(case: Case) -> Pictures:
     """Pictures of a case: laser on and off at every step."""
     made = built(case)
     renderer, laser = Renderer(made), made.beams[0].name
-    seconds = seconds_of(Wish("cylinder", case.rig))
+    seconds = seconds_of(SimulationSpec("cylinder", case.rig))
     angles: Floats = math.radians(case.step) * np.arange(case.steps, dtype=np.float64)
     off = np.random.default_rng(case.seed).normal(0.0, math.radians(case.tremble), case.steps)
     lit = [renderer.picture(angle, {laser}, seconds) for angle in angles + off]

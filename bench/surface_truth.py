@@ -21,7 +21,7 @@ import numpy as np
 from bench import _hole_truth as truth
 from turnscan import shapes, surface
 from turnscan.arrays import Bools, Floats
-from turnscan.detection import Sight, see
+from turnscan.detection import Detection, detect_scan
 from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan
@@ -33,14 +33,14 @@ from turnscan.simulate import (
     SimLasers,
     SimTurntable,
     Simulated,
-    Wish,
+    SimulationSpec,
     World,
     bench,
 )  # fmt: skip
 from turnscan.stripes import StripeFlag
-from turnscan.surface import Tears
+from turnscan.surface import TearLimits
 from turnscan.surface.fusion import overlaps, range_surfaces
-from turnscan.surface.holes import Caps
+from turnscan.surface.holes import ClosingOptions
 from turnscan.workflows._simulated import plan_of, scan_into_file
 
 NEAR = 0.2
@@ -51,7 +51,7 @@ SAMPLES = 20_000
 PLACES = 15_000
 """Small triangles of the part that are asked."""
 TWO_LINES = math.radians(22.4)
-FLAT, EDGE = math.cos(Tears().grazing), math.cos(math.radians(89.5))
+FLAT, EDGE = math.cos(TearLimits().grazing), math.cos(math.radians(89.5))
 """Cosines off face-on beyond which a place does not count as seen: by the rule of the tears, where
 a pixel of the picture spans six on the part; and only where it cannot be seen at all."""
 BESIDE = 3.0
@@ -76,7 +76,7 @@ class Run:
 
     made: Bench
     steps: int
-    seen: tuple[Sight, ...]
+    seen: tuple[Detection, ...]
 
     @cached_property
     def both(self) -> Reconstruction:
@@ -91,7 +91,7 @@ class Run:
     @cached_property
     def closed(self) -> Reconstruction:
         """With two lines, and its gaps closed."""
-        return build(self.seen, Settings(caps=Caps()))
+        return build(self.seen, Settings(caps=ClosingOptions()))
 
     @property
     def near(self) -> float:
@@ -119,7 +119,9 @@ class Size:
     unseen: int = 80
 
 
-def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Bench, Path]:
+def scanned(
+    wish: SimulationSpec, folder: Path, paint: Material | None = None
+) -> tuple[Bench, Path]:
     """A whole turn into a scan file, or the one that is there."""
     made = bench(wish)
     name = f"{wish.scene}-{wish.rig}-{wish.steps}"
@@ -144,11 +146,11 @@ def scanned(wish: Wish, folder: Path, paint: Material | None = None) -> tuple[Be
     return made, path
 
 
-def reconstructed(wish: Wish, folder: Path, paint: Material | None = None) -> Run:
+def reconstructed(wish: SimulationSpec, folder: Path, paint: Material | None = None) -> Run:
     """The scan of a wish, and what its stripes are."""
     made, path = scanned(wish, folder, paint)
     with Scan.open(path) as scan:
-        seen = see(scan, made.rig, Settings().stripes)
+        seen = detect_scan(scan, made.rig, Settings().stripes)
     return Run(made, wish.steps or 0, tuple(seen))
 
 
@@ -201,7 +203,7 @@ def precision(run: Run, mesh: Mesh, limit: float) -> float:
 
 def agreement(done: Reconstruction) -> Floats:
     """(m,) combined sigma between two lasers, at places that both measured."""
-    parts = [s for g in done.grids for s in range_surfaces(g, surface.Tears())]
+    parts = [s for g in done.grids for s in range_surfaces(g, surface.TearLimits())]
     return np.concatenate([np.zeros(0), *(o.ratios for o in overlaps(parts))])
 
 
@@ -219,7 +221,9 @@ def two_lines(size: Size, folder: Path) -> None:
     """The heads with one line and with two."""
     for scene, steps in (("head", size.head), ("mannequin", size.mannequin)):
         theta = TWO_LINES if size.rig == "modern" else None
-        run = reconstructed(Wish(scene, size.rig, theta=theta, lasers=2, steps=steps), folder)
+        run = reconstructed(
+            SimulationSpec(scene, size.rig, theta=theta, lasers=2, steps=steps), folder
+        )
         some, near = places(run.made), run.near
         total = float(truth.patches(run.made).area.sum())
         print(
@@ -264,7 +268,7 @@ def holes_beside(done: Reconstruction, X: Floats) -> float:
 def halo(size: Size, folder: Path) -> None:
     """The bust, whose stone glows, beside the same stone without glow in half the steps."""
     for glow, steps in ((None, size.bust), (0.0, size.bust // 2)):
-        wish = Wish("bust", size.rig, lasers=2, steps=steps)
+        wish = SimulationSpec("bust", size.rig, lasers=2, steps=steps)
         paint = None
         if glow is not None:
             paint = replace(bench(wish).scene.bodies[0].material, halo=glow)
@@ -286,9 +290,9 @@ def causes(size: Size, folder: Path) -> tuple[int, int]:
     runs = []
     for scene in CAUSES:
         steps = size.bust if scene == "bust" else size.steps
-        wish = Wish(scene, size.rig, lasers=2, steps=steps)
+        wish = SimulationSpec(scene, size.rig, lasers=2, steps=steps)
         runs.append((scene, reconstructed(wish, folder)))
-    wish = Wish("sphere", size.rig, lasers=2, steps=size.steps)
+    wish = SimulationSpec("sphere", size.rig, lasers=2, steps=size.steps)
     runs.append(("sphere painted", reconstructed(wish, folder, PAINTED)))
     return _told(runs, f"{size.rig}, {size.steps} steps")
 
@@ -298,12 +302,12 @@ def unseen(size: Size, folder: Path) -> tuple[int, int]:
     runs = []
     for scene, tip, lean, shift in LEANING:
         a, b = lean
-        wish = Wish(
+        wish = SimulationSpec(
             scene, size.rig, lasers=2, steps=size.unseen,
             tip=math.radians(tip), lean=(math.radians(a), math.radians(b)), shift=shift,
         )  # fmt: skip
         runs.append((f"{scene} leaning", reconstructed(wish, folder)))
-    wish = Wish("sphere", size.rig, lasers=2, steps=size.unseen, seed=2)
+    wish = SimulationSpec("sphere", size.rig, lasers=2, steps=size.unseen, seed=2)
     runs.append(("sphere painted, seed 2", reconstructed(wish, folder, PAINTED)))
     return _told(runs, f"{size.rig}, {size.unseen} steps, not looked at before")
 

@@ -23,18 +23,18 @@ from bench._rigs import from_pictures
 from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
 from turnscan import pipeline, shapes
 from turnscan.arrays import Bools
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.mesh import Mesh, cut_touching, longest_sides
 from turnscan.rig import Rig
 from turnscan.scan import Scan
 from turnscan.settings import Settings
-from turnscan.simulate import Wish
+from turnscan.simulate import SimulationSpec
 from turnscan.surface.clean import drop_islands
-from turnscan.surface.fusion import How, merge
+from turnscan.surface.fusion import MergeMethod, merge
 
 PARTS = ("mug", "head", "mannequin", "bracket", "gear", "v-groove")
 RIGS, LASERS, STEPS = ("paper", "modern"), (1, 2), (24, 60, 120, 200)
-WAYS: Sequence[How] = ("grid", "tsdf", "paste")
+WAYS: Sequence[MergeMethod] = ("grid", "tsdf", "paste")
 PAGE = Path(__file__).parents[1] / "docs" / "explain" / "accuracy.md"
 BEGIN, END = "<!-- bench truth -->", "<!-- end of bench truth -->"
 HEAD = (
@@ -97,15 +97,15 @@ def rows(
     """The table's rows, each scan simulated once."""
     believed: dict[str, Rig] = {}
     for part, rig, lasers, count in product(parts, rigs, LASERS, steps):
-        wish = Wish(part, rig, lasers=lasers, steps=count)
+        wish = SimulationSpec(part, rig, lasers=lasers, steps=count)
         made, path = scanned(wish, folder)
         if calibrated and rig not in believed:
-            believed[rig] = from_pictures(Wish("charuco", rig, lasers=1))
+            believed[rig] = from_pictures(SimulationSpec("charuco", rig, lasers=1))
         # Pictures of the board are taken with the first line alone.
         if calibrated and lasers > 1:
             continue
         with Scan.open(path) as scan:
-            seen = tuple(see(scan, believed.get(rig, made.rig), Settings().stripes))
+            seen = tuple(detect_scan(scan, believed.get(rig, made.rig), Settings().stripes))
         grids, _, _ = pipeline.to_grids(seen, Settings())
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)

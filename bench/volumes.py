@@ -20,16 +20,16 @@ import numpy as np
 from bench import _hole_truth as truth
 from bench.surface_truth import Size, scanned
 from turnscan import poses, shapes
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.mesh import Mesh, components, crossings, is_closed
 from turnscan.pipeline import to_grids, to_mesh
 from turnscan.points import RangeGrid, placed
 from turnscan.rig import Pose
 from turnscan.scan import Scan
 from turnscan.settings import Settings
-from turnscan.simulate import Bench, Wish
+from turnscan.simulate import Bench, SimulationSpec
 from turnscan.surface.fusion import RangeSurface, range_surfaces
-from turnscan.surface.holes import Caps
+from turnscan.surface.holes import ClosingOptions
 
 PICKED = 1.0
 """mm: how well a place is picked by hand, in each direction."""
@@ -40,8 +40,8 @@ class Plan:
     """How a part is scanned."""
 
     stands: Sequence[Mapping[str, object]]
-    """How it stands in each pose (fields of `Wish`): so that, over all, every face is met by the
-    sheets, which all hold the axis, at less than 75° from face-on."""
+    """How it stands in each pose (fields of `SimulationSpec`): so that, over all, every face is met
+    by the sheets, which all hold the axis, at less than 75° from face-on."""
     picks: bool
     """True where nothing but points picked by hand tells how the poses lie: a ball, a ring, and a
     block whose ends only one of the poses sees."""
@@ -93,13 +93,13 @@ class Joined:
 
 def joined(scene: str, size: Size, folder: Path, seed: int = 0) -> Joined:
     """Scan, bring together, merge and close a part, as ``turnscan join --close`` does."""
-    plan, s = PLANS[scene], Settings(caps=Caps(floor=None, top=None))
+    plan, s = PLANS[scene], Settings(caps=ClosingOptions(floor=None, top=None))
     benches, grids = list[Bench](), list[list[RangeGrid]]()
     for how in plan.stands:
-        wish = Wish(scene=scene, rig=size.rig, lasers=2, steps=size.steps, **how)  # type: ignore
+        wish = SimulationSpec(scene=scene, rig=size.rig, lasers=2, steps=size.steps, **how)  # type: ignore
         made, path = scanned(wish, folder)
         with Scan.open(path) as scan:
-            grids.append(to_grids(see(scan, made.rig, s.stripes), s)[0])
+            grids.append(to_grids(detect_scan(scan, made.rig, s.stripes), s)[0])
         benches.append(made)
     names = [f"pose {k + 1}" for k in range(len(grids))]
     parts = [[r for g in gs for r in range_surfaces(g, s.tears)] for gs in grids]

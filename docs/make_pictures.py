@@ -40,7 +40,7 @@ from turnscan.simulate import (
     SimLasers,
     SimTurntable,
     Simulated,
-    Wish,
+    SimulationSpec,
     World,
     bench,
     part,
@@ -56,7 +56,7 @@ from turnscan.surface.holes import (
 from turnscan.workflows._simulated import plan_of, scan_into_file
 
 HERE = Path(__file__).parent / "pictures"
-SECONDS = seconds_of(Wish())
+SECONDS = seconds_of(SimulationSpec())
 
 
 def picture(made: Bench, angle: float, *lit: str, seconds: float = SECONDS, shot: int = 0) -> Image:
@@ -84,7 +84,7 @@ def galvanometer() -> None:
     """A swept spot: bright ends, and a beat where the exposure is no whole number of sweeps."""
     figure = Figure(figsize=(10, 4), layout="constrained")
     axes = figure.subplots(1, 2)
-    made = bench(Wish("cylinder", waves="diffraction", room=0.0))
+    made = bench(SimulationSpec("cylinder", waves="diffraction", room=0.0))
     for frequency, style in ((300.0, "-"), (105.0, "-"), (137.0, ":")):
         beam = replace(made.beams[0], frequency=frequency)
         s = np.linspace(-0.999, 0.999, 1500)
@@ -106,7 +106,7 @@ def galvanometer() -> None:
 
 def two_lines() -> None:
     """The head lit from both sides: what one laser loses behind the nose the other one lights."""
-    made = bench(Wish("head", lasers=2))
+    made = bench(SimulationSpec("head", lasers=2))
     figure = Figure(figsize=(11, 3.2), layout="constrained")
     for axes, lit in zip(figure.subplots(1, 3), (("right",), ("left",), ()), strict=True):
         title = f"laser {lit[0]}" if lit else "both"
@@ -132,11 +132,17 @@ def lit_share(made: Bench, steps: int = 40) -> float:
 def shadows() -> None:
     """Fig. 5: a larger angle resolves more and sees less."""
     angles = (10, 15, 22.4, 30, 45, 60)
-    shares = [lit_share(bench(Wish("head", theta=math.radians(a), lasers=1))) for a in angles]
+    shares = [
+        lit_share(bench(SimulationSpec("head", theta=math.radians(a), lasers=1))) for a in angles
+    ]
     step = [design_resolution(a) for a in angles]
     figure = Figure(figsize=(10, 3.6), layout="constrained")
     first, chart = figure.subplots(1, 2, width_ratios=[1, 1.2])
-    show(first, picture(bench(Wish("head", theta=math.radians(45), lasers=1)), 0.42), "θ = 45°")
+    show(
+        first,
+        picture(bench(SimulationSpec("head", theta=math.radians(45), lasers=1)), 0.42),
+        "θ = 45°",
+    )
     chart.plot(angles, np.array(shares) * 100, "o-", label="rows with a stripe, %")
     chart.plot(angles, np.array(step) * 100, "s--", label="ΔR per pixel at the axis, 0.01 mm")
     chart.set_xlabel("θ, degrees")
@@ -152,7 +158,7 @@ def design_resolution(angle: float) -> float:
 def panned() -> None:
     """Fig. 7: a camera whose axis misses the rotation axis spends all its columns on one side."""
     figure = Figure(figsize=(10, 3.4), layout="constrained")
-    straight = bench(Wish("sphere"))
+    straight = bench(SimulationSpec("sphere"))
     panned = replace(design_preset("paper"), focal=25.5, pan=math.radians(7.86))
     rig = panned.rig(height=20.0)
     back, there = straight.rig.T_camera_table.inverse(), rig.T_camera_table
@@ -184,9 +190,15 @@ def off_centre() -> None:
     """Fig. 8: the same part off the axis; some profiles fall where the laser does not reach."""
     figure = Figure(figsize=(10, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.2])
-    show(left, picture(bench(Wish("hexagon", shift=(35.0, 0.0))), 2.0), "35 mm off the axis")
+    show(
+        left,
+        picture(bench(SimulationSpec("hexagon", shift=(35.0, 0.0))), 2.0),
+        "35 mm off the axis",
+    )
     shifts = (0, 10, 20, 30, 40, 50)
-    shares = [100 * lit_share(bench(Wish("hexagon", shift=(float(x), 0.0)))) for x in shifts]
+    shares = [
+        100 * lit_share(bench(SimulationSpec("hexagon", shift=(float(x), 0.0)))) for x in shifts
+    ]
     right.plot(shifts, shares, "o-")
     right.set_xlabel("distance of the part from the axis, mm")
     right.set_ylabel("rows with a stripe over a turn, %")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.analytic import box, full_turn, make_rig, scan_shape
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.edit import DeletePoints, Entry, ProfileOff, Redetect
 from turnscan.errors import InputError
 from turnscan.mesh import is_closed
@@ -15,7 +15,7 @@ from turnscan.points import Along, Between, Volume, build_grid
 from turnscan.scan import Frame, Scan, ScanPlan, rig_for
 from turnscan.settings import Settings
 from turnscan.stripes import StripeFlag, StripeSettings
-from turnscan.surface.holes import Caps
+from turnscan.surface.holes import ClosingOptions
 
 STEPS = 40
 LASERS = (0.45, -0.45)
@@ -55,7 +55,7 @@ def scan_path(rig, tmp_path_factory):
 
 def test_the_number_of_threads_changes_nothing(scan_path, rig):
     with Scan.open(scan_path) as scan:
-        one, several = (see(scan, rig, StripeSettings(), jobs=n) for n in (1, 5))
+        one, several = (detect_scan(scan, rig, StripeSettings(), jobs=n) for n in (1, 5))
     assert [s.view.laser for s in one] == ["L0", "L1"]
     for a, b in zip(one, several, strict=True):
         assert a.stripes.steps == b.stripes.steps
@@ -68,8 +68,10 @@ def test_the_number_of_threads_changes_nothing(scan_path, rig):
 def test_a_box_comes_out_of_its_pictures(scan_path):
     ticks = []
     with Scan.open(scan_path) as scan:
-        done = reconstruct(scan, settings=Settings(caps=Caps()), tick=lambda: ticks.append(1))
-        again = reconstruct(scan, settings=Settings(caps=Caps()))
+        done = reconstruct(
+            scan, settings=Settings(caps=ClosingOptions()), tick=lambda: ticks.append(1)
+        )
+        again = reconstruct(scan, settings=Settings(caps=ClosingOptions()))
     assert len(ticks) == 2 * STEPS - 1
     assert done.mesh.vertices.tobytes() == again.mesh.vertices.tobytes(), "threads change nothing"
     assert done.mesh.faces.tobytes() == again.mesh.faces.tobytes()
@@ -107,7 +109,7 @@ def test_choices_of_the_user_are_obeyed(scan_path, rig):
 
 def test_points_by_arc_length_are_meshed_with_the_profiles_that_were_asked_for(scan_path):
     with Scan.open(scan_path) as scan:
-        seen = see(scan, rig_for(scan), StripeSettings(), Volume(60, 5, 25))[:1]
+        seen = detect_scan(scan, rig_for(scan), StripeSettings(), Volume(60, 5, 25))[:1]
     wide = Between(float(np.deg2rad(18)), "rad")
     done = build(seen, Settings(along=Along(2.0, "arc"), between=wide))
     assert len(done.grids[0].steps) == 20
@@ -241,7 +243,7 @@ def test_a_second_pass_is_merged_with_the_first(rig, tmp_path):
 
 def test_frames_asked_again_show_the_same_and_edits_reach_the_grid(scan_path):
     with Scan.open(scan_path) as scan:
-        seen = see(scan, rig_for(scan), StripeSettings())
+        seen = detect_scan(scan, rig_for(scan), StripeSettings())
         plain = build(seen, Settings())
         view = seen[0].view
         step = seen[0].stripes.steps[5]

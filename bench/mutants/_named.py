@@ -23,7 +23,7 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "parameters are not paid for: noise comes out too small",
         ),
         (
-            "calibrate/_terms.py",
+            "calibrate/_residuals.py",
             "-np.ones_like(a), -a * a, -a * b, -b * b]",
             "-np.ones_like(a), a * a, -a * b, -b * b]",
             "sign of the derivative by a sheet's bow",
@@ -35,7 +35,7 @@ _NAMED: dict[str, list[tuple[str, str, str, str]]] = {
             "sign with which a standing board's lowest corner carries its uncertainty over",
         ),
         (
-            "calibrate/_figures.py",
+            "calibrate/_quality.py",
             "np.diag(J @ rig.covariance @ J.T)",
             "np.diag(J @ np.diag(sigma**2) @ J.T)",
             "uncertainty (k = 2) of a radius without the correlations",

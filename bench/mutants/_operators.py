@@ -46,8 +46,8 @@ def mutants_of(room: str, path: str, text: str) -> list[Mutant]:
             )
             new = f"({ast.unparse(other)})"
             mutant = Mutant(room, path, start, stop, new, where, ast.unparse(node))
-            twins = sum(m.where == where and m.change == mutant.change for m in found)
-            found.append(replace(mutant, nth=twins + 1))
+            opposite_half_edges = sum(m.where == where and m.change == mutant.change for m in found)
+            found.append(replace(mutant, nth=opposite_half_edges + 1))
     return found
 
 

@@ -48,7 +48,7 @@ class Room:
 
 ROOMS = {
     "safety": Room(
-        ("devices/_guard.py", "devices/_link.py", "devices/_lit.py"),
+        ("devices/_guard.py", "devices/_guard_client.py", "devices/_lit.py"),
         (
             Suite(("safety/test_state_machine.py", "-k", _JUDGED)),
             Suite(("safety/test_guard.py", "safety/test_lines.py", "-k", _SHORT)),

@@ -37,7 +37,7 @@ FLANKS = 24
 class View:
     """How the stripe of one laser is searched in the frames of a scan.
 
-    It looks into the scan file again when asked for single steps (`turnscan.edit.Eyes`).
+    It looks into the scan file again when asked for single steps (`turnscan.edit.StripeSearch`).
     """
 
     scan: Scan
@@ -126,7 +126,7 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class Detection:
     """What was seen of one laser, and how to look again."""
 
     view: View
@@ -206,7 +206,7 @@ class _Search:
         return stripe
 
 
-def see(
+def detect_scan(
     scan: Scan,
     rig: Rig,
     settings: StripeSettings,
@@ -214,7 +214,7 @@ def see(
     tick: Callable[[], None] = lambda: None,
     only: str | None = None,
     jobs: int | None = None,
-) -> list[Sight]:
+) -> list[Detection]:
     """The stripes of each laser of a scan, in all its frames.
 
     ``volume`` None takes what the rig can measure; ``tick`` is called after each frame; ``only``
@@ -232,7 +232,7 @@ def see(
             look = replace(settings, orientation=scan.plan.orientation, mask=mask)
             view = View(scan, rig, lit, laser, kept, look, inside)
             stripes, found = view.seek(tick, jobs)
-            seen.append(Sight(view, stripes, tuple(found)))
+            seen.append(Detection(view, stripes, tuple(found)))
     return seen
 
 

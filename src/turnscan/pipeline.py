@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from turnscan import edit, points, surface
-from turnscan.detection import Sight, see
+from turnscan.detection import Detection, detect_scan
 from turnscan.edit import Entry
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, cut_touching
@@ -16,8 +16,8 @@ from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
 from turnscan.shapes import Source
-from turnscan.surface import Tears, Told, clean, decimation, fusion, holes, part, silent
-from turnscan.surface.holes import Caps, Hole, Sought
+from turnscan.surface import TearLimits, Told, clean, decimation, fusion, holes, part, silent
+from turnscan.surface.holes import ClosingOptions, Hole, ScanCoverage
 
 Tick = Callable[[], None]
 
@@ -36,15 +36,15 @@ class Reconstruction:
     """What was done by hand."""
     opened: Mesh | None = None
     """The mesh before its gaps were closed and it was thinned; None when it is the same."""
-    sought: tuple[Sought, ...] = ()
+    sought: tuple[ScanCoverage, ...] = ()
     """What each laser's scan could have found; empty for scans of other scanners."""
-    caps: Caps | None = None
+    caps: ClosingOptions | None = None
     """How its gaps were closed; None where they were not."""
     source: Source | None = None
     """What the uncertainty of its volume hangs on; None: on its grids and their rig alone."""
     along: Along | None = None
     """Which points of the profiles were asked for; None for all."""
-    tears: Tears | None = None
+    tears: TearLimits | None = None
     """Where profiles do not hang together; None is the default."""
 
     @cached_property
@@ -73,11 +73,11 @@ def reconstruct(
     ScanCorrupt naming a frame.
     """
     s = settings or Settings()
-    return build(see(scan, rig_for(scan, rig), s.stripes, s.volume, tick), s, edits)
+    return build(detect_scan(scan, rig_for(scan, rig), s.stripes, s.volume, tick), s, edits)
 
 
 def build(
-    seen: Sequence[Sight],
+    seen: Sequence[Detection],
     s: Settings,
     edits: Sequence[Entry] = (),
     told: Told = silent,
@@ -108,13 +108,13 @@ def build(
 
 
 def to_grids(
-    seen: Sequence[Sight], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
-) -> tuple[list[RangeGrid], list[Sought], list[Finding]]:
+    seen: Sequence[Detection], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
+) -> tuple[list[RangeGrid], list[ScanCoverage], list[Finding]]:
     """Stripes → grids, what each could have found, and what there is to know.
 
     ``told`` hears of the profiles that an edit wants to be sought again, and of each grid.
     """
-    grids, sought = list[RangeGrid](), list[Sought]()
+    grids, sought = list[RangeGrid](), list[ScanCoverage]()
     findings = edit.lost_edits(edits, [sight.view.laser for sight in seen])
     for k, sight in enumerate(seen):
         v = sight.view
@@ -138,7 +138,9 @@ def to_grids(
             if s.denoise is not None:
                 kept = clean.denoise(kept, s.denoise, now)
             light, places = turn.amplitude, turn.points
-            sought.append(Sought(v.rig, kept, v.volume, v.settings.orientation, light, places))
+            sought.append(
+                ScanCoverage(v.rig, kept, v.volume, v.settings.orientation, light, places)
+            )
             if s.between is not None:
                 kept = points.respace(kept, s.between)
             grids.append(kept)

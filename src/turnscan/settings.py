@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 from turnscan.points import Along, Between, Volume
 from turnscan.stripes import StripeSettings
-from turnscan.surface import Tears
+from turnscan.surface import TearLimits
 from turnscan.surface.clean import Clean
-from turnscan.surface.fusion import How
-from turnscan.surface.holes import Caps
+from turnscan.surface.fusion import MergeMethod
+from turnscan.surface.holes import ClosingOptions
 
 
 @dataclass(frozen=True)
@@ -31,14 +31,14 @@ class Settings:
     """What is removed before points become a surface; None keeps all."""
     denoise: float | None = None
     """Points move along their rays, by at most this many sigma; None leaves them."""
-    tears: Tears = field(default_factory=Tears)
-    merge: How = "auto"
+    tears: TearLimits = field(default_factory=TearLimits)
+    merge: MergeMethod = "auto"
     """How several lasers become one surface."""
     voxel: float | None = None
     """mm: voxels of the volumetric merge; None takes the usual spacing of the points."""
     island: int | None = None
     """Loose pieces of fewer faces are removed; None takes 1 % of the largest piece."""
-    caps: Caps | None = None
+    caps: ClosingOptions | None = None
     """How to close the surface; None leaves its borders open."""
     tolerance: float | None = None
     """mm: how far faces may be decimated in the end; None: not at all, or to ``faces``."""

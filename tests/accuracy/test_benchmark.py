@@ -22,7 +22,7 @@ from bench.accuracy import (
 )
 
 from turnscan import points, shapes
-from turnscan.simulate import Bench, Wish, bench, seconds_of
+from turnscan.simulate import Bench, SimulationSpec, bench, seconds_of
 
 
 @cache
@@ -92,7 +92,7 @@ def test_claimed_sigma_is_honest_where_speckle_is_coarse(case: Case) -> None:
 
 
 def test_a_perfect_rig_reconstructs_a_sphere_within_3_micrometres() -> None:
-    wish = Wish("sphere", "modern", lasers=1, perfect=True)
+    wish = SimulationSpec("sphere", "modern", lasers=1, perfect=True)
     made = bench(wish)
     grid = scan(made, seconds_of(wish), 3).grid
     at = grid.points[grid.found]

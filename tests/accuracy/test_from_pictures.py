@@ -33,7 +33,7 @@ from turnscan.calibrate import (
 from turnscan.points import RangeGrid, build_grid, pixels_of, rig_moves
 from turnscan.rig import Rig
 from turnscan.shapes import Sphere, fit_sphere
-from turnscan.simulate import Wish, bench, seconds_of
+from turnscan.simulate import SimulationSpec, bench, seconds_of
 from turnscan.stripes import Stripe
 
 SEEDS = range(40)
@@ -161,7 +161,7 @@ def test_a_scan_with_a_rig_calibrated_from_rendered_pictures() -> None:
     The thickness of the light takes 0.8 · 3/2 σ²/R off the radius, which no uncertainty holds
     (docs/explain/accuracy.md); σ is 0.61 mm.
     """
-    wish = Wish("sphere", "paper", lasers=1, seed=3)
+    wish = SimulationSpec("sphere", "paper", lasers=1, seed=3)
     made = bench(wish)
     rig = from_pictures(wish, (6, 6, 8))
     real = scan(made, seconds_of(wish), 8, rig)

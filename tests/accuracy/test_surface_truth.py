@@ -22,7 +22,7 @@ from bench.surface_truth import (
 )
 
 from turnscan.mesh import is_closed
-from turnscan.simulate import Wish
+from turnscan.simulate import SimulationSpec
 
 STEPS, RADIUS = 32, 20.0
 
@@ -30,7 +30,7 @@ STEPS, RADIUS = 32, 20.0
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder: Path = tmp_path_factory.mktemp("scans")
-    return reconstructed(Wish("sphere", "paper", lasers=2, steps=STEPS, seed=1), folder)
+    return reconstructed(SimulationSpec("sphere", "paper", lasers=2, steps=STEPS, seed=1), folder)
 
 
 def test_what_could_be_seen_was_measured_and_nothing_else(run: Run) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from turnscan import edit, surface
-from turnscan.app import _wire_mesh as wire
+from turnscan.app import _encode_mesh as wire
 from turnscan.edit._body import difference
 from turnscan.mesh import Mesh
 

@@ -15,11 +15,11 @@ from turnscan.calibrate import LaserPicture, fit_sheet
 from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._board import Chessboard
 from turnscan.calibrate._evidence import CalibrationSettings
-from turnscan.calibrate._figures import measured_uncertainty
 from turnscan.calibrate._findings import strong_correlations
 from turnscan.calibrate._layout import BoardLayout
-from turnscan.calibrate._network import RigNetwork
 from turnscan.calibrate._normal import Block
+from turnscan.calibrate._observations import RigNetwork
+from turnscan.calibrate._quality import measured_uncertainty
 from turnscan.calibrate._rig import Calibration, _finished_rig
 from turnscan.calibrate._state import State
 from turnscan.rig import Pose, Rig, rotation_from_vector

@@ -11,13 +11,13 @@ from tests.calibrate.world import SHAPE, World, true_layout, true_rig
 from turnscan.calibrate import CalibrationSettings, calibrate_rig, figures
 from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._findings import _of_camera
-from turnscan.calibrate._network import BOARD, RigNetwork
 from turnscan.calibrate._normal import Block, cost_of, weight
+from turnscan.calibrate._observations import BOARD, RigNetwork
+from turnscan.calibrate._procedure import Stages
+from turnscan.calibrate._residuals import lens, stripe_term, trace
 from turnscan.calibrate._rig import Calibration
-from turnscan.calibrate._stages import Stages
 from turnscan.calibrate._start_table import start_markers
 from turnscan.calibrate._state import State
-from turnscan.calibrate._terms import lens, stripe_term, trace
 from turnscan.errors import Degenerate
 from turnscan.rig import rotation_from_vector
 

@@ -13,11 +13,11 @@ from turnscan.cli._flags import flags_of
 from turnscan.cli._reconstruct import verb
 from turnscan.errors import InputError
 from turnscan.formats import read_mesh
-from turnscan.surface.holes import Caps, holes
+from turnscan.surface.holes import ClosingOptions, holes
 from turnscan.workflows import ReconstructOptions
 
 
-def chosen(*words: str) -> Caps | None:
+def chosen(*words: str) -> ClosingOptions | None:
     got: list[ReconstructOptions] = []
 
     @click.command()
@@ -31,14 +31,18 @@ def chosen(*words: str) -> Caps | None:
 
 def test_what_is_asked_for_is_what_is_done() -> None:
     assert chosen() is None
-    assert chosen("--close") == Caps()
-    assert chosen("--close", "--fill", "none", "--top", "open") == Caps(holes=None, top="open")
+    assert chosen("--close") == ClosingOptions()
+    assert chosen("--close", "--fill", "none", "--top", "open") == ClosingOptions(
+        holes=None, top="open"
+    )
     fine = chosen("--close", "--fill", "curvature", "--top", "fan", "--largest-hole", "4.5")
-    assert fine == Caps(holes="curvature", top="fan", largest=4.5)
-    assert chosen("--close", "--bottom", "open") == Caps(bottom="open")
-    assert chosen("--close", "--bottom", "hole", "--top", "hole") == Caps(floor=None, top=None)
+    assert fine == ClosingOptions(holes="curvature", top="fan", largest=4.5)
+    assert chosen("--close", "--bottom", "open") == ClosingOptions(bottom="open")
+    assert chosen("--close", "--bottom", "hole", "--top", "hole") == ClosingOptions(
+        floor=None, top=None
+    )
     only_top = chosen("--close", "--bottom", "open", "--fill", "none")
-    assert only_top == Caps(bottom="open", holes=None)
+    assert only_top == ClosingOptions(bottom="open", holes=None)
 
 
 def test_options_that_do_nothing_are_refused() -> None:

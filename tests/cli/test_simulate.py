@@ -15,7 +15,7 @@ from PIL import Image
 from turnscan.cli import main
 from turnscan.errors import InputError
 from turnscan.formats import write_stl
-from turnscan.simulate import Wish, bench, check_view, part
+from turnscan.simulate import SimulationSpec, bench, check_view, part
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def test_a_mesh_without_faces_is_refused(tmp_path: Path, simulate: Simulate) -> 
 
 
 def test_a_laser_that_never_hits_the_axis_is_refused() -> None:
-    made = bench(Wish("sphere"))
+    made = bench(SimulationSpec("sphere"))
     beam = made.beams[0]
     away = replace(beam, apex=beam.apex + 80.0 * made.rig.sheets[0].normal)
     sheet = replace(

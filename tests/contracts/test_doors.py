@@ -16,7 +16,7 @@ from turnscan.points import Spacing
 from turnscan.rig import PRESET_NAMES
 from turnscan.scan import Keep
 from turnscan.stripes import Choice, Orientation, Refinement, Strategy
-from turnscan.surface.fusion import How
+from turnscan.surface.fusion import MergeMethod
 from turnscan.surface.holes import FillHow
 from turnscan.workflows import _choices
 
@@ -33,7 +33,7 @@ LOWEST = ("errors", "findings", "progress", "remedy", "workflows")
 DOORS = ("__main__.py", "app", "cli")
 LONGEST = 100
 STILL_BELOW = {
-    "_calibrate_room.py": {"calibrate", "rig", "stripes"},
+    "_calibrate_session.py": {"calibrate", "rig", "stripes"},
     "_envelope.py": {"scan"},
     "_figure_kernels.py": {"compiled"},
     "_live.py": {"points", "rig", "stripes"},
@@ -41,10 +41,10 @@ STILL_BELOW = {
     "_open_scan.py": {
         "detection", "edit", "mesh", "pipeline", "points", "scan", "shapes", "stripes", "surface",
     },
-    "_rig_room.py": {"devices", "rig"},
+    "_rig_session.py": {"devices", "rig"},
     "_watched.py": {"devices"},
-    "_wire_grid.py": {"detection", "edit", "points", "rig", "stripes", "surface"},
-    "_wire_mesh.py": {"edit", "mesh"},
+    "_encode_grid.py": {"detection", "edit", "points", "rig", "stripes", "surface"},
+    "_encode_mesh.py": {"edit", "mesh"},
     "_workshop.py": {"rig"},
 }  # fmt: skip
 """Rooms below `workflows` that modules of the browser's door know still: it shows their arrays,
@@ -110,7 +110,7 @@ def test_help_of_a_verb_loads_no_room() -> None:
 def test_words_that_options_choose_among_are_those_of_the_rooms() -> None:
     declared_in_rooms = {
         "STRATEGY": Strategy, "CHOICE": Choice, "REFINEMENT": Refinement, "SPACING": Spacing,
-        "ORIENTATION": Orientation, "KEEP": Keep, "HOW": How, "FILL_HOW": FillHow,
+        "ORIENTATION": Orientation, "KEEP": Keep, "HOW": MergeMethod, "FILL_HOW": FillHow,
     }  # fmt: skip
     for name, kind in declared_in_rooms.items():
         assert getattr(_choices, name) == get_args(kind), name

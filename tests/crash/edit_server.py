@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from turnscan.app import Library, Workshop
+from turnscan.app._auth import Keys
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job
-from turnscan.app._keys import Keys
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._server import Listening, Server, application, bind
 

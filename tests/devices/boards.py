@@ -10,7 +10,7 @@ from typing import Any
 
 from turnscan.devices._board import Board, Setup
 from turnscan.devices._dialects import DIALECTS as TABLE
-from turnscan.devices._link import Deadlines
+from turnscan.devices._guard_client import Deadlines
 from turnscan.devices._registry import board
 from turnscan.errors import TurnscanError
 from turnscan.simulate.controllers import (

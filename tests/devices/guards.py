@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from turnscan.devices._link import GUARD_SCRIPT
+from turnscan.devices._guard_client import GUARD_SCRIPT
 
 MODULES = ("_run_guard.py", "_guard.py", "_dialects.py", "_visa.py")
 

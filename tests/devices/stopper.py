@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from turnscan.acquire._shoot import Shooter
+from turnscan.acquire._capture import Shooter
 from turnscan.arrays import Image
 from turnscan.cli import _resume, _scan, main  # noqa: F401 likewise
-from turnscan.devices import CameraTraits, _cameras, _link
-from turnscan.devices._link import GuardedLink
+from turnscan.devices import CameraTraits, _cameras, _guard_client
+from turnscan.devices._guard_client import GuardedLink
 from turnscan.scan import _database as database
 
 EXPOSURE = 0.01
@@ -143,7 +143,7 @@ def child(order: dict[str, Any]) -> None:
 def serve() -> None:
     _cameras._known = lambda: {"fake": Entry()}  # type: ignore[assignment,dict-item]
     # Deadlines are those of a real board; these boards only turn faster.
-    assert _link.Deadlines().acknowledge == 2.0
+    assert _guard_client.Deadlines().acknowledge == 2.0
     running: dict[int, int] = {}
     orders = b""
     while True:

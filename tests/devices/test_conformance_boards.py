@@ -12,7 +12,7 @@ import pytest
 
 from tests.devices.boards import DIALECTS, OUTPUTS, UNITS, firmware, plugged
 from turnscan.devices import Lasers, Turntable
-from turnscan.devices._link import Deadlines
+from turnscan.devices._guard_client import Deadlines
 from turnscan.devices._manual import ManualTurntable
 from turnscan.devices._registry import board
 from turnscan.errors import DeviceDisconnected, DeviceRefused

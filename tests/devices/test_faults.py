@@ -157,7 +157,7 @@ def test_there_are_enough_cases() -> None:
 def test_a_driver_that_ignores_what_it_is_told_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """The mutant: any line counts as ok."""
     from turnscan.devices import _board
-    from turnscan.devices._sentences import Kind, Sentence, sentence
+    from turnscan.devices._replies import Kind, Sentence, sentence
 
     def credulous(line: bytes) -> Sentence:
         try:

@@ -24,7 +24,7 @@ from tests.devices.guards import mutated
 from turnscan.acquire import Exposure, Hardware, look
 from turnscan.devices import Sweeping, open_devices, open_lasers
 from turnscan.devices._galvanometer import Galvanometer, Swing
-from turnscan.devices._link import Deadlines, GuardedLink
+from turnscan.devices._guard_client import Deadlines, GuardedLink
 from turnscan.errors import (
     DeviceDisconnected,
     DeviceError,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.devices.boards import SCALE, firmware
-from turnscan.devices._link import Deadlines
+from turnscan.devices._guard_client import Deadlines
 from turnscan.devices._registry import board
 from turnscan.simulate.controllers import Socket
 

@@ -22,11 +22,11 @@ from hypothesis import strategies as st
 import turnscan.devices
 from tests.devices.boards import DIALECTS, QUICK, SCALE, UNITS, firmware, near, plugged
 from turnscan.devices import _dialects, _registry, open_devices, open_lasers, open_turntable
-from turnscan.devices._lines import Lines
-from turnscan.devices._link import Deadlines
+from turnscan.devices._guard_client import Deadlines
+from turnscan.devices._line_protocol import Lines
 from turnscan.devices._manual import ManualTurntable
 from turnscan.devices._registry import board
-from turnscan.devices._sentences import Kind, sentence
+from turnscan.devices._replies import Kind, sentence
 from turnscan.devices._steps import Steps, decimal, travel_time
 from turnscan.errors import (
     DeviceAlarm,
@@ -50,8 +50,9 @@ from turnscan.simulate.controllers import (
 # D2
 
 OURS = (
-    "_board", "_dialects", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard", "_horus",
-    "_lines", "_link", "_lit", "_manual", "_registry", "_rescue", "_sardauscan", "_sentences",
+    "_board", "_dialects", "_discover", "_fabscan", "_galvanometer", "_grbl", "_guard",
+    "_guard_client", "_horus", "_line_protocol", "_lit", "_manual", "_registry", "_replies",
+    "_rescue", "_sardauscan",
     "_steps", "_visa",
 )  # fmt: skip
 ENDLESS = {

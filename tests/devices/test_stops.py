@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from tests.devices.boards import plugged
-from turnscan.devices._link import Deadlines
+from turnscan.devices._guard_client import Deadlines
 from turnscan.errors import DeviceAlarm, TurnscanError
 
 PATIENT = Deadlines(acknowledge=5.0, move_extra=5.0, connect=10.0, keep_trying=2.0)

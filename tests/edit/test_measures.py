@@ -22,8 +22,8 @@ from turnscan.edit import (
     MeasureVolume,
     Region,
     action_to_json,
+    describe,
     history_from_log,
-    in_words,
 )
 from turnscan.mesh import Provenance
 
@@ -71,7 +71,7 @@ def test_every_measurement_is_near_the_truth_here_and_on_another_scan() -> None:
         assert all(np.isfinite(m.sigma) for _, m in done.measured[:7])
         for (_, m), wanted in list(zip(done.measured, truth, strict=True))[:6]:
             assert abs(m.value - wanted) < 6 * m.sigma
-    assert all(in_words(entry.edit).startswith("measure") for entry, _ in document.measured)
+    assert all(describe(entry.edit).startswith("measure") for entry, _ in document.measured)
 
 
 def test_they_follow_undo_and_their_place_in_the_history() -> None:

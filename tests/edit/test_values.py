@@ -23,13 +23,13 @@ from turnscan.edit import (
     Region,
     action_from_json,
     action_to_json,
+    describe,
     edit_from_json,
     edit_from_value,
     edit_to_value,
     history_from_json,
     history_from_log,
     history_to_json,
-    in_words,
 )
 from turnscan.errors import FormatError, InputError, LimitExceeded, ScanNewer
 
@@ -70,7 +70,7 @@ def test_every_edit_survives_json_and_is_told_in_words_and_in_the_reference(samp
     text = json.dumps(edit_to_value(sample))
     assert edit_from_json(text) == sample
     assert action_from_json(action_to_json(Add(4, sample))) == Add(4, sample)
-    assert 5 < len(in_words(sample)) < 100
+    assert 5 < len(describe(sample)) < 100
     page = (Path(__file__).parents[2] / "docs/reference/edits.md").read_text()
     row = next(line for line in page.splitlines() if line.startswith(f"| `{sample.kind}` |"))
     for f in fields(sample):

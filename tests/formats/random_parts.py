@@ -10,7 +10,7 @@ from turnscan.findings import Finding
 from turnscan.mesh import Mesh, cut, cut_touching, join, soundness, submesh
 from turnscan.surface.clean import drop_islands, settled
 from turnscan.surface.decimation import decimate
-from turnscan.surface.holes import Caps, close
+from turnscan.surface.holes import ClosingOptions, close
 
 VERBS = ("close", "decimate", "cut", "join")
 
@@ -76,7 +76,7 @@ def worked(mesh: Mesh, verbs: list[str], rng: np.random.Generator) -> Mesh:
         try:
             if verb == "close":
                 floor = float(mesh.vertices[:, 2].min()) - 1 if rng.random() < 0.5 else None
-                mesh, _ = close(mesh, Caps(floor=floor))
+                mesh, _ = close(mesh, ClosingOptions(floor=floor))
             elif verb == "decimate":
                 mesh = decimate(mesh, tolerance=float(rng.choice([0.01, 0.2, 2.0])))
             elif verb == "cut":

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from turnscan.mesh import twins
+from turnscan.mesh import opposite_half_edges
 
 
 def plainly(faces: npt.NDArray[np.int32]) -> list[int]:
@@ -27,7 +27,7 @@ def test_twins_of_any_faces_are_those_that_a_dictionary_finds(vertices: int) -> 
     some = 0
     for count in (0, 1, 2, 7, 40, 200):
         faces = rng.integers(0, vertices, (count, 3)).astype(np.int32)
-        found = twins(faces)
+        found = opposite_half_edges(faces)
         assert found.tolist() == plainly(faces)
         some += int((found >= 0).sum())
     assert some
@@ -37,6 +37,6 @@ def test_many_faces_about_one_vertex_are_no_trouble() -> None:
     # By the list of all sides at the middle it would take 10¹¹ looks.
     rim = np.arange(1, 300_001, dtype=np.int32)
     faces = np.stack([np.zeros_like(rim), rim, np.roll(rim, -1)], axis=1)
-    twin = twins(faces)
+    twin = opposite_half_edges(faces)
     assert (twin[1::3] == -1).all()
     assert (twin[2::3] == np.roll(3 * np.arange(len(rim)), -1)).all()

@@ -10,7 +10,7 @@ from bench.spacetime import Case, Outcome, built, outcome, photographed, rms
 
 from tests.analytic import make_rig
 from turnscan import points
-from turnscan.detection import Sight, see
+from turnscan.detection import Detection, see
 from turnscan.rig import Camera, Pose, Rig, rotation_z
 from turnscan.scan import Frame, Scan, ScanPlan
 from turnscan.stripes import Light, Stripe, StripeFlag, StripeSettings
@@ -224,7 +224,7 @@ def test_a_scan_file_is_refined_as_asked(tmp_path) -> None:
     assert [f.code for f in fine.findings] == ["points.refined"]
     assert fine.stripes.steps == plain.stripes.steps
 
-    def error(sight: Sight) -> float:
+    def error(sight: Detection) -> float:
         s = sight.stripes
         grid = points.build_grid(made.rig, laser, s.stripes, s.steps, s.angles)
         at = body.T_table_part.inverse().apply(grid.points[10:-10][grid.found[10:-10]])

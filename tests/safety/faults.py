@@ -29,10 +29,10 @@ from tests.acquire.rig import picture_of
 from turnscan.acquire import run
 from turnscan.app._hub import Client, Hub
 from turnscan.app._requests import Look
-from turnscan.app._rig_room import RigRoom
+from turnscan.app._rig_session import RigRoom
 from turnscan.arrays import Image
 from turnscan.devices import _cameras
-from turnscan.devices._link import Deadlines
+from turnscan.devices._guard_client import Deadlines
 from turnscan.devices._registry import board
 from turnscan.errors import DeviceTimeout, TurnscanError
 from turnscan.scanner import (

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from turnscan.devices._link import GuardedLink
+from turnscan.devices._guard_client import GuardedLink
 from turnscan.devices._registry import board
 from turnscan.errors import TurnscanError
 

@@ -27,8 +27,8 @@ from tests.safety.faults import DIALECTS, SCALE, firmware, until
 from turnscan.devices import _lit, alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE
 from turnscan.devices._guard import LONGEST_FRAME, LONGEST_LEASE, UNKNOWN, Frames, pack
-from turnscan.devices._lines import objection
-from turnscan.devices._link import Deadlines, GuardedLink
+from turnscan.devices._guard_client import Deadlines, GuardedLink
+from turnscan.devices._line_protocol import objection
 from turnscan.devices._registry import board
 from turnscan.errors import (
     DeviceAlarm,

@@ -17,7 +17,7 @@ import pytest
 
 from tests.safety.conftest import no_guard_left
 from tests.safety.faults import SCALE, firmware, until
-from turnscan.devices._link import GUARD_SCRIPT
+from turnscan.devices._guard_client import GUARD_SCRIPT
 from turnscan.simulate.controllers import Socket
 
 BEGIN, DARK, GIVEN_UP = b"keeps trying to reach it", b"the laser is dark", b"given up"

@@ -18,8 +18,8 @@ import pytest
 from tests.safety import faults
 from tests.safety.conftest import no_guard_left
 from tests.safety.faults import QUICK, dark_since, firmware, lit, until
-from turnscan.devices import _steady
-from turnscan.devices._link import GuardedLink
+from turnscan.devices import _validated_camera
+from turnscan.devices._guard_client import GuardedLink
 from turnscan.devices._registry import board
 from turnscan.errors import (
     DeviceAlarm,
@@ -236,6 +236,6 @@ def test_a_link_that_believes_any_end_of_its_guard_is_found(
 
 
 def test_a_wait_that_counts_as_a_sign_of_life_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_steady, "_SHORT", 0.0)
-    monkeypatch.setattr(_steady, "_EXPOSURES", 1000.0)
+    monkeypatch.setattr(_validated_camera, "_SHORT", 0.0)
+    monkeypatch.setattr(_validated_camera, "_EXPOSURES", 1000.0)
     assert faults.camera_hangs("grbl").seconds > 2.1

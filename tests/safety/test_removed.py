@@ -15,10 +15,10 @@ import pytest
 from tests.acquire import test_angle, test_bad_pictures
 from tests.devices import test_camera_steady, test_protocol
 from tests.scan import test_damage
-from turnscan.devices import _steady
+from turnscan.devices import _validated_camera
 from turnscan.devices._board import Board
 from turnscan.devices._grbl import GrblBoard
-from turnscan.devices._sentences import Kind, Sentence
+from turnscan.devices._replies import Kind, Sentence
 from turnscan.errors import TurnscanError
 from turnscan.scan import _database
 
@@ -45,11 +45,11 @@ def decodes_before_it_looks(patch: Patch) -> None:
 
 
 def takes_what_lies_in_the_buffer(patch: Patch) -> None:
-    patch.setattr(_steady, "_EARLY", -1.0)
+    patch.setattr(_validated_camera, "_EARLY", -1.0)
 
 
 def finds_nothing_wrong(patch: Patch) -> None:
-    patch.setattr(_steady, "fault_of", lambda *_: None)
+    patch.setattr(_validated_camera, "fault_of", lambda *_: None)
 
 
 def forgets_the_alarm(patch: Patch) -> None:

@@ -19,7 +19,7 @@ import pytest
 from bench.judge import CONFIRM, FAULTS, Bench, Violation, explore, firmware
 from bench.virtual import Pipe, Process, World
 
-from turnscan.devices import _dialects, _guard, _link, _lit, _rescue
+from turnscan.devices import _dialects, _guard, _guard_client, _lit, _rescue
 from turnscan.devices._guard import LONGEST_LEASE
 from turnscan.errors import TurnscanError
 
@@ -87,7 +87,7 @@ def renewing_for_ever() -> Iterator[None]:
 
 def _lit_threading() -> Any:
     """What the link has for ``threading``: the world's, while one is installed."""
-    return _link.threading  # type: ignore[attr-defined]
+    return _guard_client.threading  # type: ignore[attr-defined]
 
 
 def _guard_mutant(old: str, new: str) -> Callable[[], Any]:
@@ -95,7 +95,7 @@ def _guard_mutant(old: str, new: str) -> Callable[[], Any]:
 
 
 def _link_mutant(old: str, new: str) -> Callable[[], Any]:
-    return lambda: mutated(_link, old, new, GuardedLink=_link)
+    return lambda: mutated(_guard_client, old, new, GuardedLink=_guard_client)
 
 
 DEFECTS: dict[str, Callable[[], Any]] = {
@@ -279,7 +279,7 @@ FOUND = {
         "                self._dark(0, DONE, tries=1)\n",
     ),
     replaced_when_killed: lambda: mutated(
-        _rescue, "            if code in (0, 4):", "            if True:", Rescue=_link
+        _rescue, "            if code in (0, 4):", "            if True:", Rescue=_guard_client
     ),
     said_soon_after_the_scanner_has_gone: _guard_mutant(
         "if self._sure or self._port is None or self._leave:",

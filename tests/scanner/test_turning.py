@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from turnscan.arrays import Floats
 from turnscan.scanner._examine import _comes_round
-from turnscan.scanner._rotation_sense import VIEWS, Witness, drift, edges, sense
+from turnscan.scanner._rotation_sense import VIEWS, OutlineTrack, drift, edges, sense
 
 ANGLES = np.arange(VIEWS) * 2 * np.pi / VIEWS
 
@@ -32,16 +32,16 @@ def seen(shape: tuple[Floats, Floats], azimuth: float, way: int, noise: float, s
 
 def witnesses(
     shape: tuple[Floats, Floats], way: int, theta: float, two: bool, noise: float = 0.1
-) -> list[Witness]:
+) -> list[OutlineTrack]:
     if two:
         return [
-            Witness(seen(shape, side * theta, way, noise, side + 5), side, False)
+            OutlineTrack(seen(shape, side * theta, way, noise, side + 5), side, False)
             for side in (-1, 1)
         ]
     return [
-        Witness(seen(shape, theta, way, noise, 7), 1, False),
-        Witness(seen(shape, -90.0, way, noise, 8), -1, True),
-        Witness(seen(shape, 90.0, way, noise, 9), 1, True),
+        OutlineTrack(seen(shape, theta, way, noise, 7), 1, False),
+        OutlineTrack(seen(shape, -90.0, way, noise, 8), -1, True),
+        OutlineTrack(seen(shape, 90.0, way, noise, 9), 1, True),
     ]
 
 
@@ -56,7 +56,7 @@ def test_the_direction_is_right(seed: int, way: int, theta: float, two: bool) ->
 def test_noise_tells_nothing(seed: int, two: bool) -> None:
     rng = np.random.default_rng(seed)
     group = [
-        Witness(30.0 + rng.normal(size=(VIEWS, 120)), w.side, w.edge)
+        OutlineTrack(30.0 + rng.normal(size=(VIEWS, 120)), w.side, w.edge)
         for w in witnesses(outline(0), 1, 25.0, two)
     ]
     assert sense(group) is None
@@ -75,9 +75,9 @@ def test_rows_that_are_not_seen_say_nothing() -> None:
     reach = group[0].reach.copy()
     reach[3, :] = np.nan
     reach[:, 2] = np.nan
-    assert sense([Witness(reach, 1, False), *group[1:]]) is False
+    assert sense([OutlineTrack(reach, 1, False), *group[1:]]) is False
     nothing = np.full_like(reach, np.nan)
-    assert sense([Witness(nothing, 1, False), Witness(nothing, -1, False)]) is None
+    assert sense([OutlineTrack(nothing, 1, False), OutlineTrack(nothing, -1, False)]) is None
 
 
 def test_edges_of_a_bright_part_before_a_dark_room() -> None:

@@ -14,7 +14,7 @@ from turnscan.formats import ExportOptions, export, read_mesh
 from turnscan.mesh import is_closed, measured_vertices
 from turnscan.shapes import find_planes, fit_cylinder, measured_points
 from turnscan.surface import mesh_grid
-from turnscan.surface.holes import Caps, close
+from turnscan.surface.holes import ClosingOptions, close
 
 RADIUS, NOISE = 25.0, 0.02
 
@@ -31,7 +31,7 @@ def closed():
         [r * np.cos(angles)[:, None], r * np.sin(angles)[:, None], z + 0 * r], axis=-1
     )
     grid = replace(plain_grid(points, angles), closed=True, sigma=sigma)
-    mesh, _ = close(mesh_grid(grid), Caps(bottom="floor", top=None, holes="tangent"))
+    mesh, _ = close(mesh_grid(grid), ClosingOptions(bottom="floor", top=None, holes="tangent"))
     assert is_closed(mesh)
     assert len(mesh.vertices) > 60 * 30 + 50
     return mesh

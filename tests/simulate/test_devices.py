@@ -11,7 +11,7 @@ import pytest
 from turnscan.calibrate import detect_board, parse_board
 from turnscan.devices import Camera, Lasers, Turntable
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
-from turnscan.simulate import Simulated, Wish, bench, simulated, wish_of
+from turnscan.simulate import Simulated, SimulationSpec, bench, simulated, wish_of
 from turnscan.simulate._render import Renderer
 
 CUP = "sim:cylinder?seed=3&steps=8"
@@ -161,7 +161,7 @@ def test_every_key_of_an_address_arrives() -> None:
         "sim:head?rig=modern&theta_deg=25&lasers=1&seed=9&steps=12&speckle=0&room=0.1&x=2&y=-3"
         "&lean_x_deg=5&tip_deg=90&galvo=105&lying=1&stale=0.25"
     )
-    assert wish == Wish(
+    assert wish == SimulationSpec(
         "head", "modern", math.radians(25), 1, 9, 12, "diffraction", False, 0.1, (2.0, -3.0),
         (math.radians(5), 0.0), math.radians(90), galvo=105.0, lying=True,
     )  # fmt: skip
@@ -182,7 +182,7 @@ def test_a_camera_that_lies_on_its_side_sees_the_same_turned_by_a_quarter() -> N
 
 
 def test_a_part_tipped_over_lies_on_the_platter_with_its_middle_over_the_axis() -> None:
-    body = bench(Wish("cup", tip=math.radians(90), shift=(3.0, -2.0))).scene.bodies[0]
+    body = bench(SimulationSpec("cup", tip=math.radians(90), shift=(3.0, -2.0))).scene.bodies[0]
     seen = body.T_table_part.apply(body.part.mesh.vertices)
     low, high = seen.min(axis=0), seen.max(axis=0)
     assert np.allclose((low + high)[:2] / 2, [3.0, -2.0])

@@ -15,7 +15,7 @@ from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
 from turnscan.surface import mesh_grid
 from turnscan.surface.clean import drop_islands
-from turnscan.surface.holes import Cause, Sought, explain, holes
+from turnscan.surface.holes import Cause, ScanCoverage, explain, holes
 from turnscan.surface.holes import _causes as causes
 from turnscan.surface.holes._hole_places import places_in
 
@@ -34,7 +34,7 @@ def _cause(rig: Rig, grid: RangeGrid, volume: Volume, more: Mesh | None = None) 
     mesh = mesh_grid(grid)
     whole = mesh if more is None else join([mesh, more])
     found = holes(mesh)
-    named = explain(whole, found, [Sought(rig, grid, volume)])
+    named = explain(whole, found, [ScanCoverage(rig, grid, volume)])
     return next(h.cause for h in named if h.size < 40)
 
 
@@ -68,7 +68,7 @@ def test_what_the_volume_leaves_out_is_outside(scanned: tuple[Rig, RangeGrid]) -
     low, high = Volume(z_min=5.0), holes(mesh_grid(grid))
     cut = points.clip(grid, low)
     mesh = mesh_grid(cut)
-    named = explain(mesh, holes(mesh), [Sought(rig, cut, low)])
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, cut, low)])
     foot = min(named, key=lambda h: h.centre[2])
     assert foot.cause == "outside"
     assert len(high) == len(named)
@@ -119,7 +119,7 @@ def test_an_open_turn_leaves_what_never_passed_the_sheet_outside(
     stripes = scan_shape(rig, cylinder(25, 0, 40), full_turn(STEPS)[: STEPS // 2])
     half = points.build_grid(rig, "L0", stripes, np.arange(STEPS // 2), grid.angles[: STEPS // 2])
     mesh = mesh_grid(half)
-    named = explain(mesh, holes(mesh), [Sought(rig, half, Volume())])
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, half, Volume())])
     assert [h.cause for h in named] == ["outside"]
     assert named[0].loop.tolist() == holes(mesh)[0].loop.tolist()
 
@@ -151,7 +151,7 @@ def test_the_border_of_an_island_is_explained_by_what_is_about_it(
     ring[19:29, low + 15 : high - 15] = False
     ringed = points.without(grid, ring & grid.found, StripeFlag.DARK)
     mesh = mesh_grid(ringed)
-    named = explain(mesh, holes(mesh), [Sought(rig, ringed, Volume())])
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, ringed, Volume())])
     assert len(named) == 4  # both ends, and the ring's two sides
     island = min(named, key=lambda h: h.perimeter)
     assert island.cause == "dark"
@@ -162,7 +162,7 @@ def test_the_same_holes_get_the_same_causes(scanned: tuple[Rig, RangeGrid]) -> N
     missing = _window(grid, StripeFlag.DARK)
     mesh = mesh_grid(missing)
     found = holes(mesh)
-    first, second = (explain(mesh, found, [Sought(rig, missing, Volume())]) for _ in range(2))
+    first, second = (explain(mesh, found, [ScanCoverage(rig, missing, Volume())]) for _ in range(2))
     assert [h.cause for h in first] == [h.cause for h in second]
 
 
@@ -183,7 +183,7 @@ def test_a_slit_no_wider_than_a_face_lacks_no_sample(
     lines = np.zeros(grid.found.shape, dtype=np.bool_)
     lines |= np.abs(grid.points[..., 2] - 20.0) < 13.0
     dark = points.without(grid, lines & grid.found, StripeFlag.DARK)
-    named = explain(mesh, holes(mesh), [Sought(rig, dark, Volume())])
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, dark, Volume())])
     assert next(h.cause for h in named if h.size < 40) == cause
 
 
@@ -203,7 +203,7 @@ def test_what_hardly_showed_before_it_was_taken_away_is_dark(
     amplitude[0, np.flatnonzero(grid.found[0])[0]] = least = usual / 50
     amplitude[gone] = light * (least if cause == "dark" else usual)
     mesh = mesh_grid(window)
-    sought = Sought(rig, window, Volume(), light=amplitude)
+    sought = ScanCoverage(rig, window, Volume(), light=amplitude)
     named = explain(mesh, holes(mesh), [sought])
     assert next(h.cause for h in named if h.size < 40) == cause
 
@@ -215,7 +215,7 @@ def test_a_sample_of_one_laser_outweighs_the_dark_of_another(
     rig, grid = scanned
     missing = _window(grid, StripeFlag.DARK)
     mesh = mesh_grid(missing)
-    views = [Sought(rig, missing, Volume()), Sought(rig, grid, Volume())]
+    views = [ScanCoverage(rig, missing, Volume()), ScanCoverage(rig, grid, Volume())]
     named = explain(mesh, holes(mesh), views)
     assert next(h.cause for h in named if h.size < 40) == "removed"
 
@@ -234,7 +234,7 @@ def test_two_holes_that_one_looks_through_are_a_bore_and_not_dark(
         gone[50:55] = (z >= low) & (z <= high)
     missing = points.without(grid, gone & grid.found, StripeFlag.DARK)
     mesh = mesh_grid(missing)
-    named = explain(mesh, holes(mesh), [Sought(rig, missing, Volume())])
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, missing, Volume())])
     small = [h for h in named if h.size < 40]
     assert len(small) == 1 + bored
     assert {h.cause for h in small} <= causes
@@ -269,7 +269,7 @@ def test_only_points_that_were_taken_away_there_leave_a_hole_by_that(
     window = _window(grid, StripeFlag.AMBIGUOUS)
     taken = np.where(window.found[..., None], grid.points, grid.points + [0.0, 0.0, off])
     mesh = mesh_grid(window)
-    named = explain(mesh, holes(mesh), [Sought(rig, window, Volume(), taken=taken)])
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, window, Volume(), taken=taken)])
     assert next(h.cause for h in named if h.size < 40) == cause
 
 
@@ -289,7 +289,7 @@ def test_what_turns_away_at_an_edge_is_hidden_and_not_dark() -> None:
     grid = points.build_grid(rig, "L0", stripes, np.arange(STEPS), turn)
     mesh = cut_touching(mesh_grid(grid))[0]
     mesh = drop_islands(mesh)[0]
-    named = explain(mesh, holes(mesh), [Sought(rig, grid, Volume())])
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, grid, Volume())])
     assert sum(h.area > 100 for h in named) >= 3
     assert {h.cause for h in named if h.area > 100} <= {"laser", "camera"}
 
@@ -318,7 +318,7 @@ def test_what_light_and_look_come_to_too_flatly_is_grazing(
         bent=np.array([guessed]),
     )
     scene = causes._Scene(mesh, Caster(mesh.vertices, mesh.faces))
-    found = causes._reachable(one, [Sought(rig, grid, Volume())], scene)
+    found = causes._reachable(one, [ScanCoverage(rig, grid, Volume())], scene)
     assert found.both[0] == (name == "measurable")
     assert (found.hider[0] == causes.FLAT) == (name == "grazing")
 
@@ -331,7 +331,7 @@ def test_the_foot_of_a_part_that_lies_is_outside() -> None:
     stripes = scan_shape(rig, _lying_bar, turn)
     grid = points.clip(points.build_grid(rig, "L0", stripes, np.arange(STEPS), turn), low)
     mesh = drop_islands(cut_touching(mesh_grid(grid))[0])[0]
-    named = explain(mesh, holes(mesh), [Sought(rig, grid, low)])
+    named = explain(mesh, holes(mesh), [ScanCoverage(rig, grid, low)])
     foot = min((h for h in named if h.area > 100), key=lambda h: h.centre[2])
     assert foot.cause == "outside"
 

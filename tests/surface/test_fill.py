@@ -19,7 +19,7 @@ from turnscan.mesh import Mesh, Provenance, cut_touching, is_closed, join, sound
 from turnscan.pipeline import to_mesh
 from turnscan.settings import Settings
 from turnscan.surface import mesh_grid
-from turnscan.surface.holes import Caps, close, closings, fill, holes
+from turnscan.surface.holes import ClosingOptions, close, closings, fill, holes
 
 WAYS = ("flat", "tangent", "curvature")
 
@@ -232,7 +232,7 @@ def test_what_cuts_through_itself_is_mended():
     spike[400] *= -1.1  # through the ball and out at its other side
     bent = Mesh(spike, mesh.faces)
     assert "surface.crossing" in [f.code for f in soundness(bent)]
-    done, said = close(bent, Caps(floor=None, top=None))
+    done, said = close(bent, ClosingOptions(floor=None, top=None))
     assert is_closed(done)
     assert soundness(done) == []
     assert said[0].code == "surface.mended"
@@ -249,7 +249,7 @@ def test_a_hole_that_something_stands_in_stays_open(how):
     places = np.stack([x, y, 0 * x + 7.5], axis=-1)[np.hypot(x, y) < 6]
     assert len(places) > 100
     needles = [Mesh(p + 0.02 * ball(3).vertices * (1, 1, 12), ball(3).faces) for p in places]
-    wishes = Caps(floor=None, top=None, holes=how)
+    wishes = ClosingOptions(floor=None, top=None, holes=how)
     for mesh, refused in ((mouth, False), (join([mouth, *needles]), True)):
         done, said = close(mesh, wishes)
         assert soundness(done) == []
@@ -271,7 +271,7 @@ def test_a_hole_that_something_stands_in_stays_open(how):
 def test_a_grid_without_a_face_is_said_and_closing_it_does_nothing(steps, lines):
     missing = 1.0 if (steps, lines) != (1, 9) else 0.0
     grid = random_grid(3, steps, lines, missing, False, 0.0)
-    _, mesh, said = to_mesh([grid], Settings(caps=Caps()))
+    _, mesh, said = to_mesh([grid], Settings(caps=ClosingOptions()))
     assert not len(mesh.faces)
     assert [f.code for f in said if f.severity != "note"] == ["surface.none"]
     assert holes(mesh) == []
@@ -310,7 +310,7 @@ def test_the_top_is_closed_as_asked_for(top):
             if not (10 <= j < 13 and 5 <= i < 8):
                 faces += [[a, b, b + around], [a, b + around, a + around]]
     tube = Mesh(vertices, np.array(faces))
-    done, said = close(tube, Caps(top=top))
+    done, said = close(tube, ClosingOptions(top=top))
     assert soundness(done) == []
     assert np.array_equal(done.vertices[: len(tube.vertices)], tube.vertices)
     assert np.array_equal(done.faces[: len(tube.faces)], tube.faces)

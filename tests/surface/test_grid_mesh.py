@@ -30,7 +30,7 @@ from turnscan.mesh import (
     vertex_normals,
 )
 from turnscan.points import RangeGrid, Volume, build_grid, clip, every, goes_round
-from turnscan.surface import Tears, mesh_grid
+from turnscan.surface import TearLimits, mesh_grid
 
 
 def scan(rig, shape, steps, noise=0.0, **turn):
@@ -184,7 +184,7 @@ def random_grid(seed, steps, lines, missing, closed, behind):
 )
 def test_whatever_is_missing_the_mesh_is_sound(seed, steps, lines, missing, closed, behind):
     grid = random_grid(seed, steps, lines, missing, closed, behind)
-    for tears in (None, Tears(stretch=1.5, jump=0.0)):
+    for tears in (None, TearLimits(stretch=1.5, jump=0.0)):
         mesh = mesh_grid(grid, tears)
         check_manifold_only(mesh, mixed=behind > 0)
         again = mesh_grid(grid, tears)
@@ -225,7 +225,7 @@ def test_a_cube_is_closed_and_a_part_of_it_is_not():
 
 def test_tears_are_checked():
     with pytest.raises(ValueError, match="stretch"):
-        Tears(stretch=0.5)
+        TearLimits(stretch=0.5)
 
 
 def turned(angles, radii, sigma=0.01, eyes=True):

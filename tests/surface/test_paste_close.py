@@ -32,7 +32,7 @@ from turnscan.rig import Pose, rotation_about
 from turnscan.surface import mesh_findings
 from turnscan.surface.clean import drop_islands, long_islands
 from turnscan.surface.fusion import paste
-from turnscan.surface.holes import Caps, close, holes
+from turnscan.surface.holes import ClosingOptions, close, holes
 
 
 def grids(lasers, shape, steps, noise=0.02, **rig):
@@ -157,12 +157,12 @@ def test_a_box_closes_to_its_volume():
 
 def test_flat_cap_without_a_floor():
     (grid,) = grids((0.4,), cylinder(25.0, 0.0, 40.0), 48, 0.0, lift=20.0)
-    mesh, _ = close(paste([grid]), Caps(floor=None, holes="flat"))
+    mesh, _ = close(paste([grid]), ClosingOptions(floor=None, holes="flat"))
     assert is_closed(mesh)
     height = np.ptp(mesh.vertices[:, 2])
     polygon = 24 * 25.0**2 * np.sin(2 * np.pi / 48)
     assert mesh.volume == pytest.approx(polygon * height, rel=0.02)
-    opened, _ = close(paste([grid]), Caps(floor=None, top="open", largest=10.0))
+    opened, _ = close(paste([grid]), ClosingOptions(floor=None, top="open", largest=10.0))
     assert len(holes(opened)) == 2
 
 
@@ -174,7 +174,7 @@ def test_hole_borders_of_any_shape_close():
         points = grid.points.copy()
         points[rng.random(points.shape[:2]) < share] = np.nan
         torn = paste([replace(grid, points=points)])
-        mesh, found = close(torn, Caps(floor=None))
+        mesh, found = close(torn, ClosingOptions(floor=None))
         assert not len(crossings(mesh))
         assert is_closed(mesh) or "surface.unfilled" in [f.code for f in found]
         if share < 0.3:  # of half a ball in tatters more may stay open
@@ -227,7 +227,7 @@ def test_the_foot_goes_on_as_it_comes_down():
     """A ball on the platter, seen from 3 mm up: its foot is led under it, not straight down."""
     (grid,) = grids((0.4,), sphere(20.0, (0, 0, 20)), 90, 0.01, lift=20.0, elevation=0.2)
     seen = np.where(grid.points[..., 2:] > 3.0, grid.points, np.nan)
-    mesh, said = close(paste([replace(grid, points=seen)]), Caps(holes="curvature"))
+    mesh, said = close(paste([replace(grid, points=seen)]), ClosingOptions(holes="curvature"))
     assert is_closed(mesh)
     assert soundness(mesh) == []
     true = 4 / 3 * np.pi * 20**3

@@ -7,7 +7,16 @@ import pytest
 
 from tests.surface.test_fill import ball, opened, same_measured
 from turnscan.mesh import Mesh, is_closed, join, soundness
-from turnscan.surface.holes import Caps, FillHow, Hole, close, closings, fill, fill_soundly, holes
+from turnscan.surface.holes import (
+    ClosingOptions,
+    FillHow,
+    Hole,
+    close,
+    closings,
+    fill,
+    fill_soundly,
+    holes,
+)
 
 SPACING = 0.5
 """mm between the points of the tubes."""
@@ -136,7 +145,7 @@ def test_of_two_patches_that_meet_one_stays() -> None:
 
 def test_a_top_that_would_cut_the_surface_stays_open_too() -> None:
     mesh, _, _ = needled()
-    done, said = close(mesh, Caps(floor=None, top="plane"))
+    done, said = close(mesh, ClosingOptions(floor=None, top="plane"))
     assert len(holes(done)) == 1
     assert [f.code for f in said if f.severity == "warning"] == ["surface.unfilled"]
 
@@ -144,15 +153,17 @@ def test_a_top_that_would_cut_the_surface_stays_open_too() -> None:
 @pytest.mark.parametrize(
     ("caps", "left"),
     [
-        (Caps(), []),
-        (Caps(bottom="open"), [0.0]),
-        (Caps(top="open"), [10.0]),
-        (Caps(bottom="open", top="open"), [0.0, 10.0]),
-        (Caps(floor=None, top=None), []),
-        (Caps(floor=None, top=None, holes=None), [0.0, 10.0]),
+        (ClosingOptions(), []),
+        (ClosingOptions(bottom="open"), [0.0]),
+        (ClosingOptions(top="open"), [10.0]),
+        (ClosingOptions(bottom="open", top="open"), [0.0, 10.0]),
+        (ClosingOptions(floor=None, top=None), []),
+        (ClosingOptions(floor=None, top=None, holes=None), [0.0, 10.0]),
     ],
 )
-def test_floor_and_top_are_closed_or_left_each_by_itself(caps: Caps, left: list[float]) -> None:
+def test_floor_and_top_are_closed_or_left_each_by_itself(
+    caps: ClosingOptions, left: list[float]
+) -> None:
     wall = tube(circle())
     done, _ = close(wall, caps)
     found = sorted(holes(done), key=lambda h: h.centre[2])

@@ -16,8 +16,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from turnscan.acquire import look, run, turn_of
 from turnscan.app import Library, Workshop
+from turnscan.app._auth import Keys
 from turnscan.app._envelope import Array, pack, unpack
-from turnscan.app._keys import Keys
 from turnscan.app._server import Listening, Server, application, bind
 from turnscan.scan import Scan
 from turnscan.simulate import simulated

@@ -17,10 +17,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from tests.web.running import Browser, Running, raw, serving
-from turnscan.app import Workshop, _doors, _server
-from turnscan.app._doors import OPEN, Doors, is_loopback, names
-from turnscan.app._keys import FAILURES, Keys
+from turnscan.app import Workshop, _request_guard, _server
+from turnscan.app._auth import FAILURES, Keys
 from turnscan.app._library import Library, safe_name
+from turnscan.app._request_guard import OPEN, Doors, is_loopback, names
 from turnscan.app._routes import routes
 from turnscan.errors import InputError
 
@@ -64,7 +64,7 @@ PLACES = (
     *("$(id)", "%60id%60", "%3b%20id", "%7cid", "%0d%0aX:1", "%0aid", "%09", "%20", "%ff", "%"),
     *("A" * 2000, "9" * 400, "-1", "1e9", "0x0", "%2b1", "NaN", "1.5", "00000000001"),
     *("index.html", "assets", "assets/../../_server.py", "assets/%2e%2e/%2e%2e/_server.py"),
-    *("%2e%2e/_keys.py", "..%2f_keys.py", "..%252f_keys.py", "login/../../_keys.py", ".git"),
+    *("%2e%2e/_auth.py", "..%2f_auth.py", "..%252f_auth.py", "login/../../_auth.py", ".git"),
     *("..%2f..%2f..%2f..%2f..%2f..%2fetc%2fpasswd", "/etc/passwd", "%2fetc%2fpasswd"),
     *("__init__.py", "_server.py", "login/login.html", "..%c1%9c..", "..%25c0%25af"),
     *("..%u2216", "%%32%65%%32%65", "..%0d%0a", "..%09/", "..%20/", "..%00/", "%3f/..%2f.."),
@@ -180,7 +180,7 @@ def test_a_token_is_good_once_and_for_some_time_only() -> None:
 
 
 def test_secrets_are_compared_in_constant_time() -> None:
-    source = (Path(__file__).parents[2] / "src/turnscan/app/_keys.py").read_text()
+    source = (Path(__file__).parents[2] / "src/turnscan/app/_auth.py").read_text()
     assert "hmac.compare_digest(known, digest)" in source
     assert "break" not in source  # all are compared, whether one was found or not
 
@@ -357,7 +357,7 @@ def test_links_in_the_folder_are_not_followed(tmp_path: Path, scan_bytes: bytes)
 
 
 def test_what_is_too_large_is_refused_soon(locked: Locked, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_doors, "BODY_SECONDS", 1.0)
+    monkeypatch.setattr(_request_guard, "BODY_SECONDS", 1.0)
     server, cookie = locked
     head = (
         f"Host: 127.0.0.1:{server.port}\r\nOrigin: {server.base}\r\nX-Turnscan: 1\r\n"

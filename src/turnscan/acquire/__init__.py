@@ -1,6 +1,7 @@
 """Runs a plan on devices into a scan file."""
 
 from turnscan.acquire._angle import Counting, Noted, Shifted, check_angle, counting_of, reindexed
+from turnscan.acquire._capture import Hardware, Shooter
 from turnscan.acquire._control import Control
 from turnscan.acquire._events import (
     Ended,
@@ -33,7 +34,6 @@ from turnscan.acquire._plan import (
     turn_of,
 )
 from turnscan.acquire._run import Outcome, run
-from turnscan.acquire._shoot import Hardware, Shooter
 from turnscan.acquire._sink import Sink
 
 __all__ = [

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.acquire._capture import Hardware, Shooter
 from turnscan.acquire._plan import Exposure, Plan
-from turnscan.acquire._shoot import Hardware, Shooter
 from turnscan.arrays import Image
 from turnscan.errors import DeviceTimeout, InputError, StorageFull
 from turnscan.scan import (

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from turnscan.acquire import _events as events
+from turnscan.acquire._capture import Hardware, Shooter
 from turnscan.acquire._control import Control
 from turnscan.acquire._look import FirstLook
 from turnscan.acquire._plan import Plan
-from turnscan.acquire._shoot import Hardware, Shooter
 from turnscan.acquire._sink import Sink
 from turnscan.acquire._watch import LaserWatch
 from turnscan.acquire._writer import Writer

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan import points
+from turnscan.app._encode_grid import eight_bits
 from turnscan.app._hub import Hub
 from turnscan.app._protocol import Points, Seen
-from turnscan.app._wire_grid import eight_bits
 from turnscan.arrays import Image
 from turnscan.errors import TurnscanError
 from turnscan.rig import Rig

@@ -18,13 +18,19 @@ import numpy as np
 from turnscan import edit, surface
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
+from turnscan.app._encode_grid import CAUSES, grid_arrays, picture_png, profile_arrays
+from turnscan.app._encode_mesh import (
+    coarse_arrays,
+    figures,
+    mesh_arrays,
+    patch_parts,
+    preview_arrays,
+)
 from turnscan.app._envelope import Array
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
 from turnscan.app._measuring import entry_of, measure_of, measures
-from turnscan.app._wire_grid import CAUSES, grid_arrays, picture_png, profile_arrays
-from turnscan.app._wire_mesh import coarse_arrays, figures, mesh_arrays, patch_parts, preview_arrays
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
@@ -34,7 +40,7 @@ from turnscan.scan import Scan, rig_for
 from turnscan.shapes import Source
 from turnscan.stripes import named
 from turnscan.surface.clean import settled
-from turnscan.surface.holes import CAUSE_WORDS, Hole, Sought, explain, holes
+from turnscan.surface.holes import CAUSE_WORDS, Hole, ScanCoverage, explain, holes
 from turnscan.workflows import ReconstructResult, about, kept_options
 
 MOST_HOLES = 1000
@@ -51,7 +57,7 @@ class State:
 
     document: edit.Document
     grids: tuple[RangeGrid, ...]
-    sought: tuple[Sought, ...]
+    sought: tuple[ScanCoverage, ...]
     """What the scan could have seen, for the causes of holes."""
     revision: int
     epoch: int
@@ -64,7 +70,7 @@ class OpenScan:
     def __init__(self, name: str, path: Path, hub: Hub, job: Job) -> None:
         """Reconstruct, and replay the edits in the file.
 
-        Raises as `Scan.resume`, `see` and `build`, and Cancelled.
+        Raises as `Scan.resume`, `detect_scan` and `build`, and Cancelled.
         """
         self.name, self.path, self._hub = name, path, hub
         self.used = time.monotonic()
@@ -79,7 +85,7 @@ class OpenScan:
             self._settings = kept_options(self.scan).settings(rig, self.scan)
             job.steps(len(self.scan))
             stripes, volume = self._settings.stripes, self._settings.volume
-            self._seen = see(self.scan, rig, stripes, volume, job.tick)
+            self._seen = detect_scan(self.scan, rig, stripes, volume, job.tick)
             self._views = {s.view.laser: s.view for s in self._seen}
             log = self.scan.edits()
             history = edit.history_from_log([e.text for e in log], f"{path.name}: edits")
@@ -356,14 +362,14 @@ class OpenScan:
         if region is not None:
             wish["where"] = region
         wanted = edit.edit_from_value(wish)
-        job.title = edit.in_words(wanted)
+        job.title = edit.describe(wanted)
         document, change = self.now.document.add(wanted, job.share)
         refused = next((f for f in change.findings if f.severity == "error"), None)
         if refused is not None:
             raise InputError(refused.message, hint=refused.remedy)
         if not (change.patches or edit.is_grid_edit(wanted) or edit.is_measure(wanted)):
             said = "; ".join(f.message for f in change.findings)
-            raise InputError(said or f"{edit.in_words(wanted)} changes nothing here")
+            raise InputError(said or f"{edit.describe(wanted)} changes nothing here")
         return document, change
 
     def _keep(self, document: edit.Document, change: edit.Change, job: Job) -> None:
@@ -410,7 +416,7 @@ class OpenScan:
                 index=k,
                 edit=e.id,
                 name=e.edit.kind,
-                text=edit.in_words(e.edit),
+                text=edit.describe(e.edit),
                 on=e.on,
                 at=_iso(self._times.get(e.id, math.nan)),
             )
@@ -424,7 +430,7 @@ class OpenScan:
             p.BranchEntry(
                 edit=path[-1].id,
                 edits=sum(e.id not in here for e in path),
-                text=edit.in_words(path[-1].edit),
+                text=edit.describe(path[-1].edit),
                 at=_iso(self._times.get(path[-1].id, math.nan)),
             )
             for path in history.branches
@@ -509,7 +515,7 @@ def _changed(
 def _what(action: edit.Action | None, history: edit.History) -> str:
     match action:
         case edit.Add():
-            return edit.in_words(action.edit)
+            return edit.describe(action.edit)
         case edit.Switch():
             return f"edit {action.id} switched {'on' if action.on else 'off'}"
         case edit.Branch():

@@ -17,11 +17,11 @@ from starlette.staticfiles import StaticFiles
 
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
-from turnscan.app._doors import problem
+from turnscan.app._auth import Keys
 from turnscan.app._envelope import Array, pack
 from turnscan.app._export import export_job
-from turnscan.app._keys import Keys
 from turnscan.app._open_scan import OpenScan
+from turnscan.app._request_guard import problem
 from turnscan.app._socket import socket
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError

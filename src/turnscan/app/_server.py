@@ -17,8 +17,8 @@ from starlette.routing import Router
 from starlette.types import ASGIApp, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from turnscan.app._doors import HEADER_BYTES, Doors, is_loopback, names
-from turnscan.app._keys import Keys
+from turnscan.app._auth import Keys
+from turnscan.app._request_guard import HEADER_BYTES, Doors, is_loopback, names
 from turnscan.app._routes import UPLOADS, routes
 from turnscan.app._socket import MESSAGE_BYTES
 from turnscan.app._workshop import Workshop

@@ -11,10 +11,10 @@ from typing import Any
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from turnscan.app._doors import is_loopback
 from turnscan.app._envelope import Array, unpack
 from turnscan.app._hub import Client
 from turnscan.app._protocol import Refused
+from turnscan.app._request_guard import is_loopback
 from turnscan.app._requests import REQUESTS, Ack, ClientMessage
 from turnscan.app._workshop import Workshop
 from turnscan.errors import FormatError, InputError

@@ -14,16 +14,16 @@ from typing import Any
 from turnscan import __version__
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
-from turnscan.app._calibrate_room import CalibrateRoom
-from turnscan.app._doors import name_of
+from turnscan.app._calibrate_session import CalibrateRoom
 from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
 from turnscan.app._hub import Client, Hub
 from turnscan.app._jobs import Job, Jobs, Result, in_words
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan, Stale
-from turnscan.app._rig_room import RigRoom
-from turnscan.app._scan_room import ScanRoom
+from turnscan.app._request_guard import name_of
+from turnscan.app._rig_session import RigRoom
+from turnscan.app._scan_session import ScanRoom
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.progress import Cancelled
 from turnscan.rig import rig_from_json

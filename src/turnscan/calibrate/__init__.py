@@ -12,7 +12,6 @@ from turnscan.calibrate._board import (
     parse_board,
 )
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
-from turnscan.calibrate._figures import Figures, Measured, coverage, figures, measured_uncertainty
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._limits import refuse_poor
@@ -20,8 +19,15 @@ from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_mar
 from turnscan.calibrate._pairs import SheetFit, fit_sheet
 from turnscan.calibrate._parameters import parameters_of
 from turnscan.calibrate._picture import picture_fault
+from turnscan.calibrate._procedure import KnownRig
+from turnscan.calibrate._quality import (
+    CalibrationQuality,
+    Measured,
+    coverage,
+    figures,
+    measured_uncertainty,
+)
 from turnscan.calibrate._rig import Calibration, calibrate_rig
-from turnscan.calibrate._stages import KnownRig
 from turnscan.calibrate._steps import AngleModel, angle_model
 
 __all__ = [
@@ -30,10 +36,10 @@ __all__ = [
     "Board",
     "BoardView",
     "Calibration",
+    "CalibrationQuality",
     "CalibrationSettings",
     "Charuco",
     "Chessboard",
-    "Figures",
     "KnownRig",
     "LaserPicture",
     "MarkerView",

@@ -8,8 +8,8 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._adjust import shared_columns
-from turnscan.calibrate._figures import measured_uncertainty, test_points
 from turnscan.calibrate._normal import build, weight
+from turnscan.calibrate._quality import measured_uncertainty, test_points
 from turnscan.calibrate._rig import Calibration
 from turnscan.rig import Rig
 

@@ -6,9 +6,9 @@ from collections import Counter
 
 import numpy as np
 
-from turnscan.calibrate._figures import Figures
 from turnscan.calibrate._layout import MarkerLayout
-from turnscan.calibrate._network import BEND, BOARD
+from turnscan.calibrate._observations import BEND, BOARD
+from turnscan.calibrate._quality import CalibrationQuality
 from turnscan.calibrate._rig import Calibration
 from turnscan.findings import Finding
 
@@ -20,7 +20,7 @@ _CAMERA_PX = 0.5
 _SHEET_MM = 0.5
 
 
-def findings_of(c: Calibration, f: Figures) -> tuple[Finding, ...]:
+def findings_of(c: Calibration, f: CalibrationQuality) -> tuple[Finding, ...]:
     """All findings of a calibration, the worst first."""
     found = [*_of_camera(c, f), *_of_lasers(c, f), *_of_table(c, f), *_of_fit(c)]
     if c.angles is not None:
@@ -29,7 +29,7 @@ def findings_of(c: Calibration, f: Figures) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda x: order[x.severity]))
 
 
-def _of_camera(c: Calibration, f: Figures) -> list[Finding]:
+def _of_camera(c: Calibration, f: CalibrationQuality) -> list[Finding]:
     if not c.network.boards:
         return []
     out = []
@@ -110,7 +110,7 @@ def _residual_trend(c: Calibration) -> float:
     return worst / float(residual.std())
 
 
-def _of_lasers(c: Calibration, f: Figures) -> list[Finding]:
+def _of_lasers(c: Calibration, f: CalibrationQuality) -> list[Finding]:
     out = []
     for laser in c.network.lasers:
         if f.sheet_rms_mm.get(laser, 0.0) > _SHEET_MM:
@@ -148,7 +148,7 @@ def _of_lasers(c: Calibration, f: Figures) -> list[Finding]:
     return out
 
 
-def _of_table(c: Calibration, f: Figures) -> list[Finding]:
+def _of_table(c: Calibration, f: CalibrationQuality) -> list[Finding]:
     layout = c.fit.state.layout
     if not isinstance(layout, MarkerLayout) or f.marker_side_mm is None:
         return []

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from turnscan.calibrate._figures import Figures
 from turnscan.calibrate._layout import MarkerLayout
+from turnscan.calibrate._quality import CalibrationQuality
 from turnscan.calibrate._rig import Calibration
 from turnscan.errors import Degenerate
 
@@ -19,7 +19,7 @@ _COVERAGE = 0.08
 """Of the picture: less says nothing about a lens. One board far away fills so much."""
 
 
-def refuse_poor(c: Calibration, f: Figures) -> None:
+def refuse_poor(c: Calibration, f: CalibrationQuality) -> None:
     """Raise Degenerate, naming value and limit, where residuals, bulges or coverage are beyond
     what pictures of a rig can give."""
     scale = max(c.rig.camera.width / _WIDTH, 1.0)
@@ -55,7 +55,7 @@ def _refuse_bulge(c: Calibration) -> None:
     _most(words, float(bulge[k]), _BULGE * float(half[k]), hint)
 
 
-def _refuse_table(c: Calibration, f: Figures, scale: float) -> None:
+def _refuse_table(c: Calibration, f: CalibrationQuality, scale: float) -> None:
     still = "did the markers or the camera move between the pictures?"
     words = "what rides on the table is {} px rms off one turning motion"
     _most(words, f.table_rms_px, _TABLE_PX * scale, still)

@@ -11,12 +11,12 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._adjust import adjust
 from turnscan.calibrate._evidence import LaserPicture
 from turnscan.calibrate._light import measuring_direction
-from turnscan.calibrate._network import BOARD, RigNetwork
-from turnscan.calibrate._network import stripe_kind as kind_of
+from turnscan.calibrate._observations import BOARD, RigNetwork
+from turnscan.calibrate._observations import stripe_kind as kind_of
+from turnscan.calibrate._residuals import trace
 from turnscan.calibrate._select import on_board
 from turnscan.calibrate._start import board_pose, start_sheet
 from turnscan.calibrate._state import State, StripeView, board_stripe
-from turnscan.calibrate._terms import trace
 from turnscan.rig import Camera, LaserSheet, Pose, Rig
 from turnscan.stripes import Orientation
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.calibrate._layout import MarkerLayout
-from turnscan.calibrate._network import BEND
+from turnscan.calibrate._observations import BEND
 from turnscan.calibrate._rig import Calibration
 
 _BOW = ("aa", "ab", "bb")

@@ -12,8 +12,8 @@ from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._layout import MarkerLayout
-from turnscan.calibrate._network import RIDER, RigNetwork
-from turnscan.calibrate._stages import (
+from turnscan.calibrate._observations import RIDER, RigNetwork
+from turnscan.calibrate._procedure import (
     REJECT,
     KnownRig,
     Stages,

@@ -9,7 +9,7 @@ import numpy as np
 from turnscan.arrays import Floats, Ints, frozen
 from turnscan.calibrate._board import Board
 from turnscan.calibrate._layout import Layout, MarkerLayout, platter_powers
-from turnscan.calibrate._terms import StripeTerm, Traced, stripe_term
+from turnscan.calibrate._residuals import StripeTerm, Traced, stripe_term
 from turnscan.rig import Pose, Rig, rotation_z
 
 

@@ -14,8 +14,8 @@ from turnscan.devices._registry import (
     open_lasers,
     open_turntable,
 )
-from turnscan.devices._steady import Steady, frame_deadline
 from turnscan.devices._stop_switch import StopSwitch
+from turnscan.devices._validated_camera import Steady, frame_deadline
 
 __all__ = [
     "Answer",

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from turnscan.devices._guard import LONGEST_LEASE
+from turnscan.devices._guard_client import Deadlines, Interrupted, Link
 from turnscan.devices._left import Ledger, Left, new_counting
-from turnscan.devices._lines import Lines
-from turnscan.devices._link import Deadlines, Interrupted, Link
-from turnscan.devices._sentences import Kind, Sentence, look_and_acknowledge, lost_place, sentence
+from turnscan.devices._line_protocol import Lines
+from turnscan.devices._replies import Kind, Sentence, look_and_acknowledge, lost_place, sentence
 from turnscan.devices._steps import Steps
 from turnscan.errors import (
     DeviceAlarm,

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from turnscan.devices._dialects import foreign_as_oserror, open_port
-from turnscan.devices._lines import shown
-from turnscan.devices._link import Deadlines
+from turnscan.devices._guard_client import Deadlines
+from turnscan.devices._line_protocol import shown
 from turnscan.devices._port_error import port_error, word_for
 from turnscan.devices._registry import board
 from turnscan.errors import DeviceError, SafetyError, TurnscanError

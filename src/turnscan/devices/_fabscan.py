@@ -8,7 +8,7 @@ import time
 from dataclasses import replace
 
 from turnscan.devices._board import Board
-from turnscan.devices._sentences import lost_place
+from turnscan.devices._replies import lost_place
 from turnscan.devices._steps import Steps, travel_time
 from turnscan.errors import DeviceGarbled, DeviceRestarted
 

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from turnscan.devices._guard import LONGEST_LEASE
-from turnscan.devices._lines import Lines
-from turnscan.devices._link import Deadlines, GuardedLink
+from turnscan.devices._guard_client import Deadlines, GuardedLink
+from turnscan.devices._line_protocol import Lines
 from turnscan.devices._options import number_of, split_address, whole_of
 from turnscan.errors import (
     DeviceError,

@@ -6,7 +6,7 @@ import math
 from fractions import Fraction
 
 from turnscan.devices._board import Board
-from turnscan.devices._sentences import Kind, Sentence
+from turnscan.devices._replies import Kind, Sentence
 from turnscan.devices._steps import Steps, decimal, travel_time
 from turnscan.errors import DeviceGarbled, DeviceRefused
 

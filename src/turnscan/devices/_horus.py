@@ -8,7 +8,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from turnscan.devices._board import Board
-from turnscan.devices._sentences import Kind
+from turnscan.devices._replies import Kind
 from turnscan.devices._steps import Steps, decimal, travel_time
 from turnscan.errors import DeviceGarbled, DeviceRefused, DeviceTimeout, InputError
 

@@ -164,8 +164,8 @@ def board(address: str, **link_options: Any) -> Any:
     from turnscan.devices._board import Board, Setup
     from turnscan.devices._fabscan import FabScanBoard
     from turnscan.devices._grbl import GrblBoard
+    from turnscan.devices._guard_client import GuardedLink
     from turnscan.devices._horus import HorusBoard
-    from turnscan.devices._link import GuardedLink
     from turnscan.devices._sardauscan import SardauscanBoard
     from turnscan.devices._steps import Steps
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from turnscan.devices._board import Board
-from turnscan.devices._sentences import lost_place
+from turnscan.devices._replies import lost_place
 from turnscan.devices._steps import Steps, travel_time
 from turnscan.errors import DeviceGarbled, DeviceRefused, DeviceRestarted, DeviceTimeout
 

@@ -2,6 +2,7 @@
 
 from turnscan.edit._apply import Done, apply, mend_mesh
 from turnscan.edit._body import Alive, Append, Body, Compact, Patch, Replace, Truncate, Verts
+from turnscan.edit._describe import describe
 from turnscan.edit._document import Build, Change, Document
 from turnscan.edit._edits import (
     BridgeHoles,
@@ -29,7 +30,14 @@ from turnscan.edit._edits import (
     is_grid_edit,
     is_measure,
 )
-from turnscan.edit._grid import HAND_SIGMA, Eyes, Stripes, lost_edits, mend_grid, mend_stripes
+from turnscan.edit._grid import (
+    HAND_SIGMA,
+    Stripes,
+    StripeSearch,
+    lost_edits,
+    mend_grid,
+    mend_stripes,
+)
 from turnscan.edit._history import (
     Action,
     Add,
@@ -69,7 +77,6 @@ from turnscan.edit._select import (
     shrink,
     within_angle,
 )
-from turnscan.edit._words import in_words
 
 __all__ = [
     "HAND_SIGMA",
@@ -95,7 +102,6 @@ __all__ = [
     "Done",
     "Edit",
     "Entry",
-    "Eyes",
     "Fill",
     "Go",
     "GridEdit",
@@ -120,6 +126,7 @@ __all__ = [
     "Replace",
     "SetPoint",
     "Smooth",
+    "StripeSearch",
     "Stripes",
     "Switch",
     "Truncate",
@@ -135,6 +142,7 @@ __all__ = [
     "by_size",
     "by_steps",
     "connected",
+    "describe",
     "edit_from_json",
     "edit_from_value",
     "edit_to_value",
@@ -142,7 +150,6 @@ __all__ = [
     "history_from_json",
     "history_from_log",
     "history_to_json",
-    "in_words",
     "is_grid_edit",
     "is_measure",
     "lost_edits",

@@ -27,12 +27,21 @@ from turnscan.edit._history import Entry
 from turnscan.edit._measures import REACH, Measure, Sources, Vector, taken
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding, Severity
-from turnscan.mesh import Mesh, Provenance, clip, fans_about, half_edges
+from turnscan.mesh import Mesh, Provenance, clip, half_edges, vertex_fans
 from turnscan.shapes import Measured, Source
 from turnscan.surface import Told, silent
 from turnscan.surface.clean import smooth, spikes
 from turnscan.surface.decimation import decimate
-from turnscan.surface.holes import Caps, FillHow, Hole, bridge, close, fill_soundly, holes, unfilled
+from turnscan.surface.holes import (
+    ClosingOptions,
+    FillHow,
+    Hole,
+    bridge,
+    close,
+    fill_soundly,
+    holes,
+    unfilled,
+)
 
 _WAYS: tuple[FillHow, ...] = ("membrane", "tangent", "flat", "curvature")
 _LIKE = 3.0
@@ -124,7 +133,9 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding], told: Told) ->
             return difference(body, before, bridge(before.mesh, found[0], found[1], edit.how))
         case Close():
             before = Compact.of(body)
-            caps = Caps(edit.floor, edit.reach, edit.bottom, edit.top, edit.holes, edit.largest)
+            caps = ClosingOptions(
+                edit.floor, edit.reach, edit.bottom, edit.top, edit.holes, edit.largest
+            )
             mesh, said = close(before.mesh, caps, told)
             findings += [f for f in said if f.severity != "note"]
             return difference(body, before, mesh)
@@ -204,7 +215,7 @@ def _with_what_hangs(body: Body, faces: Ints) -> Ints:
     touched[body.mesh.faces[faces]] = True
     while True:
         near = np.flatnonzero(left & touched[body.mesh.faces].any(axis=1))
-        fan, about = fans_about(body.mesh.faces[near])
+        fan, about = vertex_fans(body.mesh.faces[near])
         order = np.lexsort((np.arange(len(about)), -np.bincount(fan, minlength=len(about)), about))
         rest = order[1:][about[order[1:]] == about[order[:-1]]]
         rest = rest[touched[about[rest]]]  # of other vertices not all faces are here

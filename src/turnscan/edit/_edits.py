@@ -166,7 +166,7 @@ class BridgeHoles:
 
 @dataclass(frozen=True)
 class Close:
-    """Close every gap: the foot down to the floor, the top, then all holes (`surface.Caps`)."""
+    """Close every gap: the foot down to the floor, the top, then all holes (`ClosingOptions`)."""
 
     __pydantic_config__ = STRICT
     floor: Coordinate | None = 0.0

@@ -31,7 +31,7 @@ _FOLLOW = 4.0
 """px that a picked candidate may lie from where it is searched, and usual widths besides."""
 
 
-class Eyes(Protocol):
+class StripeSearch(Protocol):
     """Looks at the stored frames of one laser again."""
 
     def candidates(self, step: int) -> Candidates:
@@ -68,7 +68,7 @@ class Stripes:
 
 
 def mend_stripes(
-    seen: Stripes, entries: Iterable[Entry], eyes: Eyes, told: Told = silent
+    seen: Stripes, entries: Iterable[Entry], eyes: StripeSearch, told: Told = silent
 ) -> tuple[Stripes, list[Finding]]:
     """The stripes of a laser with the edits of it done, in their order.
 
@@ -137,7 +137,7 @@ def _steps(stripes: dict[int, Stripe], span: Span) -> list[int]:
 
 
 def _redetected(
-    stripes: dict[int, Stripe], edit: Redetect, eyes: Eyes, told: Told
+    stripes: dict[int, Stripe], edit: Redetect, eyes: StripeSearch, told: Told
 ) -> dict[int, Stripe]:
     changed = {}
     steps = _steps(stripes, edit.steps)
@@ -154,7 +154,7 @@ def _redetected(
 
 
 def _mended(
-    stripe: Stripe, edit: DeletePoints | SetPoint | PickCandidate, eyes: Eyes
+    stripe: Stripe, edit: DeletePoints | SetPoint | PickCandidate, eyes: StripeSearch
 ) -> Stripe | None:
     """The stripe of one profile after an edit of it; None where there is nothing to change."""
     n = len(stripe.position)

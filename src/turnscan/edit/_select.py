@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from turnscan.arrays import Bools, Ints
-from turnscan.mesh import Mesh, components, submesh, twins
+from turnscan.mesh import Mesh, components, opposite_half_edges, submesh
 from turnscan.points import RangeGrid
 from turnscan.surface.holes import Cause, Hole
 
@@ -21,7 +21,7 @@ def beside(mesh: Mesh, alive: Bools | None = None) -> Ints:
     if alive is None:
         alive = np.ones(len(mesh.faces), dtype=np.bool_)
     number = np.flatnonzero(alive)
-    across = twins(mesh.faces[alive]).reshape(-1, 3)
+    across = opposite_half_edges(mesh.faces[alive]).reshape(-1, 3)
     out = np.full((len(mesh.faces), 3), -1, dtype=np.int32)
     out[alive] = np.where(across >= 0, number[across // 3], -1)
     return out

@@ -2,7 +2,7 @@
 
 from turnscan.mesh._cut import Clip, Section, clip, cut, sections
 from turnscan.mesh._mesh import Mesh, Provenance
-from turnscan.mesh._normals import roughness, steady_normals, vertex_normals
+from turnscan.mesh._normals import roughness, smoothed_normals, vertex_normals
 from turnscan.mesh._parts import (
     components,
     join,
@@ -17,10 +17,10 @@ from turnscan.mesh._soundness import crossings, soundness
 from turnscan.mesh._topology import (
     boundary_loops,
     cut_touching,
-    fans_about,
     half_edges,
     is_closed,
-    twins,
+    opposite_half_edges,
+    vertex_fans,
 )
 
 __all__ = [
@@ -36,18 +36,18 @@ __all__ = [
     "crossings",
     "cut",
     "cut_touching",
-    "fans_about",
     "half_edges",
     "is_closed",
     "join",
     "longest_sides",
     "measured",
     "measured_vertices",
+    "opposite_half_edges",
     "roughness",
     "sections",
+    "smoothed_normals",
     "soundness",
-    "steady_normals",
     "submesh",
-    "twins",
+    "vertex_fans",
     "vertex_normals",
 ]

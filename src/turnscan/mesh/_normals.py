@@ -19,7 +19,7 @@ def vertex_normals(mesh: Mesh) -> Floats:
     return normals
 
 
-def steady_normals(mesh: Mesh) -> Floats:
+def smoothed_normals(mesh: Mesh) -> Floats:
     """(v, 3) unit normals of the vertices, averaged over a few rings of neighbours.
 
     Where points lie closer than their noise the faces between them tumble; their mean does not.

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._topology import fans_about, unpaired
+from turnscan.mesh._topology import unpaired, vertex_fans
 
 _THIN = 1e-9
 """A face has no area where its height is less than this share of its longest side."""
@@ -98,7 +98,7 @@ def _side_places(mesh: Mesh) -> tuple[Floats, Floats]:
 
 
 def _touching(mesh: Mesh) -> npt.NDArray[np.intp]:
-    _, about = fans_about(mesh.faces)
+    _, about = vertex_fans(mesh.faces)
     return np.flatnonzero(np.bincount(about, minlength=len(mesh.vertices)) > 1)
 
 

@@ -11,7 +11,7 @@ from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import submesh
 
 
-def twins(faces: Ints) -> npt.NDArray[np.int64]:
+def opposite_half_edges(faces: Ints) -> npt.NDArray[np.int64]:
     """(3f,) for side 3f + i, from corner i of face f to the next: the side on its other side.
 
     −1 where there is none, or where that is not clear: more than two faces, or faces that do not
@@ -19,7 +19,9 @@ def twins(faces: Ints) -> npt.NDArray[np.int64]:
     """
     from turnscan.mesh import _topology_kernels as kernels
 
-    twin: npt.NDArray[np.int64] = kernels.twins(np.ascontiguousarray(faces, dtype=np.int32))
+    twin: npt.NDArray[np.int64] = kernels.opposite_half_edges(
+        np.ascontiguousarray(faces, dtype=np.int32)
+    )
     return twin
 
 
@@ -31,14 +33,14 @@ def boundary_loops(mesh: Mesh) -> list[Ints]:
     """
     from turnscan.mesh import _topology_kernels as kernels
 
-    flat, starts = kernels.borders(mesh.faces, twins(mesh.faces))
+    flat, starts = kernels.borders(mesh.faces, opposite_half_edges(mesh.faces))
     loops = np.split(flat, starts[1:]) if len(starts) else []
     return sorted(loops, key=lambda k: (-len(k), int(k.min())))
 
 
 def is_closed(mesh: Mesh) -> bool:
     """True where every side of every face has exactly one face on its other side."""
-    return bool(len(mesh.faces) > 0 and (twins(mesh.faces) >= 0).all())
+    return bool(len(mesh.faces) > 0 and (opposite_half_edges(mesh.faces) >= 0).all())
 
 
 def cut_touching(mesh: Mesh) -> tuple[Mesh, list[Finding]]:
@@ -59,7 +61,7 @@ def hanging_together(faces: Ints) -> Bools:
     """(f,) False for the faces that `cut_touching` takes away."""
     keep = np.arange(len(faces))
     while len(keep):
-        fan, about = fans_about(faces[keep])
+        fan, about = vertex_fans(faces[keep])
         order = np.lexsort((np.arange(len(about)), -np.bincount(fan), about))
         rest = order[1:][about[order[1:]] == about[order[:-1]]]
         if not len(rest):
@@ -70,14 +72,14 @@ def hanging_together(faces: Ints) -> Bools:
     return kept
 
 
-def fans_about(faces: Ints) -> tuple[Ints, Ints]:
+def vertex_fans(faces: Ints) -> tuple[Ints, Ints]:
     """(3f,) for every corner the number of its fan, and (fans,) the vertex each lies about.
 
     A fan is the faces round a vertex that hang together by their sides.
     """
     from turnscan.mesh import _topology_kernels as kernels
 
-    fan, first = kernels.fans(twins(faces))
+    fan, first = kernels.fans(opposite_half_edges(faces))
     return fan, faces.ravel()[first]
 
 
@@ -99,7 +101,7 @@ def unpaired(faces: Ints) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
     """
     if not len(faces):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    side = np.flatnonzero(twins(faces) < 0)
+    side = np.flatnonzero(opposite_half_edges(faces) < 0)
     face, corner = np.divmod(side, 3)
     a, b = faces[face, corner], faces[face, (corner + 1) % 3]
     return a.astype(np.int64), b.astype(np.int64)

@@ -62,7 +62,7 @@ def _hung(home: Any, count: int) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def twins(faces: Any) -> Any:
+def opposite_half_edges(faces: Any) -> Any:
     """(3f,) the one side that runs the other way, −1 where there is none or several run either way.
 
     Each side hangs on that of its ends at which fewer sides are, so that no list of them gets

@@ -10,10 +10,16 @@ import numpy as np
 from turnscan.arrays import Floats, Ints, frozen
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.poses._empty import empty
 from turnscan.poses._fit import AGREE, LEAST, THROUGH, Fit, fit
-from turnscan.poses._freedom import Freedom, covariance, freedoms, held_motions, shifting
+from turnscan.poses._free_space import empty
 from turnscan.poses._links import Links
+from turnscan.poses._observability import (
+    UndeterminedMotion,
+    covariance,
+    freedoms,
+    held_motions,
+    shifting,
+)
 from turnscan.poses._refine import Equations, all_links, equations, refine, samples_of
 from turnscan.poses._view import View, coarse
 from turnscan.remedy import Option, Remedy
@@ -60,7 +66,7 @@ class Alignment:
     """(n, 6, 6) of each pose: turn (radians), shift (mm) of the middle, common frame; zero for the
     first, and along ``freedoms``. From the points' sigma and scatter, as if independent from point
     to point; an error of calibration is not in it."""
-    freedoms: tuple[Freedom, ...]
+    freedoms: tuple[UndeterminedMotion, ...]
     """Motions that the surface does not determine; they are as the start left them."""
     meetings: tuple[Meeting, ...]
     """The overlaps."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Ints
-from turnscan.poses._empty import Empty
+from turnscan.poses._free_space import Empty
 from turnscan.poses._links import link
 from turnscan.poses._view import View
 from turnscan.rig import Pose

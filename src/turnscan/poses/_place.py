@@ -9,10 +9,10 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints
 from turnscan.errors import InputError
-from turnscan.poses._empty import Empty, empty
 from turnscan.poses._fit import Fit, fit
-from turnscan.poses._freedom import explains, freedoms
+from turnscan.poses._free_space import Empty, empty
 from turnscan.poses._match import Sampled, placements, sampled
+from turnscan.poses._observability import explains, freedoms
 from turnscan.poses._refine import all_links, equations, refine, samples_of
 from turnscan.poses._view import View, coarse
 from turnscan.remedy import Option, Remedy

@@ -15,7 +15,7 @@ from turnscan.acquire import Exposure, Hardware, Plan, Shooter
 from turnscan.arrays import Floats, Image
 from turnscan.errors import DeviceTimeout
 from turnscan.scan import statistics
-from turnscan.scanner._rotation_sense import VIEWS, Witness, drift, edges, sense
+from turnscan.scanner._rotation_sense import VIEWS, OutlineTrack, drift, edges, sense
 from turnscan.stripes import Signal, Stripe, StripeFlag, detect, learn_colour
 
 Singles = npt.NDArray[np.float32]
@@ -176,7 +176,7 @@ class Examination:
             columns = np.stack(lines)
             if np.isfinite(columns).any():
                 side = 1 if np.nanmedian(columns) > axis else -1
-                by_laser.append(Witness(side * columns, side, False))
+                by_laser.append(OutlineTrack(side * columns, side, False))
         both = {w.side for w in by_laser} == {-1, 1}
         return sense(by_laser if both else [*by_laser, left, right])
 

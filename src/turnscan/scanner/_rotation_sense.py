@@ -34,7 +34,7 @@ _EQUAL = 1.5
 
 
 @dataclass(frozen=True)
-class Witness:
+class OutlineTrack:
     """How far out the part's outline reaches, seen from one side, at each angle told."""
 
     reach: Floats
@@ -51,7 +51,7 @@ class Witness:
         return bool(seen.size) and float(seen.std(axis=0).mean()) < _ROUND * float(seen.mean())
 
 
-def sense(witnesses: Sequence[Witness]) -> bool | None:
+def sense(witnesses: Sequence[OutlineTrack]) -> bool | None:
     """Whether the part turned counter-clockwise seen from above; None where they do not tell.
 
     What one witness sees of the part at one angle another sees after the table has turned by the
@@ -95,7 +95,7 @@ def drift(views: Sequence[Singles]) -> bool | None:
     return bool(moved[0] > 0) if (moved > 0).all() or (moved < 0).all() else None
 
 
-def edges(views: Sequence[Image]) -> tuple[Witness, Witness, float]:
+def edges(views: Sequence[Image]) -> tuple[OutlineTrack, OutlineTrack, float]:
     """Left and right edge of the part in pictures with room light, and the column of the axis."""
     import cv2
 
@@ -110,7 +110,7 @@ def edges(views: Sequence[Image]) -> tuple[Witness, Witness, float]:
     for side in (-1, 1):
         reach = (inside & ((columns - axis) * side > 0)).sum(axis=2).astype(np.float64)
         reach[found == 0] = np.nan
-        out.append(Witness(reach, side, True))
+        out.append(OutlineTrack(reach, side, True))
     return out[0], out[1], axis
 
 
@@ -123,7 +123,7 @@ def _level(view: Image) -> npt.NDArray[np.uint8]:
     return np.asarray(cv2.blur(np.clip(scaled, 0, 255).astype(np.uint8), (5, 5)))
 
 
-def _azimuth(witness: Witness, angle: float) -> float:
+def _azimuth(witness: OutlineTrack, angle: float) -> float:
     """Degrees from the camera's direction, positive to its right."""
     return witness.side * (90.0 if witness.edge else angle)
 

@@ -11,7 +11,7 @@ from turnscan.mesh import (
     Mesh,
     components,
     measured_vertices,
-    steady_normals,
+    smoothed_normals,
     submesh,
     vertex_normals,
 )
@@ -89,7 +89,7 @@ def _border_normals(mesh: Mesh, known: Bools, real: Bools) -> Floats:
     from scipy.spatial import cKDTree
 
     own = replace(mesh, faces=mesh.faces[real], measured=None)
-    normals = steady_normals(own)
+    normals = smoothed_normals(own)
     filled = np.zeros(len(mesh.vertices), dtype=np.bool_)
     filled[mesh.faces[~real]] = True
     border = np.flatnonzero(filled & known)

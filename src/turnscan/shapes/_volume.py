@@ -12,7 +12,7 @@ from itertools import chain
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.mesh import Mesh, twins
+from turnscan.mesh import Mesh, opposite_half_edges
 from turnscan.shapes._added import added_part
 from turnscan.shapes._shared import Source, calibration_moves, moved, profile_sigma
 
@@ -146,7 +146,7 @@ def _sides(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
 
     Sides of faces without area are left out.
     """
-    other = twins(mesh.faces)
+    other = opposite_half_edges(mesh.faces)
     here = np.flatnonzero(other > np.arange(len(other)))
     there = other[here] // 3
     f, corner = here // 3, here % 3

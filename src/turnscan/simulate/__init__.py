@@ -8,7 +8,7 @@ from turnscan.simulate._exposure import expose
 from turnscan.simulate._gige import GigeServer
 from turnscan.simulate._motion import Motion
 from turnscan.simulate._parts import PARTS, Part, from_mesh, part
-from turnscan.simulate._presets import Wish, bench, check_view, seconds_of, steps_of
+from turnscan.simulate._presets import SimulationSpec, bench, check_view, seconds_of, steps_of
 from turnscan.simulate._render import Renderer
 from turnscan.simulate._scene import Body, Material, Scene, Texture
 from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, webcam
@@ -43,8 +43,8 @@ __all__ = [
     "SimLasers",
     "SimTurntable",
     "Simulated",
+    "SimulationSpec",
     "Texture",
-    "Wish",
     "World",
     "bench",
     "ccd_1990s",

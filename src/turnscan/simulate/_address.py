@@ -12,14 +12,14 @@ from turnscan.errors import InputError
 from turnscan.simulate._devices import Faults, SimCamera, SimLasers, SimTurntable, World
 from turnscan.simulate._hand import Hand
 from turnscan.simulate._motion import Motion
-from turnscan.simulate._presets import Wish, bench, seconds_of, steps_of
+from turnscan.simulate._presets import SimulationSpec, bench, seconds_of, steps_of
 
 
 @dataclass(frozen=True)
 class Simulated:
     """A bench as devices."""
 
-    wish: Wish
+    wish: SimulationSpec
     world: World
     camera: SimCamera
     turntable: SimTurntable
@@ -84,12 +84,12 @@ _FAULTS: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
 }
 
 
-def wish_of(address: str) -> tuple[Wish, Faults]:
+def wish_of(address: str) -> tuple[SimulationSpec, Faults]:
     """Parse ``sim:SCENE?key=value&…``. Raises InputError naming the key and the value."""
     if not address.startswith("sim:"):
         raise InputError(f"{address}: not a simulated device", hint="write sim:cup?seed=7")
     scene, _, query = address[4:].partition("?")
-    wish, motion, faults = Wish(scene=unquote(scene) or "cup"), Motion(), Faults()
+    wish, motion, faults = SimulationSpec(scene=unquote(scene) or "cup"), Motion(), Faults()
     given = parse_qsl(query, keep_blank_values=True)
     if len({k for k, _ in given}) != len(given):
         raise InputError(f"{address}: a key is given twice")
@@ -113,7 +113,7 @@ def wish_of(address: str) -> tuple[Wish, Faults]:
     return replace(wish, motion=motion, shift=(x, y), lean=(lean[0], lean[1])), faults
 
 
-def simulated(address: str | Wish, faults: Faults | None = None) -> Simulated:
+def simulated(address: str | SimulationSpec, faults: Faults | None = None) -> Simulated:
     """The devices of a bench, from its address or its wish.
 
     Raises InputError as `wish_of` and `bench` do.

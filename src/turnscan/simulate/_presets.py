@@ -37,7 +37,7 @@ _THINNEST = 0.7
 
 
 @dataclass(frozen=True)
-class Wish:
+class SimulationSpec:
     """A bench in words; `bench` builds it. Angles in radians, lengths in mm.
 
     Raises InputError, naming the value, where it cannot be.
@@ -125,26 +125,26 @@ _MATERIALS: Mapping[str, Material] = {
 _TWO_LINES = ("head", "bust")
 _PLATTER = Material((0.04, 0.04, 0.04))
 _LIGHT_ON = 0.3
-"""Room light, as `Wish.room`, where a board is to be seen."""
+"""Room light, as `SimulationSpec.room`, where a board is to be seen."""
 
 
-def design_of(wish: Wish) -> Design:
+def design_of(wish: SimulationSpec) -> Design:
     """The design behind a wish."""
     d = design_preset(wish.rig)
     return d if wish.theta is None else replace(d, theta=wish.theta)
 
 
-def steps_of(wish: Wish) -> int:
+def steps_of(wish: SimulationSpec) -> int:
     """Number of table positions per turn."""
     return wish.steps or round(2 * math.pi / design_preset(wish.rig).step)
 
 
-def seconds_of(wish: Wish) -> float:
+def seconds_of(wish: SimulationSpec) -> float:
     """Exposure time that suits the preset, s."""
     return _KITS[wish.rig].seconds
 
 
-def body_of(wish: Wish) -> Body:
+def body_of(wish: SimulationSpec) -> Body:
     """What stands on the table. Raises InputError for a name that is nothing."""
     if wish.scene in BOARDS:
         return board(wish.scene)
@@ -158,7 +158,7 @@ def body_of(wish: Wish) -> Body:
     return Body(part, _MATERIALS.get(part.name, _MATT), at)
 
 
-def bench(wish: Wish) -> Bench:
+def bench(wish: SimulationSpec) -> Bench:
     """Build the bench.
 
     Raises InputError for an unknown scene, a part larger than the field of view, or a laser that
@@ -246,7 +246,7 @@ def _check_axis(rig: Rig, beam: Beam) -> None:
         )
 
 
-def _lit(made: Bench, design: Design, kit: _Kit, wish: Wish) -> Bench:
+def _lit(made: Bench, design: Design, kit: _Kit, wish: SimulationSpec) -> Bench:
     """Lasers bright enough for the exposure, and room light."""
     beams = tuple(_beam(made, s, design, kit, wish) for s in made.rig.sheets)
     known = {b.name: b.apex for b in beams}
@@ -259,7 +259,7 @@ def _lit(made: Bench, design: Design, kit: _Kit, wish: Wish) -> Bench:
     return replace(made, scene=scene)
 
 
-def _beam(made: Bench, sheet: LaserSheet, design: Design, kit: _Kit, wish: Wish) -> Beam:
+def _beam(made: Bench, sheet: LaserSheet, design: Design, kit: _Kit, wish: SimulationSpec) -> Beam:
     T = made.rig.T_camera_table
     centre = T.inverse().apply(sheet.centre)
     normal = T.inverse().turn(sheet.normal)

@@ -1,11 +1,11 @@
 """Range grids → mesh; its packages: fusion of grids, holes, decimation, clean-up."""
 
 from turnscan.surface._findings import mesh_findings
-from turnscan.surface._grid_mesh import Tears, mesh_grid, thin
+from turnscan.surface._grid_mesh import TearLimits, mesh_grid, thin
 from turnscan.surface._told import Told, part, silent
 
 __all__ = [
-    "Tears",
+    "TearLimits",
     "Told",
     "mesh_findings",
     "mesh_grid",

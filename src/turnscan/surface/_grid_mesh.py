@@ -22,7 +22,7 @@ _TRUSTED = 3.0
 
 
 @dataclass(frozen=True)
-class Tears:
+class TearLimits:
     """When two neighbours in the grid are not one surface."""
 
     stretch: float = 4.0
@@ -38,10 +38,12 @@ class Tears:
 
     def __post_init__(self) -> None:
         if not (self.stretch > 1 and self.jump >= 0 and 0 < self.grazing <= np.pi / 2):
-            raise ValueError(f"Tears: stretch {self.stretch}, jump {self.jump}, {self.grazing} rad")
+            raise ValueError(
+                f"TearLimits: stretch {self.stretch}, jump {self.jump}, {self.grazing} rad"
+            )
 
 
-def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
+def mesh_grid(grid: RangeGrid, tears: TearLimits | None = None) -> Mesh:
     """Paste neighbouring profiles of one grid into a mesh (paper §3; docs/explain/surface.md).
 
     Each quad of the grid is cut along its shorter diagonal; where a corner is missing or torn off
@@ -49,7 +51,7 @@ def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
     least three steps. All faces look outward: towards the camera that saw them, or away from the
     axis where the camera's place is not known. Every side has one or two faces.
     """
-    vertices, faces, flat = _faces(grid, tears or Tears())
+    vertices, faces, flat = _faces(grid, tears or TearLimits())
     s, n = grid.flags.shape
     step, line = np.divmod(flat, max(n, 1))
     if grid.origin is not None:
@@ -68,7 +70,7 @@ def mesh_grid(grid: RangeGrid, tears: Tears | None = None) -> Mesh:
     )
 
 
-def thin(grid: RangeGrid, along: Along | None, tears: Tears | None = None) -> RangeGrid:
+def thin(grid: RangeGrid, along: Along | None, tears: TearLimits | None = None) -> RangeGrid:
     """`turnscan.points.resample` of a grid whose runs are those of its surface; None: as it is.
 
     Beside the ends of its profiles all points stay at which the surface is torn, so that the mesh
@@ -79,12 +81,12 @@ def thin(grid: RangeGrid, along: Along | None, tears: Tears | None = None) -> Ra
     if along is None:
         return grid
     joined, ends = kernels.joints(
-        kernels.used_vertices(_quads(grid, tears or Tears()), *grid.flags.shape)
+        kernels.used_vertices(_quads(grid, tears or TearLimits()), *grid.flags.shape)
     )
     return resample(grid, along, joined=joined, stays=ends)
 
 
-def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints]:
+def _faces(grid: RangeGrid, tears: TearLimits) -> tuple[Floats, Ints, Ints]:
     """Vertices, faces and the place of each vertex in the grid, a flat index."""
     from turnscan.surface import _grid_kernels as kernels
 
@@ -97,7 +99,7 @@ def _faces(grid: RangeGrid, tears: Tears) -> tuple[Floats, Ints, Ints]:
     return points[flat], faces, flat
 
 
-def _strips(grid: RangeGrid, origin: Origin, tears: Tears) -> Ints:
+def _strips(grid: RangeGrid, origin: Origin, tears: TearLimits) -> Ints:
     """(f, 3) faces of a resampled grid: they cover what those of its origin cover."""
     from turnscan.surface import _strip_kernels as kernels
 
@@ -114,7 +116,7 @@ def _eyes(grid: RangeGrid) -> Floats:
     return np.full((len(grid.steps), 3), np.nan) if grid.eyes is None else grid.eyes
 
 
-def _quads(grid: RangeGrid, tears: Tears) -> Ints:
+def _quads(grid: RangeGrid, tears: TearLimits) -> Ints:
     """(f, 3) faces of a grid as it was measured, in its own winding, of flat indices."""
     from turnscan.surface import _grid_kernels as kernels
 

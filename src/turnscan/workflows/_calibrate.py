@@ -13,8 +13,8 @@ from turnscan.calibrate import (
     Advice,
     Board,
     Calibration,
+    CalibrationQuality,
     CalibrationSettings,
-    Figures,
     KnownRig,
     LaserPicture,
     advice_of,
@@ -75,7 +75,7 @@ class CalibratedRig:
     rig: Rig
     calibration: Calibration | None
     """None where there were no pictures, only what a ruler says."""
-    figures: Figures | None
+    figures: CalibrationQuality | None
     stages: tuple[str, ...]
     """What each stage of the calibration had to go by, in words."""
     advice: Advice

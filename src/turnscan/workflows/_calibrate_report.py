@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Image
-from turnscan.calibrate import Advice, Calibration, Figures, parameters_of
+from turnscan.calibrate import Advice, Calibration, CalibrationQuality, parameters_of
 from turnscan.findings import Finding
 from turnscan.scan import read_picture
 from turnscan.workflows import _html
@@ -23,7 +23,7 @@ _ARROW = 100.0
 
 def report_html(
     c: Calibration,
-    f: Figures,
+    f: CalibrationQuality,
     advice: Advice,
     findings: Sequence[Finding],
     pictures: Mapping[tuple[str, str], Path],
@@ -80,7 +80,7 @@ def report_html(
     return _html.page("Calibration report", parts)
 
 
-def _summary(c: Calibration, f: Figures) -> list[tuple[str, str]]:
+def _summary(c: Calibration, f: CalibrationQuality) -> list[tuple[str, str]]:
     camera = c.rig.camera
     k = ", ".join(f"{x:.5g}" for x in camera.distortion)
     rows = [
@@ -114,11 +114,11 @@ def _summary(c: Calibration, f: Figures) -> list[tuple[str, str]]:
     return rows
 
 
-def _sides(f: Figures) -> list[tuple[int, str]]:
+def _sides(f: CalibrationQuality) -> list[tuple[int, str]]:
     return [(n, m.text("mm", 3)) for n, m in f.marker_sides_mm.items()]
 
 
-def _views(c: Calibration, f: Figures) -> list[tuple[str, str]]:
+def _views(c: Calibration, f: CalibrationQuality) -> list[tuple[str, str]]:
     """How many pictures of boards were used, by what they were given for."""
     if not c.network.boards:
         return [("camera", "as it was known before")]

@@ -19,8 +19,8 @@ from turnscan.rig import rig_to_json
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.shapes import Deviation, deviation
-from turnscan.simulate import Simulated, Wish, simulated
-from turnscan.surface.holes import Caps, close
+from turnscan.simulate import Simulated, SimulationSpec, simulated
+from turnscan.surface.holes import ClosingOptions, close
 from turnscan.workflows import _html as html
 from turnscan.workflows._demo_options import DemoOptions
 from turnscan.workflows._demo_report import DemoFrame, demo_report, frame_figure, grid_figure
@@ -108,7 +108,7 @@ def demo(
     """
     clock, output = _Clock(), Path(output)
     o = options or DemoOptions()
-    devices = simulated(Wish(scene=o.scene, rig=o.rig, steps=o.steps, seed=o.seed))
+    devices = simulated(SimulationSpec(scene=o.scene, rig=o.rig, steps=o.steps, seed=o.seed))
     rig = devices.world.bench.rig
     name = devices.world.bench.scene.bodies[0].part.name
     _make(output)
@@ -124,7 +124,7 @@ def demo(
         frames = [_frame(scan, devices, laser) for laser in plan.lasers]
     if not len(done.mesh.faces):
         raise InputError(f"{path}: nothing was measured", hint="take another scene or rig")
-    closed, closing = close(done.mesh, Caps())
+    closed, closing = close(done.mesh, ClosingOptions())
     clock.lap("reconstructing")
     progress(0.8, "writing DXF, STL and PLY")
     results = {output / f"{name}.{suffix}": closed for suffix in ("dxf", "stl", "ply")}

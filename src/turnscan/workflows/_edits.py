@@ -14,9 +14,9 @@ from turnscan.edit import (
     History,
     action_from_json,
     action_to_json,
+    describe,
     edit_from_json,
     history_to_json,
-    in_words,
 )
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
@@ -77,7 +77,7 @@ class KeptEdits:
             at = self.times[entry.id]
             when = datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M  ") if at == at else ""
             mark = state if entry.on else f"{state}, off"
-            lines.append(f"{entry.id:>4}  {when}{mark:<11}  {in_words(entry.edit)}")
+            lines.append(f"{entry.id:>4}  {when}{mark:<11}  {describe(entry.edit)}")
         return lines
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from turnscan import poses
 from turnscan.arrays import Floats
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.edit import is_grid_edit
 from turnscan.errors import InputError
 from turnscan.findings import Finding
@@ -216,7 +216,7 @@ def _read(
         volume = options.settings(mine, scan).volume
         looks = sum(len(lit_in(n, mine)) * len(scan.steps(n)) for n in scan.plan.lasers)
         tick = progress.subrange(0, 0.8).counter(looks)
-        sights = see(scan, mine, settings.stripes, volume, tick)
+        sights = detect_scan(scan, mine, settings.stripes, volume, tick)
         grids, _, findings = to_grids(sights, settings, edits, progress.subrange(0.8, 1))
     idle = sum(not is_grid_edit(e.edit) for e in edits)
     if idle:

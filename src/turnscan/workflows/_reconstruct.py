@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.edit import Entry
 from turnscan.pipeline import build
 from turnscan.progress import Progress, no_progress
@@ -120,7 +120,7 @@ def _of_scan(
         settings = replace(settings, stripes=replace(settings.stripes, strategy=detector))
     looks = sum(len(lit_in(name, rig)) * len(scan.steps(name)) for name in scan.plan.lasers)
     tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
-    seen = see(scan, rig, settings.stripes, settings.volume, tick)
+    seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
     surfacing = progress.subrange(_DETECTION, 1, "building the surface")
     done = build(seen, settings, by_hand, surfacing)
     return ReconstructResult(

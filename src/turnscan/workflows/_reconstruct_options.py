@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from turnscan.scan import Scan
     from turnscan.settings import Settings
     from turnscan.stripes import Choice, Refinement
-    from turnscan.surface.fusion import How
-    from turnscan.surface.holes import Bottom, Caps, FillHow, Top
+    from turnscan.surface.fusion import MergeMethod
+    from turnscan.surface.holes import Bottom, ClosingOptions, FillHow, Top
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ class ReconstructOptions(Checked):
         "Denoise along camera rays: maximum shift of a point in sigma, like 2.",
         least=0, above=True, most=10,
     )  # fmt: skip
-    merge: How = option(
+    merge: MergeMethod = option(
         "auto", "choice",
         "Merging of several lasers or scans: average in angle and height (grid), in voxels "
         "(tsdf), or keep every point (paste).",
@@ -213,13 +213,13 @@ class ReconstructOptions(Checked):
             )
 
     @property
-    def caps(self) -> Caps | None:
+    def caps(self) -> ClosingOptions | None:
         """How the surface is closed; None leaves its borders open."""
         if not self.close:
             return None
-        from turnscan.surface.holes import Caps
+        from turnscan.surface.holes import ClosingOptions
 
-        return Caps(
+        return ClosingOptions(
             holes=None if self.fill == "none" else self.fill or "auto",
             top=None if self.top == "hole" else self.top or "plane",
             bottom="open" if self.bottom == "open" else "floor",

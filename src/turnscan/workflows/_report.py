@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from turnscan import __version__
-from turnscan.edit import Entry, edit_to_value, in_words
+from turnscan.edit import Entry, describe, edit_to_value
 from turnscan.findings import record
 from turnscan.mesh import is_closed
 from turnscan.pipeline import Reconstruction, source_of
@@ -59,7 +59,7 @@ def about(
 def _mended(edits: Sequence[Entry]) -> dict[str, object]:
     texts = "\n".join(json.dumps(edit_to_value(e.edit), sort_keys=True) for e in edits)
     return {
-        "edits": [f"{e.id}: {in_words(e.edit)}" for e in edits],
+        "edits": [f"{e.id}: {describe(e.edit)}" for e in edits],
         "edits_sha256": hashlib.sha256(texts.encode()).hexdigest(),
     }
 

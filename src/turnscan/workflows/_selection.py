@@ -9,7 +9,7 @@ import numpy as np
 
 from turnscan import edit
 from turnscan.arrays import Bools
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.edit import Entry, History, Region
 from turnscan.errors import InputError
 from turnscan.findings import Finding
@@ -45,7 +45,7 @@ def region_where(
         return made[-1].mesh, made[-1].findings
 
     tick = progress.subrange(0, 0.6, "reconstructing").counter(len(scan))
-    seen = see(scan, rig, settings.stripes, settings.volume, tick)
+    seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
     body = edit.Document.open(built, history).body
     live = edit.Compact.of(body)
     chosen = np.zeros(len(live.mesh.faces), dtype=np.bool_)

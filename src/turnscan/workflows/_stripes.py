@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from turnscan.arrays import Bools, Flags, Floats, Ints
-from turnscan.detection import look_through, see
+from turnscan.detection import detect_scan, look_through
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
@@ -80,7 +80,7 @@ def stripes_of(
     name = _one_of(laser, names, scan)
     looks = [lit for lit in scan.plan.lasers if name in lit_in(lit, used)]
     tick = progress.counter(sum(len(scan.steps(lit)) for lit in looks))
-    (sight,) = see(scan, used, look, settings.volume, tick, name)
+    (sight,) = detect_scan(scan, used, look, settings.volume, tick, name)
     s = sight.stripes
     return _arrays(name, s.steps, s.angles, s.stripes, scan.plan)
 

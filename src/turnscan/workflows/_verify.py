@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from turnscan import __version__
-from turnscan.detection import see
+from turnscan.detection import detect_scan
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.findings import Finding, record
 from turnscan.formats import EXPORTERS, read_mesh
@@ -244,7 +244,7 @@ def _survey(source: Path, rig: Rig | None, progress: Progress) -> tuple[Survey, 
         known, s = rig_for(scan, rig), Settings()
         looks = sum(len(lit_in(n, known)) * len(scan.steps(n)) for n in scan.plan.lasers)
         tick = progress.counter(looks, "verifying")
-        grids, _, _ = to_grids(see(scan, known, s.stripes, s.volume, tick), s)
+        grids, _, _ = to_grids(detect_scan(scan, known, s.stripes, s.volume, tick), s)
     return survey_of_grids(grids, known), _key(rig_to_json(known))
 
 

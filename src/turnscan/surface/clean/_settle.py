@@ -12,7 +12,7 @@ from turnscan.mesh._normals import vertex_normals
 from turnscan.mesh._parts import measured, submesh
 from turnscan.mesh._soundness import crossings
 from turnscan.mesh._topology import half_edges
-from turnscan.surface.holes._self_intersections import mend
+from turnscan.surface.holes._self_intersections import repair_self_intersections
 
 _BITS = 21
 """Steps of the lattice to the farthest coordinate, as a power of two: three bits fewer than a
@@ -41,8 +41,8 @@ def settled(mesh: Mesh) -> Mesh:
     rounding would turn over or leave without area, are removed: their short edge is collapsed, or
     their long one is flipped, where that leaves the topology as it was. A vertex at the place of
     another one moves four steps inward, so that surfaces that touch do not become one. Where a
-    closed surface cuts through itself after that, the place is made anew (`mend`). What cannot be
-    repaired stays; `soundness` says where.
+    closed surface cuts through itself after that, the place is made anew
+    (`repair_self_intersections`). What cannot be repaired stays; `soundness` says where.
     """
     if not len(mesh.faces):
         return mesh
@@ -52,7 +52,9 @@ def settled(mesh: Mesh) -> Mesh:
     pairs = crossings(done)
     if not len(pairs):
         return done
-    again = mend(done, np.full(len(done.faces), -1, np.int32), np.zeros(0, np.bool_), hold=False)
+    again = repair_self_intersections(
+        done, np.full(len(done.faces), -1, np.int32), np.zeros(0, np.bool_), hold=False
+    )
     whole = submesh(again.mesh, np.ones(len(again.mesh.faces), dtype=np.bool_))
     whole = _placed(_without_thin(_placed(whole)))
     return whole if _closed(whole) and len(crossings(whole)) < len(pairs) else done

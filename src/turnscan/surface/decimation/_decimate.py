@@ -13,7 +13,7 @@ from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import measured, submesh
-from turnscan.mesh._topology import fans_about, twins
+from turnscan.mesh._topology import opposite_half_edges, vertex_fans
 from turnscan.remedy import Option, Remedy
 from turnscan.surface._told import Told, silent
 
@@ -69,7 +69,7 @@ def _net(mesh: Mesh, tolerance: float) -> Any:
     """The mesh as the kernels take it, with samples only where there is a tolerance."""
     from turnscan.surface.decimation import _net_kernels as kernels
 
-    twin = twins(mesh.faces)
+    twin = opposite_half_edges(mesh.faces)
     border = twin < 0
     chain = _chain(mesh, border)
     own = mesh.faces.copy()
@@ -147,7 +147,7 @@ def _samples(mesh: Mesh, twin: npt.NDArray[np.int64]) -> tuple[Floats, Ints]:
 def _locked(mesh: Mesh, twin: npt.NDArray[np.int64]) -> Bools:
     """(v,) True where the surface is not a manifold, and where measured and added faces meet."""
     v = len(mesh.vertices)
-    _, about = fans_about(mesh.faces)
+    _, about = vertex_fans(mesh.faces)
     locked = np.asarray(np.bincount(about, minlength=v) > 1)
     a, b = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
     real = measured(mesh)

@@ -11,13 +11,13 @@ from turnscan.arrays import Bools
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import components, join
 from turnscan.points import Along, RangeGrid
-from turnscan.surface._grid_mesh import Tears, mesh_grid, thin
+from turnscan.surface._grid_mesh import TearLimits, mesh_grid, thin
 from turnscan.surface.fusion._stitch import trimmed, zip_up
 
 
 def paste(
     grids: Iterable[RangeGrid],
-    tears: Tears | None = None,
+    tears: TearLimits | None = None,
     along: Along | None = None,
     *,
     keep_double: bool = False,
@@ -47,6 +47,6 @@ def paste(
     return zip_up(mesh, piece)
 
 
-def _part(grid: RangeGrid, keep: Bools, tears: Tears | None, along: Along | None) -> Mesh:
+def _part(grid: RangeGrid, keep: Bools, tears: TearLimits | None, along: Along | None) -> Mesh:
     points = np.where(keep[..., None], grid.points, np.nan)
     return mesh_grid(thin(replace(grid, points=points), along, tears), tears)

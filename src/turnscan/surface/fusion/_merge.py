@@ -13,7 +13,7 @@ from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import submesh
 from turnscan.points import Along, RangeGrid
 from turnscan.remedy import Option, Remedy
-from turnscan.surface._grid_mesh import Tears
+from turnscan.surface._grid_mesh import TearLimits
 from turnscan.surface.fusion._carve import carved
 from turnscan.surface.fusion._combine import paste
 from turnscan.surface.fusion._overlap import apart_findings, overlap_findings, overlaps
@@ -22,7 +22,7 @@ from turnscan.surface.fusion._range_surface import RangeSurface, range_surfaces,
 from turnscan.surface.fusion._tsdf import fuse
 from turnscan.surface.fusion._witness import borne_out
 
-How = Literal["auto", "grid", "tsdf", "paste"]
+MergeMethod = Literal["auto", "grid", "tsdf", "paste"]
 _SEAM = 3
 """Voxels, of the size of the usual spacing, by which a surface may end before it meets the next:
 one point is cleaned away at the edge, up to one spacing is left before it, and a cube needs all
@@ -31,8 +31,8 @@ its corners."""
 
 def merge(
     grids: Sequence[RangeGrid],
-    tears: Tears | None = None,
-    how: How = "auto",
+    tears: TearLimits | None = None,
+    how: MergeMethod = "auto",
     voxel: float | None = None,
     *,
     along: Along | None = None,
@@ -54,7 +54,7 @@ def merge(
     Raises InputError where a merge needs what the grids do not know, LimitExceeded for voxels too
     small for the part.
     """
-    t = tears or Tears()
+    t = tears or TearLimits()
     # By name and place in the scan, so that the order in which they come changes nothing.
     grids = sorted(grids, key=lambda g: (g.laser, *g.steps[:1], *g.angles[:1]))
     there = [g for g in grids if g.found.any()]

@@ -12,7 +12,7 @@ from turnscan.arrays import Floats, Ints
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import joined_provenance
 from turnscan.points import Along, RangeGrid
-from turnscan.surface._grid_mesh import Tears, mesh_grid, thin
+from turnscan.surface._grid_mesh import TearLimits, mesh_grid, thin
 from turnscan.surface.fusion._range_surface import RangeSurface
 
 _CLASHES = 0.005
@@ -136,7 +136,7 @@ def _unlike(radius: Floats, apart: float) -> int:
 
 
 def merge_polar(
-    grid: PolarGrid, surfaces: Sequence[RangeSurface], tears: Tears, along: Along | None = None
+    grid: PolarGrid, surfaces: Sequence[RangeSurface], tears: TearLimits, along: Along | None = None
 ) -> tuple[Mesh, int]:
     """The merged surface, and how many cells disagreed beyond three sigma.
 

@@ -11,11 +11,11 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
 from turnscan.mesh._mesh import Mesh, Provenance
-from turnscan.mesh._normals import roughness, steady_normals
+from turnscan.mesh._normals import roughness, smoothed_normals
 from turnscan.points import RangeGrid
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import rotation_z
-from turnscan.surface._grid_mesh import Tears, mesh_grid
+from turnscan.surface._grid_mesh import TearLimits, mesh_grid
 
 _SHEET = 2_000
 """Points that are enough to tell a laser's sheet …"""
@@ -31,7 +31,7 @@ class RangeSurface:
     eyes: Floats
     """(v, 3) mm."""
     normals: Floats
-    """(v, 3) unit normals, steady against noise (`steady_normals`)."""
+    """(v, 3) unit normals, steady against noise (`smoothed_normals`)."""
     moves: Floats
     """(v, 3) unit: the way along which sigma moves each vertex."""
 
@@ -100,7 +100,7 @@ class RangeSurface:
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
 
 
-def range_surfaces(grid: RangeGrid, tears: Tears | None = None) -> list[RangeSurface]:
+def range_surfaces(grid: RangeGrid, tears: TearLimits | None = None) -> list[RangeSurface]:
     """The surface of a grid, and apart from it what the sheet met beyond the rotation axis.
 
     Raises InputError for a grid that does not know where its camera stood.
@@ -109,7 +109,7 @@ def range_surfaces(grid: RangeGrid, tears: Tears | None = None) -> list[RangeSur
     return [_surface(grid, part, tears) for part in (~behind, behind) if (part & grid.found).any()]
 
 
-def _surface(grid: RangeGrid, keep: Bools, tears: Tears | None) -> RangeSurface:
+def _surface(grid: RangeGrid, keep: Bools, tears: TearLimits | None) -> RangeSurface:
     if grid.eyes is None:
         raise InputError(
             f"{grid.laser}: the camera position is unknown",
@@ -128,7 +128,7 @@ def _surface(grid: RangeGrid, keep: Bools, tears: Tears | None) -> RangeSurface:
     ray = eyes - mesh.vertices
     moves = ray if sheet is None else _along(sheet[at], ray, eyes)
     moves = moves / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-12)
-    return RangeSurface(mesh, eyes, steady_normals(mesh), moves)
+    return RangeSurface(mesh, eyes, smoothed_normals(mesh), moves)
 
 
 def _sheet_normals(grid: RangeGrid) -> Floats | None:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._normals import steady_normals
+from turnscan.mesh._normals import smoothed_normals
 from turnscan.mesh._parts import longest_sides, submesh
 from turnscan.mesh._soundness import crossings
 from turnscan.mesh._topology import half_edges, hanging_together
@@ -87,7 +87,7 @@ class _Patch:
     def of(cls, mesh: Mesh) -> _Patch:
         p = mesh.provenance
         noise = np.zeros(len(mesh.vertices)) if p is None else _NOISE * np.nan_to_num(p.sigma)
-        return cls(mesh, steady_normals(mesh), longest_sides(mesh), noise)
+        return cls(mesh, smoothed_normals(mesh), longest_sides(mesh), noise)
 
     def faces_of(self, other: _Patch) -> Ints:
         """(v,) the face of the other patch that each vertex of this one lies on; −1 for none."""
@@ -175,7 +175,7 @@ class _Zipper:
         close = np.asarray(away <= 2 * reach[some[which]] + reach)
         near = mesh.faces[close[mesh.faces].any(axis=1)]
         zipper = cls(
-            X, steady_normals(mesh), reach, piece, near, np.empty(0, np.int64),
+            X, smoothed_normals(mesh), reach, piece, near, np.empty(0, np.int64),
             np.stack([begin[joined], end[joined]], axis=1).astype(np.int64),
             np.empty((0, 3), np.int64), np.empty((0, 3), np.int64),
         )  # fmt: skip

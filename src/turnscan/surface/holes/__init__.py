@@ -2,21 +2,21 @@
 
 from turnscan.surface.holes._bridge import bridge
 from turnscan.surface.holes._causes import explain
-from turnscan.surface.holes._close import Bottom, Caps, Top, close, closings
+from turnscan.surface.holes._close import Bottom, ClosingOptions, Top, close, closings
 from turnscan.surface.holes._fill import FillHow, fill
 from turnscan.surface.holes._holes import CAUSE_WORDS, Cause, Hole, holes
 from turnscan.surface.holes._sound_fill import Filled, fill_soundly, unfilled
-from turnscan.surface.holes._visibility import Sought
+from turnscan.surface.holes._visibility import ScanCoverage
 
 __all__ = [
     "CAUSE_WORDS",
     "Bottom",
-    "Caps",
     "Cause",
+    "ClosingOptions",
     "FillHow",
     "Filled",
     "Hole",
-    "Sought",
+    "ScanCoverage",
     "Top",
     "bridge",
     "close",

@@ -18,7 +18,7 @@ from turnscan.surface.holes._edges import faces_beyond
 from turnscan.surface.holes._hole_places import Places, places_in
 from turnscan.surface.holes._holes import Cause, Hole
 from turnscan.surface.holes._through_holes import through, walls
-from turnscan.surface.holes._visibility import GRAZING, Crossings, Sought, crossings, line_of
+from turnscan.surface.holes._visibility import GRAZING, Crossings, ScanCoverage, crossings, line_of
 
 _CAUSES: tuple[Cause, ...] = get_args(Cause)
 LASER, CAMERA, FLAT, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN = range(len(_CAUSES))
@@ -61,7 +61,7 @@ class _Scene:
         return np.asarray(np.where(face < 0, np.inf, reach))
 
 
-def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[Sought]) -> list[Hole]:
+def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage]) -> list[Hole]:
     """The holes of an open mesh with their cause; without views, as they are.
 
     Places on the surface that is missing (`places_in`) are followed through the scan: at each table
@@ -106,7 +106,7 @@ def _whole(found: Sequence[Hole], places: Places, idle: Bools) -> Bools:
     return np.asarray(~places.island & (few | (idle & slight)))
 
 
-def _counted(places: Places, holes: int, views: Sequence[Sought], scene: _Scene) -> Floats:
+def _counted(places: Places, holes: int, views: Sequence[ScanCoverage], scene: _Scene) -> Floats:
     """(holes, causes) the votes of the places in each hole."""
     count = np.zeros((holes, _BOTH + 1))
     for start in range(0, len(places.at), _ROOM):
@@ -118,7 +118,7 @@ def _counted(places: Places, holes: int, views: Sequence[Sought], scene: _Scene)
 
 
 def _beyond(
-    mesh: Mesh, found: Sequence[Hole], places: Places, views: Sequence[Sought], scene: _Scene
+    mesh: Mesh, found: Sequence[Hole], places: Places, views: Sequence[ScanCoverage], scene: _Scene
 ) -> tuple[Floats, Bools]:
     """(holes, causes) shares of the faces beyond borders that no smooth surface spans
     (`faces_beyond`) by what hides them, and (holes,) True where that says something."""
@@ -165,7 +165,7 @@ def _hider(seen: Bools, lit: Bools, flat: Bools) -> Ints:
     return np.asarray(np.where(flat, FLAT, name), dtype=np.int32)
 
 
-def _reachable(places: Places, views: Sequence[Sought], scene: _Scene) -> _Reachable:
+def _reachable(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> _Reachable:
     """Which places the camera sees and the light reaches."""
     seen, lit, flat, both, inside = np.zeros((5, len(places.at)), dtype=np.bool_)
     for view in views:
@@ -184,7 +184,7 @@ def _lacks_nothing(hole: Hole, face: float) -> bool:
     return slender and hole.area < hole.size * face
 
 
-def _votes(places: Places, views: Sequence[Sought], scene: _Scene) -> tuple[Ints, Floats]:
+def _votes(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> tuple[Ints, Floats]:
     """(m,) for each place the cause that came nearest to a measurement, and its weight."""
     m = len(places.at)
     seen, lit, flat, out, turned, measured, reached, buried = np.zeros((8, m), dtype=np.bool_)
@@ -241,7 +241,7 @@ class _Sight:
         return self.seen & self.lit & ~self.both
 
 
-def _sight(places: Places, view: Sought, scene: _Scene) -> tuple[Crossings, _Sight]:
+def _sight(places: Places, view: ScanCoverage, scene: _Scene) -> tuple[Crossings, _Sight]:
     """The moments at which places pass a sheet, and what came to them then."""
     c = crossings(view, places.at)
     ok = c.inside & view.volume.contains(places.at)[c.place]
@@ -252,7 +252,7 @@ def _sight(places: Places, view: Sought, scene: _Scene) -> tuple[Crossings, _Sig
     return c, _Sight(seen, lit, steep, buried)
 
 
-def _further_in(places: Places, views: Sequence[Sought], scene: _Scene) -> Ints:
+def _further_in(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> Ints:
     """(m,) what hides the outermost place below each that could not have been measured; −1 where
     there is none within the reach of its hole.
 
@@ -304,7 +304,7 @@ def _reached(scene: _Scene, places: Places, which: Ints, end: Floats) -> tuple[B
     return out, out & steep, within & steep
 
 
-def _in_air(view: Sought, places: Places, scene: _Scene, c: Crossings) -> Bools:
+def _in_air(view: ScanCoverage, places: Places, scene: _Scene, c: Crossings) -> Bools:
     """(c,) True where the patch lies off the part, as a lid does on a pocket or round a corner.
 
     Light that went through the place was measured beyond it; or, under a patch that turns off from
@@ -348,7 +348,7 @@ def _sampled(grid: RangeGrid, X: Floats, step: Ints, line: Ints) -> Floats:
     return np.asarray(np.nan_to_num(away, nan=np.inf))
 
 
-def _light(view: Sought, places: Places, c: Crossings) -> Ints:
+def _light(view: ScanCoverage, places: Places, c: Crossings) -> Ints:
     """(c,) what was wrong with the light where the camera saw a lit place; −1 where nothing was.
 
     One sample is not enough: where the light ends, the clean-up takes the last one, and a stray one

@@ -1,4 +1,4 @@
-"""Caps: a mesh with gaps → a closed one, with every face that was not measured marked."""
+"""ClosingOptions: a mesh with gaps → a closed one, with every face that was not measured marked."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from turnscan.arrays import Floats, Ints
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._normals import steady_normals
+from turnscan.mesh._normals import smoothed_normals
 from turnscan.mesh._parts import submesh
 from turnscan.mesh._topology import cut_touching
 from turnscan.surface._told import Told, silent
 from turnscan.surface.holes._fill import FillHow, Patch, patches, ways, with_patches
 from turnscan.surface.holes._holes import Hole, holes, vector_area
-from turnscan.surface.holes._self_intersections import mend
+from turnscan.surface.holes._self_intersections import repair_self_intersections
 from turnscan.surface.holes._sound_fill import fill_soundly, unfilled
 
 Top = Literal["plane", "fan", "smooth", "open"]
@@ -40,7 +40,7 @@ _HIGH = 0.1
 
 
 @dataclass(frozen=True)
-class Caps:
+class ClosingOptions:
     """How the gaps of a mesh are closed."""
 
     floor: float | None = 0.0
@@ -61,10 +61,12 @@ class Caps:
 
     def __post_init__(self) -> None:
         if self.reach < 0 or (self.largest is not None and not self.largest > 0):
-            raise ValueError(f"Caps: reach {self.reach}, largest {self.largest} mm")
+            raise ValueError(f"ClosingOptions: reach {self.reach}, largest {self.largest} mm")
 
 
-def close(mesh: Mesh, caps: Caps | None = None, told: Told = silent) -> tuple[Mesh, list[Finding]]:
+def close(
+    mesh: Mesh, caps: ClosingOptions | None = None, told: Told = silent
+) -> tuple[Mesh, list[Finding]]:
     """Close the gaps of a mesh, and say what was done; faces added are not ``measured``.
 
     The part's foot is carried on in its tangent planes down to the floor; the faces in the
@@ -72,10 +74,11 @@ def close(mesh: Mesh, caps: Caps | None = None, told: Told = silent) -> tuple[Me
     knows. Then the top is closed, then all other holes (`fill`). Where parts of the surface merely
     touch in a vertex, the faces of the smaller one go first: programs that join equal corners would
     find them joined. Holes whose patches cut through the surface stay open (`fill_soundly`). Last,
-    places where the surface cuts through itself otherwise are made anew (`mend`). Added vertices
-    have provenance −1; those that are there do not move. ``told`` hears of each of the other holes.
+    places where the surface cuts through itself otherwise are made anew
+    (`repair_self_intersections`). Added vertices have provenance −1; those that are there do not
+    move. ``told`` hears of each of the other holes.
     """
-    c = caps or Caps()
+    c = caps or ClosingOptions()
     whole, remarks = cut_touching(mesh)
     foot, top, others = _sorted(whole, c)
     skip = [h for h in others if c.holes is None or (c.largest is not None and h.size > c.largest)]
@@ -93,7 +96,7 @@ def close(mesh: Mesh, caps: Caps | None = None, told: Told = silent) -> tuple[Me
     filled = fill_soundly(done, fillable, hows, told, hold=False)
     if filled.left:
         remarks.append(unfilled(filled.left, _HINT))
-    mended = mend(filled.mesh, filled.owner, filled.flat, hold=False)
+    mended = repair_self_intersections(filled.mesh, filled.owner, filled.flat, hold=False)
     gaps = (
         stands * len(foot) + (top is not None and c.top == "fan") + len(fillable) - len(filled.left)
     )
@@ -107,7 +110,9 @@ def close(mesh: Mesh, caps: Caps | None = None, told: Told = silent) -> tuple[Me
     return done, remarks + _said(done, gaps, foot if stands else [], c)
 
 
-def closings(mesh: Mesh, found: Sequence[Hole], caps: Caps | None, closed: Mesh) -> list[str]:
+def closings(
+    mesh: Mesh, found: Sequence[Hole], caps: ClosingOptions | None, closed: Mesh
+) -> list[str]:
     """In a word for each hole of a mesh how `close` dealt with it: "open" where it did not.
 
     ``closed`` is what became of the mesh; it may have been decimated.
@@ -140,7 +145,7 @@ def _same(hole: Hole, centre: Floats, size: float) -> bool:
     return max(away, abs(hole.size - size)) <= _ALIKE * hole.size
 
 
-def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: Caps) -> list[Finding]:
+def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: ClosingOptions) -> list[Finding]:
     out = []
     if mesh.measured is not None:
         share = 1.0 - mesh.area_of(mesh.measured) / max(mesh.area_of(), 1e-300)
@@ -155,7 +160,7 @@ def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: Caps) -> list[Finding]
     return out
 
 
-def _sorted(mesh: Mesh, c: Caps) -> tuple[list[Hole], Hole | None, list[Hole]]:
+def _sorted(mesh: Mesh, c: ClosingOptions) -> tuple[list[Hole], Hole | None, list[Hole]]:
     """The feet, the top if there is one, and all other holes of a mesh."""
     feet, ups, others = [], [], []
     low, high = mesh.bounds[:, 2] if len(mesh.vertices) else (0.0, 0.0)
@@ -179,7 +184,7 @@ def _is_foot(corners: Floats, floor: float, reach: float) -> bool:
 
 def _stood(mesh: Mesh, loops: Sequence[Ints], floor: float) -> Mesh:
     """The mesh with borders carried on down to the floor and closed there by its plane."""
-    normals = steady_normals(mesh)
+    normals = smoothed_normals(mesh)
     done = with_patches(mesh, [_skirt(mesh, loop, floor, normals) for loop in loops])
     start, below = len(mesh.vertices), []
     for loop in loops:

@@ -13,9 +13,9 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
 from turnscan.mesh._fair import Order, fair
 from turnscan.mesh._mesh import Mesh, Provenance
-from turnscan.mesh._normals import roughness, steady_normals
+from turnscan.mesh._normals import roughness, smoothed_normals
 from turnscan.mesh._parts import measured
-from turnscan.mesh._topology import twins
+from turnscan.mesh._topology import opposite_half_edges
 from turnscan.surface._told import Told, silent
 from turnscan.surface.holes._holes import Hole, holes, vector_area
 
@@ -81,7 +81,7 @@ def ways(mesh: Mesh, loops: Sequence[Ints], hows: Sequence[FillHow]) -> list[Fil
     """How each of the borders of a mesh is filled: what was asked for, or what ``auto`` takes."""
     if "auto" not in hows:
         return list(hows)
-    normals = steady_normals(mesh)
+    normals = smoothed_normals(mesh)
     edges = (
         how == "auto" and _is_edge(mesh.vertices[k], normals[k])
         for k, how in zip(loops, hows, strict=True)
@@ -124,7 +124,7 @@ def patches(
     Raises InputError where a loop is no border of this mesh.
     """
     corners = mesh.faces.ravel()
-    lonely = np.flatnonzero(twins(mesh.faces) < 0)
+    lonely = np.flatnonzero(opposite_half_edges(mesh.faces) < 0)
     side = np.full(len(mesh.vertices), -1, dtype=np.int64)
     side[corners[lonely]] = lonely
     far = corners[lonely // 3 * 3 + (lonely + 2) % 3]
@@ -304,7 +304,7 @@ def _bounded(change: Floats, mesh: Mesh, done: Sequence[Patch]) -> Floats:
     out = np.zeros_like(change)
     start, normals, least = (
         len(mesh.vertices),
-        steady_normals(mesh),
+        smoothed_normals(mesh),
         _NOISY * roughness(mesh, about_middle=True),
     )
     for patch in done:

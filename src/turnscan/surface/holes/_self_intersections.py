@@ -25,7 +25,7 @@ _PIECE = 0.01
 
 
 @dataclass(frozen=True)
-class Mended:
+class Repaired:
     """A mesh with small self-intersections repaired."""
 
     mesh: Mesh
@@ -38,7 +38,7 @@ class Mended:
     """(k, 2) faces that still cut through each other."""
 
 
-def mend(mesh: Mesh, owner: Ints, flat: Bools, *, hold: bool) -> Mended:
+def repair_self_intersections(mesh: Mesh, owner: Ints, flat: Bools, *, hold: bool) -> Repaired:
     """Take faces that cut through others away with those round them, and fill the places again.
 
     Where a measured face and a filled one cut through each other, the filled one gives way. What
@@ -62,7 +62,7 @@ def mend(mesh: Mesh, owner: Ints, flat: Bools, *, hold: bool) -> Mended:
             replaced += len(mesh.faces) - kept
             mesh, pairs = place.mesh, left
             owner = np.concatenate([owner[place.keep], place.owner])
-    return Mended(mesh, owner, replaced, pairs)
+    return Repaired(mesh, owner, replaced, pairs)
 
 
 def _giving_way(mesh: Mesh, pairs: Ints, number: int) -> Bools:

@@ -14,7 +14,7 @@ from turnscan.mesh._parts import measured, submesh
 from turnscan.surface._told import Told, silent
 from turnscan.surface.holes._fill import FillHow, patches, unmeasured, with_patches
 from turnscan.surface.holes._holes import Hole
-from turnscan.surface.holes._self_intersections import Mended, mend
+from turnscan.surface.holes._self_intersections import Repaired, repair_self_intersections
 
 _RINGS = 12
 """Rings of faces round a hole; its filling goes on with the curvature of those next to it."""
@@ -51,15 +51,15 @@ def fill_soundly(
     patch or through itself. Faces of patches that do are removed with those round them and made
     anew; a patch with a face that even then cuts through another is left out, of two that cut
     through each other the one that does so more. No face and no vertex of the mesh changes. Without
-    ``hold`` a patch stays that `mend` brings to fit by making measured faces anew; that is then to
-    be done. ``how`` is that of all holes, or of each. Raises InputError for a hole that is not one
-    of this mesh.
+    ``hold`` a patch stays that `repair_self_intersections` brings to fit by making measured faces
+    anew; that is then to be done. ``how`` is that of all holes, or of each. Raises InputError for a
+    hole that is not one of this mesh.
     """
     if not which:
         none = np.zeros(0, dtype=np.bool_)
         return Filled(mesh, np.full(len(mesh.faces), -1, dtype=np.int32), none, [], 0)
     sewn, owner, flat = _sewn(mesh, [h.loop for h in which], how, told)
-    done = mend(sewn, owner, flat, hold=True)
+    done = repair_self_intersections(sewn, owner, flat, hold=True)
     out = _cutting(done.owner[done.pairs], len(which))
     if out.any() and not hold:
         out = _beyond_mending(done, flat)
@@ -69,13 +69,13 @@ def fill_soundly(
     return Filled(whole, done.owner[keep], flat, left, done.replaced)
 
 
-def _beyond_mending(done: Mended, flat: Bools) -> Bools:
+def _beyond_mending(done: Repaired, flat: Bools) -> Bools:
     """(n,) True for patches to leave out, so that the repair handles all others: worst first."""
     out = np.zeros(len(flat), dtype=np.bool_)
     while True:
         keep = ~np.isin(done.owner, np.flatnonzero(out))
         rest = replace(done.mesh, faces=done.mesh.faces[keep], measured=measured(done.mesh)[keep])
-        judged = mend(rest, done.owner[keep], flat, hold=False)
+        judged = repair_self_intersections(rest, done.owner[keep], flat, hold=False)
         own = judged.owner[judged.pairs]
         if not (own >= 0).any():
             return out

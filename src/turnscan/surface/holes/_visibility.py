@@ -13,14 +13,14 @@ from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Orientation
 
 GRAZING = float(np.cos(np.deg2rad(80.0)))
-"""What is lit or seen further from face-on than this counts as hidden (as `Tears.grazing`)."""
+"""What is lit or seen further from face-on than this counts as hidden (as `TearLimits.grazing`)."""
 _SPECKLED = 4.0
 """Times its mean that the light of a speckled place is seen with a chance of exp(−4) = 2 % (fully
 developed speckle, Goodman 2007 §3.2): where a dark place shows at all, it shows no brighter."""
 
 
 @dataclass(frozen=True)
-class Sought:
+class ScanCoverage:
     """What one laser's scan could have found, and what it did."""
 
     rig: Rig
@@ -75,7 +75,7 @@ class Crossings:
         return Crossings(place, step, line, self.inside[which], eye, source)
 
 
-def crossings(view: Sought, at: Floats) -> Crossings:
+def crossings(view: ScanCoverage, at: Floats) -> Crossings:
     """The moments at which places (m, 3) pass a laser's sheet as the table turns."""
     grid, rig = view.grid, view.rig
     sheet, T, camera = rig.sheet(grid.laser), rig.T_camera_table, rig.camera
@@ -102,7 +102,7 @@ def crossings(view: Sought, at: Floats) -> Crossings:
     )
 
 
-def line_of(view: Sought, uv: Floats) -> Ints:
+def line_of(view: ScanCoverage, uv: Floats) -> Ints:
     """(c,) the picture's line of pixels (c, 2); the nearest one where they lie outside."""
     line = np.rint(uv[:, 1 if view.orientation == "vertical" else 0])
     kept = np.clip(np.nan_to_num(line), 0, view.grid.flags.shape[1] - 1)

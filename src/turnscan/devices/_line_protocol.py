@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from turnscan.devices._sentences import (
+from turnscan.devices._replies import (
     LOCKED,
     Kind,
     door_open,

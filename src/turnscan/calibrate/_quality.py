@@ -9,10 +9,10 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.calibrate._layout import MarkerLayout
-from turnscan.calibrate._network import BOARD, RIDER, stripe_kind
+from turnscan.calibrate._observations import BOARD, RIDER, stripe_kind
+from turnscan.calibrate._residuals import trace
 from turnscan.calibrate._rig import Calibration
 from turnscan.calibrate._state import board_stripe, platter_stripe
-from turnscan.calibrate._terms import trace
 from turnscan.rig import Rig
 
 _CELLS = (8, 6)
@@ -31,7 +31,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Figures:
+class CalibrationQuality:
     """The figures of a calibration that a person asks for first."""
 
     camera_rms_px: float
@@ -61,7 +61,7 @@ class Figures:
     """The same of a measured height."""
 
 
-def figures(c: Calibration) -> Figures:
+def figures(c: Calibration) -> CalibrationQuality:
     """Compute the figures of a calibration."""
     fit, net = c.fit, c.network
     px, mm, views, offset = {}, {}, {}, {}
@@ -80,7 +80,7 @@ def figures(c: Calibration) -> Figures:
             u = measured_uncertainty(c.rig, net.lasers[0], R, z)
             if u is not None:
                 radius[f"{R:g} / {z:g}"], height[f"{R:g} / {z:g}"] = 2 * u[0], 2 * u[1]
-    return Figures(
+    return CalibrationQuality(
         camera_rms_px=fit.rms(BOARD),
         camera_views=len(net.boards),
         coverage=coverage([v.corners for v in net.boards], c.rig.camera.width, c.rig.camera.height),

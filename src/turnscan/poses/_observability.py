@@ -16,7 +16,7 @@ _FLAT = 0.3
 
 
 @dataclass(frozen=True)
-class Freedom:
+class UndeterminedMotion:
     """A motion of one view, in the common frame, along which its surface slides on itself."""
 
     view: int
@@ -33,7 +33,9 @@ class Freedom:
 
     def __post_init__(self) -> None:
         for name in ("middle", "turn", "shift"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (3,), f"Freedom.{name}"))
+            object.__setattr__(
+                self, name, frozen(getattr(self, name), (3,), f"UndeterminedMotion.{name}")
+            )
 
     def __str__(self) -> str:
         """In words, for findings."""
@@ -75,7 +77,7 @@ def covariance(e: Equations, held: Floats | None = None, fixed: int = 1) -> Floa
     return out
 
 
-def freedoms(e: Equations, middles: Floats, fixed: int = 1) -> list[Freedom]:
+def freedoms(e: Equations, middles: Floats, fixed: int = 1) -> list[UndeterminedMotion]:
     """What each view can do without a surface rising by more than `SLIP` of the motion.
 
     The other views may follow, but for the ``fixed`` first. Judged by information whose two
@@ -97,11 +99,11 @@ def freedoms(e: Equations, middles: Floats, fixed: int = 1) -> list[Freedom]:
             if slip < SLIP:
                 v = v * np.sqrt(weight)
                 lever = float(np.sqrt(np.trace(M[:3, :3]) / (2 * weight)))
-                out.append(Freedom(i, middles[i], v[:3], v[3:], slip, lever))
+                out.append(UndeterminedMotion(i, middles[i], v[:3], v[3:], slip, lever))
     return out
 
 
-def shifting(found: Sequence[Freedom], i: int) -> bool:
+def shifting(found: Sequence[UndeterminedMotion], i: int) -> bool:
     """True where the freedoms of view i, together, hold a shift.
 
     No part is the same all along a line: where a view may be shifted, its overlap says too little.
@@ -112,7 +114,7 @@ def shifting(found: Sequence[Freedom], i: int) -> bool:
     return len(turns) > 3 or bool(np.linalg.svd(turns, compute_uv=False)[-1] < _FLAT)
 
 
-def held_motions(found: Sequence[Freedom], count: int) -> Floats:
+def held_motions(found: Sequence[UndeterminedMotion], count: int) -> Floats:
     """(m, 6n) the freedoms as motions of all poses."""
     out = np.zeros((len(found), 6 * count))
     for row, f in zip(out, found, strict=True):
@@ -120,7 +122,9 @@ def held_motions(found: Sequence[Freedom], count: int) -> Floats:
     return out
 
 
-def explains(found: Sequence[Freedom], i: int, a: Pose, b: Pose, points: Floats) -> Floats:
+def explains(
+    found: Sequence[UndeterminedMotion], i: int, a: Pose, b: Pose, points: Floats
+) -> Floats:
     """(n,) mm: how far ``points`` of view i lie apart in poses a and b, freedoms of it aside."""
     span = np.array([[*f.turn, *f.shift] for f in found if f.view == i]).reshape(-1, 6)
     middle = next((f.middle for f in found if f.view == i), np.zeros(3))

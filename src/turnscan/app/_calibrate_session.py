@@ -16,7 +16,7 @@ from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._library import Library
 from turnscan.app._live import see, stripe_of
-from turnscan.app._rig_room import RigRoom
+from turnscan.app._rig_session import RigRoom
 from turnscan.arrays import Floats, Image
 from turnscan.calibrate import (
     Board,

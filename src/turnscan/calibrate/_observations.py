@@ -14,6 +14,7 @@ from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._layout import BoardLayout, MarkerLayout, cross_matrices, moved_pose
 from turnscan.calibrate._normal import Block
 from turnscan.calibrate._prior import RigPrior
+from turnscan.calibrate._residuals import CAMERA_SIZE, Traced, point_term, stripe_term, trace
 from turnscan.calibrate._state import (
     RiderView,
     State,
@@ -22,7 +23,6 @@ from turnscan.calibrate._state import (
     bulge,
     platter_stripe,
 )
-from turnscan.calibrate._terms import CAMERA_SIZE, Traced, point_term, stripe_term, trace
 from turnscan.rig import Pose, rotation_z
 
 BEND = ("board.bend_xx", "board.bend_xy", "board.bend_yy")

@@ -36,7 +36,7 @@ from turnscan.edit._measures import (
 )
 
 
-def in_words(edit: Edit) -> str:
+def describe(edit: Edit) -> str:
     """What an edit does, and to how much, in a few words."""
     if isinstance(edit, GridEdit):
         return _of_grid(edit)

@@ -16,7 +16,7 @@ from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._library import Library
 from turnscan.app._live import Growing, Taken
-from turnscan.app._rig_room import RigRoom
+from turnscan.app._rig_session import RigRoom
 from turnscan.errors import InputError
 from turnscan.workflows import Opened, PlannedScan, ScanOptions, TakenScan, scan_events
 

@@ -22,7 +22,7 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from turnscan.app._keys import Keys
+from turnscan.app._auth import Keys
 from turnscan.errors import TurnscanError
 
 CSP = (

@@ -13,7 +13,7 @@ from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._layout import Layout, MarkerLayout
 from turnscan.calibrate._light import measuring_direction
-from turnscan.calibrate._network import BOARD, RigNetwork
+from turnscan.calibrate._observations import BOARD, RigNetwork
 from turnscan.calibrate._prior import RigPrior, like, prior_of
 from turnscan.calibrate._select import on_board, on_platter
 from turnscan.calibrate._start import FEWEST_VIEWS, board_pose, same_size, start_camera, start_sheet

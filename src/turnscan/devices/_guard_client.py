@@ -18,7 +18,7 @@ from typing import Any, Protocol
 
 from turnscan.devices import _guard
 from turnscan.devices._dialects import DIALECTS
-from turnscan.devices._lines import objection, shown
+from turnscan.devices._line_protocol import objection, shown
 from turnscan.devices._port_error import port_error
 from turnscan.devices._rescue import Rescue
 from turnscan.errors import (
