@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.analytic import box, full_turn, make_rig, scan_shape
+from tests.reports import into
 from turnscan.detection import detect_scan
 from turnscan.edit import DeletePoints, Entry, ProfileOff, Redetect
 from turnscan.errors import InputError
@@ -261,7 +262,7 @@ def test_frames_asked_again_show_the_same_and_edits_reach_the_grid(scan_path):
             Entry(3, DeletePoints("L1", 12, tuple(range(100, 110)))),
         ]
         shares = list[float]()
-        done = build(seen, Settings(denoise=2.0), edits, shares.append)
+        done = build(seen, Settings(denoise=2.0), edits, into(shares))
         whole = reconstruct(scan, settings=Settings(denoise=2.0), edits=edits)
     assert shares == sorted(shares)
     assert shares[0] == 0

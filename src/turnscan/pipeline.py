@@ -12,11 +12,12 @@ from turnscan.edit import Entry
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, cut_touching
 from turnscan.points import Along, RangeGrid
+from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
 from turnscan.shapes import Source
-from turnscan.surface import TearLimits, Told, clean, decimation, fusion, holes, part, silent
+from turnscan.surface import TearLimits, clean, decimation, fusion, holes
 from turnscan.surface.holes import ClosingOptions, Hole, ScanCoverage
 
 Tick = Callable[[], None]
@@ -80,19 +81,19 @@ def build(
     seen: Sequence[Detection],
     s: Settings,
     edits: Sequence[Entry] = (),
-    told: Told = silent,
+    progress: Progress = no_progress,
     *,
     finish: bool = True,
 ) -> Reconstruction:
     """Stripes → grids → mesh, with these edits. Raises InputError where no angle is known.
 
-    ``told`` hears how much of it is done; without ``finish`` the mesh is neither closed nor
+    ``progress`` hears how much of it is done; without ``finish`` the mesh is neither closed nor
     decimated, so that more edits can be made on it.
     """
-    grids, sought, findings = to_grids(seen, s, edits, part(told, 0, _GRIDS))
+    grids, sought, findings = to_grids(seen, s, edits, progress.subrange(0, _GRIDS))
     rig = seen[0].view.rig if seen else None
-    told = part(told, _GRIDS, 1)
-    opened, mesh, remarks = to_mesh(grids, s, edits, told, rig, finish=finish)
+    progress = progress.subrange(_GRIDS, 1)
+    opened, mesh, remarks = to_mesh(grids, s, edits, progress, rig, finish=finish)
     said = (*findings, *remarks)
     return Reconstruction(
         tuple(grids),
@@ -108,25 +109,28 @@ def build(
 
 
 def to_grids(
-    seen: Sequence[Detection], s: Settings, edits: Sequence[Entry] = (), told: Told = silent
+    seen: Sequence[Detection],
+    s: Settings,
+    edits: Sequence[Entry] = (),
+    progress: Progress = no_progress,
 ) -> tuple[list[RangeGrid], list[ScanCoverage], list[Finding]]:
     """Stripes → grids, what each could have found, and what there is to know.
 
-    ``told`` hears of the profiles that an edit wants to be sought again, and of each grid.
+    ``progress`` hears of the profiles that an edit wants to be sought again, and of each grid.
     """
     grids, sought = list[RangeGrid](), list[ScanCoverage]()
     findings = edit.lost_edits(edits, [sight.view.laser for sight in seen])
     for k, sight in enumerate(seen):
         v = sight.view
-        mine = part(told, k / len(seen), (k + 1) / len(seen))
-        mended, nothing = edit.mend_stripes(sight.stripes, edits, v, part(mine, 0, 0.5))
+        mine = progress.subrange(k / len(seen), (k + 1) / len(seen))
+        mended, nothing = edit.mend_stripes(sight.stripes, edits, v, mine.subrange(0, 0.5))
         whole = points.build_grid(
             v.rig, v.laser, mended.stripes, mended.steps, mended.angles, mended.angle_sigma
         )
         turns, again = points.whole_turns(points.every(whole, s.every))
         findings += [*sight.findings, *nothing, *points.angle_findings(turns[0], again)]
         for i, turn in enumerate(turns):
-            now = part(part(mine, 0.5, 1), i / len(turns), (i + 1) / len(turns))
+            now = mine.subrange(0.5, 1).subrange(i / len(turns), (i + 1) / len(turns))
             now(0)
             seamed = edit.mend_grid(turn, edits)
             kept = points.drop_specks(points.clip(seamed, v.volume), s.shortest)
@@ -151,7 +155,7 @@ def to_mesh(
     grids: Sequence[RangeGrid],
     s: Settings,
     edits: Sequence[Entry] = (),
-    told: Told = silent,
+    progress: Progress = no_progress,
     rig: Rig | None = None,
     *,
     finish: bool = True,
@@ -159,10 +163,10 @@ def to_mesh(
     """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for.
 
     ``rig`` is the one that measured the grids; volumes are as uncertain as it is.
-    ``told`` hears of merging, closing and decimating. Without ``finish`` the mesh is neither
+    ``progress`` hears of merging, closing and decimating. Without ``finish`` the mesh is neither
     closed nor decimated nor settled.
     """
-    told(0)
+    progress(0)
     sewn = s.caps is not None and s.caps.holes is not None
     merged, findings = fusion.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
     loose, touching = cut_touching(merged)
@@ -172,7 +176,7 @@ def to_mesh(
     opened, mending = edit.mend_mesh(mesh, edits, lambda: source_of(grids, rig))
     mesh, closing = opened, list[Finding]()
     if finish:
-        mesh, closing = finished(mesh, s, part(told, 0.4, 1))
+        mesh, closing = finished(mesh, s, progress.subrange(0.4, 1))
     whole = clean.settled(mesh)
     if finish and mesh is opened:  # nothing was closed or decimated: there is one mesh
         opened = whole
@@ -182,14 +186,16 @@ def to_mesh(
     return opened, whole if finish else opened, said
 
 
-def finished(mesh: Mesh, s: Settings, told: Told = silent) -> tuple[Mesh, list[Finding]]:
-    """An edited mesh, closed and decimated as asked for; ``told`` gets the fraction done."""
+def finished(
+    mesh: Mesh, s: Settings, progress: Progress = no_progress
+) -> tuple[Mesh, list[Finding]]:
+    """An edited mesh, closed and decimated as asked for; ``progress`` gets the fraction done."""
     findings = list[Finding]()
     if s.caps is not None:
-        mesh, findings = holes.close(mesh, s.caps, part(told, 0, 1 / 3))
+        mesh, findings = holes.close(mesh, s.caps, progress.subrange(0, 1 / 3))
     if s.tolerance is not None or s.faces is not None:
-        dense, thinning = mesh, part(told, 1 / 3, 1)
-        mesh = decimation.decimate(dense, tolerance=s.tolerance, faces=s.faces, told=thinning)
+        dense, thinning = mesh, progress.subrange(1 / 3, 1)
+        mesh = decimation.decimate(dense, tolerance=s.tolerance, faces=s.faces, progress=thinning)
         findings += decimation.decimation_findings(dense, mesh, s.faces)
     return mesh, findings
 

@@ -33,9 +33,9 @@ from turnscan.edit import (
 from turnscan.formats import read_mesh
 from turnscan.mesh import Mesh, is_closed
 from turnscan.pipeline import build
+from turnscan.progress import Progress
 from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
-from turnscan.surface import Told
 from turnscan.surface.holes import holes
 
 pytestmark = pytest.mark.slow
@@ -67,8 +67,8 @@ class Worker:
         self.seen: list[Detection] = see(self.scan, rig_for(self.scan), Settings().stripes)
         self.document = Document.open(self.build)
 
-    def build(self, edits: Any, told: Told) -> Any:
-        done = build(self.seen, Settings(), edits, told)
+    def build(self, edits: Any, progress: Progress) -> Any:
+        done = build(self.seen, Settings(), edits, progress)
         return done.mesh, done.findings
 
     def make(self, edit: Edit) -> None:
@@ -160,9 +160,9 @@ def test_the_list_tells_what_was_done_and_the_file_embeds_it(mended: Path) -> No
     assert "fill a hole of" in lines[3]
     report = mended.with_suffix(".json")
     mesh_of(mended, "--report", report)
-    told = json.loads(report.read_text())
-    assert told["edits"][4] == "5: close all gaps"
-    assert len(told["edits_sha256"]) == 64
+    progress = json.loads(report.read_text())
+    assert progress["edits"][4] == "5: close all gaps"
+    assert len(progress["edits_sha256"]) == 64
     assert "5 edits" in run("check", mended)
     run("edits", mended, "--undo")
     run("edits", mended, "--off", 1)
@@ -226,9 +226,9 @@ def test_faces_are_chosen_and_edits_made_without_a_browser(
     section = {"kind": "measure_section", "normal": [0, 0, 1], "distance": 40}
     run("edits", mended, "--make", '{"kind":"close"}', "--make", json.dumps(section))
     _, said = mesh_of(mended)
-    told = next(line for line in said.splitlines() if "edit.measured" in line)
-    assert "mm, circle" in told
-    assert 60 < float(told.split("]: ")[1].split(" ")[0]) < 80
+    progress = next(line for line in said.splitlines() if "edit.measured" in line)
+    assert "mm, circle" in progress
+    assert 60 < float(progress.split("]: ")[1].split(" ")[0]) < 80
     assert "kind" in refused(monkeypatch, capsys, "edits", mended, "--make", '{"kind":"warp"}')
 
 

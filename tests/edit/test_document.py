@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from tests.edit.surfaces import around, sheet
+from tests.reports import into
 from tests.surface.test_fill import ball, opened
 from turnscan.edit import (
     Body,
@@ -39,13 +40,13 @@ from turnscan.edit import (
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, join
-from turnscan.surface import Told
+from turnscan.progress import Progress
 from turnscan.surface.holes import fill, holes
 
 SHEETS = [sheet(8, seed, 0.02 * seed, size=14.0) for seed in range(3)]
 
 
-def build(edits: Any, _: Told) -> Any:
+def build(edits: Any, _: Progress) -> Any:
     """A surface that depends on the grid edits, as a reconstruction does."""
     return SHEETS[len(edits) % 3], [Finding("grid", "note", f"{len(edits)} grid edits")]
 
@@ -322,27 +323,27 @@ def test_the_share_done_is_told_and_an_end_there_changes_nothing() -> None:
         region = Region.of(document.body, around(mesh, at, 2))
         document, _ = document.add(Delete(region))
     shares = list[float]()
-    document.add(Close(floor=None, top=None, largest=20.0), shares.append)
+    document.add(Close(floor=None, top=None, largest=20.0), into(shares))
     assert np.allclose(sorted(set(shares)), [0, 1 / 3, 2 / 3])
     shares.clear()
-    filled, _ = document.add(Fill(None, "flat", largest=20.0), shares.append)
+    filled, _ = document.add(Fill(None, "flat", largest=20.0), into(shares))
     assert shares[0] == 0
     assert np.allclose(sorted(set(shares)), [0, 1 / 3, 2 / 3])
     shares.clear()
-    filled.add(Smooth(Region.of(filled.body, around(mesh, (20, 20), 4)), rounds=4), shares.append)
+    filled.add(Smooth(Region.of(filled.body, around(mesh, (20, 20), 4)), rounds=4), into(shares))
     assert shares == [0, 0, 0.25, 0.5, 0.75]
     shares.clear()
-    document.switch(document.history.entries[0].id, False, shares.append)
+    document.switch(document.history.entries[0].id, False, into(shares))
     assert shares == [0, 0.5]  # the two behind it are done again
 
     class Enough(Exception):
         pass
 
-    def end(share: float) -> None:
+    def end(share: float, _: str) -> None:
         if share > 0.5:
             raise Enough
 
     before = document.body.digest()
     with pytest.raises(Enough):
-        document.add(Fill(None, "flat", largest=20.0), end)
+        document.add(Fill(None, "flat", largest=20.0), Progress(end))
     assert document.body.digest() == before

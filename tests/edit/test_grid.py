@@ -23,6 +23,7 @@ from turnscan.edit import (
     mend_stripes,
 )
 from turnscan.points import RangeGrid
+from turnscan.progress import Progress
 from turnscan.stripes import Candidates, Stripe, StripeFlag
 
 LINES = 12
@@ -94,13 +95,13 @@ def test_each_profile_that_is_sought_again_is_told_of() -> None:
     again = Redetect("left", (0, 3), (0, LINES), threshold=9.0)
     entries = [Entry(1, ProfileOff("left", (9, 9))), Entry(2, again)]
 
-    def hear(share: float) -> None:
+    def hear(share: float, _: str) -> None:
         shares.append(share)
         if len(frames.asked) == 2:
             raise TimeoutError  # what hears of it may end it
 
     with pytest.raises(TimeoutError):
-        mend_stripes(SEEN, entries, frames, hear)
+        mend_stripes(SEEN, entries, frames, Progress(hear))
     assert shares == pytest.approx([0, 0.5, 0.5, 4 / 6, 5 / 6])
     assert frames.asked == [(0, 9.0), (2, 9.0)]
 

@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.reports import into
 from tests.surface.test_grid_mesh import check_sound, euler, random_grid, turned
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, boundary_loops, components, cut_touching, is_closed
+from turnscan.progress import Progress
 from turnscan.shapes import deviation, sample_surface
 from turnscan.surface import mesh_grid
 from turnscan.surface.decimation import _collapse_kernels as kernels
@@ -214,7 +216,7 @@ def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
         monkeypatch.undo()
         once = decimate(mesh, **wish)  # type: ignore[arg-type]
         monkeypatch.setattr("turnscan.surface.decimation._decimate._AT_A_TIME", 97)
-        often = decimate(mesh, **wish, told=shares.append)  # type: ignore[arg-type]
+        often = decimate(mesh, **wish, progress=into(shares))  # type: ignore[arg-type]
         assert np.array_equal(once.vertices, often.vertices)
         assert np.array_equal(once.faces, often.faces)
         assert len(shares) > 20
@@ -227,11 +229,11 @@ def test_it_ends_where_who_is_told_wants_that(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("turnscan.surface.decimation._decimate._AT_A_TIME", 97)
     heard = list[float]()
 
-    def end(share: float) -> None:
+    def end(share: float, _: str) -> None:
         heard.append(share)
         if share > 0.5:
             raise TimeoutError
 
     with pytest.raises(TimeoutError):
-        decimate(column(), tolerance=TOLERANCE, told=end)
+        decimate(column(), tolerance=TOLERANCE, progress=Progress(end))
     assert [share > 0.5 for share in heard].count(True) == 1

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.reports import into
 from tests.surface.test_decimate import column, cube
 from tests.surface.test_grid_mesh import random_grid
 from turnscan.errors import InputError
@@ -183,7 +184,7 @@ def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
     once = denoise(grid)
     monkeypatch.setattr("turnscan.surface.clean._denoise._AT_A_TIME", 7)
     shares = list[float]()
-    assert np.array_equal(denoise(grid, told=shares.append).points, once.points)
+    assert np.array_equal(denoise(grid, progress=into(shares)).points, once.points)
     assert shares == [first / 40 for first in range(0, 40, 7)]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from turnscan.app._open_scan import OpenScan
 from turnscan.edit import Change, Document, Edit
 from turnscan.findings import Finding
 from turnscan.formats import read_mesh
-from turnscan.progress import Cancelled
+from turnscan.progress import Cancelled, Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
 
@@ -153,14 +152,12 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
 ) -> None:
     go, gone_on, add = threading.Event(), threading.Event(), Document.add
 
-    def slow(
-        document: Document, edit: Edit, told: Callable[[float], None]
-    ) -> tuple[Document, Change]:
-        told(0.25)
+    def slow(document: Document, edit: Edit, progress: Progress) -> tuple[Document, Change]:
+        progress(0.25)
         assert go.wait(30)
-        told(0.5)
+        progress(0.5)
         gone_on.set()
-        return add(document, edit, told)
+        return add(document, edit, progress)
 
     with Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]

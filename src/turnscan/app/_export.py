@@ -23,7 +23,7 @@ def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportR
     suffix, state = f".{wish.format}", scan.now
 
     def work(job: Job) -> Result:
-        result = scan.result(state, job.share)
+        result = scan.result(state, job.progress)
         mesh = result.mesh
         job.steps(2)
         job.at(0)

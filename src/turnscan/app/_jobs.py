@@ -68,11 +68,6 @@ class Job:
         self._done = done
         self._tell_now_and_then()
 
-    def share(self, done: float) -> None:
-        """So much is done, 0 to 1, from the work's own thread. Raises Cancelled."""
-        self.check()
-        self._share(done, "")
-
     @property
     def progress(self) -> Progress:
         """The same as workflows report it and ask for its end."""

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from turnscan import edit, surface
+from turnscan import edit
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
 from turnscan.app._encode_grid import CAUSES, grid_arrays, picture_png, profile_arrays
@@ -36,6 +36,7 @@ from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction, build, finished, source_of
 from turnscan.points import RangeGrid
+from turnscan.progress import Progress
 from turnscan.scan import Scan, rig_for
 from turnscan.shapes import Source
 from turnscan.stripes import named
@@ -44,7 +45,7 @@ from turnscan.surface.holes import CAUSE_WORDS, Hole, ScanCoverage, explain, hol
 from turnscan.workflows import ReconstructResult, about, kept_options
 
 MOST_HOLES = 1000
-"""The largest ones are told."""
+"""The largest ones are progress."""
 
 
 class Stale(InputError):
@@ -83,9 +84,11 @@ class OpenScan:
         try:
             rig = rig_for(self.scan)
             self._settings = kept_options(self.scan).settings(rig, self.scan)
-            job.steps(len(self.scan))
+            looking, building = job.progress.subrange(0, 0.8), job.progress.subrange(0.8, 1)
             stripes, volume = self._settings.stripes, self._settings.volume
-            self._seen = detect_scan(self.scan, rig, stripes, volume, job.tick)
+            self._seen = detect_scan(
+                self.scan, rig, stripes, volume, looking.counter(len(self.scan))
+            )
             self._views = {s.view.laser: s.view for s in self._seen}
             log = self.scan.edits()
             history = edit.history_from_log([e.text for e in log], f"{path.name}: edits")
@@ -93,7 +96,7 @@ class OpenScan:
                 action = edit.action_from_json(entry.text)
                 if isinstance(action, edit.Add):
                     self._times[action.id] = entry.time
-            document = edit.Document.open(self._build, history, lambda _: job.check(), self._source)
+            document = edit.Document.open(self._build, history, building, self._source)
         except BaseException:
             self.scan.close()
             raise
@@ -114,11 +117,11 @@ class OpenScan:
         text = f"the settings of this scan require its surface {done}: applied on export"
         return (*found, Finding("scan.finished-on-export", "note", text))
 
-    def result(self, state: State, told: surface.Told) -> ReconstructResult:
+    def result(self, state: State, progress: Progress) -> ReconstructResult:
         """The surface as files get it: closed and decimated as the scan's settings say."""
         s = self._settings
         opened = edit.Compact.of(state.document.body).mesh
-        mesh, found = finished(opened, s, told)
+        mesh, found = finished(opened, s, progress)
         whole = settled(mesh)
         done = Reconstruction(
             state.grids,
@@ -211,7 +214,7 @@ class OpenScan:
     def defects(self, id: int) -> p.Defects:
         """What was found wrong, with its place where it has one, and the holes."""
         state = self.now
-        told = [_defect(f, state.grids) for f in state.document.findings]
+        progress = [_defect(f, state.grids) for f in state.document.findings]
         _, found = self._holes(state)
         for h in found:
             remark = p.Remark(
@@ -222,8 +225,8 @@ class OpenScan:
                 remedy="fill it, or scan the part in another pose as well",
             )
             place = (float(h.centre[0]), float(h.centre[1]), float(h.centre[2]))
-            told.append(p.Defect(remark=remark, place=place, grid=None, step=None, line=None))
-        return p.Defects(id=id, scan=self.name, revision=state.revision, defects=told)
+            progress.append(p.Defect(remark=remark, place=place, grid=None, step=None, line=None))
+        return p.Defects(id=id, scan=self.name, revision=state.revision, defects=progress)
 
     def stand_in(self, faces: int) -> tuple[p.MeshHeader, dict[str, Array]]:
         """A coarse surface of about so many faces."""
@@ -326,27 +329,27 @@ class OpenScan:
     def undo(self, job: Job) -> None:
         """One edit back. Raises InputError where there is none."""
         with self._lock:
-            self._keep(*self.now.document.undo(job.share), job)
+            self._keep(*self.now.document.undo(job.progress), job)
 
     def redo(self, job: Job) -> None:
         """One edit on again. Raises InputError where there is none."""
         with self._lock:
-            self._keep(*self.now.document.redo(job.share), job)
+            self._keep(*self.now.document.redo(job.progress), job)
 
     def go(self, cursor: int, job: Job) -> None:
         """To the state after the first ``cursor`` edits. Raises InputError."""
         with self._lock:
-            self._keep(*self.now.document.go(cursor, job.share), job)
+            self._keep(*self.now.document.go(cursor, job.progress), job)
 
     def branch(self, id: int, job: Job) -> None:
         """The branch that ends with this edit becomes the history. Raises InputError."""
         with self._lock:
-            self._keep(*self.now.document.branch(id, job.share), job)
+            self._keep(*self.now.document.branch(id, job.progress), job)
 
     def switch(self, id: int, on: bool, job: Job) -> None:
         """One edit off, or on again. Raises InputError where there is none of that number."""
         with self._lock:
-            self._keep(*self.now.document.switch(id, on, job.share), job)
+            self._keep(*self.now.document.switch(id, on, job.progress), job)
 
     def _tried(
         self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array], job: Job
@@ -363,7 +366,7 @@ class OpenScan:
             wish["where"] = region
         wanted = edit.edit_from_value(wish)
         job.title = edit.describe(wanted)
-        document, change = self.now.document.add(wanted, job.share)
+        document, change = self.now.document.add(wanted, job.progress)
         refused = next((f for f in change.findings if f.severity == "error"), None)
         if refused is not None:
             raise InputError(refused.message, hint=refused.remedy)
@@ -437,9 +440,9 @@ class OpenScan:
         ]
 
     def _build(
-        self, entries: Sequence[edit.Entry], told: surface.Told
+        self, entries: Sequence[edit.Entry], progress: Progress
     ) -> tuple[Mesh, Sequence[Finding]]:
-        done = build(self._seen, self._settings, entries, told, finish=False)
+        done = build(self._seen, self._settings, entries, progress, finish=False)
         self._built[tuple(entries)] = done
         return done.mesh, done.findings
 

@@ -28,8 +28,8 @@ from turnscan.edit._measures import REACH, Measure, Sources, Vector, taken
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding, Severity
 from turnscan.mesh import Mesh, Provenance, clip, half_edges, vertex_fans
+from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Measured, Source
-from turnscan.surface import Told, silent
 from turnscan.surface.clean import smooth, spikes
 from turnscan.surface.decimation import decimate
 from turnscan.surface.holes import (
@@ -63,11 +63,11 @@ class Done:
 
 
 def apply(
-    body: Body, entry: Entry, told: Told = silent, source: Sources = Source
+    body: Body, entry: Entry, progress: Progress = no_progress, source: Sources = Source
 ) -> tuple[Body, Done]:
     """A body after a mesh edit. An edit that cannot be done changes nothing and is a finding.
 
-    ``told`` hears of filling, smoothing and decimating how much of it is done; ``source`` says
+    ``progress`` hears of filling, smoothing and decimating how much of it is done; ``source`` says
     what the surface was made from.
     """
     findings: list[Finding] = []
@@ -78,7 +78,7 @@ def apply(
         if isinstance(entry.edit, Measure):
             measured = taken(body, entry.edit, source)
         else:
-            patches = _patches(body, entry.edit, findings, told)
+            patches = _patches(body, entry.edit, findings, progress)
     except (InputError, CalibrationError) as e:
         # A part is none the worse for a measurement that cannot be taken.
         severity: Severity = "warning" if isinstance(entry.edit, Measure) else "error"
@@ -98,7 +98,7 @@ def mend_mesh(
 ) -> tuple[Mesh, list[Finding]]:
     """A mesh with the mesh edits among these done, in their order.
 
-    What was measured is told among the findings.
+    What was measured is progress among the findings.
     """
     body, findings = Body.of(mesh), list[Finding]()
     done = 0
@@ -112,13 +112,15 @@ def mend_mesh(
     return (Compact.of(body).mesh if done else mesh), findings
 
 
-def _patches(body: Body, edit: MeshEdit, findings: list[Finding], told: Told) -> tuple[Patch, ...]:
+def _patches(
+    body: Body, edit: MeshEdit, findings: list[Finding], progress: Progress
+) -> tuple[Patch, ...]:
     match edit:
         case Delete():
             faces = _with_what_hangs(body, edit.where.find(body))
             return (Alive(faces, False),) if len(faces) else ()
         case Fill():
-            return _filled(body, edit, findings, told)
+            return _filled(body, edit, findings, progress)
         case BridgeSides():
             before = Compact.of(body)
             one, other = _side_at(before.mesh, edit.a), _side_at(before.mesh, edit.b)
@@ -136,22 +138,24 @@ def _patches(body: Body, edit: MeshEdit, findings: list[Finding], told: Told) ->
             caps = ClosingOptions(
                 edit.floor, edit.reach, edit.bottom, edit.top, edit.holes, edit.largest
             )
-            mesh, said = close(before.mesh, caps, told)
+            mesh, said = close(before.mesh, caps, progress)
             findings += [f for f in said if f.severity != "note"]
             return difference(body, before, mesh)
         case Cut():
             return _cut(body, edit)
         case Decimate():
             before = Compact.of(body)
-            mesh = decimate(before.mesh, tolerance=edit.tolerance, faces=edit.faces, told=told)
+            mesh = decimate(
+                before.mesh, tolerance=edit.tolerance, faces=edit.faces, progress=progress
+            )
             return difference(body, before, mesh)
         case Smooth():
-            return _smoothed(body, edit, told)
+            return _smoothed(body, edit, progress)
         case Despike():
-            return _despiked(body, edit, findings, told)
+            return _despiked(body, edit, findings, progress)
 
 
-def _smoothed(body: Body, edit: Smooth, told: Told) -> tuple[Patch, ...]:
+def _smoothed(body: Body, edit: Smooth, progress: Progress) -> tuple[Patch, ...]:
     """Each vertex moves as much as its faces belong to the region; only they are looked at."""
     chosen = edit.where.find(body)
     faces, size = body.mesh.faces, len(body.mesh.vertices)
@@ -160,11 +164,15 @@ def _smoothed(body: Body, edit: Smooth, told: Told) -> tuple[Patch, ...]:
     all_of_them = np.bincount(part.mesh.faces.ravel(), minlength=len(part.mesh.vertices))
     weight = edit.strength * np.minimum(mine[part.vertex_ids] / np.maximum(all_of_them, 1), 1.0)
     return (
-        difference(body, part, smooth(part.mesh, weight, edit.rounds, told)) if len(chosen) else ()
+        difference(body, part, smooth(part.mesh, weight, edit.rounds, progress))
+        if len(chosen)
+        else ()
     )
 
 
-def _despiked(body: Body, edit: Despike, findings: list[Finding], told: Told) -> tuple[Patch, ...]:
+def _despiked(
+    body: Body, edit: Despike, findings: list[Finding], progress: Progress
+) -> tuple[Patch, ...]:
     """The faces about spikes go, and the holes that leaves are filled."""
     before = Compact.of(body)
     about = spikes(before.mesh, edit.beyond)[before.mesh.faces].any(axis=1)
@@ -179,7 +187,7 @@ def _despiked(body: Body, edit: Despike, findings: list[Finding], told: Told) ->
     beside = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
     beside[body.mesh.faces[gone.faces]] = True
     made = [h for h in holes(after.mesh) if beside[after.vertex_ids[h.loop]].all()]
-    filled = fill_soundly(after.mesh, made, edit.how, told)
+    filled = fill_soundly(after.mesh, made, edit.how, progress)
     if filled.left:
         findings.append(unfilled(filled.left, _way_out(after.mesh, filled.left, edit.how)))
     return gone, *difference(without, after, filled.mesh)
@@ -226,13 +234,15 @@ def _with_what_hangs(body: Body, faces: Ints) -> Ints:
         touched[body.mesh.faces[hanging]] = True
 
 
-def _filled(body: Body, edit: Fill, findings: list[Finding], told: Told) -> tuple[Patch, ...]:
+def _filled(
+    body: Body, edit: Fill, findings: list[Finding], progress: Progress
+) -> tuple[Patch, ...]:
     """Holes filled; refused where each of them would cut through the surface."""
     whole = Compact.of(body)
     wanted = _to_fill(holes(whole.mesh), edit, findings)
     if not wanted:
         return ()
-    filled = fill_soundly(whole.mesh, wanted, edit.how, told)
+    filled = fill_soundly(whole.mesh, wanted, edit.how, progress)
     if filled.left:
         hint = _way_out(whole.mesh, filled.left, edit.how)
         if len(filled.left) == len(wanted):

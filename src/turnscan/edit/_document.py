@@ -12,10 +12,10 @@ from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.edit._measures import Sources
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
+from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Measured, Source
-from turnscan.surface import Told, part, silent
 
-Build = Callable[[Sequence[Entry], Told], tuple[Mesh, Sequence[Finding]]]
+Build = Callable[[Sequence[Entry], Progress], tuple[Mesh, Sequence[Finding]]]
 """Grid edits → the surface with them, before any mesh edit, and what is to be said about it."""
 
 
@@ -58,17 +58,17 @@ class Document:
         cls,
         build: Build,
         history: History | None = None,
-        told: Told = silent,
+        progress: Progress = no_progress,
         source: Sources = Source,
     ) -> Document:
-        """The surface with everything in the history that counts; ``told`` as for `after`."""
+        """The surface with everything in the history that counts; ``progress`` as for `after`."""
         history = history or History()
         seen = [e for e in history.enabled if is_grid_edit(e.edit)]
         wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
         built = 1 / (1 + len(wanted))
-        mesh, remarks = build(seen, part(told, 0, built))
+        mesh, remarks = build(seen, progress.subrange(0, built))
         base = Body.of(mesh)
-        body, done = _applied(base, wanted, part(told, built, 1), source)
+        body, done = _applied(base, wanted, progress.subrange(built, 1), source)
         return cls(build, history, base, tuple(remarks), body, tuple(done), len(done), source)
 
     @property
@@ -86,46 +86,48 @@ class Document:
         """The measurements that count and could be taken, in their order."""
         return tuple((d.entry, d.measured) for d in self.done if d.measured is not None)
 
-    def add(self, edit: Edit, told: Told = silent) -> tuple[Document, Change]:
+    def add(self, edit: Edit, progress: Progress = no_progress) -> tuple[Document, Change]:
         """Make an edit. One that finds nothing to act on is a finding of the change."""
-        return self.after(self.history.add(edit), told)
+        return self.after(self.history.add(edit), progress)
 
-    def undo(self, told: Told = silent) -> tuple[Document, Change]:
+    def undo(self, progress: Progress = no_progress) -> tuple[Document, Change]:
         """Take back the last edit that counts. Raises InputError where there is none."""
-        return self.after(self.history.undo(), told)
+        return self.after(self.history.undo(), progress)
 
-    def redo(self, told: Told = silent) -> tuple[Document, Change]:
+    def redo(self, progress: Progress = no_progress) -> tuple[Document, Change]:
         """Redo the next undone edit. Raises InputError where there is none."""
-        return self.after(self.history.redo(), told)
+        return self.after(self.history.redo(), progress)
 
-    def go(self, cursor: int, told: Told = silent) -> tuple[Document, Change]:
+    def go(self, cursor: int, progress: Progress = no_progress) -> tuple[Document, Change]:
         """Let the first ``cursor`` edits count. Raises InputError where there are fewer."""
-        return self.after(Go(cursor), told)
+        return self.after(Go(cursor), progress)
 
-    def branch(self, id: int, told: Told = silent) -> tuple[Document, Change]:
+    def branch(self, id: int, progress: Progress = no_progress) -> tuple[Document, Change]:
         """Take up the branch that ends with this edit. Raises InputError where there is none."""
-        return self.after(self.history.branch(id), told)
+        return self.after(self.history.branch(id), progress)
 
-    def switch(self, id: int, on: bool, told: Told = silent) -> tuple[Document, Change]:
+    def switch(
+        self, id: int, on: bool, progress: Progress = no_progress
+    ) -> tuple[Document, Change]:
         """Switch one edit on or off. Raises InputError where there is none of that number."""
-        return self.after(self.history.switch(id, on), told)
+        return self.after(self.history.switch(id, on), progress)
 
-    def after(self, action: Action, told: Told = silent) -> tuple[Document, Change]:
+    def after(self, action: Action, progress: Progress = no_progress) -> tuple[Document, Change]:
         """The document after an action, and what it changed. Raises InputError.
 
-        ``told`` hears how much of the work is done; an exception of its own ends it.
+        ``progress`` hears how much of the work is done; an exception of its own ends it.
         """
-        document, patches, findings = self._to(self.history.after(action), told)
+        document, patches, findings = self._to(self.history.after(action), progress)
         return document, Change(action, patches, findings)
 
     def _to(
-        self, history: History, told: Told
+        self, history: History, progress: Progress
     ) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
         """Undo down to what both histories share, then apply the rest."""
         wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
         seen = [e.id for e in history.enabled if is_grid_edit(e.edit)]
         if seen != [e.id for e in self.history.enabled if is_grid_edit(e.edit)]:
-            document = Document.open(self.build, history, told, self.source)
+            document = Document.open(self.build, history, progress, self.source)
             return document, (Replace(document.body),), document.findings
         shared = 0
         for entry, known in zip(wanted, self.chain, strict=False):
@@ -142,7 +144,7 @@ class Document:
             body = patch.on(body)
         chain = self.chain
         if len(wanted) > shared:
-            body, made = _applied(body, wanted[shared:], told, self.source)
+            body, made = _applied(body, wanted[shared:], progress, self.source)
             fresh += made
             patches += [patch for new in made for patch in new.forward]
             chain = (*chain[: min(shared, self.count)], *fresh)
@@ -151,12 +153,14 @@ class Document:
 
 
 def _applied(
-    body: Body, entries: Sequence[Entry], told: Told, source: Sources
+    body: Body, entries: Sequence[Entry], progress: Progress, source: Sources
 ) -> tuple[Body, list[Done]]:
     """A body after edits, each done on what the one before left."""
     done = list[Done]()
     for k, entry in enumerate(entries):
-        told(k / len(entries))
-        body, new = apply(body, entry, part(told, k / len(entries), (k + 1) / len(entries)), source)
+        progress(k / len(entries))
+        body, new = apply(
+            body, entry, progress.subrange(k / len(entries), (k + 1) / len(entries)), source
+        )
         done.append(new)
     return body, done

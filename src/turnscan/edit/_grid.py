@@ -22,8 +22,8 @@ from turnscan.edit._edits import (
 from turnscan.edit._history import Entry
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid
+from turnscan.progress import Progress, no_progress
 from turnscan.stripes import Candidates, Stripe, StripeFlag
-from turnscan.surface import Told, part, silent
 
 HAND_SIGMA = 0.5
 """px: standard uncertainty of a centre that a person set."""
@@ -68,12 +68,12 @@ class Stripes:
 
 
 def mend_stripes(
-    seen: Stripes, entries: Iterable[Entry], eyes: StripeSearch, told: Told = silent
+    seen: Stripes, entries: Iterable[Entry], eyes: StripeSearch, progress: Progress = no_progress
 ) -> tuple[Stripes, list[Finding]]:
     """The stripes of a laser with the edits of it done, in their order.
 
     ``eyes`` is asked where an edit needs what a frame shows. An edit that names a step, or a line
-    with a candidate, that is not there is a finding and changes nothing. ``told`` hears of each
+    with a candidate, that is not there is a finding and changes nothing. ``progress`` hears of each
     edit, and of each profile that is sought again.
     """
     mine = [e for e in entries if isinstance(e.edit, GridEdit) and e.edit.laser == seen.laser]
@@ -81,7 +81,7 @@ def mend_stripes(
     off: set[int] = set()
     findings: list[Finding] = []
     for k, entry in enumerate(mine):
-        told(k / len(mine))
+        progress(k / len(mine))
         match edit := entry.edit:
             case ProfileOff():
                 gone = _steps(stripes, edit.steps)
@@ -89,7 +89,7 @@ def mend_stripes(
                 acted = bool(gone)
             case Redetect():
                 changed = _redetected(
-                    stripes, edit, eyes, part(told, k / len(mine), (k + 1) / len(mine))
+                    stripes, edit, eyes, progress.subrange(k / len(mine), (k + 1) / len(mine))
                 )
                 stripes.update(changed)
                 acted = bool(changed)
@@ -137,12 +137,12 @@ def _steps(stripes: dict[int, Stripe], span: Span) -> list[int]:
 
 
 def _redetected(
-    stripes: dict[int, Stripe], edit: Redetect, eyes: StripeSearch, told: Told
+    stripes: dict[int, Stripe], edit: Redetect, eyes: StripeSearch, progress: Progress
 ) -> dict[int, Stripe]:
     changed = {}
     steps = _steps(stripes, edit.steps)
     for k, step in enumerate(steps):
-        told(k / len(steps))
+        progress(k / len(steps))
         old = stripes[step]
         first, last = edit.lines[0], min(edit.lines[1], len(old.position) - 1)
         if first <= last:

@@ -2,14 +2,5 @@
 
 from turnscan.surface._findings import mesh_findings
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid, thin
-from turnscan.surface._told import Told, part, silent
 
-__all__ = [
-    "TearLimits",
-    "Told",
-    "mesh_findings",
-    "mesh_grid",
-    "part",
-    "silent",
-    "thin",
-]
+__all__ = ["TearLimits", "mesh_findings", "mesh_grid", "thin"]

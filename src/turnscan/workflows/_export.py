@@ -78,7 +78,7 @@ def export(
     if decimate is not None:
         fewer, dense = decimation(decimate), mesh
         told = progress.subrange(0.7, 1, "decimating")
-        mesh = thinning.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, told=told)
+        mesh = thinning.decimate(dense, tolerance=fewer.tolerance, faces=fewer.faces, progress=told)
         findings += thinning.decimation_findings(dense, mesh, fewer.faces)
     mesh = settled(mesh)
     about = loaded.about if loaded.reconstructed else {"source": Path(loaded.name).name}

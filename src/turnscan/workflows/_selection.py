@@ -18,7 +18,7 @@ from turnscan.pipeline import Reconstruction, build
 from turnscan.progress import Progress, no_progress
 from turnscan.scan import Scan, rig_for
 from turnscan.stripes import StripeFlag
-from turnscan.surface import Told, holes
+from turnscan.surface import holes
 from turnscan.surface.holes import CAUSE_WORDS
 from turnscan.workflows._kept_options import kept_options
 
@@ -40,8 +40,8 @@ def region_where(
     settings = kept_options(scan).settings(rig, scan)
     made: list[Reconstruction] = []
 
-    def built(entries: Sequence[Entry], told: Told) -> tuple[Mesh, Sequence[Finding]]:
-        made.append(build(seen, settings, entries, told, finish=False))
+    def built(entries: Sequence[Entry], progress: Progress) -> tuple[Mesh, Sequence[Finding]]:
+        made.append(build(seen, settings, entries, progress, finish=False))
         return made[-1].mesh, made[-1].findings
 
     tick = progress.subrange(0, 0.6, "reconstructing").counter(len(scan))

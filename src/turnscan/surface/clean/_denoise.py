@@ -9,8 +9,8 @@ import numpy as np
 from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
+from turnscan.progress import Progress, no_progress
 from turnscan.surface._noise import noise
-from turnscan.surface._told import Told, silent
 
 _REACH = 1.5
 """Steps and lines over which neighbours count, as the rms of a Gaussian."""
@@ -23,7 +23,7 @@ _OWN = 0.25
 """Variance of the surface at a point that is left out of it, in that of one point."""
 
 
-def denoise(grid: RangeGrid, most: float = 2.0, told: Told = silent) -> RangeGrid:
+def denoise(grid: RangeGrid, most: float = 2.0, progress: Progress = no_progress) -> RangeGrid:
     """The grid with every point moved along its camera ray onto the surface about it.
 
     The surface about a point is fitted to its neighbours in the grid, weighted by their noise, by
@@ -31,14 +31,14 @@ def denoise(grid: RangeGrid, most: float = 2.0, told: Told = silent) -> RangeGri
     round an edge (bilateral filtering, Fleishman et al. 2003, of order 2, with the noise model for
     its range). No point moves further than ``most`` of its own sigma, and none that has no sigma
     or too few neighbours. Sigma stays that of the measurement: what was averaged is no longer
-    independent. ``told`` hears of the profiles. Raises InputError where the camera's place is not
-    known, or ``most`` is not positive.
+    independent. ``progress`` hears of the profiles. Raises InputError where the camera's place is
+    not known, or ``most`` is not positive.
     """
     if not (most > 0 and np.isfinite(most)):
         raise InputError(f"denoise by {most} sigma", hint="give a positive number, like 2")
     if not grid.found.any():
         return grid
-    off, _ = _offsets(grid, _SCALE, told, alone=False)
+    off, _ = _offsets(grid, _SCALE, progress, alone=False)
     limit = most * np.nan_to_num(grid.sigma)
     move = np.nan_to_num(np.clip(off, -limit, limit))
     ray = _eyes(grid)[:, None] - grid.points
@@ -53,13 +53,15 @@ def outliers(grid: RangeGrid, beyond: float) -> Bools:
     noise model's and what those neighbours scatter by. Raises InputError where the camera's place
     is not known.
     """
-    off, rest = _offsets(grid, 2 * _SCALE, silent, alone=True)
+    off, rest = _offsets(grid, 2 * _SCALE, no_progress, alone=True)
     spread = noise(grid) * np.maximum(rest, 1.0)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(off) > beyond * np.sqrt(1.0 + _OWN) * spread)
 
 
-def _offsets(grid: RangeGrid, scale: float, told: Told, *, alone: bool) -> tuple[Floats, Floats]:
+def _offsets(
+    grid: RangeGrid, scale: float, progress: Progress, *, alone: bool
+) -> tuple[Floats, Floats]:
     """(s, n) each: how far off the surface about it a point lies, mm, and the residual there."""
     from turnscan.surface.clean import _denoise_kernels as kernels
 
@@ -68,7 +70,7 @@ def _offsets(grid: RangeGrid, scale: float, told: Told, *, alone: bool) -> tuple
     eyes, spread, size = _eyes(grid), noise(grid), len(grid.steps)
     off, rest = np.full(side.shape, np.nan), np.full(side.shape, np.nan)
     for first in range(0, size, _AT_A_TIME):
-        told(first / size)
+        progress(first / size)
         kernels.offsets(
             grid.points, side, eyes, spread, closed, _REACH, scale, alone, first,
             min(first + _AT_A_TIME, size), off, rest,

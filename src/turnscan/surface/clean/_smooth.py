@@ -12,19 +12,21 @@ from turnscan.errors import InputError
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._normals import vertex_normals
 from turnscan.mesh._topology import half_edges
-from turnscan.surface._told import Told, silent
+from turnscan.progress import Progress, no_progress
 
 _GIVE, _TAKE = 0.5, -0.53
 """Parts of the way to the neighbours' middle: there, and a little more back (Taubin 1995)."""
 
 
-def smooth(mesh: Mesh, where: npt.ArrayLike, rounds: int = 5, told: Told = silent) -> Mesh:
+def smooth(
+    mesh: Mesh, where: npt.ArrayLike, rounds: int = 5, progress: Progress = no_progress
+) -> Mesh:
     """The mesh smoothed where ``where`` (v,), 0 to 1, says, and as much as it says.
 
     Vertices move along their normals towards the middle of their neighbours and a little less
     back (Taubin 1995), so that bumps go and the whole does not shrink. Where ``where`` is 0, and on
     borders, nothing moves. This is a person's doing: it does not ask for sigma, as denoising does.
-    ``told`` hears of each round.
+    ``progress`` hears of each round.
 
     Raises InputError for weights that do not fit or lie outside 0 to 1, or rounds below 1.
     """
@@ -41,7 +43,7 @@ def smooth(mesh: Mesh, where: npt.ArrayLike, rounds: int = 5, told: Told = silen
     weight[_edge(mesh)] = 0.0
     points = mesh.vertices.copy()
     for done in range(rounds):
-        told(done / rounds)
+        progress(done / rounds)
         for part in (_GIVE, _TAKE):
             moved = Mesh(points, mesh.faces)
             off = np.nan_to_num(kernels.off_ring(points, mesh.faces))

@@ -14,8 +14,8 @@ from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import measured, submesh
 from turnscan.mesh._topology import opposite_half_edges, vertex_fans
+from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
-from turnscan.surface._told import Told, silent
 
 _HELD = 2 / 3
 """Part of the tolerance to which the places compared are held; what lies between may be more."""
@@ -30,7 +30,7 @@ def decimate(
     *,
     tolerance: float | None = None,
     faces: int | None = None,
-    told: Told = silent,
+    progress: Progress = no_progress,
 ) -> Mesh:
     """The mesh with fewer faces: at most ``faces``, and never further than ``tolerance`` mm off.
 
@@ -43,8 +43,8 @@ def decimate(
 
     With a tolerance no place of either surface lies further than that from the other one, and no
     border vertex from the new border: both are compared at vertices, sides and insides of faces,
-    which are held to two thirds of it. Where ``faces`` cannot be reached more are left. ``told``
-    hears now and then how much of it is done.
+    which are held to two thirds of it. Where ``faces`` cannot be reached more are left.
+    ``progress`` hears now and then how much of it is done.
 
     Raises InputError where neither is given, or one is not positive.
     """
@@ -60,7 +60,7 @@ def decimate(
     if len(mesh.faces) <= (faces or 0):
         return mesh
     net = _net(mesh, np.inf if tolerance is None else tolerance)
-    _collapse(net, faces or 0, told)
+    _collapse(net, faces or 0, progress)
     kept = net.faces[:, 0] >= 0
     return submesh(replace(mesh, faces=np.where(kept[:, None], net.faces, 0)), kept)
 
@@ -99,7 +99,7 @@ def _net(mesh: Mesh, tolerance: float) -> Any:
     )
 
 
-def _collapse(net: Any, wanted: int, told: Told) -> None:
+def _collapse(net: Any, wanted: int, progress: Progress) -> None:
     """Move vertices until ``wanted`` faces are left or no move is allowed."""
     from turnscan.surface.decimation import _collapse_kernels as kernels
 
@@ -109,7 +109,7 @@ def _collapse(net: Any, wanted: int, told: Told) -> None:
     while size > 0 and left > wanted:
         # A vertex whose neighbour moved waits once more: the share may not go back for that.
         share = max(share, 1 - size / waiting, (first - left) / (first - wanted))
-        told(share)
+        progress(share)
         size, left = kernels.collapse(net, line, size, left, wanted, _AT_A_TIME)
 
 

@@ -14,7 +14,7 @@ from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._normals import smoothed_normals
 from turnscan.mesh._parts import submesh
 from turnscan.mesh._topology import cut_touching
-from turnscan.surface._told import Told, silent
+from turnscan.progress import Progress, no_progress
 from turnscan.surface.holes._fill import FillHow, Patch, patches, ways, with_patches
 from turnscan.surface.holes._holes import Hole, holes, vector_area
 from turnscan.surface.holes._self_intersections import repair_self_intersections
@@ -65,7 +65,7 @@ class ClosingOptions:
 
 
 def close(
-    mesh: Mesh, caps: ClosingOptions | None = None, told: Told = silent
+    mesh: Mesh, caps: ClosingOptions | None = None, progress: Progress = no_progress
 ) -> tuple[Mesh, list[Finding]]:
     """Close the gaps of a mesh, and say what was done; faces added are not ``measured``.
 
@@ -76,7 +76,7 @@ def close(
     find them joined. Holes whose patches cut through the surface stay open (`fill_soundly`). Last,
     places where the surface cuts through itself otherwise are made anew
     (`repair_self_intersections`). Added vertices have provenance −1; those that are there do not
-    move. ``told`` hears of each of the other holes.
+    move. ``progress`` hears of each of the other holes.
     """
     c = caps or ClosingOptions()
     whole, remarks = cut_touching(mesh)
@@ -93,7 +93,7 @@ def close(
     if top is not None and c.top in ("plane", "smooth"):
         fillable.append(top)
         hows.append("flat" if c.top == "plane" else "curvature")
-    filled = fill_soundly(done, fillable, hows, told, hold=False)
+    filled = fill_soundly(done, fillable, hows, progress, hold=False)
     if filled.left:
         remarks.append(unfilled(filled.left, _HINT))
     mended = repair_self_intersections(filled.mesh, filled.owner, filled.flat, hold=False)

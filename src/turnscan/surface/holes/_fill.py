@@ -16,7 +16,7 @@ from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._normals import roughness, smoothed_normals
 from turnscan.mesh._parts import measured
 from turnscan.mesh._topology import opposite_half_edges
-from turnscan.surface._told import Told, silent
+from turnscan.progress import Progress, no_progress
 from turnscan.surface.holes._holes import Hole, holes, vector_area
 
 FillHow = Literal["auto", "flat", "membrane", "tangent", "curvature"]
@@ -56,7 +56,7 @@ def fill(
     mesh: Mesh,
     which: Sequence[Hole] | Sequence[int] | None = None,
     how: FillHow = "auto",
-    told: Told = silent,
+    progress: Progress = no_progress,
 ) -> Mesh:
     """Fill holes of a mesh: all, or those given as values or as places in ``holes(mesh)``.
 
@@ -70,11 +70,11 @@ def fill(
     which so much is gone lacks a quarter. All others go on in their
     tangent planes, as a ball does of which less is gone. No vertex that is there moves. New
     faces are not ``measured``, new vertices have provenance −1, and where the mesh is coloured,
-    the mean colour of their border. ``told`` hears of each hole.
+    the mean colour of their border. ``progress`` hears of each hole.
 
     Raises InputError for a hole that is not one of this mesh.
     """
-    return with_patches(mesh, patches(mesh, _chosen(mesh, which), how, told))
+    return with_patches(mesh, patches(mesh, _chosen(mesh, which), how, progress))
 
 
 def ways(mesh: Mesh, loops: Sequence[Ints], hows: Sequence[FillHow]) -> list[FillHow]:
@@ -116,7 +116,10 @@ def _chosen(mesh: Mesh, which: Sequence[Hole] | Sequence[int] | None) -> list[In
 
 
 def patches(
-    mesh: Mesh, loops: Sequence[Ints], how: FillHow | Sequence[FillHow], told: Told = silent
+    mesh: Mesh,
+    loops: Sequence[Ints],
+    how: FillHow | Sequence[FillHow],
+    progress: Progress = no_progress,
 ) -> list[Patch]:
     """A patch for each border of a mesh (its winding that of the faces it bounds); not yet faired.
 
@@ -137,7 +140,7 @@ def patches(
     chords = _Chords(mesh, loops)
     out = []
     for number, loop in enumerate(loops):
-        told(number / len(loops))
+        progress(number / len(loops))
         if len(loop) < 3 or (after[loop] != np.roll(loop, -1)).any():
             raise InputError(
                 f"hole {number}: its {len(loop)} vertices are not a boundary of this mesh",

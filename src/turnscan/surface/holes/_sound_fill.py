@@ -11,7 +11,7 @@ from turnscan.arrays import Bools, Ints
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._parts import measured, submesh
-from turnscan.surface._told import Told, silent
+from turnscan.progress import Progress, no_progress
 from turnscan.surface.holes._fill import FillHow, patches, unmeasured, with_patches
 from turnscan.surface.holes._holes import Hole
 from turnscan.surface.holes._self_intersections import Repaired, repair_self_intersections
@@ -40,7 +40,7 @@ def fill_soundly(
     mesh: Mesh,
     which: Sequence[Hole],
     how: FillHow | Sequence[FillHow] = "auto",
-    told: Told = silent,
+    progress: Progress = no_progress,
     *,
     hold: bool = True,
 ) -> Filled:
@@ -58,7 +58,7 @@ def fill_soundly(
     if not which:
         none = np.zeros(0, dtype=np.bool_)
         return Filled(mesh, np.full(len(mesh.faces), -1, dtype=np.int32), none, [], 0)
-    sewn, owner, flat = _sewn(mesh, [h.loop for h in which], how, told)
+    sewn, owner, flat = _sewn(mesh, [h.loop for h in which], how, progress)
     done = repair_self_intersections(sewn, owner, flat, hold=True)
     out = _cutting(done.owner[done.pairs], len(which))
     if out.any() and not hold:
@@ -83,7 +83,7 @@ def _beyond_mending(done: Repaired, flat: Bools) -> Bools:
 
 
 def _sewn(
-    mesh: Mesh, loops: Sequence[Ints], how: FillHow | Sequence[FillHow], told: Told
+    mesh: Mesh, loops: Sequence[Ints], how: FillHow | Sequence[FillHow], progress: Progress
 ) -> tuple[Mesh, Ints, Bools]:
     """The mesh filled, (f,) whose patch each face is, and (n,) which patches are flat.
 
@@ -96,7 +96,7 @@ def _sewn(
     about = np.asarray(near[mesh.faces].all(axis=1))
     part, ids = submesh(mesh, about), np.flatnonzero(_used(mesh, about)).astype(np.int32)
     there = [np.searchsorted(ids, k).astype(np.int32) for k in loops]
-    made = patches(part, there, how, told)
+    made = patches(part, there, how, progress)
     done = with_patches(part, made)
     v, f = len(part.vertices), len(part.faces)
     number = np.concatenate([ids, len(mesh.vertices) + np.arange(len(done.vertices) - v)])
