@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from turnscan.detection import detect_scan
-from turnscan.pipeline import to_grids, to_mesh
+from turnscan.gridding import to_grids
+from turnscan.meshing import to_mesh
 from turnscan.rig import Camera, LaserSheet, Pose, Rig
 from turnscan.scan import Frame, Scan, ScanPlan
 from turnscan.settings import Settings

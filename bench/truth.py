@@ -21,9 +21,10 @@ import numpy as np
 from bench import _hole_truth as truth
 from bench._rigs import from_pictures
 from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
-from turnscan import pipeline, shapes
+from turnscan import shapes
 from turnscan.arrays import Bools
 from turnscan.detection import detect_scan
+from turnscan.gridding import to_grids
 from turnscan.mesh import Mesh, cut_touching, longest_sides
 from turnscan.rig import Rig
 from turnscan.scan import Scan
@@ -106,7 +107,7 @@ def rows(
             continue
         with Scan.open(path) as scan:
             seen = tuple(detect_scan(scan, believed.get(rig, made.rig), Settings().stripes))
-        grids, _, _ = pipeline.to_grids(seen, Settings())
+        grids = to_grids(seen, Settings()).grids
         run = Run(made, count, seen)
         sees = visible(run, places(made), FLAT, lasers)
         for way in WAYS if lasers > 1 else ("paste",):

@@ -21,8 +21,9 @@ from bench import _hole_truth as truth
 from bench.surface_truth import Size, scanned
 from turnscan import poses, shapes
 from turnscan.detection import detect_scan
+from turnscan.gridding import to_grids
 from turnscan.mesh import Mesh, components, crossings, is_closed
-from turnscan.pipeline import to_grids, to_mesh
+from turnscan.meshing import to_mesh
 from turnscan.points import RangeGrid, placed
 from turnscan.rig import Pose
 from turnscan.scan import Scan

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from turnscan import edit, surface
+from turnscan import edit
 from turnscan.app import _encode_mesh as wire
 from turnscan.edit._body import difference
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, is_closed
 
 CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 5)], np.float64)
 SIDES = [
@@ -36,7 +36,7 @@ def test_a_box_without_a_face_is_open(gone: int) -> None:
     body = edit.Alive(np.array([gone], np.int32), False).on(_body())
     f = wire.figures(body)
     assert (f.faces, f.closed, f.volume) == (11, False, None)
-    assert f.closed == surface.is_closed(edit.Compact.of(body).mesh)
+    assert f.closed == is_closed(edit.Compact.of(body).mesh)
 
 
 def test_nothing_left() -> None:

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from turnscan.cli import main, turnscan
-from turnscan.detection import Detection, see
+from turnscan.detection import Detection, detect_scan
 from turnscan.edit import (
     Add,
     Close,
@@ -64,7 +64,7 @@ class Worker:
 
     def __init__(self, path: Path) -> None:
         self.scan = Scan.resume(path)
-        self.seen: list[Detection] = see(self.scan, rig_for(self.scan), Settings().stripes)
+        self.seen: list[Detection] = detect_scan(self.scan, rig_for(self.scan), Settings().stripes)
         self.document = Document.open(self.build)
 
     def build(self, edits: Any, progress: Progress) -> Any:

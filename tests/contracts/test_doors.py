@@ -39,7 +39,8 @@ STILL_BELOW = {
     "_live.py": {"points", "rig", "stripes"},
     "_measuring.py": {"edit"},
     "_open_scan.py": {
-        "detection", "edit", "mesh", "pipeline", "points", "scan", "shapes", "stripes", "surface",
+        "detection", "edit", "mesh", "meshing", "pipeline", "points", "scan", "shapes", "stripes",
+        "surface",
     },
     "_rig_session.py": {"devices", "rig"},
     "_watched.py": {"devices"},

@@ -71,7 +71,7 @@ def _mesh(made: Manifold) -> Mesh:
 
 
 def worked(mesh: Mesh, verbs: list[str], rng: np.random.Generator) -> Mesh:
-    """What the verbs make of a part, as `turnscan.pipeline.to_mesh` ends."""
+    """What the verbs make of a part, as `turnscan.meshing.to_mesh` ends."""
     for verb in verbs:
         try:
             if verb == "close":

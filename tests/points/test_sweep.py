@@ -10,7 +10,7 @@ from bench.spacetime import Case, Outcome, built, outcome, photographed, rms
 
 from tests.analytic import make_rig
 from turnscan import points
-from turnscan.detection import Detection, see
+from turnscan.detection import Detection, detect_scan
 from turnscan.rig import Camera, Pose, Rig, rotation_z
 from turnscan.scan import Frame, Scan, ScanPlan
 from turnscan.stripes import Light, Stripe, StripeFlag, StripeSettings
@@ -218,8 +218,8 @@ def test_a_scan_file_is_refined_as_asked(tmp_path) -> None:
     with Scan.create(tmp_path / "hexagon.turnscan", plan, made.rig) as scan:
         for k, angle in enumerate(seen.angles):
             scan.add(Frame(k, laser, seen.lit[k], seen.dark[k], commanded=float(angle)))
-        (plain,) = see(scan, made.rig, StripeSettings(), volume)
-        (fine,) = see(scan, made.rig, StripeSettings(refine="spacetime"), volume)
+        (plain,) = detect_scan(scan, made.rig, StripeSettings(), volume)
+        (fine,) = detect_scan(scan, made.rig, StripeSettings(refine="spacetime"), volume)
     assert [f.code for f in plain.findings] == []
     assert [f.code for f in fine.findings] == ["points.refined"]
     assert fine.stripes.steps == plain.stripes.steps

@@ -16,7 +16,7 @@ from tests.surface.test_grid_mesh import random_grid
 from tests.surface.test_holes import plate
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, Provenance, cut_touching, is_closed, join, soundness, submesh
-from turnscan.pipeline import to_mesh
+from turnscan.meshing import to_mesh
 from turnscan.settings import Settings
 from turnscan.surface import mesh_grid
 from turnscan.surface.holes import ClosingOptions, close, closings, fill, holes

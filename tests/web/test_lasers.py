@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.web.running import Browser, Running, serving
-from turnscan.app import _hub, _rig_room, _socket
+from turnscan.app import _hub, _rig_session, _socket
 from turnscan.app._watched import WatchedLasers, watched
 from turnscan.arrays import Image
 from turnscan.devices import Sweeping
@@ -86,7 +86,7 @@ def test_lasers_from_another_computer_need_a_flag(
 def test_lasers_go_dark_when_the_operator_is_gone(
     server: Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_rig_room, "ALONE_SECONDS", 0.5)
+    monkeypatch.setattr(_rig_session, "ALONE_SECONDS", 0.5)
     with Browser(server) as viewer_later:
         with Browser(server) as one:
             one.ask("take_control")
@@ -104,7 +104,7 @@ def test_lasers_go_dark_when_the_operator_is_gone(
 def test_an_operator_who_does_nothing_counts_as_gone(
     server: Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_rig_room, "IDLE_SECONDS", 0.5)
+    monkeypatch.setattr(_rig_session, "IDLE_SECONDS", 0.5)
     with Browser(server) as one:
         world = _connected(one)
         one.ask("look", on=True, lit=[world.bench.beams[0].name], seconds=0.04)
@@ -195,7 +195,7 @@ def test_stop_by_anybody_ends_whatever_is_under_way(
 def test_stop_waits_for_no_other_request(server: Running, monkeypatch: pytest.MonkeyPatch) -> None:
     """More searches for devices than the server has threads for, none of which comes to an end."""
     go_on = threading.Event()
-    monkeypatch.setattr(_rig_room, "find_cameras", lambda: (go_on.wait(60.0), ([], []))[1])
+    monkeypatch.setattr(_rig_session, "find_cameras", lambda: (go_on.wait(60.0), ([], []))[1])
     with Browser(server) as one, Browser(server) as two:
         world = _connected(one)
         one.ask("look", on=True, lit=[world.bench.beams[0].name], seconds=0.04)

@@ -19,7 +19,7 @@ from PIL import Image as Pillow
 import turnscan as ts
 from tests.analytic import make_rig
 from tests.workflows.scans import write_can
-from turnscan.calibrate import Figures
+from turnscan.calibrate import CalibrationQuality
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, Provenance
@@ -94,7 +94,7 @@ def test_a_rig_is_drawn_with_its_lasers() -> None:
 
 
 def test_a_calibration_shows_what_it_is_worth() -> None:
-    figures = Figures(
+    figures = CalibrationQuality(
         0.11, 20, 0.8, {"L0": 0.2}, {"L0": 0.031}, {"L0": 9}, {}, 0.1, 0.02, {}, None, None,
         {"50 / 20 mm": 0.042}, {},
     )  # fmt: skip

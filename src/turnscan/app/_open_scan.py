@@ -34,7 +34,8 @@ from turnscan.detection import detect_scan
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
-from turnscan.pipeline import Reconstruction, build, finished, source_of
+from turnscan.meshing import finished, source_of
+from turnscan.pipeline import Reconstruction, build
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress
 from turnscan.scan import Scan, rig_for

@@ -16,7 +16,9 @@ from turnscan.detection import detect_scan
 from turnscan.edit import is_grid_edit
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, source_of, to_grids, to_mesh
+from turnscan.gridding import to_grids
+from turnscan.meshing import source_of, to_mesh
+from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid, placed, without
 from turnscan.poses import Alignment
 from turnscan.progress import Progress, no_progress

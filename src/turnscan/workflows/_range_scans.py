@@ -10,7 +10,8 @@ import numpy as np
 
 from turnscan.errors import FormatError, InputError, UnsafePath
 from turnscan.findings import Finding
-from turnscan.pipeline import Reconstruction, to_mesh
+from turnscan.meshing import to_mesh
+from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid, placements_from_conf, range_scan_from_ply
 from turnscan.progress import Progress
 from turnscan.rig import Pose

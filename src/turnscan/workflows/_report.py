@@ -15,7 +15,8 @@ from turnscan import __version__
 from turnscan.edit import Entry, describe, edit_to_value
 from turnscan.findings import record
 from turnscan.mesh import is_closed
-from turnscan.pipeline import Reconstruction, source_of
+from turnscan.meshing import source_of
+from turnscan.pipeline import Reconstruction
 from turnscan.plugins import Plugin
 from turnscan.points import systematic_sigma
 from turnscan.rig import Rig, rig_hash

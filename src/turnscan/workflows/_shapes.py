@@ -13,7 +13,7 @@ from turnscan.drawings import with_sigma
 from turnscan.errors import InputError
 from turnscan.findings import Finding, record
 from turnscan.mesh import Mesh
-from turnscan.pipeline import source_of
+from turnscan.meshing import source_of
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import calibration_moves
 from turnscan.shapes.primitives import Relation, Shape, ShapeSet, ShapeSize, sizes_between

@@ -16,7 +16,7 @@ from turnscan.detection import detect_scan
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.findings import Finding, record
 from turnscan.formats import EXPORTERS, read_mesh
-from turnscan.pipeline import to_grids
+from turnscan.gridding import to_grids
 from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig, rig_to_json
 from turnscan.scan import (

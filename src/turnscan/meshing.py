@@ -1,0 +1,85 @@
+"""Range grids → one mesh, edited, closed and decimated as asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from turnscan import edit, surface
+from turnscan.edit import Entry
+from turnscan.findings import Finding
+from turnscan.mesh import Mesh, cut_touching
+from turnscan.points import RangeGrid
+from turnscan.progress import Progress, no_progress
+from turnscan.rig import Rig
+from turnscan.settings import Settings
+from turnscan.shapes import Source
+from turnscan.surface import clean, decimation, fusion, holes
+
+
+class Meshed(NamedTuple):
+    """The mesh of a scan, before and after its gaps were closed and it was decimated."""
+
+    opened: Mesh
+    mesh: Mesh
+    findings: list[Finding]
+
+
+def to_mesh(
+    grids: Sequence[RangeGrid],
+    s: Settings,
+    edits: Sequence[Entry] = (),
+    progress: Progress = no_progress,
+    rig: Rig | None = None,
+    *,
+    finish: bool = True,
+) -> Meshed:
+    """Grids → one sound mesh without islands, edited; the same closed and thinned as asked for.
+
+    ``rig`` is the one that measured the grids; volumes are as uncertain as it is.
+    ``progress`` hears of merging, closing and decimating. Without ``finish`` the mesh is neither
+    closed nor decimated nor settled.
+    """
+    progress(0)
+    sewn = s.caps is not None and s.caps.holes is not None
+    merged, findings = fusion.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
+    loose, touching = cut_touching(merged)
+    mesh, islands, faces = clean.drop_islands(loose, s.island)
+    if islands:
+        touching += clean.long_islands(loose, s.island)
+    opened, mending = edit.mend_mesh(mesh, edits, lambda: source_of(grids, rig))
+    mesh, closing = opened, list[Finding]()
+    if finish:
+        mesh, closing = finished(mesh, s, progress.subrange(0.4, 1))
+    whole = clean.settled(mesh)
+    if finish and mesh is opened:  # nothing was closed or decimated: there is one mesh
+        opened = whole
+    closed = finish and s.caps is not None
+    remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
+    said = findings + touching + mending + closing + remarks
+    return Meshed(opened, whole if finish else opened, said)
+
+
+def finished(
+    mesh: Mesh, s: Settings, progress: Progress = no_progress
+) -> tuple[Mesh, list[Finding]]:
+    """An edited mesh, closed and decimated as asked for; ``progress`` gets the fraction done."""
+    findings = list[Finding]()
+    if s.caps is not None:
+        mesh, findings = holes.close(mesh, s.caps, progress.subrange(0, 1 / 3))
+    if s.tolerance is not None or s.faces is not None:
+        dense, thinning = mesh, progress.subrange(1 / 3, 1)
+        mesh = decimation.decimate(dense, tolerance=s.tolerance, faces=s.faces, progress=thinning)
+        findings += decimation.decimation_findings(dense, mesh, s.faces)
+    return mesh, findings
+
+
+def source_of(grids: Sequence[RangeGrid], rig: Rig | None) -> Source:
+    """What the uncertainty of a volume hangs on: the grids a mesh was made from, and their rig.
+
+    Grids that do not know where their camera stood were pasted, not merged.
+    """
+    there = [g for g in grids if g.found.any() and g.eyes is not None]
+    merged = there if len(there) > 1 else []
+    profiles = [r for g in merged for r in fusion.range_surfaces(g)]
+    return Source(tuple(grids), rig, tuple(profiles))
