@@ -100,7 +100,10 @@ def test_a_calibration_shows_what_it_is_worth() -> None:
     )  # fmt: skip
     calibration: Any = SimpleNamespace(rig=make_rig(elevation=0.1, lift=20.0))
     finding = Finding("calibrate.few", "warning", "9 < 12 views")
-    done = CalibratedRig(Path("rig.json"), calibration, figures, (), (finding,))
+    advice: Any = None
+    done = CalibratedRig(
+        Path("rig.json"), calibration.rig, calibration, figures, (), advice, (finding,)
+    )
     words = _text(done)
     assert "Calibration rig.json" in words
     assert "0.110 px rms in 20 pictures" in words
