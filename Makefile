@@ -61,7 +61,7 @@ FAST := tests/contracts tests/rig tests/stripes tests/calibrate tests/points tes
 	tests/web/test_rooms.py::test_a_scan_with_the_simulated_bench \
 	tests/app/e2e/test_frame.py::test_one_browser_invites_another \
 	tests/devices/test_conformance_boards.py tests/safety/test_removed.py
-test-fast: setup ## the inner loop, in under 90 s: pure rooms, contracts, one look through each door
+test-fast: setup ## the inner loop, two to three minutes: pure rooms, contracts, one look through each door
 	$(PYTEST) -q -m 'not slow' $(FAST)
 
 test-interpreters: setup ## pure rooms, scan and cli on every other Python from 3.11 that is here

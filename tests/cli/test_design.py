@@ -164,7 +164,7 @@ def test_many_angles_come_in_blocks(run: _Door) -> None:
         (("--sensor", "-5x7"), "'-5x7'"),
         (("--pixel-um", "0"), "pixel_width is 0"),
         (("--pixel-um", "1,2,3"), "'1,2,3'"),
-        (("--pan-deg", "-80"), "does not see"),
+        (("--pan-deg", "-80"), "outside the field of view"),
         (("--step-deg", "0"), "step is 0°"),
         (("--paper", "--focal", "16"), "--paper"),
     ],

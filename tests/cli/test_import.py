@@ -119,7 +119,7 @@ def test_a_stripe_that_stays_in_place_is_not_taken_for_background(tmp_path: Path
     for choice in ("auto", "median", "beside", "darkest"):
         path = tmp_path / f"{choice}.turnscan"
         said = run(lit, "-o", path, "--angles", "step:20", "--background", choice)
-        assert ("away from the stripe" in said) == (choice in ("auto", "beside"))
+        assert ("outside the stripe" in said) == (choice in ("auto", "beside"))
         with Scan.open(path) as scan:
             frame = scan.frame(4, "laser")
             found[choice] = int((frame.lit.astype(int) - frame.dark > 60).sum())
@@ -128,7 +128,7 @@ def test_a_stripe_that_stays_in_place_is_not_taken_for_background(tmp_path: Path
     assert found["median"] < 20
 
 
-@pytest.mark.parametrize(("half", "said"), [(22, "away from the stripe"), (60, "darkest of")])
+@pytest.mark.parametrize(("half", "said"), [(22, "outside the stripe"), (60, "darkest of")])
 def test_a_dark_part_before_a_bright_wall(tmp_path: Path, half: int, said: str) -> None:
     """A part of 10 % of the picture or of 25 %, wider or narrower by turns; its stripe stays."""
     rng = np.random.default_rng(3)
@@ -442,7 +442,7 @@ def test_a_real_scan_of_others(tmp_path: Path, shared_data: Path) -> None:
     with Scan.open(tmp_path / "m.turnscan") as scan:
         weights = np.array(scan.plan.weights)
         assert weights.max() > 0
-        assert "away from the stripe" in said, "this laser is always on, the part nearly round"
+        assert "outside the stripe" in said, "this laser is always on, the part nearly round"
         np.testing.assert_allclose(np.degrees(scan.angles()), 18.0 * np.arange(20))
         assert scan.frame(1, "laser").settings["picture"] == "step_num17.jpg"
     raw = 20 * 640 * 480 * 3

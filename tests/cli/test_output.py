@@ -58,10 +58,10 @@ CALIBRATE = (
         ("simulate cup --steps 2 -o letter.turnscan", FormatError, "not a scan file"),
         ("scan rig.json --camera sim:cup", InputError, "ends .turnscan"),
         ("compare e.ply x.stl --picture e.ply", InputError, "ends .png"),
-        ("export e.ply --float32 -o e.ply", InputError, "is read"),
-        ("export e.ply -o a.stl -o pics/../e.ply", InputError, "is read"),
+        ("export e.ply --float32 -o e.ply", InputError, "is an input"),
+        ("export e.ply -o a.stl -o pics/../e.ply", InputError, "is an input"),
         ("reconstruct letter.turnscan -o a.ply --rig rig.json --report rig.json",
-         InputError, "is read"),
+         InputError, "is an input"),
         ("design --picture x.jpg", InputError, "ends .png"),
         (CALIBRATE + "pics/p1.tif", InputError, "ends .json"),
         (CALIBRATE + "a.json --report rig.json", InputError, "ends .html"),
@@ -88,7 +88,7 @@ def test_an_own_scan_is_replaced(desk: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_a_link_to_an_input_is_that_input(tmp_path: Path) -> None:
     (tmp_path / "a.ply").touch()
     (tmp_path / "b.ply").symlink_to("a.ply")
-    with pytest.raises(InputError, match="is read"):
+    with pytest.raises(InputError, match="is an input"):
         check_output(tmp_path / "b.ply", (".ply",), [tmp_path / "a.ply"])
     check_output(tmp_path / "c.PLY", (".ply",), [tmp_path / "a.ply"])
     with pytest.raises(ExportError, match="no folder"):

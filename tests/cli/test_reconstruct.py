@@ -245,7 +245,7 @@ def test_a_range_scan_is_not_written_over(tmp_path):
     ply.write_bytes(cyberware())
     conf = tmp_path / "all.conf"
     conf.write_text("bmesh a.ply 0 0 0 0 0 0 1\n")
-    assert "is read" in str(run("reconstruct", conf, "-o", ply, fails=2).exception)
+    assert "is an input" in str(run("reconstruct", conf, "-o", ply, fails=2).exception)
     assert ply.read_bytes() == cyberware()
 
 

@@ -64,5 +64,5 @@ def test_nothing_and_the_dead_cannot_be_chosen() -> None:
     with pytest.raises(InputError, match="nothing is selected"):
         Region.of(body, [])
     for faces in ([-1], [len(body.alive)], [5]):
-        with pytest.raises(InputError, match="not there"):
+        with pytest.raises(InputError, match="do not exist"):
             Region.of(Alive(np.array([5]), False).on(body), faces)

@@ -124,5 +124,5 @@ def test_spacings_that_cannot_be_are_refused() -> None:
         Between(0.0, "mm")
     with pytest.raises(LimitExceeded, match="profiles"):
         respace(tube(TURN), Between(1e-5, "rad"))
-    with pytest.raises(InputError, match="to and fro"):
+    with pytest.raises(InputError, match="not monotonic"):
         respace(tube(np.array([0.0, 0.2, 0.1])), Between(0.1, "rad"))

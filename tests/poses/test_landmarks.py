@@ -58,5 +58,5 @@ def test_bad_picks_are_one_clear_line():
     with pytest.raises(InputError, match=r"^c: no such pose among a, b"):
         from_landmarks(names, {**known, "q": {"c": np.zeros(3)}})
     known["p3"]["b"] = known["p3"]["b"] + [0, 0, 60.0]
-    with pytest.raises(InputError, match=r"^b: point p3 lies \d+\.\d mm from where"):
+    with pytest.raises(InputError, match=r"^b: point p3 lies \d+\.\d mm from its position"):
         from_landmarks(names, known)

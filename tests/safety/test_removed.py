@@ -5,7 +5,6 @@ Where a protection lies in the guard's process, its mutant stands beside its tes
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,10 +26,10 @@ Mutant = Callable[[Patch], None]
 
 
 def trusts_payloads(patch: Patch) -> None:
-    def credulous(db: sqlite3.Connection, row: _database.Row, path: Path) -> object:
-        return db.execute("SELECT payload FROM frames WHERE id = ?", (row.id,)).fetchone()[0]
+    def credulous(payload: bytes, row: _database.Row, path: Path) -> bytes:
+        return payload
 
-    patch.setattr(_database, "read_payload", credulous)
+    patch.setattr(_database, "check_payload", credulous)
 
 
 def believes_any_angle(patch: Patch) -> None:

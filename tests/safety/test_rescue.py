@@ -41,7 +41,7 @@ def has_open(process: int, socket: Socket) -> bool:
 def test_a_cable_that_comes_loose_six_times() -> None:
     """The guard keeps trying each time, and the scanner does not lose track of it."""
     with lit("grbl") as (device, socket):
-        link, board = device._guard_client, socket.firmware
+        link, board = device._link, socket.firmware
         board._deaf_until = math.inf
         for _ in range(6):
             until(lambda: has_open(link.guard_pid, socket))
@@ -72,7 +72,7 @@ def test_a_listener_that_fails_steps_in(
         begin = time.monotonic()
         span = dark_since(socket, begin, 20.0)
         assert metronome.served(span.begin, span.dark) < 1.5
-        until(device._guard_client._ended.is_set)
+        until(device._link._ended.is_set)
         with pytest.raises(SafetyError, match="guard died"):
             device.light(frozenset({"left"}), 1.0)
 
@@ -80,7 +80,7 @@ def test_a_listener_that_fails_steps_in(
 def test_a_guard_that_cannot_be_killed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """It holds the port, so nobody can darken: then whoever waits hears of it, and soon."""
     with lit("grbl") as (device, socket):
-        link = device._guard_client
+        link = device._link
         guard: Any = link._guard
 
         def wait(timeout: float | None = None) -> int:
@@ -100,8 +100,8 @@ def test_a_guard_that_cannot_be_killed_is_told(monkeypatch: pytest.MonkeyPatch) 
 def test_to_step_in_may_fail_and_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     with lit("grbl") as (device, _):
         monkeypatch.setattr(GuardedLink, "_rescue", lambda self: 1 / 0)
-        os.kill(device._guard_client.guard_pid, 9)
-        until(device._guard_client._ended.is_set)
+        os.kill(device._link.guard_pid, 9)
+        until(device._link._ended.is_set)
         with pytest.raises(SafetyError, match="replacing it failed"):
             device.move_to(0.1, 1.0)
 
@@ -149,10 +149,10 @@ def test_a_rescue_survives_whatever_a_port_raises(
     with lit("grbl") as (device, socket):
         monkeypatch.setattr(_guard, "open_port", flaky)
         begin = time.monotonic()
-        os.kill(device._guard_client.guard_pid, 9)
+        os.kill(device._link.guard_pid, 9)
         span = dark_since(socket, begin, 20.0)
         assert metronome.served(span.begin, span.dark) < 1.0
-        until(device._guard_client._ended.is_set)
+        until(device._link._ended.is_set)
         assert left[0] < 0
 
 
@@ -182,7 +182,7 @@ def test_a_guard_goes_on_whatever_a_port_raises(
         assert socket.firmware.lit
         until(Path(socket.path).exists)
         assert dark_since(socket, time.monotonic(), 20.0).seconds < 10.0
-        assert device._guard_client._guard.wait(20.0) == 0
+        assert device._link._guard.wait(20.0) == 0
 
 
 @pytest.mark.parametrize("times", [1, 3])
@@ -201,12 +201,12 @@ def test_another_guard_that_does_not_start_is_tried_again(
     monkeypatch.setattr(_guard_client.GuardedLink, "_start_rescuer", start)
     with lit("grbl") as (device, socket):
         _pulled(socket, 4.5)
-        os.kill(device._guard_client.guard_pid, 9)
-        until(device._guard_client._ended.is_set)
+        os.kill(device._link.guard_pid, 9)
+        until(device._link._ended.is_set)
         assert socket.firmware.lit
         until(Path(socket.path).exists)
         assert dark_since(socket, time.monotonic(), 20.0).seconds < 10.0
-        until(lambda: not device._guard_client._maybe_lit.is_set())
+        until(lambda: not device._link._maybe_lit.is_set())
 
 
 # What the link knows of its lasers, whichever frames cross
@@ -220,7 +220,7 @@ def by_itself(link: Any, result: int) -> None:
 def test_a_lapse_that_crosses_an_order_to_light(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is lit counts as lit, so that a guard that hangs is found."""
     with lit("sardauscan") as (device, socket):
-        link = device._guard_client
+        link = device._link
         real = link._frame
 
         def crossed(kind: bytes, payload: bytes = b"") -> None:
@@ -239,7 +239,7 @@ def test_a_lapse_that_crosses_an_order_to_light(monkeypatch: pytest.MonkeyPatch)
 
 def test_a_lapse_after_an_order_to_light() -> None:
     with lit("sardauscan") as (device, _):
-        link = device._guard_client
+        link = device._link
         by_itself(link, LAPSED)
         assert not link._maybe_lit.is_set()
         link._lapsed = False

@@ -451,7 +451,7 @@ def test_storage_errors_have_names(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         pages = scan._db.execute("PRAGMA page_count").fetchone()[0]
         scan._db.execute(f"PRAGMA max_page_count = {pages}")
         noisy = np.random.default_rng(0).integers(0, 255, (2, *PLAN.shape), dtype=np.uint8)
-        with pytest.raises(StorageFull, match="no room"):
+        with pytest.raises(StorageFull, match="the disk is full"):
             scan.add(Frame(1, "left", noisy[0], noisy[1]))
         assert len(scan) == 1
         scan._db.execute("PRAGMA max_page_count = 100000")

@@ -299,7 +299,7 @@ def test_an_artefact_is_read_with_half_of_its_expanded_uncertainties() -> None:
         ("distance_U_mm = 0.02", "distance_U_mm = 200", "not below the length"),
         ('"ball-bar"', '"teapot"', "kind 'teapot'"),
         ("version = 1", "version = 2", "version 2"),
-        ('"turnscan-artefact"', '"other"', "no artefact"),
+        ('"turnscan-artefact"', '"other"', "not an artefact file"),
         ("size = 0.05", "size = 0", "limits_mm.size = 0"),
         ("size = 0.05", "flatness = 1", "no 'flatness'"),
         ("form_mm", "from_mm", "'from_mm' says nothing"),

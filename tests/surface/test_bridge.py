@@ -73,5 +73,5 @@ def test_what_is_on_no_border_is_refused():
         bridge(mesh, (0, 8), (1, 2))
     with pytest.raises(InputError, match="not a boundary of this mesh"):
         bridge(plate(7), outer, inner)
-    with pytest.raises(InputError, match="side to side"):
+    with pytest.raises(InputError, match="two edges or two holes"):
         bridge(mesh, outer, (0, 1))

@@ -283,7 +283,7 @@ def test_the_same_mesh_gives_the_same_bytes_whatever_the_threads_and_hashes():
         "import hashlib\n"
         "from tests.surface.test_fill import *\n"
         "mesh = opened(ball(24, 0.1, 5), [0.2, 0.1, 1.0], 0.8)\n"
-        "done, said = close(mesh, Caps(floor=-9.9, reach=2.0, holes='curvature'))\n"
+        "done, said = close(mesh, ClosingOptions(floor=-9.9, reach=2.0, holes='curvature'))\n"
         "print(hashlib.sha256(done.vertices.tobytes() + done.faces.tobytes()).hexdigest(), said)\n"
     )
     seen = set()

@@ -79,7 +79,7 @@ def test_a_series_is_cancelled_between_two_pictures_lasers_dark(server: Running)
         assert waiting["text"] == "calibration pictures are being taken"
         assert one.ask("cancel", job=job)["kind"] == "done"
         one.once("job", lambda m: m["job"] == job and m["state"] == "cancelled")
-        assert server.workshop.rig.connected[1].hardware.lasers.states[0].lit is False
+        assert server.workshop.rig.connected.hardware.lasers.states[0].lit is False
 
 
 def test_a_calibration_becomes_the_rig_in_use(server: Running, folder: Path) -> None:

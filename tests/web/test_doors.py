@@ -290,7 +290,7 @@ def test_nothing_that_is_got_changes_anything(folder: Path) -> None:
 
 def _state(server: Running, scan: str, folder: Path) -> tuple[Any, ...]:
     opened = server.workshop.opened(scan)
-    _, bench = server.workshop.rig.connected
+    bench = server.workshop.rig.connected
     world = bench.hardware.turntable._world  # type: ignore[attr-defined]
     return (
         opened.now.document.body.digest(),

@@ -28,7 +28,7 @@ def _connected(browser: Browser) -> World:
     """The simulated rig behind the server."""
     answer = browser.ask("connect", camera=DEVICE, turntable=DEVICE, lasers=DEVICE)
     assert answer["kind"] == "done", answer
-    _, bench = browser.server.workshop.rig.connected
+    bench = browser.server.workshop.rig.connected
     world = bench.hardware.turntable._world  # type: ignore[attr-defined]
     assert isinstance(world, World)
     return world
@@ -241,7 +241,7 @@ def test_lasers_drawn_by_a_mirror_still_check_their_exposure() -> None:
 def test_a_camera_that_disappears_while_looking_is_said_in_words(server: Running) -> None:
     with Browser(server) as one:
         world = _connected(one)
-        _, bench = server.workshop.rig.connected
+        bench = server.workshop.rig.connected
         left = [3]
 
         def grab(timeout: float) -> Image:
