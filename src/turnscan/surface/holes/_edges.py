@@ -22,6 +22,9 @@ _MORE = np.deg2rad(20.0)
 """A bend beyond a square one that hides a face is only just enough: as much more is usual."""
 _FAR = 0.5
 """Of the size of its hole: how far a face goes that comes to nothing."""
+_FOOT = 0.25
+"""Of the size of its hole: how much of the face that the part stands on goes with each mm of border
+at which it is cut: a disc has a quarter of its diameter."""
 _LIFT = 0.125
 """Of a margin: how far places lie off their face."""
 _DEPTHS = np.array([1.0, 3.0, 5.0, 7.0]) / 8.0
@@ -70,8 +73,7 @@ def faces_beyond(
 
     At each corner of such a border the part turns off by little more than the least that would not
     have been measured, and goes on straight as far as to something that was, or to the platter.
-    Where what is kept ends, the face that the part stands on is missing, too, and goes as far as
-    one that comes to nothing.
+    Where what is kept ends, the face that the part stands on is missing, too (`_FOOT`).
     """
     b = _borders(mesh, found, ~places.smooth)
     way, up = _turned_off(b, places, measurable)
@@ -84,7 +86,7 @@ def faces_beyond(
     reach = np.minimum(reach, np.maximum(X[:, 2], 0.1) / np.maximum(-way[:, 2], 1e-9))
     at = X[:, None] + (_DEPTHS * reach[:, None])[..., None] * way[:, None] + lift * up[:, None]
     count, cut = len(_DEPTHS), ends(X)
-    weight = np.repeat(b.width[kept] * np.where(cut, _FAR * size, reach) / count, count)
+    weight = np.repeat(b.width[kept] * np.where(cut, _FOOT * size, reach) / count, count)
     bent = np.einsum("ij,ij->i", up, b.n[kept]) < 1.0 - 1e-6
     asked = _asked(places, at.reshape(-1, 3), np.repeat(up, count, axis=0), np.repeat(hole, count))
     asked = replace(asked, bent=np.repeat(bent, count))

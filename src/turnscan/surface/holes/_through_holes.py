@@ -17,6 +17,8 @@ from turnscan.surface.holes._spans import smoothed, unit
 
 _MOST = 0.5
 """Share of the places in either end that must look through the other."""
+_RUNS_OUT = 0.5
+"""Share of a border beyond which the surface runs on the way that its hole looks."""
 _LIDS = 8
 """Lids that a ray may pass before it meets something that was measured."""
 _CORNERS = 48
@@ -29,10 +31,12 @@ def through(mesh: Mesh, found: Sequence[Hole], places: Places, some: Bools) -> F
     """(h,) mm from each of ``some`` holes (h,) to the other end of its bore; 0 for no such end.
 
     Straight behind most of the one lies the other, and nothing that was measured between them;
-    behind a dark patch lies the far side of the part.
+    behind a dark patch lies the far side of the part. So it is with two missing faces of a solid
+    part, too, but there the surface about runs on the way that they look (`_run_out`).
     """
-    which = [int(k) for k in np.flatnonzero(some)]
     deep = np.zeros(len(found))
+    some = some & ~_run_out(mesh, found, places)
+    which = [int(k) for k in np.flatnonzero(some)]
     if len(which) < 2:
         return deep
     ends = [found[k] for k in which]
@@ -48,6 +52,32 @@ def through(mesh: Mesh, found: Sequence[Hole], places: Places, some: Bools) -> F
     apart = np.linalg.norm([[a.centre - b.centre for b in ends] for a in ends], axis=2)
     deep[which] = np.where((share >= _MOST) & (share.T >= _MOST), apart, 0.0).max(axis=1)
     return deep
+
+
+def _run_out(mesh: Mesh, found: Sequence[Hole], places: Places) -> Bools:
+    """(h,) True where the surface about a hole runs on the way that the hole looks, at most of its
+    border: the end of a body is missing there.
+
+    About a bore it lies across, or goes down into it. A tube whose end was not measured is no other
+    than a bar: nothing tells of its bore.
+    """
+    normals = np.nan_to_num(vertex_normals(mesh))
+    opening = np.zeros((len(found), 3))
+    np.add.at(opening, places.hole, places.normal)
+    # 60°: what turns off by more is the side of the body.
+    share = [
+        np.mean(_tangents(mesh, normals, h)[1] @ way > 0.5)
+        for h, way in zip(found, unit(opening), strict=True)
+    ]
+    return np.asarray(np.array(share) > _RUNS_OUT)
+
+
+def _tangents(mesh: Mesh, normals: Floats, hole: Hole) -> tuple[Floats, Floats]:
+    """Normals (m, 3) of the surface at a border, and ways (m, 3) along it and off it."""
+    corners = mesh.vertices[hole.loop]
+    up = unit(smoothed(normals[hole.loop]))
+    along = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
+    return up, unit(np.cross(smoothed(along), up))
 
 
 def _met(mesh: Mesh, found: Sequence[Hole], X: Floats, way: Floats, past: float) -> Bools:
@@ -85,16 +115,12 @@ def walls(mesh: Mesh, found: Sequence[Hole], places: Places, deep: Floats) -> Pl
     for k, h in enumerate(found):
         if deep[k] == 0.0:
             continue
-        loop = h.loop
-        corners = mesh.vertices[loop]
-        up = unit(smoothed(normals[loop]))
-        along = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
-        outward = unit(np.cross(smoothed(along), up))
+        corners, (up, outward) = mesh.vertices[h.loop], _tangents(mesh, normals, h)
         opening = places.normal[places.hole == k].sum(axis=0)
         # 60°: rims that turn down by more are edges.
         outside = (up @ opening > 0.5 * np.linalg.norm(opening))[:, None]
         down, wall = np.where(outside, -up, outward), np.where(outside, outward, up)
-        few = slice(None, None, max(1, len(loop) // _CORNERS))
+        few = slice(None, None, max(1, len(corners) // _CORNERS))
         for depth in _DEPTHS:
             away = depth * deep[k] * down[few] + 0.25 * places.margin * wall[few]
             at.append(corners[few] + away)
