@@ -46,7 +46,7 @@ def test_residuals(calibrated: tuple[Rig, str, str]) -> None:
 
 def test_what_is_odd_about_this_table_is_named(calibrated: tuple[Rig, str, str]) -> None:
     said = calibrated[1]
-    for code in ("marker-size", "marker-centre", "step-jump", "board-bent", "rejected"):
+    for code in ("marker-size", "marker-centre", "step-start", "board-bent", "rejected"):
         assert f"calibrate.{code}" in said
 
 

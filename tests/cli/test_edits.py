@@ -188,9 +188,9 @@ def test_an_edit_that_finds_nothing_is_named_and_the_rest_is_done(mended: Path) 
     assert is_closed(mesh)
     for words in (
         "edit.nothing [edit 6 (fill)]: no hole of 5.00 mm near (0.00, 0.00, 300.00)",
-        "edit.nothing [edit 7 (profile_off)]: laser right shows nothing there",
+        "edit.nothing [edit 7 (profile_off)]: laser right has no data there",
         "edit.nothing [edit 8 (profile_off)]: the scan has no laser 'green', only right",
-        "edit.nothing [edit 9 (delete_points)]: laser right shows nothing there",
+        "edit.nothing [edit 9 (delete_points)]: laser right has no data there",
     ):
         assert words in said
 

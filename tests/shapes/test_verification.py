@@ -302,7 +302,7 @@ def test_an_artefact_is_read_with_half_of_its_expanded_uncertainties() -> None:
         ('"turnscan-artefact"', '"other"', "not an artefact file"),
         ("size = 0.05", "size = 0", "limits_mm.size = 0"),
         ("size = 0.05", "flatness = 1", "no 'flatness'"),
-        ("form_mm", "from_mm", "'from_mm' says nothing"),
+        ("form_mm", "from_mm", "'from_mm' has no meaning"),
         ('name = "bar"', "", "name is missing"),
         ("[limits_mm]", "[limits_mm", "bar.toml"),
     ],

@@ -195,7 +195,8 @@ def test_stop_by_anybody_ends_whatever_is_under_way(
 def test_stop_waits_for_no_other_request(server: Running, monkeypatch: pytest.MonkeyPatch) -> None:
     """More searches for devices than the server has threads for, none of which comes to an end."""
     go_on = threading.Event()
-    monkeypatch.setattr(_rig_session, "find_cameras", lambda: (go_on.wait(60.0), ([], []))[1])
+    none_ends = lambda: (go_on.wait(60.0), ([], []))[1]  # noqa: E731
+    monkeypatch.setattr("turnscan.workflows._devices.find_cameras", none_ends)
     with Browser(server) as one, Browser(server) as two:
         world = _connected(one)
         one.ask("look", on=True, lit=[world.bench.beams[0].name], seconds=0.04)

@@ -77,12 +77,15 @@ def _slow_start(
     k: Floats, off: Floats, count: int, usual: float, names: Sequence[str], order: Indices
 ) -> Finding:
     lost = float(off[:count].sum())
+    way = "less" if lost * usual < 0 else "more"
+    first, others = (
+        ("step is", "another") if count == 1 else (f"{count} steps together are", f"{count} others")
+    )
     return Finding(
         "calibrate.step-start",
         "warning",
-        f"the table starts {'slowly' if lost * usual < 0 else 'with a leap'}: the first {count} "
-        f"steps together are {np.degrees(abs(lost)):.2f}° {'less' if lost * usual < 0 else 'more'} "
-        f"than {count} others",
+        f"the table starts {'slowly' if way == 'less' else 'with a leap'}: the first {first} "
+        f"{np.degrees(abs(lost)):.2f}° {way} than {others}",
         where=_place(k, 0, names, order),
         remedy=f"let the table turn a little before the first picture, or {_REMEDY}",
     )

@@ -228,7 +228,7 @@ def history_from_json(text: str, source: str = "edits") -> History:
             f"{source}: format: not an edits file",
             hint="make one with turnscan edits SCAN -o FILE.json",
         )
-    body = _versioned(body, source)
+    body = _versioned(body, source, 1)
     edits = body.get("edits")
     if set(body) != {"format", "edits"} or not isinstance(edits, list) or len(edits) > _MOST:
         raise FormatError(f"{source}: edits: not a list of at most {_MOST} edits")
@@ -251,16 +251,16 @@ def history_from_json(text: str, source: str = "edits") -> History:
     return history
 
 
-def _versioned(body: Any, source: str) -> dict[str, Any]:
+def _versioned(body: Any, source: str, newest: int = VERSION) -> dict[str, Any]:
     """The object without its version, which must be one that is known."""
     if not isinstance(body, dict):
         raise FormatError(f"{source}: not an object")
     version = body.get("version")
     if type(version) is not int or version < 1:
         raise FormatError(f"{source}: version: {version!r} is not a version")
-    if version > VERSION:
+    if version > newest:
         raise ScanNewer(
-            f"{source}: version {version}; this turnscan knows edits up to version {VERSION}",
+            f"{source}: version {version}; this turnscan knows edits up to version {newest}",
             hint="install a newer turnscan",
         )
     return {k: v for k, v in body.items() if k != "version"}

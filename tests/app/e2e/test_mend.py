@@ -242,7 +242,7 @@ def test_every_repair_is_an_edit_that_can_be_stepped_over(open_cup):
     assert state(page)[0] == scanned, "smoothing moves vertices, and takes none"
     page.keyboard.press("Escape")
     panel("Spikes").get_by_role("button", name="Remove").click()
-    page.get_by_role("log").get_by_text("changes nothing").first.wait_for()
+    page.get_by_role("log").get_by_text("nothing matched").first.wait_for()
     edited(1)
     fewer = panel("Decimate")
     fewer.get_by_label("Tolerance").fill("")
