@@ -17,6 +17,7 @@ from turnscan.app._open_scan import OpenScan
 from turnscan.cli import turnscan
 from turnscan.cli._words import with_flags
 from turnscan.formats import ExportOptions, export
+from turnscan.progress import no_progress
 from turnscan.workflows import declared
 
 SETTINGS = [
@@ -61,7 +62,7 @@ def test_all_doors_make_the_same_surface(
 
     browser = OpenScan("can", scan, Hub(), Job(Hub(), "open", "", None))
     try:
-        shown = browser.result(browser.now, lambda share: None)
+        shown = browser.result(browser.now, no_progress)
         codes = {f.code for f in browser.findings}
     finally:
         browser.close()

@@ -174,7 +174,7 @@ def stopped_and_resumed(commands: Commands, folder: Path, moment: Moment) -> Non
             assert code == {"SIGINT": 130, "disk": 5, "alarm": 3}[moment.how], f"{moment}: {said}"
             assert f"→ turnscan resume {path}" in said, f"{moment}: {said}"
         if moment.how == "alarm":
-            assert f"turnscan devices {socket.path} acknowledge" in said, f"{moment}: {said}"
+            assert f"turnscan devices {socket.path} --acknowledge" in said, f"{moment}: {said}"
             code, said = in_time(commands, folder, "devices", socket.path, "--acknowledge")
             assert code == 0, f"{moment}: {said}"
         code, said = in_time(commands, folder, "resume", str(path))
