@@ -150,7 +150,7 @@ def test_larger_packets_and_pictures_taken_again_bear_what_the_network_loses(ara
             with contextlib.suppress(DeviceError):
                 came += steady.grab(2.0)[0, 0] == len(counting.asked) % 256
         assert came >= 8
-        report = re.search(r"taken again: \d+ × (incomplete|dropped).* → (.+)", steady.retaken)
+        report = re.search(r"retaken: \d+ × (incomplete|dropped).* → (.+)", steady.retaken)
         assert report is not None
         assert ("packet=8192" in report[2]) == (report[1] == "incomplete")
 
