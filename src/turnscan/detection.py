@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -61,7 +62,7 @@ class View:
     ) -> tuple[Stripes, list[Finding]]:
         """The stripes of all frames, and what is missing; ``tick`` is called after each frame.
 
-        ``jobs`` threads share the work, one or more for each core where it is None.
+        ``jobs`` threads share the work, one for each core where it is None.
         Raises ScanCorrupt naming a frame.
         """
         scan = self.scan
@@ -96,7 +97,7 @@ class View:
             first = frames[0]
             return signal.light(first.lit, first.dark, self.settings, first.level, first.noise)
 
-        with ThreadPoolExecutor(jobs) as pool:
+        with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
             return points.refine(self.rig, self.laser, stripes, angles, look, pool.map)
 
     def candidates(self, step: int) -> Candidates:
@@ -154,7 +155,7 @@ def look_through(
     search = _Search(scan, settings, inside, tick)
     # A bracket tells what is clipped by the colours as they were taken.
     stored = scan.stored(lit, search.signal.project if scan.plan.exposures == 1 else None)
-    with ThreadPoolExecutor(jobs) as pool:
+    with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
         brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
         return brackets, list(pool.map(search.find, brackets))
 
@@ -219,7 +220,7 @@ def detect_scan(
 
     ``volume`` None takes what the rig can measure; ``tick`` is called after each frame; ``only``
     names one laser, None takes all. It is what takes time in a reconstruction, and what no edit
-    changes. ``jobs`` threads share it, one or more for each core where it is None; their number
+    changes. ``jobs`` threads share it, one for each core where it is None; their number
     changes nothing in the result. Raises ScanCorrupt naming a frame.
     """
     seen = []
