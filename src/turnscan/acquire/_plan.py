@@ -129,10 +129,6 @@ class Plan:
         """The angle of a step, rad."""
         return 2 * math.pi * float(self.degrees(step) / 360)
 
-    def has_dark(self, step: int) -> bool:
-        """Whether a picture without laser is taken at this step."""
-        return self.dark_every > 0 and step % self.dark_every == 0
-
     def has_texture(self, step: int) -> bool:
         """Whether a picture for the colour of the surface is taken at this step."""
         return self.texture is not None and step % self.texture.every == 0

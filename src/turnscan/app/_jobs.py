@@ -256,7 +256,7 @@ def _option_in_words(option: Option) -> str:
 
 
 def remarks(findings: Sequence[Finding]) -> list[Remark]:
-    """Findings as they are told, in the words of the browser."""
+    """Findings in the words of the browser."""
     return [
         Remark(
             code=f.code,

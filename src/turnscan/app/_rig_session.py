@@ -74,7 +74,7 @@ class RigRoom:
         self._looker: threading.Thread | None = None
         self._what = ""
         self.busy = False
-        """Whether a scan is running: then the devices are told of each second."""
+        """Whether a scan is running: then the state of the devices is sent each second."""
         self._closed = threading.Event()
         threading.Thread(target=self._watch, name="watch", daemon=True).start()
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Floats, Image
-from turnscan.calibrate._markers import MarkerView, detect_markers
+from turnscan.calibrate._markers import detect_markers
 from turnscan.rig import Rig, rotation_z
 
 _ROUNDS = 15
@@ -52,16 +52,6 @@ def measure_table_angle(image: Image, rig: Rig) -> TableAngle | None:
             if known is not None:
                 seen.append((int(number), known, corners))
     return table_angle(rig, seen)
-
-
-def markers_of(view: MarkerView, rig: Rig) -> list[tuple[int, Floats, Floats]]:
-    """The markers of one view that the rig knows: number, corners (4, 3) mm, pixels (4, 2)."""
-    layout = {m.number: m.corners for m in rig.markers}
-    return [
-        (int(n), layout[int(n)], c)
-        for n, c in zip(view.numbers, view.corners, strict=True)
-        if int(n) in layout
-    ]
 
 
 def table_angle(rig: Rig, seen: list[tuple[int, Floats, Floats]]) -> TableAngle | None:
