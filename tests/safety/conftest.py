@@ -145,6 +145,7 @@ class Scanner:
         try:
             while time.monotonic() < now + patience and log[-1].outputs:
                 time.sleep(0.002)
+            lit_all_along = bool(log[-1].outputs)  # the frozen process is ended below: its link too
             while not done and not pid:
                 answer = self._answer()
                 pid, done = answer.get("pid", pid), answer.get("done", done)
@@ -156,7 +157,7 @@ class Scanner:
         finally:
             entries = [entry for entry in log if entry.time <= now]
         burning = bool(entries[-1].outputs)
-        if log[-1].outputs:
+        if lit_all_along:
             return Ending(burning, float("inf"), float("inf"))
         end = max(now, log[-1].time)
         return Ending(burning, end - now, self._metronome.served(now, end))

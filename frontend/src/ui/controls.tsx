@@ -1,6 +1,6 @@
 /** The few controls that all rooms are made of. */
 import type { ComponentChildren } from "preact";
-import { useId } from "preact/hooks";
+import { useId, useState } from "preact/hooks";
 import { Icon, type IconName } from "./icons";
 
 interface ButtonProps {
@@ -77,9 +77,30 @@ interface NumberProps {
   onChange: (value: number | null) => void;
 }
 
+/**
+ * What is being typed, which a message of the server that draws the panel anew must not take away:
+ * the field shows its value again when the text is handed in or the field is left.
+ */
+function useDraft(value: string) {
+  const [text, write] = useState<string | null>(null);
+  const end = () => write(null);
+  return {
+    end,
+    props: {
+      value: text ?? value,
+      onInput: (event: { currentTarget: HTMLInputElement }) => {
+        // A number that is not finished has no text yet ("-", "1e"): the field itself keeps it.
+        if (!event.currentTarget.validity.badInput) write(event.currentTarget.value);
+      },
+      onBlur: end,
+    },
+  };
+}
+
 /** A number with its unit; empty is null where there is a placeholder. */
 export function NumberField({ label, value, unit, min, max, step, placeholder, onChange }: NumberProps) {
   const id = useId();
+  const draft = useDraft(value === null ? "" : String(Number(value.toFixed(4))));
   return (
     <div class="field">
       <label for={id}>{label}</label>
@@ -87,17 +108,20 @@ export function NumberField({ label, value, unit, min, max, step, placeholder, o
         <input
           id={id}
           type="number"
-          value={value === null ? "" : Number(value.toFixed(4))}
+          {...draft.props}
           min={min}
           max={max}
           step={step ?? "any"}
           placeholder={placeholder}
           onChange={(event) => {
             const { value: text, valueAsNumber, validity } = event.currentTarget;
-            if (text === "") {
-              if (placeholder !== undefined) onChange(null);
-            } else if (validity.valid) onChange(valueAsNumber);
-            else event.currentTarget.reportValidity();
+            if (!validity.valid) {
+              event.currentTarget.reportValidity();
+              return;
+            }
+            draft.end();
+            if (text !== "") onChange(valueAsNumber);
+            else if (placeholder !== undefined) onChange(null);
           }}
         />
         {unit && <span>{unit}</span>}
@@ -116,6 +140,7 @@ interface TextProps {
 
 export function TextField({ label, value, unit, placeholder, onChange }: TextProps) {
   const id = useId();
+  const draft = useDraft(value);
   return (
     <div class="field text">
       <label for={id}>{label}</label>
@@ -123,10 +148,13 @@ export function TextField({ label, value, unit, placeholder, onChange }: TextPro
         <input
           id={id}
           type="text"
-          value={value}
+          {...draft.props}
           placeholder={placeholder}
           spellcheck={false}
-          onChange={(event) => onChange(event.currentTarget.value.trim())}
+          onChange={(event) => {
+            draft.end();
+            onChange(event.currentTarget.value.trim());
+          }}
         />
         {unit && <span>{unit}</span>}
       </span>

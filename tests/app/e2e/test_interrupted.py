@@ -94,8 +94,10 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
     page.get_by_role("button", name="Scan", exact=True).click()
     page.locator("summary", has_text="More").click()
     page.get_by_role("spinbutton", name="Texture image").fill("20")
+    # The panel is drawn anew while somebody types, as a message of the server would do.
+    page.get_by_role("checkbox", name="right is a lamp").evaluate("box => box.click()")
     page.get_by_role("spinbutton", name="Texture image").press("Enter")
-    page.get_by_role("checkbox", name="right is a lamp").check()
+    page.get_by_role("spinbutton", name="Every N steps").wait_for()
     page.get_by_role("checkbox", name="left is a lamp").check()
     page.get_by_text("Choose a laser.").wait_for()
     assert page.get_by_role("button", name="Start", exact=True).is_disabled()
