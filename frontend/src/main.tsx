@@ -2,8 +2,8 @@ import { effect } from "@preact/signals";
 import { render } from "preact";
 import { link } from "./bus";
 import { onKey, roomCommands, roomList } from "./commands";
-import { startMend } from "./mend/state";
 import { scanName, startPart } from "./part";
+import { startRepair } from "./repair/state";
 import { home, rooms } from "./rooms";
 import { startExport } from "./rooms/export";
 import { addFiles } from "./rooms/projects";
@@ -42,7 +42,7 @@ startState();
 startPart();
 startLive();
 startCalibration();
-startMend();
+startRepair();
 startExport();
 roomList.value = rooms;
 effect(() => {

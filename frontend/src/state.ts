@@ -61,7 +61,7 @@ export async function ask(request: Request): Promise<boolean> {
 export const theme = kept<"dark" | "light">("theme", "dark", ["dark", "light"]);
 export const level = kept<"beginner" | "expert">("level", "beginner", ["beginner", "expert"]);
 
-// Where one is: #mend/SCAN
+// Where one is: #repair/SCAN
 
 export interface Place {
   room: string;

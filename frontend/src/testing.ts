@@ -1,6 +1,7 @@
 /** What tests may read of the page; nothing can be changed through it. */
-import { onPage } from "./mend/panes";
+
 import { cursor, history, holes, type Mark, mark, mesh, profile, shownRevision } from "./part";
+import { onPage } from "./repair/panes";
 import { connection } from "./state";
 import { currentViewport } from "./viewport/place";
 

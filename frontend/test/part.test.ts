@@ -36,7 +36,7 @@ const serveMesh = (page: Page, scan: string, revision = 3, epoch = 1) =>
 
 /** The page with a scan in its address, open and shown. */
 async function shown(scan = "cup"): Promise<Page> {
-  const page = await openPage({ hash: `#mend/${scan}` });
+  const page = await openPage({ hash: `#repair/${scan}` });
   await page.connect();
   await page.say({ ...opened(scan), id: page.asked("open")[0].id });
   await serveMesh(page, scan);
@@ -45,7 +45,7 @@ async function shown(scan = "cup"): Promise<Page> {
 
 describe("opening", () => {
   it("asks when the connection is there, and shows the mesh", async () => {
-    const page = await openPage({ hash: "#mend/cup" });
+    const page = await openPage({ hash: "#repair/cup" });
     expect(page.asked("open")).toEqual([]);
     await page.connect();
     expect(page.asked("open")).toMatchObject([{ scan: "cup" }]);
@@ -59,7 +59,7 @@ describe("opening", () => {
   });
 
   it("that is refused leads back to the list, with the reason", async () => {
-    const page = await openPage({ hash: "#mend/cup" });
+    const page = await openPage({ hash: "#repair/cup" });
     await page.connect();
     const { id } = page.asked("open")[0];
     await page.say({ kind: "refused", id, code: "gone", text: "There is no such scan.", hint: "" });
@@ -68,12 +68,12 @@ describe("opening", () => {
   });
 
   it("whose job fails leads back to the list", async () => {
-    const page = await openPage({ hash: "#mend/cup" });
+    const page = await openPage({ hash: "#repair/cup" });
     await page.connect();
     await page.say({ kind: "started", id: page.asked("open")[0].id, job: "j" });
     const job = { kind: "job", job: "j", what: "open", scan: "cup", title: "Open", text: "It is torn.", hint: "" };
     await page.say({ ...job, state: "running" });
-    expect(page.state.place.value.room).toBe("mend");
+    expect(page.state.place.value.room).toBe("repair");
     await page.say({ ...job, state: "failed" });
     expect(page.state.place.value.room).toBe("projects");
   });
@@ -91,10 +91,10 @@ describe("opening", () => {
   });
 
   it("of a second scan while the first mesh is on its way shows the second", async () => {
-    const page = await openPage({ hash: "#mend/cup" });
+    const page = await openPage({ hash: "#repair/cup" });
     await page.connect();
     await page.say({ ...opened("cup"), id: page.asked("open")[0].id });
-    await page.walk("#mend/box");
+    await page.walk("#repair/box");
     await page.say({ ...opened("box", 9), id: page.asked("open")[1].id });
     await serveMesh(page, "cup");
     expect(page.part.mesh.value).toBeNull();
@@ -148,7 +148,7 @@ describe("a patch", () => {
   });
 
   it("that comes while an older mesh is on its way has it fetched again", async () => {
-    const page = await openPage({ hash: "#mend/cup" });
+    const page = await openPage({ hash: "#repair/cup" });
     await page.connect();
     await page.say({ ...opened("cup"), id: page.asked("open")[0].id });
     await page.say(patch("cup", 4, [{ kind: "alive", value: false }]), { "0.faces": Uint32Array.of(2) });

@@ -156,8 +156,8 @@ describe("what the browser remembers", () => {
 
 describe("the address", () => {
   it("says the room and the scan, and going somewhere keeps the scan", async () => {
-    const page = await openPage({ hash: "#mend/abcd" });
-    expect(page.state.place.value).toEqual({ room: "mend", scan: "abcd" });
+    const page = await openPage({ hash: "#repair/abcd" });
+    expect(page.state.place.value).toEqual({ room: "repair", scan: "abcd" });
     page.state.go("measure");
     expect(page.state.place.value).toEqual({ room: "measure", scan: "abcd" });
     page.state.go("projects", null);

@@ -1,4 +1,4 @@
-/** Export: the mended surface as a file for CAD or print. */
+/** Export: the repaired surface as a file for CAD or print. */
 import { signal } from "@preact/signals";
 import { http } from "../link";
 import { figures, opened } from "../part";

@@ -15,7 +15,7 @@ export async function addFiles(files: Iterable<File>): Promise<void> {
     try {
       const response = await http(`api/scans?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
       const { scan }: Added = await response.json();
-      go("mend", scan);
+      go("repair", scan);
     } catch (error) {
       complain(error);
     }
@@ -52,7 +52,7 @@ function Projects() {
               {scans.value.map(({ scan, name, modified, megabytes, open, missing }) => (
                 <tr key={scan}>
                   <td>
-                    <button type="button" class="link" onClick={() => go("mend", scan)}>
+                    <button type="button" class="link" onClick={() => go("repair", scan)}>
                       {name}
                     </button>
                   </td>

@@ -228,7 +228,7 @@ function CoursePanel() {
         </div>
       ) : (
         now.done > 0 && (
-          <Button kind="primary" onClick={() => go("mend", now.scan)}>
+          <Button kind="primary" onClick={() => go("repair", now.scan)}>
             Repair it
           </Button>
         )

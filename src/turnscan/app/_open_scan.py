@@ -275,7 +275,7 @@ class OpenScan:
         """The stored picture of a step as PNG. Raises InputError, ScanCorrupt."""
         return picture_png(self._views[_numbered(self.now, number).laser], step)
 
-    # Mending: until its result is stored, each may be cancelled, and then nothing has happened
+    # Edits: until its result is stored, each may be cancelled, and then nothing has happened
 
     def make(
         self, base: int, value: Mapping[str, Any], arrays: Mapping[str, Array], job: Job

@@ -224,18 +224,18 @@ class Workshop:
         self.hub.tell(p.Refused(id=call.id, code=code, text=text, hint=hint), to=call.client)
 
     @contextlib.contextmanager
-    def _mending(self, call: Call, title: str) -> Iterator[tuple[OpenScan, Job]]:
+    def _editing(self, call: Call, title: str) -> Iterator[tuple[OpenScan, Job]]:
         """The open scan of a request that may take long, and what can be cancelled of it."""
         scan = self.opened(call.request.scan)
         with self.jobs.perhaps("edit", title, scan.name) as job:
             yield scan, job
 
     def _take_measure(self, call: Call) -> Answer:
-        with self._mending(call, "Measuring") as (scan, job):
+        with self._editing(call, "Measuring") as (scan, job):
             return scan.measure(call.request, call.arrays, job)
 
     def _forget_measure(self, call: Call) -> Answer:
-        with self._mending(call, "Deleting a measurement") as (scan, job):
+        with self._editing(call, "Deleting a measurement") as (scan, job):
             return scan.forget_measure(call.id, call.request.measure, job)
 
     def _operator_may_light(self) -> bool:
@@ -362,30 +362,30 @@ class Workshop:
 
     def _edit(self, call: Call) -> Answer:
         r: q.EditRequest = call.request
-        with self._mending(call, "Editing") as (scan, job):
+        with self._editing(call, "Editing") as (scan, job):
             if r.preview:
                 return scan.preview(r.base_revision, r.edit, call.arrays, call.id, job)
             scan.make(r.base_revision, r.edit, call.arrays, job)
         return None
 
     def _undo(self, call: Call) -> None:
-        with self._mending(call, "Undo") as (scan, job):
+        with self._editing(call, "Undo") as (scan, job):
             scan.undo(job)
 
     def _redo(self, call: Call) -> None:
-        with self._mending(call, "Redo") as (scan, job):
+        with self._editing(call, "Redo") as (scan, job):
             scan.redo(job)
 
     def _go_to(self, call: Call) -> None:
-        with self._mending(call, "Replaying the history") as (scan, job):
+        with self._editing(call, "Replaying the history") as (scan, job):
             scan.go(call.request.cursor, job)
 
     def _take_branch(self, call: Call) -> None:
-        with self._mending(call, "Taking up a branch of the history") as (scan, job):
+        with self._editing(call, "Taking up a branch of the history") as (scan, job):
             scan.branch(call.request.edit, job)
 
     def _switch(self, call: Call) -> None:
-        with self._mending(call, "Enabling or disabling an edit") as (scan, job):
+        with self._editing(call, "Enabling or disabling an edit") as (scan, job):
             scan.switch(call.request.edit, call.request.on, job)
 
     def _list_holes(self, call: Call) -> Answer:

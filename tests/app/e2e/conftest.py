@@ -173,7 +173,7 @@ def picture() -> Callable[[Any, str], None]:
 
 @pytest.fixture
 def open_cup(new_page: Callable[..., Any], folder: Path, cup: Path) -> Callable[..., Any]:
-    """Open a copy of the cup of this test's own in the Mend room."""
+    """Open a copy of the cup of this test's own in the Repair room."""
     name = f"cup-{sum(1 for _ in folder.iterdir()) + 1}"
 
     def make(**options: Any) -> Any:

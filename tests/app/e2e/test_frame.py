@@ -142,7 +142,7 @@ def test_no_file_and_an_old_link_are_told_in_words(new_page, server, folder):
     message.wait_for()
     assert "scan file" in message.inner_text()
     page.get_by_role("heading", name="Scans").wait_for()
-    page.goto(server.address + "#mend/nothing-of-the-kind")
+    page.goto(server.address + "#repair/nothing-of-the-kind")
     page.get_by_role("heading", name="Scans").wait_for()
 
 

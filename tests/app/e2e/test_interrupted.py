@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.app.e2e.conftest import OPENING, Server, until
-from tests.app.e2e.test_mend import mark
+from tests.app.e2e.test_repair import mark
 from tests.app.e2e.test_rig_and_scan import WORKING, connect, disconnect
 from turnscan.scan import Scan, rig_for
 

@@ -1,4 +1,4 @@
-"""From devices to a part: connect, look, scan, mend."""
+"""From devices to a part: connect, look, scan, repair."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_live_picture_shows_the_stripe_and_lasers_as_they_are(new_page, pictur
     disconnect(page)
 
 
-def test_a_scan_grows_pauses_goes_on_and_is_mended(new_page, picture):
+def test_a_scan_grows_pauses_goes_on_and_is_repaired(new_page, picture):
     page = new_page()
     connect(page)
     page.get_by_role("button", name="Scan", exact=True).click()

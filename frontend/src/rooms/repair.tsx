@@ -1,18 +1,18 @@
 /** Repair: the surface, the profile with its picture, and the scan grid, all of one scan. */
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { commands, TOOL_NAMES, take } from "../mend/commands";
-import { CutPanel } from "../mend/cutting";
-import { bridgeAt, smoothFaces } from "../mend/edits";
-import { HistoryPanel, HolesPanel, LastEdit } from "../mend/lists";
-import { Pane } from "../mend/pane";
-import { GridPane, PicturePane, ProfilePane } from "../mend/panes";
-import { PointPanel } from "../mend/point";
-import { RepairPanels } from "../mend/repairs";
-import { SelectByPanel, SelectionPanel } from "../mend/selecting";
-import { bridgeFrom, chosenHoles, large, markHit, type Tab, TOOL_HINTS, tab } from "../mend/state";
 import { COLOURINGS } from "../mesh/colours";
 import { cursor, figures, history, holes, mark, redo, undo } from "../part";
+import { commands, TOOL_NAMES, take } from "../repair/commands";
+import { CutPanel } from "../repair/cutting";
+import { bridgeAt, smoothFaces } from "../repair/edits";
+import { HistoryPanel, HolesPanel, LastEdit } from "../repair/lists";
+import { Pane } from "../repair/pane";
+import { GridPane, PicturePane, ProfilePane } from "../repair/panes";
+import { PointPanel } from "../repair/point";
+import { RepairPanels } from "../repair/repairs";
+import { SelectByPanel, SelectionPanel } from "../repair/selecting";
+import { bridgeFrom, chosenHoles, large, markHit, type Tab, TOOL_HINTS, tab } from "../repair/state";
 import { level } from "../state";
 import { Button, count, SelectField } from "../ui/controls";
 import { hint } from "../ui/frame";
@@ -169,7 +169,7 @@ function markedItems(): Item[] {
   return items;
 }
 
-function Mend() {
+function Repair() {
   useEffect(() => {
     hear.pick = (hit) => {
       if (tool.value === "navigate") markHit(hit);
@@ -213,4 +213,11 @@ function Mend() {
   );
 }
 
-export const mend: Room = { id: "mend", title: "Repair", needsScan: true, View: Mend, Status: LastEdit, commands };
+export const repair: Room = {
+  id: "repair",
+  title: "Repair",
+  needsScan: true,
+  View: Repair,
+  Status: LastEdit,
+  commands,
+};

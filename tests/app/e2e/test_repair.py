@@ -1,4 +1,4 @@
-"""Mending a scan as a person does: by clicks on what is seen."""
+"""Repairing a scan as a person does: by clicks on what is seen."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_ghost_leads_to_its_picture_and_the_other_candidate_is_picked(open_cup, 
     found = page.evaluate("turnscan.mark")
     assert (found["step"], found["line"]) == (step, line)
     page.keyboard.press("z")
-    picture(page, "mend")
+    picture(page, "repair")
     radius = _radius(ghost["point"])
     assert radius > 33, "the ghost stands outside"
     faces = state(page)[0]
@@ -134,9 +134,9 @@ def test_ghost_leads_to_its_picture_and_the_other_candidate_is_picked(open_cup, 
         others.first.click()
         until(page, f"turnscan.edits === {edits}")
     until(page, f"turnscan.faces !== {faces}")
-    mended = mark(page, step, line)["point"]
-    cone = 18 + 10 * mended[2] / 45
-    assert _radius(mended) == pytest.approx(cone, abs=0.4), "the cup is where it is"
+    repaired = mark(page, step, line)["point"]
+    cone = 18 + 10 * repaired[2] / 45
+    assert _radius(repaired) == pytest.approx(cone, abs=0.4), "the cup is where it is"
 
 
 def _radius(point: list[float]) -> float:

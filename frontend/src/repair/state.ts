@@ -1,4 +1,4 @@
-/** What the Mend room has in hand. */
+/** What the Repair room has in hand. */
 import { batch, computed, signal } from "@preact/signals";
 import type { GridColouring, Range } from "../grid/view";
 import { grids, lasers, loadGrid, type Mark, mark, mesh, onMesh, opened, type Preview } from "../part";
@@ -29,7 +29,7 @@ export const preview = signal<(Preview & { of: string }) | null>(null);
 export const markedGrid = computed(() => (mark.value ? (grids.value[mark.value.grid] ?? null) : null));
 
 /** Follow the surface and show previews on it: once. */
-export function startMend(): void {
+export function startRepair(): void {
   // Another surface: holes have other numbers, and what was previewed is done or out of date.
   onMesh(() => {
     preview.value = null;
