@@ -15,6 +15,8 @@ from turnscan.cli import turnscan
 from turnscan.errors import InputError
 from turnscan.formats import read_mesh
 from turnscan.scan import Frame, Scan, ScanPlan
+from turnscan.workflows import ReconstructOptions
+from turnscan.workflows._kept_options import keep_options
 
 NAMES = {"up": "knob", "down": "knob lying"}
 PICKS = np.array([[26.0, 12, 20], [-20, 14, 40], [0, -16, 5], [14, 8, 55]])
@@ -43,6 +45,8 @@ def folder(tmp_path_factory):
         write_scan(there / f"{file}.turnscan", name, seed)
         for k, x in enumerate(STANDS[name].apply(PICKS) + rng.normal(0, 0.6, PICKS.shape)):
             rows.append(f"p{k},{file}," + ",".join(f"{v:.2f}" for v in x))
+    with Scan.resume(there / "up.turnscan") as up:
+        keep_options(up, ReconstructOptions(edge=2))
     (there / "picks.csv").write_text("\n".join(rows))
     return there
 
@@ -62,6 +66,8 @@ def test_two_scan_files_become_one_surface_of_the_whole_part(folder):
     told = json.loads((folder / "part.json").read_text())
     assert told["source"] == "up.turnscan + down.turnscan"
     assert set(told["rig_sha256"]) == {"up", "down"}
+    assert told["settings"] == {"joined": {}, "poses": {"up": {"edge": 2}, "down": {}}}
+    assert "with the settings of its scan: edge 2" in done.stderr
     (overlap,) = told["overlaps"]
     assert (overlap["first"], overlap["second"]) == ("up", "down")
     assert 0.02 < overlap["rms"] < 0.25

@@ -35,7 +35,7 @@ from turnscan.edit import (
     Smooth,
     action_to_json,
     history_from_log,
-    is_grid_edit,
+    needs_rebuild,
 )
 from turnscan.errors import InputError
 from turnscan.findings import Finding
@@ -243,7 +243,7 @@ def test_a_grid_edit_makes_another_surface_and_the_mesh_edits_follow_it() -> Non
     region = Region.of(document.body, around(SHEETS[0], (7, 7), 3))
     document, _ = document.add(Delete(region))
     document, change = document.add(ProfileOff("left", (3, 3)))
-    assert is_grid_edit(document.history.entries[1].edit)
+    assert needs_rebuild(document.history.entries[1].edit)
     assert [type(p) for p in change.patches] == [Replace]
     assert document.base.digest() == Body.of(SHEETS[1]).digest()
     gone = np.flatnonzero(~document.body.alive)

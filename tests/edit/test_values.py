@@ -35,6 +35,7 @@ from turnscan.errors import FormatError, InputError, LimitExceeded, ScanNewer
 
 REGION = Region.of(Body.of(sheet(6)), np.arange(7))
 SAMPLES: list[Edit] = [
+    edit.ChangeSettings({"every": 2, "denoise": 2.0, "close": True, "radius": None}, "fine"),
     edit.DeletePoints("left", 3, (1, 2, 5)),
     edit.SetPoint("left", 3, 1, 17.25),
     edit.PickCandidate("left", 3, (4, 9), 133.5),
@@ -164,8 +165,8 @@ def test_histories_and_logs() -> None:
         history_from_log(['{"version":1,"do":"go","cursor":2}'])
     with pytest.raises(FormatError, match="there is no edit 5"):
         history_from_log(['{"version":1,"do":"switch","id":5,"on":true}'])
-    with pytest.raises(ScanNewer, match="version 3"):
-        history_from_log(['{"version":3,"do":"go","cursor":0}'])
+    with pytest.raises(ScanNewer, match="version 4"):
+        history_from_log(['{"version":4,"do":"go","cursor":0}'])
     with pytest.raises(FormatError, match="version"):
         history_from_log(['{"do":"go","cursor":0}'])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from click.testing import CliRunner, Result
 
 from tests.workflows.scans import write_can
 from turnscan.cli import turnscan
+from turnscan.edit import Add, ChangeSettings, action_to_json
 from turnscan.errors import FormatError, InputError, ScanNewer
 from turnscan.scan import Scan
 from turnscan.workflows import (
@@ -80,6 +82,69 @@ def test_named_sets_stand_beside_each_other(scan: Path) -> None:
         reconstruct(scan, settings="coarse")
     with pytest.raises(InputError, match="not a name"):
         reconstruct(scan, settings=" ")
+
+
+def test_an_edit_changes_settings_for_every_door_and_is_undone(scan: Path) -> None:
+    out, usual, coarse = (scan.with_name(f"{name}.ply") for name in ("a", "usual", "coarse"))
+    run("reconstruct", scan, "-o", usual)
+    run("edits", scan, "--make", '{"kind": "profile_off", "laser": "L0", "steps": [3, 3]}')
+    run("edits", scan, "--off", 1)
+    made = run("edits", scan, "--make", '{"kind": "settings", "options": {"every": 2, "edge": 3}}')
+    assert "settings: every 2, edge 3" in made.stdout
+    assert options_of(scan) == reconstruct(scan).options == ReconstructOptions(every=2, edge=3)
+    run("reconstruct", scan, "-o", out)
+    run("edits", scan, "--undo")
+    assert options_of(scan) == ReconstructOptions()
+    run("reconstruct", scan, "-o", coarse, "--every", 2, "--edge", 3)
+    assert out.read_bytes() == coarse.read_bytes(), "an edit is as good as options"
+    run("reconstruct", scan, "-o", out, "--edits", "none", "--settings", "default")
+    assert out.read_bytes() == usual.read_bytes()
+    run("edits", scan, "--redo")
+    assert options_of(scan).every == 2
+    assert options_of(scan, "default", every=3).changed() == {"every": 3, "edge": 3}
+    assert reconstruct(scan, edits="none").options == ReconstructOptions()
+
+
+def test_options_that_are_kept_over_an_edit_are_an_edit(scan: Path, tmp_path: Path) -> None:
+    """Else the edit would hide them, and undo would not lead back."""
+    run("edits", scan, "--make", '{"kind": "settings", "options": {"every": 2}, "name": "fine"}')
+    reconstruct(scan, ReconstructOptions(edge=3), store=True)
+    reconstruct(scan, ReconstructOptions(edge=3), store=True)
+    listed = run("edits", scan, "-o", tmp_path / "edits.json").stdout.splitlines()
+    assert [line.split("  ")[-1].strip() for line in listed[:2]] == [
+        "settings of set 'fine': every 2",
+        "settings: edge 3",
+    ]
+    assert len(listed) == 3, "what is kept already is not kept again"
+    assert json.loads((tmp_path / "edits.json").read_text())["version"] == 2
+    run("edits", scan, "--undo")
+    assert options_of(scan) == ReconstructOptions(every=2)
+    assert reconstruct(scan, edits=str(tmp_path / "edits.json")).options.edge == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ('{"every": 0}', "every: 0 is not at least 1|0 is not at least 1"),
+        ('{"evry": 2}', "no option 'evry' → it is called every"),
+        ('{"every": [2]}', "settings.options.every"),
+    ],
+)
+def test_an_edit_of_settings_that_are_none_is_refused(scan: Path, options: str, says: str) -> None:
+    before = scan.read_bytes()
+    done = run("edits", scan, "--make", f'{{"kind": "settings", "options": {options}}}')
+    assert isinstance(done.exception, InputError)
+    assert re.search(says, str(done.exception)), done.exception
+    assert scan.read_bytes() == before
+
+
+def test_an_edit_of_settings_of_a_later_version_is_named(scan: Path) -> None:
+    with Scan.resume(scan) as writing:
+        later = ChangeSettings({"warp": 9.0})
+        writing.append_edit(action_to_json(Add(1, later)), 0.0)
+    with pytest.raises(ScanNewer, match=r"edit 1 \(settings\): from a later version"):
+        options_of(scan)
+    assert reconstruct(scan, edits="none").options == ReconstructOptions()
 
 
 def test_a_scan_that_nobody_chose_settings_for_is_not_touched(scan: Path) -> None:

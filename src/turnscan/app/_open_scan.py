@@ -371,7 +371,7 @@ class OpenScan:
         refused = next((f for f in change.findings if f.severity == "error"), None)
         if refused is not None:
             raise InputError(refused.message, hint=refused.remedy)
-        if not (change.patches or edit.is_grid_edit(wanted) or edit.is_measure(wanted)):
+        if not (change.patches or edit.needs_rebuild(wanted) or edit.is_measure(wanted)):
             said = "; ".join(f.message for f in change.findings)
             raise InputError(said or f"{edit.describe(wanted)} changes nothing here")
         return document, change
@@ -454,7 +454,7 @@ class OpenScan:
 
     def _state(self, document: edit.Document, revision: int, epoch: int) -> State:
         """What stands now; of what was built, only this is kept, for a preview builds, too."""
-        entries = tuple(e for e in document.history.enabled if edit.is_grid_edit(e.edit))
+        entries = tuple(e for e in document.history.enabled if edit.needs_rebuild(e.edit))
         done = self._built[entries]
         self._built = {entries: done}
         return State(document, done.grids, done.sought, revision, epoch, figures(document.body))

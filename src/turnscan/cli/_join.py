@@ -10,6 +10,7 @@ from turnscan import workflows
 from turnscan.cli._flags import flags_of
 from turnscan.cli._numbers import Finite
 from turnscan.cli._output import format_options
+from turnscan.cli._own_settings import base_option, options_for_each
 from turnscan.cli._progress import progress_bar
 from turnscan.cli._show import show_result
 
@@ -45,6 +46,7 @@ _path = click.Path(path_type=Path)
     "--rig", "rig_path", type=_path, help="rig.json.  [default: the one stored in each scan]"
 )
 @flags_of(workflows.ReconstructOptions)
+@base_option
 @click.option(
     "--unit",
     type=click.Choice(list(workflows.UNITS)),
@@ -63,21 +65,23 @@ def verb(
     unit: str,
     report: Path | None,
     options: workflows.ReconstructOptions,
+    base: str | None,
     formats: workflows.ExportOptions,
 ) -> None:
     """Register several poses of one part and write them as one surface.
 
-    SOURCES are scan files (.turnscan), range scans of another scanner (.ply), or one .conf file
-    with the approximate poses of its range scans. Without --points and --markers the poses are
-    registered by their shape. The first one gives the frame. Nothing is written where poses do not
-    overlap, or fit in several ways.
+    SOURCES are scan files (.turnscan), each read with its own settings, range scans of another
+    scanner (.ply), or one .conf file with the approximate poses of its range scans. Without
+    --points and --markers the poses are registered by their shape. The first one gives the frame.
+    Nothing is written where poses do not overlap, or fit in several ways.
     """
     inputs = [*sources, *(p for p in (rig_path, points_path) if p is not None)]
     workflows.check_targets(outputs, inputs, report, unit)
     rig = None if rig_path is None else workflows.read_rig_file(rig_path)
+    chosen, changes = options_for_each(options, base)
     with progress_bar() as progress:
         result = workflows.join(
-            sources, options, points=points_path, markers=diameter, rig=rig, unit=unit,
-            progress=progress,
+            sources, chosen, points=points_path, markers=diameter, rig=rig, unit=unit,
+            progress=progress, **changes,
         )  # fmt: skip
     show_result(result, outputs, report, formats)

@@ -14,15 +14,19 @@ from turnscan.cli._flags import flags_of, values_given
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def settings_options(command: Command) -> Command:
-    """Give a verb the flags of a reconstruction, and of the set of settings that they change."""
-    base = click.option(
+def base_option(command: Command) -> Command:
+    """Give a verb the flag that says which settings its options change."""
+    return click.option(
         "--settings",
         "base",
         type=click.Choice(["own", "default"]),
         help="Settings that the options of this command modify: those stored in the scan by its "
         "last reconstruction, or the defaults.  [default: own without such options, default with]",
-    )
+    )(command)
+
+
+def settings_options(command: Command) -> Command:
+    """Give a verb the flags of a reconstruction, and of the set of settings that they change."""
     name = click.option(
         "--set",
         "name",
@@ -31,7 +35,7 @@ def settings_options(command: Command) -> Command:
         metavar="NAME",
         help="Named set of settings in the scan, in which this reconstruction stores its own.",
     )
-    return flags_of(workflows.ReconstructOptions)(base(name(command)))
+    return flags_of(workflows.ReconstructOptions)(base_option(name(command)))
 
 
 def chosen_options(
@@ -42,6 +46,16 @@ def chosen_options(
     if base == "own":
         return workflows.options_of(source, name, **named)
     return options if named or base == "default" else None
+
+
+def options_for_each(
+    options: workflows.ReconstructOptions, base: str | None
+) -> tuple[workflows.ReconstructOptions | None, dict[str, Any]]:
+    """The options for all scans of a command, None for each its own, and what changes them."""
+    named = values_given(workflows.ReconstructOptions, options)
+    if base == "own":
+        return None, named
+    return (options if named or base == "default" else None), {}
 
 
 def show_own(result: workflows.ReconstructResult) -> None:

@@ -7,6 +7,7 @@ from turnscan.edit._document import Build, Change, Document
 from turnscan.edit._edits import (
     BridgeHoles,
     BridgeSides,
+    ChangeSettings,
     Close,
     CloseSeam,
     Cut,
@@ -27,8 +28,8 @@ from turnscan.edit._edits import (
     edit_from_json,
     edit_from_value,
     edit_to_value,
-    is_grid_edit,
     is_measure,
+    needs_rebuild,
 )
 from turnscan.edit._grid import (
     HAND_SIGMA,
@@ -51,6 +52,7 @@ from turnscan.edit._history import (
     history_from_json,
     history_from_log,
     history_to_json,
+    settings_in,
 )
 from turnscan.edit._measures import (
     Measure,
@@ -90,6 +92,7 @@ __all__ = [
     "BridgeSides",
     "Build",
     "Change",
+    "ChangeSettings",
     "Close",
     "CloseSeam",
     "Compact",
@@ -150,12 +153,13 @@ __all__ = [
     "history_from_json",
     "history_from_log",
     "history_to_json",
-    "is_grid_edit",
     "is_measure",
     "lost_edits",
     "mend_grid",
     "mend_mesh",
     "mend_stripes",
+    "needs_rebuild",
+    "settings_in",
     "shrink",
     "within_angle",
 ]

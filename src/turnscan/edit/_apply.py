@@ -12,6 +12,7 @@ from turnscan.edit._body import Alive, Append, Body, Compact, Patch, difference
 from turnscan.edit._edits import (
     BridgeHoles,
     BridgeSides,
+    ChangeSettings,
     Close,
     Cut,
     Decimate,
@@ -22,6 +23,7 @@ from turnscan.edit._edits import (
     HoleName,
     MeshEdit,
     Smooth,
+    needs_rebuild,
 )
 from turnscan.edit._history import Entry
 from turnscan.edit._measures import REACH, Measure, Sources, Vector, taken
@@ -71,7 +73,7 @@ def apply(
     what the surface was made from.
     """
     findings: list[Finding] = []
-    assert not isinstance(entry.edit, GridEdit), "grid edits are applied before the mesh exists"
+    assert not isinstance(entry.edit, GridEdit | ChangeSettings), "before there is a mesh"
     patches: tuple[Patch, ...] = ()
     measured: Measured | None = None
     try:
@@ -103,7 +105,7 @@ def mend_mesh(
     body, findings = Body.of(mesh), list[Finding]()
     done = 0
     for entry in entries:
-        if not isinstance(entry.edit, GridEdit):
+        if not needs_rebuild(entry.edit):
             body, step = apply(body, entry, source=source)
             findings += step.findings
             if step.measured is not None:

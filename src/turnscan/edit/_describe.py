@@ -5,6 +5,7 @@ from __future__ import annotations
 from turnscan.edit._edits import (
     BridgeHoles,
     BridgeSides,
+    ChangeSettings,
     Close,
     CloseSeam,
     Cut,
@@ -38,6 +39,8 @@ from turnscan.edit._measures import (
 
 def describe(edit: Edit) -> str:
     """What an edit does, and to how much, in a few words."""
+    if isinstance(edit, ChangeSettings):
+        return "change the settings" if edit.name == "default" else f"settings {edit.name!r}"
     if isinstance(edit, GridEdit):
         return _of_grid(edit)
     return _of_mesh(edit) if isinstance(edit, MeshEdit) else _of_measure(edit)

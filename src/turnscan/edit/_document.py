@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from turnscan.edit._apply import Done, apply
 from turnscan.edit._body import Body, Patch, Replace
-from turnscan.edit._edits import Edit, is_grid_edit
+from turnscan.edit._edits import Edit, needs_rebuild
 from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.edit._measures import Sources
 from turnscan.findings import Finding
@@ -16,7 +16,7 @@ from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Measured, Source
 
 Build = Callable[[Sequence[Entry], Progress], tuple[Mesh, Sequence[Finding]]]
-"""Grid edits → the surface with them, before any mesh edit, and what is to be said about it."""
+"""Settings and grid edits → the surface with them, before any mesh edit, and what is to be said."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Document:
     build: Build
     history: History
     base: Body
-    """With the grid edits that count, before any mesh edit."""
+    """With the settings and the grid edits that count, before any mesh edit."""
     remarks: tuple[Finding, ...]
     """What was said about the base."""
     body: Body
@@ -63,8 +63,8 @@ class Document:
     ) -> Document:
         """The surface with everything in the history that counts; ``progress`` as for `after`."""
         history = history or History()
-        seen = [e for e in history.enabled if is_grid_edit(e.edit)]
-        wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
+        seen = [e for e in history.enabled if needs_rebuild(e.edit)]
+        wanted = [e for e in history.enabled if not needs_rebuild(e.edit)]
         built = 1 / (1 + len(wanted))
         mesh, remarks = build(seen, progress.subrange(0, built))
         base = Body.of(mesh)
@@ -124,9 +124,9 @@ class Document:
         self, history: History, progress: Progress
     ) -> tuple[Document, tuple[Patch, ...], tuple[Finding, ...]]:
         """Undo down to what both histories share, then apply the rest."""
-        wanted = [e for e in history.enabled if not is_grid_edit(e.edit)]
-        seen = [e.id for e in history.enabled if is_grid_edit(e.edit)]
-        if seen != [e.id for e in self.history.enabled if is_grid_edit(e.edit)]:
+        wanted = [e for e in history.enabled if not needs_rebuild(e.edit)]
+        seen = [e.id for e in history.enabled if needs_rebuild(e.edit)]
+        if seen != [e.id for e in self.history.enabled if needs_rebuild(e.edit)]:
             document = Document.open(self.build, history, progress, self.source)
             return document, (Replace(document.body),), document.findings
         shared = 0

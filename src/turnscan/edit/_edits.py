@@ -1,13 +1,14 @@
 """Edits: every change a person can make, as values that JSON holds and `apply` does.
 
-Grid edits change what was seen, before it becomes a surface; mesh edits change the surface; and
-measurements change nothing. All lengths are mm in the object's frame, positions in pictures px.
+Settings are what the stripes are found with and the surface is made with; grid edits change what
+was seen, before it becomes a surface; mesh edits change the surface; and measurements change
+nothing. All lengths are mm in the object's frame, positions in pictures px.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
@@ -25,6 +26,8 @@ Number = Annotated[int, Field(ge=0, le=100_000_000)]
 Span = tuple[Number, Number]
 """First and last number, both included."""
 Pixel = Annotated[float, Field(ge=-1, le=100_000_000)]
+OptionName = Annotated[str, Field(min_length=1, max_length=80)]
+OptionValue = bool | int | float | Annotated[str, Field(max_length=1000)] | None
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,26 @@ class HoleName:
         """The name of a hole of a mesh."""
         x, y, z = hole.centre.tolist()
         return cls((x, y, z), hole.size)
+
+
+# Settings
+
+
+@dataclass(frozen=True)
+class ChangeSettings:
+    """Make the surface with other settings; the last such edit that counts holds.
+
+    It matters to the whole history, not to what follows it: the edits of grid and mesh, those made
+    before it too, are done on the surface that these settings make.
+    """
+
+    __pydantic_config__ = STRICT
+    options: Annotated[Mapping[OptionName, OptionValue], Field(max_length=200)] = field(hash=False)
+    """Every option of a reconstruction, by name; which there are, and what they may be, is known
+    to those who make surfaces with them."""
+    name: OptionName = "default"
+    """The set of settings that they were taken from."""
+    kind: Literal["settings"] = "settings"
 
 
 # Grid edits
@@ -236,15 +259,15 @@ class Despike:
 
 GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
 MeshEdit = Delete | Fill | BridgeSides | BridgeHoles | Close | Cut | Decimate | Smooth | Despike
-Edit = GridEdit | MeshEdit | Measure
+Edit = ChangeSettings | GridEdit | MeshEdit | Measure
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])
 _HINT = "docs/reference/edits.md lists the edits and their keys"
 
 
-def is_grid_edit(edit: Edit) -> bool:
-    """Whether the edit changes what was seen, so that the surface must be rebuilt."""
-    return isinstance(edit, GridEdit)
+def needs_rebuild(edit: Edit) -> bool:
+    """Whether the edit changes what the surface is made from, so that it must be rebuilt."""
+    return isinstance(edit, GridEdit | ChangeSettings)
 
 
 def is_measure(edit: Edit) -> bool:

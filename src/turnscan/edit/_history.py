@@ -12,11 +12,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
-from turnscan.edit._edits import Edit, bad_key, edit_from_value, edit_to_value
+from turnscan.edit._edits import (
+    ChangeSettings,
+    Edit,
+    bad_key,
+    edit_from_value,
+    edit_to_value,
+)
 from turnscan.errors import FormatError, InputError, ScanNewer
 from turnscan.json_text import strict_json
 
-VERSION = 2
+VERSION = 3
 """Of the log; what older programs can read is written as version 1."""
 _MOST_BRANCHES = 200
 _MOST = 100_000
@@ -169,13 +175,21 @@ class History:
         return (*others, self.entries)[-_MOST_BRANCHES:] if lost else others
 
 
+def settings_in(entries: Iterable[Entry]) -> tuple[Entry, ChangeSettings] | None:
+    """The settings that hold after these edits, and where they stand; None where none sets any."""
+    found = [(e, e.edit) for e in entries if isinstance(e.edit, ChangeSettings) and e.on]
+    return found[-1] if found else None
+
+
 def _unknown(id: int) -> InputError:
     return InputError(f"there is no edit {id} in the history", hint="list them with turnscan edits")
 
 
 def action_to_json(action: Action) -> str:
     """An action as the text that the log keeps."""
-    version = VERSION if isinstance(action, Branch) else 1
+    version = 2 if isinstance(action, Branch) else 1
+    if isinstance(action, Add) and isinstance(action.edit, ChangeSettings):
+        version = 3
     body: dict[str, Any] = {"version": version, **asdict(action)}
     return _dump(body)
 
@@ -208,10 +222,11 @@ def history_from_log(texts: Iterable[str], source: str = "edits") -> History:
 
 def history_to_json(history: History) -> str:
     """The edits that are done, as a file to be kept, read and replayed elsewhere."""
+    settings = any(isinstance(e.edit, ChangeSettings) for e in history.entries[: history.cursor])
     return _dump(
         {
             "format": "turnscan-edits",
-            "version": 1,
+            "version": 2 if settings else 1,
             "edits": [
                 {"id": e.id, "on": e.on, "edit": edit_to_value(e.edit)}
                 for e in history.entries[: history.cursor]
@@ -228,7 +243,7 @@ def history_from_json(text: str, source: str = "edits") -> History:
             f"{source}: format: not an edits file",
             hint="make one with turnscan edits SCAN -o FILE.json",
         )
-    body = _versioned(body, source, 1)
+    body = _versioned(body, source, 2)
     edits = body.get("edits")
     if set(body) != {"format", "edits"} or not isinstance(edits, list) or len(edits) > _MOST:
         raise FormatError(f"{source}: edits: not a list of at most {_MOST} edits")

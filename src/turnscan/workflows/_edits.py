@@ -14,7 +14,6 @@ from turnscan.edit import (
     History,
     action_from_json,
     action_to_json,
-    describe,
     edit_from_json,
     history_to_json,
 )
@@ -24,6 +23,7 @@ from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
 from turnscan.workflows._files import check_output, write_atomically
 from turnscan.workflows._history import history_of, read_history
+from turnscan.workflows._kept_options import checked_edit, edit_in_words
 from turnscan.workflows._selection import region_where
 
 
@@ -77,7 +77,7 @@ class KeptEdits:
             at = self.times[entry.id]
             when = datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M  ") if at == at else ""
             mark = state if entry.on else f"{state}, off"
-            lines.append(f"{entry.id:>4}  {when}{mark:<11}  {describe(entry.edit)}")
+            lines.append(f"{entry.id:>4}  {when}{mark:<11}  {edit_in_words(entry.edit)}")
         return lines
 
 
@@ -133,7 +133,7 @@ def edits(
 
 def _change(path: Path, c: EditChanges, progress: Progress) -> None:
     added = [] if c.source is None else [e.edit for e in read_history(c.source).enabled]
-    added += [edit_from_json(text, "make") for text in c.make]
+    added += [checked_edit(edit_from_json(text, "make")) for text in c.make]
     with Scan.resume(path) as opened:
         history = history_of(opened)
         actions: list[Action] = []

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
-from turnscan.edit import History, history_from_json, history_from_log
+from turnscan.edit import ChangeSettings, Entry, History, history_from_json, history_from_log
 from turnscan.errors import FormatError
 from turnscan.scan import Scan
 from turnscan.workflows._reading import read_bytes
@@ -15,6 +16,11 @@ _MOST_BYTES = 64 << 20
 def history_of(scan: Scan) -> History:
     """The edits kept in a scan file. Raises ScanCorrupt and FormatError, ScanNewer."""
     return history_from_log((entry.text for entry in scan.edits()), str(scan.path))
+
+
+def repairs(entries: Iterable[Entry]) -> tuple[Entry, ...]:
+    """The edits of grid and mesh, and the measurements: all but the changes of settings."""
+    return tuple(e for e in entries if not isinstance(e.edit, ChangeSettings))
 
 
 def wanted_history(scan: Scan, wish: str) -> History:

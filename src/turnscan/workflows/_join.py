@@ -13,7 +13,7 @@ import numpy as np
 from turnscan import poses
 from turnscan.arrays import Floats
 from turnscan.detection import detect_scan
-from turnscan.edit import is_grid_edit
+from turnscan.edit import needs_rebuild
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.gridding import to_grids
@@ -30,6 +30,7 @@ from turnscan.surface.fusion import range_surfaces
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._history import history_of
 from turnscan.workflows._joined_report import joined_sections
+from turnscan.workflows._kept_options import kept_options
 from turnscan.workflows._landmarks import read_landmarks
 from turnscan.workflows._range_scans import placed_scans, read_range_scan
 from turnscan.workflows._reconstruct_options import ReconstructOptions
@@ -54,6 +55,8 @@ class _Source:
     rig: Rig | None = None
     start: Pose | None = None
     """Where a .conf file puts it."""
+    options: ReconstructOptions | None = None
+    """What its points were made with."""
 
 
 def join(
@@ -70,7 +73,8 @@ def join(
     """Bring several poses of one part together as one surface.
 
     Without ``points`` and ``markers`` the poses find each other by their shape. The first one gives
-    the frame.
+    the frame. What the points of each pose were made with, and the joined surface, stands in every
+    file that is written of it.
 
     Parameters
     ----------
@@ -78,7 +82,8 @@ def join(
         Scan files (.turnscan), range scans of another scanner (.ply), or one .conf file that says
         where its range scans lie, roughly.
     options
-        How points become a surface, for all poses alike; None takes the usual ones.
+        How points become a surface, for all poses alike; None takes the usual ones for the joined
+        surface, and for the points of each pose those of its scan (see `reconstruct`).
     points
         Points picked in several poses: a CSV or JSON file, or a mapping of them.
     markers
@@ -91,7 +96,7 @@ def join(
     progress
         Told how far it is; it may cancel.
     changes
-        Options to change by name, as in ``close=True``.
+        Options to change by name, as in ``close=True``, for the poses and for the joined surface.
 
     Returns
     -------
@@ -113,26 +118,45 @@ def join(
     if points is not None and markers is not None:
         raise InputError("points and markers: mutually exclusive", hint="give one of them")
     files = [Path(source) for source in sources]
-    read = _read_all(_paths(files, unit), rig, unit, wanted, progress.subrange(0, _READ))
+    own = _OwnOptions(options, changes)
+    read = _read_all(_paths(files, unit), rig, unit, own, progress.subrange(0, _READ))
     placing = progress.subrange(_READ, _PLACED, "placing poses")
     found, read = _aligned(read, settings, points, markers, placing)
     done = _merged(read, found, settings, progress.subrange(_PLACED, 1, "building the surface"))
     told = {**about(files[0], None, settings), "source": " + ".join(p.name for p in files)}
     told["rig_sha256"] = {s.name: rig_hash(s.rig) for s in read if s.rig is not None} or None
+    told["settings"] = {
+        "joined": dict(wanted.changed()),
+        "poses": {s.name: dict((s.options or wanted).changed()) for s in read},
+    }
     return ReconstructResult(done, told, tables=joined_sections(found), options=wanted)
+
+
+@dataclass(frozen=True)
+class _OwnOptions:
+    """What the points of each pose are made with."""
+
+    options: ReconstructOptions | None
+    """For all alike; None: those of each scan."""
+    changes: Mapping[str, Any]
+
+    def of(self, scan: Scan | None) -> ReconstructOptions:
+        """Those of one scan; None for range scans, which keep none."""
+        own = None if scan is None else kept_options(scan)
+        return chosen(ReconstructOptions, self.options or own, self.changes)
 
 
 def _read_all(
     paths: Mapping[Path, Pose | None],
     rig: Rig | None,
     unit: str,
-    options: ReconstructOptions,
+    own: _OwnOptions,
     progress: Progress,
 ) -> list[_Source]:
     read = []
     for k, (name, (path, start)) in enumerate(zip(_names(list(paths)), paths.items(), strict=True)):
         mine = progress.subrange(k / len(paths), (k + 1) / len(paths), f"reading {name}")
-        read.append(_read(name, path, start, rig, unit, options, mine))
+        read.append(_read(name, path, start, rig, unit, own, mine))
     _check_different(read)
     return read
 
@@ -204,29 +228,34 @@ def _read(
     start: Pose | None,
     rig: Rig | None,
     unit: str,
-    options: ReconstructOptions,
+    own: _OwnOptions,
     progress: Progress,
 ) -> _Source:
     """One pose in its own frame, clipped by its own volume."""
-    settings = options.settings()
     if path.suffix.lower() == ".ply":
-        grid, findings = read_range_scan(path, Pose(), unit, settings)
-        return _Source(name, [grid], findings, start=start)
+        options = own.of(None)
+        grid, findings = read_range_scan(path, Pose(), unit, options.settings())
+        return _Source(name, [grid], findings, start=start, options=options)
     with Scan.open(path) as scan:
         mine = rig_for(scan, rig)
         edits = history_of(scan).enabled
-        volume = options.settings(mine, scan).volume
+        options = own.of(scan)
+        settings = options.settings(mine, scan)
         looks = sum(len(lit_in(n, mine)) * len(scan.steps(n)) for n in scan.plan.lasers)
         tick = progress.subrange(0, 0.8).counter(looks)
-        sights = detect_scan(scan, mine, settings.stripes, volume, tick)
+        sights = detect_scan(scan, mine, settings.stripes, settings.volume, tick)
         grids, _, findings = to_grids(sights, settings, edits, progress.subrange(0.8, 1))
-    idle = sum(not is_grid_edit(e.edit) for e in edits)
+    idle = sum(not needs_rebuild(e.edit) for e in edits)
     if idle:
         text = (
             f"{idle} edits of its mesh are not applied: they belong to the mesh of this pose alone"
         )
         findings.append(Finding("poses.edits", "note", text, "", "repair the joined mesh"))
-    return _Source(name, grids, findings, mine)
+    if own.options is None and options != own.of(None):
+        said = ", ".join(f"{k} {v}" for k, v in options.changed().items())
+        text = f"its points are made with the settings of its scan: {said}"
+        findings.append(Finding("poses.settings", "note", text))
+    return _Source(name, grids, findings, mine, options=options)
 
 
 def _check_different(read: Sequence[_Source]) -> None:

@@ -1,20 +1,34 @@
-"""The settings that a scan file keeps: those of its last reconstruction, for every door."""
+"""The settings that a scan file keeps: those of its last reconstruction, for every door.
+
+They are named sets in the file; over the set that is opened with the scan stand the edits that
+change settings, so that these can be undone."""
 
 from __future__ import annotations
 
 import json
 import os
 import stat
+import time
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from turnscan.edit import (
+    ChangeSettings,
+    Edit,
+    Entry,
+    action_to_json,
+    describe,
+    settings_in,
+)
 from turnscan.errors import FormatError, InputError, ScanError, ScanNewer, TurnscanError
 from turnscan.findings import Finding
 from turnscan.json_text import strict_json
 from turnscan.scan import Scan
 from turnscan.workflows._declare import chosen, declared
+from turnscan.workflows._history import history_of
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 
 DEFAULT_SET = "default"
@@ -24,19 +38,30 @@ _VERSION = 1
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
-def kept_options(scan: Scan, name: str = DEFAULT_SET) -> ReconstructOptions:
+def kept_options(
+    scan: Scan, name: str = DEFAULT_SET, edits: Iterable[Entry] | None = None
+) -> ReconstructOptions:
     """The options that a scan was last reconstructed with; the usual ones where it never was.
 
-    ``name`` is that of a set of settings in the file. Raises InputError for a set that there is
+    ``name`` is that of a set of settings in the file. Over the default one stands what ``edits``
+    change of the settings (None: those kept in the scan). Raises InputError for a set that there is
     not, FormatError naming what is wrong with it, ScanNewer where only a later turnscan knows it.
     """
+    if name == DEFAULT_SET:
+        edited = settings_in(history_of(scan).enabled if edits is None else edits)
+        if edited is not None:
+            entry, settings = edited
+            return _options_from(settings.options, f"{scan.path}: {entry.place}")
     sets = _kept_sets(scan)
     where = f"{scan.path}: settings"
     if name not in sets and name != DEFAULT_SET:
         there = ", ".join(sorted({DEFAULT_SET, *sets}))
         raise InputError(f"{where}: no set {name!r}", hint=f"there is {there}")
-    held = sets.get(name, {})
-    if not isinstance(held, dict):
+    return _options_from(sets.get(name, {}), where)
+
+
+def _options_from(held: Any, where: str) -> ReconstructOptions:
+    if not isinstance(held, Mapping):
         raise FormatError(f"{where}: not in the expected form", hint="choose them again")
     if set(held) - set(declared(ReconstructOptions)):
         raise _newer(where)
@@ -63,6 +88,40 @@ def _kept_sets(scan: Scan) -> dict[str, Any]:
     if version != _VERSION or not isinstance(sets, dict):
         raise FormatError(f"{where}: not in the expected form", hint="choose them again")
     return sets
+
+
+def settings_edit(options: ReconstructOptions, name: str = DEFAULT_SET) -> ChangeSettings:
+    """The edit that makes a surface with these options, taken from the set ``name``.
+
+    Lengths and angles are real numbers in it, however they were written.
+    """
+    kinds = declared(options)
+    held = {
+        key: float(value) if kinds[key].kind == "number" and value is not None else value
+        for key, value in asdict(options).items()
+    }
+    return ChangeSettings(held, name)
+
+
+def checked_edit(wanted: Edit) -> Edit:
+    """An edit as it is kept: one of settings holds every option, those left out at their default.
+
+    Raises InputError for an option that there is not, or that has no such value.
+    """
+    if not isinstance(wanted, ChangeSettings):
+        return wanted
+    check_name(wanted.name)
+    return settings_edit(chosen(ReconstructOptions, None, wanted.options), wanted.name)
+
+
+def edit_in_words(edit: Edit) -> str:
+    """What an edit does, in a few words; of settings, those that are not the usual ones."""
+    if not isinstance(edit, ChangeSettings):
+        return describe(edit)
+    usual = {name: option.default for name, option in declared(ReconstructOptions).items()}
+    other = [f"{k} {v}" for k, v in edit.options.items() if v != usual.get(k)]
+    of = "" if edit.name == DEFAULT_SET else f" of set {edit.name!r}"
+    return f"settings{of}: {', '.join(other) or 'all default'}"
 
 
 def keep_options(scan: Scan, options: ReconstructOptions, name: str = DEFAULT_SET) -> None:
@@ -126,6 +185,7 @@ def store_options(
 ) -> Finding | None:
     """Keep the options of a reconstruction in the scan file, where it has others.
 
+    Where an edit says what the settings are, another edit says so from now on: undo leads back.
     Returns a note where the file cannot be changed: it is read-only, or open elsewhere.
     """
     with Scan.open(path) as scan:
@@ -135,7 +195,12 @@ def store_options(
         return _note(path, "the file is read-only")
     try:
         with Scan.resume(path) as scan:
-            keep_options(scan, options, name)
+            history = history_of(scan)
+            if name == DEFAULT_SET and settings_in(history.enabled) is not None:
+                action = history.add(settings_edit(options))
+                scan.append_edit(action_to_json(action), time.time())
+            else:
+                keep_options(scan, options, name)
     except ScanError as e:
         return _note(path, e.message)
     return None

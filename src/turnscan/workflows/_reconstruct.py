@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -16,7 +16,7 @@ from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.stripes import Detector
 from turnscan.workflows._declare import chosen
-from turnscan.workflows._history import wanted_history
+from turnscan.workflows._history import repairs, wanted_history
 from turnscan.workflows._kept_options import DEFAULT_SET, check_name, kept_options, store_options
 from turnscan.workflows._range_scans import join_scans, placed_scans
 from turnscan.workflows._reconstruct_options import ReconstructOptions
@@ -48,8 +48,8 @@ def reconstruct(
         A scan file (.turnscan) or what made one, an open scan, or the .conf file that places the
         range scans (PLY) of another scanner beside it.
     options
-        How points become a surface; None takes the scan's own, those it was last reconstructed
-        with, or the usual ones.
+        How points become a surface; None takes the scan's own: what its edits changed of the
+        settings, or those it was last reconstructed with, or the usual ones.
     rig
         The rig; None takes the one in the scan file.
     edits
@@ -90,8 +90,8 @@ def reconstruct(
     """
     check_name(settings)
     if isinstance(source, Scan):
-        wanted = chosen(ReconstructOptions, options or kept_options(source, settings), changes)
-        return _of_scan(source, wanted, rig, edits, detector, progress)
+        wanted, by_hand = _wanted(source, options, settings, edits, changes)
+        return _of_scan(source, wanted, rig, by_hand, detector, progress)
     path = Path(source)
     if path.suffix.lower() == ".conf":
         wanted = chosen(ReconstructOptions, options, changes)
@@ -99,22 +99,34 @@ def reconstruct(
         done = join_scans(path, placed_scans(path, unit), unit, used, progress)
         return ReconstructResult(done, about(path, None, used), options=wanted)
     with Scan.open(path) as scan:
-        wanted = chosen(ReconstructOptions, options or kept_options(scan, settings), changes)
-        result = _of_scan(scan, wanted, rig, edits, detector, progress)
+        wanted, by_hand = _wanted(scan, options, settings, edits, changes)
+        result = _of_scan(scan, wanted, rig, by_hand, detector, progress)
     note = store_options(path, result.options, settings) if store and not result.failed else None
     return result if note is None else replace(result, notes=(note,))
+
+
+def _wanted(
+    scan: Scan,
+    options: ReconstructOptions | None,
+    settings: str,
+    edits: str | Sequence[Entry],
+    changes: Mapping[str, Any],
+) -> tuple[ReconstructOptions, Sequence[Entry]]:
+    """The options to reconstruct with, and the repairs; changed settings are options."""
+    by_hand = wanted_history(scan, edits).enabled if isinstance(edits, str) else edits
+    used = chosen(ReconstructOptions, options or kept_options(scan, settings, by_hand), changes)
+    return used, repairs(by_hand)
 
 
 def _of_scan(
     scan: Scan,
     options: ReconstructOptions,
     rig: Rig | None,
-    edits: str | Sequence[Entry],
+    edits: Sequence[Entry],
     detector: Detector | None,
     progress: Progress,
 ) -> ReconstructResult:
     rig = rig_for(scan, rig)
-    by_hand = wanted_history(scan, edits).enabled if isinstance(edits, str) else edits
     settings = options.settings(rig, scan)
     if detector is not None:
         settings = replace(settings, stripes=replace(settings.stripes, strategy=detector))
@@ -122,7 +134,7 @@ def _of_scan(
     tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
     seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
     surfacing = progress.subrange(_DETECTION, 1, "building the surface")
-    done = build(seen, settings, by_hand, surfacing)
+    done = build(seen, settings, edits, surfacing)
     return ReconstructResult(
         done, about(scan.path, rig, settings, done.edits), rig, options=options
     )

@@ -37,7 +37,7 @@ def region_where(
     Raises InputError for a rule that is none, and where nothing is like it.
     """
     rig = rig_for(scan)
-    settings = kept_options(scan).settings(rig, scan)
+    settings = kept_options(scan, edits=history.enabled).settings(rig, scan)
     made: list[Reconstruction] = []
 
     def built(entries: Sequence[Entry], progress: Progress) -> tuple[Mesh, Sequence[Finding]]:
