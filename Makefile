@@ -37,8 +37,10 @@ system: ## install CAD readers, camera libraries and browser that the tests use 
 	     apt-get install -y -qq --no-install-recommends $(SYSTEM_PACKAGES) >/dev/null; \
 	else echo "not root or not Debian: tests may need some of $(SYSTEM_PACKAGES)"; fi
 
-drivers: setup system ## install the camera drivers that this machine can have
+drivers: setup system ## install the camera drivers, and the STEP library, that this machine can have
 	@$(BIN)/python -c 'import genicam, harvesters' 2>/dev/null || $(INSTALL) -e '.[genicam]' \
+	     || [ -z "$(IN_CI)" ]
+	@$(BIN)/python -c 'import OCP' 2>/dev/null || $(INSTALL) -e '.[cad]' \
 	     || [ -z "$(IN_CI)" ]
 	@$(BIN)/python -c 'import gi' 2>/dev/null || if $(GIGE_HEADERS); \
 	then $(INSTALL) -e '.[gige]' || [ -z "$(IN_CI)" ]; \

@@ -94,6 +94,11 @@ NEEDS = {
     "fake GigE camera": Need(program("arv-fake-gv-camera-0.8")),
     "Aravis": Need(_aravis, "make drivers installs it (Debian, as root)"),
     "GenICam": Need(modules("genicam", "harvesters"), "make drivers installs it"),
+    "OpenCASCADE": Need(
+        modules("OCP.gp"),
+        "make drivers installs it",
+        may_skip_in_ci=platform.machine().lower() not in ("x86_64", "amd64", "arm64", "aarch64"),
+    ),
     "Embree": Need(
         modules("embreex.rtcore_scene"),
         "there are wheels for x86-64 alone",

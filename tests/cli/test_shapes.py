@@ -77,7 +77,7 @@ def test_bad_input_is_one_line(
         ((loose,), "no faces"),
         ((junk,), "junk.stl"),
         ((tmp_path / "none.ply",), "none.ply"),
-        ((part, "-o", tmp_path / "x.stl"), ".ply or .glb"),
+        ((part, "-o", tmp_path / "x.stl"), ".ply or .glb or .step or .stp"),
         ((part, "--report", tmp_path / "x.txt"), ".html or .json"),
         ((part, "-o", part), "is an input"),
         ((part, "--tolerance", "0"), "--tolerance"),

@@ -34,10 +34,10 @@ def verb(
 ) -> None:
     """Write the mesh in SOURCE, or of a scan (.turnscan), in other formats, and audit them.
 
-    Each is chosen by its suffix: .dxf .stl .ply .obj .3mf .glb .xyz. A scan is reconstructed with
-    its own settings.
+    Each is chosen by its suffix: .dxf .stl .ply .obj .3mf .glb .xyz .step. A scan is reconstructed
+    with its own settings. STEP holds the solid that the part's shapes close to, else its triangles.
     """
-    workflows.check_targets(outputs, [source])
+    workflows.check_exports(outputs, [source])
     with progress_bar() as progress:
         done = workflows.export(
             source, *outputs, formats=formats, decimate=options.decimate, progress=progress

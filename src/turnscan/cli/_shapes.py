@@ -22,8 +22,8 @@ from turnscan.cli._words import with_flags
     "outputs",
     multiple=True,
     type=click.Path(path_type=Path),
-    help=f"File to write: {' '.join(workflows.SHAPES_SUFFIXES)}, the mesh coloured by shape; may "
-    "be given several times.",
+    help=f"File to write: {' '.join(workflows.SHAPES_SUFFIXES)}, the mesh coloured by shape, or "
+    "a solid; may be given several times.",
 )
 @click.option(
     "--report", type=click.Path(path_type=Path), help="Report: .html with pictures, or .json."
@@ -48,6 +48,7 @@ def verb(
         workflows.check_output(path, workflows.SHAPES_SUFFIXES, inputs=[part])
     if report is not None:
         workflows.check_output(report, (".html", ".json"), inputs=[part])
+    workflows.check_step(outputs)
     with progress_bar() as progress:
         found = workflows.find_shapes(part, options, progress=progress)
     for finding in (*found.findings, *found.save(*outputs)):

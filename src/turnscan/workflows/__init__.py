@@ -80,10 +80,11 @@ if TYPE_CHECKING:
     from turnscan.workflows._selection_rules import SELECTION_RULES
     from turnscan.workflows._shapes import FoundShapes, find_shapes
     from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
+    from turnscan.workflows._shapes_step import check_step
     from turnscan.workflows._simulate import SimulatedScan, simulate
     from turnscan.workflows._simulate_options import SimulateOptions
     from turnscan.workflows._stripes import ScanStripes
-    from turnscan.workflows._targets import check_targets
+    from turnscan.workflows._targets import check_exports, check_targets
     from turnscan.workflows._types import (
         LONGEST_PAUSE,
         MOST_PICTURES,
@@ -168,10 +169,11 @@ _MODULES = {
     "_selection_rules": ("SELECTION_RULES",),
     "_shapes": ("FoundShapes", "find_shapes"),
     "_shapes_options": ("SHAPES_SUFFIXES", "ShapesOptions"),
+    "_shapes_step": ("check_step",),
     "_simulate": ("SimulatedScan", "simulate"),
     "_simulate_options": ("SimulateOptions",),
     "_stripes": ("ScanStripes",),
-    "_targets": ("check_targets",),
+    "_targets": ("check_exports", "check_targets"),
     "_types": (
         "LONGEST_PAUSE",
         "MOST_PICTURES",
@@ -265,7 +267,9 @@ __all__ = [
     "capture",
     "check",
     "check_apart",
+    "check_exports",
     "check_output",
+    "check_step",
     "check_targets",
     "check_writable",
     "compare",

@@ -11,11 +11,14 @@ from turnscan.findings import Finding
 from turnscan.formats import ExportOptions
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
+from turnscan.shapes.primitives import find_shapes
 from turnscan.surface import decimation as thinning
 from turnscan.surface.clean import settled
+from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source, load
 from turnscan.workflows._reconstruct_options import decimation
 from turnscan.workflows._saving import save
+from turnscan.workflows._shapes_step import check_step, is_step, step_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,8 @@ def export(
         A mesh, a mesh file in mm, the result of `reconstruct`, or a scan, which is reconstructed
         with its own settings.
     paths
-        Files to write: .dxf .stl .ply .obj .3mf .glb .xyz.
+        Files to write: .dxf .stl .ply .obj .3mf .glb .xyz, and .step (or .stp): the solid that the
+        part's shapes close to, else its triangles.
     formats
         Choices about the formats; None takes the usual ones.
     decimate
@@ -61,7 +65,8 @@ def export(
     Raises
     ------
     InputError
-        Where a format is unknown or profiles are asked for, which only `reconstruct` has.
+        Where a format is unknown, profiles are asked for, which only `reconstruct` has, or STEP
+        without OpenCASCADE.
     ExportError
         Where a file cannot be written or does not read back the same.
 
@@ -73,6 +78,8 @@ def export(
     chosen = formats or ExportOptions()
     if "profiles" in chosen.dxf_forms:
         raise InputError("a mesh file holds no profiles", hint="reconstruct the scan with them")
+    steps = [path for path in map(Path, paths) if is_step(path)]
+    check_step(steps)
     loaded = load(source, progress=progress.subrange(0, 0.7))
     mesh, findings = loaded.mesh, list(loaded.findings)
     if decimate is not None:
@@ -82,5 +89,11 @@ def export(
         findings += thinning.decimation_findings(dense, mesh, fewer.faces)
     mesh = settled(mesh)
     about = loaded.about if loaded.reconstructed else {"source": Path(loaded.name).name}
-    remarks = save(dict.fromkeys(map(Path, paths), mesh), replace(chosen, about=about))
+    solid = step_of(mesh, find_shapes(mesh), loaded.name, about) if steps else None
+    rest = [path for path in map(Path, paths) if not is_step(path)]
+    remarks = save(dict.fromkeys(rest, mesh), replace(chosen, about=about))
+    if solid is not None:
+        remarks.append(solid.finding)
+        for path in steps:
+            write_atomically(path, solid.data)
     return Exported(mesh, tuple(findings), tuple(remarks))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +28,7 @@ from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
+from turnscan.workflows._shapes_step import StepFile, is_step, step_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,6 +52,8 @@ class FoundShapes:
     found: ShapeSet
     sizes: tuple[ShapeSize, ...]
     findings: tuple[Finding, ...] = ()
+    about: Mapping[str, object] = field(default_factory=dict)
+    """Where the part comes from; stands in a STEP file."""
 
     def figures(self) -> dict[str, Any]:
         """Shapes, relations and sizes, unrounded, by name with the unit at its end."""
@@ -75,18 +80,35 @@ class FoundShapes:
         colour[on] = np.array(_COLOURS, dtype=np.uint8)[self.found.label[on] % len(_COLOURS)]
         return replace(self.mesh, colour=colour)
 
-    def save(self, *paths: str | Path) -> list[Finding]:
-        """Write the coloured mesh: .ply or .glb.
+    @cached_property
+    def step(self) -> StepFile:
+        """The part as STEP AP242: a solid where its shapes close to one, else its triangles.
 
-        Raises InputError for another suffix, ExportError where a file cannot be written.
+        Raises InputError where OpenCASCADE is not installed, ExportError where the file does not
+        read back the same.
+        """
+        about = {"source": Path(self.name).name, **self.about}
+        return step_of(self.mesh, self.found, self.name, about)
+
+    def save(self, *paths: str | Path) -> list[Finding]:
+        """Write the coloured mesh (.ply or .glb) or a solid (.step or .stp).
+
+        Raises InputError for another suffix, and for STEP where OpenCASCADE is not installed;
+        ExportError where a file cannot be written.
         """
         for path in map(Path, paths):
             if path.suffix.lower() not in SHAPES_SUFFIXES:
                 raise InputError(
-                    f"{path}: colours are not written as {path.suffix!r}",
+                    f"{path}: shapes are not written as {path.suffix!r}",
                     hint=f"choose one of {' '.join(SHAPES_SUFFIXES)}",
                 )
-        return save(dict.fromkeys(map(Path, paths), self.coloured()))
+        steps = [path for path in map(Path, paths) if is_step(path)]
+        remarks = [self.step.finding] if steps else []
+        rest = [path for path in map(Path, paths) if not is_step(path)]
+        remarks += save(dict.fromkeys(rest, self.coloured()))
+        for path in steps:
+            write_atomically(path, self.step.data)
+        return remarks
 
     def save_report(self, path: str | Path) -> None:
         """Write the report: .html with pictures, or .json.
@@ -155,7 +177,7 @@ def find_shapes(
         moves=moves,
     )
     sizes = tuple(sizes_between(loaded.mesh, found))
-    return FoundShapes(loaded.name, loaded.mesh, found, sizes, loaded.findings)
+    return FoundShapes(loaded.name, loaded.mesh, found, sizes, loaded.findings, loaded.about)
 
 
 def _figures(s: Shape) -> dict[str, Any]:
@@ -274,10 +296,10 @@ _VIEWS = (0.6, 0.6 + np.pi)
 def _write_report(found: FoundShapes, path: Path) -> None:
     """Write the report, .json or one HTML page. Raises ExportError where that fails."""
     if path.suffix.lower() == ".json":
-        body = {**found.figures(), "findings": [record(f) for f in found.findings]}
+        body = {**found.figures(), **_step(found), "findings": [record(f) for f in found.findings]}
         write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
         return
-    f = found.found
+    f, made = found.found, _made(found)
     parts = [
         html.paragraph(
             f"{len(f.shapes)} shapes lie under {f.coverage:.1%} of the measured surface; a point "
@@ -292,6 +314,7 @@ def _write_report(found: FoundShapes, path: Path) -> None:
                 for k, (s, m) in enumerate(zip(f.shapes, f.measured, strict=True))
             ],
         ),
+        *([html.heading("Solid"), html.paragraph(made.finding.message)] if made else []),
         html.heading("Relations adopted"),
         html.table(["shapes and relation"], [[relation_in_words(r)] for r in f.relations]),
         html.heading("Sizes"),
@@ -305,6 +328,17 @@ def _write_report(found: FoundShapes, path: Path) -> None:
         html.findings(found.findings),
     ]
     write_atomically(path, html.page(f"Shapes of {Path(found.name).name}", parts).encode())
+
+
+def _made(found: FoundShapes) -> StepFile | None:
+    """The STEP file, where one was asked for."""
+    made: StepFile | None = vars(found).get("step")
+    return made
+
+
+def _step(found: FoundShapes) -> dict[str, Any]:
+    made = _made(found)
+    return {} if made is None else {"step": made.figures}
 
 
 def shapes_figure(found: FoundShapes) -> Figure:

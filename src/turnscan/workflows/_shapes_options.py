@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from turnscan.workflows._declare import Checked, option
 
-SHAPES_SUFFIXES = (".ply", ".glb")
-"""What the mesh coloured by shape is written as."""
+STEP_SUFFIXES = (".step", ".stp")
+SHAPES_SUFFIXES = (".ply", ".glb", *STEP_SUFFIXES)
+"""What shapes are written as: the mesh coloured by shape, or a solid."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,19 @@ from pathlib import Path
 from turnscan.formats import exporter_for
 from turnscan.workflows._files import check_apart, check_output
 from turnscan.workflows._range_scans import placed_scans
+from turnscan.workflows._shapes_step import check_step, is_step
+
+
+def check_exports(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """The same of what a surface is exported to, where STEP is a format, too.
+
+    Raises, besides, InputError for STEP where OpenCASCADE is not installed.
+    """
+    check_apart(outputs)
+    check_targets([path for path in outputs if not is_step(path)], inputs)
+    for path in filter(is_step, outputs):
+        check_output(path, inputs=inputs)
+    check_step(outputs)
 
 
 def check_targets(

@@ -1,5 +1,6 @@
 """Planes, spheres, cylinders, cones and tori in a mesh, with uncertainty and relations."""
 
+from turnscan.shapes.primitives._caps import filled_planes
 from turnscan.shapes.primitives._find import find_shapes
 from turnscan.shapes.primitives._shapes import Kind, Relation, RelationKind, Shape, ShapeSet
 from turnscan.shapes.primitives._sizes import ShapeSize, neighbours_of, sizes_between
@@ -11,6 +12,7 @@ __all__ = [
     "Shape",
     "ShapeSet",
     "ShapeSize",
+    "filled_planes",
     "find_shapes",
     "neighbours_of",
     "sizes_between",

@@ -81,6 +81,8 @@ def adopt(kinds: list[int], sides: list[float], q: Floats, covariance: Floats) -
         K = now.covariance @ A.T @ np.linalg.pinv(S, rcond=1e-6, hermitian=True)
         now.covariance = now.covariance - K @ A @ now.covariance
         now.covariance = (now.covariance + now.covariance.T) / 2
+        own = np.einsum("ii->i", now.covariance)
+        np.maximum(own, 0.0, out=own)  # rounding, where relations leave nothing uncertain
         for _ in range(_ROUNDS):  # the conditions are not linear: what is left goes the same way
             value, A = _linear(now, c)
             now.q = _moved(now.q, -K @ value)

@@ -1,0 +1,164 @@
+"""STEP AP242 by OpenCASCADE: an analytic solid, or the triangles of a mesh."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from turnscan.drawings._solid import Solid, check_opencascade, parts_of, volume_of
+from turnscan.errors import ExportError, FormatError
+from turnscan.formats._text import about_lines
+from turnscan.mesh import Mesh
+
+_NAME = "NAME"
+_NAMED = rb"'NAME \d+','NAME \d+'"
+"""OpenCASCADE counts the products of a process; the same part gives the same file."""
+_ANGLE = 0.05
+"""Radians between the facets of a curved face, at the most."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepPart:
+    """What a STEP file holds, as OpenCASCADE reads it."""
+
+    solids: int
+    valid: bool
+    """Whether OpenCASCADE finds no fault in it."""
+    volume: float
+    """mm³."""
+    mesh: Mesh
+    """Its faces as triangles, mm; each face by itself."""
+
+
+def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> bytes:
+    """A STEP file (AP242, mm) of an analytic solid, or of a mesh as tessellated geometry.
+
+    ``name`` is that of the product; ``about`` says where it comes from and stands in a comment in
+    front of the header, where `read_about` finds it. There is no date in it. Raises InputError
+    where OpenCASCADE is not installed, ExportError where it refuses.
+    """
+    check_opencascade()
+    from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+    from OCP.IFSelect import IFSelect_RetDone
+    from OCP.Interface import Interface_Static
+    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+    from OCP.TCollection import TCollection_HAsciiString
+
+    _silence()
+    writer = STEPControl_Writer()
+    for key, value in (
+        ("write.step.schema", "AP242DIS"),
+        ("write.step.unit", "MM"),
+        ("write.step.product.name", _NAME),
+        ("write.step.tessellated", "On"),
+    ):
+        Interface_Static.SetCVal_s(key, value)
+    shape = what.shape if isinstance(what, Solid) else _tessellated(what)
+    if writer.Transfer(shape, STEPControl_AsIs) != IFSelect_RetDone:
+        raise ExportError("OpenCASCADE could not turn the part into STEP")
+    text = TCollection_HAsciiString
+    header = APIHeaderSection_MakeHeader(writer.Model())
+    header.SetName(text(_NAME))
+    header.SetTimeStamp(text(""))
+    header.SetAuthorValue(1, text(""))
+    header.SetOrganizationValue(1, text(""))
+    header.SetOriginatingSystem(text(str(about.get("software", "turnscan"))))
+    kind = "analytic solid" if isinstance(what, Solid) else "triangles"
+    header.SetDescriptionValue(1, text(kind))
+    out = io.BytesIO()
+    if writer.WriteStream(out) != IFSelect_RetDone:
+        raise ExportError("OpenCASCADE could not write STEP")
+    first, rest = out.getvalue().split(b"\n", 1)
+    rest = rest.replace(b"FILE_NAME('%b'" % _NAME.encode(), b"FILE_NAME('%b'" % _text(name), 1)
+    rest = re.sub(_NAMED, lambda _: b"'%b','%b'" % (2 * (_text(name),)), rest, count=1)
+    lines = [line.replace("*/", "*\\/") for line in about_lines(about)]  # JSON knows it as */ too
+    return b"\n".join([first, b"/*", *(line.encode("ascii") for line in lines), b"*/", rest])
+
+
+def read_step(data: bytes, deflection: float) -> StepPart:
+    """What a STEP file holds; curved faces become facets within ``deflection`` mm of them.
+
+    Raises InputError where OpenCASCADE is not installed, FormatError where it cannot read the file.
+    """
+    check_opencascade()
+    from OCP.BRepCheck import BRepCheck_Analyzer
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.IFSelect import IFSelect_RetDone
+    from OCP.STEPControl import STEPControl_Reader
+
+    _silence()
+    reader = STEPControl_Reader()
+    if reader.ReadStream("part.step", io.BytesIO(data)) != IFSelect_RetDone:
+        raise FormatError("OpenCASCADE cannot read this STEP file", hint="export it again")
+    reader.TransferRoots()
+    shape = reader.OneShape()
+    if shape.IsNull():
+        raise FormatError("the STEP file holds no shape", hint="export it again")
+    solids = parts_of(shape, "solid")
+    valid = bool(BRepCheck_Analyzer(shape).IsValid())
+    volume = volume_of(shape)
+    if solids:
+        BRepMesh_IncrementalMesh(shape, deflection, False, _ANGLE)
+    return StepPart(len(solids), valid, volume, _facets(shape))
+
+
+def _text(words: str) -> bytes:
+    """A text as ISO 10303-21 (6.4.3) has it between its quotes."""
+    plain = words.replace("\\", "\\\\").replace("'", "''")
+    return "".join(
+        c if c.isascii() and c.isprintable() else f"\\X4\\{ord(c):08X}\\X0\\" for c in plain
+    ).encode("ascii")
+
+
+def _silence() -> None:
+    """Turn off what OpenCASCADE prints while it works."""
+    from OCP.Message import Message
+
+    Message.DefaultMessenger_s().ChangePrinters().Clear()
+
+
+def _tessellated(mesh: Mesh) -> Any:
+    """A face that has triangles and no surface."""
+    from OCP.BRep import BRep_Builder
+    from OCP.gp import gp_Pnt
+    from OCP.Poly import Poly_Triangle, Poly_Triangulation
+    from OCP.TopoDS import TopoDS_Face
+
+    body = Poly_Triangulation(len(mesh.vertices), len(mesh.faces), False)
+    for k, (x, y, z) in enumerate(mesh.vertices.tolist()):
+        body.SetNode(k + 1, gp_Pnt(x, y, z))
+    for k, (a, b, c) in enumerate((mesh.faces + np.int32(1)).tolist()):
+        body.SetTriangle(k + 1, Poly_Triangle(a, b, c))
+    face = TopoDS_Face()
+    BRep_Builder().MakeFace(face, body)
+    return face
+
+
+def _facets(shape: Any) -> Mesh:
+    """The triangles that a shape's faces have."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopAbs import TopAbs_REVERSED
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import TopoDS
+
+    points, faces, count = list[np.ndarray](), list[np.ndarray](), 0
+    for face in parts_of(shape, "face"):
+        place = TopLoc_Location()
+        body = BRep_Tool.Triangulation_s(TopoDS.Face(face), place)
+        if body is None:
+            continue
+        move = place.Transformation()
+        nodes = (body.Node(k + 1).Transformed(move) for k in range(body.NbNodes()))
+        points.append(np.array([(p.X(), p.Y(), p.Z()) for p in nodes]))
+        corners = [body.Triangle(k + 1).Get() for k in range(body.NbTriangles())]
+        some = np.array(corners, dtype=np.int64) - 1 + count
+        faces.append(some[:, ::-1] if face.Orientation() == TopAbs_REVERSED else some)
+        count += body.NbNodes()
+    if not points:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+    return Mesh(np.concatenate(points), np.concatenate(faces))

@@ -1,0 +1,120 @@
+"""STEP: a solid of analytic faces where shapes close, triangles where they do not."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import turnscan as ts
+from tests.needs import needs
+from tests.shapes.solids import noisy, prism, turned
+from turnscan.cli import main, turnscan
+from turnscan.drawings import read_step, write_step
+from turnscan.formats import read_about, write_ply
+from turnscan.mesh import Mesh
+from turnscan.workflows._shapes import FoundShapes, find_shapes
+
+SHAFT = [(0.5, 0), (25, 0), (25, 20), (15, 20), (15, 40), (0.5, 40)]
+AROUND = 120
+NAME = "it's */ a shaft"
+
+
+def _closed(mesh: Mesh, around: int) -> Mesh:
+    """With a point in the middle of both ends."""
+    n = len(mesh.vertices)
+    i = np.arange(around)
+    j = (i + 1) % around
+    X = np.vstack([mesh.vertices, [[0, 0, mesh.vertices[0, 2]], [0, 0, mesh.vertices[-1, 2]]]])
+    low = np.column_stack([j, i, np.full(around, n)])
+    high = np.column_stack([n - around + i, n - around + j, np.full(around, n + 1)])
+    return Mesh(X, np.concatenate([mesh.faces, low, high]))
+
+
+@pytest.fixture(scope="module")
+def shaft(tmp_path_factory: pytest.TempPathFactory) -> FoundShapes:
+    needs("OpenCASCADE")
+    mesh = noisy(_closed(turned(SHAFT, 0.9, AROUND), AROUND), 0.01, 1)
+    path = tmp_path_factory.mktemp("step") / f"{NAME.replace('/', '')}.ply"
+    path.write_bytes(write_ply(mesh))
+    return find_shapes(path)
+
+
+def test_a_shaft_is_a_valid_solid_of_its_five_faces(shaft: FoundShapes) -> None:
+    step = shaft.step
+    assert step.solid
+    part = read_step(step.data, 0.01)
+    assert (part.solids, part.valid) == (1, True)
+    truth = np.pi * (25**2 * 20 + 15**2 * 20)
+    assert part.volume == pytest.approx(truth, rel=4e-4)
+    assert part.volume != pytest.approx(truth, rel=1e-9)  # measured, not drawn
+    assert step.figures["faces"] == 5
+    assert step.figures["faces_not_measured"] == 0
+    # The points' noise, and no more: what a chord of the mesh leaves out is not in it.
+    assert 0.008 < step.figures["deviation_rms_mm"] < 0.014
+    text = step.data.decode("ascii")
+    assert text.count("CYLINDRICAL_SURFACE(") == 2
+    assert text.count("= PLANE(") == 3
+    assert "AP242" in text
+    assert ".MILLI." in text
+
+
+def test_it_says_where_it_comes_from_and_holds_no_date(shaft: FoundShapes) -> None:
+    about = {"source": NAME, "parameters": {"größe": "a'b\\c"}}
+    name = "d'Ä"
+    data = write_step(shaft.mesh, name, about)
+    told = read_about(data)
+    assert {k: told[k] for k in about} == about
+    assert data == write_step(shaft.mesh, name, about)
+    text = data.decode("ascii")
+    assert r"PRODUCT('d''\X4\000000C4\X0\','d''\X4\000000C4\X0\'" in text
+    assert re.search(r"FILE_NAME\('[^,]*','',", text)
+
+
+def test_an_open_block_is_its_triangles_and_says_why(tmp_path: Path) -> None:
+    needs("OpenCASCADE")
+    block = noisy(prism([(0, 0), (40, 0), (40, 30), (0, 30)], 20, 1.0), 0.02, 1)
+    source, out = tmp_path / "block.ply", tmp_path / "block.step"
+    source.write_bytes(write_ply(block))
+    done = CliRunner().invoke(turnscan, ["export", str(source), "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "shapes.triangles" in done.output
+    assert "do not close to a solid" in done.output
+    part = read_step(out.read_bytes(), 0.1)
+    assert part.solids == 0
+    assert len(part.mesh.faces) == len(block.faces)
+    assert np.ptp(part.mesh.vertices, axis=0) == pytest.approx(np.ptp(block.vertices, axis=0))
+
+
+def test_both_doors_write_the_same_solid(shaft: FoundShapes, tmp_path: Path) -> None:
+    one, other = tmp_path / "one.step", tmp_path / "other.stp"
+    (remark,) = shaft.save(one)
+    assert remark.code == "shapes.solid"
+    done = ts.export(shaft.name, other)
+    assert [f.code for f in done.remarks] == ["shapes.solid"]
+    shaft.save_report(tmp_path / "r.json")
+    assert json.loads((tmp_path / "r.json").read_text())["step"]["faces"] == 5
+    a, b = (read_step(p.read_bytes(), 0.1) for p in (one, other))
+    assert a.volume == pytest.approx(b.volume, rel=1e-6)
+
+
+@pytest.mark.parametrize("verb", ["shapes", "export"])
+def test_without_opencascade_one_line_says_what_to_install(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "OCP", None)
+    source, out = tmp_path / "block.ply", tmp_path / "block.step"
+    source.write_bytes(write_ply(prism([(0, 0), (40, 0), (40, 30), (0, 30)], 20, 5.0)))
+    monkeypatch.setattr("sys.argv", ["turnscan", verb, str(source), "-o", str(out)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    error = capsys.readouterr().err
+    assert end.value.code == 2
+    assert len(error.splitlines()) == 1, error
+    assert "turnscan[cad]" in error
+    assert not out.exists()
