@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import median_filter
 
+from tests.calibrate.boards import drawn_charuco, drawn_chessboard, marker_picture
 from tests.calibrate.world import World, true_layout, true_rig
 from turnscan.calibrate import (
     Charuco,
@@ -28,20 +29,6 @@ from turnscan.rig import Pose, rotation_from_vector, rotation_z
 from turnscan.stripes import Orientation
 
 CHARUCO = Charuco(7, 5, 25.0, 19.0, "DICT_4X4_50")
-
-
-def drawn_charuco(legacy: bool = False) -> np.ndarray:
-    d = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    board = cv2.aruco.CharucoBoard((7, 5), 25.0, 19.0, d)
-    board.setLegacyPattern(legacy)
-    return np.asarray(board.generateImage((700, 500), marginSize=40))
-
-
-def drawn_chessboard() -> np.ndarray:
-    y, x = np.mgrid[0:480, 0:640]
-    black = ((x - 60) // 50 + (y - 50) // 50) % 2 == 0
-    inside = (x >= 60) & (x < 60 + 450) & (y >= 50) & (y < 50 + 350)
-    return np.where(black & inside, 30, 220).astype(np.uint8)
 
 
 @pytest.mark.parametrize(
@@ -95,25 +82,6 @@ def test_charuco_whole_and_in_part(legacy: bool) -> None:
     assert len(detect_board(picture, CHARUCO).ids) == 24
     part = detect_board(np.ascontiguousarray(picture[:, :400]), CHARUCO)
     assert 6 <= len(part.ids) < 24
-
-
-def marker_picture(angle: float) -> np.ndarray:
-    """The platter of the world, drawn through its camera."""
-    rig, layout = true_rig(), replace(true_layout(), shape=np.zeros(5))
-    d = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    big = np.full((4 * 480, 4 * 640), 210, np.uint8)
-    camera = replace(rig.camera, distortion=np.zeros(5))
-    points, _ = layout.points(layout.numbers)
-    px = camera.project(rig.T_camera_table.apply(points @ rotation_z(angle).T)).reshape(-1, 4, 2)
-    for n, quad in zip(layout.numbers, px, strict=True):
-        tile = cv2.aruco.generateImageMarker(d, int(n), 240)
-        corners = np.array([[-0.5, -0.5], [239.5, -0.5], [239.5, 239.5], [-0.5, 239.5]])
-        to = ((quad + 0.5) * 4 - 0.5).astype(np.float32)
-        H = cv2.getPerspectiveTransform(corners.astype(np.float32), to)
-        cv2.warpPerspective(
-            tile, H, (4 * 640, 4 * 480), big, cv2.INTER_LINEAR, cv2.BORDER_TRANSPARENT
-        )
-    return np.asarray(cv2.resize(big, (640, 480), interpolation=cv2.INTER_AREA))
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, -2.4])

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from tests.calibrate.test_boards import drawn_chessboard, marker_picture
+from tests.calibrate.boards import drawn_chessboard, marker_picture
 from turnscan.cli._calibrate import verb
 from turnscan.errors import TurnscanError
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape
-from tests.points.test_range_scan import cyberware
+from tests.points.range_scans import cyberware
 from turnscan.cli import turnscan
 from turnscan.errors import ExportError, InputError
 from turnscan.formats import read_dxf_content, read_mesh

@@ -196,7 +196,7 @@ def test_an_exposure_that_cannot_be_found(more: list[str], said: str, tmp_path: 
 
 
 def test_an_import_cannot_be_resumed(tmp_path: Path) -> None:
-    from tests.scan.test_file import write
+    from tests.scan.small import write
 
     write(tmp_path / "a.turnscan", steps=3)
     done = cli("resume", tmp_path / "a.turnscan")

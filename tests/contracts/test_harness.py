@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import signal
@@ -26,6 +27,28 @@ def test_every_skip_says_what_it_needs_and_counts_against_the_budget() -> None:
     pattern = r"pytest\.skip|importorskip|mark\.skip|unittest\.skip|mark\.(xfail|flaky)"
     for path in (p for p in TESTS if p.name not in own):
         assert not re.search(pattern, path.read_text()), path
+
+
+def test_no_module_takes_helpers_from_a_test_module() -> None:
+    """Helpers are in plainly named modules; only what removes protections imports their tests."""
+    exception = "tests/safety/test_removed.py"
+    sources = sorted([*TESTS, *(TOP / "bench").rglob("*.py"), *(TOP / "src").rglob("*.py")])
+    found = []
+    for path in sources:
+        name = path.relative_to(TOP).as_posix()
+        for node in ast.walk(ast.parse(path.read_text())):
+            imported = []
+            if isinstance(node, ast.Import):
+                imported = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                imported = [f"{node.module or ''}.{alias.name}" for alias in node.names]
+            for module in imported:
+                if re.search(r"^tests\..*\btest_", module) and name != exception:
+                    found.append(f"{name}:{node.lineno}: imports {module}")
+        if name not in (exception, Path(__file__).relative_to(TOP).as_posix()):
+            text = r"""^ *['"]?(?:from|import) tests[\w.]*\.test_.*"""  # of a program in a string
+            found += [f"{name}: {line}" for line in re.findall(text, path.read_text(), re.M)]
+    assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize("value", ["1", "true", "TRUE", "yes", "woodpecker"])

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.crash.conftest import Zygote
-from tests.crash.test_kills import rows_of
+from tests.crash.rows import rows_of
 from turnscan.errors import InputError, TurnscanError
 from turnscan.scan import Scan
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.crash.conftest import Zygote
 from tests.edit.surfaces import sheet
-from tests.scan.test_file import write
+from tests.scan.small import write
 from turnscan.edit import (
     Body,
     Delete,

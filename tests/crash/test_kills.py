@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 
 from tests.crash.conftest import Zygote
+from tests.crash.rows import rows_of
 from tests.crash.zygote import STEPS
 from turnscan.errors import ScanError, TurnscanError
 from turnscan.scan import Scan
@@ -15,13 +16,6 @@ from turnscan.scan import Scan
 KILLS = 50
 CHAINS = 20
 SEED = 5
-
-
-def rows_of(path: Path) -> list[tuple[bytes, bytes]]:
-    """Everything stored, to the byte, each with its digest."""
-    with Scan.open(path) as scan:
-        assert [trouble for _, trouble in scan.verify() if trouble] == []
-        return [(s.row.digest(), s.payload) for s in scan.stored()]
 
 
 def frames_in(path: Path) -> int:

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from tests.edit.surfaces import around, sheet
+from tests.mesh.open_meshes import ball, opened
 from tests.reports import into
-from tests.surface.test_fill import ball, opened
 from turnscan.edit import (
     Body,
     BridgeHoles,

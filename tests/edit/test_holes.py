@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.surface.test_holes import plate
+from tests.mesh.open_meshes import plate
 from turnscan.edit import Document, Fill, HoleName
 from turnscan.surface.holes import holes
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.shapes.test_measure import NOISE, cylinder, noisy, wall_of
+from tests.shapes.tubes import NOISE, cylinder, noisy, wall_of
 from turnscan.edit import (
     Cut,
     Delete,

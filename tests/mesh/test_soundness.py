@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.surface.test_holes import plate
+from tests.mesh.open_meshes import plate
 from turnscan.mesh import Mesh, crossings, join, soundness
 
 CUBE = Mesh(

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere, union
+from tests.points.grids import plain_grid
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.points import (
     Along,
-    RangeGrid,
     Volume,
     angle_findings,
     build_grid,
@@ -35,22 +35,6 @@ from turnscan.points import (
 from turnscan.points._triangulate import beyond_axis
 from turnscan.rig import Marker, Rig
 from turnscan.stripes import StripeFlag
-
-
-def plain_grid(points, angles=None, sigma=0.1):
-    points = np.asarray(points, float)
-    s = len(points)
-    found = ~np.isnan(points[..., 0])
-    return RangeGrid(
-        "L0",
-        np.arange(s),
-        np.arange(s) * 0.1 if angles is None else angles,
-        points,
-        np.where(found, sigma, np.nan),
-        np.where(found, 50.0, np.nan),
-        np.where(found, 0, 1),
-        closed=False,
-    )
 
 
 @pytest.mark.parametrize("sign", [1, -1])

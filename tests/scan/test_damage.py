@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.scan.test_file import PLAN, stripe_pair, write
+from tests.scan.small import PLAN, stripe_pair, write
 from turnscan.errors import InputError, ScanCorrupt, ScanError, TurnscanError
 from turnscan.scan import Frame, Scan
 
@@ -23,7 +23,7 @@ MUSEUM = Path(__file__).parents[1] / "museum" / "scan"
 
 WRITER = """
 import sys
-from tests.scan.test_file import PLAN, stripe_pair
+from tests.scan.small import PLAN, stripe_pair
 from dataclasses import replace
 from turnscan.scan import Frame, Scan
 pairs = [stripe_pair(k) for k in range(8)]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.scan.test_file import write
+from tests.scan.small import write
 from turnscan.errors import InputError, ScanBusy, ScanCorrupt
 from turnscan.scan import Scan
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from tests.analytic import make_rig
-from tests.points.test_grid import plain_grid
+from tests.points.grids import plain_grid
 from turnscan import shapes
 from turnscan.mesh import Mesh, Provenance, boundary_loops, is_closed, submesh
 from turnscan.points import RangeGrid, pixels_of, to_object

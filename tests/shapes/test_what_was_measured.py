@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tests.points.test_grid import plain_grid
+from tests.points.grids import plain_grid
 from turnscan.cli._measure import verb
 from turnscan.errors import InputError
 from turnscan.formats import ExportOptions, export, read_mesh

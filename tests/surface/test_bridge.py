@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.surface.test_fill import ball, same_measured
-from tests.surface.test_holes import plate
+from tests.mesh.open_meshes import ball, plate, same_measured
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, is_closed, soundness, submesh
 from turnscan.surface.holes import bridge, holes

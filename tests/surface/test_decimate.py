@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.mesh.checks import check_sound, cube, euler
 from tests.reports import into
-from tests.surface.test_grid_mesh import check_sound, euler, random_grid, turned
+from tests.surface.grids import column, random_grid
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, boundary_loops, components, cut_touching, is_closed
 from turnscan.progress import Progress
@@ -22,36 +23,6 @@ from turnscan.surface.decimation._decimate import _net
 from turnscan.surface.holes import close
 
 TOLERANCE = 0.05
-
-
-def column(steps: int = 90, noise: float = 0.02, seed: int = 0) -> Mesh:
-    """A fluted column, open at both ends, with radial noise."""
-    angles = np.arange(steps) * 2 * np.pi / steps
-    grid = turned(angles, np.full(80, 30.0), sigma=noise)
-    rng = np.random.default_rng(seed)
-    more = np.cos(5 * angles)[:, None] + rng.normal(0, noise, (steps, 80))
-    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
-    return mesh_grid(replace(grid, points=grid.points + more[..., None] * out[:, None]))
-
-
-def cube(cells: int = 20, side: float = 10.0) -> Mesh:
-    """A closed cube, its sides cut into squares of two triangles."""
-    k = np.arange(cells + 1)
-    places, faces = [], []
-    for axis in range(3):
-        for level in (0, cells):
-            a, b = np.meshgrid(k, k, indexing="ij")
-            place = np.empty((cells + 1, cells + 1, 3), dtype=np.int64)
-            place[..., axis], place[..., (axis + 1) % 3], place[..., (axis + 2) % 3] = level, a, b
-            number = sum(map(len, places)) + np.arange(a.size).reshape(a.shape)
-            p, q, r, s = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-            two = np.concatenate(
-                [np.stack(t, axis=-1).reshape(-1, 3) for t in ((p, q, r), (p, r, s))]
-            )
-            faces.append(two if level else two[:, ::-1])
-            places.append(place.reshape(-1, 3))
-    whole, index = np.unique(np.concatenate(places), axis=0, return_inverse=True)
-    return Mesh(whole * side / cells, index.ravel()[np.concatenate(faces)])
 
 
 def apart(one: Mesh, two: Mesh) -> float:

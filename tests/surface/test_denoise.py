@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.mesh.checks import cube
 from tests.reports import into
-from tests.surface.test_decimate import column, cube
-from tests.surface.test_grid_mesh import random_grid
+from tests.surface.grids import column, random_grid
 from turnscan.errors import InputError
 from turnscan.mesh import boundary_loops
 from turnscan.points import RangeGrid

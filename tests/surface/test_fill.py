@@ -12,59 +12,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.surface.test_grid_mesh import random_grid
-from tests.surface.test_holes import plate
+from tests.mesh.open_meshes import ball, opened, plate, same_measured
+from tests.surface.grids import random_grid
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh, Provenance, cut_touching, is_closed, join, soundness, submesh
+from turnscan.mesh import Mesh, Provenance, cut_touching, is_closed, join, soundness
 from turnscan.meshing import to_mesh
 from turnscan.settings import Settings
 from turnscan.surface import mesh_grid
 from turnscan.surface.holes import ClosingOptions, close, closings, fill, holes
 
 WAYS = ("flat", "tangent", "curvature")
-
-
-def ball(n: int, noise: float = 0.0, seed: int = 0) -> Mesh:
-    """A ball of radius 10 in n rings, closed."""
-    rng = np.random.default_rng(seed)
-    theta = np.pi * np.arange(1, n) / n
-    phi = 2 * np.pi * np.arange(2 * n) / (2 * n)
-    ring = np.stack(
-        [
-            np.outer(np.sin(theta), np.cos(phi)),
-            np.outer(np.sin(theta), np.sin(phi)),
-            np.outer(np.cos(theta), 0 * phi + 1),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    faces = []
-    for i in range(n - 2):
-        for j in range(2 * n):
-            a, b = i * 2 * n + j, i * 2 * n + (j + 1) % (2 * n)
-            faces += [[a, a + 2 * n, b + 2 * n], [a, b + 2 * n, b]]
-    top, bottom = len(ring), len(ring) + 1
-    for j in range(2 * n):
-        a, b = j, (j + 1) % (2 * n)
-        faces += [[top, a, b], [bottom, b + (n - 2) * 2 * n, a + (n - 2) * 2 * n]]
-    unit = np.concatenate([ring, [[0, 0, 1], [0, 0, -1.0]]])
-    vertices = unit * (10.0 + noise * rng.standard_normal((len(unit), 1)))
-    return Mesh(vertices, np.array(faces), None)
-
-
-def opened(mesh: Mesh, direction, angle: float) -> Mesh:
-    """The mesh without the faces within an angle of a direction."""
-    middle = mesh.triangles.mean(axis=1)
-    cosine = middle @ np.asarray(direction) / np.linalg.norm(middle, axis=1)
-    return submesh(mesh, cosine < np.cos(angle))
-
-
-def same_measured(before: Mesh, after: Mesh) -> bool:
-    return bool(
-        np.array_equal(after.vertices[: len(before.vertices)], before.vertices)
-        and np.array_equal(after.faces[: len(before.faces)], before.faces)
-        and after.measured[: len(before.faces)].all()
-        and not after.measured[len(before.faces) :].any()
-    )
 
 
 @pytest.mark.parametrize("how", WAYS)
@@ -281,7 +238,8 @@ def test_a_grid_without_a_face_is_said_and_closing_it_does_nothing(steps, lines)
 def test_the_same_mesh_gives_the_same_bytes_whatever_the_threads_and_hashes():
     code = (
         "import hashlib\n"
-        "from tests.surface.test_fill import *\n"
+        "from tests.mesh.open_meshes import ball, opened\n"
+        "from turnscan.surface.holes import ClosingOptions, close\n"
         "mesh = opened(ball(24, 0.1, 5), [0.2, 0.1, 1.0], 0.8)\n"
         "done, said = close(mesh, ClosingOptions(floor=-9.9, reach=2.0, holes='curvature'))\n"
         "print(hashlib.sha256(done.vertices.tobytes() + done.faces.tobytes()).hexdigest(), said)\n"

@@ -20,8 +20,9 @@ from tests.analytic import (
     union,
     with_noise,
 )
+from tests.mesh.checks import check_sound, euler, sides
+from tests.surface.grids import random_grid, turned
 from turnscan.mesh import (
-    Mesh,
     boundary_loops,
     components,
     cut_touching,
@@ -29,7 +30,7 @@ from turnscan.mesh import (
     submesh,
     vertex_normals,
 )
-from turnscan.points import RangeGrid, Volume, build_grid, clip, every, goes_round
+from turnscan.points import RangeGrid, Volume, build_grid, clip, every
 from turnscan.surface import TearLimits, mesh_grid
 
 
@@ -39,33 +40,6 @@ def scan(rig, shape, steps, noise=0.0, **turn):
     if noise:
         stripes = with_noise(stripes, noise, 11)
     return build_grid(rig, "L0", stripes, np.arange(steps), angles)
-
-
-def sides(mesh: Mesh):
-    """Undirected sides, and how many faces each has; and whether any runs twice one way."""
-    a, b = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-    size = len(mesh.vertices) + 1
-    one_way = np.unique(a.astype(np.int64) * size + b, return_counts=True)[1]
-    keys = np.minimum(a, b).astype(np.int64) * size + np.maximum(a, b)
-    return np.unique(keys, return_counts=True)[1], one_way
-
-
-def euler(mesh: Mesh) -> int:
-    count, _ = sides(mesh)
-    return len(mesh.vertices) - len(count) + len(mesh.faces)
-
-
-def check_sound(mesh: Mesh) -> None:
-    """A manifold with a border: one or two faces a side, wound alike, none degenerate."""
-    count, one_way = sides(mesh)
-    if len(mesh.faces):
-        assert count.max() <= 2
-        assert one_way.max() == 1, "neighbours are wound alike"
-        assert (np.unique(mesh.faces) == np.arange(len(mesh.vertices))).all(), "none unused"
-        t = mesh.triangles
-        area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
-        assert area.min() > 0
-    assert len(mesh.provenance.sigma) == len(mesh.vertices)
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
@@ -153,26 +127,6 @@ def test_noise_alone_tears_little():
     assert len(mesh.faces) > 0.97 * full
 
 
-def random_grid(seed, steps, lines, missing, closed, behind):
-    rng = np.random.default_rng(seed)
-    a = np.arange(steps) * (2 * np.pi / steps)
-    z = np.linspace(0, 10, lines)
-    r = 20 + rng.normal(0, 0.5, (steps, lines))
-    points = np.stack(
-        [r * np.cos(a)[:, None], r * np.sin(a)[:, None], np.broadcast_to(z, r.shape)], axis=-1
-    )
-    points[rng.random(r.shape) < missing] = np.nan
-    if seed % 3 == 0:
-        points[:, lines // 2] = points[:, 0]  # coincident points
-    found = ~np.isnan(points[..., 0])
-    eyes = np.stack([300 * np.cos(a), 300 * np.sin(a), 0 * a], axis=-1)
-    return RangeGrid(
-        "L0", np.arange(steps), a, points, np.where(found, 0.05, np.nan),
-        np.where(found, 9.0, np.nan), np.where(found, 0, 1), closed, eyes,
-        rng.random(r.shape) < behind if behind else None,
-    )  # fmt: skip
-
-
 @settings(max_examples=150)
 @given(
     seed=st.integers(0, 10_000),
@@ -226,19 +180,6 @@ def test_a_cube_is_closed_and_a_part_of_it_is_not():
 def test_tears_are_checked():
     with pytest.raises(ValueError, match="stretch"):
         TearLimits(stretch=0.5)
-
-
-def turned(angles, radii, sigma=0.01, eyes=True):
-    """A turned part: the radius (n,) of each line, at z = 0, 0.5, 1 … mm, seen from afar."""
-    n = len(radii)
-    out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
-    z = np.outer(0.5 * np.arange(n), [0.0, 0.0, 1.0])
-    shape = (len(angles), n)
-    return RangeGrid(
-        "L0", np.arange(len(angles)), angles, radii[:, None] * out[:, None] + z,
-        np.full(shape, sigma), np.ones(shape), np.zeros(shape, np.uint16), goes_round(angles),
-        400.0 * out + [0.0, 0.0, 20.0] if eyes else None,
-    )  # fmt: skip
 
 
 def test_what_is_long_is_judged_by_the_spacing_not_by_a_length():

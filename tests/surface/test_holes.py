@@ -5,21 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from turnscan.mesh import Mesh, boundary_loops, cut_touching
+from tests.mesh.open_meshes import plate
+from turnscan.mesh import boundary_loops, cut_touching
 from turnscan.surface.holes import CAUSE_WORDS, holes
-
-
-def plate(n: int, missing=(), spacing: float = 1.0) -> Mesh:
-    """n × n squares in the plane z = 0, without those that ``missing`` names (column, row)."""
-    x, y = np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0))
-    vertices = spacing * np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
-    faces = []
-    for j in range(n):
-        for i in range(n):
-            if (i, j) not in missing:
-                a = j * (n + 1) + i
-                faces += [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
-    return Mesh(vertices, np.array(faces))
 
 
 def test_a_hole_knows_its_measures():

@@ -11,28 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere, with_noise
-from tests.surface.test_grid_mesh import turned
+from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere
+from tests.surface.grids import turned
+from tests.surface.scans import CENTRE, scanned
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.mesh import boundary_loops
-from turnscan.points import Volume, build_grid, clip
-from turnscan.surface.clean import clean
+from turnscan.points import build_grid
 from turnscan.surface.fusion import _marching_cubes as cubes
 from turnscan.surface.fusion import fuse, merge, range_surfaces
-
-NOISE = 0.05
-CENTRE = np.array([3.0, 2.0, 28.0])
-
-
-def scanned(shape, steps, top=60.0):
-    rig = make_rig(lasers=(0.4, -0.4), lift=28.0, elevation=0.3)
-    angles = full_turn(steps)
-    out = []
-    for k in range(2):
-        stripes = with_noise(scan_shape(rig, shape, angles, f"L{k}"), NOISE, k)
-        grid = clip(build_grid(rig, f"L{k}", stripes, range(steps), angles), Volume(60, 2, top))
-        out.append(clean(grid)[0])
-    return out
 
 
 @pytest.fixture(scope="module")

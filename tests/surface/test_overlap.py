@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.analytic import sphere
-from tests.surface.test_merge import CENTRE, scanned
+from tests.surface.scans import CENTRE, scanned
 from turnscan.surface.fusion import merge, overlaps, range_surfaces
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.surface.test_fill import ball, opened, same_measured
+from tests.mesh.open_meshes import ball, opened, same_measured
 from turnscan.mesh import Mesh, is_closed, join, soundness
 from turnscan.surface.holes import (
     ClosingOptions,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.points.test_grid import plain_grid
+from tests.points.grids import plain_grid
 from turnscan.mesh import boundary_loops, components, soundness
 from turnscan.points import Along
 from turnscan.surface import mesh_grid, thin

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from tests.calibrate.test_boards import marker_picture
+from tests.calibrate.boards import marker_picture
 from tests.calibrate.world import true_layout, true_rig
 from turnscan.errors import InputError
 from turnscan.rig import Rig

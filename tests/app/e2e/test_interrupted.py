@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from tests.app.e2e.conftest import OPENING, Server, until
-from tests.app.e2e.test_repair import mark
-from tests.app.e2e.test_rig_and_scan import WORKING, connect, disconnect
+from tests.app.e2e.pages import WORKING, connect, disconnect, mark
 from turnscan.scan import Scan, rig_for
 
 BENCH = "sim:cup?seed=7&speckle=no"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.app.e2e.conftest import steady, until
+from tests.app.e2e.conftest import until
 from tests.app.e2e.cup import (
     GHOST_LINES,
     GHOST_STEPS,
@@ -16,24 +16,13 @@ from tests.app.e2e.cup import (
     SPIKE_LINE,
     SPIKE_STEP,
 )
+from tests.app.e2e.pages import mark, settled
 
 
 def state(page: Any) -> tuple[int, int, int]:
     """Living faces, edits in the list, edits in use."""
     now = page.evaluate("[turnscan.faces, turnscan.edits, turnscan.cursor]")
     return (now[0], now[1], now[2])
-
-
-def mark(page: Any, step: int, line: int) -> dict[str, Any]:
-    """Click a place in the scan grid; the surface turns to it."""
-    settled(page)
-    # The key under the grid takes room when it comes, and the grid moves.
-    at = steady(page, f"turnscan.cell({step}, {line})")
-    page.mouse.click(at["x"], at["y"])
-    until(page, f"turnscan.mark?.step === {step}")
-    found: dict[str, Any] = page.evaluate("turnscan.mark")
-    assert abs(found["line"] - line) <= 1
-    return found
 
 
 def lasso(page: Any, centre: list[float], radius: float) -> None:
@@ -45,11 +34,6 @@ def lasso(page: Any, centre: list[float], radius: float) -> None:
     for x, y in [*corners[1:], corners[0]]:
         page.mouse.move(at["x"] + radius * x, at["y"] + radius * y, steps=2)
     page.mouse.up()
-
-
-def settled(page: Any) -> None:
-    """Wait until the picture on the screen is the last one."""
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 def test_hole_is_filled_with_preview_undone_and_redone(open_cup, picture):

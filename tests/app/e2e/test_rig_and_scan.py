@@ -3,33 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 
 from tests.app.e2e.conftest import until
+from tests.app.e2e.pages import WORKING, connect, disconnect
 from turnscan.calibrate import measured_uncertainty
 from turnscan.rig import Rig, rig_from_json
 from turnscan.scan import Scan
 from turnscan.simulate import Simulated, simulated
-
-WORKING = 300_000.0
-"""ms that pictures of a board may take to be made and looked at, on a slow machine."""
-
-
-def connect(
-    page: Any, address: str = "sim:cup?steps=24&speckle=no", *, again: bool = False
-) -> None:
-    page.get_by_role("button", name="Rig", exact=True).click()
-    for field in ("Camera", "Turntable", "Lasers"):
-        page.get_by_role("textbox", name=field).fill(address)
-    page.get_by_role("button", name="Connect again" if again else "Connect", exact=True).click()
-    page.get_by_role("button", name="Connect again").wait_for(timeout=WORKING)
-
-
-def disconnect(page: Any) -> None:
-    page.get_by_role("button", name="Disconnect").click()
-    page.get_by_role("button", name="Connect", exact=True).wait_for(timeout=WORKING)
 
 
 def test_a_live_picture_shows_the_stripe_and_lasers_as_they_are(new_page, picture):

@@ -1,0 +1,43 @@
+"""What tests of several rooms do with a page: connect a scanner, mark a point of a profile."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tests.app.e2e.conftest import steady, until
+
+
+def mark(page: Any, step: int, line: int) -> dict[str, Any]:
+    """Click a place in the scan grid; the surface turns to it."""
+    settled(page)
+    # The key under the grid takes room when it comes, and the grid moves.
+    at = steady(page, f"turnscan.cell({step}, {line})")
+    page.mouse.click(at["x"], at["y"])
+    until(page, f"turnscan.mark?.step === {step}")
+    found: dict[str, Any] = page.evaluate("turnscan.mark")
+    assert abs(found["line"] - line) <= 1
+    return found
+
+
+def settled(page: Any) -> None:
+    """Wait until the picture on the screen is the last one."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+WORKING = 300_000.0
+"""ms that pictures of a board may take to be made and looked at, on a slow machine."""
+
+
+def connect(
+    page: Any, address: str = "sim:cup?steps=24&speckle=no", *, again: bool = False
+) -> None:
+    page.get_by_role("button", name="Rig", exact=True).click()
+    for field in ("Camera", "Turntable", "Lasers"):
+        page.get_by_role("textbox", name=field).fill(address)
+    page.get_by_role("button", name="Connect again" if again else "Connect", exact=True).click()
+    page.get_by_role("button", name="Connect again").wait_for(timeout=WORKING)
+
+
+def disconnect(page: Any) -> None:
+    page.get_by_role("button", name="Disconnect").click()
+    page.get_by_role("button", name="Connect", exact=True).wait_for(timeout=WORKING)
