@@ -34,13 +34,15 @@ def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_block_is_told_coloured_and_reported(part: Path, tmp_path: Path) -> None:
     coloured, page, data = (tmp_path / n for n in ("c.ply", "r.html", "r.json"))
-    said = _run("shapes", part, "-o", coloured, "--report", page)
+    said = _run("shapes", part, "-o", coloured, "--report", page, "--edges")
+    assert said.count(": edge between normals 90.") + said.count(": edge between normals 89.") == 4
     assert "4 shapes on" in said
     assert said.count(": plane, normal") == 4
     assert "perpendicular (measured" in said
     assert said.count(": distance ") == 2
     colour = read_mesh_file(coloured).colour
     assert colour is not None
+    assert len(colour) > len(read_mesh_file(part).vertices)  # cut at the edges
     assert len(np.unique(colour, axis=0)) in (4, 5)
     text = page.read_text()
     assert text.count("<img") == 2

@@ -18,7 +18,17 @@ from turnscan.mesh import Mesh
 from turnscan.meshing import source_of
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import calibration_moves
-from turnscan.shapes.primitives import Relation, Shape, ShapeSet, ShapeSize, sizes_between
+from turnscan.shapes.primitives import (
+    Edge,
+    Relation,
+    Shape,
+    ShapeSet,
+    ShapeSize,
+    Sharpened,
+    find_edges,
+    sharpened,
+    sizes_between,
+)
 from turnscan.shapes.primitives import find_shapes as find_in_mesh
 from turnscan.workflows import _html as html
 from turnscan.workflows._declare import chosen
@@ -54,6 +64,10 @@ class FoundShapes:
     findings: tuple[Finding, ...] = ()
     about: Mapping[str, object] = field(default_factory=dict)
     """Where the part comes from; stands in a STEP file."""
+    edges: tuple[Edge, ...] = ()
+    """Where neighbouring shapes meet."""
+    with_edges: bool = False
+    """Whether the mesh that is saved has the true edges."""
 
     def figures(self) -> dict[str, Any]:
         """Shapes, relations and sizes, unrounded, by name with the unit at its end."""
@@ -68,17 +82,25 @@ class FoundShapes:
             ],
             "relations": [_relation(r) for r in f.relations],
             "sizes": [_size(s) for s in self.sizes],
+            "edges": [_edge(e) for e in self.edges],
         }
 
     def __str__(self) -> str:
         return "\n".join(in_words(self))
 
+    @cached_property
+    def sharpened(self) -> Sharpened:
+        """The mesh with its sharp edges where the shapes meet; the rest as measured."""
+        return sharpened(self.mesh, self.found, self.edges)
+
     def coloured(self) -> Mesh:
         """The mesh with a colour for each shape, grey where it is freeform or not measured."""
-        colour = np.full((len(self.mesh.vertices), 3), FREEFORM, dtype=np.uint8)
-        on = self.found.label >= 0
-        colour[on] = np.array(_COLOURS, dtype=np.uint8)[self.found.label[on] % len(_COLOURS)]
-        return replace(self.mesh, colour=colour)
+        sharp = self.sharpened if self.with_edges else None
+        mesh, label = (sharp.mesh, sharp.label) if sharp else (self.mesh, self.found.label)
+        colour = np.full((len(mesh.vertices), 3), FREEFORM, dtype=np.uint8)
+        on = label >= 0
+        colour[on] = np.array(_COLOURS, dtype=np.uint8)[label[on] % len(_COLOURS)]
+        return replace(mesh, colour=colour)
 
     @cached_property
     def step(self) -> StepFile:
@@ -105,6 +127,8 @@ class FoundShapes:
         steps = [path for path in map(Path, paths) if is_step(path)]
         remarks = [self.step.finding] if steps else []
         rest = [path for path in map(Path, paths) if not is_step(path)]
+        if rest and self.with_edges:
+            remarks.append(_constructed(self.sharpened))
         remarks += save(dict.fromkeys(rest, self.coloured()))
         for path in steps:
             write_atomically(path, self.step.data)
@@ -177,7 +201,16 @@ def find_shapes(
         moves=moves,
     )
     sizes = tuple(sizes_between(loaded.mesh, found))
-    return FoundShapes(loaded.name, loaded.mesh, found, sizes, loaded.findings, loaded.about)
+    return FoundShapes(
+        loaded.name,
+        loaded.mesh,
+        found,
+        sizes,
+        loaded.findings,
+        loaded.about,
+        find_edges(loaded.mesh, found),
+        wanted.edges,
+    )
 
 
 def _figures(s: Shape) -> dict[str, Any]:
@@ -228,6 +261,33 @@ def _size(s: ShapeSize) -> dict[str, Any]:
     return out
 
 
+def _edge(e: Edge) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "shapes": [e.first + 1, e.second + 1],
+        "form": e.form,
+        "convex": e.convex,
+        "angle_deg": float(np.rad2deg(e.angle)),
+        "points": e.points,
+    }
+    if e.form == "sharp":
+        return {**out, "radius_below_mm": e.sigma}
+    what = "radius" if e.form == "fillet" else "leg"
+    blend = {} if e.blend is None else {"shape": e.blend + 1}
+    return {**out, **blend, f"{what}_mm": e.size, f"{what}_sigma_mm": e.sigma}
+
+
+def _constructed(sharp: Sharpened) -> Finding:
+    """What was put into a mesh for its true edges."""
+    left = f"; {sharp.left} vertices stay as measured, faces would fold over" if sharp.left else ""
+    return Finding(
+        "shapes.edges",
+        "note",
+        f"{int(sharp.on_edge.sum())} vertices lie on true edges, "
+        f"{int((sharp.constructed & ~sharp.on_edge).sum())} beside them on their shape; they count "
+        f"as constructed, not as measured{left}",
+    )
+
+
 def in_words(found: FoundShapes) -> list[str]:
     """What was found, one line for each shape, relation and size."""
     f = found.found
@@ -243,6 +303,7 @@ def in_words(found: FoundShapes) -> list[str]:
     lines += [f"{k + 1}: {shape_in_words(s)}" for k, s in enumerate(f.shapes)]
     lines += [relation_in_words(r) for r in f.relations]
     lines += [size_in_words(s) for s in found.sizes]
+    lines += [edge_in_words(e) for e in found.edges]
     return lines
 
 
@@ -289,6 +350,18 @@ def size_in_words(s: ShapeSize) -> str:
     return f"{who}: {s.kind} {with_sigma(s.value, s.sigma)} mm"
 
 
+def edge_in_words(e: Edge) -> str:
+    """An edge in a line."""
+    way = "" if e.convex else "inner "
+    who = f"{e.first + 1} and {e.second + 1}: {way}"
+    between = f"between normals {np.rad2deg(e.angle):.2f}° apart"
+    if e.form == "sharp":
+        return f"{who}edge {between}, sharp or of a radius below {e.sigma:.2g} mm"
+    what = "fillet of radius" if e.form == "fillet" else "chamfer of legs of"
+    own = "" if e.blend is None else f" (shape {e.blend + 1})"
+    return f"{who}{what} {with_sigma(e.size, e.sigma)} mm {between}{own}"
+
+
 _MAP = "RdYlBu_r"
 _VIEWS = (0.6, 0.6 + np.pi)
 
@@ -319,6 +392,8 @@ def _write_report(found: FoundShapes, path: Path) -> None:
         html.table(["shapes and relation"], [[relation_in_words(r)] for r in f.relations]),
         html.heading("Sizes"),
         html.table(["shapes and size"], [[size_in_words(s)] for s in found.sizes]),
+        html.heading("Edges"),
+        html.table(["shapes and edge"], [[edge_in_words(e)] for e in found.edges]),
         html.heading("Residuals"),
         html.picture(
             residual_figure(found),

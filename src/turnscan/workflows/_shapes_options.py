@@ -25,6 +25,10 @@ class ShapesOptions(Checked):
         0.003, "number", "Least area of a shape, as a part of the measured surface.",
         least=0, most=1,
     )  # fmt: skip
+    edges: bool = option(
+        False, "switch",
+        "Put the true edges into the mesh that is written: where neighbouring shapes meet.",
+    )  # fmt: skip
     as_measured: bool = option(
         False, "switch", "Each shape on its own: no parallel, square or coaxial is adopted."
     )

@@ -1,19 +1,26 @@
 """Planes, spheres, cylinders, cones and tori in a mesh, with uncertainty and relations."""
 
 from turnscan.shapes.primitives._caps import filled_planes
+from turnscan.shapes.primitives._edges import Edge, EdgeForm, find_edges
 from turnscan.shapes.primitives._find import find_shapes
 from turnscan.shapes.primitives._shapes import Kind, Relation, RelationKind, Shape, ShapeSet
+from turnscan.shapes.primitives._sharpened import Sharpened, sharpened
 from turnscan.shapes.primitives._sizes import ShapeSize, neighbours_of, sizes_between
 
 __all__ = [
+    "Edge",
+    "EdgeForm",
     "Kind",
     "Relation",
     "RelationKind",
     "Shape",
     "ShapeSet",
     "ShapeSize",
+    "Sharpened",
     "filled_planes",
+    "find_edges",
     "find_shapes",
     "neighbours_of",
+    "sharpened",
     "sizes_between",
 ]

@@ -207,3 +207,32 @@ def settled(
         if changed == 0:
             break
     return now
+
+
+@njit(cache=True, nogil=True)
+def spread(value: Any, allowed: Any, start: Any, near: Any, rounds: int) -> tuple[Any, Any]:
+    """Values (v,) ≥ 0 handed on to allowed neighbours below 0, so many rings far.
+
+    Returns the values, and how many rings each has come (−1: none came).
+    """
+    out = value.copy()
+    ring = np.where(value >= 0, 0, -1)
+    queue = np.empty(len(value), dtype=np.int64)
+    filled, at = 0, 0
+    for i in range(len(value)):
+        if value[i] >= 0:
+            queue[filled] = i
+            filled += 1
+    while at < filled:
+        here = queue[at]
+        at += 1
+        if ring[here] >= rounds:
+            continue
+        for e in range(start[here], start[here + 1]):
+            k = near[e]
+            if ring[k] < 0 and allowed[k]:
+                ring[k] = ring[here] + 1
+                out[k] = out[here]
+                queue[filled] = k
+                filled += 1
+    return out, ring
