@@ -36,7 +36,7 @@ export interface Append {
  * Start a new calibration; ``calibration`` tells from now on how far it is.
  *
  * ``board`` as ``chessboard:8x6:40`` (inner corners, mm) or ``charuco:7x5:25:19:DICT_4X4_50``;
- * ``table`` says what rides on the table: ``markers:DICT_4X4_50:30``, or a board.
+ * ``table`` says what is fixed to the table: ``markers:DICT_4X4_50:30``, or a board.
  */
 export interface BeginCalibration {
   id: number;
@@ -95,7 +95,7 @@ export interface Cancel {
 }
 
 /**
- * Take pictures for the calibration, of its board or of what rides on the table: a job.
+ * Take pictures for the calibration, of its board or of what is fixed to the table: a job.
  *
  * With a range the table turns, a picture at each stop; without, it rests, and ``every`` s before
  * each picture a hand has time to move the board. ``laser`` names the laser that is lit for a

@@ -41,14 +41,31 @@ BANNED = {
     r"taken away": "removed",
     r"sought|fallen": "searched, missing",
     r"wishes|wished": "requests, options",
+    r"ha(s|ve) (a|no) say": "is fitted, counts",
+    r"none of them sure|less sure": "not reliable, with a larger sigma",
+    r"byte for byte the one": "identical to the one",
+    r"who runs this": "the administrator of this",
+    r"(says?|knows?|said) nothing of the uncertainty|taken for exact": "states none, exact",
+    r"with a leap": "with a jump",
+    r"in line with its neighbours: that": "continuous with the rows beside it",
+    r"rid(es?|ing) on (it|the table)": "is on, is fixed to",
+    r"flat sides?": "planar face",
+    r"cannot be called so": "not a valid name",
+    r"let its \{?\w*\}? ?be set": "allow it to be set",
+    r"(the|no|this|which) boards? (re(started|fused)|answered|did not confirm)": "controller",
 }  # fmt: skip
 """Words (regular expressions, whole words, any case) and what to write instead."""
 
 ALLOWED: dict[str, str] = {}
 """Excerpts in which a banned word stands for a reason."""
 
-OUTSIDE = r"ALGORITHMS|DESIGN\.md|\bnotes/[A-Z]|shared/(science|notes)|/work/"
-"""What is no part of the repository; tests may name `../shared/data`, where others' data are."""
+OUTSIDE = "|".join([
+    r"ALGORITHMS|DESIGN\.md|\bnotes/[A-Z]|shared/(science|notes)",
+    r"(?<![\w.])/(home|Users)/\w",
+    *(re.escape(f"{p}/") for p in {TOP.parent, Path.home()} if p != Path(p.anchor)),
+])  # fmt: skip
+"""What is no part of the repository, absolute paths of one machine included; tests may name
+`../shared/data`, where others' data are."""
 
 _BANNED = {re.compile(rf"\b(?:{word})(?!\w)", re.IGNORECASE): use for word, use in BANNED.items()}
 _SENTENCE = re.compile(r"\w\S* +\S*\w")

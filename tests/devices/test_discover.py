@@ -114,7 +114,7 @@ def test_a_silent_port_on_the_command_line() -> None:
         done = CliRunner().invoke(turnscan, ["devices", path])
         took = time.monotonic() - begin
     assert done.exit_code == 1
-    assert f"{path}: no board (no response at 115200" in done.output
+    assert f"{path}: no controller (no response at 115200" in done.output
     assert f"{path}: asking at 9600 baud" in done.output
     assert took < LONGEST + 1.0  # cameras are looked for, too
 
@@ -137,7 +137,7 @@ def test_no_permission_names_the_group(tmp_path: Path, monkeypatch: pytest.Monke
     assert isinstance(error, DeviceRefused)
     assert f"usermod -aG {group}" in str(error)
     port.chmod(0o600)
-    assert "ask who runs this computer" in who_may_open(str(port))
+    assert "ask the administrator of this computer" in who_may_open(str(port))
 
 
 def test_a_port_that_is_not_there(tmp_path: Path) -> None:
@@ -210,7 +210,7 @@ def test_a_board_that_boots_locked_is_acknowledged() -> None:
 
 def test_what_cannot_be_acknowledged() -> None:
     done = CliRunner().invoke(turnscan, ["devices", "--acknowledge"])
-    assert "name the board's port" in str(done.exception)
+    assert "name the controller's port" in str(done.exception)
     done = CliRunner().invoke(turnscan, ["devices", "manual:", "--acknowledge"])
     assert "has no alarms" in str(done.exception)
     done = CliRunner().invoke(turnscan, ["devices", "/dev/no-such-port", "--acknowledge"])
@@ -224,7 +224,7 @@ def test_a_sardauscan_that_restarts_while_lit_says_so() -> None:
         device.light(frozenset({"a"}), 2.0)
         fw.power_on()
         time.sleep(0.05)
-        with pytest.raises(DeviceRestarted, match="the board restarted"):
+        with pytest.raises(DeviceRestarted, match="the controller restarted"):
             device.light(frozenset(), 2.0)
         device.close()
 

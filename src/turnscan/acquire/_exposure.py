@@ -155,7 +155,7 @@ def exposure_findings(camera: Camera, seconds: float, gain: float = 1.0) -> list
                 Finding(
                     f"devices.{name}-unknown",
                     "warning",
-                    f"this camera does not let its {name} be set, or does not tell",
+                    f"this camera does not allow its {name} to be set, or does not report it",
                     remedy="check with the camera's own program that it is fixed, not automatic",
                 )
             )
@@ -164,7 +164,7 @@ def exposure_findings(camera: Camera, seconds: float, gain: float = 1.0) -> list
                 Finding(
                     f"devices.{name}-differs",
                     "warning",
-                    f"asked for {name} {want:g}, the camera took {got:g}",
+                    f"{name} {want:g} was requested, the camera set {got:g}",
                     remedy="choose a value that the camera accepts",
                 )
             )

@@ -323,5 +323,7 @@ def _length(text: str) -> float:
     except ValueError:
         value = math.nan
     if not 0 < value < 1e5:
-        raise InputError(f"markers: {text!r} is no side in mm", hint="write markers:DICT_4X4_50:30")
+        raise InputError(
+            f"markers: {text!r} is not a side length in mm", hint="write markers:DICT_4X4_50:30"
+        )
     return value

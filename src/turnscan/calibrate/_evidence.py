@@ -21,7 +21,7 @@ class LaserPicture:
 
 @dataclass(frozen=True)
 class TablePicture:
-    """What rides on the table in one picture, and the stripes there."""
+    """What is fixed to the table in one picture, and the stripes there."""
 
     seen: MarkerView | BoardView
     candidates: dict[str, Floats]
@@ -46,7 +46,7 @@ class CalibrationSettings:
     orientation: Orientation = "vertical"
     """Of the stripes in the picture."""
     table_board: Board | None = None
-    """The board that rides on the table, instead of markers."""
+    """The board fixed to the table, instead of markers."""
     lowest: float = 0.0
     """mm: height of that board's lowest corner above the platter."""
 

@@ -205,9 +205,9 @@ def _platter(c: Calibration, layout: MarkerLayout, reach: float) -> list[Finding
             Finding(
                 "calibrate.wobble",
                 "note",
-                f"the platter leans by {np.degrees(slope):.3f}° ± {np.degrees(error):.3f}° "
-                f"against its axis: it runs {2 * slope * reach:.2f} mm up and down at "
-                f"{reach:.0f} mm",
+                f"the platter is tilted by {np.degrees(slope):.3f}° ± {np.degrees(error):.3f}° "
+                f"to the rotation axis: {reach:.0f} mm from it the height varies by "
+                f"{2 * slope * reach:.2f} mm in a turn",
             )
         )
     bulge = layout.shape[2:] * reach**2
@@ -255,8 +255,8 @@ def _of_fit(c: Calibration) -> list[Finding]:
             Finding(
                 "calibrate.held-exactly",
                 "warning",
-                f"the rig says nothing of the uncertainty of {', '.join(c.stages.held)}: taken for "
-                "exact, so all uncertainties here are too small",
+                f"the rig states no uncertainty of {', '.join(c.stages.held)}: treated as exact, "
+                "so all uncertainties here are too small",
                 remedy="calibrate these stages from pictures, too",
             )
         )
@@ -268,7 +268,7 @@ def _of_fit(c: Calibration) -> list[Finding]:
                 "calibrate.correlated",
                 "note",
                 f"{len(pairs)} pairs of parameters are strongly correlated (|r| > {_CORRELATED}): "
-                f"{worst}; measured lengths are better known than they are, see the report",
+                f"{worst}; together they are better known than each alone, see the report",
                 remedy="add pictures of the board with more tilts, distances and positions",
             )
         )

@@ -1,4 +1,4 @@
-"""What rides on the table: markers glued to the platter, or one board standing on it."""
+"""What is fixed to the table: markers glued to the platter, or one board standing on it."""
 
 from __future__ import annotations
 

@@ -34,7 +34,9 @@ def refuse_poor(c: Calibration, f: CalibrationQuality) -> None:
         )
     for laser in (name for name in given if name in f.sheet_rms_px):
         away = f"the stripes of laser {laser!r} lie {{}} "
-        moved = "did the laser move between the pictures, or are those of two lasers mixed?"
+        moved = (
+            "check that the laser did not move between the pictures, and that they are of one laser"
+        )
         limit = _STRIPE_PX * scale
         _most(away + "px rms off one sheet", f.sheet_rms_px[laser], limit, moved)
         _most(away + "mm rms off one sheet", f.sheet_rms_mm[laser], _STRIPE_MM, moved)
@@ -50,23 +52,23 @@ def _refuse_bulge(c: Calibration) -> None:
     half = np.array([x1 - x0, y1 - y0]) / 2
     bulge = np.abs(c.fit.state.bend[[0, 2]]) * half**2
     k = int((bulge / half).argmax())
-    words = f"the board would bulge by {{}} mm over {half[k]:.0f} mm"
-    hint = "look for pictures in which the board is bent, or the stripe lies on something else"
+    words = f"by the fit the board bulges by {{}} mm over {half[k]:.0f} mm"
+    hint = "leave out pictures in which the board is bent, or the stripe lies on something else"
     _most(words, float(bulge[k]), _BULGE * float(half[k]), hint)
 
 
 def _refuse_table(c: Calibration, f: CalibrationQuality, scale: float) -> None:
-    still = "did the markers or the camera move between the pictures?"
-    words = "what rides on the table is {} px rms off one turning motion"
+    still = "check that neither markers nor camera moved between the pictures"
+    words = "markers or board on the table are {} px rms off one rotation"
     _most(words, f.table_rms_px, _TABLE_PX * scale, still)
-    empty = "is something standing on the table? give the pictures of the empty one"
+    empty = "check that nothing stands on the table, and give pictures of the empty one"
     words = "the stripe lies {} mm rms off the plane of the platter"
     _most(words, f.platter_rms_mm, _STRIPE_MM, empty)
     layout = c.fit.state.layout
     if isinstance(layout, MarkerLayout):
         reach = float(np.linalg.norm(layout.squares[:, :2], axis=1).max())
         warp = float(np.abs(layout.shape[2:]).max()) * reach**2
-        words = f"the platter would be warped by {{}} mm at {reach:.0f} mm"
+        words = f"by the fit the platter is warped by {{}} mm at {reach:.0f} mm"
         _most(words, warp, _BULGE * reach, empty)
 
 
@@ -74,5 +76,5 @@ def _most(words: str, value: float, limit: float, hint: str) -> None:
     """Raise where a value (NaN for none) is beyond its limit."""
     if value > limit:
         raise Degenerate(
-            f"{words.format(f'{value:.2f}')}; more than {limit:.2f} is no calibration", hint=hint
+            f"{words.format(f'{value:.2f}')}; at most {limit:.2f} is accepted", hint=hint
         )

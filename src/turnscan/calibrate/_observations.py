@@ -1,4 +1,4 @@
-"""All observations of a calibration in one adjustment: boards, stripes, what rides on the table."""
+"""All observations of a calibration in one adjustment: boards, stripes, and the table."""
 
 from __future__ import annotations
 
@@ -249,7 +249,7 @@ class RigNetwork:
         return out
 
     def _rider_stripe(self, state: State, k: int, stripe: StripeView, seen: Traced) -> Block:
-        """A stripe on the board that rides on the table."""
+        """A stripe on the board fixed to the table."""
         assert isinstance(state.layout, BoardLayout)
         T = state.rig.T_camera_table
         c = self._table_column

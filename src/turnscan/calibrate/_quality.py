@@ -47,7 +47,7 @@ class CalibrationQuality:
     sheet_offset_mm: dict[str, Measured]
     """Per laser: distance of the axis from the sheet at platter height."""
     table_rms_px: float
-    """Corners of what rides on the table; NaN without a table."""
+    """Corners of what is fixed to the table; NaN without a table."""
     platter_rms_mm: float
     """Stripes on the platter, distance from the sheet; NaN without."""
     marker_sides_mm: dict[int, Measured]

@@ -1,4 +1,4 @@
-"""First values for the table: its axis, the layout of what rides on it, the angles."""
+"""First values for the table: its axis, the layout of what is fixed to it, the angles."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ def _phases(
 def start_board(
     camera: Camera, views: Sequence[RiderView], board: Board, up: Floats, lowest: float
 ) -> tuple[BoardLayout, Pose, Floats, tuple[RiderView, ...]]:
-    """Layout, table pose and angles from one board that rides on the table.
+    """Layout, table pose and angles from one board fixed to the table.
 
     The relative rotations of the board have the table's axis in common. ``up`` (3,) in the camera
     frame says on which side of the platter the object stands; ``lowest`` mm is the height of the

@@ -30,7 +30,7 @@ class StripeView:
 
 @dataclass(frozen=True)
 class RiderView:
-    """What rides on the table, seen in one picture."""
+    """What is fixed to the table, seen in one picture."""
 
     numbers: Ints
     """Markers (m,) or board corners (n,) that were found."""
@@ -46,7 +46,7 @@ class RiderView:
 
 @dataclass(frozen=True)
 class State:
-    """What is adjusted: the rig, what rides on the table, every board's pose, every angle."""
+    """What is adjusted: the rig, what is fixed to the table, every board's pose, every angle."""
 
     rig: Rig
     layout: Layout | None

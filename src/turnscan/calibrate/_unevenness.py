@@ -84,7 +84,7 @@ def _slow_start(
     return Finding(
         "calibrate.step-start",
         "warning",
-        f"the table starts {'slowly' if way == 'less' else 'with a leap'}: the first {first} "
+        f"the table starts {'slowly' if way == 'less' else 'with a jump'}: the first {first} "
         f"{np.degrees(abs(lost)):.2f}° {way} than {others}",
         where=_place(k, 0, names, order),
         remedy=f"let the table turn a little before the first picture, or {_REMEDY}",

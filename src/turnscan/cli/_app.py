@@ -15,7 +15,8 @@ from turnscan.errors import InputError
 @click.argument("folder", required=False, type=click.Path(path_type=Path))
 @serving_options
 def verb(folder: Path | None, serving: dict[str, Any]) -> None:
-    """Scan, inspect, repair and export in a browser, with the scan files of FOLDER (this one).
+    """Scan, inspect, repair and export in a browser, with the scan files of FOLDER (default: the
+    current one).
 
     Prints a link that lets one browser in and opens it. Listens on this computer alone unless
     --allow-remote and --host say otherwise; lasers cannot be lit from other computers without

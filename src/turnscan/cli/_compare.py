@@ -23,22 +23,24 @@ from turnscan.cli._words import with_flags
     multiple=True,
     default=(0.05, 0.1, 0.2),
     show_default=True,
-    help="tolerance in mm for precision, completeness and F-score; may be repeated",
+    help="Tolerance for precision, completeness and F-score, mm; may be repeated.",
 )
 @click.option("--samples", type=click.IntRange(100, 2_000_000), default=50_000, show_default=True,
-              help="number of samples on the reference, for completeness")  # fmt: skip
+              help="Number of samples on the reference, for completeness.")  # fmt: skip
 @click.option(
-    "--picture", type=click.Path(path_type=Path), help="colour map of the deviation to write, PNG"
+    "--picture", type=click.Path(path_type=Path), help="Colour map of the deviation to write, PNG."
 )
 @click.option(
-    "--limit", type=Finite(min=0, min_open=True), help="deviation at the ends of the colour map, mm"
+    "--limit",
+    type=Finite(min=0, min_open=True),
+    help="Deviation at the ends of the colour map, mm.",
 )
 @click.option(
-    "--unit", type=click.Choice(list(workflows.UNITS)), default="mm", help="unit of MEASURED"
+    "--unit", type=click.Choice(list(workflows.UNITS)), default="mm", help="Unit of MEASURED."
 )
 @click.option("--reference-unit", type=click.Choice(list(workflows.UNITS)), default="mm",
-              help="unit of REFERENCE")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="print the results as JSON, unrounded")
+              help="Unit of REFERENCE.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, unrounded.")
 def verb(
     measured: Path,
     reference: Path,

@@ -23,8 +23,8 @@ _path = click.Path(path_type=Path)
     help="The paper's Table 1, and where its print and its equations disagree.",
 )
 @click.option("--theta-deg", multiple=True, metavar="ANGLES",
-              help="Triangulation angle: 22.5, a list 10,20,30 or a range FROM:TO:STEP; "
-              "repeatable.")  # fmt: skip
+              help="Triangulation angle, degrees: 22.5, a list 10,20,30 or a range FROM:TO:STEP; "
+              "may be repeated.")  # fmt: skip
 @flags_of(workflows.DesignOptions)
 @click.option("--json", "as_json", is_flag=True, help="Print all results as JSON, unrounded.")
 @click.option(

@@ -59,7 +59,9 @@ def verb(
         failed = any(laser.column is None for laser in lasers)
     elif acknowledge:
         if not ports:
-            raise InputError("--acknowledge: no PORT", hint="name the board's port, or its address")
+            raise InputError(
+                "--acknowledge: no PORT", hint="name the controller's port, or its address"
+            )
         for port in ports:
             click.echo(str(workflows.acknowledge(port, tell=_say)))
         failed = False
@@ -79,7 +81,7 @@ def _in_words(found: workflows.FoundDevices) -> str:
     lines = [f"port {port.path}: {port.description}" for port in found.ports]
     for answer in found.answers:
         why = answer.why_not.removeprefix(f"{answer.path}: ")
-        lines.append(f"{answer.path}: {answer.address or f'no board ({why})'}")
+        lines.append(f"{answer.path}: {answer.address or f'no controller ({why})'}")
     lines += [f"camera {camera}" for camera in found.cameras]
     lines += [str(with_flags(finding)) for finding in found.findings]
     if not found.ports and not found.answers:
@@ -87,5 +89,5 @@ def _in_words(found: workflows.FoundDevices) -> str:
     if not found.cameras:
         lines.append("no camera")
     if found.ports and not found.answers:
-        lines.append("turnscan devices --probe asks which boards are behind the ports")
+        lines.append("turnscan devices --probe identifies the controllers at the ports")
     return "\n".join(lines)

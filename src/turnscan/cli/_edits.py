@@ -26,12 +26,17 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
 @click.option("-o", "--output", type=_path, help="Write the active edits to this .json file.")
 @click.option("--add", "source", type=_path, help="Add the edits of another scan or .json file.")
 @click.option("--make", multiple=True, metavar="JSON", help="Apply an edit, given as JSON.")
-@click.option("--delete", multiple=True, metavar="RULE", help="Delete faces; see below.")
+@click.option(
+    "--delete",
+    multiple=True,
+    metavar="RULE",
+    help="Delete faces by a rule, see above; may be repeated.",
+)
 @click.option(
     "--grow",
     type=click.IntRange(-1000, 1000),
     default=0,
-    help="Grow the selection by N rings of faces before deleting; −N shrinks it.",
+    help="Grow the selection by N rings of faces before deleting; a negative N shrinks it.",
 )
 @click.option("--off", type=int, multiple=True, metavar="N", help="Disable edit N.")
 @click.option("--on", type=int, multiple=True, metavar="N", help="Enable edit N again.")

@@ -26,7 +26,7 @@ from turnscan.errors import InputError
     "--lit",
     multiple=True,
     metavar="NAME=PICTURES",
-    help="Pictures of one of several lasers; repeatable, in place of PICTURES.",
+    help="Pictures of one of several lasers, in place of PICTURES; may be repeated.",
 )
 @click.option("--dark", multiple=True, metavar="[NAME=]PICTURES",
               help="Pictures with the laser off: one for each lit picture, or one for all. "

@@ -1,4 +1,4 @@
-"""``turnscan measure``: flat sides and the angles between them, spheres, cylinders, volume."""
+"""``turnscan measure``: planar faces and the angles between them, spheres, cylinders, volume."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def format_options(command: Command) -> Command:
         "--dxf-version",
         "version",
         type=click.Choice(["R12", "R2010"]),
-        help="[default: R12, which all programs read; R2010 for form mesh]",
+        help="DXF version.  [default: R12, which all programs read; R2010 for form mesh]",
     )
     @click.option("--ascii", "text", is_flag=True, help="Write STL and PLY as text.")
     @click.option(

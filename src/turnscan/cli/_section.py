@@ -26,7 +26,7 @@ from turnscan.cli._progress import progress_bar
     "half_planes",
     type=Finite(),
     multiple=True,
-    help="Cut along the half-plane from the rotation axis at this angle; may be repeated.",
+    help="Cut along the half-plane from the rotation axis at this angle, degrees; may be repeated.",
 )
 @click.option(
     "--tolerance",

@@ -15,7 +15,12 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 def serving_options(command: Command) -> Command:
     """Give a verb the options of the server; it receives them as ``serving``."""
 
-    @click.option("--port", type=click.IntRange(0, 65535), default=0, help="[default: a free one]")
+    @click.option(
+        "--port",
+        type=click.IntRange(0, 65535),
+        default=0,
+        help="TCP port to listen on.  [default: a free one]",
+    )
     @click.option(
         "--host", default="127.0.0.1", show_default=True, help="Network address to listen on."
     )

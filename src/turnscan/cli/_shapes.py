@@ -23,12 +23,14 @@ from turnscan.cli._words import with_flags
     multiple=True,
     type=click.Path(path_type=Path),
     help=f"File to write: {' '.join(workflows.SHAPES_SUFFIXES)}, the mesh coloured by shape, or "
-    "a solid; may be given several times.",
+    "a solid; may be repeated.",
 )
 @click.option(
-    "--report", type=click.Path(path_type=Path), help="Report: .html with pictures, or .json."
+    "--report",
+    type=click.Path(path_type=Path),
+    help="Report to write: .html with pictures, or .json.",
 )
-@click.option("--json", "as_json", is_flag=True, help="The figures as JSON, unrounded.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, unrounded.")
 def verb(
     part: Path,
     options: workflows.ShapesOptions,
@@ -38,10 +40,10 @@ def verb(
 ) -> None:
     """Find the planes, cylinders, spheres, cones and tori of PART, a mesh (mm) or a scan.
 
-    A .turnscan is reconstructed with the settings that it keeps, and the calibration's uncertainty
-    counts. Only what was measured has a say; what no shape says within its noise stays freeform.
-    Relations such as parallel or coaxial are adopted where the shapes agree with them inside their
-    uncertainty, and each is printed with how far off it was measured.
+    A .turnscan is reconstructed with the settings stored in it, and the calibration's uncertainty
+    counts. Only measured points are fitted; what no shape describes within its noise stays
+    freeform. Relations such as parallel or coaxial are adopted where the shapes agree with them
+    inside their uncertainty, and each is printed with its measured deviation.
     """
     workflows.check_apart([*outputs, *([report] if report is not None else [])])
     for path in outputs:

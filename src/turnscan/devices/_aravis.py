@@ -55,7 +55,7 @@ class AravisCamera:
             device = self._camera.get_device()
             if hasattr(device, "is_controller") and not device.is_controller():
                 raise DeviceRefused(
-                    f"{self._name}: another program has the camera", hint="close that program"
+                    f"{self._name}: in use by another program", hint="close that program"
                 )
             self._prepare(options)
             device.connect("control-lost", lambda *_: gone.set())

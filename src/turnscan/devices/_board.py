@@ -453,7 +453,7 @@ class Board(ABC):
             self._lose_count(count or 0, count or 0)
         if locked:
             self._lose(DeviceAlarm(
-                f"{self.setup.port}: the board was found in an alarm",
+                f"{self.setup.port}: the controller was found in an alarm",
                 hint=look_and_acknowledge(self.setup.port),
             ))  # fmt: skip
 
@@ -472,8 +472,8 @@ class Board(ABC):
 
     def _elsewhere(self, count: int | None, unit: int) -> DeviceRestarted:
         return DeviceRestarted(
-            f"{self.setup.port}: the board counts {count} steps where {unit - self._left.base} are "
-            "right",
+            f"{self.setup.port}: the controller counts {count} steps where "
+            f"{unit - self._left.base} are right",
             hint=lost_place(self.setup.port),
         )
 

@@ -75,7 +75,7 @@ class FabScanBoard(Board):
                 map(_VERSION.fullmatch, self._said("0;", time.monotonic() + self._d.acknowledge))
             ):
                 raise DeviceRestarted(
-                    f"{self.setup.port}: the board has restarted since it was last asked",
+                    f"{self.setup.port}: the controller has restarted since it was last asked",
                     hint=lost_place(self.setup.port),
                 )
 

@@ -234,7 +234,7 @@ def _named(name: str, doing: str) -> Iterator[None]:
         yield
     except (gentl.AccessDeniedException, gentl.ResourceInUseException) as e:
         raise DeviceRefused(
-            f"{name}: {doing}: another program has the camera ({e})", hint="close that program"
+            f"{name}: {doing}: in use by another program ({e})", hint="close that program"
         ) from None
     except (gentl.IoException, gentl.InvalidHandleException, gentl.ClosedException) as e:
         raise DeviceDisconnected(

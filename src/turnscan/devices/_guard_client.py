@@ -43,7 +43,7 @@ _LONGEST_ANSWER = 10.0
 """s; longer than a dark may take that the board never confirms."""
 _LONGEST_END = 15.0
 """s for a guard to end once it was asked to."""
-CUT = "cut the power of the lasers, then check the cable and the board"
+CUT = "cut the power of the lasers, then check the cable and the controller"
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class GuardedLink:
         said = text[1:]
         if not said.strip():
             raise DeviceTimeout(
-                f"{port}: silent, no {dialect} board answered within "
+                f"{port}: silent, no {dialect} controller answered within "
                 f"{min(self._d.connect, _guard.QUIET):g} s",
                 hint="check cable, power and baud rate; a laser that was lit before may still be "
                 "lit: cut its power",
@@ -199,7 +199,7 @@ class GuardedLink:
                 if not self.settings.library
                 else "name another resource",
             )
-        raise LaserStateUnknown(f"{port}: the board did not confirm lasers off", hint=CUT)
+        raise LaserStateUnknown(f"{port}: the controller did not confirm lasers off", hint=CUT)
 
     def write(self, data: bytes) -> None:
         """Send. Raises DeviceDisconnected, SafetyError where the guard has ended."""
@@ -231,7 +231,7 @@ class GuardedLink:
         return self._bytes.get_nowait()
 
     def light(self, mask: int, lease: float) -> None:
-        """See `Link`. Raises the named error of what the board answered instead, lasers dark."""
+        """See `Link`. Raises the named error of its other answer, lasers dark."""
         darks = self._darks
         self._check()
         self._check_barred()
@@ -313,7 +313,7 @@ class GuardedLink:
         if self._maybe_lit.is_set():
             said += f"; turnscan keeps trying for {self.settings.keep_trying / 60:.3g} minutes"
         return LaserStateUnknown(
-            f"{self.settings.port}: the board did not confirm lasers off{said}", hint=CUT
+            f"{self.settings.port}: the controller did not confirm lasers off{said}", hint=CUT
         )
 
     def _drain(self) -> None:

@@ -41,7 +41,7 @@ class HorusBoard(Board):
             self._whole = True
             if self.setup.steps not in (None, Steps(Fraction(360))):
                 raise InputError(
-                    f"{self.setup.port}: this board turns whole degrees only",
+                    f"{self.setup.port}: this controller turns whole degrees only",
                     hint="leave out steps_per_rev",
                 ) from None
             self._steps = Steps(Fraction(WHOLE_STEPS))

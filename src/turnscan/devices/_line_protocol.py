@@ -135,14 +135,14 @@ def objection(port: str, heard: bytes) -> TurnscanError:
         return DeviceAlarm(f"{port}: {shown(heard)}", hint=look_and_acknowledge(port))
     if b"Grbl " in heard or b"Horus " in heard or b"Sardauscan V" in heard:
         return DeviceRestarted(
-            f"{port}: the board restarted ({shown(heard)})",
+            f"{port}: the controller restarted ({shown(heard)})",
             hint=lost_place(port),
         )
     for said in LOCKED:
         if said.encode() in heard.splitlines():
             return locked(port, said)
     if b"error" in heard:
-        return DeviceRefused(f"{port}: the board refused to switch a laser: {shown(heard)}")
+        return DeviceRefused(f"{port}: the controller refused to switch a laser: {shown(heard)}")
     return DeviceGarbled(f"{port}: answered a laser command with {shown(heard)}")
 
 

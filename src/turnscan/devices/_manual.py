@@ -77,7 +77,7 @@ class ManualTurntable:
             except queue.Empty:
                 continue
             if answer is None:
-                raise DeviceDisconnected("manual turntable: no terminal to answer at")
+                raise DeviceDisconnected("manual turntable: no terminal for the operator's answer")
             return answer
         raise DeviceTimeout(f"manual turntable: no answer within {timeout:g} s")
 

@@ -31,7 +31,7 @@ def word_for(error: Exception) -> str:
 
 def who_may_open(port: str) -> str:
     """What a person does who may not open a port: the group that may, where there is one."""
-    nobody = "ask who runs this computer for the right to read and write it"
+    nobody = "ask the administrator of this computer for permission to read and write it"
     try:
         node = os.stat(port)
     except OSError:

@@ -54,13 +54,13 @@ class Sentence:
             return DeviceAlarm(f"{port}: {self.text}", hint=look_and_acknowledge(port))
         if self.kind is Kind.BANNER:
             return DeviceRestarted(
-                f"{port}: the board restarted ({self.text})",
+                f"{port}: the controller restarted ({self.text})",
                 hint=lost_place(port),
             )
         if self.text in LOCKED:
             return locked(port, self.text)
         if self.kind is Kind.ERROR:
-            return DeviceRefused(f"{port}: the board answered {self.text!r}")
+            return DeviceRefused(f"{port}: the controller answered {self.text!r}")
         return DeviceGarbled(f"{port}: said {self.text!r}, which is no reply to a request")
 
 

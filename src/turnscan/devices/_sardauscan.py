@@ -55,11 +55,11 @@ class SardauscanBoard(Board):
             return found
         if line.startswith("Sardauscan V"):
             raise DeviceRestarted(
-                f"{self.setup.port}: the board restarted ({line[:40]!r})",
+                f"{self.setup.port}: the controller restarted ({line[:40]!r})",
                 hint=lost_place(self.setup.port),
             )
         if line == "Hun?":
-            raise DeviceRefused(f"{self.setup.port}: the board did not understand {text!r}")
+            raise DeviceRefused(f"{self.setup.port}: the controller did not understand {text!r}")
         raise DeviceGarbled(f"{self.setup.port}: answered {text!r} with {line[:60]!r}")
 
     def _go(self, unit: int, end: float) -> None:

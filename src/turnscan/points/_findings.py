@@ -139,8 +139,8 @@ def together_findings(
         return []
     highest = float(turned[either, 2].max())
     text = (
-        f"{either.mean():.0%} of the points could be another laser's, seen beyond the axis and "
-        f"lower; so seen, what stands highest ({highest:.1f} mm) may not be there"
+        f"{either.mean():.0%} of the points may belong to another laser whose stripe was seen "
+        f"beyond the axis, and would then lie lower; the highest ({highest:.1f} mm) may not exist"
     )
     remedy = Remedy(
         "give the part's height with ",

@@ -1,4 +1,4 @@
-"""Pictures for a calibration: of a board in a hand, or of what rides on the table."""
+"""Pictures for a calibration: of a board in a hand, or of what is fixed to the table."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from turnscan.shapes._volume import volume_sigma
 
 Unit = Literal["mm", "mm²", "mm³", "rad"]
 _SHARED = 2.0
-"""Each vertex has a say in about this many points of a section, which are so not independent."""
+"""Each vertex counts for about this many points of a section, which are so not independent."""
 
 
 @dataclass(frozen=True)

@@ -324,6 +324,6 @@ def meeting(a: Body, b: Body, at: Floats) -> Floats | None:
 
 
 def used(use: Bools, scale: Floats, first: int, last: int) -> Index:
-    """The points from ``first`` to ``last`` that have a say."""
+    """The points from ``first`` to ``last`` that count."""
     rows = np.arange(first, last + 1)
     return rows[use[rows] & np.isfinite(scale[rows])]

@@ -52,7 +52,7 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
     A search over all ways to cut the chain into lines and arcs finds the cheapest in the sense of
     the Bayesian information criterion (Schwarz 1978), neighbours that one B-spline says better are
     joined, pieces that touch inside the noise are made tangent, and all lines
-    and arcs of an outline are adjusted together. Only measured points have a say.
+    and arcs of an outline are adjusted together. Only measured points count.
 
     ``tolerance`` mm is what a misfit may be; noise beyond it is forgiven. Without one it is three
     standard deviations of the points, at least 1e-4 of the size. Uncertainties are those from

@@ -1,4 +1,4 @@
-"""The flat sides of a measured part: regions grown on the mesh, and the angles between them."""
+"""The planar faces of a measured part: regions grown on the mesh, and the angles between them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LEAST = 12
 
 @dataclass(frozen=True)
 class PlaneRegion:
-    """One flat side: its plane, normal pointing outward, and what belongs to it."""
+    """One planar face: its plane, normal pointing outward, and what belongs to it."""
 
     plane: Plane
     inliers: Bools
@@ -43,7 +43,7 @@ def find_planes(
     smallest: float = 0.02,
     most: int = 24,
 ) -> list[PlaneRegion]:
-    """The flat sides of a mesh, largest first.
+    """The planar faces of a mesh, largest first.
 
     Regions grow over the mesh from its flattest places: a vertex joins where it lies within
     ``tolerance`` mm of the region's plane and its smoothed normal within ``turn`` radians; the
@@ -210,7 +210,7 @@ def _vertex_area(mesh: Mesh) -> Floats:
 
 @dataclass(frozen=True)
 class PlaneAngle:
-    """The angle between the outward normals of two flat sides."""
+    """The angle between the outward normals of two planar faces."""
 
     first: int
     second: int
@@ -232,7 +232,7 @@ class PlaneAngle:
 
 
 def plane_angles(regions: Sequence[PlaneRegion]) -> list[PlaneAngle]:
-    """The angle between every two flat sides."""
+    """The angle between every two planar faces."""
     out = []
     for i, a in enumerate(regions):
         for j in range(i + 1, len(regions)):

@@ -230,13 +230,13 @@ def _check_stages(
     for name in pictures.laser:
         if name in ("camera", "table"):
             raise InputError(
-                "a laser cannot be called so",
+                "this name has another meaning, a laser cannot have it",
                 hint="give it another name",
                 option=Option("laser", name),
             )
     if pictures.table and options.markers is None and options.table_board is None:
         raise InputError(
-            "table: what rides on it, markers or a board?",
+            "table: neither markers nor a board on it is named",
             hint=Remedy("give either ", Option("markers"), " or ", Option("table_board")),
         )
 

@@ -114,7 +114,7 @@ def look_for_markers(paths: Sequence[Path], dictionary: str, board: Board | None
             return InputError(
                 "the pictures show the board and no marker: they are those of another stage",
                 hint=Remedy("give the pictures of the empty, turning table here, or the board that "
-                            "rides on it as ", Option("table_board")),
+                            "is fixed to it as ", Option("table_board")),
                 option=Option("table"),
             )  # fmt: skip
         return None

@@ -114,7 +114,7 @@ def _markers(text: str | None) -> tuple[str, float]:
         length = -1.0
     if not 0 < length < 1e5:
         raise InputError(
-            "no side in mm", hint="write DICT_4X4_50:30", option=Option("markers", text)
+            "not a side length in mm", hint="write DICT_4X4_50:30", option=Option("markers", text)
         )
     from turnscan.calibrate import aruco_dictionary
 

@@ -29,7 +29,8 @@ class CaptureOptions(Checked):
     count: int = option(1, "count", "Number of pictures or table positions.")
     every: float = option(0.0, "number", "Delay before each picture, for moving the board, s.")
     range_deg: str | None = option(
-        None, "text", "Turn the table from A to B.  [default: no motion; for stage table 0:360]",
+        None, "text", "Turn the table from A to B, degrees.  [default: no motion; for stage table "
+        "0:360]",
         parse=degrees_range,
     )  # fmt: skip
     laser_name: str | None = option(

@@ -39,13 +39,13 @@ class DesignOptions(Checked):
     pixel_um: str | None = option(None, "text", "Pixel pitch, micrometres.")
     sensor: str | None = option(None, "text", "Pixels across and along the laser line.")
     pan_deg: float | None = _number(
-        "Camera pan angle away from the rotation axis, towards the laser."
+        "Camera pan angle away from the rotation axis, towards the laser, degrees."
     )
     laser_offset: float | None = _number("Distance of the laser line from the rotation axis, mm.")
-    f_number: float | None = _number("Aperture of the lens, N.")
-    step_deg: float | None = _number("Table angle between two profiles.")
-    wavelength_nm: float | None = _number("Wavelength of the laser.")
-    stripe_sigma_px: float | None = _number("RMS width of the stripe in the picture.")
+    f_number: float | None = _number("Aperture of the lens, f-number N.")
+    step_deg: float | None = _number("Table angle between two profiles, degrees.")
+    wavelength_nm: float | None = _number("Wavelength of the laser, nm.")
+    stripe_sigma_px: float | None = _number("RMS width of the stripe in the picture, pixels.")
     electrons: float | None = _number("Peak signal of the stripe, electrons.")
     read_noise: float | None = _number("Noise of a dark pixel, electrons.")
     speckle_contrast: float | None = _number(

@@ -98,7 +98,9 @@ def acknowledge(port: str, *, tell: Callable[[str], None] = _silent) -> Acknowle
     if ":" not in port or os.path.exists(port):
         found = probe_port(port, tell=tell)
         if not found.address:
-            raise DeviceNotFound(f"{port}: no board ({found.why_not.removeprefix(port + ': ')})")
+            raise DeviceNotFound(
+                f"{port}: no controller ({found.why_not.removeprefix(port + ': ')})"
+            )
         address = found.address
     alarm, kept = acknowledge_alarm(address)
     return Acknowledged(address, alarm, kept)
@@ -112,7 +114,7 @@ def lasers_in_words(lasers: Sequence[Seen]) -> str:
         lines.append(f"laser {laser.name}: {where}: {laser.place}")
     places = [laser.place for laser in lasers]
     if {"left", "right"} <= set(places) and "dark" not in places:
-        lines.append(f"in the board's address: lasers={','.join(places)}")
+        lines.append(f"in the controller's address: lasers={','.join(places)}")
     return "\n".join(lines)
 
 

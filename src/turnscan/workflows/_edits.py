@@ -118,7 +118,7 @@ def edits(
     """
     path, c = Path(scan), changes or EditChanges()
     if c.grow and not c.delete:
-        hint = Remedy("say what is deleted with ", Option("delete", "RULE"))
+        hint = Remedy("name the faces to delete with ", Option("delete", "RULE"))
         raise InputError("there is nothing to grow", hint=hint, option=Option("grow", c.grow))
     if output is not None:
         check_output(Path(output), (".json",), [path, *([c.source] if c.source else [])])

@@ -50,7 +50,7 @@ def look_at_line(
                 "scan.no-line",
                 "warning",
                 f"light was found in {light / rows:.0%} of the rows, but only {formed / light:.0%} "
-                "of it stands in line with its neighbours: that is no laser line",
+                "of it is continuous with the rows beside it: this is not a laser line",
                 where=f"laser {laser}",
                 remedy=Remedy(
                     "give the laser's ",
@@ -67,9 +67,9 @@ def look_at_line(
                 "scan.overexposed",
                 "warning",
                 f"the line is clipped in {clipped / light:.0%} of the rows in which it is seen: "
-                "its middle is guessed there",
+                "its centre is uncertain there",
                 where=f"laser {laser}",
-                remedy="take the pictures again with a shorter exposure, while all still stands",
+                remedy="take the pictures again with a shorter exposure, without moving the part",
             )
         )
     return formed / max(rows, 1), out
@@ -96,7 +96,7 @@ def check_turn(
     best = float(tries[np.argmax([_coherence(k, angles, t) for t in tries])])
     if not _fit(k, angles, best):
         raise InputError(
-            "the markers in the pictures fit no even steps",
+            "the markers in the pictures do not agree with even steps",
             hint=Remedy("take each angle from the markers: ", Option("angles", "markers")),
             option=Option("angles", str(source)),
         )

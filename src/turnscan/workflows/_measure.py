@@ -1,4 +1,4 @@
-"""Measure: flat sides and the angles between them, spheres, cylinders, volume."""
+"""Measure: planar faces and the angles between them, spheres, cylinders, volume."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def measure(
     Raises
     ------
     InputError
-        Where there are no points, or no faces to find flat sides on.
+        Where there are no points, or no faces to find planar faces on.
 
     >>> import turnscan as ts
     >>> found = ts.measure("cup.turnscan", cylinder=True)
@@ -95,7 +95,7 @@ def measure(
     result = _whole(mesh, loaded.about)
     if wanted.planes:
         if not len(mesh.faces):
-            raise InputError(f"{loaded.name}: no faces", hint="flat sides are found on a mesh")
+            raise InputError(f"{loaded.name}: no faces", hint="planar faces are found on a mesh")
         regions = find_planes(mesh, tolerance=wanted.tolerance, smallest=wanted.smallest)
         result["planes"] = [_plane(r) for r in regions]
         result["angles"] = [_angle(a) for a in plane_angles(regions)]
@@ -190,7 +190,7 @@ def _lines(r: Mapping[str, Any]) -> list[str]:
     for number, p in enumerate(r.get("planes", ()), start=1):
         normal = ", ".join(f"{x:+.4f}" for x in p["normal"])
         lines.append(
-            f"side {number}: area {p['area_mm2']:.1f} mm², rms {p['rms_mm']:.4f} mm over "
+            f"planar face {number}: area {p['area_mm2']:.1f} mm², rms {p['rms_mm']:.4f} mm over "
             f"{p['points']} points, normal ({normal}) ± {p['normal_sigma_deg']:.4f}°"
         )
     for a in r.get("angles", ()):
@@ -198,7 +198,7 @@ def _lines(r: Mapping[str, Any]) -> list[str]:
         goal = {"adjacent": "square", "opposite": "parallel", "alike": "parallel"}
         off = "" if a["off_deg"] is None else f", {a['off_deg']:.3f}° off {goal[a['relation']]}"
         lines.append(
-            f"sides {first} and {second}: {a['angle_deg']:.3f}° ± {a['sigma_deg']:.3f}°, "
+            f"planar faces {first} and {second}: {a['angle_deg']:.3f}° ± {a['sigma_deg']:.3f}°, "
             f"{a['relation']}{off}"
         )
     if "sphere" in r:

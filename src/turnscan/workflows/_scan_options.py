@@ -25,10 +25,12 @@ class ScanOptions(Checked):
     step_deg: str | None = option(
         None,
         "text",
-        "Angle between table positions, in place of their number.",
+        "Angle between table positions, degrees, in place of their number.",
         parse=exact_degrees,
     )
-    range_deg: str = option("0:360", "text", "First and last table angle.", parse=degrees_range)
+    range_deg: str = option(
+        "0:360", "text", "First and last table angle, degrees.", parse=degrees_range
+    )
     passes: int = option(1, "count", "Number of passes over the same positions.")
     laser_names: str | None = option(None, "text", "Lasers to use.  [default: all]")
     together: bool = option(False, "switch", "Light all lasers at the same time, in one picture.")

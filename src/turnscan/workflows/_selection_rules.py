@@ -2,8 +2,8 @@
 
 SELECTION_RULES = """\b
 laser=NAME         seen by one laser
-steps=A-B          seen at these steps; A above B goes over the seam
-sigma=MM           less sure than this
+steps=A-B          seen at these steps; A > B: across the seam
+sigma=MM           with a larger sigma, mm
 flag=NAME          stripes of a quality: saturated, halo, edge, multi, grazing, ambiguous
 cause=NAME         along holes of a cause: laser, camera, dark, saturated, outside, …
 pieces=N           loose pieces of fewer faces

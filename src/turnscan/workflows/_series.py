@@ -113,7 +113,7 @@ def same_pictures(series: Series) -> list[Finding]:
         Finding(
             "scan.same-picture",
             "warning",
-            f"{len(same)} pictures are byte for byte the one before them",
+            f"{len(same)} pictures are identical to the picture before them",
             where=", ".join(same[:5]),
             remedy="remove them, or scan again: the camera delivered the same picture repeatedly",
         )

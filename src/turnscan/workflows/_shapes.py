@@ -151,9 +151,9 @@ def find_shapes(
 ) -> FoundShapes:
     """Find the planes, spheres, cylinders, cones and tori that a part is made of.
 
-    Only what was measured has a say. A shape is said where its misfit is noise; the rest stays
+    Only measured points are fitted. A shape is reported where its misfit is noise; the rest stays
     freeform. Relations (parallel, perpendicular, coaxial, equal radius, symmetric) are adopted
-    where the measured shapes agree with them inside their uncertainty, and each is told.
+    where the measured shapes agree with them inside their uncertainty, and each is reported.
 
     Parameters
     ----------

@@ -17,12 +17,12 @@ class ShapesOptions(Checked):
 
     tolerance: float | None = option(
         None, "number",
-        "mm that a point may lie off its shape.  [default: three times its noise, at least "
-        "1/10000 of the size]",
+        "Largest distance of a point from its shape, mm.  [default: three times its noise, at "
+        "least 1/10000 of the size]",
         least=0, above=True,
     )  # fmt: skip
     smallest: float = option(
-        0.003, "number", "Least area of a shape, as a part of the measured surface.",
+        0.003, "number", "Smallest shape, as a fraction of the measured area.",
         least=0, most=1,
     )  # fmt: skip
     edges: bool = option(
@@ -30,5 +30,7 @@ class ShapesOptions(Checked):
         "Put the true edges into the mesh that is written: where neighbouring shapes meet.",
     )  # fmt: skip
     as_measured: bool = option(
-        False, "switch", "Each shape on its own: no parallel, square or coaxial is adopted."
+        False,
+        "switch",
+        "Leave each shape as fitted: adopt no relations such as parallel or coaxial.",
     )

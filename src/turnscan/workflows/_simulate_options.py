@@ -20,14 +20,16 @@ class SimulateOptions(Checked):
     rig: str | None = option(
         None, "text", "Simulated rig: paper, modern or ciclop.  [default: paper]"
     )
-    theta_deg: float | None = option(None, "number", "Triangulation angle.  [default: the rig's]")
+    theta_deg: float | None = option(
+        None, "number", "Triangulation angle, degrees.  [default: the rig's]"
+    )
     lasers: int | None = option(
         None, "count", "Number of lasers, 1 or 2.  [default: what the scene needs]"
     )
     steps: int | None = option(
         None, "count", "Number of table positions per turn.  [default: the rig's]"
     )
-    tip_deg: float | None = option(None, "number", "Tilt of the part: another pose.")
+    tip_deg: float | None = option(None, "number", "Tilt of the part, degrees: another pose.")
     seed: int | None = option(None, "count", "Seed of speckle and noise.  [default: 0]")
     exposure: float | None = option(None, "number", "Exposure time, s.  [default: the rig's]")
     keep: Keep = option(

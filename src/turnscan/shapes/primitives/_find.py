@@ -32,7 +32,7 @@ from turnscan.shapes.verification._statistics import clumping
 _MOST_POINTS = 40_000
 _STEPS = 30
 _EDGE = 2
-"""Rings of vertices at the end of a region that have no say: stripes are bent beside edges."""
+"""Rings of vertices at the end of a region that do not count: stripes are bent beside edges."""
 _KEEP = 0.4
 """Share of a region that must be left without them, else they stay."""
 _SURE = 0.1
@@ -54,7 +54,7 @@ def find_shapes(
     pattern of its misfit (`_regions`). Regions of one surface are joined, vertices between two
     shapes go to the nearer one, and each shape is fitted to its vertices (orthogonal distances,
     truncated at four standard deviations) without two rings at its edges. Vertices that nobody
-    measured have no say and belong to no shape.
+    measured do not count and belong to no shape.
 
     ``tolerance`` mm is how far a vertex may lie off its shape; None takes three standard deviations
     of its noise, at least 1/10000 of the size. ``smallest`` is the least area of a shape as a part

@@ -171,8 +171,8 @@ def apart_findings(
             share = met[first, second] / max(asked[first], 1)
             if share < _SAME_PART:
                 text = (
-                    f"only {share:.0%} of what the one measured is a surface of the other: one of "
-                    "the two laser sheets is mirrored, or belongs to another laser"
+                    f"only {share:.0%} of the surface that one laser measured agrees with that of "
+                    "the other: one of the laser sheets is mirrored, or belongs to another laser"
                 )
                 remedy = (
                     f"calibrate again; reconstruct each alone to see which of {first}, {second}"

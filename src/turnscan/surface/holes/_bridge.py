@@ -81,7 +81,7 @@ def _band(mesh: Mesh, one: Ints, other: Ints, how: FillHow) -> Patch:
 
     if len(one) * len(other) > _LARGEST:
         raise InputError(
-            f"borders of {len(one)} and {len(other)} vertices are too long to join",
+            f"boundaries of {len(one)} and {len(other)} vertices are too long to join",
             hint="decimate the mesh first",
         )
     for loop in (one, other):

@@ -31,7 +31,7 @@ CAUSE_WORDS: Final[dict[Cause, str]] = {
     "dark": "too dark",
     "saturated": "too bright",
     "outside": "outside the picture or the working volume",
-    "ambiguous": "several stripes, none of them sure",
+    "ambiguous": "several candidates, none of them reliable",
     "removed": "removed by the clean-up",
     "unknown": "not known",
 }
