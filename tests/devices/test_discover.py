@@ -116,7 +116,7 @@ def test_a_silent_port_on_the_command_line() -> None:
     assert done.exit_code == 1
     assert f"{path}: no controller (no response at 115200" in done.output
     assert f"{path}: asking at 9600 baud" in done.output
-    assert took < LONGEST + 1.0  # cameras are looked for, too
+    assert took < LONGEST + 3.0  # cameras are looked for, too, and the machine may stall
 
 
 def test_no_permission_names_the_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
