@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -29,6 +28,7 @@ from turnscan.stripes import (
     Stripe,
     StripeSettings,
 )
+from turnscan.threads import thread_count
 
 FLANKS = 24
 """px beyond the working volume in which a stripe is still seen, but does not count."""
@@ -97,7 +97,7 @@ class View:
             first = frames[0]
             return signal.light(first.lit, first.dark, self.settings, first.level, first.noise)
 
-        with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
+        with ThreadPoolExecutor(jobs or thread_count()) as pool:
             return points.refine(self.rig, self.laser, stripes, angles, look, pool.map)
 
     def candidates(self, step: int) -> Candidates:
@@ -155,7 +155,7 @@ def look_through(
     search = _Search(scan, settings, inside, tick)
     # A bracket tells what is clipped by the colours as they were taken.
     stored = scan.stored(lit, search.signal.project if scan.plan.exposures == 1 else None)
-    with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
+    with ThreadPoolExecutor(jobs or thread_count()) as pool:
         brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
         return brackets, list(pool.map(search.find, brackets))
 

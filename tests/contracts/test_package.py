@@ -39,6 +39,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def desk(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder to work in, with a scan in it, its pictures and its rig."""
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "recipe.toml").write_text("[output]\nreport = false\n")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

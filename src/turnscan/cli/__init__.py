@@ -10,10 +10,12 @@ import click
 
 from turnscan import __version__
 from turnscan.errors import TurnscanError
+from turnscan.threads import VARIABLE
 
 _VERBS = {
     "app": "the workshop in a browser: scan, inspect, repair, measure, export",
     "artefact": "targets and artefacts to print, and the file for their measured values",
+    "batch": "many scans by one recipe, on all processors or a cluster",
     "calibrate": "pictures of boards and of the empty table → rig.json with its uncertainty",
     "capture": "take pictures of a board for calibrate",
     "check": "contents and integrity of a scan file, soundness of a mesh",
@@ -59,8 +61,15 @@ class _Verbs(click.Group):
 
 @click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="turnscan")
-def turnscan() -> None:
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    help="Number of threads; results do not depend on it.  [default: one per processor]",
+)
+def turnscan(jobs: int | None) -> None:
     """Laser-line turntable 3-D scanning: pictures in, calibrated mesh and DXF out."""
+    if jobs is not None:
+        os.environ[VARIABLE] = str(jobs)
 
 
 def main() -> None:

@@ -12,6 +12,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from turnscan.formats import ExportOptions
     from turnscan.workflows._artefact import PAPERS, TARGET, artefact
+    from turnscan.workflows._batch import Batch, batch, table_of
+    from turnscan.workflows._batch_recipe import Recipe, read_recipe
+    from turnscan.workflows._batch_task import Outcome, Task
+    from turnscan.workflows._batch_workers import Patience
     from turnscan.workflows._calibrate import CalibratedRig, CalibrationPictures, calibrate
     from turnscan.workflows._calibrate_options import CalibrateOptions
     from turnscan.workflows._capture import CapturedPicture, CapturedPictures, capture
@@ -118,6 +122,10 @@ _MODULES = {
     "_demo_options": ("DemoOptions",),
     "_design": ("DesignedRig", "design", "published_design"),
     "_design_options": ("DesignOptions", "parse_theta"),
+    "_batch": ("Batch", "batch", "table_of"),
+    "_batch_recipe": ("Recipe", "read_recipe"),
+    "_batch_task": ("Outcome", "Task"),
+    "_batch_workers": ("Patience",),
     "_device_options": ("DEFAULT_DEVICE", "DeviceOptions"),
     "_devices": (
         "Acknowledged",
@@ -208,6 +216,7 @@ __all__ = [
     "Acknowledged",
     "Agreement",
     "AngleSource",
+    "Batch",
     "CalibrateOptions",
     "CalibratedRig",
     "CalibrationPictures",
@@ -243,7 +252,10 @@ __all__ = [
     "Measured",
     "OpenScan",
     "Opened",
+    "Outcome",
+    "Patience",
     "PlannedScan",
+    "Recipe",
     "ReconstructOptions",
     "ReconstructResult",
     "ScanControl",
@@ -256,6 +268,7 @@ __all__ = [
     "SimulateOptions",
     "SimulatedScan",
     "TakenScan",
+    "Task",
     "Trend",
     "Verification",
     "Verified",
@@ -263,6 +276,7 @@ __all__ = [
     "acknowledge",
     "artefact",
     "audited",
+    "batch",
     "calibrate",
     "capture",
     "check",
@@ -301,6 +315,7 @@ __all__ = [
     "published_design",
     "read_artefact",
     "read_mesh_file",
+    "read_recipe",
     "read_rig_file",
     "reconstruct",
     "resume",
@@ -310,6 +325,7 @@ __all__ = [
     "scan_left",
     "section",
     "simulate",
+    "table_of",
     "verification_json",
     "verify",
     "write_atomically",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -27,6 +26,7 @@ from turnscan.progress import Progress
 from turnscan.remedy import Option
 from turnscan.scan import list_pictures, numbers_apart, picture_numbers, read_picture
 from turnscan.stripes import Orientation
+from turnscan.threads import thread_count
 
 _COLOURS = {
     "grey": (1.0, 1.0, 1.0),
@@ -46,7 +46,7 @@ def in_turn(
 ) -> list[Found]:
     """What ``work`` finds in each item, in order, on two processors where there are two."""
     count = progress.counter(len(items))
-    with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(min(2, thread_count())) as pool:
         waiting = [pool.submit(work, item) for item in items]
         out = []
         try:

@@ -1,0 +1,273 @@
+"""Many scans by one recipe: on this machine and on a cluster, with workers that die on the way."""
+
+from __future__ import annotations
+
+import csv
+import multiprocessing
+import os
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.once import once
+from tests.workflows.scans import write_can, write_pictures
+from turnscan import workflows
+from turnscan.errors import DeviceTimeout, FormatError, InputError
+from turnscan.progress import Cancelled, Progress
+from turnscan.workflows._batch_recipe import recipe_from_text
+from turnscan.workflows._batch_task import outcome_from_json
+from turnscan.workflows._batch_workers import Patience, on_this_machine
+
+RECIPE = '[reconstruct]\nstrategy = "centroid"\n[output]\nformats = ["stl"]\nreport = false\n'
+PATIENT = Patience(tries=3, seconds=300.0, cluster=60.0)
+
+
+@pytest.fixture(scope="session")
+def cans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of four scans of one can, under four names, and the can's pictures."""
+
+    def make(folder: Path) -> None:
+        scan = write_can(folder / "can0.turnscan")
+        for k in (1, 2, 3):
+            (folder / f"can{k}.turnscan").write_bytes(scan.read_bytes())
+        (folder / "taken").mkdir()
+        write_pictures(scan, folder / "taken")
+        (folder / "taken" / "pictures").rename(folder / "taken" / "L0")
+
+    return once(tmp_path_factory, "cans", make)
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Path:
+    path = tmp_path / "recipe.toml"
+    path.write_text(RECIPE)
+    return path
+
+
+def sources(cans: Path, count: int) -> list[Path]:
+    return [cans / f"can{k}.turnscan" for k in range(count)]
+
+
+def test_results_are_those_of_single_runs_and_are_not_made_twice(
+    cans: Path, recipe: Path, tmp_path: Path
+) -> None:
+    damaged = tmp_path / "damaged.turnscan"
+    damaged.write_bytes(b"nothing of the kind")
+    out = tmp_path / "out"
+    done = workflows.batch([*sources(cans, 2), damaged], recipe, out, workers=2)
+    assert [outcome.state for outcome in done.outcomes] == ["done", "done", "error"]
+    assert "not a scan file" in done.outcomes[2].problem
+    assert done.failed
+
+    single = workflows.reconstruct(cans / "can0.turnscan", strategy="centroid")
+    single.save(tmp_path / "can0.stl")
+    made = out / done.outcomes[0].folder
+    assert (made / "can0.stl").read_bytes() == (tmp_path / "can0.stl").read_bytes()
+    assert (made / "thumbnail.png").read_bytes().startswith(b"\x89PNG")
+    assert done.outcomes[0].figures["faces"] == len(single.mesh.faces)
+
+    written = (made / "outcome.json").stat().st_mtime_ns
+    for file in (out / done.outcomes[1].folder).iterdir():
+        file.unlink()
+    (out / done.outcomes[1].folder).rmdir()
+    again = workflows.batch([*sources(cans, 2), damaged], recipe, out, workers=1)
+    assert [outcome.reused for outcome in again.outcomes] == [True, False, True]
+    assert (made / "outcome.json").stat().st_mtime_ns == written
+    assert {path.name for path in out.iterdir() if path.is_dir()} == {
+        outcome.folder for outcome in done.outcomes
+    }
+
+    with (out / "batch.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["state"] for row in rows] == ["done", "done", "error"]
+    assert int(rows[0]["faces"]) == len(single.mesh.faces)
+    with closing(sqlite3.connect(out / "batch.sqlite")) as db:
+        runs = db.execute("SELECT run, count(*) FROM results GROUP BY run").fetchall()
+    assert [count for _, count in runs] == [3, 3]
+    page = (out / "index.html").read_text()
+    assert f'src="{done.outcomes[0].folder}/thumbnail.png"' in page
+    assert "1 without a result" in page
+
+
+def test_pictures_compared_with_a_reference_pass_or_fail(cans: Path, tmp_path: Path) -> None:
+    workflows.reconstruct(cans / "can0.turnscan").save(tmp_path / "truth.ply")
+    states = []
+    for within in (0.5, 0.000001):
+        text = (
+            f'[pictures]\nrig = "{cans}/taken/rig.json"\nangles = "step:15"\n'
+            f'[compare]\nreference = "truth.ply"\nwithin_mm = {within:f}\n'
+            "[output]\nformats = []\nreport = false\n"
+        )
+        recipe = recipe_from_text(text, tmp_path, "here")
+        done = workflows.batch([cans / "taken"], recipe, tmp_path / "out", workers=1)
+        assert done.outcomes[0].problem == ""
+        states.append(done.outcomes[0].state)
+        assert done.outcomes[0].comparison["p95_mm"] < 0.5
+    assert states == ["pass", "fail"]
+
+
+def test_a_worker_that_is_killed_costs_nothing_but_time(
+    cans: Path, recipe: Path, tmp_path: Path
+) -> None:
+    tasks = [
+        workflows.Task(str(scan), workflows.read_recipe(recipe), str(tmp_path))
+        for scan in sources(cans, 2)
+    ]
+    before = set(multiprocessing.active_children())
+
+    def kill() -> None:
+        while not (born := set(multiprocessing.active_children()) - before):
+            time.sleep(0.01)
+        os.kill(born.pop().pid or 0, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcomes = list(on_this_machine(tasks, 1, PATIENT))
+    killer.join()
+    assert sorted(outcome.state for outcome in outcomes) == ["done", "done"]
+    assert set(multiprocessing.active_children()) <= before
+
+
+def test_a_scan_that_takes_too_long_is_told_and_its_worker_ended(
+    cans: Path, recipe: Path, tmp_path: Path
+) -> None:
+    patience = Patience(tries=1, seconds=0.01)
+    done = workflows.batch(sources(cans, 1), recipe, tmp_path / "out", workers=1, patience=patience)
+    assert done.outcomes[0].problem == "not done within 0.01 s (1 tries)"
+
+
+def test_what_is_done_stays_when_it_is_cancelled(cans: Path, recipe: Path, tmp_path: Path) -> None:
+    came = []
+
+    def cancelled() -> bool:
+        return len(came) > 1
+
+    progress = Progress(lambda fraction, text: came.append(text), cancelled)
+    with pytest.raises(Cancelled):
+        workflows.batch(sources(cans, 3), recipe, tmp_path / "out", workers=1, progress=progress)
+    there = [p for p in (tmp_path / "out").iterdir() if (p / "outcome.json").is_file()]
+    assert 1 <= len(there) <= 2
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[reconstruct]\nstratgy = 'centroid'", "no option 'stratgy'"),
+        ("[reconstruct]\nstrategy = 'best'", "reconstruct.strategy: 'best' is not one of"),
+        ("[reconstruct]\nspacing = -1", "reconstruct.spacing: -1 is not more than 0"),
+        ("reconstruct = 3", "reconstruct is not a table"),
+        ("[output]\nformats = 'stl'", "output.formats 'stl' is not a list"),
+        ("[output]\nformats = ['dwg']", "output.formats: files ending '.dwg' are not known"),
+        ("[output]\nreport = 1", "output.report 1 is not true or false"),
+        ("[compare]\nwithin_mm = 0.1", "compare has no reference"),
+        ("[compare]\nreference = 'a.stl'\nwithin_mm = 0", "compare.within_mm 0 is not a length"),
+        ("[compare]\nreference = 'a.stl'\nunit = 'foot'", "compare.unit 'foot' is not one of"),
+        ("[pictures]\nrig = 'rig.json'", "pictures has no angles"),
+        ("[pictures]\nrig = 'r.json'\nangles = 'step:0'", "pictures.angles: not a step"),
+        ("settings = ''", "settings '' is not a text"),
+        ("settings = 'fine'\n[reconstruct]\nclose = true", "both reconstruct and settings"),
+        ("colour = 'red'", "no key 'colour'"),
+        ("[", "not TOML"),
+    ],
+)
+def test_a_wrong_recipe_is_refused_by_its_key(text: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(FormatError) as refused:
+        recipe_from_text(text, tmp_path, "recipe.toml")
+    assert str(refused.value).startswith("recipe.toml: ")
+    assert said in str(refused.value)
+
+
+def test_wrong_inputs_are_refused_before_any_work(cans: Path, recipe: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        workflows.batch([tmp_path / "none.turnscan"], recipe, tmp_path / "out")
+    with pytest.raises(InputError, match="0 workers"):
+        workflows.batch(sources(cans, 1), recipe, tmp_path / "out", workers=0)
+    (tmp_path / "other.toml").write_text('[compare]\nreference = "absent.stl"\n')
+    with pytest.raises(InputError, match=r"there is no file .*absent\.stl"):
+        workflows.batch(sources(cans, 1), tmp_path / "other.toml", tmp_path / "out")
+    with pytest.raises(DeviceTimeout, match="no scheduler"):
+        workflows.batch(
+            sources(cans, 1), recipe, tmp_path / "out",
+            dask="tcp://127.0.0.1:9", patience=Patience(cluster=0.2),
+        )  # fmt: skip
+    with pytest.raises(FormatError):
+        outcome_from_json('{"format": "turnscan-outcome", "version": 2}', "there")
+
+
+@contextmanager
+def started(*command: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A program of the cluster, ended with the block."""
+    environment = {**os.environ, "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", *command],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait(timeout=30)
+
+
+def test_a_cluster_that_loses_a_worker_and_its_scheduler_loses_no_scan(
+    cans: Path, recipe: Path, tmp_path: Path
+) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    scheduler = (
+        "distributed.cli.dask_scheduler",
+        "--host", "127.0.0.1", "--port", str(port), "--no-dashboard",
+    )  # fmt: skip
+    worker = (
+        "distributed.cli.dask_worker", address, "--no-nanny", "--no-dashboard",
+        "--nthreads", "1", "--local-directory", str(tmp_path / "scratch"),
+    )  # fmt: skip
+    done: list[workflows.Batch] = []
+    came = threading.Event()
+
+    def run() -> None:
+        progress = Progress(lambda fraction, text: came.set() if fraction > 0 else None)
+        done.append(workflows.batch(
+            sources(cans, 4), recipe, tmp_path / "out",
+            dask=address, patience=PATIENT, progress=progress,
+        ))  # fmt: skip
+
+    batch = threading.Thread(target=run)
+    with started(*scheduler), started(*worker) as first, started(*worker):
+        batch.start()
+        assert came.wait(200.0)
+        first.kill()
+        time.sleep(0.2)
+    with started(*scheduler), started(*worker):
+        batch.join(200.0)
+    assert not batch.is_alive()
+    assert [outcome.state for outcome in done[0].outcomes] == ["done"] * 4
+    assert len({(tmp_path / "out" / o.folder / f"can{k}.stl").read_bytes()
+                for k, o in enumerate(done[0].outcomes)}) == 1  # fmt: skip
+
+
+def test_object_storage_by_its_address(cans: Path, recipe: Path, tmp_path: Path) -> None:
+    done = workflows.batch(
+        [f"file://{cans}/can[01].turnscan"], recipe, f"file://{tmp_path}/there", workers=1
+    )
+    assert [outcome.state for outcome in done.outcomes] == ["done", "done"]
+    folder = tmp_path / "there" / done.outcomes[0].folder
+    assert {path.name for path in folder.iterdir()} == {
+        "can0.stl", "outcome.json", "thumbnail.png",
+    }  # fmt: skip
+    assert (tmp_path / "there" / "index.html").is_file()
+    again = workflows.batch(
+        [f"file://{cans}/can[01].turnscan"], recipe, f"file://{tmp_path}/there", workers=1
+    )
+    assert all(outcome.reused for outcome in again.outcomes)
