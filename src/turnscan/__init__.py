@@ -28,7 +28,7 @@ else:
     from turnscan.formats import ExportOptions
     from turnscan.mesh import Mesh
     from turnscan.points import RangeGrid
-    from turnscan.progress import Cancelled, Progress
+    from turnscan.progress import Progress
     from turnscan.rig import Rig
     from turnscan.stripes import Stripe
     from turnscan.workflows import (
@@ -71,7 +71,7 @@ _ROOMS = {
     "formats": ("ExportOptions",),
     "mesh": ("Mesh",),
     "points": ("RangeGrid",),
-    "progress": ("Cancelled", "Progress"),
+    "progress": ("Progress",),
     "rig": ("Rig",),
     "stripes": ("Stripe",),
     "workflows": (
@@ -89,7 +89,6 @@ _HOMES = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [
     "CalibrateOptions",
     "CalibrationPictures",
-    "Cancelled",
     "DesignOptions",
     "EvenSteps",
     "ExportOptions",
