@@ -25,7 +25,7 @@ from turnscan.workflows._batch_task import Outcome, Task, quiet_worker, run_task
 _LOOK = 0.2
 """s between two looks at a cluster."""
 _TASKS_PER_PROCESS = 200
-"""Then a worker begins anew, so that nothing can grow for ever."""
+"""Then a new process takes the place of a worker, so that nothing can grow without end."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def _as_they_come(client: Any, futures: dict[Any, int]) -> Iterator[tuple[int, O
 
 
 def _result(future: Any) -> Outcome | None:
-    """What a future holds; None where the worker that has it is gone."""
+    """What a future holds; None where the worker that has it has ended."""
     with contextlib.suppress(OSError, TimeoutError):
         outcome = future.result(timeout=30)
         assert isinstance(outcome, Outcome)
