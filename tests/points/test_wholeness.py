@@ -11,7 +11,7 @@ from scipy.stats import norm
 from tests.analytic import make_rig, scan_shape, sphere
 from turnscan.points import _wholeness_kernels as kernels
 from turnscan.points import build_grid, pixels_of
-from turnscan.points._wholeness import Light, _bias, wholeness
+from turnscan.points._wholeness import Light, _bias, _creased, wholeness
 from turnscan.rig import rotation_z
 
 S, N = 14, 12
@@ -224,6 +224,75 @@ def test_a_crease_is_not_round():
     light.width[::3, :40] = np.hypot(0.4 / np.sqrt(walk[0] * walk[1]), 0.2)[::3, :40]
     told = wholeness(light)
     assert (told.doubt[::3, 2:38] > 0).all()
+
+
+@pytest.mark.parametrize("k", [-1.2, -0.6, 0.0, 0.5, 1.0])
+@pytest.mark.parametrize("wide", [1.5, 3.0])
+def test_on_a_crease_a_centre_is_doubted_by_what_two_planes_do_to_it(k, wide):
+    """A Gaussian sheet on two planes that meet k sigma beside its middle, by integration."""
+    d = np.linspace(-6, 6, 20_001)
+    light = norm.pdf(d)
+    # As one pixel's ray walks: the picture is continuous where the planes meet.
+    at = np.where(d < k, d, k + wide * (d - k))
+    at -= 0.0 if k > 0 else k + wide * (0.0 - k)  # from where the sheet's middle is seen
+    mean = np.average(at, weights=light)
+    own = np.sqrt(np.average((at - mean) ** 2, weights=light))
+    width = np.tile(np.array([1.0, 1.0, own, wide, wide])[:, None], (1, 3))
+    walk = np.ones((2, 5, 3))
+    walk[0, -1] = walk[1, 0] = np.nan
+    doubt = _creased(width, walk, 1.0, np.full((5, 3), 3.0))[2, 1]
+    # A twentieth of the narrower width is what speckle hides.
+    assert abs(mean) < 2.0 * doubt + 0.05
+    assert doubt <= 0.4 * (wide - 1.0)
+    if abs(k) < 0.7:
+        assert doubt < 3.0 * abs(mean)
+    torn = walk.copy()
+    torn[0, 2] = np.nan
+    assert _creased(width, torn, 1.0, np.full((5, 3), 3.0))[2, 1] == 0.0, "that is a border"
+
+
+@pytest.mark.parametrize(
+    ("width", "bright", "doubted"), [(0.6, 0.4, True), (0.6, 1.3, False), (1.0, 0.4, False)]
+)
+def test_what_is_narrower_and_fainter_than_both_beside_it_is_cut_somewhere(width, bright, doubted):
+    """Brighter is more square to the light; only fainter is darker paint."""
+    light = wall()
+    light.width[6] *= width
+    light.amplitude[6] *= bright
+    doubt = wholeness(light).doubt[6]
+    assert (doubt >= 2.0).all() == doubted
+    assert doubted or (doubt < 2.0).all()
+
+
+def test_the_end_of_what_is_seen_needs_less_to_be_doubted():
+    """A width 12 % short is within what chords explain, but not where something may cut it."""
+    light = wall()
+    light.width[[0, 6]] *= 0.88
+    told = wholeness(light)
+    assert (told.doubt[0] > 0.05 * 2.0).all()
+    assert not told.shift.any()
+    assert told.doubt[6] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_frame_claims_no_more_than_the_others_know():
+    """Of few lines the scatter is not known; speckle is as strong there as elsewhere."""
+    rig = make_rig(elevation=0.2, lift=25.0)
+    angles = np.deg2rad(8.0) * np.arange(20)
+    whole = scan_shape(rig, sphere(20.0, (0.0, 0.0, 25.0)), angles)
+    n = len(whole[0].position)
+    stripes = [replace(s, sigma=np.where(s.found, 0.1, np.nan)) for s in whole]
+    sure = [replace(s, sigma=s.sigma / 10) if k == 7 else s for k, s in enumerate(stripes)]
+    fine = [replace(s, sigma=s.sigma / 2) if k == 7 else s for k, s in enumerate(stripes)]
+    honest, told, kept = (
+        build_grid(rig, "L0", some, range(20), angles).sigma for some in (stripes, sure, fine)
+    )
+    assert n == honest.shape[1]
+    known = ~np.isnan(honest[7])
+    assert known.sum() > 10
+    assert told[7][known] == pytest.approx(honest[7][known], rel=0.1)
+    assert np.median(kept[7][known] / honest[7][known]) < 0.7, "half of it may well be true"
+    others = np.arange(20) != 7
+    np.testing.assert_array_equal(told[others], honest[others])
 
 
 def test_widths_that_do_not_follow_the_surface_tell_nothing_of_it():

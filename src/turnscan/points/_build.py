@@ -20,6 +20,8 @@ from turnscan.stripes import Stripe, StripeFlag
 
 _GAP = 2.5
 """The turn is closed when the gap from last to first is at most this many usual steps."""
+_CLAIMED = 0.15
+"""Part of the usual variance for its width below which a stripe's own is not believed."""
 _OF_POINTS = ("points", "sigma", "amplitude", "flags")
 """What a grid knows of each point and its light."""
 
@@ -80,7 +82,7 @@ def build_grid(
         steps=np.asarray(steps, dtype=np.int32),
         angles=turns,
         points=points,
-        sigma=_spread(np.stack([s.sigma for s in stripes])[there] * scale, there & ~lost, there),
+        sigma=_spread(_believable(stripes)[there] * scale, there & ~lost, there),
         amplitude=np.where(lost, np.nan, np.stack([s.amplitude for s in stripes])),
         flags=np.where(lost, StripeFlag.OUTSIDE, flags).astype(np.uint16),
         closed=goes_round(turns),
@@ -90,6 +92,23 @@ def build_grid(
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     width = np.stack([s.width for s in stripes])
     return _doubted(grid, rig, width, _spread(scale, there & ~lost, there), shaky, vertical)
+
+
+def _believable(stripes: Sequence[Stripe]) -> Floats:
+    """(s, n) px: the stripes' sigma, raised where one frame claims what no other one does.
+
+    Speckle moves a centre by as much in every frame, for its width. A frame of few whole lines
+    cannot tell how much (`stripes.scattered`); it has the usual of all.
+    """
+    sigma, width = np.stack([s.sigma for s in stripes]), np.stack([s.width for s in stripes])
+    single = (np.stack([s.flags for s in stripes]) & StripeFlag.REFINED) == 0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.where(single, sigma**2 / width, np.nan)
+    known = share[~np.isnan(share)]
+    usual = float(np.median(known)) if len(known) else 0.0
+    with np.errstate(invalid="ignore"):
+        short = share < _CLAIMED * usual
+        return np.asarray(np.where(short, np.sqrt(sigma**2 + usual * width), sigma))
 
 
 def _doubted(

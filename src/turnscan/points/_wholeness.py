@@ -19,6 +19,8 @@ _NOISE = 0.06
 _SURE = 0.15
 """Difference of a width and its due, as a part beyond `_NOISE`, up to which the stripe is whole:
 noise of the points, through the planes that they make, and curvature make as much of it."""
+_SURE_END = 0.09
+"""The same where what is seen ends: there something is known to be that may cut it."""
 _SMOOTH = 0.08
 """Difference of two surfaces to the light, as a part, up to which they are one …"""
 _SHARE = 0.25
@@ -35,7 +37,7 @@ _CUT = 0.85
 """A stripe where what is seen ends is cut when it is narrower than this part of its due …"""
 _HALF = 0.6
 """… and not narrower than this: a cut at the very middle leaves so much."""
-_FAINT, _AS_BRIGHT = 0.6, 0.85
+_FAINT, _AS_BRIGHT = 0.6, 0.95
 """A stripe there is a tail when it is fainter than this part of the one beside it; the second where
 it is narrower than any cut makes it."""
 _MODEL = 0.5
@@ -50,6 +52,15 @@ _ALIKE = 1.35
 A crease bends one profile, or two unlike."""
 _TORN = 0.5
 """Part of the larger of two biases that counts, where the profiles on either side say two."""
+_CREASE = 0.4
+"""Where a stripe lies on two surfaces half and half, its centre is off by this part of the
+difference of the widths that it has on either: 1/√(2π)."""
+_PINCHED = 0.8
+"""A stripe narrower than this part of those beside it, and fainter, is cut off."""
+_REACH = 2.5
+"""Thicknesses of the sheet beyond which a surface no longer adds to a stripe."""
+_STEPS = 6
+"""Steps to either side that are looked at, at most."""
 _LEAST = 0.25
 """Part of the median arc below which no step is believed to be: beside the axis it is none."""
 
@@ -93,12 +104,13 @@ class Wholeness:
 def wholeness(light: Light) -> Wholeness:
     """Compare each stripe's width with what is due on a surface that lies like its own.
 
-    How the surface lies is known by the profiles before and after. Where both are there, the one
-    that explains the width better counts, and the other as far as `_TORN`; where the surface is
-    round, what lies between them. Where one of them is missing, what ends the surface there cuts
-    the stripe, too: the light that is left is a Gaussian cut off on that side, which tells how far
-    its centre is off. A stripe that is much fainter there than on the surface beside is the tail of
-    one whose middle passes by.
+    How the surface lies is known by the profiles before and after. What is narrower and fainter
+    than both is doubted (`_pinched`), and what lies on a crease (`_creased`). Where both are there,
+    the one that explains the width better counts, and the other as far as `_TORN`; where the
+    surface is round, what lies between them. Where one of them is missing, what ends the surface
+    there cuts the stripe, too: the light that is left is a Gaussian cut off on that side, which
+    tells how far its centre is off. A stripe that is much fainter there than on the surface beside
+    is the tail of one whose middle passes by.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -108,27 +120,32 @@ def wholeness(light: Light) -> Wholeness:
         light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
     )
     walk = np.stack([kernels.steady(w) for w in walk])
-    due_on = _due(walk, width)
+    due_on, thickness = _due(walk, width)
     due = due_on(walk)
-    due = np.where(_round(walk), np.sqrt(due[0] * due[1]), due)
+    curved = _round(walk)
+    due = np.where(curved, np.sqrt(due[0] * due[1]), due)
     ends, flat, turned = _further_in(light, walk)
     inner = np.stack([due_on(flat), due_on(turned)])
     inner = np.exp(np.log(inner).mean(axis=0))
     due = np.where(ends & ~np.isnan(inner), inner, due)
     ratio = width / due
-    bias = _bias(ratio, _SURE)
-    doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
     border = found & (np.isnan(walk[0]) != np.isnan(walk[1])) & ~np.isnan(ratio).all(axis=0)
+    bias = _bias(ratio, np.where(border, _SURE_END, _SURE))
+    doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
+    doubt = np.maximum(doubt, ~curved * _creased(width, walk, thickness, _arcs(light)))
+    light_of = kernels.steady(np.where(found, light.amplitude, np.nan))
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
-    beside = np.where(first, np.roll(light.amplitude, -1, 0), np.roll(light.amplitude, 1, 0))
+    beside = np.where(first, np.roll(light_of, -1, 0), np.roll(light_of, 1, 0))
     with np.errstate(invalid="ignore"):
-        faint = light.amplitude < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
+        faint = light_of < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
         cut = border & ~faint & (narrow < _CUT) & (narrow >= _HALF)
     off = np.where(first, side[0] * bias[0] * due[0], side[1] * bias[1] * due[1])
     shift = np.where(cut, np.nan_to_num(off), 0.0)
     return Wholeness(
         shift=shift,
-        doubt=np.where(cut, _MODEL * np.abs(shift), doubt),
+        doubt=np.maximum(
+            np.where(cut, _MODEL * np.abs(shift), doubt), _pinched(width, light_of, light.closed)
+        ),
         tail=border & faint,
         slide=np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1])),
     )
@@ -166,6 +183,55 @@ def _round(walk: Floats) -> Bools:
         return np.asarray(one_way & (size.max(axis=0) <= _ALIKE * size.min(axis=0)))
 
 
+def _pinched(width: Floats, amplitude: Floats, closed: bool) -> Floats:
+    """(s, n) px that stripes may be off which are narrower than those of the profiles before and
+    after, and fainter: something cuts them off, on both sides or on one.
+
+    What lies more squarely to the light is narrower, too, but brighter. Where the middle of the
+    light falls is not known then but for its width.
+    """
+    about = [np.stack([np.roll(v, 1, axis=0), np.roll(v, -1, axis=0)]) for v in (width, amplitude)]
+    if not closed:
+        for v in about:
+            v[0, 0] = v[1, -1] = np.nan
+    with np.errstate(invalid="ignore"):
+        narrow = width < _PINCHED * np.minimum(*about[0])
+        dark = amplitude < _PINCHED * np.maximum(*about[1])
+        return np.nan_to_num(np.where(narrow & dark, np.maximum(*about[0]), 0.0))
+
+
+def _creased(width: Floats, walk: Floats, thickness: float, arcs: Floats) -> Floats:
+    """(s, n) px that stripes may be off as they lie on two surfaces that meet under the sheet.
+
+    Each surface draws the sheet out to a width of its own; what lies on both has one between the
+    two. Where the surfaces meet k thicknesses beside the sheet's middle, its centre is off by
+    Δ (φ(k) − |k| Φ(−|k|)), Δ being the difference of the two widths. That is taken as 4 f (1 − f)
+    of its most, f being how far the width has come from the one to the other. Profiles are looked
+    at as far off as the sheet reaches, over what is linked.
+    """
+    if not thickness > 0:
+        return np.zeros_like(width)
+    most = int(np.ceil(_REACH * thickness / max(float(np.nanmedian(arcs)), 1e-9)))
+    out = np.zeros_like(width)
+    sides = [width.copy(), width.copy()]
+    held = [np.ones(width.shape, np.bool_), np.ones(width.shape, np.bool_)]
+    for far in range(1, min(most, _STEPS) + 1):
+        for way, sign in ((0, 1), (1, -1)):
+            linked = ~np.isnan(np.roll(walk[way], -sign * (far - 1), axis=0))
+            beside = np.roll(width, -sign * far, axis=0)
+            held[way] &= linked & ~np.isnan(beside)
+            sides[way] = np.where(held[way], beside, sides[way])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            low, high = np.minimum(*sides), np.maximum(*sides)
+            noise = 2.0 * _NOISE * 0.5 * (low + high)
+            differ = np.sqrt(np.maximum((high - low) ** 2 - noise**2, 0.0))
+            blind = np.minimum(0.5 * noise / (high - low), 0.4)
+            f = np.clip(((width - low) / (high - low) - blind) / (1 - 2 * blind), 0.0, 1.0)
+            found = np.nan_to_num(4.0 * f * (1.0 - f) * _CREASE * differ)
+        out = np.maximum(out, np.where(held[0] & held[1], found, 0.0))
+    return out
+
+
 def _further_in(light: Light, walk: Floats) -> tuple[Bools, Floats, Floats]:
     """(2, s, n) True where what is seen ends, and two walks (2, s, n) mm of the surface further in.
 
@@ -182,8 +248,9 @@ def _further_in(light: Light, walk: Floats) -> tuple[Bools, Floats, Floats]:
     return np.isnan(walk[::-1]) & ~np.isnan(walk), flat, turned
 
 
-def _due(walk: Floats, width: Floats) -> Callable[[Floats], Floats]:
-    """How wide (2, s, n) px stripes are on surfaces that lie so (2, s, n) mm to the light.
+def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float]:
+    """How wide (2, s, n) px stripes are on surfaces that lie so (2, s, n) mm to the light, and how
+    thick the sheet is, mm rms.
 
     The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth.
     Chords of a curved surface lie to the light otherwise than it does, one way before and the
@@ -191,7 +258,7 @@ def _due(walk: Floats, width: Floats) -> Callable[[Floats], Floats]:
     """
     smooth = _smooth(walk, width)
     if smooth.sum() < _FEW:
-        return lambda other: np.full(other.shape, np.nan)
+        return lambda other: np.full(other.shape, np.nan), 0.0
     x, y = 1.0 / walk.mean(axis=0)[smooth] ** 2, width[smooth] ** 2
     steep = x > np.median(x)
     ends = [(float(np.median(x[k])), float(np.median(y[k]))) for k in (~steep, steep) if k.any()]
@@ -201,13 +268,14 @@ def _due(walk: Floats, width: Floats) -> Callable[[Floats], Floats]:
     part = np.log(width[smooth] / np.sqrt(slope / walk[:, smooth] ** 2 + blur))
     usual = np.median(part, axis=1)
     scatter = 1.4826 * float(np.median(np.abs(part - usual[:, None])))
+    thickness = float(np.sqrt(slope))
     if scatter > _VARIES:
-        return lambda other: np.full(other.shape, np.nan)
+        return lambda other: np.full(other.shape, np.nan), 0.0
     more = np.exp(usual)[:, None, None]
-    return lambda other: np.asarray(more * np.sqrt(slope / other**2 + blur))
+    return lambda other: np.asarray(more * np.sqrt(slope / other**2 + blur)), thickness
 
 
-def _bias(ratio: Floats, sure: float = 0.0) -> Floats:
+def _bias(ratio: Floats, sure: Floats | float = 0.0) -> Floats:
     """How far a stripe's centre is off, in widths of the whole one, by the part of its due width.
 
     Nothing where that part is within ``sure`` of the whole.

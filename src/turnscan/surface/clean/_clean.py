@@ -16,7 +16,7 @@ from turnscan.surface.clean._despike import despike
 
 _BEND = float(np.cos(np.deg2rad(25.0)))
 """Two sides in a row go on alike where they bend by less than this."""
-_FADES, _INNER = 4, 6
+_FADES, _INNER = 6, 6
 """Last points of a run in which its light may fade, and the points before that tell what is usual
 …"""
 _FAINT, _APART = 0.75, 8.0
@@ -61,7 +61,7 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
 
     Two neighbours in the grid are linked where they can be one surface (see `Clean`). First the
     last points of each run go where the light is one-sided (flag EDGE) or a jump in depth follows:
-    there the stripe falls on two surfaces and its centre on neither. So do up to four that fade
+    there the stripe falls on two surfaces and its centre on neither. So do up to six that fade
     and bend away from the line of the run, where the stripe slides off the surface aslant, and
     points by themselves at a border, of more than three times the usual sigma. Then `despike`,
     where ``outlier`` is given. Then points with too few linked neighbours go, again and again:

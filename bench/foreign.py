@@ -1,0 +1,257 @@
+"""Points and merged surfaces of shapes that no rule was made with, against the shapes themselves.
+
+``python -m bench foreign`` scans 20 random shapes (displaced balls, twisted prisms, parts put
+together of boxes, cylinders and balls; all drawn by seeds used nowhere else) and the parts of
+other people that lie in ``../shared/data/parts``, on both rigs with two lasers and 60 and 160
+steps, the rig exactly known. ``--quick`` takes the paper's rig with 60 steps. ``--write`` puts the
+table into docs/explain/accuracy.md. ``python -m bench.foreign --keep FOLDER`` keeps the simulated
+scans there and finds them again, ``--only KIND …`` takes these random shapes alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from bench import _hole_truth as truth
+from bench import _page
+from bench._cause_scenes import FORMS
+from bench.surface_truth import FLAT, Run, covered, places, scanned, visible
+from turnscan import shapes
+from turnscan.arrays import Floats
+from turnscan.detection import detect_scan
+from turnscan.formats import read_mesh, write_stl
+from turnscan.gridding import to_grids
+from turnscan.mesh import Mesh, cut_touching, longest_sides
+from turnscan.points import RangeGrid
+from turnscan.scan import Scan
+from turnscan.settings import Settings
+from turnscan.simulate import SimulationSpec
+from turnscan.surface._noise import spacing
+from turnscan.surface.clean import drop_islands
+from turnscan.surface.fusion import merge
+
+DATA = Path(__file__).parents[2] / "shared" / "data" / "parts"
+TALL, WIDE = 70.0, 56.0
+"""mm: so high and wide at most are the parts of other people made."""
+SHAPES = (
+    *(("displaced-ball", seed) for seed in range(101, 108)),
+    *(("twisted-prism", seed) for seed in range(101, 107)),
+    *(("put-together", seed) for seed in range(101, 108)),
+)
+RIGS, STEPS = ("paper", "modern"), (60, 160)
+HEAD = (
+    "| shape, rig | steps | points | beyond 3 σ % | beyond 6 σ + half | rms / σ "
+    "| merged | beyond 3 σ % | beyond 6 σ + half | rms / σ | worst mm | complete % |",
+    "|---|---|---|---|---|---|---|---|---|---|---|---|",
+)
+
+
+def put_together(draw: np.random.Generator) -> Mesh:
+    """A base with three to five solids on it or cut out of it."""
+    from manifold3d import Manifold
+
+    whole = Manifold.cylinder(14.0, 24.0, draw.uniform(14.0, 24.0), int(draw.choice([6, 8, 180])))
+    for _ in range(int(draw.integers(3, 6))):
+        kind, size = draw.integers(3), draw.uniform(8.0, 22.0, 3)
+        tool = (
+            Manifold.cube(tuple(size), True),
+            Manifold.cylinder(2 * size[0], size[1] / 2, size[2] / 2, 120, True),
+            Manifold.sphere(size[0] / 1.6, 120),
+        )[kind]
+        at = (*draw.uniform(-15.0, 15.0, 2), draw.uniform(10.0, 36.0))
+        tool = tool.rotate(tuple(draw.uniform(-60.0, 60.0, 3))).translate(at)
+        whole = whole - tool if draw.random() < 0.4 else whole + tool
+    biggest = max(whole.decompose(), key=lambda piece: piece.volume())
+    made = biggest.to_mesh()
+    return Mesh(np.array(made.vert_properties[:, :3], np.float64), np.array(made.tri_verts))
+
+
+def others(folder: Path) -> Iterator[tuple[str, Path]]:
+    """The closed meshes of other people, made to fit on the table, written into the folder."""
+    from turnscan.mesh import is_closed
+
+    for path in sorted(DATA.glob("*")) if DATA.exists() else ():
+        if path.suffix.lower() not in (".stl", ".ply"):
+            continue
+        mesh = read_mesh(path.read_bytes(), path.suffix)
+        if not is_closed(mesh):
+            continue
+        size = np.ptp(mesh.vertices, axis=0)
+        scale = min(WIDE / float(np.hypot(*size[:2])), TALL / float(size[2]))
+        middle = mesh.vertices.min(axis=0) + size / 2
+        out = folder / f"{path.stem}.stl"
+        out.write_bytes(write_stl(Mesh((mesh.vertices - middle) * scale, mesh.faces)))
+        yield path.stem, out
+
+
+def drawn(name: str, seed: int, folder: Path) -> Path:
+    """The file of a random shape."""
+    path = folder / f"{name}-{seed}.stl"
+    if not path.exists():
+        draw = np.random.default_rng(seed)
+        path.write_bytes(write_stl(put_together(draw) if name not in FORMS else FORMS[name](draw)))
+    return path
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How places that were measured lie to the shape."""
+
+    off: Floats
+    """(n,) mm."""
+    sigma: Floats
+    """(n,) mm, as the program claims it."""
+    half: Floats
+    """(n,) mm: half of the spacing there."""
+
+    @property
+    def beyond(self) -> float:
+        """Share beyond three sigma."""
+        return float((self.off > 3 * self.sigma).mean())
+
+    @property
+    def invented(self) -> int:
+        """Places beyond six sigma and half the spacing."""
+        return int((self.off > 6 * self.sigma + self.half).sum())
+
+    @property
+    def ratio(self) -> float:
+        """rms of error over sigma."""
+        return float(np.sqrt(np.mean((self.off / self.sigma) ** 2)))
+
+    def cells(self) -> tuple[str, ...]:
+        """For a table."""
+        return (
+            str(len(self.off)), f"{100 * self.beyond:.2f}", str(self.invented),
+            f"{self.ratio:.2f}",
+        )  # fmt: skip
+
+
+def together(parts: Sequence[Errors]) -> Errors:
+    """Of all places."""
+    return Errors(
+        *(np.concatenate([getattr(e, name) for e in parts]) for name in ("off", "sigma", "half"))
+    )
+
+
+def of_points(grids: Sequence[RangeGrid], part: Mesh) -> Errors:
+    """The points of grids that nothing merged."""
+    some = []
+    for g in grids:
+        at = g.found
+        off = np.abs(shapes.deviation(g.points[at], part).distance)
+        some.append(Errors(off, g.sigma[at], np.maximum(*spacing(g))[at] / 2))
+    return together(some)
+
+
+def of_mesh(mesh: Mesh, part: Mesh) -> Errors:
+    """The vertices of a merged surface. Raises ValueError for one without sigma."""
+    if mesh.provenance is None:
+        raise ValueError("the mesh does not know its sigma")
+    off = np.abs(shapes.deviation(mesh.vertices, part).distance)
+    return Errors(off, mesh.provenance.sigma, longest_sides(mesh) / 2)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One shape on one rig."""
+
+    name: str
+    steps: int
+    single: Errors
+    merged: Errors
+    complete: float
+
+    def line(self) -> str:
+        """For the table."""
+        cells = (
+            self.name, str(self.steps), *self.single.cells(), *self.merged.cells(),
+            f"{self.merged.off.max():.2f}", f"{100 * self.complete:.1f}",
+        )  # fmt: skip
+        return f"| {' | '.join(cells)} |"
+
+
+def row(wish: SimulationSpec, name: str, folder: Path) -> Row:
+    """Scan a shape and hold what was measured against it."""
+    made, path = scanned(wish, folder)
+    with Scan.open(path) as scan:
+        seen = tuple(detect_scan(scan, made.rig, Settings().stripes))
+    grids = to_grids(seen, Settings()).grids
+    part = truth.made_mesh(made)
+    mesh, _ = merge(grids)
+    mesh, _ = cut_touching(mesh)
+    mesh, _, _ = drop_islands(mesh)
+    run = Run(made, wish.steps or 0, seen)
+    some = places(made)
+    complete = covered(mesh, some, visible(run, some, FLAT, wish.lasers or 1), run.near)
+    return Row(name, wish.steps or 0, of_points(grids, part), of_mesh(mesh, part), complete)
+
+
+def rows(
+    rigs: Sequence[str], steps: Sequence[int], folder: Path, only: Sequence[str] = ()
+) -> Iterator[Row]:
+    """All shapes on each rig, or the random ones of some kinds."""
+    every = [
+        (f"{name} {seed}", drawn(name, seed, folder))
+        for name, seed in SHAPES
+        if not only or name in only
+    ]
+    every += [] if only else others(folder)
+    for rig, count, (name, path) in product(rigs, steps, every):
+        wish = SimulationSpec(str(path), rig, lasers=2, steps=count)
+        yield row(wish, f"{name}, {rig}", folder)
+
+
+def said(found: Sequence[Row]) -> str:
+    """What all rows come to."""
+    single, merged = together([r.single for r in found]), together([r.merged for r in found])
+    return (
+        f"Of all {len(found)} scans: {100 * single.beyond:.2f} % of {len(single.off)} single points"
+        f" and {100 * merged.beyond:.2f} % of {len(merged.off)} merged vertices beyond three sigma;"
+        f" {single.invented} and {merged.invented} beyond six sigma and half the spacing; rms of"
+        f" error over sigma {single.ratio:.2f} and {merged.ratio:.2f}; completeness"
+        f" {100 * np.mean([r.complete for r in found]):.1f} %."
+    )
+
+
+def run(
+    quick: bool = False,
+    into_pages: bool = False,
+    keep: Path | None = None,
+    only: Sequence[str] = (),
+) -> None:
+    """Print every row as it is measured, and what they come to."""
+    print("\n".join(HEAD))
+    found = list[Row]()
+    with tempfile.TemporaryDirectory() as scratch:
+        rigs, steps = (RIGS[:1], STEPS[:1]) if quick else (RIGS, STEPS)
+        for one in rows(rigs, steps, keep or Path(scratch), only):
+            print(one.line(), flush=True)
+            found.append(one)
+    print(said(found))
+    if into_pages:
+        lines = [*HEAD, *(r.line() for r in found), "", said(found)]
+        _page.write(_page.ACCURACY, "foreign", lines)
+
+
+def main() -> None:
+    """Parse the options."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="the paper rig with 60 steps")
+    parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--write", action="store_true", help="put the table into the documents")
+    kinds = sorted({name for name, _ in SHAPES})
+    parser.add_argument("--only", choices=kinds, nargs="+", default=(), help="of these kinds")
+    given = parser.parse_args()
+    run(given.quick, given.write, given.keep, given.only)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+"""A shape that no rule was made with: what its points claim, and what merging makes of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench.foreign import SHAPES, Errors, drawn, put_together, row, together
+
+from turnscan.mesh import is_closed
+from turnscan.simulate import SimulationSpec
+
+STEPS = 40
+
+
+def test_points_and_merged_surface_keep_their_word(tmp_path: Path) -> None:
+    path = drawn("put-together", 101, tmp_path)
+    found = row(SimulationSpec(str(path), "paper", lasers=2, steps=STEPS), "one", tmp_path)
+    assert len(found.single.off) > 2000
+    for errors in (found.single, found.merged):
+        assert errors.beyond < 0.01
+        assert errors.invented == 0
+        # Neither too sure of itself nor so wide that it says nothing.
+        assert 0.6 < errors.ratio < 1.3
+    assert found.complete > 0.85
+
+
+@pytest.mark.parametrize("seed", [seed for name, seed in SHAPES if name == "put-together"])
+def test_parts_put_together_are_closed_and_fit_on_the_table(seed: int) -> None:
+    part = put_together(np.random.default_rng(seed))
+    assert is_closed(part)
+    assert np.hypot(*part.vertices[:, :2].T).max() < 45
+    assert np.ptp(part.vertices[:, 2]) < 75
+
+
+def test_errors_count_what_lies_beyond() -> None:
+    one = Errors(np.array([0.1, 0.4, 2.0]), np.full(3, 0.1), np.full(3, 1.0))
+    assert one.beyond == pytest.approx(2 / 3)
+    assert one.invented == 1
+    assert one.ratio == pytest.approx(np.sqrt((1 + 16 + 400) / 3))
+    assert len(together([one, one]).off) == 6
