@@ -393,6 +393,14 @@ export interface JobState {
   findings: Remark[];
 }
 
+/** Keep the settings that hold as a named set of the scan: ``settings`` tells it. */
+export interface KeepSettings {
+  id: number;
+  kind: "keep_settings";
+  scan: string;
+  name: string;
+}
+
 /** What is known of a laser. Where dark is not confirmed, show it as lit. */
 export interface LaserState {
   name: string;
@@ -486,6 +494,7 @@ export interface Opened {
   branches: BranchEntry[];
   findings: Remark[];
   measures: Measure[];
+  settings: ScanSettings;
 }
 
 /**
@@ -634,6 +643,14 @@ export interface ScanPlan {
   lamps?: string[];
 }
 
+/** What the surface of a scan is made with. */
+export interface ScanSettings {
+  /** Every option of a reconstruction, by name; null leaves it to turnscan. */
+  options: Record<string, unknown>;
+  /** The named sets in the file; to take one up is an edit with its options. */
+  sets: SettingsSet[];
+}
+
 /** A scan that is being taken. */
 export interface Scanning {
   kind: "scanning";
@@ -667,6 +684,21 @@ export interface Seen {
   step: number | null;
   /** Share of the stripe's lines that are clipped. */
   saturated: number;
+}
+
+/** Other settings hold, or are kept by name; the surface and the grids follow by themselves. */
+export interface SettingsChanged {
+  kind: "settings";
+  scan: string;
+  settings: ScanSettings;
+  grids: GridEntry[];
+  findings: Remark[];
+}
+
+/** A named set of settings in a scan file. */
+export interface SettingsSet {
+  name: string;
+  options: Record<string, unknown>;
 }
 
 /** Take a scan: a job; ``scanning``, ``frame`` and ``points`` tell how it goes. */
@@ -776,6 +808,7 @@ export type ServerMessage =
   | Opened
   | Patch
   | History
+  | SettingsChanged
   | GridChanged
   | PreviewShown
   | Holes
@@ -801,6 +834,7 @@ export type ClientMessage =
   | GoTo
   | TakeBranch
   | Switch
+  | KeepSettings
   | ListHoles
   | ListDefects
   | TakeMeasure

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from turnscan import edit
-from turnscan.app import _encode_mesh as wire
+from turnscan.app import _encode_arrays as wire
 from turnscan.edit._body import difference
 from turnscan.mesh import Mesh, is_closed
+from turnscan.workflows._session_mesh import coarse_arrays, surface_arrays, surface_patches
 
 CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 5)], np.float64)
 SIDES = [
@@ -24,7 +25,7 @@ def _body() -> edit.Body:
 
 def test_figures_of_a_box() -> None:
     box = _body()
-    f = wire.figures(box)
+    f = wire.figures(edit.figures(box))
     assert (f.vertices, f.faces, f.closed) == (8, 12, True)
     assert f.area == pytest.approx(62.0)
     assert f.volume == pytest.approx(30.0)
@@ -34,14 +35,14 @@ def test_figures_of_a_box() -> None:
 @pytest.mark.parametrize("gone", range(12))
 def test_a_box_without_a_face_is_open(gone: int) -> None:
     body = edit.Alive(np.array([gone], np.int32), False).on(_body())
-    f = wire.figures(body)
+    f = wire.figures(edit.figures(body))
     assert (f.faces, f.closed, f.volume) == (11, False, None)
     assert f.closed == is_closed(edit.Compact.of(body).mesh)
 
 
 def test_nothing_left() -> None:
     body = edit.Alive(np.arange(12, dtype=np.int32), False).on(_body())
-    f = wire.figures(body)
+    f = wire.figures(edit.figures(body))
     assert (f.vertices, f.faces, f.bounds, f.closed) == (0, 0, None, False)
 
 
@@ -53,8 +54,8 @@ def test_patches_lead_a_browser_to_the_same_mesh() -> None:
     after = body
     for patch in patches:
         after = patch.on(after)
-    shown = {k: v.copy() for k, v in wire.mesh_arrays(body).items()}
-    parts, arrays = wire.patch_parts(patches)
+    shown = {k: v.copy() for k, v in wire.encoded(surface_arrays(body)).items()}
+    parts, arrays = wire.patch_parts(surface_patches(patches))
     for k, part in enumerate(parts):
         own = {n.removeprefix(f"{k}."): a for n, a in arrays.items() if n.startswith(f"{k}.")}
         match part.kind:
@@ -69,7 +70,7 @@ def test_patches_lead_a_browser_to_the_same_mesh() -> None:
                 shown["alive"] = np.concatenate([shown["alive"], alive])
             case _:
                 raise AssertionError(part.kind)
-    truth = wire.mesh_arrays(after)
+    truth = wire.encoded(surface_arrays(after))
     assert {p.kind for p in parts} >= {"verts", "alive", "append"}
     for name, array in truth.items():
         np.testing.assert_array_equal(shown[name], array)
@@ -85,7 +86,7 @@ def test_a_stand_in_has_about_the_faces_asked_for() -> None:
                                                   (i + k, i + 200 + k, i + 200 + j))]
     )  # fmt: skip
     ball = edit.Body.of(Mesh(points.reshape(-1, 3), faces.astype(np.int32)))
-    coarse = wire.coarse_arrays(ball, 4000)
+    coarse = coarse_arrays(ball, 4000)
     assert 2000 < len(coarse["faces"]) < 6000
     assert np.linalg.norm(coarse["positions"], axis=1).min() > 38
-    assert len(wire.coarse_arrays(ball, 10**6)["faces"]) == len(faces)
+    assert len(coarse_arrays(ball, 10**6)["faces"]) == len(faces)

@@ -32,24 +32,6 @@ HELPERS = (
 LOWEST = ("errors", "findings", "progress", "remedy", "workflows")
 DOORS = ("__main__.py", "app", "cli")
 LONGEST = 100
-STILL_BELOW = {
-    "_calibrate_session.py": {"calibrate", "rig", "stripes"},
-    "_envelope.py": {"scan"},
-    "_figure_kernels.py": {"compiled"},
-    "_live.py": {"points", "rig", "stripes"},
-    "_measuring.py": {"edit"},
-    "_open_scan.py": {
-        "detection", "edit", "mesh", "meshing", "pipeline", "points", "scan", "shapes", "stripes",
-        "surface",
-    },
-    "_rig_session.py": {"devices", "rig"},
-    "_watched.py": {"devices"},
-    "_encode_grid.py": {"detection", "edit", "points", "rig", "stripes", "surface"},
-    "_encode_mesh.py": {"edit", "mesh"},
-    "_workshop.py": {"rig"},
-}  # fmt: skip
-"""Rooms below `workflows` that modules of the browser's door know still: it shows their arrays,
-keeps an edited document and live pictures, and calibrates from pictures one by one."""
 FLAG = re.compile(r"(?<!var\()--[a-z][a-z-]*\b(?!: *#)")
 """Not the colours that a style sheet names."""
 
@@ -127,4 +109,4 @@ def test_the_browser_calls_workflows(path: Path) -> None:
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("turnscan."):
             rooms.add((node.module or "").split(".")[1])
     below = rooms - {"app", "arrays", "json_text", *LOWEST}
-    assert below == STILL_BELOW.get(path.name, set()), "take it from the list, or call a workflow"
+    assert not below, "call a workflow"

@@ -80,10 +80,12 @@ def test_a_flood_of_messages_is_not_read_while_a_scan_goes_on(
     with Browser(server) as one:
         one.ask("connect", camera=device, turntable=device, lasers=device)
         rig = server.workshop.rig
-        bench = rig._bench
-        assert bench is not None
+        devices = rig._devices
+        assert devices is not None
+        bench = devices.opened
         camera = Paced(bench.hardware.camera)
-        rig._bench = replace(bench, hardware=replace(bench.hardware, camera=camera))
+        opened = replace(bench, hardware=replace(bench.hardware, camera=camera))
+        rig._devices = replace(devices, opened=opened)
         one.ask("scan", plan={"name": "long", "steps": 3000})
         one.once("scanning", lambda m: m["done"] >= 3)
         camera.picture = bench.hardware.camera.grab(1.0)  # what it renders costs too much here

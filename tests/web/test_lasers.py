@@ -13,12 +13,12 @@ import pytest
 
 from tests.web.running import Browser, Running, serving
 from turnscan.app import _hub, _rig_session, _socket
-from turnscan.app._watched import WatchedLasers, watched
 from turnscan.arrays import Image
 from turnscan.devices import Sweeping
 from turnscan.errors import DeviceDisconnected, DeviceRefused, LaserStateUnknown
 from turnscan.scan import Scan
 from turnscan.simulate import World
+from turnscan.workflows._watched import WatchedLasers, watched
 
 DEVICE = "sim:sphere?seed=3"
 BOARD = "charuco:7x5:30:22:DICT_4X4_50"
@@ -130,13 +130,13 @@ class Orders:
     """Writes down what lights and what turns; a move lasts until it is stopped, or a while."""
 
     def __init__(self, server: Running) -> None:
-        rig = server.workshop.rig
-        assert rig._lasers is not None
-        assert rig._switch is not None
+        devices = server.workshop.rig._devices
+        assert devices is not None
+        lasers = devices.lasers
         self.given: list[str] = []
-        self._light, table = rig._lasers.light, rig._switch._turntable
+        self._light, table = lasers.light, devices.switch._turntable
         self._move, self._stop, self._stopped = table.move_to, table.stop, threading.Event()
-        rig._lasers.light = self.light  # type: ignore[method-assign]
+        lasers.light = self.light  # type: ignore[method-assign]
         table.move_to, table.stop = self.move_to, self.stop  # type: ignore[method-assign]
 
     def light(self, lit: frozenset[str], lease: float) -> None:
@@ -284,7 +284,7 @@ def test_unknown_is_not_dark() -> None:
         lasers.off()
     assert [s.lit for s in lasers.states] == [None, None]
     time.sleep(0.05)
-    assert lasers.states[0].age_seconds >= 0.05
+    assert lasers.states[0].age >= 0.05
 
 
 def test_a_slow_browser_is_told_the_latest_only() -> None:

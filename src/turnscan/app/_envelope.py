@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.errors import FormatError
+from turnscan.json_text import strict_json
 
 Array = npt.NDArray[Any]
 DTYPES = {
@@ -88,8 +89,6 @@ def _described(item: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
 
 
 def _json(text: bytes) -> dict[str, Any]:
-    from turnscan.scan import strict_json
-
     try:
         header = strict_json(text.decode(), "message")
     except UnicodeDecodeError:

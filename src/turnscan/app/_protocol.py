@@ -188,6 +188,25 @@ class Figures(Model):
     """mm³; None where the surface is open."""
 
 
+Option = bool | int | float | str | None
+
+
+class SettingsSet(Model):
+    """A named set of settings in a scan file."""
+
+    name: str
+    options: dict[str, Option]
+
+
+class ScanSettings(Model):
+    """What the surface of a scan is made with."""
+
+    options: dict[str, Option]
+    """Every option of a reconstruction, by name; null leaves it to turnscan."""
+    sets: list[SettingsSet]
+    """The named sets in the file; to take one up is an edit with its options."""
+
+
 class CalibrationView(Model):
     """A picture of a calibration."""
 
@@ -357,6 +376,7 @@ class Opened(Model):
     branches: list[BranchEntry]
     findings: list[Remark]
     measures: list[Measure]
+    settings: ScanSettings
 
 
 class Append(Model):
@@ -418,6 +438,16 @@ class History(Model):
     history: list[HistoryEntry]
     cursor: Count
     branches: list[BranchEntry]
+
+
+class SettingsChanged(Model):
+    """Other settings hold, or are kept by name; the surface and the grids follow by themselves."""
+
+    kind: Literal["settings"] = "settings"
+    scan: Opaque
+    settings: ScanSettings
+    grids: list[GridEntry]
+    findings: list[Remark]
 
 
 class GridChanged(Model):
@@ -561,6 +591,7 @@ ServerMessage = Annotated[
     | Opened
     | Patch
     | History
+    | SettingsChanged
     | GridChanged
     | PreviewShown
     | Holes

@@ -114,6 +114,14 @@ class Switch(Request):
     on: bool
 
 
+class KeepSettings(Request):
+    """Keep the settings that hold as a named set of the scan: ``settings`` tells it."""
+
+    kind: Literal["keep_settings"] = "keep_settings"
+    scan: Opaque
+    name: Name
+
+
 class ListHoles(Request):
     """Answered by ``holes``."""
 
@@ -325,6 +333,7 @@ ClientMessage = Annotated[
     | GoTo
     | TakeBranch
     | Switch
+    | KeepSettings
     | ListHoles
     | ListDefects
     | TakeMeasure

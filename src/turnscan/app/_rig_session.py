@@ -8,30 +8,26 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, Jobs, Result, remarks
 from turnscan.app._library import Library
-from turnscan.app._live import see, stripe_of
-from turnscan.app._watched import WatchedLasers, watched
-from turnscan.devices import (
-    StopSwitch,
-    burning,
-    frame_deadline,
-)
+from turnscan.app._live import see
 from turnscan.errors import InputError, SafetyError, TurnscanError
-from turnscan.rig import Rig
 from turnscan.workflows import (
     DEFAULT_DEVICE,
     DeviceOptions,
     DoctorOptions,
+    KnownRig,
     Opened,
+    StoppableDevices,
     doctor,
     find_devices,
-    opened_devices,
+    live_pictures,
+    seen_stripe,
+    stoppable_devices,
 )
 
 ALONE_SECONDS = 3.0
@@ -56,7 +52,7 @@ class RigRoom:
         self, hub: Hub, jobs: Jobs, library: Library, may_light: Callable[[], bool]
     ) -> None:
         self._hub, self._jobs, self._library, self._may_light = hub, jobs, library, may_light
-        self.rig: Rig | None = None
+        self.rig: KnownRig | None = None
         """That of a file or of a calibration; None takes that of a simulated rig."""
         self._rig_name = ""
         self._using = threading.Lock()
@@ -64,10 +60,8 @@ class RigRoom:
         """How often `stop` was called: what waited for the devices meanwhile is not begun."""
         self._job: Job | None = None
         """That of whoever uses the devices."""
-        self._switch: StopSwitch | None = None
+        self._devices: StoppableDevices | None = None
         self._stack = ExitStack()
-        self._bench: Opened | None = None
-        self._lasers: WatchedLasers | None = None
         self._camera = self._table = _NOTHING
         self._angle: float | None = None
         self._looking = threading.Event()
@@ -105,12 +99,7 @@ class RigRoom:
             self._let_go()
             wanted = DeviceOptions(camera, turntable, lasers)
             try:
-                bench = self._stack.enter_context(opened_devices(wanted))
-                self._lasers = watched(bench.hardware.lasers)
-                self._lasers.off()
-                switch = self._switch = StopSwitch(self._lasers, bench.hardware.turntable)
-                hardware = replace(bench.hardware, lasers=switch.lasers, turntable=switch.turntable)
-                self._bench = replace(bench, hardware=hardware)
+                self._devices = self._stack.enter_context(stoppable_devices(wanted))
             except BaseException:
                 self._let_go()
                 raise
@@ -125,7 +114,7 @@ class RigRoom:
             self._let_go()
         self.tell()
 
-    def use_rig(self, rig: Rig, name: str) -> None:
+    def use_rig(self, rig: KnownRig, name: str) -> None:
         """Take this rig for scans from now on."""
         self.rig, self._rig_name = rig, name
         self.tell()
@@ -145,12 +134,12 @@ class RigRoom:
         """
         self._stops += 1
         self._looking.clear()
-        switch, job = self._switch, self._job
+        devices, job = self._devices, self._job
         if job is not None:
             job.cancel()  # first, so that it knows why its orders are refused
-        if switch is not None:
+        if devices is not None:
             try:
-                switch.press()
+                devices.switch.press()
             finally:
                 self.tell()
 
@@ -178,17 +167,22 @@ class RigRoom:
 
     def tell(self) -> None:
         """Tell everybody how the devices are."""
-        lasers, bench = self._lasers, self._bench
-        at = None if bench is None else bench.at
+        devices = self._devices
+        at = None if devices is None else devices.opened.at
+        lasers = [] if devices is None else devices.lasers.states
         self._hub.tell(
             p.Devices(
                 addresses=[] if at is None else [at.camera, at.turntable, at.lasers],
                 camera=self._camera,
                 table=self._table,
                 angle_deg=self._angle,
-                lasers=[] if lasers is None else lasers.states,
+                lasers=[
+                    p.LaserState(name=x.name, lit=x.lit, age_seconds=round(x.age, 2))
+                    for x in lasers
+                ],
                 looking=self._looking.is_set(),
-                rig=self.rig is not None or (bench is not None and bench.rig is not None),
+                rig=self.rig is not None
+                or (devices is not None and devices.opened.rig is not None),
                 rig_name=self._rig_name,
                 rigs=list(self._library.rigs()),
             )
@@ -219,23 +213,13 @@ class RigRoom:
         lit, number = frozenset(wish.lit), 0
         try:
             with self.using() as bench:
-                hardware = bench.hardware
-                try:
-                    seconds, _ = hardware.camera.configure(wish.seconds, wish.gain)
-                    wait = frame_deadline(seconds if math.isfinite(seconds) else wish.seconds)
-                    if lit:  # the first picture may take long, and nothing needs light for it
-                        hardware.camera.grab(frame_deadline(wish.seconds, first=True))
-                    while self._looking.is_set():
-                        began = time.monotonic()
-                        with burning(hardware.lasers, lit):
-                            picture = hardware.camera.grab(wait)
+                pictures = live_pictures(bench, lit, wish.seconds, wish.gain, self._looking.is_set)
+                with contextlib.closing(pictures):
+                    for picture in pictures:
                         number += 1
-                        stripe = stripe_of(picture, None, wish.orientation) if lit else None
+                        stripe = seen_stripe(picture, None, wish.orientation) if lit else None
                         way = wish.orientation
                         see(self._hub, number, picture, lit, stripe, orientation=way)
-                        time.sleep(max(0.0, 1 / 30 - (time.monotonic() - began)))
-                finally:
-                    hardware.lasers.off()
         except TurnscanError as e:
             if self._looking.is_set() or isinstance(e, SafetyError):  # not what a stop broke off
                 self._camera = p.DeviceState(state="failed", text=str(e)[:300])
@@ -249,13 +233,13 @@ class RigRoom:
         while not self._closed.wait(_WATCH_EVERY):
             if self._looking.is_set() and not self._attended():
                 self._looking.clear()
-                bench = self._bench
-                if bench is not None:
+                devices = self._devices
+                if devices is not None:
                     with contextlib.suppress(TurnscanError):  # the looking thread meets it too
-                        bench.hardware.lasers.off()
+                        devices.opened.hardware.lasers.off()
                 self.tell()
             busy = self._looking.is_set() or self.busy
-            if self._bench is not None and busy and time.monotonic() - told > _TELL_EVERY:
+            if self._devices is not None and busy and time.monotonic() - told > _TELL_EVERY:
                 told = time.monotonic()
                 self.tell()
 
@@ -304,22 +288,22 @@ class RigRoom:
 
     def _release(self, stops: int) -> None:
         """Let the devices obey again. Raises InputError where there were more stops since."""
-        switch = self._switch
-        if switch is not None:
-            switch.release()
+        devices = self._devices
+        if devices is not None:
+            devices.switch.release()
         if self._stops != stops:
-            if switch is not None:
-                switch.press()
+            if devices is not None:
+                devices.switch.press()
             raise InputError("stopped before it started", hint="start it again")
 
     def _there(self) -> Opened:
-        if self._bench is None:
+        if self._devices is None:
             raise InputError("no devices are connected", hint="connect them first")
-        return self._bench
+        return self._devices.opened
 
     def _let_go(self) -> None:
         """Close the devices, whatever they make of it; the first error leaves."""
-        self._bench = self._lasers = self._switch = None
+        self._devices = None
         self._camera = self._table = _NOTHING
         self._angle = None
         stack, self._stack = self._stack, ExitStack()

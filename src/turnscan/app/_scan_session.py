@@ -145,8 +145,8 @@ class _Taking:
         name = self.library.name_of(scan.path)
         self._story = _Story(self.hub, name, scan.left, self.job, scan.threshold_reason)
         plan = scan.scan.plan
-        self._growing = Growing(self.hub, name, scan.rig, plan.orientation)
-        self._growing.colour(plan.weights)
+        looker = workflows.GrowingScan(scan.rig, plan.orientation, plan.weights)
+        self._growing = Growing(self.hub, name, looker, plan.orientation)
         self._planned = scan
 
     def hear(self, event: scan_events.Event) -> None:

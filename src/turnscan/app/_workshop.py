@@ -20,18 +20,17 @@ from turnscan.app._envelope import Array
 from turnscan.app._hub import Client, Hub
 from turnscan.app._jobs import Job, Jobs, Result, in_words
 from turnscan.app._library import Library
-from turnscan.app._open_scan import OpenScan, Stale
+from turnscan.app._open_scan import OpenScan
 from turnscan.app._request_guard import name_of
 from turnscan.app._rig_session import RigRoom
 from turnscan.app._scan_session import ScanRoom
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.progress import Cancelled
-from turnscan.rig import rig_from_json
+from turnscan.workflows import Stale, read_rig_file
 
 _log = logging.getLogger("turnscan.app")
 _FILES = ("folder", "video")
 """Kinds of cameras that read files."""
-_RIG_BYTES = 16 * 2**20
 _OPEN_SCANS = 4
 """Documents that are held open at a time."""
 
@@ -93,6 +92,10 @@ class Workshop:
             q.GoTo: (self._go_to, True),
             q.TakeBranch: (self._take_branch, True),
             q.Switch: (self._switch, True),
+            q.KeepSettings: (
+                lambda call: self.opened(call.request.scan).keep_set(call.request.name),
+                True,
+            ),
             q.ListHoles: (self._list_holes, False),
             q.ListDefects: (
                 lambda call: self.opened(call.request.scan).defects(call.id),
@@ -280,10 +283,7 @@ class Workshop:
         path = self.library.rigs().get(call.request.name)
         if path is None:
             raise InputError("no such rig file", hint="reload the list")
-        if path.stat().st_size > _RIG_BYTES:
-            raise InputError(f"{path.name}: too large for a rig file")
-        text = path.read_bytes().decode("utf-8", "replace")
-        rig = rig_from_json(text, path.name)
+        rig = read_rig_file(path)
         if rig.lacking:
             missing = " and ".join(rig.lacking)
             raise InputError(f"{path.name}: {missing} of this rig is not calibrated yet")

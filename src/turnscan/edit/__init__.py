@@ -31,6 +31,7 @@ from turnscan.edit._edits import (
     is_measure,
     needs_rebuild,
 )
+from turnscan.edit._figures import Figures, figures
 from turnscan.edit._grid import (
     HAND_SIGMA,
     Stripes,
@@ -105,6 +106,7 @@ __all__ = [
     "Done",
     "Edit",
     "Entry",
+    "Figures",
     "Fill",
     "Go",
     "GridEdit",
@@ -149,6 +151,7 @@ __all__ = [
     "edit_from_json",
     "edit_from_value",
     "edit_to_value",
+    "figures",
     "grow",
     "history_from_json",
     "history_from_log",

@@ -60,6 +60,8 @@ if TYPE_CHECKING:
     from turnscan.workflows._import_pictures import ImportedScan, import_pictures
     from turnscan.workflows._join import join
     from turnscan.workflows._kept_options import kept_names, kept_options, options_of
+    from turnscan.workflows._live_calibration import CELL_COLUMNS, CELL_ROWS, LiveCalibration
+    from turnscan.workflows._live_look import GrowingScan, SeenStripe, seen_stripe
     from turnscan.workflows._measure import Measured, measure
     from turnscan.workflows._measure_options import MeasureOptions
     from turnscan.workflows._opening import OpenScan, open_scan
@@ -82,19 +84,32 @@ if TYPE_CHECKING:
     from turnscan.workflows._section import section
     from turnscan.workflows._sections import Sections, cuts_of
     from turnscan.workflows._selection_rules import SELECTION_RULES
+    from turnscan.workflows._session import (
+        PlacedFinding,
+        ScanSession,
+        SessionChange,
+        SessionState,
+        Stale,
+        hole_in_words,
+    )
+    from turnscan.workflows._session_grid import CAUSE_TEXTS
+    from turnscan.workflows._session_mesh import SurfacePatch
     from turnscan.workflows._shapes import FoundShapes, find_shapes
     from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
     from turnscan.workflows._shapes_step import check_step
     from turnscan.workflows._simulate import SimulatedScan, simulate
     from turnscan.workflows._simulate_options import SimulateOptions
+    from turnscan.workflows._stoppable import StoppableDevices, live_pictures, stoppable_devices
     from turnscan.workflows._stripes import ScanStripes
     from turnscan.workflows._targets import check_exports, check_targets
     from turnscan.workflows._types import (
         LONGEST_PAUSE,
         MOST_PICTURES,
+        KnownRig,
         Opened,
         ScanControl,
         Shot,
+        SurfaceFigures,
         photograph,
         scan_events,
     )
@@ -175,6 +190,31 @@ _MODULES = {
     "_section": ("section",),
     "_sections": ("Sections", "cuts_of"),
     "_selection_rules": ("SELECTION_RULES",),
+    "_session": (
+        "PlacedFinding",
+        "ScanSession",
+        "SessionChange",
+        "SessionState",
+        "Stale",
+        "hole_in_words",
+    ),
+    "_session_grid": ("CAUSE_TEXTS",),
+    "_session_mesh": ("SurfacePatch",),
+    "_live_calibration": (
+        "CELL_COLUMNS",
+        "CELL_ROWS",
+        "LiveCalibration",
+    ),
+    "_live_look": (
+        "GrowingScan",
+        "SeenStripe",
+        "seen_stripe",
+    ),
+    "_stoppable": (
+        "StoppableDevices",
+        "live_pictures",
+        "stoppable_devices",
+    ),
     "_shapes": ("FoundShapes", "find_shapes"),
     "_shapes_options": ("SHAPES_SUFFIXES", "ShapesOptions"),
     "_shapes_step": ("check_step",),
@@ -183,6 +223,8 @@ _MODULES = {
     "_stripes": ("ScanStripes",),
     "_targets": ("check_exports", "check_targets"),
     "_types": (
+        "KnownRig",
+        "SurfaceFigures",
         "LONGEST_PAUSE",
         "MOST_PICTURES",
         "Opened",
@@ -204,6 +246,9 @@ _MODULES = {
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "CAUSE_TEXTS",
+    "CELL_COLUMNS",
+    "CELL_ROWS",
     "DEFAULT_DEVICE",
     "LONGEST_PAUSE",
     "MOST_PICTURES",
@@ -243,10 +288,13 @@ __all__ = [
     "Exported",
     "FoundDevices",
     "FoundShapes",
+    "GrowingScan",
     "ImportOptions",
     "ImportedScan",
     "KeptEdits",
+    "KnownRig",
     "ListedAngles",
+    "LiveCalibration",
     "MarkerAngles",
     "MeasureOptions",
     "Measured",
@@ -254,6 +302,7 @@ __all__ = [
     "Opened",
     "Outcome",
     "Patience",
+    "PlacedFinding",
     "PlannedScan",
     "Recipe",
     "ReconstructOptions",
@@ -261,12 +310,20 @@ __all__ = [
     "ScanControl",
     "ScanLeft",
     "ScanOptions",
+    "ScanSession",
     "ScanStripes",
     "Sections",
+    "SeenStripe",
+    "SessionChange",
+    "SessionState",
     "ShapesOptions",
     "Shot",
     "SimulateOptions",
     "SimulatedScan",
+    "Stale",
+    "StoppableDevices",
+    "SurfaceFigures",
+    "SurfacePatch",
     "TakenScan",
     "Task",
     "Trend",
@@ -299,12 +356,14 @@ __all__ = [
     "export",
     "find_devices",
     "find_shapes",
+    "hole_in_words",
     "identify_lasers",
     "import_pictures",
     "join",
     "kept_names",
     "kept_options",
     "lasers_in_words",
+    "live_pictures",
     "measure",
     "open_scan",
     "opened_devices",
@@ -324,7 +383,9 @@ __all__ = [
     "scan_events",
     "scan_left",
     "section",
+    "seen_stripe",
     "simulate",
+    "stoppable_devices",
     "table_of",
     "verification_json",
     "verify",

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from turnscan import acquire as scan_events
 from turnscan.acquire import Control as ScanControl
+from turnscan.edit import Figures as SurfaceFigures
+from turnscan.rig import Rig as KnownRig
 from turnscan.scanner import LONGEST_PAUSE, MOST_PICTURES, Opened, Shot, photograph
 
 __all__ = [
     "LONGEST_PAUSE",
     "MOST_PICTURES",
+    "KnownRig",
     "Opened",
     "ScanControl",
     "Shot",
+    "SurfaceFigures",
     "photograph",
     "scan_events",
 ]

@@ -1,25 +1,27 @@
-"""Grids, profiles and pictures of an open scan as arrays for the browser."""
+"""Grids, profiles and pictures of an open scan as plain arrays."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from turnscan import edit, points
-from turnscan.app._envelope import Array
-from turnscan.arrays import Floats, Image
+from turnscan.arrays import Floats
 from turnscan.detection import View
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Candidates, Stripe, StripeFlag
 from turnscan.surface.holes import CAUSE_WORDS, Cause
+from turnscan.workflows._session_mesh import Arrays
 
-CAUSES = ["", *CAUSE_WORDS.values()]
-"""Words by the numbers in the array cause; 0: nothing is missing."""
+CAUSE_TEXTS = ("", *CAUSE_WORDS.values())
+"""Words by the numbers in the array ``cause``; 0: nothing is missing."""
 _NUMBER = {name: k for k, name in enumerate(CAUSE_WORDS, start=1)}
 _FLAG_CAUSES: tuple[tuple[StripeFlag, Cause], ...] = (
     (StripeFlag.AMBIGUOUS, "ambiguous"),
@@ -32,10 +34,28 @@ _SAME = 0.5
 """px within which a point is one of the candidates."""
 
 
-def grid_arrays(
-    grid: RangeGrid, entries: Sequence[edit.Entry], step: int | None
-) -> dict[str, Array]:
-    """A whole grid, or one step of it. Raises InputError for a step there is not."""
+@dataclass(frozen=True, eq=False)
+class ShownProfile:
+    """One step of a grid: the stripe as it is used now, and everything it could be instead."""
+
+    laser: str
+    angle_deg: float
+    arrays: Arrays
+    """``position`` (n,) px, ``candidates`` and ``candidate_amplitude`` (n, k),
+    ``candidate_points`` (n, k, 3) mm, ``chosen`` (n,): which candidate it is, -1 none is there,
+    -2 a place of its own."""
+
+    @property
+    def edited(self) -> bool:
+        """Whether a point stands where no candidate is."""
+        return bool((self.arrays["chosen"] == -2).any())
+
+
+def grid_arrays(grid: RangeGrid, entries: Sequence[edit.Entry], step: int | None) -> Arrays:
+    """A whole grid, or one step of it, with the causes of its gaps and what was edited.
+
+    Raises InputError for a step there is not.
+    """
     rows: npt.NDArray[np.intp] = np.arange(len(grid.steps))
     if step is not None:
         rows = np.flatnonzero(grid.steps == step)
@@ -43,23 +63,20 @@ def grid_arrays(
             raise InputError(f"there is no step {step} in this grid")
     edited, off = _edited(grid, entries)
     return {
-        "steps": grid.steps[rows].astype("<i4"),
-        "angles": grid.angles[rows].astype("<f4"),
-        "points": grid.points[rows].astype("<f4"),
-        "sigma": grid.sigma[rows].astype("<f4"),
-        "amplitude": grid.amplitude[rows].astype("<f4"),
-        "flags": grid.flags[rows].astype("<u2"),
+        "steps": grid.steps[rows],
+        "angles": grid.angles[rows],
+        "points": grid.points[rows],
+        "sigma": grid.sigma[rows],
+        "amplitude": grid.amplitude[rows],
+        "flags": grid.flags[rows],
         "cause": _causes(grid)[rows],
         "edited": edited[rows],
         "off": off[rows],
     }
 
 
-def profile_arrays(view: View, grid: RangeGrid, step: int) -> dict[str, Array]:
-    """The stripe of one step as it is used now, and everything it could be instead.
-
-    Raises InputError for a step there is not, ScanCorrupt.
-    """
+def shown_profile(view: View, grid: RangeGrid, step: int) -> ShownProfile:
+    """The stripe of one step. Raises InputError for a step there is not, ScanCorrupt."""
     rig = view.rig
     k = int(np.flatnonzero(grid.steps == step)[0]) if step in grid.steps else -1
     if k < 0:
@@ -74,31 +91,26 @@ def profile_arrays(view: View, grid: RangeGrid, step: int) -> dict[str, Array]:
         ],
         axis=1,
     )
-    return {
-        "position": position.astype("<f4"),
-        "candidates": found.position.astype("<f4"),
-        "candidate_amplitude": found.amplitude.astype("<f4"),
-        "candidate_points": places.astype("<f4"),
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "position": position,
+        "candidates": found.position,
+        "candidate_amplitude": found.amplitude,
+        "candidate_points": places,
         "chosen": _chosen(position, found.position),
     }
+    return ShownProfile(grid.laser, math.degrees(angle), arrays)
 
 
-def picture_png(view: View, step: int) -> bytes:
-    """The lit picture of a step, 8 bits, as PNG. Raises InputError where there is none."""
-    shown = eight_bits(view.scan.frame(step, view.lit).lit)
-    done, data = cv2.imencode(".png", shown if shown.ndim == 2 else shown[..., ::-1])
-    if not done:
-        raise InputError(f"the picture of step {step} cannot be shown")
-    return bytes(data)
-
-
-def eight_bits(picture: Image) -> npt.NDArray[np.uint8]:
-    """A picture for the screen: what is brightest in it is white, where it has 16 bits."""
-    if picture.dtype == np.uint8:
-        return picture.astype(np.uint8)
-    top = max(int(picture.max(initial=0)), 1)
-    shown: npt.NDArray[np.uint8] = (picture.astype(np.float32) * (255.0 / top)).astype(np.uint8)
-    return shown
+def changed_steps(before: RangeGrid | None, after: RangeGrid | None) -> list[int]:
+    """The steps of a grid that are others now; all of them where its steps are others."""
+    if before is after or after is None:
+        return []
+    if before is None or not np.array_equal(before.steps, after.steps):
+        return list(map(int, after.steps))
+    a, b = before, after
+    same = ((a.points == b.points) | (np.isnan(a.points) & np.isnan(b.points))).all(axis=(1, 2))
+    same &= (a.flags == b.flags).all(axis=1)
+    return list(map(int, b.steps[~same]))
 
 
 def _causes(grid: RangeGrid) -> npt.NDArray[np.uint8]:

@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
-from turnscan.app._protocol import LaserState
 from turnscan.devices import Lasers, Sweeping
+
+
+@dataclass(frozen=True)
+class KnownLaser:
+    """What is known of a laser."""
+
+    name: str
+    lit: bool | None
+    """None: not known."""
+    age: float
+    """s since it was confirmed."""
 
 
 class WatchedLasers:
@@ -45,13 +56,10 @@ class WatchedLasers:
         self._confirmed(frozenset())
 
     @property
-    def states(self) -> list[LaserState]:
+    def states(self) -> list[KnownLaser]:
         """What is known of each, and since when."""
         lit, age = self._lit, time.monotonic() - self._at
-        return [
-            LaserState(name=n, lit=None if lit is None else n in lit, age_seconds=round(age, 2))
-            for n in self.names
-        ]
+        return [KnownLaser(n, None if lit is None else n in lit, age) for n in self.names]
 
     def _confirmed(self, lit: frozenset[str]) -> None:
         self._lit, self._at = lit, time.monotonic()

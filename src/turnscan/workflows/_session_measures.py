@@ -1,16 +1,18 @@
-"""Measurements: what a browser asks for as entries of the history, and what they came to."""
+"""Measurements of an open scan: entries of its history, and what they came to."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from turnscan import edit
-from turnscan.app import _protocol as p
 from turnscan.errors import InputError
 
 What = Literal["distance", "to_plane", "diameter", "angle", "area", "volume"]
+Place = tuple[float, float, float]
+Unit = Literal["mm", "mm²", "mm³", "°"]
 _WHATS: dict[str, What] = {
     "measure_distance": "distance",
     "measure_to_plane": "to_plane",
@@ -22,16 +24,26 @@ _WHATS: dict[str, What] = {
     "measure_volume": "volume",
 }
 _PLACES: dict[What, int] = {"distance": 2, "to_plane": 1, "angle": 3}
-_UNITS: dict[str, Literal["mm", "mm²", "mm³", "°"]] = {
-    "mm": "mm",
-    "mm²": "mm²",
-    "mm³": "mm³",
-    "rad": "°",
-}
-_PREFIX = "edit-"
+_UNITS: dict[str, Unit] = {"mm": "mm", "mm²": "mm²", "mm³": "mm³", "rad": "°"}
 
 
-def measure_of(what: What, places: Sequence[p.Vector], region: edit.Region | None) -> edit.Edit:
+@dataclass(frozen=True)
+class KeptMeasure:
+    """A measurement that counts, angles in degrees."""
+
+    edit: int
+    """Number of the edit that it is."""
+    what: What
+    value: float
+    unit: Unit
+    uncertainty: float | None
+    """k = 2; None where it is not known."""
+    places: tuple[Place, ...]
+    """mm."""
+    text: str
+
+
+def measure_of(what: What, places: Sequence[Place], region: edit.Region | None) -> edit.Edit:
     """The entry of the history for a measurement.
 
     Raises InputError where points or a region are wanted that are not there.
@@ -59,29 +71,21 @@ def measure_of(what: What, places: Sequence[p.Vector], region: edit.Region | Non
     raise InputError(f"{what}: no region is selected", hint="select the faces first")
 
 
-def measures(document: edit.Document) -> list[p.Measure]:
-    """What the measurements that count came to, with k = 2 and angles in degrees."""
+def measures_of(document: edit.Document) -> tuple[KeptMeasure, ...]:
+    """What the measurements that count came to."""
     out = []
     for entry, found in document.measured:
         scale = math.degrees(1.0) if found.unit == "rad" else 1.0
         sigma = found.sigma * scale
         out.append(
-            p.Measure(
-                measure=f"{_PREFIX}{entry.id}",
+            KeptMeasure(
+                edit=entry.id,
                 what=_WHATS[entry.edit.kind],
                 value=found.value * scale,
                 unit=_UNITS[found.unit],
                 uncertainty=2.0 * sigma if math.isfinite(sigma) else None,
-                places=[(float(x), float(y), float(z)) for x, y, z in found.places],
+                places=tuple((float(x), float(y), float(z)) for x, y, z in found.places),
                 text=found.text,
             )
         )
-    return out
-
-
-def entry_of(measure: str) -> int:
-    """The number of the edit that a measurement is. Raises InputError for a name that is none."""
-    number = measure.removeprefix(_PREFIX)
-    if not (measure.startswith(_PREFIX) and number.isascii() and number.isdigit()):
-        raise InputError("no such measurement")
-    return int(number)
+    return tuple(out)

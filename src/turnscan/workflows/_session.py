@@ -1,0 +1,574 @@
+"""ScanSession: a scan file open for viewing and repairing, with its settings, edits and revisions.
+
+What a browser shows, without a word of how it is told: values and arrays out, edits in.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan import edit
+from turnscan.detection import Detection, View, detect_scan
+from turnscan.errors import FormatError, InputError, ScanNewer
+from turnscan.findings import Finding
+from turnscan.mesh import Mesh
+from turnscan.meshing import finished, source_of
+from turnscan.pipeline import Reconstruction, build
+from turnscan.points import RangeGrid, Volume
+from turnscan.progress import Progress
+from turnscan.scan import Scan, rig_for
+from turnscan.settings import Settings
+from turnscan.shapes import Source
+from turnscan.stripes import StripeSettings
+from turnscan.surface.clean import settled
+from turnscan.surface.holes import CAUSE_WORDS, Hole, ScanCoverage, explain, holes
+from turnscan.workflows._history import history_of, repairs
+from turnscan.workflows._kept_options import (
+    DEFAULT_SET,
+    check_name,
+    checked_edit,
+    edit_in_words,
+    keep_options,
+    kept_names,
+    kept_options,
+)
+from turnscan.workflows._reconstruct_options import ReconstructOptions
+from turnscan.workflows._report import about
+from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._session_grid import (
+    ShownProfile,
+    changed_steps,
+    grid_arrays,
+    shown_profile,
+)
+from turnscan.workflows._session_measures import KeptMeasure, Place, What, measure_of, measures_of
+from turnscan.workflows._session_mesh import (
+    Arrays,
+    SurfacePatch,
+    coarse_arrays,
+    preview_arrays,
+    surface_arrays,
+    surface_patches,
+)
+
+MOST_HOLES = 1000
+"""The largest ones are shown."""
+_MOST_DETECTIONS = 3
+"""Stripes found with other settings that are held, so that undo does not look for them again."""
+_DETECTION = 0.8
+"""Of the work of opening a scan, until all stripes are found."""
+
+
+class Stale(InputError):
+    """The edit was made on a surface that has changed since."""
+
+
+class Work(Protocol):
+    """Who asked for something that may take long: told how far it is, and may cancel it."""
+
+    title: str
+
+    @property
+    def progress(self) -> Progress:
+        """Told how far it is."""
+
+    def check(self) -> None:
+        """Raise Cancelled where somebody has cancelled it."""
+
+    def commit(self) -> None:
+        """From here on it cannot be cancelled. Raises Cancelled where it was before."""
+
+
+@dataclass(frozen=True, eq=False)
+class SessionState:
+    """What an open scan is at one moment; a value, so that readers need no lock."""
+
+    document: edit.Document
+    grids: tuple[RangeGrid, ...]
+    sought: tuple[ScanCoverage, ...]
+    """What the scan could have seen, for the causes of holes."""
+    revision: int
+    epoch: int
+    """Counts the surfaces whose faces have other numbers."""
+    figures: edit.Figures
+    options: ReconstructOptions
+    """What the surface was made with."""
+    settings: Settings
+    """The same, with the rig."""
+    views: Mapping[str, View]
+    """How the stripe of each laser was found."""
+    measures: tuple[KeptMeasure, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SessionChange:
+    """One step of an open scan, for those who show it."""
+
+    before: SessionState
+    after: SessionState
+    text: str
+    patches: Sequence[edit.Patch]
+
+    def surface(self) -> list[SurfacePatch]:
+        """What it did to the surface, in the order it is done."""
+        return surface_patches(self.patches)
+
+    def grids(self) -> Iterator[tuple[int, list[int]]]:
+        """Which steps of which grids are others now."""
+        for k, (a, b) in enumerate(zip_longest(self.before.grids, self.after.grids)):
+            steps = changed_steps(a, b)
+            if steps:
+                yield k, steps
+
+
+@dataclass(frozen=True)
+class HistoryRow:
+    """An edit of the history."""
+
+    edit: int
+    """Its number for ever."""
+    kind: str
+    text: str
+    on: bool
+    at: float
+    """s since 1970; NaN where unknown."""
+
+
+@dataclass(frozen=True)
+class BranchRow:
+    """Another history, left when an edit was made after stepping back."""
+
+    edit: int
+    """Number of its last edit."""
+    edits: int
+    """How many edits it has that the history has not."""
+    text: str
+    at: float
+
+
+@dataclass(frozen=True, eq=False)
+class ShownPreview:
+    """What an edit would do: vertices and faces it would add, faces it would take away."""
+
+    figures: edit.Figures
+    arrays: Arrays
+
+
+@dataclass(frozen=True)
+class PlacedFinding:
+    """A finding, and the grid and the step that its words name."""
+
+    finding: Finding
+    grid: int | None
+    step: int | None
+
+
+class ScanSession:
+    """One scan, its document and its revisions. Readers take `now`; edits come one at a time."""
+
+    def __init__(
+        self,
+        path: Path,
+        progress: Progress,
+        changed: Callable[[SessionChange], None] = lambda change: None,
+    ) -> None:
+        """Reconstruct, and replay the edits in the file; ``changed`` hears of every later step.
+
+        Raises as `Scan.resume`, `detect_scan` and `build`, and Cancelled.
+        """
+        self.path, self._changed = path, changed
+        self.used = time.monotonic()
+        self._lock = threading.RLock()
+        self._looking = threading.Lock()
+        self._found: tuple[int, Mesh, list[Hole]] | None = None
+        self._built: dict[tuple[edit.Entry, ...], Reconstruction] = {}
+        self._seen: dict[tuple[StripeSettings, Volume | None], list[Detection]] = {}
+        self._current: tuple[StripeSettings, Volume | None] | None = None
+        """Of the stripes that `now` is made of."""
+        self._times: dict[int, float] = {}
+        self.scan = Scan.resume(path)
+        try:
+            self._rig = rig_for(self.scan)
+            for entry in self.scan.edits():
+                action = edit.action_from_json(entry.text)
+                if isinstance(action, edit.Add):
+                    self._times[action.id] = entry.time
+            history = history_of(self.scan)
+            rest = self._prepared(history, progress)
+            document = edit.Document.open(self._build, history, rest, self._source)
+            self.now = self._state(document, 0, 0)
+        except BaseException:
+            self.scan.close()
+            raise
+
+    def close(self) -> None:
+        """Let the file go."""
+        with self._lock:
+            self.scan.close()
+
+    def touch(self) -> None:
+        """It is in use."""
+        self.used = time.monotonic()
+
+    # Seeing
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is to be said about the scan and its edits."""
+        s, found = self.now.settings, tuple(self.now.document.findings)
+        if s.caps is None and s.tolerance is None and s.faces is None:
+            return found
+        done = "closed" if s.caps is not None else "decimated"
+        text = f"the settings of this scan require its surface {done}: applied on export"
+        return (*found, Finding("scan.finished-on-export", "note", text))
+
+    def result(self, state: SessionState, progress: Progress) -> ReconstructResult:
+        """The surface as files get it: closed and decimated as the scan's settings say."""
+        s = state.settings
+        opened = edit.Compact.of(state.document.body).mesh
+        mesh, found = finished(opened, s, progress)
+        whole = settled(mesh)
+        done = Reconstruction(
+            state.grids,
+            whole,
+            tuple(found),
+            repairs(state.document.history.enabled),
+            whole if mesh is opened else opened,
+            state.sought,
+            s.caps,
+            along=s.along,
+            tears=s.tears,
+        )
+        told = about(self.path, self._rig, s, done.edits)
+        return ReconstructResult(done, told, self._rig, options=state.options)
+
+    def sets(self) -> dict[str, ReconstructOptions]:
+        """The named sets of settings in the file, those that can be read; not the default one."""
+        sets = dict[str, ReconstructOptions]()
+        with contextlib.suppress(FormatError, ScanNewer):
+            for name in kept_names(self.scan):
+                if name != DEFAULT_SET:
+                    sets[name] = kept_options(self.scan, name)
+        return sets
+
+    def keep_set(self, name: str) -> None:
+        """Keep the settings as they are as a named set. Raises InputError for what is no name."""
+        check_name(name)
+        if name == DEFAULT_SET:
+            raise InputError(f"{name!r}: the set in use", hint="choose another name")
+        with self._lock:
+            keep_options(self.scan, self.now.options, name)
+
+    def surface(self) -> tuple[SessionState, Arrays]:
+        """The whole surface (`surface_arrays`), and what it is of."""
+        state = self.now
+        return state, surface_arrays(state.document.body)
+
+    def coarse(self, faces: int) -> tuple[SessionState, Arrays]:
+        """A surface of about so many faces: ``positions``, ``faces``."""
+        state = self.now
+        return state, coarse_arrays(state.document.body, faces)
+
+    def holes(self) -> tuple[SessionState, list[tuple[Hole, npt.NDArray[np.float64]]]]:
+        """Every hole with its border (m, 3) mm, the largest first, `MOST_HOLES` at most."""
+        state = self.now
+        mesh, found = self._holes(state)
+        return state, [(h, mesh.vertices[h.loop]) for h in found]
+
+    def defects(self) -> tuple[SessionState, list[PlacedFinding | Hole]]:
+        """What was found wrong, and then the holes."""
+        state = self.now
+        _, found = self._holes(state)
+        return state, [*(_placed(f, state.grids) for f in state.document.findings), *found]
+
+    def grid(self, number: int, step: int | None) -> tuple[SessionState, RangeGrid, Arrays]:
+        """A grid, or one step of it (`grid_arrays`). Raises InputError for one there is not."""
+        state = self.now
+        grid = _numbered(state, number)
+        return state, grid, grid_arrays(grid, state.document.history.enabled, step)
+
+    def profile(self, number: int, step: int) -> tuple[SessionState, ShownProfile]:
+        """The stripe of one step, and its candidates. Raises InputError, ScanCorrupt."""
+        state = self.now
+        grid = _numbered(state, number)
+        return state, shown_profile(state.views[grid.laser], grid, step)
+
+    def picture(self, number: int, step: int) -> npt.NDArray[Any]:
+        """The stored picture of a step, lit. Raises InputError, ScanCorrupt."""
+        view = self.now.views[_numbered(self.now, number).laser]
+        return self.scan.frame(step, view.lit).lit
+
+    def history(self, state: SessionState) -> list[HistoryRow]:
+        """The edits in their order; the first ``cursor`` of them count."""
+        return [
+            HistoryRow(e.id, e.edit.kind, edit_in_words(e.edit), e.on, self._at(e.id))
+            for e in state.document.history.entries
+        ]
+
+    def branches(self, state: SessionState) -> list[BranchRow]:
+        """Other histories, the newest last."""
+        history = state.document.history
+        here = {e.id for e in history.entries}
+        return [
+            BranchRow(
+                edit=path[-1].id,
+                edits=sum(e.id not in here for e in path),
+                text=edit_in_words(path[-1].edit),
+                at=self._at(path[-1].id),
+            )
+            for path in history.branches
+        ]
+
+    # Repairing: until its result is stored, each may be cancelled, and then nothing has happened
+
+    def make(
+        self, base: int, value: Mapping[str, Any], faces: Mapping[str, npt.NDArray[Any]], work: Work
+    ) -> None:
+        """Make an edit: it is in the file when this returns.
+
+        ``faces`` names the faces it acts on: ``faces`` by number, or ``face_bits``, a bit for each.
+        Raises `Stale` where the surface is not that of revision ``base`` any more, InputError,
+        Cancelled.
+        """
+        with self._lock:
+            self._keep(*self._tried(base, value, faces, work), work)
+
+    def preview(
+        self, base: int, value: Mapping[str, Any], faces: Mapping[str, npt.NDArray[Any]], work: Work
+    ) -> ShownPreview:
+        """What an edit would do; nothing is kept. Raises as `make`."""
+        with self._lock:
+            before = self.now.document.body
+            document, change = self._tried(base, value, faces, work)
+        work.commit()
+        shown = preview_arrays(before, document.body, change.patches)
+        return ShownPreview(edit.figures(document.body), shown)
+
+    def measure(
+        self,
+        what: What,
+        places: Sequence[Place],
+        faces: Mapping[str, npt.NDArray[Any]],
+        work: Work,
+    ) -> None:
+        """Measure, and keep it in the history. Raises InputError where it cannot be measured."""
+        with self._lock:
+            document = self.now.document
+            region = _region(document.body, faces)
+            document, change = document.add(measure_of(what, places, region))
+            if change.findings:
+                raise InputError(change.findings[0].message, hint=change.findings[0].remedy)
+            self._keep(document, change, work)
+
+    def forget_measure(self, number: int, work: Work) -> None:
+        """Switch a measurement off. Raises InputError where no measurement has this number."""
+        with self._lock:
+            if number not in [m.edit for m in self.now.measures]:
+                raise InputError("no such measurement")
+            self._keep(*self.now.document.switch(number, False), work)
+
+    def undo(self, work: Work) -> None:
+        """One edit back. Raises InputError where there is none."""
+        self._step(lambda history: history.undo(), work)
+
+    def redo(self, work: Work) -> None:
+        """One edit on again. Raises InputError where there is none."""
+        self._step(lambda history: history.redo(), work)
+
+    def go(self, cursor: int, work: Work) -> None:
+        """To the state after the first ``cursor`` edits. Raises InputError."""
+        self._step(lambda history: edit.Go(cursor), work)
+
+    def branch(self, id: int, work: Work) -> None:
+        """The branch that ends with this edit becomes the history. Raises InputError."""
+        self._step(lambda history: history.branch(id), work)
+
+    def switch(self, id: int, on: bool, work: Work) -> None:
+        """One edit off, or on again. Raises InputError where there is none of that number."""
+        self._step(lambda history: history.switch(id, on), work)
+
+    def _step(self, action: Callable[[edit.History], edit.Action], work: Work) -> None:
+        with self._lock:
+            self._keep(*self._after(action(self.now.document.history), work.progress), work)
+
+    def _after(self, action: edit.Action, progress: Progress) -> tuple[edit.Document, edit.Change]:
+        document = self.now.document
+        rest = self._prepared(document.history.after(action), progress)
+        return document.after(action, rest)
+
+    def _tried(
+        self, base: int, value: Mapping[str, Any], faces: Mapping[str, npt.NDArray[Any]], work: Work
+    ) -> tuple[edit.Document, edit.Change]:
+        work.check()  # while it waited for the edit before it
+        if base != self.now.revision:
+            raise Stale(
+                "another edit changed the surface meanwhile; this one was not made",
+                hint="check the surface, then repeat",
+            )
+        wish = dict(value)
+        region = _region(self.now.document.body, faces)
+        if region is not None:
+            wish["where"] = region
+        wanted = checked_edit(edit.edit_from_value(wish))
+        words = work.title = edit_in_words(wanted)
+        if isinstance(wanted, edit.ChangeSettings) and self._in_use(wanted):
+            raise InputError("these settings are in use", hint="change one of them")
+        document, change = self._after(self.now.document.history.add(wanted), work.progress)
+        # Settings are refused where they make no surface, not where an edit cannot be done on it.
+        settings = isinstance(wanted, edit.ChangeSettings)
+        said_of = document.remarks if settings else change.findings
+        refused = next((f for f in said_of if f.severity == "error"), None)
+        if refused is not None:
+            raise InputError(refused.message, hint=refused.remedy)
+        if not (change.patches or edit.needs_rebuild(wanted) or edit.is_measure(wanted)):
+            said = "; ".join(f.message for f in change.findings)
+            raise InputError(said or f"{words} changes nothing here")
+        return document, change
+
+    def _in_use(self, wanted: edit.ChangeSettings) -> bool:
+        return ReconstructOptions(**wanted.options) == self.now.options  # type: ignore[arg-type]
+
+    def _keep(self, document: edit.Document, change: edit.Change, work: Work) -> None:
+        """Into the file first, then to everybody. Raises Cancelled, and then into neither."""
+        work.commit()
+        self.touch()
+        if change.action is not None:
+            now = time.time()
+            self.scan.append_edit(edit.action_to_json(change.action), now)
+            if isinstance(change.action, edit.Add):
+                self._times[change.action.id] = now
+        before = self.now
+        replaced = any(isinstance(c, edit.Replace) for c in change.patches)
+        self.now = self._state(document, before.revision + 1, before.epoch + replaced)
+        text = _what(change.action, document.history)
+        self._changed(SessionChange(before, self.now, text, change.patches))
+
+    def _at(self, id: int) -> float:
+        return self._times.get(id, math.nan)
+
+    # Reconstructing
+
+    def _options(self, entries: Sequence[edit.Entry]) -> tuple[ReconstructOptions, Settings]:
+        options = kept_options(self.scan, edits=entries)
+        return options, options.settings(self._rig, self.scan)
+
+    def _prepared(self, history: edit.History, progress: Progress) -> Progress:
+        """Find the stripes that a history needs and that are not at hand; the work that is left."""
+        _, s = self._options(history.enabled)
+        if (s.stripes, s.volume) in self._seen:
+            return progress
+        self._detected(s, progress.subrange(0, _DETECTION, "finding the stripes"))
+        return progress.subrange(_DETECTION, 1)
+
+    def _detected(self, s: Settings, progress: Progress) -> list[Detection]:
+        """The stripes that these settings find; those used last are kept."""
+        key = s.stripes, s.volume
+        seen = self._seen.pop(key, None)
+        if seen is None:
+            tick = progress.counter(len(self.scan))
+            seen = detect_scan(self.scan, self._rig, s.stripes, s.volume, tick)
+        self._seen[key] = seen
+        idle = [k for k in self._seen if k not in (key, self._current)]
+        for old in idle[: max(0, len(self._seen) - _MOST_DETECTIONS)]:
+            del self._seen[old]
+        return seen
+
+    def _build(
+        self, entries: Sequence[edit.Entry], progress: Progress
+    ) -> tuple[Mesh, Sequence[Finding]]:
+        _, s = self._options(entries)
+        done = build(self._detected(s, progress), s, entries, progress, finish=False)
+        self._built[tuple(entries)] = done
+        return done.mesh, done.findings
+
+    def _source(self) -> Source:
+        """What the surface was made from that was built last."""
+        last = list(self._built.values())[-1]
+        return source_of(last.grids, self._rig)
+
+    def _state(self, document: edit.Document, revision: int, epoch: int) -> SessionState:
+        """What stands now; of what was built, only this is kept, for a preview builds, too."""
+        entries = tuple(e for e in document.history.enabled if edit.needs_rebuild(e.edit))
+        done = self._built[entries]
+        self._built = {entries: done}
+        options, s = self._options(entries)
+        self._current = s.stripes, s.volume
+        views = {d.view.laser: d.view for d in self._seen[self._current]}
+        return SessionState(
+            document, done.grids, done.sought, revision, epoch, edit.figures(document.body),
+            options, s, views, measures_of(document),
+        )  # fmt: skip
+
+    def _holes(self, state: SessionState) -> tuple[Mesh, list[Hole]]:
+        """The largest first; kept until the surface changes."""
+        with self._looking:
+            if self._found is None or self._found[0] != state.revision:
+                mesh = edit.Compact.of(state.document.body).mesh
+                found = explain(mesh, holes(mesh), state.sought)
+                found = sorted(found, key=lambda h: -h.size)[:MOST_HOLES]
+                self._found = state.revision, mesh, found
+            return self._found[1:]
+
+
+def hole_in_words(hole: Hole) -> str:
+    """Why there is a hole."""
+    return CAUSE_WORDS[hole.cause or "unknown"]
+
+
+def _region(body: edit.Body, arrays: Mapping[str, npt.NDArray[Any]]) -> edit.Region | None:
+    """The faces that came with a request, as numbers or as a bit for each.
+
+    Raises InputError where they are none of the surface.
+    """
+    for name in ("faces", "face_bits"):
+        if name in arrays and (arrays[name].dtype.kind != "u" or arrays[name].ndim != 1):
+            raise InputError(f"{name}: not a list of numbers")
+    if "face_bits" in arrays:
+        bits = np.unpackbits(arrays["face_bits"].astype(np.uint8), bitorder="little")
+        return edit.Region.of(body, np.flatnonzero(bits))
+    return edit.Region.of(body, arrays["faces"]) if "faces" in arrays else None
+
+
+def _placed(finding: Finding, grids: Sequence[RangeGrid]) -> PlacedFinding:
+    words = f"{finding.where}: {finding.message}"
+    step = re.search(r"\bsteps? (\d+)", words)
+    number = int(step[1]) if step else None
+    grid = None
+    for k, g in enumerate(grids):
+        named = re.search(rf"\blaser '?{re.escape(g.laser)}\b", words)
+        if named and (number is None or number in g.steps):
+            grid = k
+            break
+    return PlacedFinding(finding, grid, number)
+
+
+def _numbered(state: SessionState, number: int) -> RangeGrid:
+    if not 0 <= number < len(state.grids):
+        raise InputError(f"there is no grid {number}")
+    return state.grids[number]
+
+
+def _what(action: edit.Action | None, history: edit.History) -> str:
+    match action:
+        case edit.Add():
+            return edit_in_words(action.edit)
+        case edit.Switch():
+            return f"edit {action.id} switched {'on' if action.on else 'off'}"
+        case edit.Branch():
+            return f"branch of {len(history.entries)} edits taken up"
+        case edit.Go():
+            return f"{action.cursor} of {len(history.entries)} edits"
+        case None:
+            return ""
