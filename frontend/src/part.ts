@@ -18,6 +18,8 @@ import type {
   Opened,
   Patch,
   ProfileHeader,
+  ScanSettings,
+  SettingsChanged,
 } from "./protocol";
 import { complain, connection, go, notify, place, scans } from "./state";
 
@@ -27,6 +29,8 @@ export const history = signal<readonly HistoryEntry[]>([]);
 /** Other histories, left when an edit was made after stepping back. */
 export const branches = signal<readonly BranchEntry[]>([]);
 export const cursor = signal(0);
+/** What the surface is made with. */
+export const settings = signal<ScanSettings | null>(null);
 export const holes = signal<readonly Hole[] | null>(null);
 export const defects = signal<readonly Defect[] | null>(null);
 /** The lists of holes and defects are of an earlier surface; who shows them asks again. */
@@ -97,6 +101,7 @@ async function show(message: Opened): Promise<void> {
     branches.value = message.branches;
     cursor.value = message.cursor;
     measures.value = message.measures;
+    settings.value = message.settings;
     holes.value = defects.value = null;
     listsAreOld.value = true;
     grids.value = message.grids.map(() => null);
@@ -266,6 +271,35 @@ export const takeBranch = (edit: number) => toScan({ kind: "take_branch", edit }
 export const goTo = (to: number) => toScan({ kind: "go_to", cursor: to });
 export const switchEdit = (edit: number, isOn: boolean) => toScan({ kind: "switch", edit, on: isOn });
 
+/** Other settings hold: the grids have other steps, and what was marked may be gone. */
+function changeSettings(message: SettingsChanged): void {
+  const now = opened.value;
+  if (now?.scan !== message.scan) return;
+  const same = JSON.stringify(message.settings.options) === JSON.stringify(settings.value?.options);
+  const shown = grids.value.flatMap((grid, k) => (grid ? [k] : []));
+  batch(() => {
+    settings.value = message.settings;
+    opened.value = { ...now, grids: message.grids, findings: message.findings };
+    if (same) return;
+    grids.value = message.grids.map(() => null);
+    mark.value = profile.value = null;
+  });
+  if (!same) for (const k of shown) if (k < message.grids.length) loadGrid(k).catch(complain);
+}
+
+/** Keep the settings that hold under a name in the scan file. */
+export async function keepSettings(name: string): Promise<boolean> {
+  const scan = opened.value?.scan;
+  if (!scan) return false;
+  try {
+    await link.request({ kind: "keep_settings", scan, name });
+    return true;
+  } catch (error) {
+    complain(error);
+    return false;
+  }
+}
+
 // Lists
 
 export async function listHoles(): Promise<void> {
@@ -366,6 +400,7 @@ function hearServer(): void {
     branches.value = message.branches;
     cursor.value = message.cursor;
   });
+  on("settings", changeSettings);
   on("measures", (message) => {
     if (message.scan === opened.value?.scan) measures.value = message.measures;
   });

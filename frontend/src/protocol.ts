@@ -495,6 +495,8 @@ export interface Opened {
   findings: Remark[];
   measures: Measure[];
   settings: ScanSettings;
+  /** What each of the settings may be, by name, in the words of JSON Schema. */
+  fields: Record<string, unknown>;
 }
 
 /**

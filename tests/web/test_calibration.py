@@ -92,19 +92,21 @@ def test_a_calibration_becomes_the_rig_in_use(server: Running, folder: Path) -> 
         one.ask(
             "calibrate_begin", board="chessboard:8x6:20", table="chessboard:7x5:12", lowest_mm=22
         )
+        live = room._live
+        assert live is not None
         for k, pose in enumerate(world.board_poses(10)):
-            room.camera[k] = world.board_view(pose, name=f"c{k}")
+            live._camera[k] = world.board_view(pose, name=f"c{k}")
         for k, pose in enumerate(world.board_poses(8)):
             view = world.board_view(pose, name=f"l{k}")
-            room.lasers[100 + k] = "laser", LaserPicture(view, world.board_stripe(pose).pixels)
+            live._lasers[100 + k] = "laser", LaserPicture(view, world.board_stripe(pose).pixels)
         blind = np.zeros((0, 2)), np.zeros(0, np.int32)
-        room.camera[50] = BoardView(room.camera[0].board, *blind, (640, 480), "bad", "covered")
+        live._camera[50] = BoardView(live._camera[0].board, *blind, (640, 480), "bad", "covered")
         for k, a in enumerate(np.radians(np.arange(-50, 51, 10.0))):
             px = world.rig.camera.project(T.apply(T_tb.apply(small.points) @ rotation_z(a).T))
             seen = BoardView(
                 small, world.noisy(px), np.arange(35, dtype=np.int32), (640, 480), f"t{k}"
             )
-            room.table[200 + k] = TablePicture(seen, {}, f"t{k}", float(k))
+            live._table[200 + k] = TablePicture(seen, {}, f"t{k}", float(k))
         room.tell()
         told = one.until("calibration", lambda m: len(m["views"]) > 20)
         assert told["missing"] == []

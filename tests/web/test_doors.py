@@ -295,7 +295,7 @@ def _state(server: Running, scan: str, folder: Path) -> tuple[Any, ...]:
     return (
         opened.now.document.body.digest(),
         opened.now.revision,
-        opened.scan.edits(),
+        opened.session.scan.edits(),
         sorted(p.name for p in folder.glob("*.turnscan")),
         (world.moves, world.commanded, world.lit),
         len(server.workshop.jobs._jobs),

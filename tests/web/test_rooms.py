@@ -5,7 +5,9 @@ from __future__ import annotations
 import socket
 import threading
 import time
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +17,13 @@ from turnscan.app._envelope import unpack
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
 from turnscan.app._open_scan import OpenScan
-from turnscan.edit import Change, Document, Edit
+from turnscan.edit import Action, Change, Document
 from turnscan.findings import Finding
 from turnscan.formats import read_mesh
 from turnscan.progress import Cancelled, Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
+from turnscan.workflows import edits, options_of, reconstruct
 
 
 def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
@@ -106,6 +109,77 @@ def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
         assert [e["on"] for e in state["history"]] == [False]
 
 
+def test_settings_are_an_edit_that_every_door_replays(folder: Path) -> None:
+    with (
+        serving(folder) as server,
+        Browser(server) as one,
+        Browser(server) as two,
+        server.http(one.cookie) as http,
+    ):
+        scan = one.hello["scans"][0]["scan"]
+        state = one.open(scan)
+        assert state["settings"]["options"]["every"] == 1
+        assert state["fields"]["every"] == {
+            "type": "integer", "minimum": 1, "default": 1, "description": "Use every N-th profile.",
+        } | state["fields"]["every"]  # fmt: skip
+        revision = 0
+
+        def edit(value: dict[str, object], faces: dict[str, np.ndarray] | None = None) -> None:
+            nonlocal revision
+            done = one.ask("edit", faces, scan=scan, base_revision=revision, edit=value)
+            assert done["kind"] == "done", done
+            revision += 1
+
+        def surface() -> tuple[int, bytes]:
+            _, arrays = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+            alive = arrays["faces"][arrays["alive"] > 0]
+            return len(alive), arrays["positions"][alive].tobytes()
+
+        def latest() -> dict[str, Any]:
+            told = next(m for m in reversed(one.heard) if m["kind"] == "settings")
+            return dict(told["settings"])
+
+        edit({"kind": "profile_off", "laser": state["grids"][0]["laser"], "steps": [3, 3]})
+        edit({"kind": "delete"}, {"faces": np.arange(10, 60, dtype="<u4")})
+        before = surface()
+        edit({"kind": "settings", "options": {"every": 2, "edge": 2}, "name": "default"})
+        for browser in (one, two):
+            told = browser.once("settings")
+            assert told["settings"]["options"]["edge"] == 2
+            history = browser.once("history", lambda m: len(m["history"]) == 3)
+            assert history["history"][-1]["text"] == "settings: every 2, edge 2"
+        assert surface()[0] < 0.7 * before[0]
+        coarse = surface()
+        again = {"kind": "settings", "options": {"every": 2, "edge": 2}}
+        refused = one.ask("edit", scan=scan, base_revision=revision, edit=again)
+        assert refused["text"] == "these settings are in use"
+        none = {"kind": "settings", "options": {"threshold": 240.0}}
+        refused = one.ask("edit", scan=scan, base_revision=revision, edit=none)
+        assert "no stripe was found in any picture" in refused["text"]
+        wrong = {"kind": "settings", "options": {"fill": "flat"}}
+        refused = one.ask("edit", scan=scan, base_revision=revision, edit=wrong)
+        assert "no effect without close" in refused["text"]
+        assert one.ask("keep_settings", scan=scan, name="coarse")["kind"] == "done"
+        assert latest()["sets"][0]["name"] == "coarse"
+        assert one.ask("keep_settings", scan=scan, name="default")["kind"] == "refused"
+        assert one.ask("undo", scan=scan)["kind"] == "done"
+        assert latest()["options"]["every"] == 1
+        assert surface() == before, "undo makes the surface of before to the bit"
+        assert one.ask("redo", scan=scan)["kind"] == "done"
+        assert surface() == coarse
+    path = folder / "ball.turnscan"
+    part = reconstruct(path)
+    assert part.options.every == part.options.edge == 2
+    assert len(part.mesh.faces) == coarse[0]
+    assert options_of(path, "coarse") == part.options
+    assert len(edits(path).lines()) == 3
+    with serving(folder) as again_served, Browser(again_served) as late:
+        opened = late.open(late.hello["scans"][0]["scan"])
+        assert opened["figures"]["faces"] == coarse[0]
+        assert opened["settings"]["options"] == asdict(part.options)
+        assert [s["name"] for s in opened["settings"]["sets"]] == ["coarse"]
+
+
 def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:
     with Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]
@@ -150,20 +224,20 @@ def test_opening_can_be_cancelled_and_lets_the_file_go(folder: Path) -> None:
 def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
     server: Running, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    go, gone_on, add = threading.Event(), threading.Event(), Document.add
+    go, gone_on, after = threading.Event(), threading.Event(), Document.after
 
-    def slow(document: Document, edit: Edit, progress: Progress) -> tuple[Document, Change]:
+    def slow(document: Document, action: Action, progress: Progress) -> tuple[Document, Change]:
         progress(0.25)
         assert go.wait(30)
         progress(0.5)
         gone_on.set()
-        return add(document, edit, progress)
+        return after(document, action, progress)
 
     with Browser(server) as one, server.http(one.cookie) as http:
         scan = one.hello["scans"][0]["scan"]
         one.open(scan)
         before = http.get(f"/api/scans/{scan}/mesh").content
-        monkeypatch.setattr(Document, "add", slow)
+        monkeypatch.setattr(Document, "after", slow)
         wish = {"scan": scan, "base_revision": 0, "edit": {"kind": "delete"}}
         chosen = {"faces": np.arange(10, 60, dtype="<u4")}
 

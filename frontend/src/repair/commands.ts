@@ -102,6 +102,7 @@ export const commands: readonly Command[] = [
   ...PANELS.map(([title, where, section]) => ({ title, group: "Repair", run: () => openPanel(where, section) })),
   { title: "Holes and remarks", group: "Repair", keys: "H", run: () => (tab.value = "holes") },
   { title: "History", group: "Repair", keys: "Y", run: () => (tab.value = "history") },
+  { title: "Settings of the reconstruction", group: "Repair", run: () => (tab.value = "settings") },
   ...viewCommands,
   {
     title: "Show the boundaries of holes",

@@ -6,7 +6,7 @@ import type { PictureTool } from "../profile/picture";
 import type { Hit } from "../viewport/pick";
 import { angleLimit, brushRadius, currentViewport, tool, visibleOnly } from "../viewport/place";
 
-export type Tab = "repair" | "point" | "holes" | "history";
+export type Tab = "repair" | "point" | "holes" | "history" | "settings";
 export const tab = signal<Tab>("repair");
 export type Large = "surface" | "profile" | "picture" | "grid";
 /** The view that fills the room, or null for all of them. */

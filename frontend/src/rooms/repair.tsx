@@ -12,6 +12,7 @@ import { GridPane, PicturePane, ProfilePane } from "../repair/panes";
 import { PointPanel } from "../repair/point";
 import { RepairPanels } from "../repair/repairs";
 import { SelectByPanel, SelectionPanel } from "../repair/selecting";
+import { SettingsPanel } from "../repair/settings";
 import { bridgeFrom, chosenHoles, large, markHit, type Tab, TOOL_HINTS, tab } from "../repair/state";
 import { level } from "../state";
 import { Button, count, SelectField } from "../ui/controls";
@@ -29,6 +30,7 @@ const TABS: readonly (readonly [Tab, string])[] = [
   ["point", "Point"],
   ["holes", "Holes"],
   ["history", "History"],
+  ["settings", "Settings"],
 ];
 const COLOUR_WORDS = {
   plain: "one colour",
@@ -138,6 +140,7 @@ function Inspector() {
         {tab.value === "point" && <PointPanel />}
         {tab.value === "holes" && <HolesPanel />}
         {tab.value === "history" && <HistoryPanel />}
+        {tab.value === "settings" && <SettingsPanel />}
       </div>
     </aside>
   );

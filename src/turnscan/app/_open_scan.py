@@ -24,11 +24,13 @@ from turnscan.progress import Progress
 from turnscan.workflows import (
     CAUSE_TEXTS,
     PlacedFinding,
+    ReconstructOptions,
     ReconstructResult,
     ScanSession,
     SessionChange,
     SessionState,
     hole_in_words,
+    option_schemas,
 )
 
 _PREFIX = "edit-"
@@ -87,6 +89,7 @@ class OpenScan:
             findings=remarks(self.findings),
             measures=_measures(state),
             settings=self._settings(state),
+            fields=option_schemas(ReconstructOptions),
         )
 
     def mesh(self) -> tuple[p.MeshHeader, dict[str, Array]]:

@@ -48,7 +48,7 @@ POST ``/api/scans`` (a scan file as the body, ``?name=``) adds a file; POST
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -377,6 +377,8 @@ class Opened(Model):
     findings: list[Remark]
     measures: list[Measure]
     settings: ScanSettings
+    fields: dict[str, dict[str, Any]]
+    """What each of the settings may be, by name, in the words of JSON Schema."""
 
 
 class Append(Model):

@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._measure import Measured, measure
     from turnscan.workflows._measure_options import MeasureOptions
     from turnscan.workflows._opening import OpenScan, open_scan
+    from turnscan.workflows._option_schema import option_schemas
     from turnscan.workflows._reading import read_mesh_file, read_rig_file
     from turnscan.workflows._reconstruct import reconstruct
     from turnscan.workflows._reconstruct_options import ReconstructOptions
@@ -171,6 +172,7 @@ _MODULES = {
     "_measure": ("Measured", "measure"),
     "_measure_options": ("MeasureOptions",),
     "_opening": ("OpenScan", "open_scan"),
+    "_option_schema": ("option_schemas",),
     "_reading": ("read_mesh_file", "read_rig_file"),
     "_reconstruct": ("reconstruct",),
     "_reconstruct_options": ("ReconstructOptions",),
@@ -367,6 +369,7 @@ __all__ = [
     "measure",
     "open_scan",
     "opened_devices",
+    "option_schemas",
     "options_of",
     "parse_angles",
     "parse_theta",
