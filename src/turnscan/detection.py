@@ -17,7 +17,7 @@ from turnscan.edit import Redetect, Stripes
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.points import Volume
-from turnscan.rig import Rig
+from turnscan.rig import Rig, TableMotion
 from turnscan.scan import Frame, Scan, Stored, lit_in
 from turnscan.stripes import (
     Candidates,
@@ -73,6 +73,9 @@ class View:
         angles = np.array([done[k][1] for k in good], np.float64)
         stripes = tuple(done[k][2] for k in good)
         shaky = np.array([done[k][3] for k in good], np.float64)
+        if self.rig.motion is not None:
+            told = np.array([np.isnan(brackets[k][0].row.measured) for k in good], np.bool_)
+            angles, shaky = moved(self.rig.motion, angles, shaky, told)
         if self.settings.refine != "none":
             swept = self._refined(stripes, angles, [brackets[k] for k in good], jobs)
             asked = self.settings.refine == "spacetime"
@@ -133,6 +136,20 @@ class Detection:
     view: View
     stripes: Stripes
     findings: tuple[Finding, ...]
+
+
+def moved(
+    motion: TableMotion, angles: Floats, sigmas: Floats, told: Bools
+) -> tuple[Floats, Floats]:
+    """Angles (n,) rad in scan order and their uncertainties, with the table's own errors in those
+    that it was ``told`` and nothing says how well it followed."""
+    told = told & np.isnan(sigmas)
+    if not told.any():
+        return angles, sigmas
+    return (
+        np.where(told, motion.angle(angles), angles),
+        np.where(told, motion.sigma(angles), sigmas),
+    )
 
 
 Looked = tuple[int, float, Stripe, float]

@@ -27,8 +27,10 @@ from turnscan.calibrate._quality import (
     figures,
     measured_uncertainty,
 )
+from turnscan.calibrate._refine import Refined, RefineSettings, refine
 from turnscan.calibrate._rig import Calibration, calibrate_rig
 from turnscan.calibrate._steps import AngleModel, angle_model
+from turnscan.calibrate._surfaces import Sweep
 
 __all__ = [
     "Advice",
@@ -44,8 +46,11 @@ __all__ = [
     "LaserPicture",
     "MarkerView",
     "Measured",
+    "RefineSettings",
+    "Refined",
     "Rejected",
     "SheetFit",
+    "Sweep",
     "TableAngle",
     "TablePicture",
     "advice_of",
@@ -65,6 +70,7 @@ __all__ = [
     "parameters_of",
     "parse_board",
     "picture_fault",
+    "refine",
     "refuse_poor",
     "stripe_candidates",
 ]

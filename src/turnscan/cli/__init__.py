@@ -32,6 +32,7 @@ _VERBS = {
     "join": "several poses of one part → one surface",
     "measure": "planar faces, angles, spheres and cylinders of a measured part",
     "reconstruct": "a scan file → points, mesh, CAD",
+    "refine": "improve a rig without a board, by a scan from two lasers or of a sphere",
     "resume": "complete an interrupted scan",
     "scan": "a turn of the table with the devices that are connected → a scan file",
     "section": "planes through a part → a drawing of lines and arcs: DXF, SVG, PDF",

@@ -5,6 +5,7 @@ from turnscan.rig import _paper as paper
 from turnscan.rig._camera import Camera
 from turnscan.rig._design import Design
 from turnscan.rig._file import rig_from_json, rig_hash, rig_to_json
+from turnscan.rig._motion import TableMotion
 from turnscan.rig._planar import PlanarPoint, planar_pixel, planar_point
 from turnscan.rig._pose import Pose, rotation_about, rotation_from_vector, rotation_z
 from turnscan.rig._presets import PRESET_NAMES, design_preset
@@ -30,6 +31,7 @@ __all__ = [
     "PlanarPoint",
     "Pose",
     "Rig",
+    "TableMotion",
     "TableRow",
     "design_preset",
     "disagreements",

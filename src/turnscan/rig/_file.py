@@ -6,11 +6,13 @@ import hashlib
 import json
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from turnscan.errors import FormatError
 from turnscan.json_text import strict_json
 from turnscan.rig._camera import Camera
+from turnscan.rig._motion import TableMotion
 from turnscan.rig._pose import Pose
 from turnscan.rig._rig import Marker, Rig
 from turnscan.rig._sheet import LaserSheet
@@ -57,6 +59,13 @@ class _MarkerFile(_Strict):
     corners: tuple[Vec3, Vec3, Vec3, Vec3]
 
 
+class _MotionFile(_Strict):
+    harmonics: tuple[Vec2, ...] = ()
+    start: float = 0.0
+    backlash: float = 0.0
+    covariance: tuple[tuple[float, ...], ...] | None = None
+
+
 class _RigFile(_Strict):
     format: Literal["turnscan-rig"]
     version: Literal[1]
@@ -67,6 +76,7 @@ class _RigFile(_Strict):
     """None before the axis is calibrated."""
     markers: tuple[_MarkerFile, ...] = ()
     covariance: tuple[tuple[float, ...], ...] | None = None
+    motion: _MotionFile | None = None
 
 
 def rig_to_json(rig: Rig) -> str:
@@ -102,6 +112,7 @@ def rig_to_json(rig: Rig) -> str:
             for m in rig.markers
         ],
         "covariance": None if rig.covariance is None else rig.covariance.tolist(),
+        **({} if rig.motion is None else {"motion": _motion_text(rig.motion)}),
     }
     return json.dumps(body, indent=1, allow_nan=False)
 
@@ -145,7 +156,23 @@ def _build(f: _RigFile) -> Rig:
         table_known=f.T_camera_table is not None,
         markers=tuple(Marker(**m.model_dump()) for m in f.markers),
         covariance=None if f.covariance is None else _square(f.covariance),
+        motion=None if f.motion is None else _motion(f.motion),
     )
+
+
+def _motion(f: _MotionFile) -> TableMotion:
+    covariance = None if f.covariance is None else np.array(_square(f.covariance))
+    harmonics = np.array(f.harmonics, dtype=np.float64).reshape(-1, 2)
+    return TableMotion(harmonics, f.start, f.backlash, covariance)
+
+
+def _motion_text(m: TableMotion) -> dict[str, Any]:
+    return {
+        "harmonics": m.harmonics.tolist(),
+        "start": m.start,
+        "backlash": m.backlash,
+        "covariance": None if m.covariance is None else m.covariance.tolist(),
+    }
 
 
 def _square(rows: tuple[tuple[float, ...], ...]) -> Any:

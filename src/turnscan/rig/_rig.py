@@ -12,6 +12,7 @@ from turnscan.arrays import Floats, frozen
 from turnscan.picture import card
 from turnscan.rig._camera import Camera
 from turnscan.rig._drawing import Beam, views
+from turnscan.rig._motion import TableMotion
 from turnscan.rig._pose import Pose, rotation_from_vector
 from turnscan.rig._sheet import LaserSheet
 
@@ -53,6 +54,8 @@ class Rig:
     """(p, p) covariance of the parameters named by `parameter_names`, or None when not known."""
     table_known: bool = True
     """False before the axis is calibrated: ``T_camera_table`` then says nothing."""
+    motion: TableMotion | None = None
+    """The table's own errors, where nothing measured its angle; None where none are known."""
 
     def __post_init__(self) -> None:
         names = [s.name for s in self.sheets]

@@ -69,6 +69,8 @@ if TYPE_CHECKING:
     from turnscan.workflows._reading import read_mesh_file, read_rig_file
     from turnscan.workflows._reconstruct import reconstruct
     from turnscan.workflows._reconstruct_options import ReconstructOptions
+    from turnscan.workflows._refine import RefinedRig, refine
+    from turnscan.workflows._refine_options import RefineOptions
     from turnscan.workflows._report import about
     from turnscan.workflows._result import ReconstructResult
     from turnscan.workflows._saving import audited, save
@@ -176,6 +178,8 @@ _MODULES = {
     "_reading": ("read_mesh_file", "read_rig_file"),
     "_reconstruct": ("reconstruct",),
     "_reconstruct_options": ("ReconstructOptions",),
+    "_refine": ("RefinedRig", "refine"),
+    "_refine_options": ("RefineOptions",),
     "_report": ("about",),
     "_result": ("ReconstructResult",),
     "_saving": ("ExportOptions", "audited", "save"),
@@ -309,6 +313,8 @@ __all__ = [
     "Recipe",
     "ReconstructOptions",
     "ReconstructResult",
+    "RefineOptions",
+    "RefinedRig",
     "ScanControl",
     "ScanLeft",
     "ScanOptions",
@@ -380,6 +386,7 @@ __all__ = [
     "read_recipe",
     "read_rig_file",
     "reconstruct",
+    "refine",
     "resume",
     "save",
     "scan",

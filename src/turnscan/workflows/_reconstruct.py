@@ -20,6 +20,7 @@ from turnscan.workflows._history import repairs, wanted_history
 from turnscan.workflows._kept_options import DEFAULT_SET, check_name, kept_options, store_options
 from turnscan.workflows._range_scans import join_scans, placed_scans
 from turnscan.workflows._reconstruct_options import ReconstructOptions
+from turnscan.workflows._refine import table_findings
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
 
@@ -135,6 +136,7 @@ def _of_scan(
     seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
     surfacing = progress.subrange(_DETECTION, 1, "building the surface")
     done = build(seen, settings, edits, surfacing)
+    done = replace(done, findings=(*done.findings, *table_findings(seen, done.grids)))
     return ReconstructResult(
         done, about(scan.path, rig, settings, done.edits), rig, options=options
     )

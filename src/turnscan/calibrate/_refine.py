@@ -1,0 +1,316 @@
+"""A rig made better without a board: what two lasers see of one part must be one surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from turnscan.arrays import Bools, Floats
+from turnscan.calibrate._adjust import Fit, adjust
+from turnscan.calibrate._patches import patches_under
+from turnscan.calibrate._prior import moved_by, prior_of
+from turnscan.calibrate._quality import Measured
+from turnscan.calibrate._spheres import again, find_sphere, sphere_noise
+from turnscan.calibrate._surfaces import (
+    WEAK,
+    Pair,
+    SurfaceNetwork,
+    Surfaces,
+    Sweep,
+    gauge_of,
+    noise_of,
+    thinned,
+)
+from turnscan.errors import Degenerate
+from turnscan.rig import Rig, TableMotion
+
+ORDERS = 3
+"""Waves per turn that are sought in the table's motion."""
+_SETTLED = 0.1
+"""Standard deviations: less than this, and another round changes nothing."""
+_REACH_MM = 8.0
+"""How far apart two surfaces may be at first."""
+_FEWEST = 100
+"""Places where two surfaces meet, below which nothing is said of a rig."""
+_NO_FIT, _LEAST_MM = 3.0, 0.01
+"""Times the noise, and mm of noise at least: surfaces farther apart have another cause."""
+_TOLD = 0.5
+"""Of what was known before: a parameter that stays less certain than this was told little."""
+_MATERIAL = 0.2
+"""Of the stripe's noise, rms: what moves the surfaces by less is not told from errors that stripes
+have on tilted surfaces."""
+
+
+@dataclass(frozen=True)
+class RefineSettings:
+    """What may move, and what is known of spheres in the scan."""
+
+    camera: bool = False
+    """Whether the camera may move, too, within its uncertainty."""
+    geometry: bool = True
+    """Whether sheets and axis may move within their uncertainty."""
+    radius: tuple[float, float] | None = None
+    """Radius of a sphere that is the part, and its standard uncertainty, mm."""
+    rounds: int = 12
+    """How often surfaces are held against each other, at most."""
+    queries: int = 4000
+    """Places of each surface that are looked at, at most."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A rig that fits what scans of a part show."""
+
+    rig: Rig
+    gap_before: float
+    """mm rms between the surfaces (or from the sphere) as the rig had them before."""
+    gap_after: float
+    gap_noise: float
+    """mm rms that the stripes' own noise makes."""
+    places: int
+    """Where surfaces met."""
+    estimated: dict[str, Measured]
+    """Parameters that moved, by name; rig: how far, mm or rad; motion: their value, rad."""
+    held: tuple[str, ...]
+    """What the scans say nothing of: it stays as it was known."""
+    dropped: tuple[str, ...]
+    """Errors of the table that the scans do not ask for."""
+    fit: Fit[Surfaces]
+
+
+def refine(
+    rig: Rig,
+    sweeps: Sequence[Sweep],
+    settings: RefineSettings | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> Refined:
+    """Adjust table motion, sheets and axis until all surfaces of a part agree.
+
+    Each point of a sweep is held against the patch of every other sweep's points under it; what was
+    known of the rig (its covariance) counts as observations, and what it does not doubt is held.
+    Errors of the table (harmonics, play) are kept where Bayes' information criterion asks for them.
+    A sphere of known size gives the scale. ``tick`` is called after each round.
+    Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
+
+    Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
+    else is known of, DidNotConverge.
+    """
+    s = settings or RefineSettings()
+    many = tuple(thinned(sweep, rig) for sweep in sweeps)
+    moving = any(sweep.moved for sweep in many)
+    motion = TableMotion(np.zeros((ORDERS if moving else 0, 2)))
+    if rig.motion is not None:
+        waves = np.zeros((max(ORDERS, len(rig.motion.harmonics)), 2))
+        waves[: len(rig.motion.harmonics)] = rig.motion.harmonics
+        motion = replace(rig.motion, harmonics=waves, covariance=None)
+    state = Surfaces(replace(rig, covariance=None, motion=motion))
+    if s.radius is not None:
+        state = replace(state, spheres=(find_sphere(many, state.rig, s.radius),))
+    free = _free(rig, state, many, s)
+    fit: Fit[Surfaces] | None = None
+    first = (float("nan"), float("nan"), 0)
+    reach = _REACH_MM
+    for k in range(s.rounds):
+        if k:
+            spheres = tuple(again(sphere, many, state.rig) for sphere in state.spheres)
+            state = replace(state, spheres=spheres)
+        network = _network(rig, state, many, free, reach, s)
+        now = _gap(network, state)
+        if k == 0:
+            first = now
+        fit = adjust(network, state, free, near=fit)
+        moved, state = _moved(state, fit), fit.state
+        after = _gap(network, state)
+        reach = min(max(6 * after[0], 4 * after[1]), _REACH_MM)
+        tick()
+        if moved < _SETTLED:
+            break
+    assert fit is not None
+    fit, free, dropped = _simplest(network, fit, free)
+    last = _gap(network, fit.state)
+    if last[0] > _NO_FIT * max(last[1], _LEAST_MM):
+        raise Degenerate(
+            f"the surfaces stay {last[0]:.3f} mm apart where the stripe's noise makes "
+            f"{last[1]:.3f} mm: no rig near this one explains the scan",
+            hint="did the part move, is it the body that was named, and is the rig the right one?",
+        )
+    return _told(rig, network, fit, free, dropped, first[0], last)
+
+
+def _moved(before: Surfaces, fit: Fit[Surfaces]) -> float:
+    """By how many standard deviations the parameter moved that moved most."""
+    after = fit.state
+    off = np.concatenate(
+        [moved_by(before.rig, after.rig), after.motion.values - before.motion.values,
+         *([*(a.centre - b.centre), a.radius - b.radius]
+           for a, b in zip(after.spheres, before.spheres, strict=True))]
+    )  # fmt: skip
+    sigma = np.sqrt(np.diag(fit.covariance))
+    return float(np.max(np.abs(off[sigma > 0]) / sigma[sigma > 0], initial=0.0))
+
+
+def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings) -> Bools:
+    names = SurfaceNetwork(tuple(sweeps), (), state, np.zeros(0, bool)).names
+    own, motion = rig.parameter_names, state.motion.names
+    free = np.zeros(len(names), dtype=bool)
+    if rig.covariance is not None and s.geometry:
+        free[: len(own)] = np.diag(rig.covariance) > 0
+        if not s.camera:
+            free[[k for k, n in enumerate(own) if n.startswith("camera.")]] = False
+    moved = [sweep for sweep in sweeps if sweep.moved]
+    if moved:
+        free[len(own) : len(own) + len(motion)] = True
+        back = any(np.ptp(np.sign(np.diff(sweep.angles))) > 0 for sweep in moved)
+        free[len(own) + motion.index("motion.backlash")] = back
+    free[len(own) + len(motion) :] = True
+    return free
+
+
+def _network(
+    rig: Rig,
+    state: Surfaces,
+    sweeps: tuple[Sweep, ...],
+    free: Bools,
+    reach: float,
+    s: RefineSettings,
+) -> SurfaceNetwork:
+    """What meets what in the present state."""
+    names = state.rig.parameter_names
+    stages = {n.rpartition(".")[0] for n, f in zip(names, free, strict=False) if f}
+    prior = prior_of(rig, state.rig, stages) if stages else None
+    network = SurfaceNetwork(sweeps, (), state, free, prior)
+    at = network.places(state.rig)
+    noise = [noise_of(sweep, state.rig) for sweep in sweeps]
+    pairs = []
+    for a in range(len(sweeps)):
+        for b in range(len(sweeps)):
+            if a == b:
+                continue
+            some = np.unique(np.linspace(0, len(at[a]) - 1, s.queries).astype(np.intp))
+            found = patches_under(at[a][some], at[b], noise[b], reach)
+            found = replace(found, query=some[found.query])
+            if len(found.query) < _FEWEST:
+                continue
+            own = np.einsum("mi,mi->m", found.normal, noise[a][found.query])
+            theirs = np.einsum("mi,mki->mk", found.normal, noise[b][found.near])
+            sigma = np.sqrt(own**2 + ((found.weights * theirs) ** 2).sum(axis=1))
+            # A point that slides along its surface says nothing, but not with infinite weight.
+            sigma = np.maximum(sigma, 0.2 * float(np.median(sigma)))
+            pairs.append(Pair(a, b, found, sigma))
+    if not pairs and not state.spheres:
+        raise Degenerate(
+            "no two surfaces overlap where they are smooth: one laser sees each place once in a "
+            "turn, and where a part bends much from step to step no surface is known",
+            hint="scan with two lasers, in smaller steps, or a body of known size",
+        )
+    spheres = tuple(sphere_noise(sphere, at, noise) for sphere in state.spheres)
+    return replace(network, pairs=tuple(pairs), sphere_sigma=spheres)
+
+
+def _gap(network: SurfaceNetwork, state: Surfaces) -> tuple[float, float, int]:
+    """rms of the gaps (without the farthest hundredth), rms of their noise, number of places."""
+    at = network.places(state.rig)
+    gaps = [p.patches.gaps(at[p.asked], at[p.others]) for p in network.pairs]
+    sigma = [p.sigma for p in network.pairs]
+    for sphere, own in zip(state.spheres, network.sphere_sigma, strict=True):
+        for i, which in enumerate(sphere.points):
+            gaps.append(np.linalg.norm(at[i][which] - sphere.centre, axis=1) - sphere.radius)
+            sigma.append(own[i])
+    all_gaps, all_sigma = np.abs(np.concatenate(gaps)), np.concatenate(sigma)
+    near = all_gaps <= np.quantile(all_gaps, 0.99)
+    rms = float(np.sqrt(np.mean(all_gaps[near] ** 2)))
+    return rms, float(np.sqrt(np.mean(all_sigma[near] ** 2))), len(all_gaps)
+
+
+def _simplest(
+    network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools
+) -> tuple[Fit[Surfaces], Bools, tuple[str, ...]]:
+    """The fit without those errors of the table that do not earn their parameters.
+
+    Wald's statistic of a group of k parameters is what they lower χ² by; Bayes' information
+    criterion asks for k·ln n. The highest order goes first, as a wheel of order 1 is a commoner
+    thing than one of order 3; those that the scans say nothing of go without being asked.
+    """
+    p = len(fit.state.rig.parameter_names)
+    names = fit.state.motion.names
+    orders = [(f"motion.cos{m}", f"motion.sin{m}") for m in range(ORDERS, 0, -1)]
+    count = sum(len(b.residual) for b in fit.blocks)
+    dropped: list[str] = []
+    for group in [("motion.start",), ("motion.backlash",), *orders]:
+        index = np.array([p + names.index(n) for n in group if n in names], dtype=np.intp)
+        if not len(index) or not free[index].any():
+            continue
+        values = fit.state.motion.values[index - p]
+        C = fit.covariance[np.ix_(index, index)]
+        weak = bool(np.diag(C).max() > (_TOLD * WEAK) ** 2)
+        gain = float(values @ np.linalg.solve(C, values))
+        if weak or gain < len(index) * np.log(count) or not _matters(fit, index, values):
+            free = free.copy()
+            free[index] = False
+            network = replace(network, active=free)
+            zero = fit.state.motion.values.copy()
+            zero[index - p] = 0.0
+            rig = replace(fit.state.rig, motion=TableMotion.of(zero))
+            fit = adjust(network, replace(fit.state, rig=rig), free, near=fit)
+            dropped += group
+    return fit, free, tuple(dropped)
+
+
+def _matters(fit: Fit[Surfaces], index: npt.NDArray[np.intp], values: Floats) -> bool:
+    """Whether parameters move the surfaces that they move at all by enough to be believed."""
+    moved = [b.common[:, index] @ values for b in fit.blocks if not b.kind.startswith("prior")]
+    every = np.concatenate(moved)
+    every = every[np.abs(every) > 1e-6]
+    return bool(len(every)) and float(np.sqrt(np.mean(every**2))) > _MATERIAL
+
+
+def _told(
+    before: Rig,
+    network: SurfaceNetwork,
+    fit: Fit[Surfaces],
+    free: Bools,
+    dropped: tuple[str, ...],
+    gap_before: float,
+    last: tuple[float, float, int],
+) -> Refined:
+    state, p = fit.state, len(before.parameter_names)
+    q = len(state.motion.names)
+    sigma = np.sqrt(np.diag(fit.covariance))
+    moved = np.concatenate(
+        [moved_by(replace(before, motion=None), state.rig), state.motion.values,
+         *([*s.centre, s.radius] for s in state.spheres)]
+    )  # fmt: skip
+    held = []
+    covariance = None
+    if before.covariance is not None:
+        old = np.sqrt(np.diag(before.covariance))
+        covariance = np.array(before.covariance)
+        part = np.flatnonzero(free[:p])
+        covariance[part, :] = 0.0
+        covariance[:, part] = 0.0
+        covariance[np.ix_(part, part)] = fit.covariance[np.ix_(part, part)]
+        for gauge in gauge_of(before) if part.size else ():
+            covariance += np.outer(gauge, gauge) * (gauge @ before.covariance @ gauge)
+        held = [
+            n for n, s, o, f in zip(before.parameter_names, sigma, old, free, strict=False)
+            if f and s > _TOLD * o
+        ]  # fmt: skip
+    if (
+        "motion.backlash" in state.motion.names
+        and not free[p + state.motion.names.index("motion.backlash")]
+        and "motion.backlash" not in dropped
+    ):
+        held.append("motion.backlash")
+    motion = None
+    if free[p : p + q].any() or before.motion is not None:
+        motion = replace(state.motion, covariance=fit.covariance[p : p + q, p : p + q])
+    rig = replace(state.rig, covariance=covariance, motion=motion)
+    estimated = {
+        n: Measured(float(v), float(s))
+        for n, v, s, f in zip(network.names, moved, sigma, free, strict=True)
+        if f
+    }
+    return Refined(rig, gap_before, last[0], last[1], last[2], estimated, tuple(held), dropped, fit)

@@ -1,0 +1,39 @@
+"""``turnscan refine``: improve a rig without a board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from turnscan import workflows
+from turnscan.cli._flags import flags_of
+from turnscan.cli._progress import progress_bar
+
+_path = click.Path(path_type=Path)
+
+
+@click.command("refine")
+@click.argument("scan", type=_path)
+@click.option(
+    "--rig", type=_path, help="rig.json, or what a ruler says (.toml).  [default: the scan's]"
+)
+@flags_of(workflows.RefineOptions)
+@click.option("-o", "--output", required=True, type=_path, help="rig.json to write.")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def verb(
+    scan: Path,
+    rig: Path | None,
+    options: workflows.RefineOptions,
+    output: Path,
+    as_json: bool,
+) -> None:
+    """Improve a rig by SCAN, of any part seen by two lasers or in two turns, or of a sphere.
+
+    What two lasers see of one part is one surface: laser sheets and axis move within their
+    uncertainty, and errors of the table (eccentric drive, play) are estimated where the scan
+    demands them. What it says nothing of stays as it was, and is named.
+    """
+    with progress_bar() as progress:
+        done = workflows.refine(scan, output, options, rig=rig, progress=progress)
+    click.echo(done.figures() if as_json else str(done))

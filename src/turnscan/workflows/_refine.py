@@ -1,0 +1,219 @@
+"""Refine: a rig made better by what scans of a part show, without a board."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnscan import points
+from turnscan.calibrate import Measured, Refined, RefineSettings, Sweep
+from turnscan.calibrate import refine as adjust_rig
+from turnscan.detection import Detection, detect_scan
+from turnscan.errors import CalibrationError, InputError
+from turnscan.findings import Finding
+from turnscan.gridding import to_grids
+from turnscan.points import RangeGrid
+from turnscan.progress import Progress, no_progress
+from turnscan.rig import Rig, rig_to_json
+from turnscan.scan import Scan, lit_in, rig_for
+from turnscan.settings import Settings
+from turnscan.workflows._declare import chosen
+from turnscan.workflows._files import check_output, write_atomically
+from turnscan.workflows._kept_options import kept_options
+from turnscan.workflows._reading import read_rig_file
+from turnscan.workflows._refine_options import RefineOptions
+
+_DETECTION = 0.6
+"""Of the work, until all stripes are found."""
+_QUICK = RefineSettings(geometry=False, rounds=1, queries=1500)
+
+
+@dataclass(frozen=True)
+class RefinedRig:
+    """A rig file, and what a scan changed in it."""
+
+    path: Path
+    refined: Refined
+
+    def __fspath__(self) -> str:
+        """Its path: it stands for the rig file wherever one is wanted."""
+        return fspath(self.path)
+
+    def __str__(self) -> str:
+        r = self.refined
+        lines = [
+            f"{r.places} places where surfaces meet: {r.gap_before:.3f} mm rms apart before, "
+            f"{r.gap_after:.3f} mm after; {r.gap_noise:.3f} mm is noise"
+        ]
+        lines += [f"  {name}: {_worded(name, m)}" for name, m in r.estimated.items()]
+        if r.dropped:
+            lines.append(f"not asked for by the scan: {', '.join(r.dropped)}")
+        if r.held:
+            lines.append(f"the scan says little or nothing of: {', '.join(r.held)}")
+        return "\n".join([*lines, f"{self.path}: written"])
+
+    def figures(self) -> str:
+        """All of it as JSON, unrounded; mm and radians."""
+        r = self.refined
+        return json.dumps(
+            {
+                "places": r.places,
+                "gap_before_mm": r.gap_before,
+                "gap_after_mm": r.gap_after,
+                "gap_noise_mm": r.gap_noise,
+                "estimated": {n: [m.value, m.sigma] for n, m in r.estimated.items()},
+                "dropped": r.dropped,
+                "held": r.held,
+            },
+            indent=1,
+        )
+
+
+def refine(
+    scan: str | PathLike[str],
+    output: str | PathLike[str],
+    options: RefineOptions | None = None,
+    *,
+    rig: Rig | str | PathLike[str] | None = None,
+    progress: Progress = no_progress,
+    **changes: Any,
+) -> RefinedRig:
+    """Improve a rig by a scan of any part, from two lasers or turns, or of a sphere.
+
+    What two lasers see of one part is one surface: sheets and axis move within their uncertainty,
+    and the table's own errors (harmonics of its turn, play) are estimated where the scan demands
+    them, until the surfaces agree. A sphere of known diameter also gives the scale.
+
+    Parameters
+    ----------
+    scan
+        The scan file. Its part should not be round about the table's axis.
+    output
+        The rig file to write, ``….json``.
+    options
+        What may move, and what is known of the part.
+    rig
+        The rig to begin with; None takes the one in the scan. A rig without uncertainties keeps
+        sheets and axis as they are.
+    progress
+        Told how far it is; it may cancel.
+    changes
+        Options to change by name, as in ``sphere=40.0``.
+
+    Returns
+    -------
+    RefinedRig
+        What was estimated, with uncertainties, and what the scan says nothing of.
+
+    Raises
+    ------
+    InputError
+        Where no such file, or scan and rig do not fit.
+    CalibrationError
+        Degenerate where no surfaces overlap, DidNotConverge.
+
+    >>> import turnscan as ts
+    >>> ts.refine("none.turnscan", "better.json")
+    Traceback (most recent call last):
+    turnscan.errors.InputError: none.turnscan: no such file → check the name
+    """
+    path, output = Path(scan), Path(output)
+    wanted = chosen(RefineOptions, options, changes)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file", hint="check the name")
+    check_output(output, (".json",), [path])
+    begin = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
+    with Scan.open(path) as opened:
+        begin = rig_for(opened, begin)
+        settings = kept_options(opened).settings(begin, opened)
+        looks = sum(len(lit_in(n, begin)) * len(opened.steps(n)) for n in opened.plan.lasers)
+        tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
+        # Its angles are wanted as they were told: the motion that is known comes on top again.
+        still = replace(begin, motion=None)
+        seen = detect_scan(opened, still, settings.stripes, settings.volume, tick)
+    sweeps = sweeps_of(seen, settings)
+    sphere = wanted.sphere
+    radius = None if sphere is None else (sphere / 2, wanted.sphere_sigma / 2)
+    limits = RefineSettings(wanted.camera, not wanted.table_only, radius)
+    step = progress.subrange(_DETECTION, 1, "fitting the surfaces").counter(limits.rounds)
+    done = adjust_rig(begin, sweeps, limits, step)
+    write_atomically(output, rig_to_json(done.rig).encode())
+    return RefinedRig(output, done)
+
+
+def sweeps_of(seen: Sequence[Detection], settings: Settings) -> list[Sweep]:
+    """The points of a scan as they are kept for its surface, as observations of its rig."""
+    told = {
+        d.view.laser: d.stripes.angle_sigma is None or bool(np.isnan(d.stripes.angle_sigma).all())
+        for d in seen
+    }
+    across = 0 if settings.stripes.orientation == "vertical" else 1
+    grids = to_grids(seen, settings).grids
+    rigs = {d.view.laser: d.view.rig for d in seen}
+    return [_sweep(g, rigs[g.laser], told[g.laser], across) for g in grids if g.found.any()]
+
+
+def _sweep(grid: RangeGrid, rig: Rig, told: bool, across: int) -> Sweep:
+    step, line = np.nonzero(grid.found)
+    at = grid.points[step, line]
+    pixels = points.pixels_of(rig, at, grid.angles[step])
+    _, scale = points.triangulate(rig, grid.laser, pixels, np.ones(len(at)), across=across)
+    sigma = grid.sigma[step, line] / scale
+    good = np.isfinite(pixels).all(axis=1) & np.isfinite(sigma) & (sigma > 0)
+    return Sweep(
+        grid.laser, pixels[good], sigma[good], step[good].astype(np.int32), grid.angles,
+        told, across,
+    )  # fmt: skip
+
+
+def table_findings(seen: Sequence[Detection], grids: Sequence[RangeGrid]) -> list[Finding]:
+    """Whether two lasers contradict the angles that the table was told, nothing having seen them.
+
+    One quick round of `turnscan.calibrate.refine`, of the table's errors alone.
+    """
+    known = {d.view.laser: d for d in seen}
+    told = [
+        d for d in seen if d.stripes.angle_sigma is None or np.isnan(d.stripes.angle_sigma).all()
+    ]
+    if len(told) < 2 or any(d.view.rig.motion is not None for d in told):
+        return []
+    some = [g for g in grids if g.laser in known and g.found.sum() > 100]
+    if len({g.laser for g in some}) < 2:
+        return []
+    across = 0 if seen[0].view.settings.orientation == "vertical" else 1
+    sweeps = [_sweep(g, known[g.laser].view.rig, True, across) for g in some]
+    try:
+        quick = adjust_rig(known[some[0].laser].view.rig, sweeps, _QUICK)
+    except CalibrationError:
+        return []
+    motion = quick.rig.motion
+    if motion is None or not np.any(motion.values):
+        return []
+    turn = np.linspace(0.0, 2 * np.pi, 361)
+    off = motion.angle(turn) - turn
+    return [
+        Finding(
+            "scan.table-uneven",
+            "warning",
+            f"two lasers see the part turned against itself: the table is up to "
+            f"{math.degrees(float(np.ptp(off)) / 2):.2f}° off the angles that it was told "
+            f"(surfaces {quick.gap_before:.3f} mm apart, {quick.gap_noise:.3f} mm is noise)",
+            where=", ".join(dict.fromkeys(g.laser for g in some)),
+            remedy="estimate the table's errors with turnscan refine, and reconstruct with the rig "
+            "that it writes",
+        )
+    ]
+
+
+def _worded(name: str, m: Measured) -> str:
+    angle = name.startswith("motion.") or ".turn_" in name
+    unit = "°" if angle else " mm"
+    value, sigma = (math.degrees(m.value), math.degrees(m.sigma)) if angle else (m.value, m.sigma)
+    return f"{value:+.4f} ± {sigma:.4f}{unit}"

@@ -1,0 +1,25 @@
+"""What a user may choose about the refinement of a rig."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from turnscan.workflows._declare import Checked, option
+
+
+@dataclass(frozen=True)
+class RefineOptions(Checked):
+    """What may move, and what is known of the part."""
+
+    sphere: float | None = option(
+        None, "number",
+        "Diameter of the sphere that is the part, mm: it gives the scale.",
+        least=0, above=True,
+    )  # fmt: skip
+    sphere_sigma: float = option(
+        0.01, "number", "Standard uncertainty of that diameter, mm.", least=0, above=True
+    )
+    camera: bool = option(False, "switch", "Let the camera move, too, within its uncertainty.")
+    table_only: bool = option(
+        False, "switch", "Hold laser sheets and axis; estimate the table's errors alone."
+    )

@@ -1,0 +1,124 @@
+"""What a rig would see of a body, without a picture: stripes of a surface that is a formula."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.calibrate import Sweep
+from turnscan.rig import Camera, LaserSheet, Pose, Rig, rotation_z
+
+Body = Callable[[Floats], Floats]
+"""Points (n, 3) of the object's frame → (n,) mm outside of it."""
+
+CAMERA = Camera(640, 480, 1400.0, 1400.0, 320.0, 240.0)
+
+
+def two_lasers(theta_deg: float = 28.0, lasers: int = 2) -> Rig:
+    """A camera 400 mm from the axis, 20° above the platter, a laser to either side of it."""
+    down = np.radians(20.0)
+    up = np.array([0.0, -np.cos(down), -np.sin(down)])
+    x = np.array([1.0, 0.0, 0.0])
+    T = Pose(np.stack([x, np.cross(up, x), up], axis=1), np.array([0.0, 30.0, 400.0]))
+    sheets = []
+    for name, sign in (("right", 1.0), ("left", -1.0))[:lasers]:
+        a = sign * np.radians(theta_deg)
+        sheets.append(
+            LaserSheet(name, T.turn(np.array([np.cos(a), np.sin(a), 0.0])), T.translation)
+        )
+    return Rig(CAMERA, tuple(sheets), T)
+
+
+def sphere(centre: tuple[float, float, float], radius: float) -> Body:
+    return lambda p: np.linalg.norm(p - centre, axis=-1) - radius
+
+
+def cylinder(centre: tuple[float, float], radius: float, tilt_deg: float = 0.0) -> Body:
+    t = np.radians(tilt_deg)
+    axis = np.array([np.sin(t), 0.0, np.cos(t)])
+
+    def outside(p: Floats) -> Floats:
+        d = p - [*centre, 0.0]
+        return np.linalg.norm(d - (d @ axis)[..., None] * axis, axis=-1) - radius
+
+    return outside
+
+
+def prism(centre: tuple[float, float], flats: float, sides: int = 6, lean_deg: float = 0.0) -> Body:
+    turn = np.arange(sides) * 2 * np.pi / sides + 0.2
+    lean = np.radians(lean_deg)
+    normals = np.stack(
+        [np.cos(turn) * np.cos(lean), np.sin(turn) * np.cos(lean), np.full(sides, np.sin(lean))],
+        axis=1,
+    )
+
+    def outside(p: Floats) -> Floats:
+        far: Floats = ((p - [*centre, 0.0]) @ normals.T).max(axis=-1) - flats / 2
+        return far
+
+    return outside
+
+
+def swept(
+    rig: Rig,
+    laser: str,
+    body: Body,
+    commanded: Floats,
+    true: Floats,
+    seed: int,
+    noise: float = 0.05,
+    every: int = 4,
+    heights: tuple[float, float] = (2.0, 45.0),
+) -> Sweep:
+    """The stripe of one laser on a body, at angles that are commanded, and those that are true."""
+    dice = np.random.default_rng(seed)
+    v = np.arange(0.0, rig.camera.height, every)
+    u = np.arange(0.0, rig.camera.width, 2.0)
+    grid = np.stack(np.meshgrid(u, v), axis=-1)
+    X = rig.T_camera_table.inverse().apply(rig.sheet(laser).intersect(rig.camera.rays(grid)))
+    pixels, steps = [], []
+    for k, angle in enumerate(true):
+        f = body(X @ rotation_z(angle))
+        f = np.where((X[..., 2] > heights[0]) & (X[..., 2] < heights[1]), f, 1e3)
+        into = (f[:, :-1] > 0) != (f[:, 1:] > 0)
+        near = (np.abs(f[:, :-1]) < 900) & (np.abs(f[:, 1:]) < 900)
+        row, col = np.nonzero(into & near)
+        share = f[row, col] / (f[row, col] - f[row, col + 1])
+        place = u[col] + share * 2.0
+        at = X[row, col] + share[:, None] * (X[row, col + 1] - X[row, col])
+        order = np.lexsort((rig.T_camera_table.apply(at)[:, 2], row))
+        _, first = np.unique(row[order], return_index=True)
+        pick = order[first]
+        pixels.append(np.stack([place[pick], v[row[pick]]], axis=1))
+        steps.append(np.full(len(pick), k))
+    px = np.concatenate(pixels)
+    px[:, 0] += noise * dice.standard_normal(len(px))
+    sigma = np.full(len(px), noise)
+    return Sweep(laser, px, sigma, np.concatenate(steps).astype(np.int32), commanded)
+
+
+def both(
+    rig: Rig, body: Body, commanded: Floats, true: Floats, seed: int = 0, **more: float
+) -> list[Sweep]:
+    """All lasers of a rig on a body."""
+    return [
+        swept(rig, s.name, body, commanded, true, 100 * seed + k, **more)  # type: ignore[arg-type]
+        for k, s in enumerate(rig.sheets)
+    ]
+
+
+def doubted(rig: Rig, length: float = 5.0, angle_deg: float = 2.0) -> Rig:
+    """The rig as a ruler knows it."""
+    sigma = dict.fromkeys(rig.parameter_names, 0.0)
+    for s in rig.sheets:
+        sigma |= {
+            f"{s.name}.turn_along": np.radians(angle_deg),
+            f"{s.name}.turn_across": np.radians(angle_deg),
+            f"{s.name}.offset": length,
+        }
+    for axis in "xyz":
+        sigma |= {f"table.turn_{axis}": np.radians(angle_deg), f"table.shift_{axis}": length}
+    return replace(rig, covariance=np.diag(np.array(list(sigma.values())) ** 2))

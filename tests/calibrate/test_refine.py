@@ -1,0 +1,156 @@
+"""Two lasers on one part make its rig better, say what they tell, and hold what they do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests.calibrate.bodies import (
+    both,
+    cylinder,
+    doubted,
+    prism,
+    sphere,
+    two_lasers,
+)
+from turnscan.arrays import Floats
+from turnscan.calibrate import Refined, RefineSettings, refine
+from turnscan.errors import Degenerate
+from turnscan.rig import Rig, TableMotion, rig_from_json, rig_to_json
+
+STEPS = np.radians(np.arange(0.0, 360.0, 9.0))
+QUICK = RefineSettings(queries=1000)
+
+
+def eccentric(start_deg: float = 0.0, backlash_deg: float = 0.0) -> TableMotion:
+    return TableMotion(np.radians([[0.0, 1.0]]), np.radians(start_deg), np.radians(backlash_deg))
+
+
+@cache
+def there_and_back() -> tuple[Rig, Refined]:
+    """A hexagon, there and back, on a table that is 1° eccentric and has 0.5° of play."""
+    rig, told = two_lasers(), np.concatenate([STEPS, STEPS[::-1]])
+    sweeps = both(rig, prism((5.0, 2.0), 40.0), told, eccentric(0.0, 0.5).angle(told), 1, every=6)
+    return rig, refine(rig, sweeps, QUICK)
+
+
+def test_eccentricity_and_play_are_found_without_markers() -> None:
+    _, done = there_and_back()
+    found = done.estimated
+    assert set(found) == {"motion.cos1", "motion.sin1", "motion.backlash"}
+    for name, truth in (("motion.cos1", 0.0), ("motion.sin1", 1.0), ("motion.backlash", 0.5)):
+        off = abs(found[name].value - np.radians(truth))
+        assert off < 3 * found[name].sigma < np.radians(0.1), name
+    assert done.gap_before > 1.5 * done.gap_noise
+    assert done.gap_after < 1.2 * done.gap_noise
+
+
+def test_sides_of_the_hexagon_are_parallel_again() -> None:
+    rig, done = there_and_back()
+    told = np.concatenate([STEPS, STEPS[::-1]])
+    sweeps = both(rig, prism((5.0, 2.0), 40.0), told, eccentric(0.0, 0.5).angle(told), 1, every=6)
+    assert _off_parallel(rig, sweeps) > 0.8
+    assert _off_parallel(done.rig, sweeps) < 0.1
+
+
+def _off_parallel(rig: Rig, sweeps: list) -> float:  # type: ignore[type-arg]
+    """Degrees by which opposite sides are off parallel, at most."""
+    at = np.concatenate([s.points(rig, rig.camera.rays(s.pixels)) for s in sweeps])[:, :2]
+    turn = np.degrees(np.arctan2(at[:, 1] - 2.0, at[:, 0] - 5.0))
+    leans = []
+    for k in range(6):
+        middle = np.degrees(0.2) + 60 * k
+        side = at[np.abs((turn - middle + 180) % 360 - 180) < 24]
+        across = np.linalg.svd(side - side.mean(axis=0), full_matrices=False)[2][1]
+        leans.append((np.degrees(np.arctan2(across[1], across[0])) - middle + 90) % 180 - 90)
+    return float(np.abs(np.array(leans[:3]) - leans[3:]).max())
+
+
+def test_a_good_table_gets_no_errors() -> None:
+    rig = two_lasers()
+    done = refine(rig, both(rig, prism((5.0, 2.0), 40.0), STEPS, STEPS, 2, every=6), QUICK)
+    assert not done.estimated
+    assert "motion.sin1" in done.dropped
+    # In a scan that goes one way, play between the ways does not show.
+    assert "motion.backlash" in done.held
+
+
+def test_a_ruler_and_a_sphere_make_a_rig() -> None:
+    true = two_lasers()
+    known = doubted(true)
+    assert known.covariance is not None
+    dice = np.random.default_rng(4)
+    sigma = np.sqrt(np.diag(known.covariance))
+    wrong = replace(known.perturbed(0.7 * sigma * dice.standard_normal(len(sigma))),
+                    covariance=known.covariance)  # fmt: skip
+    sweeps = both(true, sphere((14.0, 3.0, 22.0), 18.0), STEPS, STEPS, 3, every=6)
+    settings = replace(QUICK, radius=(18.0, 0.005))
+    done = refine(wrong, sweeps, settings)
+    assert done.gap_before > 0.5
+    assert done.gap_after < 1.2 * done.gap_noise < 0.05
+    # Another sphere, measured with the rig that came of it.
+    other = both(true, sphere((-8.0, 10.0, 20.0), 12.0), STEPS, STEPS, 5, every=6)
+    at = np.concatenate([s.points(done.rig, done.rig.camera.rays(s.pixels)) for s in other])
+    radius, rms = _sphere(at)
+    assert abs(radius - 12.0) < 0.03
+    assert rms < 0.05
+    # What turns or lifts the part in its frame shows in no surface: as uncertain as before.
+    T = done.rig.T_camera_table.rotation[:, 2]
+    assert done.rig.covariance is not None
+    lift = T @ done.rig.covariance[-3:, -3:] @ T
+    assert lift == pytest.approx(T @ known.covariance[-3:, -3:] @ T, rel=0.2)
+
+
+def _sphere(points: Floats) -> tuple[float, float]:
+    design = np.concatenate([2 * points, np.ones((len(points), 1))], axis=1)
+    solved = np.linalg.lstsq(design, (points**2).sum(axis=1), rcond=None)[0]
+    radius = float(np.sqrt(solved[3] + solved[:3] @ solved[:3]))
+    off = np.linalg.norm(points - solved[:3], axis=1) - radius
+    return radius, float(off.std())
+
+
+def test_one_laser_says_nothing() -> None:
+    rig = two_lasers(lasers=1)
+    with pytest.raises(Degenerate, match="no two surfaces overlap"):
+        refine(rig, both(rig, prism((5.0, 2.0), 40.0), STEPS, STEPS, 2, every=8), QUICK)
+
+
+def test_a_sphere_of_another_size_is_refused() -> None:
+    rig = two_lasers()
+    sweeps = both(rig, prism((5.0, 2.0), 40.0), STEPS, STEPS, 2, every=8)
+    with pytest.raises(Degenerate, match="no sphere of 80 mm"):
+        refine(rig, sweeps, replace(QUICK, radius=(40.0, 0.01)))
+    # A band of a hexagon is not far from a sphere of this size, and is none.
+    with pytest.raises(Degenerate, match="the surfaces stay"):
+        refine(rig, sweeps, replace(QUICK, radius=(29.0, 0.01), rounds=2))
+
+
+def test_a_round_part_about_the_axis_tells_nothing_of_the_table() -> None:
+    rig = two_lasers()
+    told = np.radians(np.arange(0.0, 360.0, 4.0))
+    sweeps = both(rig, cylinder((0.0, 0.0), 15.0), told, eccentric().angle(told), 2, every=8)
+    done = refine(rig, sweeps, QUICK)
+    assert "motion.sin1" not in done.estimated
+
+
+def test_motion_stays_in_the_rig_file() -> None:
+    rig, done = there_and_back()
+    again = rig_from_json(rig_to_json(done.rig))
+    assert again.motion is not None
+    assert done.rig.motion is not None
+    assert np.array_equal(again.motion.values, done.rig.motion.values)
+    assert '"motion"' not in rig_to_json(rig)
+
+
+def test_play_is_taken_up_once_and_again_on_the_way_back() -> None:
+    told = np.radians([0.0, 10.0, 20.0, 10.0, 0.0])
+    play = TableMotion(np.zeros((0, 2)), np.radians(3.0), np.radians(0.5))
+    assert np.degrees(play.angle(told)) == pytest.approx([3.0, 10.0, 20.0, 10.5, 0.5])
+    assert np.degrees(play.angle(-told)) == pytest.approx([-3.0, -10.0, -20.0, -10.5, -0.5])
+    waves = TableMotion(np.radians([[0.0, 1.0]]), covariance=np.diag([0, 1e-6, 0, 0]))
+    assert np.degrees(waves.angle(np.radians([90.0]))) == pytest.approx([91.0])
+    turn = np.linspace(0, 2 * np.pi, 100, endpoint=False)
+    assert waves.sigma(turn).max() == pytest.approx(1e-3, rel=1e-2)
