@@ -28,7 +28,7 @@ from turnscan.errors import Degenerate
 from turnscan.rig import Rig, TableMotion
 
 ORDERS = 3
-"""Waves per turn that are sought in the table's motion."""
+"""Largest number of waves per turn in the model of the table's motion."""
 _SETTLED = 0.1
 """Standard deviations: less than this, and another round changes nothing."""
 _REACH_MM = 8.0

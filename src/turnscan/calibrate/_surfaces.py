@@ -22,7 +22,7 @@ _GAUGE = 1e-3
 """mm and rad: how well a height above the platter and an angle zero that no surface shows stay."""
 SPHERE = "sphere"
 WEAK = np.radians(3.0)
-"""Standard uncertainty of what nobody knows of a table."""
+"""Standard uncertainty of an unknown error of a table, rad."""
 _NUDGE_PX, _NUDGE = 0.25, 1e-6
 _MOST_LINES = 8
 _STEEP_PX = 3.0
