@@ -12,6 +12,7 @@ import resource
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,8 +35,11 @@ GRAINS = 4
 """Pictures of noise that the frames take turns with, each shifted."""
 
 
-def make_rig() -> Rig:
-    """A camera above the platter looking down at the axis, and one upright sheet through it."""
+def make_rig(scale: float = 1.0) -> Rig:
+    """A camera above the platter looking down at the axis, and one upright sheet through it.
+
+    ``scale`` is the size of its pictures, as a share of that of 5 megapixels.
+    """
     c, s = np.cos(ELEVATION), np.sin(ELEVATION)
     R = np.array([[0, 1, 0], [s, 0, -c], [-c, 0, -s]], dtype=np.float64)
     eye = np.array([DISTANCE * c, 0.0, LIFT + DISTANCE * s])
@@ -43,7 +47,9 @@ def make_rig() -> Rig:
     normal = T.turn([-np.sin(THETA), np.cos(THETA), 0.0])
     sheet = LaserSheet("laser", normal, T.apply([0.0, 0.0, LIFT]))
     lens = np.array([-0.1, 0.02, 0.001, -0.001, 0.0])
-    return Rig(Camera(WIDTH, HEIGHT, 6900, 6900, WIDTH / 2, HEIGHT / 2, lens), (sheet,), T)
+    width, height, focal = round(WIDTH * scale), round(HEIGHT * scale), 6900 * scale
+    camera = Camera(width, height, focal, focal, width / 2, height / 2, lens)
+    return Rig(camera, (sheet,), T)
 
 
 def radius(phi: float, z: np.ndarray) -> np.ndarray:
@@ -59,18 +65,19 @@ def columns(rig: Rig, angle: float) -> np.ndarray:
     points = np.stack([r * np.cos(THETA), r * np.sin(THETA), z], axis=-1)
     u, v = rig.camera.project(rig.T_camera_table.apply(points)).T
     order = np.argsort(v)
-    rows = np.arange(HEIGHT, dtype=np.float64)
+    rows = np.arange(rig.camera.height, dtype=np.float64)
     column: np.ndarray = np.interp(rows, v[order], u[order], left=np.nan, right=np.nan)
     return column
 
 
-def write_scan(path: Path, frames: int) -> int:
+def write_scan(path: Path, frames: int, scale: float = 1.0) -> int:
     """A scan file with noise in every frame; returns the lit rows of the first one."""
-    rig = make_rig()
+    rig = make_rig(scale)
+    width, height = rig.camera.width, rig.camera.height
     rng = np.random.default_rng(0)
-    noise = rng.normal(8.0, 1.0, (GRAINS, HEIGHT, WIDTH)).clip(0, 255).astype(np.uint8)
+    noise = rng.normal(8.0, 1.0, (GRAINS, height, width)).clip(0, 255).astype(np.uint8)
     away = np.arange(-12, 13)
-    plan = ScanPlan(WIDTH, HEIGHT, "uint8", 1, ("laser",), frames, 6.0)
+    plan = ScanPlan(width, height, "uint8", 1, ("laser",), frames, 6.0)
     lit_rows = 0
     with Scan.create(path, plan, rig) as scan:
         for k in range(frames):
@@ -140,12 +147,12 @@ def _peak() -> float:
     return next(int(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM"))
 
 
-def measure(path: Path, warm: Path) -> tuple[list[Cost], int, float]:
+def measure(path: Path, warm: Path, scale: float = 1.0) -> tuple[list[Cost], int, float]:
     """Stages of a reconstruction, faces of its mesh, and s of processor to read the file alone."""
-    settings = Settings()
+    settings, rig = Settings(), make_rig(scale)
     with Scan.open(warm) as scan:  # compiles, or loads what is compiled
-        grids, _, _ = to_grids(detect_scan(scan, make_rig(), settings.stripes), settings)
-        to_mesh(grids, settings, rig=make_rig())
+        grids, _, _ = to_grids(detect_scan(scan, rig, settings.stripes), settings)
+        to_mesh(grids, settings, rig=rig)
     books = Ledger()
     start = _processor()
     path.read_bytes()
@@ -154,27 +161,24 @@ def measure(path: Path, warm: Path) -> tuple[list[Cost], int, float]:
         scan = Scan.open(path)
     with scan:
         with books.stage("stripes"):
-            seen = detect_scan(scan, make_rig(), settings.stripes)
+            seen = detect_scan(scan, rig, settings.stripes)
         with books.stage("grids"):
             grids, _, _ = to_grids(seen, settings)
         del seen
         with books.stage("mesh"):
-            _, mesh, _ = to_mesh(grids, settings, rig=make_rig())
+            _, mesh, _ = to_mesh(grids, settings, rig=rig)
     return books.costs, len(mesh.faces), reading
 
 
-def _in_child(path: str, warm: str, answer: multiprocessing.Queue[object]) -> None:
-    answer.put(measure(Path(path), Path(warm)))
+def measured_apart(path: Path, warm: Path, scale: float = 1.0) -> tuple[list[Cost], int, float]:
+    """What `measure` says, in a process of its own, whose memory nothing else has filled."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(measure, path, warm, scale).result()
 
 
 def report(path: Path, warm: Path, frames: int) -> None:
     """Measure in a process of its own, and print."""
-    context = multiprocessing.get_context("spawn")
-    answer = context.Queue()
-    child = context.Process(target=_in_child, args=(str(path), str(warm), answer))
-    child.start()
-    costs, faces, reading = answer.get()
-    child.join()
+    costs, faces, reading = measured_apart(path, warm)
     wall, used = sum(c.wall for c in costs), sum(c.processor for c in costs)
     print(
         f"{frames} frames of {WIDTH}×{HEIGHT} lit and dark, file of "
