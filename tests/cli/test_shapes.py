@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
@@ -42,11 +43,25 @@ def test_a_block_is_told_coloured_and_reported(part: Path, tmp_path: Path) -> No
     assert said.count(": distance ") == 2
     colour = read_mesh_file(coloured).colour
     assert colour is not None
-    assert len(colour) > len(read_mesh_file(part).vertices)  # cut at the edges
+    scatter = []
+    for path in (part, coloured):
+        at = read_mesh_file(path).vertices[:, :2]
+        scatter.append(float(at[np.hypot(*(at - (40, 30)).T) < 0.3].std(axis=0).max()))
+    assert scatter[1] < 0.002 < 0.006 < scatter[0]  # the corner is one line
     assert len(np.unique(colour, axis=0)) in (4, 5)
     text = page.read_text()
     assert text.count("<img") == 2
     assert "Relations adopted" in text
+    table = tmp_path / "r.csv"
+    _run("shapes", part, "--report", table)
+    rows = list(csv.DictReader(table.read_text().splitlines()))
+    quantities = sorted(r["quantity"] for r in rows)
+    assert quantities == 4 * ["angle"] + 2 * ["distance"] + 4 * ["flatness"]
+    sides = [r for r in rows if r["quantity"] == "distance"]
+    assert sorted(round(float(r["value"]), 1) for r in sides) == [30, 40]
+    for row in sides:
+        off = min(abs(float(row["value"]) - true) for true in (30, 40))
+        assert off < 2 * float(row["expanded uncertainty k=2"]) < 0.02
     said = _run("shapes", part, "--report", data, "--json", "--as-measured")
     figures = json.loads(said)
     assert figures == {k: v for k, v in json.loads(data.read_text()).items() if k != "findings"}
@@ -80,7 +95,7 @@ def test_bad_input_is_one_line(
         ((junk,), "junk.stl"),
         ((tmp_path / "none.ply",), "none.ply"),
         ((part, "-o", tmp_path / "x.stl"), ".ply or .glb or .step or .stp"),
-        ((part, "--report", tmp_path / "x.txt"), ".html or .json"),
+        ((part, "--report", tmp_path / "x.txt"), ".html or .json or .csv"),
         ((part, "-o", part), "is an input"),
         ((part, "--tolerance", "0"), "--tolerance"),
     ):

@@ -20,12 +20,14 @@ from turnscan.progress import Progress, no_progress
 from turnscan.shapes import calibration_moves
 from turnscan.shapes.primitives import (
     Edge,
+    FormError,
     Relation,
     Shape,
     ShapeSet,
     ShapeSize,
     Sharpened,
     find_edges,
+    form_errors,
     sharpened,
     sizes_between,
 )
@@ -39,6 +41,7 @@ from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
 from turnscan.workflows._shapes_step import StepFile, is_step, step_of
+from turnscan.workflows._shapes_table import Dimension, dimensions, dimensions_csv, form_in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,6 +69,8 @@ class FoundShapes:
     """Where the part comes from; stands in a STEP file."""
     edges: tuple[Edge, ...] = ()
     """Where neighbouring shapes meet."""
+    forms: tuple[FormError, ...] = ()
+    """How flat or round the shapes are."""
     with_edges: bool = False
     """Whether the mesh that is saved has the true edges."""
 
@@ -83,10 +88,16 @@ class FoundShapes:
             "relations": [_relation(r) for r in f.relations],
             "sizes": [_size(s) for s in self.sizes],
             "edges": [_edge(e) for e in self.edges],
+            "forms": [_form(f) for f in self.forms],
         }
 
     def __str__(self) -> str:
         return "\n".join(in_words(self))
+
+    @property
+    def dimensions(self) -> list[Dimension]:
+        """The dimension table: sizes, forms, fillets and chamfers, each with its uncertainty."""
+        return dimensions(self.found, self.sizes, self.forms, self.edges)
 
     @cached_property
     def sharpened(self) -> Sharpened:
@@ -135,7 +146,7 @@ class FoundShapes:
         return remarks
 
     def save_report(self, path: str | Path) -> None:
-        """Write the report: .html with pictures, or .json.
+        """Write the report: .html with pictures, .json, or the dimension table as .csv.
 
         Raises ExportError where it cannot be written.
         """
@@ -209,6 +220,7 @@ def find_shapes(
         loaded.findings,
         loaded.about,
         find_edges(loaded.mesh, found),
+        form_errors(loaded.mesh, found),
         wanted.edges,
     )
 
@@ -276,6 +288,18 @@ def _edge(e: Edge) -> dict[str, Any]:
     return {**out, **blend, f"{what}_mm": e.size, f"{what}_sigma_mm": e.sigma}
 
 
+def _form(f: FormError) -> dict[str, Any]:
+    return {
+        "kind": f.kind,
+        "shapes": [f.shape + 1],
+        "value_mm": f.value,
+        "sigma_mm": f.sigma,
+        "noise_alone_mm": f.noise,
+        "cells": f.cells,
+        "cell_mm": f.side,
+    }
+
+
 def _constructed(sharp: Sharpened) -> Finding:
     """What was put into a mesh for its true edges."""
     left = f"; {sharp.left} vertices stay as measured, faces would fold over" if sharp.left else ""
@@ -303,6 +327,7 @@ def in_words(found: FoundShapes) -> list[str]:
     lines += [f"{k + 1}: {shape_in_words(s)}" for k, s in enumerate(f.shapes)]
     lines += [relation_in_words(r) for r in f.relations]
     lines += [size_in_words(s) for s in found.sizes]
+    lines += [form_in_words(f) for f in found.forms]
     lines += [edge_in_words(e) for e in found.edges]
     return lines
 
@@ -367,7 +392,10 @@ _VIEWS = (0.6, 0.6 + np.pi)
 
 
 def _write_report(found: FoundShapes, path: Path) -> None:
-    """Write the report, .json or one HTML page. Raises ExportError where that fails."""
+    """Write the report: .json, .csv or one HTML page. Raises ExportError where that fails."""
+    if path.suffix.lower() == ".csv":
+        write_atomically(path, dimensions_csv(found.dimensions).encode())
+        return
     if path.suffix.lower() == ".json":
         body = {**found.figures(), **_step(found), "findings": [record(f) for f in found.findings]}
         write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
@@ -390,8 +418,14 @@ def _write_report(found: FoundShapes, path: Path) -> None:
         *([html.heading("Solid"), html.paragraph(made.finding.message)] if made else []),
         html.heading("Relations adopted"),
         html.table(["shapes and relation"], [[relation_in_words(r)] for r in f.relations]),
-        html.heading("Sizes"),
-        html.table(["shapes and size"], [[size_in_words(s)] for s in found.sizes]),
+        html.heading("Dimensions"),
+        html.table(
+            ["feature", "quantity", "value ± standard uncertainty", "", "rests on"],
+            [
+                [d.feature, d.quantity, with_sigma(d.value, d.sigma), d.unit, d.rests_on]
+                for d in found.dimensions
+            ],
+        ),
         html.heading("Edges"),
         html.table(["shapes and edge"], [[edge_in_words(e)] for e in found.edges]),
         html.heading("Residuals"),

@@ -3,6 +3,7 @@
 from turnscan.shapes.primitives._caps import filled_planes
 from turnscan.shapes.primitives._edges import Edge, EdgeForm, find_edges
 from turnscan.shapes.primitives._find import find_shapes
+from turnscan.shapes.primitives._form_errors import FormError, FormKind, form_errors
 from turnscan.shapes.primitives._shapes import Kind, Relation, RelationKind, Shape, ShapeSet
 from turnscan.shapes.primitives._sharpened import Sharpened, sharpened
 from turnscan.shapes.primitives._sizes import ShapeSize, neighbours_of, sizes_between
@@ -10,6 +11,8 @@ from turnscan.shapes.primitives._sizes import ShapeSize, neighbours_of, sizes_be
 __all__ = [
     "Edge",
     "EdgeForm",
+    "FormError",
+    "FormKind",
     "Kind",
     "Relation",
     "RelationKind",
@@ -20,6 +23,7 @@ __all__ = [
     "filled_planes",
     "find_edges",
     "find_shapes",
+    "form_errors",
     "neighbours_of",
     "sharpened",
     "sizes_between",

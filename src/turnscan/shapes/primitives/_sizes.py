@@ -14,7 +14,9 @@ from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._shapes import ShapeSet
 
-SizeKind = Literal["diameter", "tube diameter", "cone angle", "distance", "axis distance", "angle"]
+SizeKind = Literal[
+    "diameter", "tube diameter", "cone angle", "distance", "axis distance", "axis to plane", "angle"
+]
 _LOOK = float(np.radians(3.0))
 _EDGES = 4
 """Sides of faces between two shapes that make them neighbours."""
@@ -44,7 +46,8 @@ def neighbours_of(mesh: Mesh, found: ShapeSet) -> set[tuple[int, int]]:
 
 
 def sizes_between(mesh: Mesh, found: ShapeSet) -> list[ShapeSize]:
-    """Diameters and cone angles, distances of parallel planes and axes, angles at edges."""
+    """Diameters and cone angles, distances of parallel planes and axes, angles at edges, and how
+    far axes are from planes along them."""
     out = []
     for k, s in enumerate(found.shapes):
         C = s.covariance
@@ -57,20 +60,30 @@ def sizes_between(mesh: Mesh, found: ShapeSet) -> list[ShapeSize]:
             out.append(ShapeSize("cone angle", k, None, 2 * abs(s.second), sigma))
     meet = neighbours_of(mesh, found)
     for i, j in combinations(range(len(found.shapes)), 2):
-        a, b = found.shapes[i], found.shapes[j]
-        if "sphere" in (a.kind, b.kind):
-            continue
-        dot = abs(float(a.axis @ b.axis))
-        if a.kind == b.kind == "plane":
-            if dot > np.cos(_LOOK):
-                out.append(_size(found, "distance", i, j, _between_planes))
-            elif (i, j) in meet:
-                out.append(_size(found, "angle", i, j, _angle))
-        elif "plane" not in (a.kind, b.kind) and dot > np.cos(_LOOK):
-            apart = _size(found, "axis distance", i, j, _between_axes)
-            if apart.value > 3 * apart.sigma and apart.value > 1e-6:
-                out.append(apart)
+        size = _between(found, i, j, (i, j) in meet)
+        if size is not None:
+            out.append(size)
     return out
+
+
+def _between(found: ShapeSet, i: int, j: int, meet: bool) -> ShapeSize | None:
+    """The size that two shapes have between them, if they have one."""
+    a, b = found.shapes[i], found.shapes[j]
+    if "sphere" in (a.kind, b.kind):
+        return None
+    dot = abs(float(a.axis @ b.axis))
+    if a.kind == b.kind == "plane":
+        if dot > np.cos(_LOOK):
+            return _size(found, "distance", i, j, _between_planes)
+        return _size(found, "angle", i, j, _angle) if meet else None
+    if "plane" in (a.kind, b.kind):
+        if dot > np.sin(_LOOK):
+            return None
+        return _size(found, "axis to plane", i, j, _axis_to_plane(a.kind == "plane"))
+    if dot < np.cos(_LOOK):
+        return None
+    apart = _size(found, "axis distance", i, j, _between_axes)
+    return apart if apart.value > 3 * apart.sigma and apart.value > 1e-6 else None
 
 
 def _size(
@@ -94,6 +107,16 @@ def _between_planes(a: Floats, b: Floats) -> float:
     """Mean of the distances of each plane's middle from the other plane."""
     away = b[:3] - a[:3]
     return (abs(float(away @ a[3:6])) + abs(float(away @ b[3:6]))) / 2
+
+
+def _axis_to_plane(plane_first: bool) -> Callable[[Floats, Floats], float]:
+    """Distance of a plane from an axis along it, in the middle of what was measured of that."""
+
+    def apart(a: Floats, b: Floats) -> float:
+        plane, axis = (a, b) if plane_first else (b, a)
+        return abs(float((axis[:3] - plane[:3]) @ plane[3:6]))
+
+    return apart
 
 
 def _between_axes(a: Floats, b: Floats) -> float:

@@ -1,0 +1,96 @@
+"""The dimension table of a part: sizes, forms and edges in rows, for a person or a spreadsheet."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.drawings import with_sigma
+from turnscan.shapes.primitives import Edge, FormError, ShapeSet, ShapeSize
+
+_ANGLES = ("angle", "cone angle")
+COVERAGE = 2.0
+"""Factor from a standard to an expanded uncertainty: 95 % of cases."""
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A row of the table."""
+
+    feature: str
+    """What it is a size of, by the numbers of the shapes."""
+    quantity: str
+    value: float
+    sigma: float
+    """Standard uncertainty."""
+    unit: str
+    rests_on: str
+    """What was measured for it."""
+
+
+def dimensions(
+    found: ShapeSet, sizes: Sequence[ShapeSize], forms: Sequence[FormError], edges: Sequence[Edge]
+) -> list[Dimension]:
+    """Sizes first, then forms, then fillets and chamfers."""
+    return [*_of_sizes(found, sizes), *_of_forms(found, forms), *_of_edges(edges)]
+
+
+def _of_sizes(found: ShapeSet, sizes: Sequence[ShapeSize]) -> Iterator[Dimension]:
+    for s in sizes:
+        own = [s.first] if s.second is None else [s.first, s.second]
+        scale, unit = (180 / np.pi, "deg") if s.kind in _ANGLES else (1.0, "mm")
+        points = " and ".join(str(found.shapes[k].count) for k in own)
+        yield Dimension(
+            _named(found, own), s.kind, s.value * scale, s.sigma * scale, unit, f"{points} points"
+        )
+
+
+def _of_forms(found: ShapeSet, forms: Sequence[FormError]) -> Iterator[Dimension]:
+    for f in forms:
+        rests = (
+            f"{f.cells} cells of {f.side:.2g} mm; noise alone gives {f.noise:.2g} mm"
+            f"{'' if f.shown else ', so none is shown'}"
+        )
+        yield Dimension(_named(found, [f.shape]), f.kind, f.value, f.sigma, "mm", rests)
+
+
+def _of_edges(edges: Sequence[Edge]) -> Iterator[Dimension]:
+    for e in edges:
+        if e.form != "sharp":
+            what = "fillet radius" if e.form == "fillet" else "chamfer leg"
+            feature = f"edge {e.first + 1} to {e.second + 1}"
+            yield Dimension(feature, what, e.size, e.sigma, "mm", f"{e.points} points")
+
+
+def _named(found: ShapeSet, own: Sequence[int]) -> str:
+    shapes = ((k, found.shapes[k]) for k in own)
+    return " to ".join(f"{'hollow ' if s.hollow else ''}{s.kind} {k + 1}" for k, s in shapes)
+
+
+def dimensions_csv(rows: Sequence[Dimension]) -> str:
+    """The table as CSV (RFC 4180), unrounded, with standard and expanded (k = 2) uncertainties."""
+    out = io.StringIO()
+    writer = csv.writer(out)
+    writer.writerow(
+        ["feature", "quantity", "value", "unit", "standard uncertainty", "expanded uncertainty k=2",
+         "rests on"]
+    )  # fmt: skip
+    for d in rows:
+        writer.writerow(
+            [d.feature, d.quantity, repr(float(d.value)), d.unit, repr(float(d.sigma)),
+             repr(float(COVERAGE * d.sigma)), d.rests_on]
+        )  # fmt: skip
+    return out.getvalue()
+
+
+def form_in_words(f: FormError) -> str:
+    """A form error in a line."""
+    said = "" if f.shown else ": none shown"
+    return (
+        f"{f.shape + 1}: {f.kind} {with_sigma(f.value, f.sigma)} mm over cells of {f.side:.2g} mm, "
+        f"noise alone gives {f.noise:.2g} mm{said}"
+    )
