@@ -147,6 +147,46 @@ def test_a_tube_is_merged_in_angle_and_height_and_its_seam_closes(tube):
     assert not any(len(k) > 12 for k, r in zip(loops, reach, strict=True) if r <= 6.0)
 
 
+@pytest.mark.parametrize("shift", [0.3, 0.5])
+def test_an_edge_between_profiles_stands_off_their_chord_as_their_bends_say(shift):
+    """A hexagonal column, its edges ``shift`` of a step beyond a profile; then a round one."""
+    steps, reach = 60, 20.0
+    step = 2 * np.pi / steps
+    angles = (np.arange(steps) + shift) * step
+    side = reach * np.cos(np.pi / 6) / np.cos(angles % (np.pi / 3) - np.pi / 6)
+    grid = turned(angles, np.full(20, 1.0))
+    out = grid.points * [1.0, 1.0, 0.0]
+    column = replace(grid, points=grid.points + out * (side - 1.0)[:, None, None])
+    (one,) = range_surfaces(column)
+    low, high = side[0], side[-1]  # of the profiles about the edge at angle 0
+    between = one.between(radial=True)
+    at = one.ranks % 10
+    gap = reach - (shift * high + (1 - shift) * low)
+    assert gap > 0.3
+    beside = between[(at == 0) | (at == 9)]
+    assert beside == pytest.approx(gap, rel=0.2)
+    assert between[(at > 2) & (at < 7)].max() < 0.1 * gap
+    (tube,) = range_surfaces(replace(grid, points=grid.points + out * (reach - 1.0)))
+    assert tube.between(radial=True).max() < 0.01
+
+
+def test_what_is_known_worse_than_usual_is_not_averaged_away():
+    """Noise is; what an edge does to one laser it does to the other as well."""
+    angles = np.arange(60) * 2 * np.pi / 60
+    poor = np.where(np.arange(60) % 20 < 4, 0.4, 0.1)[:, None]
+    lasers = [
+        replace(turned(angles, np.full(30, 20.0)), laser=name, sigma=poor * np.ones((60, 30)))
+        for name in ("L0", "L1")
+    ]
+    mesh, _ = merge(lasers, how="grid")
+    sigma, turn = mesh.provenance.sigma, np.arctan2(mesh.vertices[:, 1], mesh.vertices[:, 0])
+    bad = np.round(turn / (2 * np.pi / 60)).astype(int) % 20 < 4
+    assert bad.any()
+    assert np.median(sigma[~bad]) == pytest.approx(0.1 / np.sqrt(2), rel=0.05)
+    # All but the usual 0.1 of it stays.
+    assert np.median(sigma[bad]) == pytest.approx(np.sqrt(0.4**2 - 0.1**2 / 2), rel=0.05)
+
+
 def test_a_ball_is_too_level_for_angle_and_height(ball):
     assert "voxels" in merge(ball)[1][-1].message
 

@@ -143,7 +143,9 @@ def merge_polar(
     Where all that was measured in a cell lies within three combined sigma of the best (largest
     cos(incidence)/spread²) it is averaged with those weights; what does not, is left out: the best
     counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
-    it makes a measurement count less, and the sigma of a cell larger. Where it may be more than a
+    it makes a measurement count less, and the sigma of a cell larger. Averaging lowers the usual
+    noise alone: what is known worse, at an edge or between profiles, all surfaces may have alike.
+    Where it may be more than a
     line's distance and more than three usual sigma, nothing was measured, and the cell is left to
     the other surfaces. A vertex has the provenance of the nearest vertex of the best surface.
     ``along`` chooses the points along the merged profiles.
@@ -161,7 +163,13 @@ def merge_polar(
     total = weight.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         radius = np.nansum(weight * grid.radius, axis=0) / total
-        sigma = np.sqrt(np.nansum((weight * grid.spread) ** 2, axis=0)) / total
+        # Beyond what is usual it is edges and chords that move a place, and all surfaces alike.
+        known = np.minimum(grid.spread, usual)
+        common = np.sqrt(grid.spread**2 - known**2)
+        sigma = np.sqrt(
+            np.nansum((weight * known) ** 2, axis=0) + np.nansum(weight * common, axis=0) ** 2
+        )
+        sigma /= total
     _, s, n = grid.radius.shape
     phi = grid.angles
     points = np.stack(

@@ -17,6 +17,8 @@ from turnscan.remedy import Option, Remedy
 from turnscan.rig import rotation_z
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid
 
+_BENT = 3.0
+"""Combined sigma by which a bend must differ from the next to be an edge."""
 _SHEET = 2_000
 """Points that are enough to tell a laser's sheet …"""
 _FLAT = 0.05
@@ -96,8 +98,35 @@ class RangeSurface:
             np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
         )
         off = np.where(np.isnan(off), aside, off)
+        if radial:
+            off = np.fmax(off, self._creases(second))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
+
+    def _creases(self, second: Floats) -> Floats:
+        """(v,) mm: how far an edge between two profiles stands off their chord, from the second
+        differences (v,) of the radius.
+
+        An edge that divides a step as t : 1 − t bends the profiles beside it by (1 − t) and t of
+        its turn, and stands t (1 − t) of that off the chord: the product of the two bends over
+        their sum. What the profiles further out bend as well is no edge, nor is what noise bends.
+        """
+        before, after = self.neighbours
+        out = np.zeros(len(second))
+        for near, far in ((before, after), (after, before)):
+            there = (near >= 0) & (far >= 0)
+            beyond = np.where(there, near[near], -1)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                sign = np.sign(second)
+                mine = sign * (second - np.where(far >= 0, second[far], np.nan))
+                other = sign * (second[near] - np.where(beyond >= 0, second[beyond], np.nan))
+                least = _BENT * np.hypot(self.sigma, self.sigma[near])
+                mine, other = (
+                    np.sqrt(np.maximum(e * np.abs(e) - least**2, 0)) for e in (mine, other)
+                )
+                off = mine * other / (mine + other)
+            out = np.fmax(out, np.where(there, np.nan_to_num(off), 0.0))
+        return out
 
 
 def range_surfaces(grid: RangeGrid, tears: TearLimits | None = None) -> list[RangeSurface]:
