@@ -11,7 +11,13 @@ copyright = "the turnscan authors"
 version = release = __version__
 
 sys.path.insert(0, str(Path(__file__).parent))
-extensions = ["myst_parser", "notebook_cells", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = [
+    "myst_parser",
+    "notebook_cells",
+    "verb_tables",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+]
 napoleon_google_docstring = False
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3

@@ -22,6 +22,9 @@ export const roomCommands = signal<readonly Command[]>([]);
 /** The rooms, for the commands that lead there and those that they offer. */
 export const roomList = signal<readonly Place[]>([]);
 
+/** What can be done with files, each with how to begin it. */
+export const fileCommands = signal<readonly Command[]>([]);
+
 interface Place {
   id: string;
   title: string;
@@ -53,6 +56,7 @@ function general(): Command[] {
     },
     { title: "Invite another browser", group: "Everywhere", run: () => void invite() },
     { title: "Take control", group: "Everywhere", run: () => void ask({ kind: "take_control" }) },
+    ...fileCommands.value,
     { title: "All scans", group: "Rooms", run: () => go("projects", null) },
     ...roomList.value.map(({ id, title }, i) => ({
       title: `Go to ${title}`,

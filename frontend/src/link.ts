@@ -1,6 +1,6 @@
 /** The wire to the server: one WebSocket that comes back by itself, and GETs for what is large. */
 import { type AnyArray, type Message, NO_ARRAYS, pack, unpack } from "./envelope";
-import type { ClientMessage, Problem, Refused, ServerMessage } from "./protocol";
+import type { ClientMessage, Problem, Refused, RemedyOption, ServerMessage } from "./protocol";
 
 export type Received = Message<ServerMessage>;
 
@@ -14,6 +14,7 @@ export class RefusedError extends Error {
     readonly code: string,
     text: string,
     readonly hint: string,
+    readonly options: readonly RemedyOption[] = [],
   ) {
     super(text);
   }
@@ -145,7 +146,7 @@ export class Link {
 }
 
 function refusal(message: Refused): RefusedError {
-  return new RefusedError(message.code, message.text, message.hint);
+  return new RefusedError(message.code, message.text, message.hint, message.options);
 }
 
 /** An HTTP request that changes something needs this header, which no foreign page can send. */

@@ -1,12 +1,11 @@
 import { effect } from "@preact/signals";
 import { render } from "preact";
 import { link } from "./bus";
-import { onKey, roomCommands, roomList } from "./commands";
+import { fileCommands, onKey, roomCommands, roomList } from "./commands";
 import { scanName, startPart } from "./part";
 import { startRepair } from "./repair/state";
 import { home, rooms } from "./rooms";
 import { startExport } from "./rooms/export";
-import { addFiles } from "./rooms/projects";
 import { startCalibration } from "./scanner/calibrate";
 import { startLive } from "./scanner/live";
 import { place, startState } from "./state";
@@ -15,8 +14,11 @@ import "./theme.css";
 import { KeySheet, Notices, Palette, StatusLine } from "./ui/frame";
 import { InviteDialog } from "./ui/invite";
 import { TopBar } from "./ui/topbar";
+import { verbRoom } from "./verbs/form";
+import { openVerb, receive, startVerbs, verbs } from "./verbs/state";
 
 function room() {
+  if (place.value.room.startsWith("do-")) return verbRoom;
   const found = rooms.find(({ id }) => id === place.value.room);
   return found && (place.value.scan || !found.needsScan) ? found : home;
 }
@@ -44,6 +46,7 @@ startLive();
 startCalibration();
 startRepair();
 startExport();
+startVerbs();
 roomList.value = rooms;
 effect(() => {
   roomCommands.value = room().commands;
@@ -52,11 +55,14 @@ effect(() => {
   document.title = scanName.value ? `${scanName.value} · turnscan` : "turnscan";
 });
 window.addEventListener("keydown", onKey);
-// A scan file may be dropped anywhere.
+effect(() => {
+  fileCommands.value = verbs.value.map(({ verb, title }) => ({ title, group: "Files", run: () => openVerb(verb) }));
+});
+// Files may be dropped anywhere.
 window.addEventListener("dragover", (event) => event.preventDefault());
 window.addEventListener("drop", (event) => {
   event.preventDefault();
-  void addFiles(event.dataTransfer?.files ?? []);
+  void receive(event.dataTransfer?.files ?? []);
 });
 render(<App />, document.getElementById("app")!);
 link.connect();

@@ -224,6 +224,30 @@ export interface Figures {
   volume: number | null;
 }
 
+/** A file, or a folder of pictures, that verbs may take or have written. */
+export interface FileEntry {
+  file: string;
+  name: string;
+  /** What it can be to a verb, as ``accepts`` in schemas; empty for a result that none takes. */
+  kinds: string[];
+  /** Of a folder. */
+  pictures: number;
+  megabytes: number;
+  /** ISO time, UTC. */
+  modified: string;
+  /** Whether a browser sent it: it goes when the server ends. */
+  sent: boolean;
+  /** Verbs that take it. */
+  takers: string[];
+}
+
+/** The files that verbs take; to everybody where they have changed. */
+export interface Files {
+  kind: "files";
+  id: number | null;
+  files: FileEntry[];
+}
+
 /** Answered by ``found``; with ``probe``, serial ports are opened and asked. */
 export interface FindDevices {
   id: number;
@@ -380,7 +404,7 @@ export interface Invitation {
 export interface JobState {
   kind: "job";
   job: string;
-  what: "open" | "edit" | "export" | "doctor" | "calibrate" | "scan";
+  what: "open" | "edit" | "export" | "doctor" | "calibrate" | "scan" | "verb";
   scan: string | null;
   title: string;
   state: "running" | "done" | "failed" | "cancelled";
@@ -389,7 +413,10 @@ export interface JobState {
   seconds_left: number | null;
   text: string;
   hint: string;
+  /** Where it failed: what the error is about, first, and what the hint names. */
+  options: RemedyOption[];
   download: string | null;
+  files: ResultFile[];
   findings: Remark[];
 }
 
@@ -417,11 +444,23 @@ export interface ListDefects {
   scan: string;
 }
 
+/** Answered by ``files``. */
+export interface ListFiles {
+  id: number;
+  kind: "list_files";
+}
+
 /** Answered by ``holes``. */
 export interface ListHoles {
   id: number;
   kind: "list_holes";
   scan: string;
+}
+
+/** Answered by ``verbs``. */
+export interface ListVerbs {
+  id: number;
+  kind: "list_verbs";
 }
 
 /** POST ``/login``: the token from the link, for a cookie. */
@@ -561,6 +600,14 @@ export interface ProfileHeader {
   edited: boolean;
 }
 
+/** The answer to POST ``/api/files``. */
+export interface Received {
+  /** The set of files, for the next one that belongs to it. */
+  into: string;
+  /** What is in the set now. */
+  files: string[];
+}
+
 /** One edit on again. */
 export interface Redo {
   id: number;
@@ -579,6 +626,8 @@ export interface Refused {
   code: string;
   text: string;
   hint: string;
+  /** What the error is about, first, and what the hint names. */
+  options: RemedyOption[];
 }
 
 /** Be the operator no more. */
@@ -594,11 +643,28 @@ export interface Remark {
   text: string;
   where: string;
   remedy: string;
+  /** Those that the remedy names. */
+  options: RemedyOption[];
+}
+
+/** An option that a remedy or an error names, by the name in the verb's schema. */
+export interface RemedyOption {
+  name: string;
+  /** As it is written in a field; None where no value is meant. */
+  value: string | null;
 }
 
 /** Another mesh altogether, of a new epoch: get it. */
 export interface Replace {
   kind: "replace";
+}
+
+/** A file that a verb wrote into the folder. */
+export interface ResultFile {
+  file: string;
+  name: string;
+  /** Whether it is a scan, to be opened as such; others are at ``/api/files/{file}``. */
+  scan: boolean;
 }
 
 /** Take what an interrupted scan is missing, with the devices that are connected: a job. */
@@ -610,6 +676,21 @@ export interface Resume {
   retake?: boolean;
   /** Current table angle in the scan's frame, set by the operator, degrees. */
   at_deg?: number | null;
+}
+
+/**
+ * Run a verb as a job: its findings, text and files are what it came to.
+ *
+ * ``values`` are those of its schema: options as they are, inputs by the opaque names of files
+ * and scans, outputs by the suffixes that are wanted. What is left out has its default.
+ */
+export interface RunVerb {
+  id: number;
+  kind: "run_verb";
+  verb: string;
+  /** Of the files that it writes. */
+  name: string;
+  values: Record<string, unknown>;
 }
 
 /** A scan file in the list. */
@@ -794,6 +875,22 @@ export interface UseRig {
   name: string;
 }
 
+/** A verb that the server runs: ``run_verb``. */
+export interface VerbEntry {
+  verb: string;
+  title: string;
+  group: string;
+  /** JSON Schema (draft 2020-12) of its values: `turnscan.workflows.Verb`. */
+  json_schema: Record<string, unknown>;
+}
+
+/** What the server does with files. */
+export interface Verbs {
+  kind: "verbs";
+  id: number;
+  verbs: VerbEntry[];
+}
+
 /** Vertices that moved: arrays ids u32 (k), positions f32 (k, 3). */
 export interface Verts {
   kind: "verts";
@@ -805,6 +902,8 @@ export type ServerMessage =
   | Refused
   | StartedJob
   | JobState
+  | Verbs
+  | Files
   | Control
   | Scans
   | Opened
@@ -830,6 +929,9 @@ export type ClientMessage =
   | Ack
   | Cancel
   | Open
+  | ListVerbs
+  | ListFiles
+  | RunVerb
   | EditRequest
   | Undo
   | Redo

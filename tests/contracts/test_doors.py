@@ -26,7 +26,7 @@ SOURCES = ROOT / "src" / "turnscan"
 HELPERS = (
     "_calibrate_report",
     "_devices_in_use", "_flags", "_numbers", "_output", "_own_settings", "_progress", "_serving",
-    "_show", "_signals", "_verify_report", "_words",
+    "_show", "_signals", "_words",
 )  # fmt: skip
 """Modules of the command line that declare flags, show progress and word results."""
 LOWEST = ("errors", "findings", "progress", "remedy", "workflows")

@@ -87,8 +87,8 @@ def _listed() -> list[tuple[str, str, str]]:
                 out.append(("ws", "GET", before + route.path))
             elif isinstance(route, Route):
                 path = (before + route.path).replace(":int", "")
-                for name, value in (("scan", "abcdefgh"), ("download", "abcdefgh")):
-                    path = path.replace(f"{{{name}}}", value)
+                for name in ("scan", "download", "file"):
+                    path = path.replace(f"{{{name}}}", "abcdefgh")
                 for name in ("grid", "step"):
                     path = path.replace(f"{{{name}}}", "0")
                 assert "{" not in path, f"the tests do not know a parameter of {path}"

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from turnscan.app._hub import Hub
-from turnscan.app._protocol import JobState, Remark
+from turnscan.app._protocol import JobState, Remark, RemedyOption, ResultFile
 from turnscan.errors import SafetyError, TurnscanError
 from turnscan.findings import Finding
 from turnscan.progress import Cancelled, Progress
 from turnscan.remedy import Option, Remedy
 
-What = Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
+What = Literal["open", "edit", "export", "doctor", "calibrate", "scan", "verb"]
 _TELL_EVERY = 0.1
 _SOON = 0.5
 """s that a request may take before it is shown as a job."""
@@ -37,6 +37,7 @@ class Result:
     text: str = ""
     download: str | None = None
     findings: Sequence[Finding] = ()
+    files: Sequence[ResultFile] = ()
 
 
 class Job:
@@ -123,6 +124,7 @@ class Job:
         state: Literal["running", "done", "failed", "cancelled"],
         result: Result | None = None,
         hint: str = "",
+        options: Sequence[RemedyOption] = (),
     ) -> None:
         """Tell everybody how far it is."""
         result = result or Result()
@@ -133,7 +135,8 @@ class Job:
             JobState(
                 job=self.id, what=self.what, scan=self.scan, title=self.title, state=state,
                 done=self._done, total=self._total, seconds_left=None if left is None
-                else max(left, 0.0), text=result.text, hint=hint, download=result.download,
+                else max(left, 0.0), text=result.text, hint=hint, options=list(options),
+                download=result.download, files=list(result.files),
                 findings=remarks(result.findings),
             )
         )  # fmt: skip
@@ -231,7 +234,7 @@ class Jobs:
         except TurnscanError as e:
             stopped = job.cancelled and not isinstance(e, SafetyError)
             text, hint = self._hub.hide(e.message), self._hub.hide(in_words(e.hint))
-            job.tell("cancelled" if stopped else "failed", Result(text), hint)
+            job.tell("cancelled" if stopped else "failed", Result(text), hint, options_of(e))
         except MemoryError:
             job.tell("failed", Result("out of memory"), "close other programs, or use less")
         except Exception as e:  # noqa: BLE001 the door: whatever is left is our mistake
@@ -250,6 +253,22 @@ def in_words(remedy: str | Remedy) -> str:
     return remedy if isinstance(remedy, str) else remedy.worded(_option_in_words)
 
 
+def options_of(error: TurnscanError) -> list[RemedyOption]:
+    """The options that an error is about, and those that its hint names."""
+    named = () if error.option is None else (error.option,)
+    return _options((*named, *_named(error.hint)))
+
+
+def _named(remedy: str | Remedy) -> tuple[Option, ...]:
+    return () if isinstance(remedy, str) else remedy.options
+
+
+def _options(options: Sequence[Option]) -> list[RemedyOption]:
+    return [
+        RemedyOption(name=o.name, value=None if o.value is None else o.value_text) for o in options
+    ]
+
+
 def _option_in_words(option: Option) -> str:
     name = option.name.replace("_", " ")
     return f"“{name}”" if option.value is None else f"“{name} {option.value_text}”"
@@ -264,6 +283,7 @@ def remarks(findings: Sequence[Finding]) -> list[Remark]:
             text=f.message,
             where=f.where,
             remedy=in_words(f.remedy),
+            options=_options(_named(f.remedy)),
         )
         for f in findings
     ]

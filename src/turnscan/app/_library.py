@@ -9,7 +9,7 @@ import secrets
 import shutil
 import threading
 import unicodedata
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -23,6 +23,8 @@ _RESERVE = 200_000_000
 """Bytes that stay free on the disk."""
 _LONGEST_NAME = 80
 _MOST_RIGS = 200
+_SENT = re.compile(r"\.turnscan-incoming-[0-9a-f]+/[\w-]+/?")
+"""Where files are that a browser sent."""
 _RESERVED = re.compile(r"(?i)^(con|prn|aux|nul|com\d|lpt\d)(\.|$)")
 
 
@@ -56,6 +58,24 @@ class Library:
             return self.paths()[name]
         except KeyError:
             raise InputError("no such scan", hint="reload the list") from None
+
+    def others(self) -> list[Path]:
+        """Files of the folder that are no scans, and folders in it; of one scan alone, its own."""
+        found = sorted(self.folder.iterdir(), key=lambda p: p.name.lower())
+        return [
+            p
+            for p in found
+            if not p.name.startswith(".")
+            and p.suffix != SUFFIX
+            and not p.is_symlink()
+            and (p.is_file() or p.is_dir())
+            and (self._only is None or p in self._only)
+        ]
+
+    def listed_as(self, path: Path) -> str:
+        """The opaque name of a file that is listed elsewhere."""
+        with self._lock:
+            return self._names.setdefault(path, secrets.token_urlsafe(9))
 
     def entries(self, is_open: frozenset[str]) -> list[ScanEntry]:
         """The list, as it is told."""
@@ -117,9 +137,23 @@ class Library:
         Raises InputError for a name that is none or taken, LimitExceeded, StorageFull, and what
         `Scan.open` raises.
         """
+        path = self.new_path(wish)
+        await self.receive(path, body, length, lambda part: _check_scan(part, path.name))
+        return self.name_of(path)
+
+    async def receive(
+        self,
+        path: Path,
+        body: AsyncIterator[bytes],
+        length: int | None,
+        check: Callable[[Path], None] = lambda part: None,
+    ) -> None:
+        """Write a file that is sent; its name appears when it is whole, and ``check`` lets it pass.
+
+        Raises InputError for a name that is taken, LimitExceeded, StorageFull, and as ``check``.
+        """
         if length is not None and length > UPLOAD_BYTES:
             raise LimitExceeded(f"{length / 1e6:.0f} MB", hint="at most 1 GB can be sent")
-        path = self.new_path(wish)
         self._check_room(length or 0)
         part = path.with_name(f".{secrets.token_hex(8)}{SUFFIX}")
         taken = 0
@@ -134,7 +168,7 @@ class Library:
                     file.write(piece)
             if length is not None and taken != length:
                 raise InputError(f"{taken} of {length} bytes received", hint="send the file again")
-            _check_scan(part, path.name)
+            check(part)
             if path.exists():
                 raise InputError(f"{path.name}: already exists", hint="choose another name")
             part.rename(path)
@@ -149,7 +183,6 @@ class Library:
                 part.with_name(part.name + "-shm"),
             ):
                 left.unlink(missing_ok=True)
-        return self.name_of(path)
 
     def write(self, path: Path, data: bytes) -> None:
         """Write a file that `new_file` named; its name appears when it is whole.
@@ -177,7 +210,8 @@ class Library:
 
     def hide(self, text: str) -> str:
         """Words without the paths of the folder: what is in it goes by its plain name."""
-        return text.replace(f"{self.folder}{os.sep}", "").replace(str(self.folder), "the folder")
+        plain = text.replace(f"{self.folder}{os.sep}", "").replace(str(self.folder), "the folder")
+        return _SENT.sub("", plain)
 
     def _check_room(self, wanted: int) -> None:
         free = shutil.disk_usage(self.folder).free

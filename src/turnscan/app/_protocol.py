@@ -43,7 +43,9 @@ Binary GETs, under ``/api/scans/{scan}/``:
 ``grid`` is the number of a `GridEntry`.
 POST ``/api/scans`` (a scan file as the body, ``?name=``) adds a file; POST
 ``/api/scans/{scan}/exports`` with `ExportRequest` starts a job whose ``download`` is then at
-``/api/downloads/{download}``. Requests that change something need the header ``X-Turnscan: 1``.
+``/api/downloads/{download}``. POST ``/api/files`` (any other file as the body, ``?name=``, and
+``into=`` the set of an answer before) keeps a file, or what is in a zip, for verbs: `Received`; GET
+``/api/files/{file}`` is a file. Requests that change something need the header ``X-Turnscan: 1``.
 """
 
 from __future__ import annotations
@@ -82,6 +84,53 @@ class Remark(Model):
     text: str
     where: str
     remedy: str
+    options: list[RemedyOption] = []
+    """Those that the remedy names."""
+
+
+class RemedyOption(Model):
+    """An option that a remedy or an error names, by the name in the verb's schema."""
+
+    name: str
+    value: str | None
+    """As it is written in a field; None where no value is meant."""
+
+
+class FileEntry(Model):
+    """A file, or a folder of pictures, that verbs may take or have written."""
+
+    file: Opaque
+    name: str
+    kinds: list[str]
+    """What it can be to a verb, as ``accepts`` in schemas; empty for a result that none takes."""
+    pictures: Count
+    """Of a folder."""
+    megabytes: float
+    modified: str
+    """ISO time, UTC."""
+    sent: bool
+    """Whether a browser sent it: it goes when the server ends."""
+    takers: list[str]
+    """Verbs that take it."""
+
+
+class ResultFile(Model):
+    """A file that a verb wrote into the folder."""
+
+    file: Opaque
+    name: str
+    scan: bool
+    """Whether it is a scan, to be opened as such; others are at ``/api/files/{file}``."""
+
+
+class VerbEntry(Model):
+    """A verb that the server runs: ``run_verb``."""
+
+    verb: str
+    title: str
+    group: str
+    json_schema: dict[str, Any]
+    """JSON Schema (draft 2020-12) of its values: `turnscan.workflows.Verb`."""
 
 
 class ScanEntry(Model):
@@ -315,6 +364,8 @@ class Refused(Model):
     error's name."""
     text: str
     hint: str
+    options: list[RemedyOption] = []
+    """What the error is about, first, and what the hint names."""
 
 
 class StartedJob(Model):
@@ -330,7 +381,7 @@ class JobState(Model):
 
     kind: Literal["job"] = "job"
     job: Opaque
-    what: Literal["open", "edit", "export", "doctor", "calibrate", "scan"]
+    what: Literal["open", "edit", "export", "doctor", "calibrate", "scan", "verb"]
     scan: Opaque | None
     title: str
     state: Literal["running", "done", "failed", "cancelled"]
@@ -339,8 +390,27 @@ class JobState(Model):
     seconds_left: float | None
     text: str
     hint: str
+    options: list[RemedyOption] = []
+    """Where it failed: what the error is about, first, and what the hint names."""
     download: Opaque | None
+    files: list[ResultFile]
     findings: list[Remark]
+
+
+class Verbs(Model):
+    """What the server does with files."""
+
+    kind: Literal["verbs"] = "verbs"
+    id: Count
+    verbs: list[VerbEntry]
+
+
+class Files(Model):
+    """The files that verbs take; to everybody where they have changed."""
+
+    kind: Literal["files"] = "files"
+    id: Count | None
+    files: list[FileEntry]
 
 
 class Control(Model):
@@ -588,6 +658,8 @@ ServerMessage = Annotated[
     | Refused
     | StartedJob
     | JobState
+    | Verbs
+    | Files
     | Control
     | Scans
     | Opened

@@ -61,6 +61,32 @@ class Open(Request):
     scan: Opaque
 
 
+class ListVerbs(Request):
+    """Answered by ``verbs``."""
+
+    kind: Literal["list_verbs"] = "list_verbs"
+
+
+class ListFiles(Request):
+    """Answered by ``files``."""
+
+    kind: Literal["list_files"] = "list_files"
+
+
+class RunVerb(Request):
+    """Run a verb as a job: its findings, text and files are what it came to.
+
+    ``values`` are those of its schema: options as they are, inputs by the opaque names of files
+    and scans, outputs by the suffixes that are wanted. What is left out has its default.
+    """
+
+    kind: Literal["run_verb"] = "run_verb"
+    verb: Name
+    name: Name
+    """Of the files that it writes."""
+    values: dict[str, Any]
+
+
 class EditRequest(Request):
     """Do an edit: ``done`` after its patch. With ``preview``, answered by ``preview``.
 
@@ -327,6 +353,9 @@ ClientMessage = Annotated[
     | Ack
     | Cancel
     | Open
+    | ListVerbs
+    | ListFiles
+    | RunVerb
     | EditRequest
     | Undo
     | Redo
@@ -394,6 +423,15 @@ class Added(Model):
     scan: Opaque
 
 
+class Received(Model):
+    """The answer to POST ``/api/files``."""
+
+    into: Opaque
+    """The set of files, for the next one that belongs to it."""
+    files: list[Opaque]
+    """What is in the set now."""
+
+
 class Problem(Model):
     """The body of every HTTP error."""
 
@@ -403,5 +441,5 @@ class Problem(Model):
 
 
 REQUESTS: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
-BODIES = (LoginRequest, Invitation, ExportRequest, StartedExport, Added, Problem)
+BODIES = (LoginRequest, Invitation, ExportRequest, StartedExport, Added, Received, Problem)
 """Models that no message holds."""

@@ -29,7 +29,7 @@ from turnscan.errors import InputError
 HERE = Path(__file__).parent
 STATIC, LOGIN = HERE / "static", HERE / "login"
 ENVELOPE = "application/x-turnscan"
-UPLOADS = frozenset({"/api/scans"})
+UPLOADS = frozenset({"/api/scans", "/api/files"})
 """Paths whose bodies are files."""
 _FOREVER = "public, max-age=31536000, immutable"
 _SQUEEZE = 1
@@ -48,6 +48,8 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/login.js", _file(LOGIN / "login.js")),
         Route("/login.css", _file(LOGIN / "login.css")),
         Route("/api/scans", _add_scan(workshop), methods=["POST"]),
+        Route("/api/files", _add_file(workshop), methods=["POST"]),
+        Route("/api/files/{file}", _file_of(workshop), methods=["GET"]),
         Route("/api/scans/{scan}/mesh", _data(workshop, _mesh)),
         Route("/api/scans/{scan}/grid/{grid:int}", _data(workshop, _grid)),
         Route("/api/scans/{scan}/profile/{grid:int}/{step:int}", _data(workshop, _profile)),
@@ -132,6 +134,33 @@ def _add_scan(workshop: Workshop) -> Endpoint:
         return _json(q.Added(scan=name), 201)
 
     return add
+
+
+def _add_file(workshop: Workshop) -> Endpoint:
+    async def add(request: Request) -> Response:
+        query, given = request.query_params, request.headers.get("content-length")
+        length = int(given) if given is not None else None
+        into, files = await workshop.files.receive(
+            query.get("name", ""), query.get("into", ""), request.stream(), length
+        )
+        workshop.tell_files()
+        return _json(q.Received(into=into, files=files), 201)
+
+    return add
+
+
+def _file_of(workshop: Workshop) -> Endpoint:
+    async def download(request: Request) -> Response:
+        try:
+            item = workshop.files.find(request.path_params["file"])
+        except InputError as e:
+            return problem(404, e.message, str(e.hint))
+        if item.path.is_dir():
+            return problem(404, "a folder of pictures", "download its files one by one")
+        name = item.path.name
+        return FileResponse(item.path, filename=name, media_type="application/octet-stream")
+
+    return download
 
 
 def _data(workshop: Workshop, make: Callable[[OpenScan, Request], Answer]) -> Endpoint:

@@ -17,13 +17,15 @@ from turnscan.app import _requests as q
 from turnscan.app._calibrate_session import CalibrateRoom
 from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
+from turnscan.app._files import Files
 from turnscan.app._hub import Client, Hub
-from turnscan.app._jobs import Job, Jobs, Result, in_words
+from turnscan.app._jobs import Job, Jobs, Result, in_words, options_of
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._request_guard import name_of
 from turnscan.app._rig_session import RigRoom
 from turnscan.app._scan_session import ScanRoom
+from turnscan.app._verbs import list_verbs, run_verb
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.progress import Cancelled
 from turnscan.workflows import Stale, read_rig_file
@@ -71,6 +73,7 @@ class Workshop:
         self.hub.hide = library.hide
         self.jobs = Jobs(self.hub)
         self.downloads = Downloads()
+        self.files = Files(library)
         self.rig = RigRoom(self.hub, self.jobs, library, self._operator_may_light)
         self.taking = ScanRoom(self.hub, self.jobs, library, self.rig, self._open_names)
         self.calibration = CalibrateRoom(self.hub, self.jobs, library, self.rig)
@@ -86,6 +89,9 @@ class Workshop:
             q.ReleaseControl: (self._release_control, False),
             q.Cancel: (self._cancel, True),
             q.Open: (self._open, False),
+            q.ListVerbs: (lambda call: list_verbs(call.id), False),
+            q.ListFiles: (lambda call: p.Files(id=call.id, files=self.files.entries()), False),
+            q.RunVerb: (self._run_verb, True),
             q.EditRequest: (self._edit, True),
             q.Undo: (self._undo, True),
             q.Redo: (self._redo, True),
@@ -164,6 +170,7 @@ class Workshop:
         for scan in scans:
             scan.close()
         self.downloads.close()
+        self.files.close()
 
     # What routes call
 
@@ -197,6 +204,15 @@ class Workshop:
         """Tell everybody the list of scan files."""
         self.hub.tell(p.Scans(scans=self.entries()))
 
+    def tell_files(self) -> None:
+        """Tell everybody the list of files for verbs."""
+        self.hub.tell(p.Files(id=None, files=self.files.entries()))
+
+    def tell_results(self) -> None:
+        """Tell everybody what a verb has written."""
+        self.tell_scans()
+        self.tell_files()
+
     # Answers
 
     def _answer(self, call: Call) -> None:
@@ -224,7 +240,10 @@ class Workshop:
 
     def _refuse(self, call: Call, code: str, e: TurnscanError) -> None:
         text, hint = self.hub.hide(e.message), self.hub.hide(in_words(e.hint))
-        self.hub.tell(p.Refused(id=call.id, code=code, text=text, hint=hint), to=call.client)
+        self.hub.tell(
+            p.Refused(id=call.id, code=code, text=text, hint=hint, options=options_of(e)),
+            to=call.client,
+        )
 
     @contextlib.contextmanager
     def _editing(self, call: Call, title: str) -> Iterator[tuple[OpenScan, Job]]:
@@ -359,6 +378,10 @@ class Workshop:
         if name is None:
             raise Refusal("busy", "other scans are being opened", "wait until they are open")
         self._scans.pop(name).close()
+
+    def _run_verb(self, call: Call) -> p.Model:
+        job = run_verb(self.jobs, self.library, self.files, call.request, self.tell_results)
+        return p.StartedJob(id=call.id, job=job.id)
 
     def _edit(self, call: Call) -> Answer:
         r: q.EditRequest = call.request

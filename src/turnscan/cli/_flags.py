@@ -17,6 +17,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 _METAVARS = {
+    "angles": "ANGLES",
     "camera": "ADDRESS",
     "colour": "COLOUR",
     "decimate": "TOL|COUNT",
@@ -26,6 +27,7 @@ _METAVARS = {
     "laser_name": "NAME",
     "laser_names": "A,B",
     "lasers": "ADDRESS",
+    "limits": "TEST=MM",
     "markers": "DICT:SIDE_MM",
     "pixel_um": "W[,H]",
     "range_deg": "A:B",
@@ -124,5 +126,5 @@ def _flag(option: Declared) -> Callable[[Any], Any]:
     shown = option.default not in (None, ()) and "[default" not in option.help
     return click.option(
         name, option.name, type=kind, default=option.default, multiple=option.many,
-        show_default=shown, help=option.help,
+        show_default=shown, help=option.help, required=option.required,
     )  # fmt: skip

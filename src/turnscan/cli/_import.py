@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,10 +17,6 @@ from turnscan.errors import InputError
 @click.command("import")
 @click.argument("pictures", nargs=-1, metavar="PICTURES...")
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Scan file.")
-@click.option("--angles", required=True, metavar="ANGLES",
-              help="Table angle of each picture: step:DEG between neighbouring pictures "
-              "(counter-clockwise seen from above, negative for clockwise), markers (with --rig), "
-              "or a CSV file of angle_deg a line, or of number,angle_deg[,sigma_deg].")  # fmt: skip
 @click.option(
     "--lit",
     multiple=True,
@@ -32,17 +27,16 @@ from turnscan.errors import InputError
               help="Pictures with the laser off: one for each lit picture, or one for all. "
               "Without them the background is estimated from the scan itself "
               "(--background).")  # fmt: skip
-@click.option("--laser", default="laser", show_default=True, help="Name of the laser.")
 @click.option("--rig", type=click.Path(path_type=Path), help="rig.json to store in the scan.")
+@flags_of(workflows.SeriesOptions, into="series")
 @flags_of(workflows.ImportOptions)
 def verb(
     pictures: tuple[str, ...],
     output: Path,
-    angles: str,
     lit: tuple[str, ...],
     dark: tuple[str, ...],
-    laser: str,
     rig: Path | None,
+    series: workflows.SeriesOptions,
     options: workflows.ImportOptions,
 ) -> None:
     """Make a scan file of pictures: folders, patterns, files, or one video.
@@ -50,8 +44,8 @@ def verb(
     The numbers in the names (step_num133.jpg) say which step a picture belongs to; steps without
     a picture are recorded as missing. Nothing is written unless all of it is good.
     """
-    on, off = _by_laser(pictures, lit, dark, laser)
-    at = workflows.parse_angles(angles)
+    on, off = _by_laser(pictures, lit, dark, series.laser)
+    at = workflows.parse_angles(series.angles)
     with progress_bar() as bar:
         _tell(workflows.import_pictures(on, output, at, dark=off, rig=rig, options=options,
                                         progress=bar))  # fmt: skip
@@ -81,20 +75,7 @@ def _by_laser(
 
 
 def _tell(done: workflows.ImportedScan) -> None:
-    plan = done.plan
-    kind = "colour" if plan.channels == 3 else "grey"
-    click.echo(
-        f"{done.path}: {done.frames} frames, {plan.steps} steps × {', '.join(plan.lasers)}, "
-        f"{plan.width}×{plan.height} {kind} {plan.dtype}"
-    )
-    span = " … ".join(f"{math.degrees(angle):.2f}°" for angle in done.angles or ())
-    click.echo(f"angles: {span or 'unknown'}, from {done.angle_source}")
-    if plan.weights is not None:
-        red, green, blue = plan.weights
-        click.echo(f"laser: {red:+.2f} red {green:+.2f} green {blue:+.2f} blue")
-    click.echo(f"background: {'; '.join(done.backgrounds)}; line in {done.line_share:.0%} of rows")
-    click.echo(f"threshold: {plan.threshold:.2f} grey levels, {done.threshold_source}")
-    size = f"{done.size_bytes / 1e6:.1f} MB, 1/{done.raw_bytes / done.size_bytes:.1f}"
-    click.echo(f"kept: {100 * done.kept:.1f} % of the pixels, {size} of the raw ones")
+    for line in done.summary:
+        click.echo(line)
     for finding in done.findings:
         click.echo(str(with_flags(finding)))

@@ -8,7 +8,6 @@ import click
 
 from turnscan import workflows
 from turnscan.cli._flags import flags_of
-from turnscan.cli._numbers import Finite
 from turnscan.cli._output import format_options
 from turnscan.cli._own_settings import base_option, options_for_each
 from turnscan.cli._progress import progress_bar
@@ -36,34 +35,20 @@ _path = click.Path(path_type=Path)
     "frame of each pose.",
 )
 @click.option(
-    "--markers",
-    "diameter",
-    type=Finite(min=0, min_open=True),
-    help="Diameter of three or more marker spheres fixed to the part, mm; they are removed from "
-    "the result.",
-)
-@click.option(
     "--rig", "rig_path", type=_path, help="rig.json.  [default: the one stored in each scan]"
 )
+@flags_of(workflows.JoinOptions, into="poses")
 @flags_of(workflows.ReconstructOptions)
 @base_option
-@click.option(
-    "--unit",
-    type=click.Choice(list(workflows.UNITS)),
-    default="m",
-    show_default=True,
-    help="Unit of range scans (.ply and .conf input); results are always mm.",
-)
 @click.option("--report", type=_path, help="Report to write: .html with pictures, or .json.")
 @format_options
 def verb(
     sources: tuple[Path, ...],
     outputs: tuple[Path, ...],
     points_path: Path | None,
-    diameter: float | None,
     rig_path: Path | None,
-    unit: str,
     report: Path | None,
+    poses: workflows.JoinOptions,
     options: workflows.ReconstructOptions,
     base: str | None,
     formats: workflows.ExportOptions,
@@ -76,12 +61,12 @@ def verb(
     Nothing is written where poses do not overlap, or fit in several ways.
     """
     inputs = [*sources, *(p for p in (rig_path, points_path) if p is not None)]
-    workflows.check_targets(outputs, inputs, report, unit)
+    workflows.check_targets(outputs, inputs, report, poses.unit)
     rig = None if rig_path is None else workflows.read_rig_file(rig_path)
     chosen, changes = options_for_each(options, base)
     with progress_bar() as progress:
         result = workflows.join(
-            sources, chosen, points=points_path, markers=diameter, rig=rig, unit=unit,
-            progress=progress, **changes,
+            sources, chosen, points=points_path, markers=poses.markers, rig=rig,
+            unit=poses.unit, progress=progress, **changes,
         )  # fmt: skip
     show_result(result, outputs, report, formats)

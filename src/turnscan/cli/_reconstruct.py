@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from turnscan import workflows
-from turnscan.cli._flags import given
+from turnscan.cli._flags import flags_of, given
 from turnscan.cli._output import format_options
 from turnscan.cli._own_settings import chosen_options, settings_options, show_own
 from turnscan.cli._progress import progress_bar
@@ -37,13 +37,7 @@ _path = click.Path(path_type=Path)
     "--rig", "rig_path", type=_path, help="rig.json.  [default: the one stored in the scan]"
 )
 @settings_options
-@click.option(
-    "--unit",
-    type=click.Choice(["mm", "cm", "m", "inch"]),
-    default="m",
-    show_default=True,
-    help="Unit of range scans (.conf input); results are always mm.",
-)
+@flags_of(workflows.RangeScanOptions, into="ranged")
 @click.option(
     "--edits",
     default="own",
@@ -60,7 +54,7 @@ def verb(
     options: workflows.ReconstructOptions,
     base: str | None,
     name: str,
-    unit: str,
+    ranged: workflows.RangeScanOptions,
     edits: str,
     report: Path | None,
     formats: workflows.ExportOptions,
@@ -78,7 +72,7 @@ def verb(
         raise InputError(said, hint="leave it out")
     inputs = [source] if rig_path is None else [source, rig_path]
     inputs += [] if edits in ("own", "none") else [Path(edits)]
-    workflows.check_targets(outputs, inputs, report, unit)
+    workflows.check_targets(outputs, inputs, report, ranged.unit)
     rig = None if rig_path is None else workflows.read_rig_file(rig_path)
     chosen = options if ranges else chosen_options(source, options, base, name)
     with progress_bar() as progress:
@@ -87,7 +81,7 @@ def verb(
             chosen,
             rig=rig,
             edits=edits,
-            unit=unit,
+            unit=ranged.unit,
             store=True,
             settings=name,
             progress=progress,

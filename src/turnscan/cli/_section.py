@@ -3,37 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 import click
 
 from turnscan import workflows
-from turnscan.cli._numbers import Finite
+from turnscan.cli._flags import flags_of
 from turnscan.cli._progress import progress_bar
 
 
 @click.command("section")
 @click.argument("part", type=click.Path(path_type=Path))
-@click.option(
-    "--plane",
-    "planes",
-    multiple=True,
-    help="Cutting plane: z=20, x=0, z=10:100:10 (from, to, step), or nx,ny,nz,distance, in mm; "
-    "may be repeated.",
-)
-@click.option(
-    "--half-plane-deg",
-    "half_planes",
-    type=Finite(),
-    multiple=True,
-    help="Cut along the half-plane from the rotation axis at this angle, degrees; may be repeated.",
-)
-@click.option(
-    "--tolerance",
-    type=Finite(),
-    help="Largest deviation of fitted lines and arcs from the points beyond their noise, mm.  "
-    "[default: three times the noise, at least 1/10000 of the size]",
-)
 @click.option(
     "-o",
     "--output",
@@ -43,21 +22,11 @@ from turnscan.cli._progress import progress_bar
     type=click.Path(path_type=Path),
     help=f"File to write: {' '.join(workflows.SECTION_SUFFIXES)}. May be repeated.",
 )
-@click.option(
-    "--dxf-version",
-    "version",
-    type=click.Choice(["R12", "R2010"]),
-    default="R2010",
-    show_default=True,
-    help="DXF version; R12 has no splines and takes polylines in their place.",
-)
+@flags_of(workflows.SectionOptions)
 def verb(
     part: Path,
-    planes: tuple[str, ...],
-    half_planes: tuple[float, ...],
-    tolerance: float | None,
     outputs: tuple[Path, ...],
-    version: Literal["R12", "R2010"],
+    options: workflows.SectionOptions,
 ) -> None:
     """Cut PART, a mesh (.ply .stl .obj .3mf .glb .dxf, mm) or a scan, and draw the sections.
 
@@ -71,10 +40,10 @@ def verb(
     workflows.check_apart(outputs)
     for path in outputs:
         workflows.check_output(path, workflows.SECTION_SUFFIXES, inputs=[part])
-    cuts = workflows.cuts_of(planes, half_planes)
+    cuts = workflows.cuts_of(options.plane, options.half_plane_deg)
     with progress_bar() as bar:
-        sections = workflows.section(part, cuts, tolerance, bar)
-    sections.save(*outputs, version=version)
+        sections = workflows.section(part, cuts, options.tolerance, bar)
+    sections.save(*outputs, version=options.dxf_version)
     click.echo(sections)
     for path in outputs:
         click.echo(f"{path}: {len(sections)} section{'s' if len(sections) > 1 else ''}")

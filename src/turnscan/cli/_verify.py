@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from turnscan import workflows
+from turnscan.cli._flags import flags_of
 from turnscan.cli._progress import progress_bar
 from turnscan.errors import InputError
 
@@ -20,9 +21,7 @@ _path = click.Path(path_type=Path)
 @click.option("--artefact", required=True, type=_path,
               help="Artefact file with its measured values, TOML or JSON.")  # fmt: skip
 @click.option("--rig", "rig_path", type=_path, help="rig.json.  [default: from each scan]")
-@click.option("--limit", "limits", multiple=True, metavar="TEST=MM",
-              help="Limit of a test value, such as size=0.05; may be repeated.  "
-              "[default: the artefact's]")  # fmt: skip
+@flags_of(workflows.VerifyOptions)
 @click.option("--history", type=_path,
               help="History (SQLite file) to which the run is added; created if new.")  # fmt: skip
 @click.option("--date", type=click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M"]),
@@ -35,11 +34,11 @@ def verb(
     scans: tuple[Path, ...],
     artefact: Path,
     rig_path: Path | None,
-    limits: tuple[str, ...],
     history: Path | None,
     date: datetime | None,
     reports: tuple[Path, ...],
     trend: Path | None,
+    options: workflows.VerifyOptions,
     as_json: bool,
 ) -> None:
     """Test the scanner with SCANs of a sphere, ball bar, plate or step block (turnscan artefact).
@@ -48,8 +47,6 @@ def verb(
     repeatability. Exit code 1 where a value exceeds its limit or the history shows a drift. The
     values are defined in the documentation; they are no statement of conformity to a standard.
     """
-    from turnscan.workflows import verification_json, verify
-
     inputs = [*scans, artefact, *([rig_path] if rig_path else [])]
     if trend is not None and history is None:
         raise InputError(f"{trend}: a trend chart needs a history", hint="give --history FILE")
@@ -63,31 +60,22 @@ def verb(
         workflows.check_output(history, (), inputs)
     when = date.replace(tzinfo=UTC) if date is not None else datetime.now(UTC)
     with progress_bar() as bar:
-        done = verify(
+        done = workflows.verify(
             scans,
             artefact,
             time=when.timestamp(),
             rig=None if rig_path is None else workflows.read_rig_file(rig_path),
-            limits=dict(map(_limit, limits)),
+            limits=options.by_test,
             history=history,
             progress=bar,
         )
-    from turnscan.cli._verify_report import lines, report_html, trend_picture
-
     for path in reports:
-        text = report_html(done) if path.suffix.lower() == ".html" else verification_json(done)
+        html = path.suffix.lower() == ".html"
+        text = workflows.verification_html(done) if html else workflows.verification_json(done)
         workflows.write_atomically(path, text.encode())
     if trend is not None:
-        workflows.write_atomically(trend, trend_picture(done))
-    click.echo(verification_json(done) if as_json else "\n".join(lines(done)))
+        workflows.write_atomically(trend, workflows.trend_picture(done))
+    text = "\n".join(workflows.verification_lines(done))
+    click.echo(workflows.verification_json(done) if as_json else text)
     if not done.passed:
         sys.exit(1)
-
-
-def _limit(text: str) -> tuple[str, float]:
-    name, equals, value = text.partition("=")
-    try:
-        return name.strip(), float(value)
-    except ValueError:
-        what = "no number" if equals else "no = in it"
-        raise InputError(f"--limit {text!r}: {what}", hint="write size=0.05, in mm") from None

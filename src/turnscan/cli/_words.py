@@ -8,8 +8,14 @@ from turnscan.errors import TurnscanError
 from turnscan.findings import Finding
 from turnscan.remedy import Option, Remedy
 
-_FLAGS = {"exposures": "--exposure", "lamps": "--lamp"}
-"""Flags whose names are not those of the options: what may be given several times."""
+_FLAGS = {
+    "dxf_forms": "--dxf-form",
+    "exposures": "--exposure",
+    "lamps": "--lamp",
+    "limits": "--limit",
+    "tolerances": "--tolerance",
+}
+"""Flags whose names are not those of the options: most may be given several times."""
 
 
 def flag_of(name: str) -> str:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._check import CheckedLaser, CheckedScan, check
     from turnscan.workflows._check_mesh import CheckedMesh
     from turnscan.workflows._compare import Agreement, Comparison, compare
+    from turnscan.workflows._compare_options import CompareOptions
     from turnscan.workflows._declare import Declared, declared
     from turnscan.workflows._demo import Demonstration, demo
     from turnscan.workflows._demo_options import DemoOptions
@@ -49,16 +50,20 @@ if TYPE_CHECKING:
         check_writable,
         write_atomically,
     )
+    from turnscan.workflows._format_options import FormatOptions
     from turnscan.workflows._import_options import (
         AngleSource,
         EvenSteps,
         ImportOptions,
         ListedAngles,
         MarkerAngles,
+        SeriesOptions,
         parse_angles,
     )
     from turnscan.workflows._import_pictures import ImportedScan, import_pictures
+    from turnscan.workflows._incoming import Incoming, file_kinds, files_within, unpack
     from turnscan.workflows._join import join
+    from turnscan.workflows._join_options import JoinOptions, RangeScanOptions
     from turnscan.workflows._kept_options import kept_names, kept_options, options_of
     from turnscan.workflows._live_calibration import CELL_COLUMNS, CELL_ROWS, LiveCalibration
     from turnscan.workflows._live_look import GrowingScan, SeenStripe, seen_stripe
@@ -84,7 +89,9 @@ if TYPE_CHECKING:
         scan_left,
     )
     from turnscan.workflows._scan_options import ScanOptions
+    from turnscan.workflows._schema import VERBS, FileKind, InputFile, OptionsOf, OutputFile, Verb
     from turnscan.workflows._section import section
+    from turnscan.workflows._section_options import SectionOptions
     from turnscan.workflows._sections import Sections, cuts_of
     from turnscan.workflows._selection_rules import SELECTION_RULES
     from turnscan.workflows._session import (
@@ -125,6 +132,12 @@ if TYPE_CHECKING:
         verification_json,
         verify,
     )
+    from turnscan.workflows._verify_options import VerifyOptions
+    from turnscan.workflows._verify_report import (
+        trend_picture,
+        verification_html,
+        verification_lines,
+    )
 
 _MODULES = {
     "_artefact": ("PAPERS", "TARGET", "artefact"),
@@ -135,6 +148,7 @@ _MODULES = {
     "_check": ("CheckedLaser", "CheckedScan", "check"),
     "_check_mesh": ("CheckedMesh",),
     "_compare": ("Agreement", "Comparison", "compare"),
+    "_compare_options": ("CompareOptions",),
     "_declare": ("Declared", "declared"),
     "_demo": ("Demonstration", "demo"),
     "_demo_options": ("DemoOptions",),
@@ -149,6 +163,8 @@ _MODULES = {
         "Acknowledged",
         "FoundDevices",
         "acknowledge",
+        "file_kinds",
+        "files_within",
         "find_devices",
         "identify_lasers",
         "lasers_in_words",
@@ -160,16 +176,20 @@ _MODULES = {
     "_emulate_options": ("EmulateOptions",),
     "_export": ("Exported", "export"),
     "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
+    "_format_options": ("FormatOptions",),
     "_import_options": (
         "AngleSource",
         "EvenSteps",
         "ImportOptions",
         "ListedAngles",
         "MarkerAngles",
+        "SeriesOptions",
         "parse_angles",
     ),
     "_import_pictures": ("ImportedScan", "import_pictures"),
+    "_incoming": ("Incoming", "file_kinds", "files_within", "unpack"),
     "_join": ("join",),
+    "_join_options": ("JoinOptions", "RangeScanOptions"),
     "_kept_options": ("kept_names", "kept_options", "options_of"),
     "_measure": ("Measured", "measure"),
     "_measure_options": ("MeasureOptions",),
@@ -193,7 +213,9 @@ _MODULES = {
         "scan_left",
     ),
     "_scan_options": ("ScanOptions",),
+    "_schema": ("VERBS", "FileKind", "InputFile", "OptionsOf", "OutputFile", "Verb"),
     "_section": ("section",),
+    "_section_options": ("SectionOptions",),
     "_sections": ("Sections", "cuts_of"),
     "_selection_rules": ("SELECTION_RULES",),
     "_session": (
@@ -248,6 +270,8 @@ _MODULES = {
         "verification_json",
         "verify",
     ),
+    "_verify_options": ("VerifyOptions",),
+    "_verify_report": ("trend_picture", "verification_html", "verification_lines"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -264,6 +288,7 @@ __all__ = [
     "SHAPES_SUFFIXES",
     "TARGET",
     "UNITS",
+    "VERBS",
     "Acknowledged",
     "Agreement",
     "AngleSource",
@@ -277,6 +302,7 @@ __all__ = [
     "CheckedLaser",
     "CheckedMesh",
     "CheckedScan",
+    "CompareOptions",
     "Comparison",
     "Declared",
     "DemoOptions",
@@ -292,11 +318,16 @@ __all__ = [
     "EvenSteps",
     "ExportOptions",
     "Exported",
+    "FileKind",
+    "FormatOptions",
     "FoundDevices",
     "FoundShapes",
     "GrowingScan",
     "ImportOptions",
     "ImportedScan",
+    "Incoming",
+    "InputFile",
+    "JoinOptions",
     "KeptEdits",
     "KnownRig",
     "ListedAngles",
@@ -306,10 +337,13 @@ __all__ = [
     "Measured",
     "OpenScan",
     "Opened",
+    "OptionsOf",
     "Outcome",
+    "OutputFile",
     "Patience",
     "PlacedFinding",
     "PlannedScan",
+    "RangeScanOptions",
     "Recipe",
     "ReconstructOptions",
     "ReconstructResult",
@@ -320,8 +354,10 @@ __all__ = [
     "ScanOptions",
     "ScanSession",
     "ScanStripes",
+    "SectionOptions",
     "Sections",
     "SeenStripe",
+    "SeriesOptions",
     "SessionChange",
     "SessionState",
     "ShapesOptions",
@@ -335,8 +371,10 @@ __all__ = [
     "TakenScan",
     "Task",
     "Trend",
+    "Verb",
     "Verification",
     "Verified",
+    "VerifyOptions",
     "about",
     "acknowledge",
     "artefact",
@@ -362,6 +400,8 @@ __all__ = [
     "edits",
     "emulate",
     "export",
+    "file_kinds",
+    "files_within",
     "find_devices",
     "find_shapes",
     "hole_in_words",
@@ -397,7 +437,11 @@ __all__ = [
     "simulate",
     "stoppable_devices",
     "table_of",
+    "trend_picture",
+    "unpack",
+    "verification_html",
     "verification_json",
+    "verification_lines",
     "verify",
     "write_atomically",
 ]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from turnscan.errors import FormatError, InputError, ScanCorrupt, ScanNewer
-from turnscan.findings import Finding
+from turnscan.findings import Finding, record
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import rig_hash
@@ -18,6 +19,10 @@ from turnscan.workflows._check_mesh import CheckedMesh, check_mesh
 from turnscan.workflows._history import history_of
 
 _MESHES = (".stl", ".ply", ".obj", ".3mf", ".glb", ".dxf")
+_OF_PLAN = (
+    "width", "height", "dtype", "channels", "weights", "keep", "threshold", "orientation",
+    "steps", "source",
+)  # fmt: skip
 _UNEVEN = 0.5
 """A step that differs from the median one by more than this part of it is worth a word."""
 
@@ -56,6 +61,41 @@ class CheckedScan:
     edits: int | None
     """How many edits count; None where the log cannot be read."""
     findings: tuple[Finding, ...]
+
+    @property
+    def summary(self) -> list[str]:
+        """What the file holds, in a few lines."""
+        plan = self.plan
+        kind = "colour" if plan.channels == 3 else "grey"
+        lines = [
+            f"{self.path}: {self.size_bytes / 1e6:.1f} MB, {plan.width}×{plan.height} {kind} "
+            f"{plan.dtype}, {plan.keep} frames" + (f", {plan.source}" if plan.source else ""),
+            f"rig: {self.rig[:12] if self.rig else 'none'}",
+        ]
+        for name, laser in self.lasers.items():
+            angles = "angles unknown"
+            if laser.first_deg is not None:
+                angles = f"{laser.first_deg:.2f}° … {laser.last_deg:.2f}°"
+            if laser.step_deg is not None:
+                angles += f", usual step {laser.step_deg:.3f}°"
+            lines.append(f"laser {name}: {laser.frames} of {plan.steps} steps, {angles}")
+        if self.edits:
+            lines.append(f"{self.edits} edits; see turnscan edits")
+        return lines
+
+    @property
+    def verdict(self) -> str:
+        """Whether the file is whole, in words."""
+        return "DAMAGED" if self.damaged else "intact: every frame matches its checksum"
+
+    def figures(self) -> dict[str, Any]:
+        """All of it by name, to go into JSON."""
+        body = asdict(self)
+        start = {"file": str(body.pop("path")), "bytes": body.pop("size_bytes")}
+        start["raw_bytes"] = body.pop("raw_bytes")
+        plan = body.pop("plan")
+        start |= {name: plan[name] for name in _OF_PLAN}
+        return start | body | {"findings": [record(f) for f in self.findings]}
 
     @property
     def damaged(self) -> bool:

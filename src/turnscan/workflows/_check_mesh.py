@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
-from turnscan.findings import Finding
+from turnscan.findings import Finding, record
 from turnscan.mesh import Mesh, is_closed, soundness
 from turnscan.surface.holes import holes
 from turnscan.workflows._reading import read_mesh_file
@@ -26,6 +27,29 @@ class CheckedMesh:
     volume_mm3: float | None
     """mm³; None for an open surface."""
     findings: tuple[Finding, ...]
+
+    @property
+    def summary(self) -> list[str]:
+        """What the file holds, in a line."""
+        volume = "" if self.volume_mm3 is None else f", volume {self.volume_mm3:.2f} mm³"
+        marked = f"{self.faces_not_measured} not measured"
+        if self.faces_not_measured is None:
+            marked = "STL cannot mark the measured faces"
+        return [
+            f"{self.path}: {self.size_bytes / 1e6:.1f} MB, {self.vertices} vertices, "
+            f"{self.faces} faces ({marked}){volume}"
+        ]
+
+    @property
+    def verdict(self) -> str:
+        """Whether the mesh is sound, in words."""
+        return "NOT SOUND" if self.findings else "sound: closed, manifold, no self-intersections"
+
+    def figures(self) -> dict[str, Any]:
+        """All of it by name, to go into JSON."""
+        body = asdict(self)
+        start = {"file": str(body.pop("path")), "bytes": body.pop("size_bytes")}
+        return start | body | {"findings": [record(f) for f in self.findings]}
 
 
 def check_mesh(path: Path) -> CheckedMesh:

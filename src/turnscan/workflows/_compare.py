@@ -11,6 +11,8 @@ from turnscan.findings import Finding
 from turnscan.mesh import Mesh, submesh
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Deviation, deviation, sample_surface
+from turnscan.workflows._compare_options import CompareOptions
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source, load
 
@@ -97,12 +99,10 @@ class Comparison:
 def compare(
     measured: Source,
     reference: Source,
+    options: CompareOptions | None = None,
     *,
-    tolerances: tuple[float, ...] = (0.05, 0.1, 0.2),
-    samples: int = 50_000,
-    unit: str = "mm",
-    reference_unit: str = "mm",
     progress: Progress = no_progress,
+    **changes: Any,
 ) -> Comparison:
     """How far a measured surface lies from a reference, and how much of it was measured.
 
@@ -114,14 +114,12 @@ def compare(
     measured, reference
         Meshes, mesh files, results of `reconstruct`, or scans, which are reconstructed with their
         own settings.
-    tolerances
-        mm at which precision, completeness and F-score are given.
-    samples
-        Points of the reference that are looked for on the measured surface.
-    unit, reference_unit
-        Units of mesh files: mm, cm, m or inch.
+    options
+        Tolerances, samples and units of mesh files; None takes the usual ones.
     progress
         Told how far the reconstruction of a scan is; it may cancel.
+    changes
+        Options to change by name, as in ``tolerances=(0.1,)``.
 
     Returns
     -------
@@ -131,15 +129,16 @@ def compare(
     Raises
     ------
     InputError
-        Where there is no surface.
+        Where there is no surface, and for an option that cannot be.
 
     >>> import turnscan as ts
     >>> found = ts.compare("cup.turnscan", "cup.turnscan")
     >>> found.deviation.rms < 1e-6, found.agreements[0].precision
     (True, 1.0)
     """
-    got = load(measured, unit, progress.subrange(0, 0.5))
-    truth = load(reference, reference_unit, progress.subrange(0.5, 1)).mesh
+    wanted = chosen(CompareOptions, options, changes)
+    got = load(measured, wanted.unit, progress.subrange(0, 0.5))
+    truth = load(reference, wanted.reference_unit, progress.subrange(0.5, 1)).mesh
     mesh = got.mesh
     if not len(mesh.faces):
         raise InputError(f"{got.name}: no faces", hint="compare a mesh, not a cloud of points")
@@ -147,6 +146,6 @@ def compare(
         mesh = submesh(mesh, mesh.measured)
     every = deviation(mesh.vertices, truth)
     out = every.covered()
-    back = deviation(sample_surface(truth, samples), mesh)
-    agreements = tuple(Agreement(t, out.within(t), back.within(t)) for t in tolerances)
+    back = deviation(sample_surface(truth, wanted.samples), mesh)
+    agreements = tuple(Agreement(t, out.within(t), back.within(t)) for t in wanted.tolerances)
     return Comparison(mesh, every, out, agreements, got.findings)

@@ -39,6 +39,15 @@ class Declared:
     """Of a choice: what installed packages add, looked up when a value is none of ``choices``."""
     many: bool = False
     """Whether the value is a tuple of such values."""
+    unit: str = ""
+    """Of a number."""
+    group: str = ""
+    """Heading under which a form shows it; empty for the first."""
+
+    @property
+    def required(self) -> bool:
+        """Whether a value must be given."""
+        return self.default is None and not self.optional
 
     def trouble(self, value: object) -> str | None:
         """What is wrong with a value; None where nothing is."""
@@ -101,8 +110,13 @@ def option(
     parse: Callable[[str], object] | None = None,
     more: Callable[[], tuple[str, ...]] | None = None,
     many: bool = False,
+    unit: str = "",
+    group: str = "",
 ) -> Any:
-    """A field of an option class; ``optional`` is whether None is a value, by the default."""
+    """A field of an option class; ``optional`` is whether None is a value, by the default.
+
+    An option without a default that is not optional must be given.
+    """
     declared = {
         "kind": kind,
         "help": help,
@@ -114,6 +128,8 @@ def option(
         "parse": parse,
         "more": more,
         "many": many,
+        "unit": unit,
+        "group": group,
     }
     return field(default=default, metadata={"declared": declared})
 

@@ -82,38 +82,56 @@ def parse_angles(text: str) -> AngleSource:
 
 
 @dataclass(frozen=True)
+class SeriesOptions(Checked):
+    """What a series of pictures shows."""
+
+    angles: str = option(
+        None, "text",
+        "Table angle of each picture: step:DEG between neighbouring pictures (counter-clockwise "
+        "seen from above, negative for clockwise), markers (of a rig), or a CSV file of angle_deg "
+        "a line, or of number,angle_deg[,sigma_deg].",
+        optional=False,
+    )  # fmt: skip
+    laser: str = option("laser", "text", "Name of the laser.")
+
+
+@dataclass(frozen=True)
 class ImportOptions(Checked):
     """What a user may choose about an import; InputError names a value that none can have."""
 
     colour: str = option(
         "learn", "text",
         "Colour of the laser in colour pictures: red, green, blue, grey, three weights R,G,B, or "
-        "learn (from the pictures).",
+        "learn (from the pictures).", group="Pictures",
     )  # fmt: skip
     keep: Keep = option(
         "sparse", "choice", "Store the pixels around the stripe, or all; both losslessly.",
-        choices=choices.KEEP,
+        choices=choices.KEEP, group="Pictures",
     )  # fmt: skip
     threshold: float | None = option(
         None, "number",
         "Threshold above the background from which pixels are stored, grey levels.  [default: "
         "from the noise]",
-        least=0.0,
+        least=0.0, unit="grey levels", group="Pictures",
     )  # fmt: skip
     orientation: Orientation = option(
         "vertical",
         "choice",
         "Orientation of the stripe in the picture.",
         choices=choices.ORIENTATION,
+        group="Pictures",
     )
     background: Background = option(
         "auto", "choice",
         "Background without laser-off pictures: per pixel, the median over the scan, the median "
         "over pictures in which the stripe is elsewhere (beside), or the darkest value; auto "
         "takes the one that shows more of the stripe.",
-        choices=get_args(Background),
+        choices=get_args(Background), group="Pictures",
     )  # fmt: skip
-    every: int = option(1, "count", "Import every N-th step only.", least=1)
+    every: int = option(1, "count", "Import every N-th step only.", least=1, group="Pictures")
     first_step: int | None = option(
-        None, "count", "Number in the file name of step 0.  [default: lowest]"
+        None,
+        "count",
+        "Number in the file name of step 0.  [default: lowest]",
+        group="Pictures",
     )

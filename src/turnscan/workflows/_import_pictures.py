@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
@@ -59,6 +60,29 @@ class ImportedScan:
     size_bytes: int
     """Of the scan file."""
     findings: tuple[Finding, ...]
+
+    @property
+    def summary(self) -> list[str]:
+        """What was imported, in a few lines."""
+        plan = self.plan
+        kind = "colour" if plan.channels == 3 else "grey"
+        span = " … ".join(f"{math.degrees(angle):.2f}°" for angle in self.angles or ())
+        lines = [
+            f"{self.path}: {self.frames} frames, {plan.steps} steps × {', '.join(plan.lasers)}, "
+            f"{plan.width}×{plan.height} {kind} {plan.dtype}",
+            f"angles: {span or 'unknown'}, from {self.angle_source}",
+        ]
+        if plan.weights is not None:
+            red, green, blue = plan.weights
+            lines.append(f"laser: {red:+.2f} red {green:+.2f} green {blue:+.2f} blue")
+        backgrounds = "; ".join(self.backgrounds)
+        size = f"{self.size_bytes / 1e6:.1f} MB, 1/{self.raw_bytes / self.size_bytes:.1f}"
+        return [
+            *lines,
+            f"background: {backgrounds}; line in {self.line_share:.0%} of rows",
+            f"threshold: {plan.threshold:.2f} grey levels, {self.threshold_source}",
+            f"kept: {100 * self.kept:.1f} % of the pixels, {size} of the raw ones",
+        ]
 
     def __fspath__(self) -> str:
         """Its path: it stands for its file wherever a file is wanted."""

@@ -18,7 +18,7 @@ class MeasureOptions(Checked):
         None, "number",
         "Largest distance of a point from its plane, mm.  [default: three times the noise of the "
         "surface]",
-        least=0, above=True,
+        least=0, above=True, unit="mm",
     )  # fmt: skip
     smallest: float = option(
         0.02, "number", "Smallest planar face, as a fraction of the total area.", least=0, most=1

@@ -82,18 +82,18 @@ class ReconstructOptions(Checked):
     strategy: str = option(
         "window", "choice",
         "Estimator of the stripe centre; installed packages may add others.",
-        choices=choices.STRATEGY, more=_detectors,
+        choices=choices.STRATEGY, more=_detectors, group="Stripes",
     )  # fmt: skip
     choose: Choice = option(
         "brightest", "choice",
         "Which candidate is taken where an image row shows several "
-        "stripes.", choices=choices.CHOICE,
+        "stripes.", choices=choices.CHOICE, group="Stripes",
     )  # fmt: skip
     refine: Refinement = option(
         "none", "choice",
         "spacetime: refine each point over the neighbouring pictures, where the steps are small "
         "enough; auto: the same, without a finding where they are not.",
-        choices=choices.REFINEMENT,
+        choices=choices.REFINEMENT, group="Stripes",
     )  # fmt: skip
     threshold: float | None = option(
         None,
@@ -101,6 +101,8 @@ class ReconstructOptions(Checked):
         "Threshold above the background, grey levels.  [default: from the noise]",
         least=0,
         above=True,
+        unit="grey levels",
+        group="Stripes",
     )
     spacing: float | None = option(
         None,
@@ -108,42 +110,54 @@ class ReconstructOptions(Checked):
         "Spacing of points along a profile, mm; both end points are kept.",
         least=0,
         above=True,
+        unit="mm",
+        group="Points",
     )
     spacing_by: Spacing = option(
         "height", "choice",
         "Space points by equal height, or by equal arc length along each profile.",
-        choices=choices.SPACING,
+        choices=choices.SPACING, group="Points",
     )  # fmt: skip
     spacing_between: str | None = option(
         None, "text",
         "Spacing between profiles: an angle (2deg), or a length at the largest radius (1.5mm); "
         "profiles are interpolated between measured ones.  [default: as scanned]",
-        parse=_spacing,
+        parse=_spacing, group="Points",
     )  # fmt: skip
-    every: int = option(1, "count", "Use every N-th profile.", least=1)
+    every: int = option(1, "count", "Use every N-th profile.", least=1, group="Points")
     radius: float | None = option(
         None,
         "number",
         "Largest radius, mm from the axis; points further out are dropped.",
         least=0,
         above=True,
+        unit="mm",
+        group="Points",
     )
     z_min: float | None = option(
-        None, "number", "Lowest height, mm above the platter; points below are dropped."
+        None,
+        "number",
+        "Lowest height, mm above the platter; points below are dropped.",
+        unit="mm",
+        group="Points",
     )
     z_max: float | None = option(
-        None, "number", "Largest height, mm above the platter; points above are dropped."
+        None,
+        "number",
+        "Largest height, mm above the platter; points above are dropped.",
+        unit="mm",
+        group="Points",
     )
     island: int | None = option(
         None, "count",
         "Remove unconnected pieces (islands) of fewer faces.  [default: 1 % of the largest piece]",
-        least=0,
+        least=0, unit="faces", group="Clean-up",
     )  # fmt: skip
     edge: int = option(
         1, "count",
         "Number of points dropped at each end of a profile run at a depth discontinuity or in "
         "one-sided light.",
-        least=0, most=20,
+        least=0, most=20, unit="points", group="Clean-up",
     )  # fmt: skip
     outliers: float | None = option(
         None,
@@ -151,46 +165,58 @@ class ReconstructOptions(Checked):
         "Remove points further than this many sigma from the surface through their neighbours.",
         least=0,
         above=True,
+        unit="sigma",
+        group="Clean-up",
     )
-    keep_strays: bool = option(False, "switch", "Keep isolated points, which lie on no surface.")
+    keep_strays: bool = option(
+        False, "switch", "Keep isolated points, which lie on no surface.", group="Clean-up"
+    )
     denoise: float | None = option(
         None, "number",
         "Denoise along camera rays: maximum shift of a point in sigma, like 2.",
-        least=0, above=True, most=10,
+        least=0, above=True, most=10, unit="sigma", group="Clean-up",
     )  # fmt: skip
     merge: MergeMethod = option(
         "auto", "choice",
         "Merging of several lasers or scans: average in angle and height (grid), in voxels "
         "(tsdf), or keep every point (paste).",
-        choices=choices.HOW,
+        choices=choices.HOW, group="Surface",
     )  # fmt: skip
     voxel: float | None = option(
-        None, "number", "Voxel size of tsdf, mm.  [default: the point spacing]", least=0, above=True
+        None,
+        "number",
+        "Voxel size of tsdf, mm.  [default: the point spacing]",
+        least=0,
+        above=True,
+        unit="mm",
+        group="Surface",
     )
     decimate: str | None = option(
         None, "text",
         "Decimate the mesh: within a tolerance (0.05mm), or to a number of faces.",
-        parse=decimation,
+        parse=decimation, group="Surface",
     )  # fmt: skip
-    close: bool = option(False, "switch", "Close the surface; the faces added are marked.")
+    close: bool = option(
+        False, "switch", "Close the surface; the faces added are marked.", group="Closing"
+    )
     fill: FillHow | Literal["none"] | None = option(
         None, "choice",
         "Hole filling: flat, membrane (minimal area), tangent (in the tangent planes of the "
         "boundary), curvature (with its curvature too), or none; auto takes membrane where an edge "
         "runs round the hole, and tangent elsewhere.  [default: auto]",
-        choices=(*choices.FILL_HOW, "none"),
+        choices=(*choices.FILL_HOW, "none"), group="Closing",
     )  # fmt: skip
     top: Top | Literal["hole"] | None = option(
         None, "choice",
         "With close, the gap at the top: closed by its plane, by a fan to the axis, with the "
         "curvature of its boundary (smooth), as any hole, or left open.  [default: plane]",
-        choices=("plane", "fan", "smooth", "hole", "open"),
+        choices=("plane", "fan", "smooth", "hole", "open"), group="Closing",
     )  # fmt: skip
     bottom: Bottom | Literal["hole"] | None = option(
         None, "choice",
         "With close, the gap at the bottom: extended to the platter and closed by its plane "
         "(floor), filled as any hole, or left open.  [default: floor]",
-        choices=("floor", "hole", "open"),
+        choices=("floor", "hole", "open"), group="Closing",
     )  # fmt: skip
     largest_hole: float | None = option(
         None,
@@ -199,6 +225,8 @@ class ReconstructOptions(Checked):
         "filled]",
         least=0,
         above=True,
+        unit="mm",
+        group="Closing",
     )
 
     def __post_init__(self) -> None:

@@ -21,6 +21,7 @@ from turnscan.drawings import (
 from turnscan.errors import InputError
 from turnscan.formats import DxfVersion
 from turnscan.mesh import Mesh
+from turnscan.remedy import Option, Remedy
 from turnscan.shapes import Arc, Cut, FittedSection, fit_section, half_plane_cut, plane_cut
 from turnscan.workflows._files import check_apart, check_output, write_atomically
 from turnscan.workflows._units import SECTION_SUFFIXES
@@ -39,7 +40,10 @@ def cuts_of(planes: Iterable[str], half_planes_deg: Iterable[float] = ()) -> lis
     cuts = [cut for text in planes for cut in _planes(text)]
     cuts += [half_plane_cut(math.radians(a), f"half-plane at {a:g}°") for a in half_planes_deg]
     if not cuts:
-        raise InputError("no section was asked for", hint="give a plane or a half-plane")
+        raise InputError(
+            "no section was asked for",
+            hint=Remedy("give ", Option("plane"), " or ", Option("half_plane_deg")),
+        )
     if len(cuts) > _MOST:
         raise InputError(f"{len(cuts)} sections; at most {_MOST} go into one drawing",
                          hint="take a larger step")  # fmt: skip
@@ -55,7 +59,7 @@ def _planes(text: str) -> list[Cut]:
         return [plane_cut(normal, v, f"{axis} = {v:.6g} mm") for v in values]
     numbers = _floats(text.split(","), text)
     if len(numbers) != 4:
-        raise InputError(f"plane {text!r}", hint=_FORM)
+        raise _no_plane(text)
     return [plane_cut(numbers[:3], numbers[3])]
 
 
@@ -63,22 +67,26 @@ def _floats(parts: Sequence[str], text: str) -> list[float]:
     try:
         numbers = [float(p) for p in parts]
     except ValueError:
-        raise InputError(f"plane {text!r}", hint=_FORM) from None
+        raise _no_plane(text) from None
     if not all(map(math.isfinite, numbers)):
-        raise InputError(f"plane {text!r} has a number that is not finite", hint=_FORM)
+        raise _no_plane(text, "a number in it is not finite")
     return numbers
+
+
+def _no_plane(text: str, why: str = "not a plane") -> InputError:
+    return InputError(why, hint=_FORM, option=Option("plane", text))
 
 
 def _range(numbers: list[float], text: str) -> list[float]:
     if len(numbers) == 1:
         return numbers
     if len(numbers) != 3 or not numbers[2] > 0 or numbers[1] < numbers[0]:
-        raise InputError(f"plane {text!r}", hint=_FORM)
+        raise _no_plane(text)
     start, stop, step = numbers
     count = (stop - start) / step
     if count > _MOST:
-        raise InputError(f"plane {text!r}: {count:.0f} sections; at most {_MOST} are drawn",
-                         hint="take a larger step")  # fmt: skip
+        told = f"{count:.0f} sections; at most {_MOST} are drawn"
+        raise InputError(told, hint="take a larger step", option=Option("plane", text))
     return [start + k * step for k in range(int(count + 1e-9) + 1)]
 
 

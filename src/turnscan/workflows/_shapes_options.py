@@ -19,7 +19,7 @@ class ShapesOptions(Checked):
         None, "number",
         "Largest distance of a point from its shape, mm.  [default: three times its noise, at "
         "least 1/10000 of the size]",
-        least=0, above=True,
+        least=0, above=True, unit="mm",
     )  # fmt: skip
     smallest: float = option(
         0.003, "number", "Smallest shape, as a fraction of the measured area.",

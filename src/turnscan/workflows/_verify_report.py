@@ -1,4 +1,4 @@
-"""The report of ``turnscan verify``: values, verdicts, trend; as lines, as HTML, as a picture."""
+"""The report of a verification: values, verdicts, trend; as lines, as HTML, as a picture."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from turnscan.shapes.verification import TestValue
-from turnscan.workflows import Trend, Verification, _html
+from turnscan.workflows import _html
+from turnscan.workflows._verify import Trend, Verification
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +27,7 @@ _RULE = (
 )
 
 
-def lines(v: Verification) -> Iterator[str]:
+def verification_lines(v: Verification) -> Iterator[str]:
     """The result for a terminal."""
     for scan in v.scans:
         yield f"{scan.source}: {v.artefact.kind} {v.artefact.name}"
@@ -36,7 +37,7 @@ def lines(v: Verification) -> Iterator[str]:
     yield "passed" if v.passed else "not passed"
 
 
-def report_html(v: Verification) -> str:
+def verification_html(v: Verification) -> str:
     """The report as one HTML page."""
     parts = [
         _html.paragraph(

@@ -1,0 +1,310 @@
+"""Verbs with files, as jobs: a request's values become the arguments of a workflow, no more."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from turnscan import workflows as w
+from turnscan.app import _requests as q
+from turnscan.app._files import Files, Item
+from turnscan.app._jobs import Job, Jobs, Result
+from turnscan.app._library import SUFFIX, Library
+from turnscan.app._protocol import ResultFile, VerbEntry, Verbs
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.progress import Progress
+from turnscan.remedy import Option
+
+Options = TypeVar("Options")
+_MAIN = ("output", "outputs")
+"""Outputs whose files have the name alone; those of others have what they are behind it."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a verb is called with, checked."""
+
+    inputs: Mapping[str, Sequence[Item]]
+    options: Mapping[type[Any], Any]
+    outputs: Mapping[str, Sequence[Path]]
+    table: Callable[[str], Path]
+    """The table of values that has a name in the list."""
+    progress: Progress
+
+    def path(self, name: str) -> Path:
+        """The one file of an input."""
+        return self.inputs[name][0].path
+
+    def perhaps(self, name: str) -> Path | None:
+        """The file of an input that may be left out."""
+        return self.path(name) if self.inputs[name] else None
+
+    def paths(self, name: str) -> list[Path]:
+        """All files of an input."""
+        return [item.path for item in self.inputs[name]]
+
+    def of(self, kind: type[Options]) -> Options:
+        """The options of a class."""
+        found: Options = self.options[kind]
+        return found
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a verb came to, in words and figures; its files are written."""
+
+    text: str
+    findings: Sequence[Finding] = ()
+    figures: str | None = None
+    """JSON."""
+
+
+def list_verbs(number: int) -> Verbs:
+    """The verbs and their schemas, as they are told."""
+    listed = [
+        VerbEntry(verb=v.name, title=v.title, group=v.group, json_schema=v.json_schema())
+        for v in w.VERBS.values()
+    ]
+    return Verbs(id=number, verbs=listed)
+
+
+def run_verb(
+    jobs: Jobs, library: Library, files: Files, request: q.RunVerb, told: Callable[[], None]
+) -> Job:
+    """Begin a verb. ``told`` is called when its files are in the folder.
+
+    Raises InputError naming the value that cannot be used; nothing is begun then.
+    """
+    verb = w.VERBS.get(request.verb)
+    if verb is None:
+        raise InputError("no such verb", hint="reload the page")
+    values = dict(request.values)
+    inputs = {f.name: _input(f, values.pop(f.name, None), files) for f in verb.inputs}
+    outputs = {
+        f.name: _output(f, values.pop(f.name, None), request.name, library) for f in verb.outputs
+    }
+    options = {part.kind: _options(part, values) for part in verb.options}
+    if values:
+        unknown = next(iter(values))
+        raise InputError(f"{verb.title} has no value {unknown[:80]!r}", hint="reload the page")
+
+    def work(job: Job) -> Result:
+        given = Given(inputs, options, outputs, files.table, job.progress)
+        outcome = _RUNNERS[verb.name](given)
+        if outputs.get("figures") and outcome.figures is not None:
+            library.write(outputs["figures"][0], outcome.figures.encode())
+        written = [path for paths in outputs.values() for path in paths if path.is_file()]
+        listed = [
+            ResultFile(file=library.name_of(p), name=p.name, scan=p.suffix == SUFFIX)
+            for p in written
+        ]
+        told()
+        return Result(library.hide(outcome.text), None, list(outcome.findings), listed)
+
+    return jobs.start("verb", f"{verb.title}: {request.name}", work)
+
+
+def _input(wanted: w.InputFile, value: object, files: Files) -> list[Item]:
+    names = [value] if isinstance(value, str) else value or []
+    if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
+        raise InputError("not a list of files", option=Option(wanted.name))
+    try:
+        items = [files.find(name) for name in names]
+    except InputError as e:
+        raise InputError(e.message, hint=e.hint, option=Option(wanted.name)) from None
+    for item in items:
+        if not set(item.kinds) & set(wanted.accepts):
+            raise InputError(
+                f"{item.name} is {_in_words(item.kinds)}, not {_in_words(wanted.accepts)}",
+                hint="choose another file",
+                option=Option(wanted.name),
+            )
+    if wanted.required and not items:
+        raise InputError("no file is chosen", hint="choose or drop one", option=Option(wanted.name))
+    if len(items) > 1 and not wanted.many:
+        raise InputError("more than one file", hint="choose one", option=Option(wanted.name))
+    return items
+
+
+def _in_words(kinds: Sequence[str]) -> str:
+    return " or ".join("pictures" if k == "pictures" else f"a {k}" for k in kinds) or "a result"
+
+
+def _output(wanted: w.OutputFile, value: object, name: str, library: Library) -> list[Path]:
+    suffixes = list(wanted.usual) if value is None else value
+    if not isinstance(suffixes, list) or not all(s in wanted.suffixes for s in suffixes):
+        known = ", ".join(wanted.suffixes)
+        raise InputError(f"choose among {known}", option=Option(wanted.name))
+    if wanted.required and not suffixes:
+        raise InputError("none is chosen", hint="choose one or more", option=Option(wanted.name))
+    full = name if wanted.name in _MAIN else f"{name}-{wanted.name}"
+    try:
+        return [library.new_file(full, suffix) for suffix in dict.fromkeys(suffixes)]
+    except InputError as e:
+        raise InputError(e.message, hint=e.hint, option=Option("name")) from None
+
+
+def _options(part: w.OptionsOf, values: dict[str, Any]) -> Any:
+    given = {name: values.pop(name) for name in part.declared if name in values}
+    return part.kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
+
+
+# The verbs
+
+
+def _import(given: Given) -> Outcome:
+    lasers = _by_laser(given.inputs["pictures"], given.of(w.SeriesOptions).laser)
+    text = given.of(w.SeriesOptions).angles
+    at = w.parse_angles(text)
+    if isinstance(at, w.ListedAngles):
+        try:
+            at = w.ListedAngles(given.table(text))
+        except InputError:
+            raise InputError(
+                "neither a step (step:15), nor markers, nor a CSV file in the list",
+                hint="write step: and the degrees between pictures, or send the CSV file",
+                option=Option("angles", text),
+            ) from None
+    dark = given.paths("dark")
+    if len(dark) not in (0, 1, len(lasers)):
+        raise InputError(
+            f"{len(dark)} series without laser for {len(lasers)} lasers",
+            hint="choose one for all, or one for each in the same order",
+            option=Option("dark"),
+        )
+    off = {laser: dark[k if len(dark) > 1 else 0] for k, laser in enumerate(lasers) if dark}
+    done = w.import_pictures(
+        lasers, given.outputs["output"][0], at, dark=off, rig=given.perhaps("rig"),
+        options=given.of(w.ImportOptions), progress=given.progress,
+    )  # fmt: skip
+    return Outcome("\n".join(done.summary), done.findings)
+
+
+def _by_laser(series: Sequence[Item], laser: str) -> dict[str, Any]:
+    """Each series of pictures by the name of its laser: its folder's, where there are several."""
+    if len(series) == 1:
+        return {laser: series[0].path}
+    named = {item.path.stem: item.path for item in series}
+    if len(named) != len(series):
+        raise InputError(
+            "two series have one name", hint="rename their folders", option=Option("pictures")
+        )
+    return named
+
+
+def _surface(result: w.ReconstructResult, given: Given) -> Outcome:
+    """Write what became of a reconstruction; where it failed, the report alone."""
+    remarks: list[Finding] = []
+    if not result.failed:
+        formats = given.of(w.FormatOptions).export_options
+        remarks = result.save(*given.outputs["outputs"], options=formats)
+    for path in given.outputs["report"]:
+        result.save_report(path)
+    lines = result.summary()
+    if result.failed:
+        lines = ["There is no surface: see the findings.", *lines]
+    return Outcome("\n".join(lines), [*result.findings, *remarks])
+
+
+def _range_scans(given: Given) -> Outcome:
+    _ = given.of(w.FormatOptions).export_options  # what excludes each other is said at once
+    result = w.reconstruct(
+        given.path("source"), given.of(w.ReconstructOptions), edits="none",
+        unit=given.of(w.RangeScanOptions).unit, progress=given.progress,
+    )  # fmt: skip
+    return _surface(result, given)
+
+
+def _join(given: Given) -> Outcome:
+    _ = given.of(w.FormatOptions).export_options
+    changes, poses = given.of(w.ReconstructOptions).changed(), given.of(w.JoinOptions)
+    rig = given.perhaps("rig")
+    result = w.join(
+        given.paths("sources"),
+        points=given.perhaps("points"), markers=poses.markers,
+        rig=None if rig is None else w.read_rig_file(rig), unit=poses.unit,
+        progress=given.progress, **changes,
+    )  # fmt: skip
+    return _surface(result, given)
+
+
+def _export(given: Given) -> Outcome:
+    w.check_exports(given.outputs["outputs"], given.paths("source"))
+    done = w.export(
+        given.path("source"), *given.outputs["outputs"],
+        formats=given.of(w.FormatOptions).export_options,
+        decimate=given.of(w.ReconstructOptions).decimate, progress=given.progress,
+    )  # fmt: skip
+    size = f"{len(done.mesh.vertices)} vertices, {len(done.mesh.faces)} faces"
+    return Outcome(f"{size}, read back the same", [*done.findings, *done.remarks])
+
+
+def _section(given: Given) -> Outcome:
+    options = given.of(w.SectionOptions)
+    cuts = w.cuts_of(options.plane, options.half_plane_deg)
+    found = w.section(given.path("part"), cuts, options.tolerance, given.progress)
+    found.save(*given.outputs["outputs"], version=options.dxf_version)
+    return Outcome(str(found))
+
+
+def _compare(given: Given) -> Outcome:
+    options = given.of(w.CompareOptions)
+    found = w.compare(
+        given.path("measured"), given.path("reference"), options, progress=given.progress
+    )
+    for path in given.outputs["picture"]:
+        found.save_picture(path, options.limit)
+    return Outcome(str(found), found.findings, json.dumps(found.figures(), indent=1))
+
+
+def _measure(given: Given) -> Outcome:
+    found = w.measure(given.path("file"), given.of(w.MeasureOptions), progress=given.progress)
+    return Outcome(str(found), found.findings, json.dumps(found.figures, indent=1))
+
+
+def _shapes(given: Given) -> Outcome:
+    w.check_step(given.outputs["outputs"])
+    found = w.find_shapes(given.path("part"), given.of(w.ShapesOptions), progress=given.progress)
+    remarks = found.save(*given.outputs["outputs"])
+    for path in given.outputs["report"]:
+        found.save_report(path)
+    return Outcome(str(found), [*found.findings, *remarks], json.dumps(found.figures(), indent=1))
+
+
+def _check(given: Given) -> Outcome:
+    done = w.check(given.path("file"), given.progress)
+    figures = json.dumps(done.figures(), indent=1, allow_nan=False)
+    return Outcome("\n".join([*done.summary, done.verdict]), done.findings, figures)
+
+
+def _verify(given: Given) -> Outcome:
+    rig = given.perhaps("rig")
+    done = w.verify(
+        given.paths("scans"), given.path("artefact"),
+        time=time.time(), rig=None if rig is None else w.read_rig_file(rig),
+        limits=given.of(w.VerifyOptions).by_test, progress=given.progress,
+    )  # fmt: skip
+    figures = w.verification_json(done)
+    for path in given.outputs["report"]:
+        text = w.verification_html(done) if path.suffix == ".html" else figures
+        w.write_atomically(path, text.encode())
+    return Outcome("\n".join(w.verification_lines(done)), done.findings, figures)
+
+
+_RUNNERS: dict[str, Callable[[Given], Outcome]] = {
+    "import": _import,
+    "range-scans": _range_scans,
+    "join": _join,
+    "export": _export,
+    "section": _section,
+    "compare": _compare,
+    "measure": _measure,
+    "shapes": _shapes,
+    "check": _check,
+    "verify": _verify,
+}
