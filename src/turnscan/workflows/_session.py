@@ -32,6 +32,7 @@ from turnscan.scan import Scan, rig_for
 from turnscan.settings import Settings
 from turnscan.shapes import Source
 from turnscan.stripes import StripeSettings
+from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
 from turnscan.surface.holes import CAUSE_WORDS, Hole, ScanCoverage, explain, holes
 from turnscan.workflows._history import history_of, repairs
@@ -193,6 +194,7 @@ class ScanSession:
         self._lock = threading.RLock()
         self._looking = threading.Lock()
         self._found: tuple[int, Mesh, list[Hole]] | None = None
+        self._said: tuple[int, tuple[Finding, ...]] | None = None
         self._built: dict[tuple[edit.Entry, ...], Reconstruction] = {}
         self._seen: dict[tuple[StripeSettings, Volume | None], list[Detection]] = {}
         self._current: tuple[StripeSettings, Volume | None] | None = None
@@ -227,7 +229,7 @@ class ScanSession:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be said about the scan and its edits."""
-        s, found = self.now.settings, tuple(self.now.document.findings)
+        s, found = self.now.settings, self._findings(self.now)
         if s.caps is None and s.tolerance is None and s.faces is None:
             return found
         done = "closed" if s.caps is not None else "decimated"
@@ -291,7 +293,7 @@ class ScanSession:
         """What was found wrong, and then the holes."""
         state = self.now
         _, found = self._holes(state)
-        return state, [*(_placed(f, state.grids) for f in state.document.findings), *found]
+        return state, [*(_placed(f, state.grids) for f in self._findings(state)), *found]
 
     def grid(self, number: int, step: int | None) -> tuple[SessionState, RangeGrid, Arrays]:
         """A grid, or one step of it (`grid_arrays`). Raises InputError for one there is not."""
@@ -510,6 +512,20 @@ class ScanSession:
             document, done.grids, done.sought, revision, epoch, edit.figures(document.body),
             options, s, views, measures_of(document),
         )  # fmt: skip
+
+    def _findings(self, state: SessionState) -> tuple[Finding, ...]:
+        """What is to be said; of borders and soundness, as they are after the edits."""
+        document = state.document
+        if not document.done:
+            return document.findings
+        if self._said is None or self._said[0] != state.revision:
+            before, after = (
+                mesh_findings(settled(edit.Compact.of(body).mesh), 0, 0)
+                for body in (document.base, document.body)
+            )
+            kept = tuple(f for f in document.findings if f not in before)
+            self._said = state.revision, (*kept, *after)
+        return self._said[1]
 
     def _holes(self, state: SessionState) -> tuple[Mesh, list[Hole]]:
         """The largest first; kept until the surface changes."""
