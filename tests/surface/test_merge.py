@@ -159,7 +159,7 @@ def test_an_edge_between_profiles_stands_off_their_chord_as_their_bends_say(shif
     column = replace(grid, points=grid.points + out * (side - 1.0)[:, None, None])
     (one,) = range_surfaces(column)
     low, high = side[0], side[-1]  # of the profiles about the edge at angle 0
-    between = one.between(radial=True)
+    between = one.between(radial=True, edges=np.inf)
     at = one.ranks % 10
     gap = reach - (shift * high + (1 - shift) * low)
     assert gap > 0.3
@@ -167,7 +167,9 @@ def test_an_edge_between_profiles_stands_off_their_chord_as_their_bends_say(shif
     assert beside == pytest.approx(gap, rel=0.2)
     assert between[(at > 2) & (at < 7)].max() < 0.1 * gap
     (tube,) = range_surfaces(replace(grid, points=grid.points + out * (reach - 1.0)))
-    assert tube.between(radial=True).max() < 0.01
+    assert tube.between(radial=True, edges=np.inf).max() < 0.01
+    capped = one.between(radial=True, edges=0.2)
+    assert capped.max() == pytest.approx(0.2, abs=0.05)
 
 
 def test_what_is_known_worse_than_usual_is_not_averaged_away():

@@ -71,7 +71,8 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     from turnscan.surface.fusion import _polar_kernels as kernels
     from turnscan.surface.fusion._variance_kernels import Vertices
 
-    between = [s.between(radial=True) for s in surfaces]
+    # By an edge alone no cell becomes a guess: that begins beyond a line's distance.
+    between = [s.between(radial=True, edges=0.99 * rise) for s in surfaces]
     columns = _columns(surfaces, steps, rise)
     heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
     bottom = float(heights.min())

@@ -79,13 +79,13 @@ class RangeSurface:
             raise TypeError("the mesh of a grid knows its steps")
         return self.mesh.provenance
 
-    def between(self, radial: bool = False) -> Floats:
+    def between(self, radial: bool = False, edges: float = 0.0) -> Floats:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
         An eighth of its second difference from profile to profile, along the normal (``radial``:
         of its radius), which is the sagitta of what bends evenly. Where there are not three
         profiles in a row nothing is known of the bend; there it is an eighth of the usual distance
-        between two profiles.
+        between two profiles. Up to ``edges`` mm it counts what an edge between them does.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
         if radial:
@@ -98,8 +98,8 @@ class RangeSurface:
             np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
         )
         off = np.where(np.isnan(off), aside, off)
-        if radial:
-            off = np.fmax(off, self._creases(second))
+        if edges > 0:
+            off = np.fmax(off, np.minimum(self._creases(second), edges))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
 
