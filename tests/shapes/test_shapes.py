@@ -67,6 +67,13 @@ def test_a_sphere_and_a_torus_are_one_shape_each():
     assert found.shapes[0].second == pytest.approx(10, abs=0.005)
 
 
+def test_a_narrow_chamfer_is_a_cone_and_no_sphere():
+    """A ring of 1.4 mm lies on a sphere of ⌀ 68, too: what is not seen is not said."""
+    end = [(25, 0), (25, 20), (24, 21), (5, 21)]
+    found = find_shapes(noisy(turned(end, 0.35, 200), 0.06, 2))
+    assert sorted(s.kind for s in found.shapes) == ["cone", "cylinder", "plane"]
+
+
 def test_a_hole_is_hollow():
     tube = turned([(8, 20), (8, 0)], 0.5, 100)
     (bore,) = find_shapes(noisy(tube, SIGMA, 4)).shapes

@@ -18,7 +18,14 @@ from turnscan.mesh import Mesh, vertex_normals
 from turnscan.shapes.primitives import _region_kernels as region
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives._start import first_guesses
-from turnscan.shapes.primitives._surface_kernels import FREE, PLANE
+from turnscan.shapes.primitives._surface_kernels import (
+    CONE,
+    CYLINDER,
+    FREE,
+    PLANE,
+    SPHERE,
+    TORUS,
+)
 
 Index = npt.NDArray[np.int64]
 
@@ -35,8 +42,9 @@ _GENTLE = float(np.cos(np.radians(20.0)))
 """Between smooth normals of neighbours within the patch of a seed."""
 _PATCHES = (80, 320)
 """Vertices of a patch that a region starts from; the larger where the smaller gives nothing."""
-LEAST = (60, 250, 200, 400, 500)
+LEAST = (60, 400, 200, 400, 500)
 """Vertices that a region of each kind must have."""
+_SIMPLEST = (PLANE, CYLINDER, CONE, SPHERE, TORUS)
 _SPAN = float(np.radians(20.0))
 """Angle that the normals of a curved region span at the least: less of it says no radius."""
 _CELL = 9
@@ -94,9 +102,10 @@ class Region:
     """+1 where the surface's normal looks outward."""
     member: Index
 
-    def parameters(self) -> int:
-        """How many the surface has."""
-        return int(FREE[self.kind].sum())
+    def rank(self) -> int:
+        """The simplest kind first. A sphere comes after a cone, although it has fewer parameters: a
+        narrow ring, such as a chamfer, lies on both, and its curvature across is not seen."""
+        return _SIMPLEST.index(self.kind)
 
 
 def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Ground:
@@ -184,7 +193,7 @@ class _Search:
             if options:
                 top = max(float(g.area[o.member].sum()) for o in options)
                 fair = [o for o in options if float(g.area[o.member].sum()) >= 0.93 * top]
-                return min(fair, key=Region.parameters)
+                return min(fair, key=Region.rank)
         self.label[ball] = np.where(self.label[ball] == -1, -2, self.label[ball])
         return None
 
