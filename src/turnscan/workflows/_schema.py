@@ -281,7 +281,10 @@ _ALL = (
         (OptionsOf(ShapesOptions),),
         (
             OutputFile("outputs", "The mesh coloured by shape, or a solid.", SHAPES_SUFFIXES),
-            _REPORT,
+            OutputFile(
+                "report", "Report with pictures, figures, or the dimensions as a table.",
+                (*REPORT_SUFFIXES, ".csv"),
+            ),
             _FIGURES,
         ),
     ),
