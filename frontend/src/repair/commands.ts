@@ -85,7 +85,7 @@ export const commands: readonly Command[] = [
   { title: "Shrink", group: "Selection", keys: "-", run: () => view()?.shrink(), enabled: some },
   { title: "Invert", group: "Selection", keys: "Ctrl+I", run: () => view()?.invert() },
   { title: "Select all", group: "Selection", keys: "Ctrl+A", run: () => view()?.selectAll() },
-  { title: "Drop preview, selection, tool", group: "Selection", keys: "Esc", run: dropLatest },
+  { title: "Discard preview, selection, tool", group: "Selection", keys: "Esc", run: dropLatest },
   {
     title: "Delete the selection",
     group: "Repair",
@@ -100,7 +100,7 @@ export const commands: readonly Command[] = [
     enabled: some,
   },
   ...PANELS.map(([title, where, section]) => ({ title, group: "Repair", run: () => openPanel(where, section) })),
-  { title: "Holes and remarks", group: "Repair", keys: "H", run: () => (tab.value = "holes") },
+  { title: "Holes and findings", group: "Repair", keys: "H", run: () => (tab.value = "holes") },
   { title: "History", group: "Repair", keys: "Y", run: () => (tab.value = "history") },
   { title: "Settings of the reconstruction", group: "Repair", run: () => (tab.value = "settings") },
   ...viewCommands,

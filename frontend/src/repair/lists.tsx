@@ -104,7 +104,7 @@ export function HolesPanel() {
         </div>
         {preview.value && (
           <Button kind="plain" onClick={() => (preview.value = null)}>
-            Drop the preview
+            Discard the preview
           </Button>
         )}
       </Section>

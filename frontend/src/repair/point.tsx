@@ -130,7 +130,7 @@ function Candidates() {
       </ul>
       {list.length > 1 && (
         <Check
-          label="The whole piece of stripe"
+          label="The whole stripe segment"
           checked={wholePiece.value}
           onChange={(on) => (wholePiece.value = on)}
         />

@@ -106,7 +106,7 @@ function ClosePanel() {
         onChange={(z) => (floor.value = z)}
       />
       <SelectField
-        label="Foot"
+        label="Bottom"
         value={bottom.value}
         options={[
           ["floor", "to the floor"],

@@ -316,7 +316,7 @@ export const measure: Room = {
     { title: "Take the marked point", group: "Measure", keys: "M", run: addMarked, enabled: () => marked() !== null },
     { title: "Measure it", group: "Measure", keys: "Enter", run: () => void take(), enabled: enough },
     {
-      title: "Drop the points",
+      title: "Discard the points",
       group: "Measure",
       keys: "Esc",
       run: () => {

@@ -143,7 +143,7 @@ function Projects() {
                         <Button
                           small
                           disabled={!isOperator.value || isScanning()}
-                          label={`Take what ${name} is missing`}
+                          label={`Capture what ${name} is missing`}
                           onClick={() => void resume(scan)}
                         >
                           Resume

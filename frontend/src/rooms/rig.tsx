@@ -86,14 +86,14 @@ function FoundPanel() {
       ))}
       <div class="grid-2">
         <Button disabled={finding.value} onClick={() => void findDevices(false)}>
-          Look again
+          Search again
         </Button>
         <Button
           disabled={finding.value || connected()}
           label="Identifies the controller at every serial port; nothing moves or is lit"
           onClick={() => void findDevices(true)}
         >
-          Ask the ports
+          Query the ports
         </Button>
       </div>
     </Section>
@@ -206,7 +206,7 @@ function DoctorPanel() {
         disabled={!isOperator.value || isScanning() || report?.state === "running"}
         onClick={() => void ask({ kind: "doctor" })}
       >
-        Is all of it fit for a scan?
+        Is everything ready for a scan?
       </Button>
       {report?.state === "running" && (
         <p class="quiet">Looking; the table turns a little, each laser is lit for a moment.</p>

@@ -195,7 +195,7 @@ function CoursePanel() {
   const words = {
     running: "Running",
     paused: "Paused: lasers dark",
-    complete: "Whole",
+    complete: "Complete",
     aborted: "Ended early",
     failed: "Failed",
   };
@@ -220,7 +220,7 @@ function CoursePanel() {
             disabled={!isOperator.value}
             onClick={toggle}
           >
-            {now.state === "paused" ? "Go on" : "Pause"}
+            {now.state === "paused" ? "Resume" : "Pause"}
           </Button>
           <Button kind="danger" disabled={!isOperator.value} onClick={() => void ask({ kind: "abort" })}>
             Abort

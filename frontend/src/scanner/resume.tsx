@@ -31,7 +31,7 @@ export function InterruptedPanel() {
             <Button
               small
               disabled={!isOperator.value}
-              label={`Take what ${name} is missing`}
+              label={`Capture what ${name} is missing`}
               onClick={() => void resume(scan)}
             >
               Resume
@@ -40,7 +40,7 @@ export function InterruptedPanel() {
         ))}
       </ul>
       <NumberField
-        label="Table stands at"
+        label="Current table angle"
         value={standing.value}
         unit="°"
         placeholder="as the controller reports"

@@ -123,7 +123,7 @@ const MOUSE: readonly (readonly [string, string])[] = [
   ["Nearer to the cursor", "wheel"],
   ["Size of the brush", "Ctrl+wheel"],
   ["Add to the selection", "Shift"],
-  ["Take from the selection", "Ctrl or Alt"],
+  ["Remove from the selection", "Ctrl or Alt"],
   ["What is in both", "Shift+Ctrl"],
   ["Look straight along an axis", "click on the axes"],
 ];

@@ -32,7 +32,7 @@ function Shown({ href }: { href: string }) {
       </header>
       <div class="body">
         <input type="text" readOnly value={href} aria-label="Link" onFocus={(event) => event.currentTarget.select()} />
-        <p class="quiet">It is good once. Who opens it watches, and can take control.</p>
+        <p class="quiet">It can be used once. Whoever opens it can watch, and take control.</p>
       </div>
     </dialog>
   );

@@ -30,7 +30,7 @@ def resume(page: Any, name: str) -> None:
     interrupted = page.get_by_role("list", name="Interrupted scans")
     row = interrupted.get_by_role("listitem").filter(has_text=name)
     row.get_by_role("button", name="Resume").click()
-    page.get_by_text("Whole", exact=True).wait_for(timeout=WORKING)
+    page.get_by_text("Complete", exact=True).wait_for(timeout=WORKING)
     interrupted.wait_for(state="detached", timeout=WORKING)
     page.get_by_role("button", name="Repair it").click()
     until(page, "turnscan.faces > 3000", OPENING)
@@ -104,7 +104,7 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
     page.get_by_role("checkbox", name="Laser left").wait_for(state="detached")
     name = f"lying-{time.time_ns()}"  # its own, also when it is tried again
     begin(page, name)
-    page.get_by_text("Whole", exact=True).wait_for(timeout=WORKING)
+    page.get_by_text("Complete", exact=True).wait_for(timeout=WORKING)
     with Scan.open(folder / f"{name}.turnscan") as scan:
         assert scan.plan.orientation == "horizontal"
         assert scan.plan.lasers == ("right",)

@@ -48,7 +48,7 @@ def test_hole_is_filled_with_preview_undone_and_redone(open_cup, picture):
     row.get_by_role("button").click()
     assert row.get_by_role("checkbox").is_checked()
     page.get_by_role("button", name="Preview", exact=True).click()
-    page.get_by_role("button", name="Drop the preview").wait_for()
+    page.get_by_role("button", name="Discard the preview").wait_for()
     assert state(page) == scanned, "a preview stores nothing"
     picture(page, "fill")
     page.get_by_role("button", name="Fill", exact=True).click()

@@ -39,7 +39,7 @@ def test_a_scan_grows_pauses_goes_on_and_is_repaired(new_page, picture):
     page.keyboard.press("Space")
     page.get_by_text("Paused: lasers dark").wait_for()
     picture(page, "scan")
-    page.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Resume").click()
     page.get_by_text("24 of 24 steps").wait_for()
     points = page.get_by_role("region", name="Points").locator(".about")
     assert int(points.inner_text().replace(" ", "").replace("\u2009", "")) > 3000
@@ -115,7 +115,7 @@ def test_a_new_user_calibrates_with_what_is_there_and_scans_with_it(new_page, pi
     page.get_by_role("textbox", name="Name").fill("calibrated")
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_text("8 of 8 steps").wait_for(timeout=WORKING)
-    page.get_by_text("Whole", exact=True).wait_for()
+    page.get_by_text("Complete", exact=True).wait_for()
     with Scan.open(folder / "calibrated.turnscan") as scan:
         assert scan.rig is not None
         assert scan.rig.covariance is not None
