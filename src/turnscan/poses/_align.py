@@ -20,7 +20,7 @@ from turnscan.poses._observability import (
     held_motions,
     shifting,
 )
-from turnscan.poses._refine import Equations, all_links, equations, refine, samples_of
+from turnscan.poses._refine import Equations, all_links, equations, middles_of, refine, samples_of
 from turnscan.poses._view import View, coarse
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
@@ -127,8 +127,7 @@ def _state(
     views: Sequence[View], poses: Sequence[Pose], samples: Sequence[Ints], reach: float
 ) -> tuple[list[Links], Equations, Floats]:
     links = all_links(views, poses, samples, reach)
-    pairs = zip(poses, views, strict=True)
-    middles = np.stack([p.apply(v.points.mean(axis=0)) for p, v in pairs])
+    middles = middles_of(views, poses)
     return links, equations(links, middles), middles
 
 

@@ -77,4 +77,6 @@ def link(
 
 def rows(points: Floats, normals: Floats, middle: Floats) -> Floats:
     """(k, 6): how the offset along the normals answers to a turn about ``middle`` and a shift."""
-    return np.concatenate([np.cross(points - middle, normals), normals], axis=1)
+    x, y, z = (points - middle).T
+    a, b, c = normals.T
+    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a, a, b, c], axis=-1)

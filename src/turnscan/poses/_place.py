@@ -13,7 +13,7 @@ from turnscan.poses._fit import Fit, fit
 from turnscan.poses._free_space import Empty, empty
 from turnscan.poses._match import Sampled, placements, sampled
 from turnscan.poses._observability import explains, freedoms
-from turnscan.poses._refine import all_links, equations, refine, samples_of
+from turnscan.poses._refine import all_links, equations, middles_of, refine, samples_of
 from turnscan.poses._view import View, coarse
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
@@ -30,6 +30,9 @@ _CLOSE = 0.2
 """… sample spacings: the length of the last links of a trial."""
 _SAME = 0.5
 """Placements whose points lie fewer sample spacings apart are one."""
+_BASIN = 1.0
+"""Starts that lie fewer sample spacings from a place that was found lead to it: the first links are
+that long."""
 _VAGUE = 0.1
 """Noise leaves the direction of an undetermined motion uncertain by this part of it."""
 _SURE = 0.7
@@ -84,6 +87,8 @@ class Desk:
         points, limit = self.views[i].points[self.few[i]], _SAME * self.step
         out: list[Pose] = []
         for start, _ in placements(self.pairs[j], self.pairs[i], _TRIED):
+            if any(_apart(start, o, points) < _BASIN * self.step for o in out):
+                continue
             found = self.trial(i, {j: Pose()}, start, fine=False)
             if found.fit.good and all(_apart(found.pose, o, points) > limit for o in out):
                 out.append(found.pose)
@@ -98,9 +103,7 @@ class Desk:
         plain = _apart(a, b, points)
         if plain < limit:
             return True
-        middles = np.stack(
-            [p.apply(v.points.mean(axis=0)) for p, v in zip(poses, views, strict=True)]
-        )
+        middles = middles_of(views, poses)
         n = len(some)
         links = all_links(views, poses, [self.many[j] for j in [*some, i]], self.step / 2, n)
         found = freedoms(equations(links, middles), middles, n)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,12 +33,25 @@ class Equations:
     """(6n, 6n): information, rad⁻² and mm⁻², turn before shift, view after view."""
     g: Floats
     """(6n,)."""
-    true: Floats
-    """(6n, 6n): the same without the bias that the noise of the normals gives H."""
     motion: Floats
     """(6n, 6n): weighted square of the motion itself, whichever way the surface lies."""
     chi2: float
     """Weighted square of the residuals, per link."""
+    links: Sequence[Links]
+    weights: Sequence[Floats]
+    """(k,) mm⁻² of each of their places."""
+    middles: Floats
+    """(n, 3) mm."""
+
+    @cached_property
+    def true(self) -> Floats:
+        """(6n, 6n): `H` without the bias that the noise of the normals gives it."""
+        true = np.zeros_like(self.H)
+        for k, w in zip(self.links, self.weights, strict=True):
+            at = _both(k)
+            half = _turns(k, k.n_p, self.middles).T @ (_turns(k, k.n_q, self.middles) * w[:, None])
+            true[np.ix_(at, at)] += (half + half.T) / 2
+        return true
 
 
 def samples_of(views: Sequence[View], spacing: float, most: int) -> list[Ints]:
@@ -68,31 +82,43 @@ def all_links(
 def equations(links: Sequence[Links], middles: Floats) -> Equations:
     """Weighted least squares of all links, Tukey's weights round their robust scatter."""
     size = 6 * len(middles)
-    H, true, motion = (np.zeros((size, size)) for _ in range(3))
+    H, motion = np.zeros((size, size)), np.zeros((size, size))
     g, total, count = np.zeros(size), 0.0, 0.0
-    scale = spread(links)
+    scale, weights = spread(links), list[Floats]()
     for k in links:
-        r = k.offsets
+        n = k.normals
+        r = np.einsum("kj,kj->k", n, k.p - k.q)
         u = r / (_TUKEY * scale * k.sigma)
         robust = np.where(np.abs(u) < 1, (1 - u * u) ** 2, 0.0)
         w = robust / (scale * k.sigma) ** 2
-        a, b = slice(6 * k.i, 6 * k.i + 6), slice(6 * k.j, 6 * k.j + 6)
-        both = [
-            (rows(k.p, n, middles[k.i]), -rows(k.q, n, middles[k.j]))
-            for n in (k.normals, k.n_p, k.n_q)
-        ]
-        for x, at in ((0, a), (1, b)):
-            g[at] -= both[0][x].T @ (w * r)
-            for y, to in ((0, a), (1, b)):
-                H[at, to] += (both[0][x] * w[:, None]).T @ both[0][y]
-                half = (both[1][x] * w[:, None]).T @ both[2][y]
-                true[at, to] += half / 2
-                true[to, at] += half.T / 2
-        motion[a, a] += _motion(k.p - middles[k.i], w)
-        motion[b, b] += _motion(k.q - middles[k.j], w)
+        at, J = _both(k), _turns(k, n, middles)
+        weighted = J * w[:, None]
+        H[np.ix_(at, at)] += J.T @ weighted
+        g[at] -= weighted.T @ r
+        a, b = at[:6], at[6:]
+        motion[np.ix_(a, a)] += _motion(k.p - middles[k.i], w)
+        motion[np.ix_(b, b)] += _motion(k.q - middles[k.j], w)
         total += float((robust * (r / k.sigma) ** 2).sum())
         count += float(robust.sum())
-    return Equations(H, g, true, motion, total / max(count, 1e-9))
+        weights.append(w)
+    return Equations(H, g, motion, total / max(count, 1e-9), links, weights, middles)
+
+
+def _both(k: Links) -> Ints:
+    """(12,) where the unknowns of the two views stand."""
+    six = np.arange(6, dtype=np.int32)
+    return np.concatenate([6 * k.i + six, 6 * k.j + six])
+
+
+def _turns(k: Links, normals: Floats, middles: Floats) -> Floats:
+    """(k, 12): how the offsets along ``normals`` answer to the motions of the two views."""
+    mine, others = rows(k.p, normals, middles[k.i]), rows(k.q, normals, middles[k.j])
+    return np.concatenate([mine, -others], axis=1)
+
+
+def middles_of(views: Sequence[View], poses: Sequence[Pose]) -> Floats:
+    """(n, 3) mm: the middle of each view, in the common frame."""
+    return np.stack([p.apply(v.middle) for p, v in zip(poses, views, strict=True)])
 
 
 def spread(links: Sequence[Links]) -> float:
@@ -133,9 +159,7 @@ def refine(
         links = all_links(views, now, samples, limit, fixed)
         if not links:
             break
-        middles = np.stack(
-            [p.apply(v.points.mean(axis=0)) for p, v in zip(now, views, strict=True)]
-        )
+        middles = middles_of(views, now)
         e = equations(links, middles)
         step = _solve(e, held, fixed)
         now = [

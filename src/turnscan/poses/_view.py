@@ -57,6 +57,12 @@ class View:
 
         return cKDTree(self.points)
 
+    @cached_property
+    def middle(self) -> Floats:
+        """(3,) mm: the mean of the points."""
+        middle: Floats = self.points.mean(axis=0)
+        return middle
+
     @property
     def size(self) -> float:
         """mm: diagonal of the box round the points."""
