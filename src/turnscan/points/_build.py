@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
+from turnscan.points._curvature import curvature_shift
 from turnscan.points._grid import RangeGrid
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
 from turnscan.points._wholeness import Light, wholeness
@@ -22,6 +23,8 @@ _GAP = 2.5
 """The turn is closed when the gap from last to first is at most this many usual steps."""
 _CLAIMED = 0.15
 """Part of the usual variance for its width below which a stripe's own is not believed."""
+_CURVED = 0.3
+"""Part of what a thick sheet shifts on a curved surface that is doubted: the detector's window."""
 _OF_POINTS = ("points", "sigma", "amplitude", "flags")
 """What a grid knows of each point and its light."""
 
@@ -40,7 +43,8 @@ def build_grid(
     in scan order; ``angle_sigma`` (s,) rad their standard uncertainties, NaN or None where
     unknown. A centre whose ray does not meet the sheet is missing, flagged OUTSIDE. Sigma is the
     root of the sum of squares of the stripe's own, of what its width says (`wholeness`; nothing
-    where it was refined), and of how far the angle's uncertainty carries the point off its surface.
+    where it was refined), of what a thick sheet does on a curved surface (`curvature_shift`, which
+    is taken off), and of how far the angle's uncertainty carries the point off its surface.
     Stripes that something cuts where what is seen ends are flagged EDGE.
 
     Raises InputError where counts or lengths do not fit, KeyError for an unknown laser.
@@ -151,22 +155,25 @@ def _judged(
         return np.asarray(np.einsum("sji,snj->sni", turn, whole))
 
     aside, sheets = back(next_ray), back(sheet.gradient(camera))
-    light = wholeness(
-        Light(
-            grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed
-        )
+    seen = Light(
+        grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed
     )
+    light = wholeness(seen)
+    thick = light.thickness
+    bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(found.shape)
+    bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
     ray = grid.points - grid.eyes[:, None]
     slope = np.einsum("sni,sni->sn", sheets, aside) / np.einsum("sni,sni->sn", sheets, ray)
     along = aside - ray * slope[..., None]
     carried = np.hypot(grid.points[..., 0], grid.points[..., 1]) * shaky[:, None] * light.slide
+    doubt = np.hypot(light.doubt, _CURVED * bent)
     # A centre that was refined by its own surface element does not depend on the stripe's width.
     single = (grid.flags & StripeFlag.REFINED) == 0
     edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     return replace(
         grid,
-        points=grid.points - along * (light.shift * single)[..., None],
-        sigma=np.sqrt(grid.sigma**2 + (light.doubt * single * scale) ** 2 + carried**2),
+        points=grid.points - along * ((light.shift + bent) * single)[..., None],
+        sigma=np.sqrt(grid.sigma**2 + (doubt * single * scale) ** 2 + carried**2),
         flags=(grid.flags | edge).astype(np.uint16),
     )
 

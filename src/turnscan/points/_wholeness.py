@@ -99,6 +99,9 @@ class Wholeness:
     slide: Floats
     """(s, n) the share of a turn's movement that leads off the surface, 0 to 1; 1 where it is not
     known how the surface lies."""
+    thickness: float
+    """mm rms of the sheet, as the stripes' widths say; 0 where no slopes tell it from a blur, or
+    where something else makes them."""
 
 
 def wholeness(light: Light) -> Wholeness:
@@ -120,7 +123,7 @@ def wholeness(light: Light) -> Wholeness:
         light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
     )
     walk = np.stack([kernels.steady(w) for w in walk])
-    due_on, thickness = _due(walk, width)
+    due_on, thickness, told = _due(walk, width)
     due = due_on(walk)
     curved = _round(walk)
     due = np.where(curved, np.sqrt(due[0] * due[1]), due)
@@ -148,6 +151,7 @@ def wholeness(light: Light) -> Wholeness:
         ),
         tail=border & faint,
         slide=np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1])),
+        thickness=thickness if told else 0.0,
     )
 
 
@@ -248,9 +252,9 @@ def _further_in(light: Light, walk: Floats) -> tuple[Bools, Floats, Floats]:
     return np.isnan(walk[::-1]) & ~np.isnan(walk), flat, turned
 
 
-def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float]:
-    """How wide (2, s, n) px stripes are on surfaces that lie so (2, s, n) mm to the light, and how
-    thick the sheet is, mm rms.
+def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float, bool]:
+    """How wide (2, s, n) px stripes are on surfaces that lie so (2, s, n) mm to the light, how
+    thick the sheet is, mm rms, and whether slopes told that from a blur.
 
     The root of (thickness of the sheet / walk)² + (blur)², both from where the surface is smooth.
     Chords of a curved surface lie to the light otherwise than it does, one way before and the
@@ -258,21 +262,22 @@ def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float
     """
     smooth = _smooth(walk, width)
     if smooth.sum() < _FEW:
-        return lambda other: np.full(other.shape, np.nan), 0.0
+        return lambda other: np.full(other.shape, np.nan), 0.0, False
     x, y = 1.0 / walk.mean(axis=0)[smooth] ** 2, width[smooth] ** 2
     steep = x > np.median(x)
     ends = [(float(np.median(x[k])), float(np.median(y[k]))) for k in (~steep, steep) if k.any()]
     (x0, y0), (x1, y1) = ends[0], ends[-1]
-    slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if x1 > x0 * _UNLIKE else y0 / x0
+    told = x1 > x0 * _UNLIKE
+    slope = min(max((y1 - y0) / (x1 - x0), 0.0), y0 / x0) if told else y0 / x0
     blur = max(y0 - slope * x0, 0.0)
     part = np.log(width[smooth] / np.sqrt(slope / walk[:, smooth] ** 2 + blur))
     usual = np.median(part, axis=1)
     scatter = 1.4826 * float(np.median(np.abs(part - usual[:, None])))
     thickness = float(np.sqrt(slope))
     if scatter > _VARIES:
-        return lambda other: np.full(other.shape, np.nan), 0.0
+        return lambda other: np.full(other.shape, np.nan), 0.0, False
     more = np.exp(usual)[:, None, None]
-    return lambda other: np.asarray(more * np.sqrt(slope / other**2 + blur)), thickness
+    return lambda other: np.asarray(more * np.sqrt(slope / other**2 + blur)), thickness, told
 
 
 def _bias(ratio: Floats, sure: Floats | float = 0.0) -> Floats:

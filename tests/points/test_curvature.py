@@ -1,0 +1,112 @@
+"""A thick sheet on a curved surface: its light's centre, integrated, beside what is taken off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from turnscan.points._curvature import curvature_shift
+from turnscan.points._wholeness import Light
+
+THICK = 0.6
+"""mm rms of the sheet."""
+AWAY = 400.0
+"""mm from the axis to the camera."""
+PIXEL = 0.4
+"""mm of a pixel on the axis."""
+
+
+def sheet_meets(outline, angle: float, d):
+    """(m,) where planes y = d of the table meet a turned outline, the x nearest to the laser; and
+    the outline's normals (m, 2) there."""
+    radius, (cx, cy) = outline
+    turned = complex(cx, cy) * np.exp(1j * angle)
+    high = np.asarray(d, dtype=float) - turned.imag
+    x = turned.real + np.sqrt(radius**2 - high**2)
+    return x, np.stack([x - turned.real, high], axis=-1) / radius
+
+
+def light_of(outline, theta: float, steps: int, lines: int = 16) -> tuple[Light, np.ndarray]:
+    """What is known of a round part's light, and how far (s,) px its centres truly lie beside."""
+    eye = AWAY * np.array([np.cos(theta), np.sin(theta)])
+    angles = 2 * np.pi * np.arange(steps) / steps
+    d = np.linspace(-4 * THICK, 4 * THICK, 401)
+    points, eyes, moves, sheets, true, width = [], [], [], [], [], []
+    for angle in angles:
+        x0, _ = sheet_meets(outline, angle, 0.0)
+        middle = np.array([float(x0), 0.0])
+        ray = middle - eye
+        far = np.linalg.norm(ray)
+        aside = np.array([-ray[1], ray[0]]) / far * PIXEL * far / AWAY
+        x, normals = sheet_meets(outline, angle, d)
+        lit = np.stack([x, d], axis=-1)
+        to_eye = eye - lit
+        facing = np.einsum("mi,mi->m", normals, to_eye) / np.linalg.norm(to_eye, axis=1)
+        weight = np.exp(-0.5 * (d / THICK) ** 2) * facing
+        # Pixels lie evenly on the tangent of the angle to the ray of the middle.
+        beside = (lit - eye) @ aside / (aside @ aside)
+        u = beside / ((lit - eye) @ ray / far**2)
+        mean = (weight * u).sum() / weight.sum()
+        true.append(mean)
+        width.append(np.sqrt((weight * (u - mean) ** 2).sum() / weight.sum()))
+        back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        for out, v in (
+            (points, middle), (eyes, eye), (moves, aside), (sheets, np.array([0.0, 1.0]))
+        ):  # fmt: skip
+            out.append(back @ v)
+
+    def along(rows, z: bool = False):
+        """(s, lines, 3) of (s, 2), the points at heights of their own."""
+        flat = np.repeat(np.array(rows)[:, None], lines, axis=1)
+        high = np.broadcast_to(0.4 * np.arange(lines) if z else np.zeros(lines), flat.shape[:2])
+        return np.concatenate([flat, high[..., None]], axis=-1)
+
+    wide = np.repeat(np.array(width)[:, None], lines, axis=1)
+    up = along(eyes)[:, 0]
+    light = Light(
+        along(points, z=True), up, along(moves), along(sheets), wide, np.ones_like(wide), angles,
+        True,
+    )  # fmt: skip
+    return light, np.array(true)
+
+
+@settings(max_examples=15)
+@given(
+    radius=st.floats(8.0, 60.0),
+    aside=st.floats(0.0, 0.35),
+    theta=st.sampled_from([-0.5, -0.39, 0.3, 0.6]),
+    steps=st.integers(48, 120),
+)
+def test_what_is_taken_off_is_what_the_lights_own_centre_is_off(radius, aside, theta, steps):
+    light, true = light_of((radius, (aside * radius, 0.0)), theta, steps)
+    shift = curvature_shift(light, THICK)
+    left = np.abs(true[:, None] - shift)
+    assert np.median(left) <= np.median(np.abs(true)) / 3
+    assert left.max() <= 0.6 * np.abs(true).max()
+
+
+def test_square_to_a_cylinder_it_is_three_halves_of_the_square_over_the_radius():
+    light, true = light_of((20.0, (0.0, 0.0)), np.radians(22.4), 100)
+    shift = curvature_shift(light, THICK)
+    depth = 1.5 * THICK**2 / 20.0
+    to_eye = light.eyes[0, :2] - light.points[0, 0, :2]
+    far = np.linalg.norm(to_eye)
+    sunk = depth * abs(to_eye[1]) / far / (PIXEL * far / AWAY)
+    assert abs(shift).mean() == pytest.approx(sunk, rel=0.02)
+    # What is nearer looks larger and brighter, too: one over the distance, beside one over R.
+    assert abs(true).mean() == pytest.approx(sunk, rel=2 * 20.0 / AWAY)
+
+
+def test_an_edge_between_flat_sides_is_no_curvature():
+    light, _ = light_of((20.0, (0.0, 0.0)), 0.39, 96)
+    turn = light.angles
+    # A square prism in the same light: the radius at each angle of a turn.
+    side = np.mod(turn + np.pi / 4, np.pi / 2) - np.pi / 4
+    flat = light.points * (14.0 / np.cos(side) / 20.0)[:, None, None]
+    square = Light(flat, light.eyes, light.moves, light.sheets, light.width, light.amplitude, turn,
+                   True)  # fmt: skip
+    round_ = np.abs(curvature_shift(light, THICK)).mean()
+    away = np.abs(side) < 0.5
+    assert np.abs(curvature_shift(square, THICK))[away].max() < 0.1 * round_
