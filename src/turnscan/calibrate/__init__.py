@@ -31,6 +31,7 @@ from turnscan.calibrate._refine import Refined, RefineSettings, refine
 from turnscan.calibrate._rig import Calibration, calibrate_rig
 from turnscan.calibrate._steps import AngleModel, angle_model
 from turnscan.calibrate._surfaces import Sweep
+from turnscan.calibrate._turning import Outline, contradicted_step, outlines_of
 
 __all__ = [
     "Advice",
@@ -46,6 +47,7 @@ __all__ = [
     "LaserPicture",
     "MarkerView",
     "Measured",
+    "Outline",
     "RefineSettings",
     "Refined",
     "Rejected",
@@ -57,6 +59,7 @@ __all__ = [
     "angle_model",
     "aruco_dictionary",
     "calibrate_rig",
+    "contradicted_step",
     "coverage",
     "detect_board",
     "detect_markers",
@@ -67,6 +70,7 @@ __all__ = [
     "measure_table_angle",
     "measured_uncertainty",
     "other_chessboard",
+    "outlines_of",
     "parameters_of",
     "parse_board",
     "picture_fault",

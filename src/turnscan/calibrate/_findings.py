@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from turnscan.calibrate._layout import MarkerLayout
-from turnscan.calibrate._observations import BEND, BOARD
+from turnscan.calibrate._observations import BEND, BOARD, RIDER
 from turnscan.calibrate._quality import CalibrationQuality
 from turnscan.calibrate._rig import Calibration
 from turnscan.findings import Finding
@@ -18,6 +18,8 @@ _FEW_VIEWS = 10
 _LITTLE_COVERAGE = 0.6
 _CAMERA_PX = 0.5
 _SHEET_MM = 0.5
+_TABLE_PX = 0.5
+_NAMED = 3
 
 
 def findings_of(c: Calibration, f: CalibrationQuality) -> tuple[Finding, ...]:
@@ -150,9 +152,11 @@ def _of_lasers(c: Calibration, f: CalibrationQuality) -> list[Finding]:
 
 def _of_table(c: Calibration, f: CalibrationQuality) -> list[Finding]:
     layout = c.fit.state.layout
-    if not isinstance(layout, MarkerLayout) or f.marker_side_mm is None:
-        return []
     out = []
+    if f.table_rms_px > _TABLE_PX:
+        out.append(_table_residual(c, f.table_rms_px))
+    if not isinstance(layout, MarkerLayout) or f.marker_side_mm is None:
+        return out
     nominal = c.settings.marker_side
     side = f.marker_side_mm
     if c.network.trusted_side is not None:
@@ -192,6 +196,20 @@ def _of_table(c: Calibration, f: CalibrationQuality) -> list[Finding]:
         )
     out += _platter(c, layout, float(radii.max()))
     return out
+
+
+def _table_residual(c: Calibration, rms: float) -> Finding:
+    first = len(c.network.boards)
+    each = [c.fit.rms(RIDER, first + k) for k in range(len(c.network.table))]
+    worst = np.argsort(np.nan_to_num(each))[::-1][:_NAMED]
+    named = ", ".join(f"{c.network.table[k].name or k} {each[k]:.2f} px" for k in sorted(worst))
+    return Finding(
+        "calibrate.table-residual",
+        "warning",
+        f"what rides on the table is {rms:.2f} px rms off one turning motion; 0.2 px is usual",
+        where=named,
+        remedy="check that camera, markers and board did not move between the pictures",
+    )
 
 
 def _platter(c: Calibration, layout: MarkerLayout, reach: float) -> list[Finding]:

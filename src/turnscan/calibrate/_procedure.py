@@ -32,6 +32,10 @@ _SCALE_TRUST = 0.02  # of the nominal marker side, where nothing measures it
 _LEAST_TILT = np.radians(8.0)
 _UNSURE_FOCUS = 0.05
 _UP = np.array([0.0, -1.0, 0.0])
+_LEAST_REACH = 0.3
+"""Of a marker's side: how far from the axis the farthest marker must be."""
+_OTHERS, _FEWEST_OTHERS = 0.25, 3
+"""Of the stripes on boards, and at least: so many in a second sheet are no chance."""
 _FIXED = ("camera", "table")
 """Stages that are no lasers."""
 
@@ -249,6 +253,7 @@ def sheet_stage(
             pixels.append(px)
             clouds.append(_on_plane_mm(camera, px, pose))
         sheet, agree = start_sheet(name, clouds)
+        _refuse_mixed(name, [c for c, a in zip(clouds, agree, strict=True) if not a], len(clouds))
         sheets.append(sheet)
         for i, px, good in zip(seen, pixels, agree, strict=True):
             if good:
@@ -263,6 +268,23 @@ def sheet_stage(
         merged[sheet.name] = like(sheet, before) if both and before is not None else sheet
     rig = replace(state.rig, sheets=tuple(merged.values()))
     return replace(state, rig=rig), tuple(stripes)
+
+
+def _refuse_mixed(name: str, others: list[Floats], count: int) -> None:
+    """Stripes that lie in no sheet are chance; several that lie in one are another laser's."""
+    if len(others) < max(_FEWEST_OTHERS, _OTHERS * count):
+        return
+    try:
+        _, agree = start_sheet(name, others)
+    except Degenerate:
+        return
+    if sum(agree) >= max(_FEWEST_OTHERS, _OTHERS * count):
+        raise Degenerate(
+            f"laser {name!r}: the stripes on {count - len(others)} boards lie in one sheet, those "
+            f"on {sum(agree)} others in a second one: pictures of two lasers are mixed, or the "
+            "laser moved",
+            hint="give the pictures of each laser by themselves, under its own name",
+        )
 
 
 def _on_plane_mm(camera: Camera, pixels: Floats, pose: Pose) -> Floats:
@@ -296,6 +318,7 @@ def table_stage(
     else:
         side = settings.marker_side or 1.0
         layout, T, angles = start_markers(camera, riders, side)
+        _refuse_middle(layout)
         good = np.isfinite(angles)
         lost = [p for p, g in zip(used, good, strict=True) if not g]
         rejected += [Rejected("table", p.name, "no marker in common with the rest") for p in lost]
@@ -327,6 +350,16 @@ def table_stage(
     network = replace(network, table=tuple(riders), layout_names=layout.names, trusted_side=trusted)
     rig = replace(state.rig, T_camera_table=T)
     return replace(state, rig=rig, layout=layout, angles=angles), network, used
+
+
+def _refuse_middle(layout: MarkerLayout) -> None:
+    """A marker that only turns on its place says little of where the axis leans."""
+    reach = float(np.linalg.norm(layout.squares[:, :2], axis=1).max())
+    if reach < _LEAST_REACH * float(layout.squares[:, 3].mean()):
+        raise Degenerate(
+            "table: all markers lie on the rotation axis, which leaves its direction undetermined",
+            hint="put markers near the rim of the platter",
+        )
 
 
 def _riders(

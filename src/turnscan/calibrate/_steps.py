@@ -110,7 +110,10 @@ def _unwrapped(k: Floats, a: Floats, nominal: float | None) -> Floats:
     """Undo the wrap at ±π with the steady motion that explains most of the angles."""
     phase = np.exp(1j * a)
     if len(np.unique(k)) < 2:
-        raise Degenerate("table angles: all pictures have the same step number")
+        raise Degenerate(
+            "table angles: all pictures have the same step number",
+            hint="number the pictures by the steps of the table",
+        )
     smallest = float(np.min(np.diff(np.unique(k))))
     limit = np.pi / smallest
     span = float(np.ptp(k))

@@ -22,7 +22,8 @@ from turnscan.workflows._angles import find_angles
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
 from turnscan.workflows._import_frames import Tally, write_frames
-from turnscan.workflows._import_options import AngleSource, ImportOptions, MarkerAngles
+from turnscan.workflows._import_options import AngleSource, EvenSteps, ImportOptions, MarkerAngles
+from turnscan.workflows._import_turn import check_outline
 from turnscan.workflows._reading import read_rig_file, require_complete
 from turnscan.workflows._series import Series, find_series
 from turnscan.workflows._signal import Signal, Weights, find_signal
@@ -157,6 +158,8 @@ def import_pictures(
     table, remarks, source = find_angles(angles, series, wanted.every, stored, reading)
     sampling = progress.subrange(marked, marked + _SAMPLES, "sampling pictures")
     signals = _signals(series, wanted, first, sampling)
+    if isinstance(angles, EvenSteps) and stored is not None and not stored.markers:
+        check_outline(angles, series, signals, stored, wanted)
     plan = _plan(series, steps, wanted, first, signals, source)
     total = sum(len(s.shots) for s in series)
     count = progress.subrange(marked + _SAMPLES, 1, "importing").counter(total)

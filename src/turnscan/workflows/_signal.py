@@ -83,12 +83,12 @@ def find_signal(
     some = range(0, len(lit), max(1, len(lit) // 16))
     noise = float(np.median([statistics(signal_of(lit[i], darks[i], weights)).noise for i in some]))
     threshold = max(NOISE_FACTOR * noise, LEAST_THRESHOLD)
-    pairs = ((_grey(lit[i], weights), _grey(darks[i], weights)) for i in some)
+    pairs = ((grey_of(lit[i], weights), grey_of(darks[i], weights)) for i in some)
     share, remarks = look_at_line(series.laser, pairs, options.orientation)
     return Signal(weights, background, origin, noise, threshold, share, tuple(remarks))
 
 
-def _grey(picture: Image | None, weights: Weights | None) -> Any:
+def grey_of(picture: Image | None, weights: Weights | None) -> Any:
     """One channel of a picture, by the weights of the colours where it has several."""
     from turnscan.stripes import project_colour
 

@@ -1,0 +1,158 @@
+"""Which way, and how far, a table turned between pictures without markers: what the part says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnscan.arrays import Floats, frozen
+
+_HEIGHTS = 16
+_TRIES = 161
+_FACTORS = 4.0
+"""Steps up to so many times the one given, and down to that part of it, are tried."""
+_FEWEST_STEPS, _FEWEST = 12, 100
+_GAP = 3.0
+"""Usual spacings between points of an outline, over which it is not interpolated."""
+_ROUND = 0.02
+"""Of the radius: an outline that varies less is round about the axis, and tells nothing."""
+_FAR = 0.2
+"""Of the outline's variation: outlines farther apart do not agree."""
+_RUNG = 0.018
+"""Of a step: how far apart those are that are tried."""
+_BETTER = 3.0
+"""Times: so much farther apart than with the right step."""
+_ALIKE, _SAME = 1.5, 0.12
+"""Times the best: a step that is as good. Of a step: those nearer to each other are one."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A part as one laser sees it pass: where its stripe stands at some heights."""
+
+    step: Floats
+    """(s,) step numbers."""
+    radius: Floats
+    """(s, h) mm from the axis, NaN where nothing was seen."""
+    azimuth: Floats
+    """(s, h) rad about the axis, in the table frame at rest."""
+
+    def __post_init__(self) -> None:
+        s = len(self.step)
+        object.__setattr__(self, "step", frozen(self.step, (s,), "Outline.step"))
+        for name in ("radius", "azimuth"):
+            values = frozen(getattr(self, name), (s, None), f"Outline.{name}", nan=True)
+            object.__setattr__(self, name, values)
+
+
+def outlines_of(
+    stripes: Sequence[tuple[Floats, Sequence[Floats]]],
+) -> list[Outline]:
+    """Outlines of lasers at heights that all of them see.
+
+    ``stripes`` has for each laser its step numbers (s,) and the points (n, 3) mm of each of these
+    steps, table frame at rest.
+    """
+    seen = [p[:, 2] for _, steps in stripes for p in steps if len(p)]
+    if not seen:
+        return []
+    z = np.concatenate(seen)
+    heights = np.linspace(*np.quantile(z, [0.1, 0.9]), _HEIGHTS)
+    reach = float(heights[-1] - heights[0]) / _HEIGHTS
+    out = []
+    for step, points in stripes:
+        place = np.full((len(points), _HEIGHTS, 2), np.nan)
+        for k, p in enumerate(points):
+            if len(p) < 2:
+                continue
+            q = p[np.argsort(p[:, 2])]
+            near = np.clip(np.searchsorted(q[:, 2], heights), 1, len(q) - 1)
+            known = (np.abs(q[near, 2] - heights) < reach) & (
+                np.abs(q[near - 1, 2] - heights) < reach
+            )
+            for c in range(2):
+                place[k, :, c] = np.where(known, np.interp(heights, q[:, 2], q[:, c]), np.nan)
+        x, y = place[..., 0], place[..., 1]
+        out.append(Outline(np.asarray(step, np.float64), np.hypot(x, y), np.arctan2(y, x)))
+    return out
+
+
+def contradicted_step(outlines: Sequence[Outline], step: float) -> tuple[float, ...]:
+    """The steps (rad, signed) that two lasers' outlines of a part allow, where ``step`` is none.
+
+    What one laser sees at a place of the part the other one sees there after the part has turned
+    from the one sheet to the other. With a wrong step, or sense, the two outlines differ. Empty
+    where they agree, or where the part is round about the axis or seen by one laser only, so that
+    nothing is said against it; several where the part is alike from several sides.
+    """
+    if len(outlines) < 2 or min(len(o.step) for o in outlines) < _FEWEST_STEPS:
+        return ()
+    a, b = outlines[:2]
+    radius = np.concatenate([a.radius, b.radius])
+    if np.count_nonzero(np.isfinite(radius)) < _FEWEST:
+        return ()
+    seen = np.isfinite(radius).sum(axis=0) >= _FEWEST_STEPS
+    varies = float(np.median(np.nanstd(radius[:, seen], axis=0)))
+    usual = float(np.nanmedian(radius))
+    given = _apart(a, b, step)
+    if varies < _ROUND * usual or not given > max(_FAR * varies, _ROUND * usual / 2):
+        return ()
+    ladder = np.exp(np.linspace(-np.log(_FACTORS), np.log(_FACTORS), _TRIES))
+    tries = np.concatenate([[-step], abs(step) * ladder, -abs(step) * ladder])
+    tries = tries[np.abs(tries) < np.pi]
+    apart = np.array([_apart(a, b, float(t)) for t in tries])
+    apart[~np.isfinite(apart)] = np.inf
+    best = float(apart.min())
+    if best > _FAR * varies or given < _BETTER * best:
+        return ()
+    if apart[0] < max(_ALIKE * best, _FAR * varies) and given > _BETTER * apart[0]:
+        return (-step,)  # the same step the other way is what goes wrong most
+    out: list[float] = []
+    for k in np.argsort(apart):
+        if apart[k] < _ALIKE * best and all(abs(tries[k] / t - 1) > _SAME for t in out):
+            out.append(float(tries[k]))
+    return tuple(out) if len(out) > 1 else (_finer(a, b, out[0]),)
+
+
+def _finer(a: Outline, b: Outline, step: float) -> float:
+    tries = step * np.linspace(1 - _RUNG, 1 + _RUNG, 49)
+    apart = [_apart(a, b, float(t)) for t in tries]
+    return float(tries[int(np.argmin(apart))])
+
+
+def _apart(a: Outline, b: Outline, step: float) -> float:
+    """Median distance of two outlines for steps of this size, mm; NaN where they do not overlap."""
+    off = [
+        _differences(*_turned(one, h, step), *_turned(other, h, step))
+        for h in range(a.radius.shape[1])
+        for one, other in ((a, b), (b, a))
+    ]
+    some = np.concatenate(off)
+    return float(np.median(some)) if len(some) >= _FEWEST else float("nan")
+
+
+def _turned(o: Outline, h: int, step: float) -> tuple[Floats, Floats]:
+    """Angles about the part and radii of an outline at one height, in order."""
+    known = np.isfinite(o.radius[:, h])
+    angle = np.mod(o.azimuth[known, h] - step * o.step[known], 2 * np.pi)
+    order = np.argsort(angle)
+    return angle[order], o.radius[known, h][order]
+
+
+def _differences(at: Floats, radius: Floats, angle: Floats, other: Floats) -> Floats:
+    """(m,) mm between radii at ``at`` and an outline between whose points they lie."""
+    if len(angle) < _FEWEST_STEPS or not len(at):
+        return np.zeros(0)
+    ring = np.concatenate([angle[-1:] - 2 * np.pi, angle, angle[:1] + 2 * np.pi])
+    values = np.concatenate([other[-1:], other, other[:1]])
+    after = np.clip(np.searchsorted(ring, at), 1, len(ring) - 1)
+    near = ring[after] - ring[after - 1] < _GAP * 2 * np.pi / len(angle)
+    low, high = ring[after - 1][near], ring[after][near]
+    # The chord from point to point: 1/r is a wave of the angle on a straight line.
+    across = np.maximum(np.sin(high - low), 1e-9)
+    inverse = np.sin(high - at[near]) / values[after - 1][near]
+    inverse += np.sin(at[near] - low) / values[after][near]
+    off: Floats = np.abs(radius[near] - across / inverse)
+    return off

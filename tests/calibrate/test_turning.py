@@ -1,0 +1,53 @@
+"""Two lasers on one part tell which way and how far its table turned."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.calibrate.bodies import Body, cylinder, prism, sphere, swept, two_lasers
+from turnscan.calibrate import Outline, contradicted_step, outlines_of
+
+BODIES = {
+    "hexagon": prism((5.0, 2.0), 40.0),
+    "square": prism((1.0, 0.0), 40.0, 4),
+    "eccentric cylinder": cylinder((6.0, 1.0), 15.0),
+    "sphere": sphere((12.0, 3.0, 22.0), 18.0),
+}
+
+
+def seen(body: Body, step_deg: float, count: int = 60) -> list[Outline]:
+    rig, turned = two_lasers(), np.radians(step_deg) * np.arange(count)
+    stripes = []
+    for s in rig.sheets:
+        sweep = swept(rig, s.name, body, turned, turned, 1, every=6)
+        rays = rig.camera.rays(sweep.pixels)
+        X = rig.T_camera_table.inverse().apply(rig.sheet(s.name).intersect(rays))
+        stripes.append((np.arange(count), [X[sweep.step == k] for k in range(count)]))
+    return outlines_of(stripes)
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("step_deg", [6.0, -6.0])
+def test_the_other_way_is_named(body: str, step_deg: float) -> None:
+    outlines = seen(BODIES[body], step_deg)
+    assert contradicted_step(outlines, np.radians(step_deg)) == ()
+    assert contradicted_step(outlines, -np.radians(step_deg)) == (np.radians(step_deg),)
+
+
+@pytest.mark.parametrize("body", ["hexagon", "sphere"])
+def test_another_size_is_named(body: str) -> None:
+    right = contradicted_step(seen(BODIES[body], 6.0), np.radians(9.0))
+    assert np.degrees(right) == pytest.approx([6.0], rel=0.01)
+
+
+def test_a_part_alike_from_six_sides_names_no_single_step() -> None:
+    right = contradicted_step(seen(prism((0.0, 0.0), 40.0), 6.0), np.radians(4.8))
+    assert len(right) > 1
+
+
+@pytest.mark.parametrize("step_deg", [6.0, -6.0, 5.0])
+def test_a_round_part_and_one_laser_say_nothing(step_deg: float) -> None:
+    centred = seen(cylinder((0.0, 0.0), 15.0), 6.0)
+    assert contradicted_step(centred, np.radians(step_deg)) == ()
+    assert contradicted_step(seen(BODIES["hexagon"], 6.0)[:1], np.radians(step_deg)) == ()
