@@ -206,7 +206,7 @@ def _table_residual(c: Calibration, rms: float) -> Finding:
     return Finding(
         "calibrate.table-residual",
         "warning",
-        f"what rides on the table is {rms:.2f} px rms off one turning motion; 0.2 px is usual",
+        f"what is fixed to the table is {rms:.2f} px rms off one turning motion; 0.2 px is usual",
         where=named,
         remedy="check that camera, markers and board did not move between the pictures",
     )
