@@ -59,7 +59,8 @@ def outlines_of(
     if not seen:
         return []
     z = np.concatenate(seen)
-    heights = np.linspace(*np.quantile(z, [0.1, 0.9]), _HEIGHTS)
+    low, high = (float(q) for q in np.quantile(z, [0.1, 0.9]))
+    heights = np.linspace(low, high, _HEIGHTS)
     reach = float(heights[-1] - heights[0]) / _HEIGHTS
     out = []
     for step, points in stripes:
