@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from turnscan.edit import Add, ProfileOff, action_to_json
 from turnscan.errors import FormatError, InputError
 from turnscan.progress import Cancelled, Progress
 from turnscan.scan import Scan
@@ -21,6 +22,7 @@ from turnscan.workflows import (
     MarkerAngles,
     import_pictures,
     parse_angles,
+    simulate,
 )
 
 SIZE = (40, 60)
@@ -151,6 +153,20 @@ def test_wrong_options_are_refused_when_they_are_made(
         make()
     assert type(caught.value) is kind
     assert caught.value.option is not None
+
+
+def test_repairs_by_hand_are_not_overwritten(tmp_path: Path, pictures: Path) -> None:
+    out = tmp_path / "a.turnscan"
+    import_pictures(pictures, out, EvenSteps(2.0))
+    import_pictures(pictures, out, EvenSteps(3.0))
+    with Scan.resume(out) as scan:
+        scan.append_edit(action_to_json(Add(1, ProfileOff("laser", (2, 3)))), 0.0)
+    before = out.read_bytes()
+    with pytest.raises(InputError, match="holds 1 repair by hand"):
+        import_pictures(pictures, out, EvenSteps(4.0))
+    with pytest.raises(InputError, match="holds 1 repair by hand"):
+        simulate("sphere", out)
+    assert out.read_bytes() == before
 
 
 def test_sources_of_angles_are_parsed_once() -> None:

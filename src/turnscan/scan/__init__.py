@@ -5,6 +5,7 @@ from turnscan.scan._codec import packed_size
 from turnscan.scan._edit_log import LogEntry
 from turnscan.scan._file import Scan
 from turnscan.scan._fit import lit_in, rig_for
+from turnscan.scan._header import is_scan
 from turnscan.scan._limits import STEPS
 from turnscan.scan._pictures import (
     is_video,
@@ -40,6 +41,7 @@ __all__ = [
     "VerifiedFigure",
     "VerifiedRun",
     "add_verification",
+    "is_scan",
     "is_video",
     "list_pictures",
     "lit_in",

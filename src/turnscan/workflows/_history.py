@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from turnscan.edit import ChangeSettings, Entry, History, history_from_json, history_from_log
-from turnscan.errors import FormatError
-from turnscan.scan import Scan
+from turnscan.errors import FormatError, InputError
+from turnscan.scan import Scan, is_scan
 from turnscan.workflows._reading import read_bytes
 
 _MOST_BYTES = 64 << 20
@@ -21,6 +21,20 @@ def history_of(scan: Scan) -> History:
 def repairs(entries: Iterable[Entry]) -> tuple[Entry, ...]:
     """The edits of grid and mesh, and the measurements: all but the changes of settings."""
     return tuple(e for e in entries if not isinstance(e.edit, ChangeSettings))
+
+
+def refuse_over_repairs(path: Path) -> None:
+    """Raise InputError where a scan with repairs by hand stands at ``path``, which a new scan of
+    that name would take with it. A file that is no scan is left to whoever writes."""
+    if not path.is_file() or not is_scan(path):
+        return
+    with Scan.open(path) as scan:
+        count = len(repairs(history_of(scan).enabled))
+    if count:
+        raise InputError(
+            f"{path}: holds {count} repair{'s' * (count > 1)} by hand, which would be lost",
+            hint="write to another name, and copy them with turnscan edits; or remove that file",
+        )
 
 
 def wanted_history(scan: Scan, wish: str) -> History:

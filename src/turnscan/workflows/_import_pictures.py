@@ -21,6 +21,7 @@ from turnscan.scan import NOISE_FACTOR, ScanPlan, replacing_scan
 from turnscan.workflows._angles import find_angles
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
+from turnscan.workflows._history import refuse_over_repairs
 from turnscan.workflows._import_frames import Tally, write_frames
 from turnscan.workflows._import_options import AngleSource, EvenSteps, ImportOptions, MarkerAngles
 from turnscan.workflows._import_turn import check_outline
@@ -111,7 +112,7 @@ def import_pictures(
     pictures
         With the laser on; of several lasers, by the names of the lasers.
     output
-        The scan file, ``….turnscan``; replaced where it is an older scan.
+        The scan file, ``….turnscan``; replaced where it is an older scan without repairs by hand.
     angles
         Where the table's angle of each picture comes from.
     dark
@@ -151,6 +152,7 @@ def import_pictures(
     lit = _by_laser(pictures)
     series, steps, found = find_series(lit, _dark_by_laser(dark, list(lit)), wanted)
     check_output(output, (".turnscan",))
+    refuse_over_repairs(output)
     first = next(picture for _, picture in series[0].pictures(series[0].shots[:1]))
     _fits_rig(first, stored, series[0])
     marked = _MARKERS if isinstance(angles, MarkerAngles) else 0.0

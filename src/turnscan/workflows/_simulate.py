@@ -12,6 +12,7 @@ from turnscan.progress import Progress, no_progress
 from turnscan.simulate import simulated, wish_of
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
+from turnscan.workflows._history import refuse_over_repairs
 from turnscan.workflows._simulate_options import SimulateOptions
 from turnscan.workflows._simulated import plan_of, scan_into_file, scan_into_folder
 
@@ -82,6 +83,7 @@ def simulate(
     into_file = output.suffix == ".turnscan"
     if into_file:
         check_output(output)
+        refuse_over_repairs(output)
     elif output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise InputError(f"{output}: exists and is not an empty folder", hint="name a new folder")
     wish, faults = wish_of(scene if scene.startswith("sim:") else f"sim:{scene}")
