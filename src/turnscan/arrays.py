@@ -8,11 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
+Longs = npt.NDArray[np.int64]
+Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.uint16]
 Bools = npt.NDArray[np.bool_]
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 """One picture, shape (H, W) or, in colour, (H, W, 3) in the order red, green, blue."""
+
+Region = tuple[int, int, int, int]
+"""Part of a picture: first column and row, and those after the last."""
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 

@@ -25,7 +25,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import llvmlite
 import llvmlite.binding
@@ -40,16 +40,18 @@ _IMPORT = re.compile(rb"^\s*(?:from|import)\s+turnscan((?:\.\w+)*)", re.MULTILIN
 _PATIENCE = 120.0
 """s: longest wait for another process that compiles the same kernel; then we compile it too."""
 
+Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
-def njit(*, cache: bool = True, **options: Any) -> Any:
+
+def njit(*, cache: bool = True, **options: Any) -> Callable[[Kernel], Kernel]:
     """``numba.njit`` whose cached machine code is as new as the sources.
 
     ``options`` are numba's. ``cache=False`` compiles anew in each process.
     """
     decorate = numba.njit(**options)
 
-    def compiled(function: Callable[..., Any]) -> Any:
-        dispatcher = decorate(function)
+    def compiled(function: Kernel) -> Kernel:
+        dispatcher: Kernel = decorate(function)
         folder = _folder(Path(function.__code__.co_filename)) if cache else None
         if folder is not None and hasattr(dispatcher, "_cache"):  # none with NUMBA_DISABLE_JIT
             dispatcher._cache = _Cache(function)

@@ -1,5 +1,4 @@
 """Compiled kernel: a running median. It imports numba; import it inside functions."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 

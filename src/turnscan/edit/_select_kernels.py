@@ -1,5 +1,4 @@
 """Compiled kernels of the selections; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def flood(chosen: Any, beside: Any, normals: Any, cosine: float) -> Any:
+def flood(chosen: Bools, beside: Ints, normals: Floats, cosine: float) -> Any:
     """Faces (f,) reached from the chosen ones across sides whose faces turn by less than a limit.
 
     ``beside`` (f, 3) is the face across each side or −1, ``normals`` (f, 3) are unit, NaN for a

@@ -1,5 +1,4 @@
 """The compiled loops that read a DXF: where its entities are, and the numbers in them."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 

@@ -2,14 +2,15 @@
 
 A reader that stumbles returns a code below and the byte at which it did.
 """
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from turnscan.arrays import Bytes, Floats, Scalar
 from turnscan.compiled import njit
 
 OK, NOT_A_NUMBER, TOO_MANY, CUT_SHORT, BAD_INDEX, NO_CODE, NOT_FINITE = range(7)
@@ -18,7 +19,7 @@ NUMBER, NAN, WORD = range(3)
 
 
 @njit(cache=True, nogil=True)
-def _digits(text: Any, p: int, b: int) -> tuple[int, int, int, int]:
+def _digits(text: Bytes, p: int, b: int) -> tuple[int, int, int, int]:
     """Return mantissa and power of ten of digits with a point, how many, and where they end."""
     mantissa, power, count, point = 0, 0, 0, 0
     while p < b:
@@ -39,7 +40,7 @@ def _digits(text: Any, p: int, b: int) -> tuple[int, int, int, int]:
 
 
 @njit(cache=True, nogil=True)
-def _exponent(text: Any, p: int, b: int) -> tuple[int, bool]:
+def _exponent(text: Bytes, p: int, b: int) -> tuple[int, bool]:
     """Return the signed whole number that ``text[p:b]`` is, and whether it is one."""
     down = p < b and text[p] == 45
     if p < b and (text[p] == 45 or text[p] == 43):
@@ -64,7 +65,7 @@ def _times_ten_to(mantissa: int, power: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def parse(text: Any, a: int, b: int) -> tuple[int, float]:
+def parse(text: Bytes, a: int, b: int) -> tuple[int, float]:
     """Return what ``text[a:b]`` is (number, nan or infinity, another word) and its value.
 
     Correctly rounded for up to 17 digits below 2**53 and powers of ten up to 22 (Clinger's fast
@@ -92,7 +93,7 @@ def parse(text: Any, a: int, b: int) -> tuple[int, float]:
 
 
 @njit(cache=True, nogil=True)
-def next_line(text: Any, p: int) -> tuple[int, int, int]:
+def next_line(text: Bytes, p: int) -> tuple[int, int, int]:
     """Return where the line at ``p`` begins and ends without blanks, and the next line's start."""
     end = p
     while end < len(text) and text[end] != 10:
@@ -106,7 +107,7 @@ def next_line(text: Any, p: int) -> tuple[int, int, int]:
 
 
 @njit(cache=True, nogil=True)
-def next_word(text: Any, p: int, end: int) -> tuple[int, int]:
+def next_word(text: Bytes, p: int, end: int) -> tuple[int, int]:
     """Return where the next word before ``end`` begins and ends; empty where there is none."""
     while p < end and text[p] <= 32:
         p += 1
@@ -131,7 +132,7 @@ def same(text: Any, a: int, b: int, word: Any) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def room(array: Any, n: int) -> Any:
+def room(array: npt.NDArray[Scalar], n: int) -> npt.NDArray[Scalar]:
     """Return the array, or one twice as long when row n does not fit."""
     if n < len(array):
         return array
@@ -141,7 +142,7 @@ def room(array: Any, n: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def whole_index(text: Any, s: int, e: int) -> int:
+def whole_index(text: Bytes, s: int, e: int) -> int:
     """Return the whole number from 0 that ``text[s:e]`` is, or −1."""
     kind, value = parse(text, s, e)
     whole = kind == NUMBER and value == np.floor(value) and 0 <= value < 2**31
@@ -149,7 +150,7 @@ def whole_index(text: Any, s: int, e: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def read_triple(text: Any, at: int, end: int, row: Any) -> tuple[int, int]:
+def read_triple(text: Bytes, at: int, end: int, row: Floats) -> tuple[int, int]:
     """Read three numbers into ``row``; returns a code and the byte where reading stopped."""
     for c in range(3):
         s, at = next_word(text, at, end)

@@ -2,14 +2,15 @@
 
 A reader that stumbles returns a code of `_parse_kernels` and the byte at which it did.
 """
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from turnscan.arrays import Bytes, Floats, Longs
 from turnscan.compiled import njit
 from turnscan.formats._parse_kernels import (
     BAD_INDEX,
@@ -44,7 +45,7 @@ def shape_of_table(text: Any) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def read_table(text: Any, p: int, table: Any, comments: bool) -> tuple[int, int]:
+def read_table(text: Bytes, p: int, table: Floats, comments: bool) -> tuple[int, int]:
     """Fill ``table`` (r, k) from r lines of exactly k numbers; NaN is allowed.
 
     Blank lines, and with ``comments`` lines that begin with #, are passed over. Returns a code
@@ -76,7 +77,9 @@ def read_table(text: Any, p: int, table: Any, comments: bool) -> tuple[int, int]
 
 
 @njit(cache=True, nogil=True)
-def read_lists(text: Any, p: int, count: int, before: int, limit: int) -> tuple[int, int, Any, int]:
+def read_lists(
+    text: Bytes, p: int, count: int, before: int, limit: int
+) -> tuple[int, int, Any, int]:
     """Read ``count`` lines of polygons, "n i j k …" after ``before`` numbers, end to end.
 
     Returns a code, the byte where reading stopped, the numbers (n i j k n i j …) and how many.
@@ -114,7 +117,7 @@ def read_lists(text: Any, p: int, count: int, before: int, limit: int) -> tuple[
 
 
 @njit(cache=True, nogil=True)
-def fans(lists: Any, limit: int) -> tuple[int, Any]:
+def fans(lists: Longs, limit: int) -> tuple[int, Any]:
     """Cut polygons, written end to end as n i j k …, into triangles (t, 3).
 
     Returns a code: CUT_SHORT where a polygon says it is longer than the list.
@@ -139,7 +142,7 @@ def fans(lists: Any, limit: int) -> tuple[int, Any]:
 
 
 @njit(cache=True, nogil=True)
-def cells(lists: Any, count: int) -> tuple[int, Any]:
+def cells(lists: Longs, count: int) -> tuple[int, Any]:
     """The entry of each of ``count`` lists of one or none, written end to end; −1 for none.
 
     Returns the length of the longest list before it.
@@ -175,7 +178,9 @@ def read_stl_text(text: Any, word: Any, limit: int) -> tuple[int, int, Any, int]
 
 
 @njit(cache=True, nogil=True)
-def _obj_face(text: Any, at: int, end: int, v: int, out: Any, n: int) -> tuple[int, int, Any, int]:
+def _obj_face(
+    text: Bytes, at: int, end: int, v: int, out: Longs, n: int
+) -> tuple[int, int, Any, int]:
     """Add one "f" line, after v vertices, to the polygons in ``out``."""
     start = n
     out = room(out, n)
@@ -202,7 +207,7 @@ def _obj_face(text: Any, at: int, end: int, v: int, out: Any, n: int) -> tuple[i
 
 
 @njit(cache=True, nogil=True)
-def read_obj(text: Any, limit: int) -> tuple[int, int, Any, int, Any, int]:
+def read_obj(text: Bytes, limit: int) -> tuple[int, int, Any, int, Any, int]:
     """Read "v" and "f" lines; returns a code, the byte, vertices, how many, polygons, how many.
 
     Polygons stand end to end as n i j k …, counted from 0.
@@ -227,7 +232,7 @@ def read_obj(text: Any, limit: int) -> tuple[int, int, Any, int, Any, int]:
 
 
 @njit(cache=True, nogil=True)
-def merge(points: Any) -> tuple[Any, Any]:
+def merge(points: npt.NDArray[np.uint64]) -> tuple[Any, Any]:
     """Find equal points; returns which of each is the first (m,), and each one's number (n,).
 
     points (n, 3) float64 seen as uint64, without negative zeros.

@@ -2,7 +2,6 @@
 
 Numba compiles on first use and keeps the result, so this module is imported inside functions.
 """
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bytes, Longs
 from turnscan.compiled import njit
 
 HEX = -1
@@ -21,7 +21,7 @@ WIDEST = 24
 
 
 @njit(cache=True, nogil=True)
-def _put(out: Any, p: int, value: int, decimals: int) -> int:
+def _put(out: Bytes, p: int, value: int, decimals: int) -> int:
     if value == MISSING:
         out[p], out[p + 1], out[p + 2] = 110, 97, 110
         return p + 3
@@ -51,7 +51,7 @@ def _put(out: Any, p: int, value: int, decimals: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def put_rows(values: Any, decimals: Any, text: Any, cuts: Any, out: Any) -> int:
+def put_rows(values: Longs, decimals: Longs, text: Bytes, cuts: Longs, out: Bytes) -> int:
     """Write each row of integers as literal, number, literal, number … literal; return the length.
 
     values (r, k) int64: the number times 10**decimals; decimals (k,); text: the literals end to

@@ -1,5 +1,5 @@
 """Compiled kernels that find faces which cut through each other; imported only when used."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
 from turnscan.compiled import njit
 from turnscan.mesh._tree_kernels import meet
 
@@ -15,7 +16,7 @@ _FLAT = 1e-12
 
 
 @njit(cache=True, nogil=True)
-def planes(vertices: Any, faces: Any) -> Any:
+def planes(vertices: Floats, faces: Ints) -> Any:
     """(f, 3) unit normals of triangles, and their longest sides (f,), 0 where there is no area."""
     normals, sizes = np.empty((len(faces), 3)), np.empty(len(faces))
     for f in range(len(faces)):
@@ -25,7 +26,7 @@ def planes(vertices: Any, faces: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def nodes_with(asked: Any, leaves: int) -> Any:
+def nodes_with(asked: Bools, leaves: int) -> Any:
     """(2 · leaves,) True for the nodes that hold a triangle that is asked for."""
     count = len(asked)
     out = np.zeros(2 * leaves, dtype=np.bool_)
@@ -38,7 +39,14 @@ def nodes_with(asked: Any, leaves: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def crossings(vertices: Any, faces: Any, asked: Any, spans: Any, nodes: Any, most: int) -> Any:
+def crossings(
+    vertices: Floats,
+    faces: Ints,
+    asked: Bools,
+    spans: Floats | Singles,
+    nodes: Floats | Singles,
+    most: int,
+) -> Any:
     """Pairs (k, 2) of triangles that have more in common than vertices and edges.
 
     Only pairs with a triangle ``asked`` (f,) for are looked for, and no more than ``most`` of them.
@@ -82,7 +90,7 @@ def crossings(vertices: Any, faces: Any, asked: Any, spans: Any, nodes: Any, mos
 
 
 @njit(cache=True, nogil=True)
-def _halves(stack: Any, top: int, a: int, b: int) -> int:
+def _halves(stack: Longs, top: int, a: int, b: int) -> int:
     """Put the pairs of halves of two nodes, or of one with itself, on the stack."""
     for i in range(2):
         for j in range(i if a == b else 0, 2):
@@ -92,7 +100,7 @@ def _halves(stack: Any, top: int, a: int, b: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _apart(v: Any, faces: Any, i: int, j: int) -> bool:
+def _apart(v: Floats, faces: Ints, i: int, j: int) -> bool:
     """Whether the boxes of two triangles do not meet."""
     a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
     p, q, r = faces[j, 0], faces[j, 1], faces[j, 2]
@@ -113,7 +121,9 @@ def _off(v: Any, x: int, n: Any, p: int, origin: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _cross(v: Any, faces: Any, n: Any, sizes: Any, p: int, q: int) -> bool:
+def _cross(
+    v: Floats, faces: Floats | Ints, n: Ints | Floats, sizes: Ints | Floats, p: int, q: int
+) -> bool:
     """Whether triangles p and q cut through each other."""
     if not sizes[p] > 0.0:
         return False
@@ -149,7 +159,7 @@ def _cross(v: Any, faces: Any, n: Any, sizes: Any, p: int, q: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _plane(a: Any, b: Any, c: Any, n: Any) -> float:
+def _plane(a: Floats, b: Floats, c: Floats, n: Floats) -> float:
     """Write the unit normal; gives the longest side, 0 where there is no area."""
     longest = 0.0
     for p, q in ((a, b), (b, c), (c, a)):
@@ -158,8 +168,8 @@ def _plane(a: Any, b: Any, c: Any, n: Any) -> float:
             s += (q[k] - p[k]) ** 2
         longest = max(longest, s)
     for k in range(3):
-        p, q = (k + 1) % 3, (k + 2) % 3
-        n[k] = (b[p] - a[p]) * (c[q] - a[q]) - (b[q] - a[q]) * (c[p] - a[p])
+        i, j = (k + 1) % 3, (k + 2) % 3
+        n[k] = (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i])
     twice = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     if not twice > 1e-14 * longest:
         return 0.0
@@ -169,7 +179,7 @@ def _plane(a: Any, b: Any, c: Any, n: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _pierced(v: Any, p: int, q: int, a: int, b: int, c: int) -> bool:
+def _pierced(v: Floats, p: int, q: int, a: int, b: int, c: int) -> bool:
     """Whether the line from vertex p to q runs through a triangle; its plane parts them."""
     x = _volume(v, p, q, a, b)
     y = _volume(v, p, q, b, c)
@@ -187,7 +197,7 @@ def _volume(v: Any, p: int, q: int, a: int, b: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _overlap(v: Any, of_a: Any, of_b: Any, n: Any) -> bool:
+def _overlap(v: Floats, of_a: Ints, of_b: Ints, n: Floats) -> bool:
     """Whether triangles in one plane of normal n overlap: no side of either parts them."""
     k = 0
     for i in range(1, 3):
@@ -198,7 +208,7 @@ def _overlap(v: Any, of_a: Any, of_b: Any, n: Any) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _parted(v: Any, of_a: Any, of_b: Any, x: int, y: int) -> bool:
+def _parted(v: Floats, of_a: Ints, of_b: Ints, x: int, y: int) -> bool:
     for i in range(3):
         p, q, o = v[of_a[i]], v[of_a[(i + 1) % 3]], v[of_a[(i + 2) % 3]]
         ux, uy = q[x] - p[x], q[y] - p[y]

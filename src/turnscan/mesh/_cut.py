@@ -224,11 +224,11 @@ def _loops(vertices: Floats, faces: Ints, side: npt.NDArray[np.int8]) -> list[In
     on[: len(side)] = side == 0
     a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     flat = on[a] & on[b]
-    a, b = a[flat].astype(np.int64), b[flat].astype(np.int64)
-    lonely = ~np.isin(a * len(vertices) + b, b * len(vertices) + a)
+    begin, end = b[flat].astype(np.int64), a[flat].astype(np.int64)
+    lonely = ~np.isin(end * len(vertices) + begin, begin * len(vertices) + end)
     if not lonely.any():
         return []
-    row, starts = kernels.chains(b[lonely], a[lonely], vertices)
+    row, starts = kernels.chains(begin[lonely], end[lonely], vertices)
     return [loop for loop in np.split(row, starts[1:]) if len(loop) >= 3]
 
 

@@ -1,5 +1,4 @@
 """Compiled kernels of the cut; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Floats, Longs
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def chains(begin: Any, end: Any, vertices: Any) -> Any:
+def chains(begin: Longs, end: Longs, vertices: Floats) -> Any:
     """Directed sides → loops: their corners in a row, and where each begins.
 
     A chain that is open, because the surface is, goes on at the nearest beginning of one, which may
@@ -65,13 +65,13 @@ def chains(begin: Any, end: Any, vertices: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _away(vertices: Any, a: int, b: int) -> float:
+def _away(vertices: Floats, a: int, b: int) -> float:
     d = vertices[a] - vertices[b]
     return float(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
 
 
 @njit(cache=True, nogil=True)
-def contains(loop: Any, point: Any) -> bool:
+def contains(loop: Floats, point: Floats) -> bool:
     """Whether a point lies within a loop (m, 2)."""
     inside = False
     m = len(loop)

@@ -1,5 +1,4 @@
 """Compiled kernels over the faces of a mesh; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def crosses(points: Any, faces: Any) -> Any:
+def crosses(points: Floats, faces: Ints) -> Any:
     """(f, 3) the normal of every face, as long as twice its area."""
     out = np.empty((len(faces), 3))
     for f in range(len(faces)):
@@ -27,7 +27,7 @@ def crosses(points: Any, faces: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def doubles(points: Any, faces: Any) -> Any:
+def doubles(points: Floats, faces: Ints) -> Any:
     """(f,) twice the area of every face."""
     out = np.empty(len(faces))
     cross = crosses(points, faces)
@@ -38,7 +38,7 @@ def doubles(points: Any, faces: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def level(points: Any, faces: Any, normals: Any, least: float) -> tuple[float, float]:
+def level(points: Floats, faces: Ints, normals: Floats, least: float) -> tuple[float, float]:
     """Twice the area of all faces, and of those whose corners' normals (v, 3) point up or down.
 
     Those do, whose vertical parts are more than ``least`` in the mean.
@@ -54,7 +54,7 @@ def level(points: Any, faces: Any, normals: Any, least: float) -> tuple[float, f
 
 
 @njit(cache=True, nogil=True)
-def _made_unit(vectors: Any, without: float) -> None:
+def _made_unit(vectors: Floats, without: float) -> None:
     for v in range(len(vectors)):
         x, y, z = vectors[v, 0], vectors[v, 1], vectors[v, 2]
         length = np.sqrt(x * x + y * y + z * z)
@@ -63,7 +63,7 @@ def _made_unit(vectors: Any, without: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def vertex_normals(points: Any, faces: Any) -> Any:
+def vertex_normals(points: Floats, faces: Ints) -> Any:
     """(v, 3) unit normals, faces weighted by area; NaN for a vertex without any."""
     total = np.zeros((len(points), 3))
     cross = crosses(points, faces)
@@ -76,7 +76,7 @@ def vertex_normals(points: Any, faces: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def averaged(normals: Any, faces: Any, rounds: int) -> Any:
+def averaged(normals: Floats, faces: Ints, rounds: int) -> Any:
     """Unit normals (v, 3) of vertices, averaged over the faces round them, ``rounds`` times."""
     for _ in range(rounds):
         total = np.zeros_like(normals)
@@ -93,7 +93,7 @@ def averaged(normals: Any, faces: Any, rounds: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def rises(points: Any, faces: Any, step: Any) -> Any:
+def rises(points: Floats, faces: Ints, step: Ints) -> Any:
     """(m,) mm: differences in height along the sides within one profile, without those of 0."""
     out = np.empty(3 * len(faces))
     made = 0

@@ -1,4 +1,4 @@
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 """Ray casting for machines without an Embree wheel: a balanced tree of boxes, by Numba.
 
 Intersection after Möller and Trumbore, 1997.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints, Singles
 
 _LIFT = 2e-3
 """mm that a ray to the light starts off its surface, lest it hit its own triangle."""
@@ -20,7 +20,7 @@ class Caster:
         self._origin = vertices.mean(axis=0)
         self._scene = _scene(vertices - self._origin, faces)
 
-    def first_hits(self, origin: Floats, directions: Floats) -> Ints:
+    def first_hits(self, origin: Floats, directions: Floats | Singles) -> Ints:
         """Rays from one point (3,) along (n, 3) → (n,) face that each meets first, −1 for none."""
         d = np.ascontiguousarray(directions, dtype=np.float32)
         o = np.broadcast_to((origin - self._origin).astype(np.float32), d.shape)

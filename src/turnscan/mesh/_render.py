@@ -69,7 +69,7 @@ def _shade(seen: Floats, faces: Ints) -> Floats:
     return brightness
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _paint(
     points: Floats,
     faces: npt.NDArray[np.int32],

@@ -4,7 +4,7 @@ Triangles are sorted along a Morton curve, so that neighbours in the list are ne
 the tree halves the list. Node 1 is the root, 2i and 2i + 1 are the halves of i; of ``leaves``
 leaves number k holds the triangles from k · count // leaves up to those of the next.
 """
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Floats, Ints, Singles
 from turnscan.compiled import njit
 
 _ROUND = 1e-6
@@ -23,7 +24,7 @@ _DIGIT = 10
 
 
 @njit(cache=True, nogil=True)
-def morton_order(vertices: Any, faces: Any) -> Any:
+def morton_order(vertices: Floats, faces: Ints) -> Any:
     """(f,) triangles (f, 3) in the order in which a Morton curve meets their centres."""
     count = len(faces)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -63,7 +64,7 @@ def _centre(vertices: Any, faces: Any, f: int, k: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def spans(vertices: Any, faces: Any) -> Any:
+def spans(vertices: Floats, faces: Ints) -> Any:
     """(f, 6) float32: from where to where triangles reach along each axis, a little more."""
     out = np.empty((len(faces), 6), np.float32)
     for f in range(len(faces)):
@@ -77,7 +78,7 @@ def spans(vertices: Any, faces: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def boxes(spans: Any, leaves: int) -> Any:
+def boxes(spans: Singles, leaves: int) -> Any:
     """(2 · leaves, 6) boxes of the nodes, as `spans` has them; triangles in order."""
     count = len(spans)
     out = np.empty((2 * leaves, 6), np.float32)

@@ -3,7 +3,7 @@
 Import inside functions only. Lines and columns are along and across the stripe, whichever way the
 camera lies.
 """
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Floats, Singles
 from turnscan.compiled import njit
 
 TERMS = 3
@@ -45,7 +46,7 @@ what exceeds the middle one counts as uncertain."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def path_at(paths: Any, pitch: float, line: float, column: float, out: Any) -> None:
+def path_at(paths: Floats, pitch: float, line: float, column: float, out: Floats) -> None:
     """``paths`` (rows, columns, 3, TERMS), known every ``pitch`` px, at one place → ``out``."""
     y = min(max(line / pitch, 0.0), paths.shape[0] - 1.000001)
     x = min(max(column / pitch, 0.0), paths.shape[1] - 1.000001)
@@ -59,13 +60,13 @@ def path_at(paths: Any, pitch: float, line: float, column: float, out: Any) -> N
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def power_sum(terms: Any, k: int, angle: float) -> float:
+def power_sum(terms: Floats, k: int, angle: float) -> float:
     """The polynomial of row ``k`` of ``terms`` (3, TERMS), without its constant."""
     return angle * (terms[k, 0] + angle * (terms[k, 1] + angle * terms[k, 2]))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def light_at(light: Any, line: float, x: float) -> Any:
+def light_at(light: Singles, line: float, x: float) -> Any:
     """Light between the pixels, and the sum of the squares of their weights.
 
     Linear along the stripe, where light is smooth, cubic (Catmull-Rom) across it. No light outside
@@ -92,7 +93,9 @@ def light_at(light: Any, line: float, x: float) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def follow(seen: Any, path: Any, line: int, column: float, thickness: float, samples: Any) -> Any:
+def follow(
+    seen: Any, path: Floats, line: int, column: float, thickness: float, samples: Floats
+) -> Any:
     """Follow a surface element through the frames of ``seen``: its samples near the sheet.
 
     ``path`` (3, TERMS) is the element's. A row of ``samples`` is the distance d from the sheet, mm,
@@ -129,7 +132,7 @@ def share(d: float, thickness: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def balance(samples: Any, count: int, thickness: float) -> Any:
+def balance(samples: Floats, count: int, thickness: float) -> Any:
     """Where the light balances: its mean distance from the sheet, mm; NaN without light."""
     s0 = s1 = 0.0
     for j in range(count):
@@ -141,7 +144,7 @@ def balance(samples: Any, count: int, thickness: float) -> Any:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def imbalance(
-    seen: Any, sweep: Any, line: int, at: float, thickness: float, path: Any, samples: Any
+    seen: Any, sweep: Any, line: int, at: float, thickness: float, path: Floats, samples: Floats
 ) -> Any:
     """Off balance by how many px a centre ``at`` that column is, and mm per px; NaN if unknown.
 
@@ -157,7 +160,7 @@ def imbalance(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def solve(
-    seen: Any, sweep: Any, line: int, centre: float, thickness: float, path: Any, samples: Any
+    seen: Any, sweep: Any, line: int, centre: float, thickness: float, path: Floats, samples: Floats
 ) -> Any:
     """The centre, px, whose element's light balances on the sheet, the slope of the balance there,
     mm/px, and how far off balance ``centre`` was, px.
@@ -199,7 +202,9 @@ def solve(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def uncertainty(seen: Any, path: Any, line: int, column: float, terms: Any, samples: Any) -> Any:
+def uncertainty(
+    seen: Any, path: Floats, line: int, column: float, terms: Any, samples: Floats
+) -> Any:
     """Variance of the balance, mm², by noise and by doubt, and the light's rms distance from the
     sheet over what it must be.
 
@@ -229,7 +234,7 @@ def uncertainty(seen: Any, path: Any, line: int, column: float, terms: Any, samp
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def refine_lines(seen: Any, sweep: Any, position: Any, terms: Any, out: Any) -> None:
+def refine_lines(seen: Any, sweep: Any, position: Floats, terms: Any, out: Floats) -> None:
     """Centres of one frame, moved to where the light of their own surface elements balances.
 
     ``seen`` is pieces (m, lines, columns) of successive frames, their first line, their first

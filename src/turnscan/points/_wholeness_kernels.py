@@ -1,5 +1,4 @@
 """Compiled kernels of how whole the light of each point was; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Floats
 from turnscan.compiled import njit
 
 _BESIDE = 2
@@ -16,7 +16,7 @@ _LINKED = 2.2
 
 
 @njit(cache=True, nogil=True)
-def steady(width: Any) -> Any:
+def steady(width: Floats) -> Any:
     """(s, n) the median of each width and up to two beside it along the run; NaN where none is."""
     s, n = width.shape
     out = np.full((s, n), np.nan)
@@ -37,7 +37,7 @@ def steady(width: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _normal(points: Any, k: int, m: int, j: int, sign: float, normal: Any) -> bool:
+def _normal(points: Floats, k: int, m: int, j: int, sign: float, normal: Floats) -> bool:
     """Write the normal (any sign, unit) of a surface through a point and one of step ``m``."""
     n = points.shape[1]
     low = j - 1 if j > 0 and not np.isnan(points[k, j - 1, 0]) else j
@@ -59,7 +59,9 @@ def _normal(points: Any, k: int, m: int, j: int, sign: float, normal: Any) -> bo
 
 
 @njit(cache=True, nogil=True)
-def across(points: Any, eyes: Any, moves: Any, sheets: Any, arc: Any, closed: bool) -> Any:
+def across(
+    points: Floats, eyes: Floats, moves: Floats, sheets: Floats, arc: Floats, closed: bool
+) -> Any:
     """How the surface between each point and the next profile lies to the light, both ways.
 
     ``moves`` (s, n, 3) is ∂X/∂u at the point's depth, square to nothing in particular: the ray's
@@ -102,7 +104,9 @@ def across(points: Any, eyes: Any, moves: Any, sheets: Any, arc: Any, closed: bo
 
 
 @njit(cache=True, nogil=True)
-def further_in(points: Any, eyes: Any, moves: Any, sheets: Any, arc: Any, closed: bool) -> Any:
+def further_in(
+    points: Floats, eyes: Floats, moves: Floats, sheets: Floats, arc: Floats, closed: bool
+) -> Any:
     """(2, s, n) the walk of `across` on the plane of the profile beside and the one beyond it.
 
     As the light of each point's own step sees it; NaN where one of the two is no neighbour.

@@ -1,12 +1,12 @@
 """Compiled kernels: pairs of oriented points and their votes, and what a view saw to be empty."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
 from turnscan.compiled import njit
 
 ANGLES = 15
@@ -15,8 +15,32 @@ TURNS = 30
 """Bins of the turn about a normal (12° each)."""
 
 
+class Samples(NamedTuple):
+    """Oriented points of a view."""
+
+    points: Floats
+    """(m, 3) mm."""
+    normals: Floats
+    """(m, 3)."""
+    frames: Floats
+    """(m, 3, 3) what `frames` says of the normals."""
+
+
+class Table(NamedTuple):
+    """The pairs of a model by their bin: those of bin k are starts[k] to starts[k + 1]."""
+
+    starts: Longs
+    """(bins + 1,)."""
+    first: Ints
+    """(pairs,) the first point of each."""
+    turn: Singles
+    """(pairs,) radians about its normal."""
+    size: int
+    """How many points the model has."""
+
+
 @njit(cache=True, nogil=True)
-def _frame(n: Any) -> Any:
+def _frame(n: Floats) -> Floats:
     """(3, 3) rotation that takes the unit vector n to x."""
     R = np.empty((3, 3))
     # Any direction square to n will do, as long as the same n gives the same one.
@@ -37,7 +61,7 @@ def _frame(n: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def frames(normals: Any) -> Any:
+def frames(normals: Floats) -> Floats:
     """(n, 3, 3): `_frame` of each normal."""
     out = np.empty((len(normals), 3, 3))
     for i in range(len(normals)):
@@ -46,7 +70,7 @@ def frames(normals: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _key(d: Any, length: float, a: Any, b: Any, step: float) -> int:
+def _key(d: Floats, length: float, a: Floats, b: Floats, step: float) -> int:
     """The bin of a pair: distance, the angles of both normals to the line, and between them."""
     cos1, cos2, cos3 = 0.0, 0.0, 0.0
     for k in range(3):
@@ -61,7 +85,7 @@ def _key(d: Any, length: float, a: Any, b: Any, step: float) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _turn(R: Any, d: Any) -> float:
+def _turn(R: Floats, d: Floats) -> float:
     """Angle about x at which the line of a pair stands when its first normal lies on x."""
     y = R[1, 0] * d[0] + R[1, 1] * d[1] + R[1, 2] * d[2]
     z = R[2, 0] * d[0] + R[2, 1] * d[1] + R[2, 2] * d[2]
@@ -69,8 +93,9 @@ def _turn(R: Any, d: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def pairs(points: Any, normals: Any, R: Any, step: float, near: float, far: float) -> Any:
+def pairs(samples: Samples, step: float, near: float, far: float) -> tuple[Ints, Ints, Singles]:
     """All ordered pairs of points from ``near`` to ``far`` mm apart: bin, first point, turn."""
+    points, normals, R = samples
     n = len(points)
     total = 0
     for i in range(n):
@@ -96,32 +121,24 @@ def pairs(points: Any, normals: Any, R: Any, step: float, near: float, far: floa
 
 @njit(cache=True, nogil=True)
 def vote(
-    points: Any,
-    normals: Any,
-    R: Any,
-    asked: Any,
-    step: float,
-    near: float,
-    far: float,
-    starts: Any,
-    first: Any,
-    turn: Any,
-    count: int,
-    best: int,
-) -> Any:
+    samples: Samples, asked: Longs, table: Table, reach: tuple[float, float, float], best: int
+) -> tuple[Ints, Floats, Floats]:
     """For each asked point, the ``best`` places (point of the model, turn) its pairs vote for.
 
-    ``starts`` (bins + 1,) begins the entries of each bin in ``first`` and ``turn``; ``count`` is
-    how many points the model has. A pair that is common in the model says less: its votes weigh one
-    over the root of its number. Returns (asked, best) model points, turns, votes.
+    ``reach`` is the bin of distances, the least and the largest distance of a pair (mm). A pair
+    that is common in the model says less: its votes weigh one over the root of its number.
+    Returns (asked, best) model points, turns, votes.
     """
+    points, normals, R = samples
+    starts, first, turn, size = table
+    step, near, far = reach
     models = np.empty((len(asked), best), np.int32)
     turns = np.empty((len(asked), best))
     votes = np.zeros((len(asked), best))
     w = TURNS / (2 * np.pi)
     for a in range(len(asked)):
         i = asked[a]
-        found = np.zeros((count, TURNS))
+        found = np.zeros((size, TURNS))
         for j in range(len(points)):
             d = points[j] - points[i]
             length = np.sqrt((d * d).sum())
@@ -152,7 +169,9 @@ def vote(
 
 
 @njit(cache=True, nogil=True)
-def seen_through(points: Any, eyes: Any, origin: Any, cell: float, shape: Any, clear: float) -> Any:
+def seen_through(
+    points: Floats, eyes: Floats, origin: Floats, cell: float, shape: Longs, clear: float
+) -> Bools:
     """Cubes (bool) that the rays from eyes to points passed, more than ``clear`` mm before."""
     out = np.zeros((shape[0], shape[1], shape[2]), np.bool_)
     step = 0.7 * cell

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Floats
 from turnscan.poses._view import View, thin
 from turnscan.rig import Pose
+
+if TYPE_CHECKING:
+    from turnscan.poses._kernels import Samples, Table
 
 _MOST = 700
 """Samples of a view at most; their pairs grow with the square."""
@@ -44,21 +47,25 @@ class Sampled:
         """(m, 3, 3): turns each normal to x."""
         from turnscan.poses import _kernels as kernels
 
-        frames: Floats = kernels.frames(self.normals)
-        return frames
+        return kernels.frames(self.normals)
 
-    @cached_property
-    def table(self) -> tuple[npt.NDArray[np.int64], Ints, npt.NDArray[np.float32]]:
-        """Begin of each bin; first point and turn of the pairs, sorted by bin."""
+    @property
+    def samples(self) -> Samples:
+        """What the kernels take of it."""
         from turnscan.poses import _kernels as kernels
 
-        key, first, turn = kernels.pairs(
-            self.points, self.normals, self.frames, self.step, 2 * self.step, self.far
-        )
+        return kernels.Samples(self.points, self.normals, self.frames)
+
+    @cached_property
+    def table(self) -> Table:
+        """Its pairs, sorted by bin."""
+        from turnscan.poses import _kernels as kernels
+
+        key, first, turn = kernels.pairs(self.samples, self.step, 2 * self.step, self.far)
         bins = (int(self.far / self.step) + 1) * kernels.ANGLES**3
         order = np.argsort(key, kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(key, minlength=bins))])
-        return starts, first[order], turn[order]
+        return kernels.Table(starts, first[order], turn[order], len(self.points))
 
 
 def sampled(v: View, step: float, size: float) -> Sampled:
@@ -80,11 +87,8 @@ def placements(model: Sampled, other: Sampled, most: int) -> list[tuple[Pose, fl
     from turnscan.poses import _kernels as kernels
 
     asked = np.linspace(0, len(other.points) - 1, min(_ASKED, len(other.points))).astype(np.intp)
-    starts, first, turn = model.table
-    m, turns, votes = kernels.vote(
-        other.points, other.normals, other.frames, np.unique(asked), model.step,
-        2 * model.step, model.far, starts, first, turn, len(model.points), _BEST,
-    )  # fmt: skip
+    reach = (model.step, 2 * model.step, model.far)
+    m, turns, votes = kernels.vote(other.samples, np.unique(asked), model.table, reach, _BEST)
     i = np.repeat(np.unique(asked), _BEST)
     m, turns, votes = m.ravel(), turns.ravel(), votes.ravel()
     cos, sin, zero, one = np.cos(turns), np.sin(turns), np.zeros(len(turns)), np.ones(len(turns))

@@ -174,7 +174,7 @@ def _circle(chain: Chain, scale: Floats) -> float | None:
 
     x, y = (np.ascontiguousarray(c[:-1]) for c in chain.points.T)
     w, found = 1.0 / scale[:-1] ** 2, np.zeros(3)
-    chi2 = kernels.circle(x, y, w, chain.bulge[:-1], found)
+    chi2 = kernels.circle(kernels.Points(x, y, w, chain.bulge[:-1]), found)
     count = int((w > 0).sum())
     widest = float(chain.steps.max())
     if (
@@ -196,10 +196,9 @@ def _spans(chain: Chain, scale: Floats) -> tuple[list[Span], float]:
     breaks = np.unique(np.r_[np.arange(0, m, -(-m // _MOST_BREAKS)), m - 1])
     least = 2.0 * float(np.median(scale[np.isfinite(scale)]))
     gap = min(_GAP * float(np.median(chain.steps)), _WIDEST_GAP * chain.length)
-    rows, cost = kernels.pieces(
-        x, y, 1.0 / scale**2, np.ascontiguousarray(chain.bulge), breaks,
-        _LINE * price, _ARC * price, _SKIP, least, gap,
-    )  # fmt: skip
+    points = kernels.Points(x, y, 1.0 / scale**2, np.ascontiguousarray(chain.bulge))
+    prices = kernels.Prices(_LINE * price, _ARC * price, _SKIP, least)
+    rows, cost = kernels.pieces(points, breaks, prices, gap)
     found: list[Span] = [(("line", "arc")[int(k)], int(i), int(j)) for k, i, j in rows]
     return found or [("line", 0, m - 1)], float(cost)
 

@@ -1,13 +1,13 @@
 """The compiled search for the lines and arcs of a chain; imported only when it is used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Floats, Longs
 from turnscan.compiled import njit
 
 LINE, ARC = 0, 1
@@ -19,8 +19,43 @@ _LONGEST_SWEEP = 6.4
 """Radians, a little above a full turn: noise makes a path longer."""
 
 
+class Points(NamedTuple):
+    """The points of a chain, all (n,)."""
+
+    x: Floats
+    y: Floats
+    """mm."""
+    w: Floats
+    """1/mm²: one over the variance of each across the chain; 0 for those without a say."""
+    bulge: Floats
+    """mm²: what the square of a distance to a centre lacks because the point lies on a chord."""
+
+
+class Prices(NamedTuple):
+    """What pieces cost beside their misfit, which is in units of its variance."""
+
+    line: float
+    arc: float
+    skip: float
+    """Of each point that belongs to no piece."""
+    least_sagitta: float
+    """mm: an arc that bends less is a line."""
+
+
+class Pieces(NamedTuple):
+    """The best way found to each break (b,): written to while the search goes on."""
+
+    cost: Floats
+    start: Longs
+    """The break where its last piece begins, −1 for none yet."""
+    kind: Longs
+    """`LINE` or `ARC`."""
+    before: Longs
+    """The break where the piece before it ends, −1 for none."""
+
+
 @njit(cache=True, nogil=True)
-def _taubin(m: Any, out: Any) -> float:
+def _taubin(m: Floats, out: Floats) -> float:
     """Circle from the means ``m`` = u, v, uu, uv, vv, q, uq, vq, qq, with q = u² + v² + bulge.
 
     Puts centre and radius into ``out`` and returns the mean square distance, negative where there
@@ -67,8 +102,9 @@ def _taubin(m: Any, out: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def circle(x: Any, y: Any, w: Any, bulge: Any, out: Any) -> float:
+def circle(points: Points, out: Floats) -> float:
     """The circle through all points into ``out`` (3,); returns Σ w·distance², or −1."""
+    x, y, w, bulge = points
     s = np.zeros(9)
     total = 0.0
     for i in range(len(x)):
@@ -83,7 +119,7 @@ def circle(x: Any, y: Any, w: Any, bulge: Any, out: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _add(s: Any, u: float, v: float, w: float, bulge: float) -> None:
+def _add(s: Floats, u: float, v: float, w: float, bulge: float) -> None:
     q = u * u + v * v + bulge
     s[0] += w * u
     s[1] += w * v
@@ -97,7 +133,7 @@ def _add(s: Any, u: float, v: float, w: float, bulge: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _line(m: Any) -> float:
+def _line(m: Floats) -> float:
     """Mean square distance from the best line, from the means of `_taubin`."""
     xx, xy, yy = m[2] - m[0] * m[0], m[3] - m[0] * m[1], m[4] - m[1] * m[1]
     half = (xx - yy) / 2
@@ -105,50 +141,46 @@ def _line(m: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def pieces(
-    x: Any, y: Any, w: Any, bulge: Any, breaks: Any, line_price: float, arc_price: float,
-    skip_price: float, least_sagitta: float, widest_gap: float,
-) -> Any:  # fmt: skip
-    """Lines and arcs of an open chain of least Σ w·distance² + prices: (k, 3) kind, first, last.
+def pieces(points: Points, breaks: Longs, prices: Prices, widest_gap: float) -> tuple[Longs, float]:
+    """Lines and arcs of an open chain of least Σ w·distance² + prices.
+
+    Returns (k, 3) kind, first and last point of each, and the sum.
 
     ``breaks`` (b,) are the points where pieces may begin or end, the first and last point among
-    them. A piece may begin where  last one ends, or some points later. Dynamic programming over
+    them. A piece may begin where the last one ends, or some points later. Dynamic programming over
     all pairs of breaks; from a break that fits nothing any more the search goes no further.
     """
+    x, y = points.x, points.y
     b = len(breaks)
-    best = np.full(b, np.inf)
-    start = np.full(b, -1)
-    kind = np.full(b, -1)
-    before = np.full(b, -1)
+    best = Pieces(np.full(b, np.inf), np.full(b, -1), np.full(b, -1), np.full(b, -1))
     found = np.empty(3)
     gap_price = np.zeros(len(x))
     for i in range(1, len(x)):
         wide = math.hypot(x[i] - x[i - 1], y[i] - y[i - 1]) > widest_gap
-        gap_price[i] = gap_price[i - 1] + (1.01 * line_price if wide else 0.0)
+        gap_price[i] = gap_price[i - 1] + (1.01 * prices.line if wide else 0.0)
     for a in range(b - 1):
-        base, where = _begin(best, breaks, a, skip_price, gap_price)
+        base, where = _begin(best.cost, breaks, a, prices.skip, gap_price)
         if base == np.inf:
             continue
-        _grow(
-            x, y, w, bulge, breaks, a, base, where, line_price, arc_price, least_sagitta,
-            best, start, kind, before, found,
-        )  # fmt: skip
+        _grow(points, breaks, (a, where), base, prices, best, found)
     at, least = b - 1, np.inf
     for k in range(max(b - 1 - MOST_SKIPPED, 0), b):
-        cost = best[k] + skip_price * (breaks[b - 1] - breaks[k])
+        cost = best.cost[k] + prices.skip * (breaks[b - 1] - breaks[k])
         if cost < least:
             at, least = k, cost
     rows = np.empty((b, 3), dtype=np.int64)
     made = 0
-    while at >= 0 and start[at] >= 0:
-        rows[made] = kind[at], breaks[start[at]], breaks[at]
+    while at >= 0 and best.start[at] >= 0:
+        rows[made] = best.kind[at], breaks[best.start[at]], breaks[at]
         made += 1
-        at = before[at]
+        at = best.before[at]
     return rows[:made][::-1].copy(), least
 
 
 @njit(cache=True, nogil=True)
-def _begin(best: Any, breaks: Any, a: int, skip_price: float, gap_price: Any) -> Any:
+def _begin(
+    best: Floats, breaks: Longs, a: int, skip_price: float, gap_price: Floats
+) -> tuple[float, int]:
     """The least cost at which a piece may begin at break ``a``, and where the one before ends."""
     base, where = np.inf, -1
     if a <= MOST_SKIPPED:
@@ -165,11 +197,16 @@ def _begin(best: Any, breaks: Any, a: int, skip_price: float, gap_price: Any) ->
 
 @njit(cache=True, nogil=True)
 def _grow(
-    x: Any, y: Any, w: Any, bulge: Any, breaks: Any, a: int, base: float, where: int,
-    line_price: float, arc_price: float, least_sagitta: float,
-    best: Any, start: Any, kind: Any, before: Any, found: Any,
+    points: Points, breaks: Longs, begin: tuple[int, int], base: float, prices: Prices,
+    best: Pieces, found: Floats,
 ) -> None:  # fmt: skip
-    """Offer all pieces that begin at break ``a`` to the breaks where they may end."""
+    """Offer all pieces that begin at a break to the breaks where they may end.
+
+    ``begin`` is that break and the one where the piece before ends, ``base`` (in `Prices`' units)
+    the cost up to there.
+    """
+    x, y, w, bulge = points
+    a, where = begin
     i = breaks[a]
     s = np.zeros(9)
     total = w[i]
@@ -194,8 +231,9 @@ def _grow(
         m = s / total
         bound = count + 8.0 * math.sqrt(2.0 * count) + 10.0
         line = _line(m) * total
-        if line <= bound and base + line + line_price < best[e]:
-            best[e], start[e], kind[e], before[e] = base + line + line_price, a, LINE, where
+        if line <= bound and base + line + prices.line < best.cost[e]:
+            best.cost[e] = base + line + prices.line
+            best.start[e], best.kind[e], best.before[e] = a, LINE, where
         arc = np.inf
         if count >= 4:
             mean = _taubin(m, found)
@@ -203,10 +241,11 @@ def _grow(
                 arc = mean * total
                 r = found[2]
                 fair = widest <= _WIDEST_TURN * r and path <= _LONGEST_SWEEP * r
-                fair = fair and path * path > 8 * r * least_sagitta
-                cost = base + arc + arc_price
-                if fair and arc <= bound and cost < best[e]:
-                    best[e], start[e], kind[e], before[e] = cost, a, ARC, where
+                fair = fair and path * path > 8 * r * prices.least_sagitta
+                cost = base + arc + prices.arc
+                if fair and arc <= bound and cost < best.cost[e]:
+                    best.cost[e] = cost
+                    best.start[e], best.kind[e], best.before[e] = a, ARC, where
         hopeless = hopeless + 1 if min(line, arc) > bound else 0
         if hopeless > 12:
             return

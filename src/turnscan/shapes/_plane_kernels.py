@@ -1,12 +1,10 @@
 """Compiled kernels of plane finding; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from turnscan.arrays import Floats, Ints, Longs
 from turnscan.compiled import njit
 
 _MOST = 400
@@ -14,7 +12,9 @@ _MOST = 400
 
 
 @njit(cache=True, nogil=True)
-def local_planes(vertices: Any, first: Any, start: Any, near: Any, reach: float) -> tuple[Any, Any]:
+def local_planes(
+    vertices: Floats, first: Floats, start: Ints, near: Ints, reach: float
+) -> tuple[Floats, Floats]:
     """Local plane of every vertex: normals (v, 3) on the side of ``first``, roughness (v,) mm.
 
     The plane goes through the vertices that are connected within ``reach`` mm; inf where fewer
@@ -64,17 +64,17 @@ def local_planes(vertices: Any, first: Any, start: Any, near: Any, reach: float)
 
 @njit(cache=True, nogil=True)
 def grow(
-    vertices: Any,
-    normals: Any,
-    start: Any,
-    near: Any,
-    label: Any,
+    vertices: Floats,
+    normals: Floats,
+    start: Ints,
+    near: Ints,
+    label: Ints,
     seed: int,
-    centre: Any,
-    normal: Any,
+    centre: Floats,
+    normal: Floats,
     limit: float,
     cos_turn: float,
-) -> Any:
+) -> Longs:
     """Vertices connected to the seed that lie on the plane and belong to no region (label < 0)."""
     taken = np.zeros(len(vertices), dtype=np.bool_)
     queue = np.empty(len(vertices), dtype=np.int64)

@@ -1,4 +1,4 @@
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 """Where the laser sheet cuts the bodies, and which pixels see the cut: numba kernels.
 
 This module imports numba; import it inside functions only. Frames as in `_rays`.

@@ -71,15 +71,15 @@ def expose_window(
     # One row of cells more at either end: the rule that integrates a pixel reaches over its edge.
     core = slice(apron * per_pixel[0] - 1, (apron + r1 - r0) * per_pixel[0] + 1)
     place = (r0, c0, c1 - c0)
-    rules = [_rule(n, g) for n, g in zip(per_pixel, grain, strict=True)]
+    down, across = (_rule(n, g) for n, g in zip(per_pixel, grain, strict=True))
     field = np.empty(size, np.complex64)
     for k, share in enumerate(shares):
         kernels.dress(amplitude, ids, turns, seed64(seed, k), phasor_table(), _turns(), field)
         seen = _low_passed(field, _pupil(grain, per_pixel, size), core)
-        kernels.integrate(kernels.intensity(seen), share, *rules, *place, out)
+        kernels.integrate(kernels.intensity(seen), share, down, across, place, out)
     if plain:
         seen = _low_passed(light.astype(np.complex64), _transfer(grain, per_pixel, size), core)
-        kernels.integrate(seen.real, plain, *rules, *place, out)
+        kernels.integrate(seen.real, plain, down, across, place, out)
 
 
 def gamma_field(keys: Keys, seed: int, spread: float, neighbours: tuple[float, float]) -> Singles:

@@ -1,5 +1,5 @@
 """Compiled kernels of the speckle model. It imports numba; import it inside functions."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
@@ -174,12 +174,14 @@ def integrate(
     share: float,
     down: Singles,
     across: Singles,
-    r0: int,
-    c0: int,
-    columns: int,
+    place: tuple[int, int, int],
     out: Singles,
 ) -> None:
-    """Add the light of each pixel to the picture; ``light`` has one row more at either end."""
+    """Add the light of each pixel to the picture; ``light`` has one row more at either end.
+
+    ``place`` is the first row and column of the picture that it falls on, and how many columns.
+    """
+    r0, c0, columns = place
     oy, ox = len(down) - 2, len(across) - 2
     width = light.shape[1]
     rows = (light.shape[0] - 2) // oy

@@ -3,7 +3,7 @@
 So a picture is a function of its seed alone, whatever the order or the number of threads.
 This module imports numba; import it inside functions only.
 """
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 """Numba kernels of where rays meet the scene. It imports numba; import it inside functions only.
 
 Frames: "camera" is the camera's, "object" the table's frame turned with the table. ``R`` (3, 3)
@@ -21,7 +21,12 @@ Singles = npt.NDArray[np.float32]
 
 @njit(cache=True, nogil=True)
 def corner_normals(
-    faces: Ints, flat: Floats, angles: Floats, order: Ints, starts: Ints, crease: float
+    faces: npt.NDArray[np.integer],
+    flat: Floats,
+    angles: Floats,
+    order: npt.NDArray[np.intp],
+    starts: npt.NDArray[np.intp],
+    crease: float,
 ) -> Floats:
     """(f, 3, 3): neighbours' normals averaged by their angle, except across edges."""
     out = np.empty((len(faces), 3, 3))

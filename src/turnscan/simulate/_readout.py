@@ -1,5 +1,5 @@
 """The compiled kernels of the sensor. This module imports numba; import it inside functions."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 """Numba kernels of the light that the scene sends back. Import it inside functions only.
 
 Frames as in `_rays`.

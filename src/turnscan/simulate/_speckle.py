@@ -127,8 +127,9 @@ def path_phase(
 
     X = np.ascontiguousarray(points, dtype=np.float64)
     phase = np.empty(X.shape[:-1], np.float32)
-    ends = [np.asarray(end, dtype=np.float64) for end in (laser, lens)]
-    _grain_kernels.path_cycles(X.reshape(-1, 3), size, *ends, 1.0 / wavelength, phase.reshape(-1))
+    begin, end = (np.asarray(x, dtype=np.float64) for x in (laser, lens))
+    flat = X.reshape(-1, 3)
+    _grain_kernels.path_cycles(flat, size, begin, end, 1.0 / wavelength, phase.reshape(-1))
     return phase
 
 

@@ -1,13 +1,13 @@
 """Which candidate of a line is the stripe: kernels of the choice, and the flags that follow."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Flags, Floats, Ints
 from turnscan.compiled import njit
 from turnscan.stripes._levels import typical
 
@@ -39,7 +39,7 @@ ENOUGH_LINES = 20
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def usual(table: Any) -> Any:
+def usual(table: Floats) -> tuple[float, float]:
     """Median amplitude and width of the brightest candidates of the lines."""
     _, lines, k = table.shape
     amplitudes = np.empty(lines)
@@ -59,7 +59,7 @@ def usual(table: Any) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def drop_glow(table: Any, bits: Any) -> None:
+def drop_glow(table: Floats, bits: Flags) -> None:
     """Forget the candidates that are light spread around the stripe; mark the grazing ones."""
     amplitude, width = usual(table)
     _, lines, k = table.shape
@@ -88,7 +88,7 @@ def drop_glow(table: Any, bits: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def brighter(table: Any, bits: Any, v: int, j: int, best: int) -> bool:
+def brighter(table: Floats, bits: Flags, v: int, j: int, best: int) -> bool:
     """Amplitude decides, and the width where both are clipped at the same level."""
     if bits[v, j] & bits[v, best] & SATURATED:
         return table[2, v, j] * table[3, v, j] > table[2, v, best] * table[3, v, best]
@@ -96,7 +96,7 @@ def brighter(table: Any, bits: Any, v: int, j: int, best: int) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def simple_choice(table: Any, bits: Any, how: int, chosen: Any) -> None:
+def simple_choice(table: Floats, bits: Flags, how: int, chosen: Ints) -> None:
     """The brightest, the first or the last candidate of each line; -1 where there is none."""
     _, lines, k = table.shape
     for v in range(lines):
@@ -110,7 +110,9 @@ def simple_choice(table: Any, bits: Any, how: int, chosen: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sweep(own: Any, table: Any, width: float, costs: Any, back: Any, reverse: bool) -> None:
+def sweep(
+    own: Floats, table: Floats, width: float, costs: Floats, back: Ints, reverse: bool
+) -> None:
     """Cheapest path from one end to each state; state K is 'no stripe here'."""
     lines, states = own.shape
     k = states - 1
@@ -136,7 +138,7 @@ def sweep(own: Any, table: Any, width: float, costs: Any, back: Any, reverse: bo
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def path_choice(table: Any, bits: Any, chosen: Any) -> None:
+def path_choice(table: Floats, bits: Flags, chosen: Ints) -> None:
     """The cheapest path through all lines (Viterbi), and where it is nearly a tie.
 
     A path prefers candidates near their neighbours, not weaker than usual and of the usual width;
@@ -174,7 +176,7 @@ def path_choice(table: Any, bits: Any, chosen: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def glow_of(table: Any, bits: Any, beyond: Any, v: int, j: int) -> bool:
+def glow_of(table: Floats, bits: Flags, beyond: Floats, v: int, j: int) -> bool:
     """Whether a candidate is haloed and near a brighter one ``beyond`` the region that counts.
 
     Where a stripe leaves the region, as at the foot of a part for the platter, the light it spreads
@@ -189,7 +191,7 @@ def glow_of(table: Any, bits: Any, beyond: Any, v: int, j: int) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def restrict_lines(table: Any, bits: Any, inside: Any, beyond: Any) -> None:
+def restrict_lines(table: Floats, bits: Flags, inside: Bools, beyond: Floats) -> None:
     """Keep the candidates at pixels where ``inside`` (lines, columns) is True.
 
     Lines that lose all are OUTSIDE; the places of those that are not inside go to ``beyond``
@@ -229,7 +231,9 @@ def restrict_lines(table: Any, bits: Any, inside: Any, beyond: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def gather(table: Any, bits: Any, chosen: Any, beyond: Any, out: Any, flags: Any) -> None:
+def gather(
+    table: Floats, bits: Flags, chosen: Ints, beyond: Floats, out: Floats, flags: Flags
+) -> None:
     """Copy the chosen candidates into ``out`` (4, lines), and flag where the stripe ends.
 
     It goes on where a centre of the next line is near, be it one ``beyond`` the region that counts.
@@ -260,7 +264,7 @@ def gather(table: Any, bits: Any, chosen: Any, beyond: Any, out: Any, flags: Any
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def scatter(out: Any, flags: Any) -> float:
+def scatter(out: Floats, flags: Flags) -> float:
     """Variance of the centres, per px of width, that their sigmas leave unexplained; px²/px.
 
     Speckle's variance is proportional to the width. The scatter comes from third differences
@@ -283,7 +287,9 @@ def scatter(out: Any, flags: Any) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def unexplained(out: Any, flags: Any, lag: int, clean: bool, least: float) -> Any:
+def unexplained(
+    out: Floats, flags: Flags, lag: int, clean: bool, least: float
+) -> tuple[float, int]:
     """The same at one spacing, and the number of differences it comes from.
 
     The value s is where half of the squared differences lie below the median of a Gaussian's with
@@ -314,7 +320,13 @@ def unexplained(out: Any, flags: Any, lag: int, clean: bool, least: float) -> An
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def choose_lines(
-    table: Any, bits: Any, how: int, with_scatter: bool, beyond: Any, out: Any, flags: Any
+    table: Floats,
+    bits: Flags,
+    how: int,
+    with_scatter: bool,
+    beyond: Floats,
+    out: Floats,
+    flags: Flags,
 ) -> None:
     """From all candidates to ``out`` (4, lines) and ``flags`` (lines): choose, gather, flag.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Image
+from turnscan.arrays import Floats, Image, Region
 from turnscan.errors import InputError
 from turnscan.stripes._detector import centres_of, told
 from turnscan.stripes._light import Light
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 Table = npt.NDArray[np.float64]
 Bits = npt.NDArray[np.uint16]
-Region = tuple[int, int, int, int]
-"""First column and line, and those after the last."""
 
 MIN_THRESHOLD = 4.0
 """Quantisation steps: below this the automatic threshold would follow rounding."""

@@ -1,28 +1,25 @@
 """The kernel of exposure fusion. This module imports numba; import it inside functions."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Image, Singles
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
 def fuse(
-    stack: npt.NDArray[Any],
+    stack: Image,
     times: Floats,
     black: float,
     clip: float,
     dark_variance: float,
     shot: float,
-    level: npt.NDArray[np.float32],
-    sigma: npt.NDArray[np.float32],
+    level: Singles,
+    sigma: Singles,
 ) -> None:
     """(n, pixels) grey levels at n rising times → level and sigma at the first time.
 

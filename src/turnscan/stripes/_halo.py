@@ -1,16 +1,17 @@
 """Kernels of light that spread beside a stripe, in the material or on its surface."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats
 from turnscan.compiled import njit
 from turnscan.stripes._list import CENTRE, FLUX, HEIGHT, MIDDLE, PEDESTAL, ROW, START, WIDTH
 from turnscan.stripes._measure import FLANK
+from turnscan.stripes._scan import Terms
 
 PEDESTAL_LIMIT = 0.1
 """Light beside the stripe above this part of its amplitude is a halo …"""
@@ -28,7 +29,7 @@ grains of a pixel varies by a sixth of itself."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def glows(some: Any, i: int, terms: Any) -> bool:
+def glows(some: Floats, i: int, terms: Terms) -> bool:
     """Whether light spread beside a stripe."""
     pedestal = some[i, PEDESTAL]
     amplitude = max(some[i, HEIGHT] - pedestal, 1.0)
@@ -36,7 +37,7 @@ def glows(some: Any, i: int, terms: Any) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def glowing_nearby(some: Any, n: int, terms: Any, lines: int) -> Any:
+def glowing_nearby(some: Floats, n: int, terms: Terms, lines: int) -> Bools:
     """(H,) True for lines about which many stripes glow."""
     many = np.zeros((lines + 1, 2), np.int64)
     for i in range(n):
@@ -54,7 +55,7 @@ def glowing_nearby(some: Any, n: int, terms: Any, lines: int) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def haloed(some: Any, n: int, terms: Any, lines: int) -> Any:
+def haloed(some: Floats, n: int, terms: Terms, lines: int) -> tuple[Floats, Bools, Floats]:
     """(H,) the highest of each line, True where light has spread beside the stripe there, and how
     far that moves its centre, in its widths.
 

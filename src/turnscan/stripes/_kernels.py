@@ -1,13 +1,14 @@
 """All candidates of a picture: listed (`_list`), measured in rounds, written down."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Flags, Floats, Image, Longs, Region
 from turnscan.compiled import njit
 from turnscan.stripes._choice import drop_glow
 from turnscan.stripes._halo import LEAN_LIMIT, glowing_nearby, glows, haloed
@@ -31,7 +32,7 @@ from turnscan.stripes._list import (
     list_candidates,
 )
 from turnscan.stripes._measure import HALF_WINDOW, accumulate, centre_window, variance_of
-from turnscan.stripes._scan import PEAK_COLUMNS, PEAKS, first_pass, usual_peak
+from turnscan.stripes._scan import PEAK_COLUMNS, PEAKS, Terms, first_pass, usual_peak
 from turnscan.stripes._strategies import (
     BLAIS_RIOUX,
     CENTROID,
@@ -57,8 +58,22 @@ HALO_BIAS = 0.24
 """Bias of the window, in widths, with half of the light in a one-sided halo."""
 
 
+class Listed(NamedTuple):
+    """The candidates of a picture before they are measured."""
+
+    some: Floats
+    """(n, COLUMNS) the list; rows from ``size`` on are empty."""
+    stops: Longs
+    """The end of each one's pixels in the pool."""
+    size: int
+    pool: int
+    """Pixels that they need together."""
+    saturation: float
+    """Grey level."""
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def smooth_widths(some: Any, n: int, up: Any, down: Any, ahead: Any) -> None:
+def smooth_widths(some: Floats, n: int, up: Longs, down: Longs, ahead: Floats) -> None:
     """Width of the window: light-weighted rms of the candidates along the stripe.
 
     A recursive filter forth and back along the kin; it follows a stripe whose width changes, and
@@ -86,7 +101,9 @@ def smooth_widths(some: Any, n: int, up: Any, down: Any, ahead: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def measure_round(some: Any, n: int, pool: Any, stops: Any, terms: Any, turns: int) -> None:
+def measure_round(
+    some: Floats, n: int, pool: Longs, stops: Longs, terms: Terms, turns: int
+) -> None:
     """Move every window to its centre, and measure the width within it."""
     start = 0
     for i in range(n):
@@ -108,7 +125,7 @@ def measure_round(some: Any, n: int, pool: Any, stops: Any, terms: Any, turns: i
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def clipped(lit: Any, v: int, first: float, last: float, u0: int, u1: int, level: float) -> bool:
+def clipped(lit: Image, v: int, first: float, last: float, u0: int, u1: int, level: float) -> bool:
     """True where a pixel between first and last is saturated."""
     for x in range(max(u0, int(first)), min(u1 - 1, int(last)) + 1):  # noqa: SIM110
         if lit[v, x] >= level:
@@ -117,7 +134,7 @@ def clipped(lit: Any, v: int, first: float, last: float, u0: int, u1: int, level
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def uncertainty(some: Any, i: int, terms: Any, floor: float) -> float:
+def uncertainty(some: Floats, i: int, terms: Terms, floor: float) -> float:
     """Variance of the window's centre from the camera, px². ``floor``: raw levels without light."""
     h = some[i, REACH]
     flux = some[i, FLUX]
@@ -134,20 +151,18 @@ def uncertainty(some: Any, i: int, terms: Any, floor: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def write_down(
-    lit: Any,
-    dark: Any,
-    roi: Any,
-    terms: Any,
-    saturation: float,
-    some: Any,
-    n: int,
-    light: Any,
-    stops: Any,
-    table: Any,
-    bits: Any,
+    lit: Image,
+    dark: Image,
+    roi: Region,
+    terms: Terms,
+    listed: Listed,
+    light: Floats,
+    table: Floats,
+    bits: Flags,
 ) -> None:
     """From the list to ``table`` and ``bits``: sigma, flags, and the centre by the strategy."""
     u0, _, u1, _ = roi
+    some, stops, n, _, saturation = listed
     paired = dark.shape[0] > 1
     nearby = glowing_nearby(some, n, terms, table.shape[1])
     highest, halos, shift = haloed(some, n, terms, table.shape[1])
@@ -212,9 +227,10 @@ def write_down(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def list_peaks(lit: Any, roi: Any, terms: Any, peaks: Any, counts: Any, wanted: int) -> Any:
-    """From the peaks of all lines to the list of candidates: the list, the end of each one's pixels
-    in the pool, their number, the size of the pool, and the saturation."""
+def list_peaks(
+    lit: Image, roi: Region, terms: Terms, peaks: Floats, counts: Longs, wanted: int
+) -> Listed:
+    """From the peaks of all lines to the list of candidates."""
     usual, brightest, flat = usual_peak(lit, roi[1], peaks, counts)
     room = counts.sum()
     some = np.zeros((room + 1, COLUMNS))
@@ -224,15 +240,15 @@ def list_peaks(lit: Any, roi: Any, terms: Any, peaks: Any, counts: Any, wanted: 
     saturation = terms.saturation
     if saturation <= 0.0:
         saturation = learned_saturation(lit, brightest, flat)
-    return some, stops, n, total, saturation
+    return Listed(some, stops, n, total, saturation)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def measure_candidates(
-    lit: Any, dark: Any, roi: Any, terms: Any, listed: Any, table: Any, bits: Any
+    lit: Image, dark: Image, roi: Region, terms: Terms, listed: Listed, table: Floats, bits: Flags
 ) -> None:
     """Measure what `list_peaks` listed and write it down."""
-    some, stops, n, total, saturation = listed
+    some, stops, n, total, _ = listed
     paired = dark.shape[0] > 1
     light = np.empty(lit.shape[1])
     pool = np.empty((total, 3), np.int64)
@@ -253,12 +269,14 @@ def measure_candidates(
         for _ in range(ROUNDS):
             smooth_widths(some, n, up, down, ahead)
             measure_round(some, n, pool, stops, terms, 1)
-    write_down(lit, dark, roi, terms, saturation, some, n, light, stops, table, bits)
+    write_down(lit, dark, roi, terms, listed, light, table, bits)
     drop_glow(table, bits)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def detect_lines(lit: Any, dark: Any, roi: Any, terms: Any, table: Any, bits: Any) -> None:
+def detect_lines(
+    lit: Image, dark: Image, roi: Region, terms: Terms, table: Floats, bits: Flags
+) -> None:
     """Fill ``table`` (4, H, K: position, sigma, amplitude, width) and ``bits`` (H, K).
 
     Both come filled with NaN and zeros.

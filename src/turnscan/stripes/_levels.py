@@ -1,12 +1,11 @@
 """Kernels of what a picture says of its own grey levels: background, noise, saturation, medians."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from turnscan.arrays import Floats, Image, Region
 from turnscan.compiled import njit
 
 TYPICAL = 200
@@ -14,7 +13,7 @@ TYPICAL = 200
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def background(lit: Any, dark: Any, roi: Any) -> Any:
+def background(lit: Image, dark: Image, roi: Region) -> tuple[float, float]:
     """Median and robust noise of ``lit - dark`` from some five thousand pixels.
 
     The noise is the distance from the median down to the 16 % quantile: light only ever adds on
@@ -57,7 +56,7 @@ def background(lit: Any, dark: Any, roi: Any) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def typical(values: Any, n: int) -> float:
+def typical(values: Floats, n: int) -> float:
     """Median of some hundred of the first n values, evenly spread; 0 of none."""
     if n == 0:
         return 0.0
@@ -69,7 +68,7 @@ def typical(values: Any, n: int) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def learned_saturation(lit: Any, brightest: float, plateau: bool) -> float:
+def learned_saturation(lit: Image, brightest: float, plateau: bool) -> float:
     """8 bits: 250 (JPEG rings around 255). 16: 98 % of the 10, 12, 14 or 16 bits in use.
 
     How many bits those are only a ``plateau`` at the very top of them tells: a peak may end there

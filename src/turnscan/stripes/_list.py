@@ -1,14 +1,24 @@
 """Kernels of the list of candidates: what may be a stripe, and which of them belong together."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from turnscan.arrays import Floats, Longs, Region
 from turnscan.compiled import njit
-from turnscan.stripes._scan import FWHM, HIGH, LEFT, LOW, RIGHT, SEED, TOP, merge_peaks, move_peak
+from turnscan.stripes._scan import (
+    FWHM,
+    HIGH,
+    LEFT,
+    LOW,
+    RIGHT,
+    SEED,
+    TOP,
+    Terms,
+    merge_peaks,
+    move_peak,
+)
 from turnscan.stripes._strategies import WINDOW
 
 SPARE = 4.0
@@ -26,7 +36,7 @@ COLUMNS = 13
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def keep_brightest(peaks: Any, line: int, count: int, wanted: int) -> int:
+def keep_brightest(peaks: Floats, line: int, count: int, wanted: int) -> int:
     """Keep the ``wanted`` highest peaks of a line, in order of position."""
     while count > wanted:
         lowest = line
@@ -41,8 +51,8 @@ def keep_brightest(peaks: Any, line: int, count: int, wanted: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def reach_of(
-    peaks: Any, line: int, count: int, j: int, half: float, whole: bool, u0: int, u1: int
-) -> Any:
+    peaks: Floats, line: int, count: int, j: int, half: float, whole: bool, u0: int, u1: int
+) -> tuple[int, int]:
     """First and last pixel that the measurement of peak j may look at.
 
     ``whole`` takes in the run above the threshold; the valleys towards neighbours are the limit.
@@ -64,15 +74,15 @@ def reach_of(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def list_candidates(
-    roi: Any,
-    terms: Any,
-    peaks: Any,
-    counts: Any,
+    roi: Region,
+    terms: Terms,
+    peaks: Floats,
+    counts: Longs,
     usual: float,
     wanted: int,
-    some: Any,
-    stops: Any,
-) -> Any:
+    some: Floats,
+    stops: Longs,
+) -> tuple[int, int]:
     """Fill the list ``some`` (n, COLUMNS) and, per candidate, where its pixels end in the pool."""
     u0, v0, u1, _ = roi
     n = 0
@@ -106,7 +116,7 @@ def list_candidates(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def find_kin(some: Any, n: int, up: Any, down: Any) -> None:
+def find_kin(some: Floats, n: int, up: Longs, down: Longs) -> None:
     """For every candidate, the one of the line before and after that it belongs to, or -1."""
     up[:n] = -1
     down[:n] = -1

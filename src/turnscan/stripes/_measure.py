@@ -3,15 +3,15 @@
 ``left`` and ``right`` are the outermost pixels that belong to the candidate (the valleys towards
 its neighbours). On running sums a turn of the window costs the same however wide the stripe is.
 """
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Image, Ints, Longs
 from turnscan.compiled import njit
 
 HALF_WINDOW = 2.5
@@ -26,7 +26,7 @@ FLANK_DIFFERENCE = 4.0 / math.sqrt(0.5 * FLANK)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def plateau(light: Any, left: int, right: int) -> Any:
+def plateau(light: Ints, left: int, right: int) -> tuple[float, int]:
     """Middle and height of the highest pixels between left and right, the first such run."""
     top = light[left]
     first = left
@@ -41,7 +41,9 @@ def plateau(light: Any, left: int, right: int) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def half_width(run: Any, seed: float, top: int, left: int, right: int, base: float) -> Any:
+def half_width(
+    run: Ints, seed: float, top: int, left: int, right: int, base: float
+) -> tuple[float, float]:
     """Both places where the pixels fall to half, above the lower of the two ends or ``base``."""
     floor = max(base, np.float64(min(run[left], run[right])))
     level = floor + 0.5 * (top - floor)
@@ -62,7 +64,7 @@ def half_width(run: Any, seed: float, top: int, left: int, right: int, base: flo
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def accumulate(
-    lit: Any, dark: Any, v: int, w: int, left: int, right: int, sums: Any, start: int
+    lit: Image, dark: Image, v: int, w: int, left: int, right: int, sums: Longs, start: int
 ) -> None:
     """Running sums of (lit - dark)·t^k, k = 0, 1, 2, over the pixels left … right.
 
@@ -88,7 +90,7 @@ def accumulate(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def mean_light(sums: Any, start: int, last: int, first: int, stop: int) -> float:
+def mean_light(sums: Longs, start: int, last: int, first: int, stop: int) -> float:
     """Mean of ``lit - dark`` over the pixels first … stop-1, cut to 0 … last."""
     first = min(max(first, 0), last)
     stop = max(min(stop, last + 1), first + 1)
@@ -97,8 +99,8 @@ def mean_light(sums: Any, start: int, last: int, first: int, stop: int) -> float
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def moments(
-    sums: Any, start: int, last: int, c: float, h: float, pedestal: float, slope: float
-) -> Any:
+    sums: Longs, start: int, last: int, c: float, h: float, pedestal: float, slope: float
+) -> tuple[float, float, float, float]:
     """Moments 0 to 2 about ``c`` of the light above the background in the window c ± h.
 
     The pixels at both ends count with the part of them that the window covers. The background is
@@ -149,7 +151,9 @@ def variance_of(second: float, h: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def background_line(sums: Any, start: int, last: int, c: float, h: float, noise: float) -> Any:
+def background_line(
+    sums: Longs, start: int, last: int, c: float, h: float, noise: float
+) -> tuple[float, float]:
     """Pedestal at ``c`` and slope of the light beside the window.
 
     Only the difference beyond what the noise explains makes a slope, so that a clean stripe pays
@@ -168,8 +172,8 @@ def background_line(sums: Any, start: int, last: int, c: float, h: float, noise:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def centre_window(
-    sums: Any, start: int, last: int, c: float, width: float, noise: float, turns: int
-) -> Any:
+    sums: Longs, start: int, last: int, c: float, width: float, noise: float, turns: int
+) -> tuple[float, float, float, float, float, float]:
     """Centre of gravity in a symmetric window of ± 2.5 widths that follows the centre.
 
     ``c`` counts pixels from the first of the ``last`` + 1 whose sums begin at ``start``. Returns

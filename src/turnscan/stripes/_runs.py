@@ -63,7 +63,7 @@ class RunDetector:
         """
         if math.isnan(noise):
             return None
-        from turnscan.stripes._runs_kernels import find_in_runs, lay_runs
+        from turnscan.stripes._runs_kernels import Order, Surface, find_in_runs, lay_runs
 
         lit, dark = self._surface(runs)
         nothing = readable(np.zeros((0, 0), lit.dtype))
@@ -72,8 +72,8 @@ class RunDetector:
         paired = runs.dark is not None or runs.background is not None
         known = (level + (0.0 if paired else self._signal.black), noise)
         terms = terms_of(self._settings, known, paired=paired)
-        surface = (lit, dark, behind, self._mask, (runs.ground, runs.dark_ground))
-        order = (np.cumsum(runs.counts), runs.starts, runs.lengths)
+        surface = Surface(lit, dark, behind, self._mask, (runs.ground, runs.dark_ground))
+        order = Order(np.cumsum(runs.counts), runs.starts, runs.lengths)
         if not lay_runs(surface, order, runs.lit, off, terms):
             return None
         lines, wanted = self._shape[0], self._settings.max_candidates

@@ -5,29 +5,63 @@ that holds the runs of one frame. Around them it holds what the last frames left
 a frame stands for is laid before it is looked at: next to each run for the search, and under each
 candidate's window for its measurement.
 """
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Bools, Flags, Floats, Image, Longs, Region
 from turnscan.compiled import njit
 from turnscan.stripes._kernels import list_peaks, measure_candidates
 from turnscan.stripes._list import ROW, START
-from turnscan.stripes._scan import PEAK_COLUMNS, PEAKS, PLATEAU, difference, keep_run, limits_of
+from turnscan.stripes._scan import (
+    PEAK_COLUMNS,
+    PEAKS,
+    PLATEAU,
+    Row,
+    Terms,
+    difference,
+    keep_run,
+    limits_of,
+)
 
 BESIDE = PLATEAU + 1
 """px of ground on either side of a run: the search ends on the first, a plateau before the last."""
 
 
+class Surface(NamedTuple):
+    """The work surface; what is not there has no rows."""
+
+    lit: Image
+    dark: Image
+    behind: Image
+    """The background that all frames share."""
+    mask: Bools
+    """True where light counts."""
+    ground: tuple[int, int]
+    """Levels of lit and dark where nothing is kept."""
+
+
+class Order(NamedTuple):
+    """The runs of a frame, line after line."""
+
+    ends: Longs
+    """(H,) the end of each line's runs among the following."""
+    starts: Longs
+    """First pixel of each."""
+    lengths: Longs
+    """px."""
+
+
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def lay_ground(surface: Any, order: Any, v: int, first: int, stop: int) -> None:
+def lay_ground(surface: Surface, order: Order, v: int, first: int, stop: int) -> None:
     """Lay the ground on the pixels first … stop-1 of a line, but not on its runs."""
     lit, dark, behind, mask, ground = surface
     ends, starts, lengths = order
-    top = np.int64(np.iinfo(lit.dtype).max)
+    top = int(np.iinfo(lit.dtype).max)
     i = ends[v - 1] if v > 0 else 0
     x = max(first, 0)
     stop = min(stop, lit.shape[1])
@@ -43,7 +77,7 @@ def lay_ground(surface: Any, order: Any, v: int, first: int, stop: int) -> None:
         for u in range(x, end):
             off = ground[1]
             if behind.shape[0] > 0:
-                off = np.int64(behind[v, u])
+                off = int(behind[v, u])
             elif dark.shape[0] > 0:
                 dark[v, u] = off
             here = ground[0]
@@ -54,13 +88,12 @@ def lay_ground(surface: Any, order: Any, v: int, first: int, stop: int) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def lay_runs(surface: Any, order: Any, values: Any, off: Any, terms: Any) -> bool:
+def lay_runs(surface: Surface, order: Order, values: Image, off: Image, terms: Terms) -> bool:
     """Lay the runs of a frame and what stands beside them; light outside the mask is put out.
 
-    ``surface`` is lit, dark (or none), background (or none), mask (or none), and the levels of lit
-    and dark where nothing is kept; ``order`` the end of each line's runs, their first pixels and
-    lengths. Returns False where runs are not in order, or where the ground is no ground: above the
-    level at which the search ends.
+    ``values`` are the pixels of the runs, ``off`` theirs with the laser off. Returns False where
+    runs are not in order, or where the ground is no ground: above the level at which the search
+    ends.
     """
     lit, dark, behind, mask, ground = surface
     ends, starts, lengths = order
@@ -98,7 +131,7 @@ def lay_runs(surface: Any, order: Any, values: Any, off: Any, terms: Any) -> boo
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def first_pass_of_runs(
-    lit: Any, dark: Any, order: Any, roi: Any, terms: Any, peaks: Any, counts: Any
+    lit: Image, dark: Image, order: Order, roi: Region, terms: Terms, peaks: Floats, counts: Longs
 ) -> None:
     """What `first_pass` finds in the whole picture."""
     u0, v0, u1, v1 = roi
@@ -109,6 +142,7 @@ def first_pass_of_runs(
     line = 0
     for v in range(v0, v1):
         w = v if paired else 0
+        row = Row(v, w, u1, low)
         count = 0
         done = u0
         for i in range(ends[v - 1] if v > 0 else 0, ends[v]):
@@ -118,9 +152,7 @@ def first_pass_of_runs(
                 if difference(lit, dark, v, w, x) <= limit:
                     x += 1
                     continue
-                x, count = keep_run(
-                    lit, dark, v, w, x, done, u1, low, run, peaks, line, count, terms
-                )
+                x, count = keep_run(lit, dark, row, x, done, run, peaks, line, count, terms)
                 done = x
         counts[v - v0] = count
         line += count
@@ -128,7 +160,14 @@ def first_pass_of_runs(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def find_in_runs(
-    surface: Any, lit: Any, dark: Any, order: Any, roi: Any, terms: Any, table: Any, bits: Any
+    surface: Surface,
+    lit: Image,
+    dark: Image,
+    order: Order,
+    roi: Region,
+    terms: Terms,
+    table: Floats,
+    bits: Flags,
 ) -> None:
     """What `detect_lines` finds in the whole picture; ``lit`` is the read-only surface."""
     _, v0, _, v1 = roi
@@ -136,8 +175,8 @@ def find_in_runs(
     counts = np.zeros(v1 - v0, np.int64)
     first_pass_of_runs(lit, dark, order, roi, terms, peaks, counts)
     listed = list_peaks(lit, roi, terms, peaks, counts, table.shape[2])
-    some, stops, n = listed[0], listed[1], listed[2]
-    for i in range(n):
+    some, stops = listed.some, listed.stops
+    for i in range(listed.size):
         v, left = int(some[i, ROW]), int(some[i, START])
         last = stops[i] - (stops[i - 1] if i else 0) - 2
         # A window may reach beyond the pixels that measure it by half of their number.

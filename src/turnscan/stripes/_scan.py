@@ -4,15 +4,16 @@ Everything here works on vertical stripes: a line is an image row. ``dark`` is t
 picture, or one row of zeros when there is none; ``base`` is the level of the background in
 ``lit - dark``, so that the light of a pixel is ``lit - dark - base``.
 """
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Floats, Image, Ints, Longs, Region
 from turnscan.compiled import njit
 from turnscan.stripes._levels import typical
 from turnscan.stripes._measure import half_width, plateau
@@ -69,8 +70,21 @@ class Terms(NamedTuple):
     strategy: int
 
 
+class Row(NamedTuple):
+    """Where a run is followed."""
+
+    v: int
+    """The line, a row of ``lit``, and …"""
+    w: int
+    """… the row of ``dark`` that belongs to it."""
+    stop: int
+    """The first pixel beyond the region of interest."""
+    low: int
+    """A run goes on while ``lit - dark`` is above this."""
+
+
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def first_above(lit: Any, dark: Any, v: int, w: int, start: int, after: int, limit: int) -> Any:
+def first_above(lit: Image, dark: Image, v: int, w: int, start: int, after: int, limit: int) -> int:
     """First pixel of a block above ``limit`` and not before ``after``, or the end of the block.
 
     Small types, unsigned counters and products in place of branches: the compiler makes it SIMD.
@@ -87,18 +101,18 @@ def first_above(lit: Any, dark: Any, v: int, w: int, start: int, after: int, lim
         left = small(np.uint64(BLOCK) - i)
         left = small(left * small((d > least) & (left <= room)))
         best = left if left > best else best
-    return start + BLOCK - np.int64(best)
+    return int(start + BLOCK - np.int64(best))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def difference(lit: Any, dark: Any, v: int, w: int, x: int) -> Any:
+def difference(lit: Image, dark: Image, v: int, w: int, x: int) -> int:
     """``lit - dark`` of one pixel."""
     u = np.uint64(x)
-    return np.int64(lit[v, u]) - np.int64(dark[w, u])
+    return int(np.int64(lit[v, u]) - np.int64(dark[w, u]))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def move_peak(peaks: Any, source: int, target: int) -> None:
+def move_peak(peaks: Floats, source: int, target: int) -> None:
     """Copy one row of the list of peaks over another."""
     for k in range(PEAK_COLUMNS):
         peaks[target, k] = peaks[source, k]
@@ -106,8 +120,8 @@ def move_peak(peaks: Any, source: int, target: int) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def keep_peak(
-    run: Any,
-    peaks: Any,
+    run: Ints,
+    peaks: Floats,
     line: int,
     count: int,
     left: int,
@@ -141,7 +155,14 @@ def keep_peak(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def split(
-    run: Any, first: int, last: int, slack: float, peaks: Any, line: int, count: int, base: float
+    run: Ints,
+    first: int,
+    last: int,
+    slack: float,
+    peaks: Floats,
+    line: int,
+    count: int,
+    base: float,
 ) -> int:
     """Split the run first … last at its valleys, and append its peaks to the list."""
     left = first
@@ -172,8 +193,8 @@ def split(
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def follow_run(
-    lit: Any, dark: Any, v: int, w: int, first: int, stop: int, low: int, run: Any
-) -> Any:
+    lit: Image, dark: Image, v: int, w: int, first: int, stop: int, low: int, run: Ints
+) -> tuple[int, int, int, int, int]:
     """Copy the pixels from ``first`` on that are above ``low`` to ``run``.
 
     Returns the end, both ends and the height of the first highest plateau, and the largest rise
@@ -198,7 +219,7 @@ def follow_run(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge_peaks(peaks: Any, line: int, count: int, usual: float) -> int:
+def merge_peaks(peaks: Floats, line: int, count: int, usual: float) -> int:
     """Join the peaks that speckle or noise broke: too near and with too shallow a valley."""
     if count < 2:
         return count
@@ -231,32 +252,30 @@ def merge_peaks(peaks: Any, line: int, count: int, usual: float) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def limits_of(lit: Any, terms: Any) -> Any:
+def limits_of(lit: Image, terms: Terms) -> tuple[int, int]:
     """Levels of ``lit - dark``: a run rises above the first, and goes on above the second."""
-    limit = min(max(0, math.floor(terms.level + terms.base)), np.iinfo(lit.dtype).max)
-    return limit, min(np.int64(math.floor(terms.low + terms.base)), limit)
+    limit = min(max(0, math.floor(terms.level + terms.base)), int(np.iinfo(lit.dtype).max))
+    return limit, min(math.floor(terms.low + terms.base), limit)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def keep_run(
-    lit: Any,
-    dark: Any,
-    v: int,
-    w: int,
+    lit: Image,
+    dark: Image,
+    row: Row,
     first: int,
     done: int,
-    stop: int,
-    low: int,
-    run: Any,
-    peaks: Any,
+    run: Ints,
+    peaks: Floats,
     line: int,
     count: int,
-    terms: Any,
-) -> Any:
+    terms: Terms,
+) -> tuple[int, int]:
     """Append the peaks of the run about ``first``, a pixel above the threshold, to the line's list.
 
     The run does not reach back before ``done``. Returns where it ends, and the line's count.
     """
+    v, w, stop, low = row
     slack = 4.0 * terms.noise
     while first > done and difference(lit, dark, v, w, first - 1) > low:
         first -= 1
@@ -268,7 +287,9 @@ def keep_run(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: Any) -> None:
+def first_pass(
+    lit: Image, dark: Image, roi: Region, terms: Terms, peaks: Floats, counts: Longs
+) -> None:
     """Peaks of every line, one after the other in ``peaks``; their number per line in ``counts``.
 
     A peak is in a run of pixels that rises above ``level`` and goes on down to ``low``. Pictures
@@ -281,6 +302,7 @@ def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: An
     line = 0
     for v in range(v0, v1):
         w = v if paired else 0
+        row = Row(v, w, u1, low)
         count = 0
         done = u0
         for place in range(u0, u1, BLOCK):
@@ -290,15 +312,13 @@ def first_pass(lit: Any, dark: Any, roi: Any, terms: Any, peaks: Any, counts: An
                 first = first_above(lit, dark, v, w, start, max(start, done), limit)
                 if first >= stop:
                     break
-                done, count = keep_run(
-                    lit, dark, v, w, first, done, u1, low, run, peaks, line, count, terms
-                )
+                done, count = keep_run(lit, dark, row, first, done, run, peaks, line, count, terms)
         counts[v - v0] = count
         line += count
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def plateau_at(lit: Any, v: int, x: int) -> bool:
+def plateau_at(lit: Image, v: int, x: int) -> bool:
     """Whether `PLATEAU` pixels in a row about x are as bright as the one there."""
     lowest = (1.0 - LEVEL) * lit[v, x]
     first = last = x
@@ -310,12 +330,12 @@ def plateau_at(lit: Any, v: int, x: int) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def usual_peak(lit: Any, v0: int, peaks: Any, counts: Any) -> Any:
+def usual_peak(lit: Image, v0: int, peaks: Floats, counts: Longs) -> tuple[float, int, bool]:
     """Usual rms width of the highest peaks of the lines, the brightest raw grey level, and whether
     `PLATEAU` pixels in a row are as bright."""
     widths = np.empty(counts.size)
     found = 0
-    brightest: Any = 0
+    brightest = 0
     flat = False
     line = 0
     for i in range(counts.size):
@@ -326,7 +346,7 @@ def usual_peak(lit: Any, v0: int, peaks: Any, counts: Any) -> Any:
             if peaks[j, TOP] > peaks[best, TOP]:
                 best = j
         seed = int(peaks[best, SEED])
-        raw = np.int64(lit[v0 + i, seed])
+        raw = int(lit[v0 + i, seed])
         if raw >= brightest:
             flat = plateau_at(lit, v0 + i, seed) or (flat and raw == brightest)
             brightest = raw

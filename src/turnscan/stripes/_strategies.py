@@ -1,13 +1,13 @@
 """One candidate → its centre, by any strategy but the window; ``light`` is a buffer of one line."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Floats, Image
 from turnscan.compiled import njit
 
 WINDOW, MAXIMUM, CENTROID, MEDIAN, PARABOLA, GAUSS3, SQUARED, BLAIS_RIOUX = range(8)
@@ -20,7 +20,7 @@ PHASE_ERROR = (0.005, 0.29, 0.055, 0.04, 0.08, 0.06, 0.02, 0.012)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill(
-    light: Any, lit: Any, dark: Any, v: int, w: int, base: float, first: int, stop: int
+    light: Floats, lit: Image, dark: Image, v: int, w: int, base: float, first: int, stop: int
 ) -> None:
     """Put the light of the pixels first … stop-1 of a line into the buffer."""
     for x in range(first, stop):
@@ -28,7 +28,7 @@ def fill(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_above(light: Any, seed: int, left: int, right: int, threshold: float) -> Any:
+def run_above(light: Floats, seed: int, left: int, right: int, threshold: float) -> tuple[int, int]:
     """First and last pixel above the threshold around the seed, within the candidate."""
     first = seed
     while first > left and light[first - 1] > threshold:
@@ -40,7 +40,7 @@ def run_above(light: Any, seed: int, left: int, right: int, threshold: float) ->
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def weighted(light: Any, first: int, last: int, power: int) -> float:
+def weighted(light: Floats, first: int, last: int, power: int) -> float:
     """Centre of gravity of the light, or of its square, over a run."""
     total = 0.0
     moment = 0.0
@@ -52,7 +52,7 @@ def weighted(light: Any, first: int, last: int, power: int) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def energy_median(light: Any, first: int, last: int) -> float:
+def energy_median(light: Floats, first: int, last: int) -> float:
     """The point with half the light on each side, the light spread evenly over each pixel."""
     total = 0.0
     for x in range(first, last + 1):
@@ -66,7 +66,7 @@ def energy_median(light: Any, first: int, last: int) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def three_point(light: Any, seed: float, left: int, right: int, logarithm: bool) -> float:
+def three_point(light: Floats, seed: float, left: int, right: int, logarithm: bool) -> float:
     """Vertex of the parabola through three pixels, or through their logarithms (a Gaussian)."""
     x = int(seed)
     if x != seed or x <= left or x >= right:
@@ -83,7 +83,7 @@ def three_point(light: Any, seed: float, left: int, right: int, logarithm: bool)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def blais_rioux(light: Any, seed: float, half: float, left: int, right: int) -> float:
+def blais_rioux(light: Floats, seed: float, half: float, left: int, right: int) -> float:
     """Zero crossing, nearest to the seed, of the pixels ahead minus as many behind.
 
     Four on each side, as in Blais & Rioux 1986, or more on a stripe so wide (``half``, rms px) that
@@ -108,7 +108,7 @@ def blais_rioux(light: Any, seed: float, half: float, left: int, right: int) -> 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def by_strategy(
-    light: Any, strategy: int, seed: float, half: float, left: int, right: int, threshold: float
+    light: Floats, strategy: int, seed: float, half: float, left: int, right: int, threshold: float
 ) -> float:
     """Centre by any strategy but the window; ``seed`` is the middle of the highest plateau.
 

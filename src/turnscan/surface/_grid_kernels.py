@@ -1,5 +1,4 @@
 """Compiled kernels of the grid's mesh; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.compiled import njit
 
 _DEEP = 0.75
@@ -14,7 +14,7 @@ _DEEP = 0.75
 
 
 @njit(cache=True, nogil=True)
-def _edge(points: Any, side: Any, k: int, j: int, m: int, i: int) -> float:
+def _edge(points: Floats, side: Bools, k: int, j: int, m: int, i: int) -> float:
     if side[k, j] != side[m, i]:
         return np.nan
     d0 = points[k, j, 0] - points[m, i, 0]
@@ -24,7 +24,7 @@ def _edge(points: Any, side: Any, k: int, j: int, m: int, i: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def edges(points: Any, side: Any, closed: bool) -> tuple[Any, Any]:
+def edges(points: Floats, side: Bools, closed: bool) -> tuple[Any, Any]:
     """Lengths (s, n) of the edges to the next step and to the next line; NaN where there is none.
 
     Points on different sides of the rotation axis are not neighbours.
@@ -42,7 +42,7 @@ def edges(points: Any, side: Any, closed: bool) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def bends(points: Any) -> Any:
+def bends(points: Floats) -> Any:
     """(s, n) lengths of the second differences along the profiles; NaN at their ends."""
     s, n, _ = points.shape
     out = np.full((s, n), np.nan)
@@ -58,7 +58,7 @@ def bends(points: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def usual(
-    lengths: Any, nominal: Any, along_steps: bool, wraps: bool, least: float, most: float
+    lengths: Floats, nominal: Floats, along_steps: bool, wraps: bool, least: float, most: float
 ) -> Any:
     """Local spacing (s, n): the median of each edge and its two neighbours on either side.
 
@@ -95,7 +95,7 @@ def usual(
 
 
 @njit(cache=True, nogil=True)
-def _alike(points: Any, a: int, b: int, c: int, d: int, j: int, cos_bend: float) -> bool:
+def _alike(points: Floats, a: int, b: int, c: int, d: int, j: int, cos_bend: float) -> bool:
     """Whether the edges from step a to b and from c to d of one line are alike."""
     uu, vv, uv = 0.0, 0.0, 0.0
     for i in range(3):
@@ -107,7 +107,7 @@ def _alike(points: Any, a: int, b: int, c: int, d: int, j: int, cos_bend: float)
 
 
 @njit(cache=True, nogil=True)
-def leaps(points: Any, to_step: Any, most: Any, closed: bool, cos_bend: float) -> Any:
+def leaps(points: Floats, to_step: Floats, most: Floats, closed: bool, cos_bend: float) -> Any:
     """(s, n) True for edges to the next step that are longer than ``most`` (s, n) mm and continue
     none: neither the edge before nor the one after is alike in length and direction."""
     s, n = to_step.shape
@@ -125,7 +125,7 @@ def leaps(points: Any, to_step: Any, most: Any, closed: bool, cos_bend: float) -
 
 
 @njit(cache=True, nogil=True)
-def lead_on(points: Any, to_step: Any, closed: bool, cos_bend: float) -> Any:
+def lead_on(points: Floats, to_step: Floats, closed: bool, cos_bend: float) -> Any:
     """(s, n) True for sides to the next step that are alike in length and direction with the side
     before or the side after."""
     s, n = to_step.shape
@@ -144,16 +144,16 @@ def lead_on(points: Any, to_step: Any, closed: bool, cos_bend: float) -> Any:
 
 @njit(cache=True, nogil=True)
 def triangulate(
-    points: Any,
-    noise: Any,
-    sigma: Any,
-    side: Any,
-    eyes: Any,
-    to_step: Any,
-    to_line: Any,
-    usual_step: Any,
-    usual_line: Any,
-    steady: Any,
+    points: Floats,
+    noise: Floats,
+    sigma: Floats,
+    side: Bools,
+    eyes: Floats,
+    to_step: Floats,
+    to_line: Floats,
+    usual_step: Floats,
+    usual_line: Floats,
+    steady: Bools,
     closed: bool,
     stretch: float,
     jump: float,
@@ -216,7 +216,7 @@ def triangulate(
 
 
 @njit(cache=True, nogil=True)
-def _across(q: Any, eye: Any) -> bool:
+def _across(q: Floats, eye: Floats) -> bool:
     """Whether the profile's own side of a quad (4, 3) lies at 30° or more to the ray."""
     side, ray = q[1] - q[0], eye - q[0]
     deep = (side * ray).sum() ** 2
@@ -226,16 +226,16 @@ def _across(q: Any, eye: Any) -> bool:
 
 @njit(cache=True, nogil=True)
 def _cut_along(
-    q: Any,
-    spread: Any,
-    eyes: Any,
-    ks: Any,
-    ratio: Any,
+    q: Floats,
+    spread: Floats,
+    eyes: Floats,
+    ks: Longs,
+    ratio: Floats,
     first: float,
     second: float,
     across: float,
-    corners: Any,
-    sides: Any,
+    corners: Longs,
+    sides: Longs,
     stretch: float,
     jump: float,
     cos_grazing: float,
@@ -267,7 +267,7 @@ def _cut_along(
 
 
 @njit(cache=True, nogil=True)
-def compact(faces: Any, count: int) -> tuple[Any, Any]:
+def compact(faces: Ints, count: int) -> tuple[Any, Any]:
     """Those of ``count`` points that faces use, in order, and the faces (f, 3) in their numbers."""
     new = np.full(count, -1, dtype=np.int32)
     for f in range(len(faces)):
@@ -289,11 +289,11 @@ def compact(faces: Any, count: int) -> tuple[Any, Any]:
 
 @njit(cache=True, nogil=True)
 def _sound(
-    q: Any,
-    spread: Any,
-    eyes: Any,
+    q: Floats,
+    spread: Floats,
+    eyes: Floats,
     k: int,
-    corners: Any,
+    corners: Longs,
     t: int,
     stretched: bool,
     jump: float,

@@ -1,5 +1,4 @@
 """Compiled kernels of resampled profiles; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def used_vertices(faces: Any, s: int, n: int) -> Any:
+def used_vertices(faces: Ints, s: int, n: int) -> Any:
     """(s, n, 4) True where the faces (f, 3) between profile k and the next, and between line j and
     the next, use the vertices (k, j), (k, j + 1), (k + 1, j) and (k + 1, j + 1) of their quad.
     """
@@ -32,7 +32,7 @@ def used_vertices(faces: Any, s: int, n: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _next_chain(used: Any, j: int) -> tuple[int, int, int, int, int, int]:
+def _next_chain(used: Bools, j: int) -> tuple[int, int, int, int, int, int]:
     """The next chain of faces in a strip (n, 4), from quad ``j`` on.
 
     Gives its first and last quad, the lines at which its border begins and ends on the profile, and
@@ -56,7 +56,7 @@ def _next_chain(used: Any, j: int) -> tuple[int, int, int, int, int, int]:
 
 
 @njit(cache=True, nogil=True)
-def joints(used: Any) -> tuple[Any, Any]:
+def joints(used: Bools) -> tuple[Any, Any]:
     """Where profiles are one with the line before, and which of their points end a chain of faces.
 
     Both (s, n); of the vertices (s, n, 4) that faces use, as `used_vertices` gives them.
@@ -78,7 +78,7 @@ def joints(used: Any) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def zipped(points: Any, lines: Any, behind: Any, used: Any) -> Any:
+def zipped(points: Floats, lines: Floats, behind: Bools, used: Bools) -> Any:
     """Faces (f, 3) of flat indices of resampled points (s, m, 3), one strip for each chain.
 
     ``lines`` (s, m) is the line of the original grid at which each lies, ascending, NaN where there
@@ -121,7 +121,7 @@ def zipped(points: Any, lines: Any, behind: Any, used: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _first(lines: Any, order: Any, size: int, at: int, line: int) -> int:
+def _first(lines: Floats, order: Ints, size: int, at: int, line: int) -> int:
     """The first place from ``at`` on whose line is not before ``line``."""
     while at + 1 < size and lines[order[at]] < line:
         at += 1
@@ -129,7 +129,7 @@ def _first(lines: Any, order: Any, size: int, at: int, line: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _left(points: Any, lines: Any, order: Any, k: int, k1: int, a: int, b: int) -> bool:
+def _left(points: Floats, lines: Floats, order: Ints, k: int, k1: int, a: int, b: int) -> bool:
     """Whether the strip goes on with the profile ``k``: its next point comes before the other's,
     or, where both come alike, makes the shorter edge."""
     near = lines[k, order[k, a + 1]] - lines[k1, order[k1, b + 1]]
@@ -141,7 +141,7 @@ def _left(points: Any, lines: Any, order: Any, k: int, k1: int, a: int, b: int) 
 
 
 @njit(cache=True, nogil=True)
-def _face(faces: Any, made: int, points: Any, x: int, y: int, z: int, behind: bool) -> int:
+def _face(faces: Ints, made: int, points: Floats, x: int, y: int, z: int, behind: bool) -> int:
     """Add a face whose three vertices are there; returns the number of faces made."""
     m = points.shape[1]
     for p in (x, y, z):

@@ -109,10 +109,7 @@ def _settled(g: Ground, found: list[Region]) -> Index:
     kinds = np.array([r.kind for r in found])
     q = np.array([r.q for r in found])
     side = np.array([r.side for r in found])
-    out: Index = region.settled(
-        label, off, g.start, g.near, kinds, q, side, g.vertices, g.normals, g.limit, 6
-    )
-    return out
+    return region.settled(label, off, region.Surfaces(kinds, q, side), g.neighbourhood, 6)
 
 
 class _Fit:

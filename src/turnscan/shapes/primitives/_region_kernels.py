@@ -1,18 +1,64 @@
 """Compiled kernels of region growing: neighbours, smooth normals, patches, growth."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.compiled import njit
 from turnscan.shapes.primitives._surface_kernels import _at
 
 
+class Neighbourhood(NamedTuple):
+    """The vertices of a mesh as growing sees them; numba takes it as a tuple of arrays."""
+
+    vertices: Floats
+    """(v, 3) mm."""
+    normals: Floats
+    """(v, 3) smooth, outward."""
+    limit: Floats
+    """(v,) mm: how far each may lie off its surface."""
+    start: Longs
+    near: Ints
+    """Neighbours of vertex i: near[start[i]:start[i + 1]]."""
+
+
+class Marks(NamedTuple):
+    """What growing has tried; its arrays are written to."""
+
+    label: Longs
+    """(v,) the region of each vertex; negative where it is free."""
+    seen: Longs
+    """(v,) the last ``mark`` under which a vertex was taken."""
+    mark: int
+    """Of this search; each search has its own."""
+
+
+class Surface(NamedTuple):
+    """One analytic surface (`_surface_kernels`)."""
+
+    kind: int
+    q: Floats
+    """(10,) its numbers."""
+    side: float
+    """+1 where its normal looks outward, −1 inward."""
+
+
+class Surfaces(NamedTuple):
+    """Several of them."""
+
+    kinds: Longs
+    """(r,)."""
+    q: Floats
+    """(r, 10)."""
+    side: Floats
+    """(r,)."""
+
+
 @njit(cache=True, nogil=True)
-def neighbours(faces: Any, count: int) -> tuple[Any, Any]:
+def neighbours(faces: Ints, count: int) -> tuple[Longs, Ints]:
     """Vertices next to each vertex as a compressed list: near[start[i]:start[i + 1]]."""
     many = np.zeros(count + 1, dtype=np.int64)
     for f in range(len(faces)):
@@ -45,7 +91,7 @@ def neighbours(faces: Any, count: int) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def smoothed(normals: Any, start: Any, near: Any, rounds: int) -> Any:
+def smoothed(normals: Floats, start: Longs, near: Ints, rounds: int) -> Floats:
     """Normals (v, 3) averaged with those of their neighbours, so many times."""
     now = normals.copy()
     for _ in range(rounds):
@@ -63,7 +109,7 @@ def smoothed(normals: Any, start: Any, near: Any, rounds: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def scatter(vertices: Any, normals: Any, start: Any, near: Any) -> tuple[Any, Any]:
+def scatter(vertices: Floats, normals: Floats, start: Longs, near: Ints) -> tuple[Floats, Floats]:
     """How each vertex stands off the mean of its neighbours along the normal.
 
     Returns (v,) mm scaled to one standard deviation of independent noise, and (v,) how far the
@@ -89,28 +135,26 @@ def scatter(vertices: Any, normals: Any, start: Any, near: Any) -> tuple[Any, An
 
 
 @njit(cache=True, nogil=True)
-def patch(
-    seed: int, most: int, start: Any, near: Any, normals: Any, label: Any, cos_turn: float,
-    seen: Any, mark: int,
-) -> Any:  # fmt: skip
+def patch(seed: int, most: int, ground: Neighbourhood, marks: Marks, cos_turn: float) -> Longs:
     """Up to ``most`` free vertices about a seed, nearest first, whose normals turn gently."""
+    normals, start, near, seen = ground.normals, ground.start, ground.near, marks.seen
     queue = np.empty(most, dtype=np.int64)
     queue[0] = seed
-    seen[seed] = mark
+    seen[seed] = marks.mark
     filled, at = 1, 0
     while at < filled and filled < most:
         here = queue[at]
         at += 1
         for e in range(start[here], start[here + 1]):
             k = near[e]
-            if seen[k] == mark or label[k] >= 0:
+            if seen[k] == marks.mark or marks.label[k] >= 0:
                 continue
             c = 0.0
             for a in range(3):
                 c += normals[k, a] * normals[here, a]
             if c < cos_turn:
                 continue
-            seen[k] = mark
+            seen[k] = marks.mark
             queue[filled] = k
             filled += 1
             if filled >= most:
@@ -119,48 +163,50 @@ def patch(
 
 
 @njit(cache=True, nogil=True)
-def grown(
-    kind: int, q: Any, side: float, vertices: Any, normals: Any, limit: Any, cos_turn: float,
-    start: Any, near: Any, label: Any, seeds: Any, seen: Any, mark: int,
-) -> Any:  # fmt: skip
-    """Free vertices (label < 0) connected to the seeds that lie on the surface.
+def _lies_on(
+    surface: Surface, ground: Neighbourhood, marks: Marks, k: int, cos_turn: float, n: Floats
+) -> bool:
+    """Whether a vertex is free, not yet seen, and on the surface; ``n`` (3,) is overwritten."""
+    if marks.seen[k] == marks.mark or marks.label[k] >= 0:
+        return False
+    if abs(_at(surface.kind, surface.q, ground.vertices[k], n)[0]) > ground.limit[k]:
+        return False
+    normals = ground.normals
+    c = n[0] * normals[k, 0] + n[1] * normals[k, 1] + n[2] * normals[k, 2]
+    return bool(c * surface.side >= cos_turn)
 
-    Each is within its ``limit`` (v,) mm, its smooth normal within the turn of the surface's, which
-    looks outward with ``side`` +1.
+
+@njit(cache=True, nogil=True)
+def grown(
+    surface: Surface, ground: Neighbourhood, marks: Marks, seeds: Longs, cos_turn: float
+) -> Longs:
+    """Free vertices connected to the seeds that lie on the surface.
+
+    Each is within its limit, its smooth normal within the turn of the surface's.
     """
-    queue = np.empty(len(vertices), dtype=np.int64)
+    queue = np.empty(len(ground.vertices), dtype=np.int64)
     n = np.empty(3)
     filled = 0
     for k in seeds:
-        if seen[k] == mark or label[k] >= 0:
-            continue
-        if abs(_at(kind, q, vertices[k], n)[0]) > limit[k]:
-            continue
-        c = n[0] * normals[k, 0] + n[1] * normals[k, 1] + n[2] * normals[k, 2]
-        if c * side >= cos_turn:
-            seen[k] = mark
+        if _lies_on(surface, ground, marks, k, cos_turn, n):
+            marks.seen[k] = marks.mark
             queue[filled] = k
             filled += 1
     at = 0
     while at < filled:
         here = queue[at]
         at += 1
-        for e in range(start[here], start[here + 1]):
-            k = near[e]
-            if seen[k] == mark or label[k] >= 0:
-                continue
-            if abs(_at(kind, q, vertices[k], n)[0]) > limit[k]:
-                continue
-            c = n[0] * normals[k, 0] + n[1] * normals[k, 1] + n[2] * normals[k, 2]
-            if c * side >= cos_turn:
-                seen[k] = mark
+        for e in range(ground.start[here], ground.start[here + 1]):
+            k = ground.near[e]
+            if _lies_on(surface, ground, marks, k, cos_turn, n):
+                marks.seen[k] = marks.mark
                 queue[filled] = k
                 filled += 1
     return queue[:filled].copy()
 
 
 @njit(cache=True, nogil=True)
-def eroded(member: Any, start: Any, near: Any, border: Any, rounds: int) -> Any:
+def eroded(member: Bools, start: Longs, near: Ints, border: Bools, rounds: int) -> Bools:
     """Members (v,) that are so many steps away from what is no member and from no border."""
     now = member.copy()
     for _ in range(rounds):
@@ -179,23 +225,24 @@ def eroded(member: Any, start: Any, near: Any, border: Any, rounds: int) -> Any:
 
 @njit(cache=True, nogil=True)
 def settled(
-    label: Any, off: Any, start: Any, near: Any, kinds: Any, q: Any, side: Any, vertices: Any,
-    normals: Any, limit: Any, rounds: int,
-) -> Any:  # fmt: skip
+    label: Longs, off: Floats, surfaces: Surfaces, ground: Neighbourhood, rounds: int
+) -> Longs:
     """Labels after each vertex next to another region took the surface it is nearer to.
 
     ``off`` (v,) is how far each stands off its own surface over its limit, 1 for none; free
     vertices join a neighbour's surface within their limit whatever their normal says, unless it
     looks away: smooth normals are wrong beside an edge.
     """
+    kinds, q, side = surfaces
+    vertices, normals, limit = ground.vertices, ground.normals, ground.limit
     now = label.copy()
     n = np.empty(3)
     for _ in range(rounds):
         then = now.copy()
         changed = 0
         for i in range(len(now)):
-            for e in range(start[i], start[i + 1]):
-                k = then[near[e]]
+            for e in range(ground.start[i], ground.start[i + 1]):
+                k = then[ground.near[e]]
                 if k < 0 or k == now[i]:
                     continue
                 z = abs(_at(kinds[k], q[k], vertices[i], n)[0]) / limit[i]

@@ -91,6 +91,11 @@ class Ground:
     size: float
     """mm: diagonal of the box around it."""
 
+    @property
+    def neighbourhood(self) -> region.Neighbourhood:
+        """What the kernels of growing take of it."""
+        return region.Neighbourhood(self.vertices, self.normals, self.limit, self.start, self.near)
+
 
 @dataclass
 class Region:
@@ -170,16 +175,18 @@ class _Search:
 
     def __init__(self, ground: Ground, label: Index, seen: Index, least: float) -> None:
         self.ground, self.label, self.seen, self.least = ground, label, seen, least
+        self.near = ground.neighbourhood
         self.mark = 0
+
+    def _marks(self) -> region.Marks:
+        return region.Marks(self.label, self.seen, self.mark)
 
     def from_seed(self, seed: int) -> Region | None:
         """The simplest region that says about all that any says, or None."""
         g = self.ground
         for many in _PATCHES:
             self.mark += 1
-            ball = region.patch(
-                seed, many, g.start, g.near, g.normals, self.label, _GENTLE, self.seen, self.mark
-            )
+            ball = region.patch(seed, many, self.near, self._marks(), _GENTLE)
             if len(ball) < _PATCHES[0] // 2:
                 break
             options = []
@@ -209,10 +216,8 @@ class _Search:
         side = _side(g, kind, q, ball)
         for turn in range(_ROUNDS):
             self.mark += 1
-            grown = region.grown(
-                kind, q, side, g.vertices, g.normals, g.limit, _TURN, g.start, g.near,
-                self.label, member, self.seen, self.mark,
-            )  # fmt: skip
+            on = region.Surface(kind, q, side)
+            grown = region.grown(on, self.near, self._marks(), member, _TURN)
             if len(grown) < 0.6 * len(ball):
                 return None
             enough = len(grown) <= 1.01 * len(member) and turn > 1

@@ -10,14 +10,12 @@ A surface is ten numbers: p, a, r, s, and two that are not used. Its seven local
 tilt of the axis along e1 and e2, shift of p along e1, e2 and a, r and s; not all of them mean
 something to each kind (`FREE`).
 """
-# mypy: disable-error-code="untyped-decorator, no-any-return"
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
 
 PLANE, SPHERE, CYLINDER, CONE, TORUS = range(5)
@@ -37,7 +35,7 @@ _TINY = 1e-12
 
 
 @njit(cache=True, nogil=True)
-def frame(axis: Any) -> tuple[Any, Any]:
+def frame(axis: Floats) -> tuple[Floats, Floats]:
     """Unit vectors e1, e2 across an axis; e1 × e2 = axis."""
     k = 0
     if abs(axis[1]) < abs(axis[k]):
@@ -59,7 +57,7 @@ def frame(axis: Any) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def _at(kind: int, q: Any, x: Any, n: Any) -> tuple[float, float, float]:
+def _at(kind: int, q: Floats, x: Floats, n: Floats) -> tuple[float, float, float]:
     """Distance of a point, derivatives by r and s; fills the normal n (3,)."""
     y0, y1, y2 = x[0] - q[0], x[1] - q[1], x[2] - q[2]
     t = y0 * q[3] + y1 * q[4] + y2 * q[5]
@@ -90,7 +88,7 @@ def _at(kind: int, q: Any, x: Any, n: Any) -> tuple[float, float, float]:
 
 
 @njit(cache=True, nogil=True)
-def distances(kind: int, q: Any, points: Any) -> tuple[Any, Any]:
+def distances(kind: int, q: Floats, points: Floats) -> tuple[Floats, Floats]:
     """Signed distances (n,) mm of points (n, 3), and unit normals (n, 3) of the surface there."""
     d = np.empty(len(points))
     normals = np.empty((len(points), 3))
@@ -100,7 +98,7 @@ def distances(kind: int, q: Any, points: Any) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def _row(kind: int, q: Any, e1: Any, e2: Any, x: Any, n: Any, J: Any) -> float:
+def _row(kind: int, q: Floats, e1: Floats, e2: Floats, x: Floats, n: Floats, J: Floats) -> float:
     """Distance of a point; fills its derivatives (7,) by the local parameters."""
     d, J[5], J[6] = _at(kind, q, x, n)
     y0, y1, y2 = x[0] - q[0], x[1] - q[1], x[2] - q[2]
@@ -116,7 +114,7 @@ def _row(kind: int, q: Any, e1: Any, e2: Any, x: Any, n: Any, J: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def jacobian(kind: int, q: Any, points: Any) -> tuple[Any, Any]:
+def jacobian(kind: int, q: Floats, points: Floats) -> tuple[Floats, Floats]:
     """Distances (n,) and derivatives (n, 7) by the local parameters."""
     e1, e2 = frame(q[3:6])
     d = np.empty(len(points))
@@ -128,7 +126,7 @@ def jacobian(kind: int, q: Any, points: Any) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def moved(q: Any, step: Any) -> Any:
+def moved(q: Floats, step: Floats) -> Floats:
     """The surface after a step (7,) of its local parameters."""
     e1, e2 = frame(q[3:6])
     out = q.copy()
@@ -142,7 +140,7 @@ def moved(q: Any, step: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _cost(kind: int, q: Any, points: Any, scale: Any, index: Any, bound: float) -> float:
+def _cost(kind: int, q: Floats, points: Floats, scale: Floats, index: Longs, bound: float) -> float:
     """Sum of squares over the scale, each at most ``bound``² (truncated least squares)."""
     n = np.empty(3)
     total = 0.0
@@ -153,7 +151,7 @@ def _cost(kind: int, q: Any, points: Any, scale: Any, index: Any, bound: float) 
 
 
 @njit(cache=True, nogil=True)
-def _solved(N: Any, g: Any, damping: float) -> tuple[bool, Any]:
+def _solved(N: Floats, g: Floats, damping: float) -> tuple[bool, Floats]:
     """Cholesky solution of the damped normal equations, every scale taken out first."""
     k = len(g)
     s = np.empty(k)
@@ -189,8 +187,8 @@ def _solved(N: Any, g: Any, damping: float) -> tuple[bool, Any]:
 
 @njit(cache=True, nogil=True)
 def _normal(
-    kind: int, q: Any, points: Any, scale: Any, index: Any, which: Any, bound: float
-) -> tuple[Any, Any]:
+    kind: int, q: Floats, points: Floats, scale: Floats, index: Longs, which: Longs, bound: float
+) -> tuple[Floats, Floats]:
     """Normal matrix and right side of the parameters ``which``, of points within the bound."""
     k = len(which)
     e1, e2 = frame(q[3:6])
@@ -214,9 +212,9 @@ def _normal(
 
 @njit(cache=True, nogil=True)
 def fitted(
-    kind: int, q: Any, points: Any, scale: Any, index: Any, free: Any, bound: float, reach: float,
-    rounds: int,
-) -> tuple[Any, float]:  # fmt: skip
+    kind: int, q: Floats, points: Floats, scale: Floats, index: Longs, free: Bools, bound: float,
+    reach: float, rounds: int,
+) -> tuple[Floats, float]:  # fmt: skip
     """Truncated least squares by Levenberg and Marquardt: the surface and its cost.
 
     ``scale`` (n,) mm is one standard deviation of each point, ``index`` those that count, ``free``
@@ -256,15 +254,15 @@ def fitted(
 
 
 @njit(cache=True, nogil=True)
-def _sound(kind: int, q: Any, reach: float) -> bool:
+def _sound(kind: int, q: Floats, reach: float) -> bool:
     """Whether a surface is one at all."""
     for k in range(8):
         if not np.isfinite(q[k]):
             return False
     if kind == 1 or kind == 2:
-        return 0.0 < q[6] < reach
+        return bool(0.0 < q[6] < reach)
     if kind == 3:
-        return abs(q[7]) < 1.55 and abs(q[6]) < reach
+        return bool(abs(q[7]) < 1.55 and abs(q[6]) < reach)
     if kind == 4:
-        return 0.0 < q[7] < reach and 0.0 <= q[6] < reach
+        return bool(0.0 < q[7] < reach and 0.0 <= q[6] < reach)
     return True

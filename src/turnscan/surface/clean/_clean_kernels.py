@@ -1,5 +1,4 @@
 """Compiled kernels of the clean-up; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def _gap(points: Any, side: Any, a: Any, b: Any, closed: bool, out: Any) -> bool:
+def _gap(points: Floats, side: Bools, a: Any, b: Any, closed: bool, out: Floats) -> bool:
     """Write b − a to ``out``; False where one of the two is not there."""
     s, n, _ = points.shape
     for k, j in (a, b):
@@ -26,7 +26,7 @@ def _gap(points: Any, side: Any, a: Any, b: Any, closed: bool, out: Any) -> bool
 
 
 @njit(cache=True, nogil=True)
-def _alike(u: Any, v: Any, cos_bend: float, ratio: float) -> bool:
+def _alike(u: Floats, v: Floats, cos_bend: float, ratio: float) -> bool:
     uu, vv = (u * u).sum(), (v * v).sum()
     if not (uu <= ratio * ratio * vv and vv <= ratio * ratio * uu):
         return False
@@ -35,10 +35,10 @@ def _alike(u: Any, v: Any, cos_bend: float, ratio: float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _goes_on(
-    points: Any,
-    side: Any,
-    here: Any,
-    other: Any,
+    points: Floats,
+    side: Bools,
+    here: Floats,
+    other: Floats,
     k: int,
     j: int,
     along_steps: bool,
@@ -51,14 +51,21 @@ def _goes_on(
         here, other, cos_bend, 2.0
     ):
         return True
-    return _gap(  # type: ignore[no-any-return]
-        points, side, (k + dk, j + dj), (k + 2 * dk, j + 2 * dj), wraps, other
-    ) and _alike(here, other, cos_bend, 2.0)
+    return _gap(points, side, (k + dk, j + dj), (k + 2 * dk, j + 2 * dj), wraps, other) and _alike(
+        here, other, cos_bend, 2.0
+    )
 
 
 @njit(cache=True, nogil=True)
 def _beside_alike(
-    points: Any, side: Any, here: Any, other: Any, k: int, j: int, wraps: bool, cos_bend: float
+    points: Floats,
+    side: Bools,
+    here: Floats,
+    other: Floats,
+    k: int,
+    j: int,
+    wraps: bool,
+    cos_bend: float,
 ) -> bool:
     """Whether the lines above and below go to the next profile alike."""
     for o in (-1, 1):
@@ -71,11 +78,11 @@ def _beside_alike(
 
 @njit(cache=True, nogil=True)
 def links(
-    points: Any,
-    side: Any,
-    eyes: Any,
-    sigma: Any,
-    usual: Any,
+    points: Floats,
+    side: Bools,
+    eyes: Floats,
+    sigma: Floats,
+    usual: Floats,
     along_steps: bool,
     closed: bool,
     stretch: float,
@@ -124,10 +131,10 @@ def links(
 
 @njit(cache=True, nogil=True)
 def fading(
-    points: Any,
-    sigma: Any,
-    light: Any,
-    beside: Any,
+    points: Floats,
+    sigma: Floats,
+    light: Floats,
+    beside: Floats,
     most: int,
     inner: int,
     share: float,
@@ -166,7 +173,7 @@ def fading(
 
 @njit(cache=True, nogil=True)
 def _run(
-    points: Any, sigma: Any, light: Any, k: int, first: int, d: int, own: Any
+    points: Floats, sigma: Floats, light: Floats, k: int, first: int, d: int, own: Floats
 ) -> tuple[Any, Any, float, float]:
     """Middle (3,) and direction (3,) of the line through the points before the end of a run, their
     median light and sigma; a light of 0 where half of them are missing."""
@@ -193,7 +200,7 @@ def _run(
 
 @njit(cache=True, nogil=True)
 def _neighbours(
-    keep: Any, to_step: Any, to_line: Any, closed: bool, k: int, j: int, ks: Any, js: Any
+    keep: Bools, to_step: Bools, to_line: Bools, closed: bool, k: int, j: int, ks: Longs, js: Longs
 ) -> int:
     """Write the kept neighbours (8 at most) of a point that links lead to; returns how many.
 
@@ -225,7 +232,7 @@ def _neighbours(
 
 
 @njit(cache=True, nogil=True)
-def core(keep: Any, to_step: Any, to_line: Any, closed: bool, least: int) -> Any:
+def core(keep: Bools, to_step: Bools, to_line: Bools, closed: bool, least: int) -> Any:
     """The points (s, n) that stay when those with fewer than ``least`` neighbours are removed,
     again and again until none is left to take. The order does not matter.
     """
@@ -255,7 +262,7 @@ def core(keep: Any, to_step: Any, to_line: Any, closed: bool, least: int) -> Any
 
 
 @njit(cache=True, nogil=True)
-def piece_sizes(keep: Any, to_step: Any, to_line: Any, closed: bool) -> Any:
+def piece_sizes(keep: Bools, to_step: Bools, to_line: Bools, closed: bool) -> Any:
     """(s, n): for every kept point, how many kept points links lead to from it, itself included."""
     s, n = keep.shape
     size = np.zeros((s, n), dtype=np.int64)

@@ -1,5 +1,4 @@
 """Compiled kernels of denoising; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -111,7 +110,7 @@ def _fit(near: Any, have: int, weight: Any, terms: int, bend: float, A: Any, x: 
                 A[i, j] += w * row[i] * row[j]
     for i in range(3, terms):
         A[i, i] += 1.0 / (bend * bend)
-    return _solve(A, x, terms)  # type: ignore[no-any-return]
+    return _solve(A, x, terms)
 
 
 @njit(cache=True, nogil=True)

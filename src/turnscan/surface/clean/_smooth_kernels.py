@@ -1,5 +1,4 @@
 """Compiled kernels of smoothing a mesh; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """Compiled kernels of the edge collapse: the cheapest move first; imported only when used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -54,8 +53,8 @@ def _price(net: Any, line: Any, v: int, ring: Any) -> tuple[int, int]:
 def _wait(line: Any, size: int, v: int) -> int:
     """Put v where its key belongs, or take it out; gives the new size."""
     if line.goal[v] < 0:
-        return drop(line.heap, line.place, line.key, size, v)  # type: ignore[no-any-return]
-    return put(line.heap, line.place, line.key, size, v)  # type: ignore[no-any-return]
+        return drop(line.heap, line.place, line.key, size, v)
+    return put(line.heap, line.place, line.key, size, v)
 
 
 @njit(cache=True, nogil=True)

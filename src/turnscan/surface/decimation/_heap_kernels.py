@@ -3,7 +3,6 @@
 ``heap`` holds the numbers, ``place`` where each stands in it (−1: not in it), ``key`` what counts.
 Of equal keys the lower number comes first, so that the order is always the same.
 """
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 

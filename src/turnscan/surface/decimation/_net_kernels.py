@@ -3,7 +3,6 @@
 The faces about a vertex hang on it as a list of corners, 3f + i for corner i of face f: `head` is
 the first one, `after` the next. A face that is gone has −1 for its first corner.
 """
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """Compiled kernels of what an edge collapse may not do: tear, turn over, splinter, stray."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 

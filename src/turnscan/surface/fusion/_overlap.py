@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid
 from turnscan.surface.fusion._range_surface import RangeSurface, spacing
@@ -88,7 +88,7 @@ class _Woven:
     """A surface, and how its profiles hang together."""
 
     surface: RangeSurface
-    start: Ints
+    start: Longs
     numbers: Ints
     """The faces about each vertex, as `kernels.about` has them."""
     rank: Ints

@@ -1,5 +1,5 @@
 """Compiled kernels of the comparison of surfaces; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.compiled import njit
 
 _SLACK = 1e-6
@@ -14,7 +15,7 @@ _SLACK = 1e-6
 
 
 @njit(cache=True, nogil=True)
-def about(faces: Any, count: int) -> Any:
+def about(faces: Ints, count: int) -> Any:
     """The faces about each of ``count`` vertices: where they begin (v + 1,), and their numbers."""
     start = np.zeros(count + 1, dtype=np.int64)
     for f in range(len(faces)):
@@ -33,7 +34,7 @@ def about(faces: Any, count: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def inner(faces: Any, count: int) -> Any:
+def inner(faces: Ints, count: int) -> Any:
     """(v,) True where faces go all the way round a vertex.
 
     Round it each face leads from one neighbour to the next; the sum of all that leads nowhere.
@@ -49,7 +50,7 @@ def inner(faces: Any, count: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def next_profile(faces: Any, rank: Any, line: Any) -> Any:
+def next_profile(faces: Ints, rank: Ints, line: Ints) -> Any:
     """(v,) the vertices that faces join to each on the same line of the profile before and after.
 
     ``rank`` (v,) counts the profiles; −1 where there is none. The turn closes where faces close it.
@@ -72,7 +73,7 @@ def next_profile(faces: Any, rank: Any, line: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def differences(values: Any, before: Any, after: Any) -> Any:
+def differences(values: Floats, before: Ints, after: Ints) -> Any:
     """(v, 3) second differences of ``values`` from profile to profile; NaN where one is missing."""
     out = np.full(values.shape, np.nan)
     for v in range(len(values)):
@@ -84,7 +85,7 @@ def differences(values: Any, before: Any, after: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _met(X: Any, n: Any, points: Any, face: Any, weights: Any) -> float:
+def _met(X: Floats, n: Floats, points: Floats, face: Ints, weights: Floats) -> float:
     """Where the line X + t·n meets a triangle: t and, in ``weights``, the place; NaN: nowhere."""
     a, b, c = face[0], face[1], face[2]
     u0, u1, u2 = (
@@ -112,7 +113,9 @@ def _met(X: Any, n: Any, points: Any, face: Any, weights: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def feet(X: Any, normals: Any, near: Any, points: Any, faces: Any, start: Any, numbers: Any) -> Any:
+def feet(
+    X: Floats, normals: Floats, near: Ints, points: Floats, faces: Ints, start: Longs, numbers: Ints
+) -> Any:
     """Where lines along ``normals`` from X (m, 3) meet the faces round their nearest vertex.
 
     Returns the face (m,), −1 for none, the weights of its corners (m, 3) and the distance (m,)
@@ -144,16 +147,16 @@ def feet(X: Any, normals: Any, near: Any, points: Any, faces: Any, start: Any, n
 
 @njit(cache=True, nogil=True)
 def between(
-    which: Any,
-    weights: Any,
-    normals: Any,
-    faces: Any,
-    rank: Any,
-    before: Any,
-    after: Any,
-    smooth: Any,
-    second: Any,
-    sigma: Any,
+    which: Ints,
+    weights: Floats,
+    normals: Floats,
+    faces: Ints,
+    rank: Ints,
+    before: Ints,
+    after: Ints,
+    smooth: Bools,
+    second: Floats,
+    sigma: Floats,
 ) -> Any:
     """What lies between profiles at a foot (`feet`): bulge and sigma (m,) mm along the normal.
 

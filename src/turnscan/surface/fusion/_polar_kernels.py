@@ -1,5 +1,4 @@
 """Compiled kernel of the merge in angle and height; imported only when it is used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
 from turnscan.surface.fusion._variance_kernels import Vertices, variances
 
@@ -29,10 +29,10 @@ class Cells(NamedTuple):
 @njit(cache=True, nogil=True)
 def raster(
     vertices: Vertices,
-    around: Any,
-    cosine: Any,
-    faces: Any,
-    columns: Any,
+    around: Floats,
+    cosine: Floats,
+    faces: Ints,
+    columns: Floats,
     bottom: float,
     rise: float,
     alike: float,

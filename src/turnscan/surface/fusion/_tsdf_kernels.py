@@ -1,5 +1,4 @@
 """Compiled kernels of the volumetric merge; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
 from turnscan.compiled import njit
 from turnscan.surface.fusion._variance_kernels import Vertices, variances
 
@@ -73,16 +73,16 @@ class Cubes(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _reach(
-    points: Any,
-    face: Any,
-    eyes: Any,
-    cosines: Any,
+    points: Floats,
+    face: Ints,
+    eyes: Floats,
+    cosines: Floats,
     space: Space,
-    e1: Any,
-    e2: Any,
-    r: Any,
-    low: Any,
-    high: Any,
+    e1: Floats,
+    e2: Floats,
+    r: Floats,
+    low: Longs,
+    high: Longs,
 ) -> float:
     """Write edges, ray (towards the camera) and box of voxels of a face; gives cos(incidence)."""
     a, b, c = face
@@ -107,7 +107,9 @@ def _reach(
 
 
 @njit(cache=True, nogil=True)
-def mark(points: Any, faces: Any, eyes: Any, cosines: Any, space: Space, used: Any) -> None:
+def mark(
+    points: Floats, faces: Ints, eyes: Floats, cosines: Floats, space: Space, used: Bools
+) -> None:
     """Set the blocks (bx, by, bz) of ``used`` that `add` may write to."""
     e1, e2, r = np.empty(3), np.empty(3), np.empty(3)
     low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
@@ -122,7 +124,7 @@ def mark(points: Any, faces: Any, eyes: Any, cosines: Any, space: Space, used: A
 
 
 @njit(cache=True, nogil=True)
-def _solve(e1: Any, e2: Any, r: Any, inverse: Any) -> bool:
+def _solve(e1: Floats, e2: Floats, r: Floats, inverse: Floats) -> bool:
     """Inverse of the matrix with columns e1, e2, r; False where it is (nearly) singular."""
     c0 = e2[1] * r[2] - e2[2] * r[1]
     c1 = e2[2] * r[0] - e2[0] * r[2]
@@ -141,7 +143,7 @@ def _solve(e1: Any, e2: Any, r: Any, inverse: Any) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _rise(points: Any, normals: Any, a: int, b: int) -> float:
+def _rise(points: Floats, normals: Floats, a: int, b: int) -> float:
     """mm: four times the height of a surface over the middle of the chord from a to b.
 
     By its normals at both ends (a circle's, to the second order); none where they differ by more
@@ -157,15 +159,15 @@ def _rise(points: Any, normals: Any, a: int, b: int) -> float:
 @njit(cache=True, nogil=True)
 def add(
     vertices: Vertices,
-    normals: Any,
+    normals: Floats,
     look: Look,
     most: float,
     first: int,
     space: Space,
-    index: Any,
+    index: Ints,
     decide: bool,
-    volume: Any,
-    source: Any,
+    volume: Singles,
+    source: Ints,
 ) -> None:
     """Add one range surface to the volume, or ``decide`` which surface counts in each voxel.
 
@@ -238,8 +240,8 @@ def add(
 
 @njit(cache=True, nogil=True)
 def _decide(
-    volume: Any, block: int, cell: int, w: float, d: float, own: float, ramp: float, source: Any,
-    nearest: int,
+    volume: Singles, block: int, cell: int, w: float, d: float, own: float, ramp: float,
+    source: Ints, nearest: int,
 ) -> None:  # fmt: skip
     """Keep the strongest contribution to a voxel, and what was seen closest to it."""
     strong = w * max(1.0 - abs(d) / ramp, _FAINTEST) ** 2
@@ -254,7 +256,7 @@ def _decide(
 
 @njit(cache=True, nogil=True)
 def _average(
-    volume: Any, block: int, cell: int, w: float, d: float, own: float, wide: float
+    volume: Singles, block: int, cell: int, w: float, d: float, own: float, wide: float
 ) -> None:
     """Add to the sums of a voxel what agrees with the strongest contribution."""
     held = volume[HELD, block, cell]
@@ -279,7 +281,7 @@ def _within(
 
 
 @njit(cache=True, nogil=True)
-def _value(index: Any, x: int, y: int, z: int) -> tuple[int, int]:
+def _value(index: Ints, x: int, y: int, z: int) -> tuple[int, int]:
     bx, by, bz = x // SIDE, y // SIDE, z // SIDE
     if bx >= index.shape[0] or by >= index.shape[1] or bz >= index.shape[2]:
         return -1, 0
@@ -288,7 +290,7 @@ def _value(index: Any, x: int, y: int, z: int) -> tuple[int, int]:
 
 @njit(cache=True, nogil=True)
 def _corners_of(
-    index: Any, value: Any, x: int, y: int, z: int, corners: Any, d: Any, at: Any
+    index: Ints, value: Singles, x: int, y: int, z: int, corners: Longs, d: Floats, at: Longs
 ) -> int:
     """Write values and places of a cube's corners; the pattern of those inside, 0 if one lacks."""
     case = 0
@@ -304,7 +306,7 @@ def _corners_of(
 
 
 @njit(cache=True, nogil=True)
-def _mean_round(index: Any, value: Any, x: int, y: int, z: int) -> float:
+def _mean_round(index: Ints, value: Singles, x: int, y: int, z: int) -> float:
     """Mean of the known ones of the six values next to a voxel; NaN where none is."""
     total, count = 0.0, 0
     for i in range(6):
@@ -326,7 +328,7 @@ def _mean_round(index: Any, value: Any, x: int, y: int, z: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def grow(index: Any, blocks: Any, value: Any, rounds: int, sweeps: int) -> Any:
+def grow(index: Ints, blocks: Longs, value: Singles, rounds: int, sweeps: int) -> Any:
     """Give ``value`` to voxels up to ``rounds`` away from known ones; (blocks, cells) True there.
 
     New values are harmonic: each the mean of those next to it, as ``sweeps`` of relaxation leave
@@ -364,7 +366,7 @@ def grow(index: Any, blocks: Any, value: Any, rounds: int, sweeps: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _seen(made: Any, at: Any) -> bool:
+def _seen(made: Bools, at: Longs) -> bool:
     """True where none of a cube's corners was made by `grow`."""
     count = 0
     for c in range(8):
@@ -374,13 +376,13 @@ def _seen(made: Any, at: Any) -> bool:
 
 @njit(cache=True, nogil=True)
 def march(
-    index: Any,
-    blocks: Any,
-    value: Any,
-    near: Any,
-    spread: Any,
-    source: Any,
-    made: Any,
+    index: Ints,
+    blocks: Longs,
+    value: Singles,
+    near: Singles,
+    spread: Singles,
+    source: Ints,
+    made: Bools,
     cubes: Cubes,
 ) -> tuple[Any, Any, Any, Any, Any]:
     """Marching cubes over the blocks: vertices (v, 3) in voxels, faces (f, 3), sources (v,).

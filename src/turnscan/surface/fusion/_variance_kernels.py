@@ -1,10 +1,10 @@
 """Compiled: how well a place on a face is known; shared by the merges in voxels and in cells."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
 
 
@@ -23,7 +23,7 @@ class Vertices(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def variances(
-    face: Any, u: float, v: float, sigma: Any, between: Any, step: Any
+    face: Ints, u: float, v: float, sigma: Floats, between: Floats, step: Ints
 ) -> tuple[float, float]:
     """Variances, mm², of a place on a face, ``u`` and ``v`` its barycentric coordinates for the
     second and the third vertex: of the vertices' noise alone, and with what the surface may do

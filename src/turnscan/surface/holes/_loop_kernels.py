@@ -1,5 +1,4 @@
 """Compiled kernels of flat fillings; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -7,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def _cross(xy: Any, a: int, b: int, c: int) -> float:
+def _cross(xy: Floats, a: int, b: int, c: int) -> float:
     return float(
         (xy[b, 0] - xy[a, 0]) * (xy[c, 1] - xy[a, 1])
         - (xy[b, 1] - xy[a, 1]) * (xy[c, 0] - xy[a, 0])
@@ -19,7 +19,7 @@ def _cross(xy: Any, a: int, b: int, c: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def clip_ears(xy: Any, used: Any) -> Any:
+def clip_ears(xy: Floats, used: Bools) -> Any:
     """A polygon (m, 2), counter-clockwise → (m − 2, 3) triangles of its corners.
 
     Of the ears there are, the one with the best-shaped triangle goes first (its smallest height
@@ -60,7 +60,7 @@ def clip_ears(xy: Any, used: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _ear(xy: Any, back: Any, ahead: Any, i: int, used: Any) -> float:
+def _ear(xy: Floats, back: Longs, ahead: Longs, i: int, used: Bools) -> float:
     """How good an ear the corner is: above 0 for an ear, else below, −3 for a side in use."""
     a, c = back[i], ahead[i]
     if used[a, c]:
@@ -92,5 +92,5 @@ def _ear(xy: Any, back: Any, ahead: Any, i: int, used: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _same(xy: Any, a: int, b: int) -> bool:
+def _same(xy: Floats, a: int, b: int) -> bool:
     return bool(xy[a, 0] == xy[b, 0] and xy[a, 1] == xy[b, 1])

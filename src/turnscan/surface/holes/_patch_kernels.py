@@ -3,7 +3,6 @@
 A patch is `tri` (t, 3) corners and `beside` (t, 3), the triangle across the side from corner i to
 the next, −1 on the border. Corners below ``m`` are those of the loop.
 """
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
@@ -11,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def _normal(a: Any, b: Any, c: Any, out: Any) -> float:
+def _normal(a: Floats, b: Floats, c: Floats, out: Floats) -> float:
     """Write the unit normal of a triangle; gives its area."""
     u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     v0, v1, v2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
@@ -30,7 +30,7 @@ def _normal(a: Any, b: Any, c: Any, out: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _bend(n: Any, o: Any) -> float:
+def _bend(n: Floats, o: Floats) -> float:
     """1 − cos of the angle between two normals; 2 where a triangle has no area."""
     d = n[0] * o[0] + n[1] * o[1] + n[2] * o[2]
     size = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) * (o[0] * o[0] + o[1] * o[1] + o[2] * o[2])
@@ -38,7 +38,7 @@ def _bend(n: Any, o: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def span(points: Any, outer: Any, used: Any, bent: bool) -> tuple[Any, bool]:
+def span(points: Floats, outer: Floats, used: Bools, bent: bool) -> tuple[Any, bool]:
     """A loop (m, 3) → (m − 2, 3) triangles that bend least, then have least area (Liepa 2003).
 
     Without ``bent`` the area alone counts (Barequet and Sharir 1995).
@@ -73,15 +73,15 @@ def span(points: Any, outer: Any, used: Any, bent: bool) -> tuple[Any, bool]:
 
 @njit(cache=True, nogil=True)
 def _best(
-    points: Any,
+    points: Floats,
     i: int,
     k: int,
-    bend: Any,
-    area: Any,
-    apex: Any,
-    normal: Any,
-    n: Any,
-    last: Any,
+    bend: Floats,
+    area: Floats,
+    apex: Ints,
+    normal: Floats,
+    n: Floats,
+    last: Floats,
     whole: bool,
     bent: bool,
 ) -> None:
@@ -105,7 +105,7 @@ def _best(
 
 
 @njit(cache=True, nogil=True)
-def _unroll(apex: Any, faces: Any) -> None:
+def _unroll(apex: Ints, faces: Ints) -> None:
     """Write the triangles that the chords' apexes stand for."""
     m = len(apex)
     stack = np.empty((m + 2, 2), dtype=np.int32)
@@ -157,7 +157,7 @@ def lace(a: Any, b: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _cosine(p: Any, a: int, b: int, c: int) -> float:
+def _cosine(p: Floats, a: int, b: int, c: int) -> float:
     """Cosine of the angle at c between a and b; −1 where a side has no length."""
     dot, u, v = 0.0, 0.0, 0.0
     for i in range(3):
@@ -169,7 +169,7 @@ def _cosine(p: Any, a: int, b: int, c: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _joined(tri: Any, beside: Any, t: int, c: int, d: int) -> bool:
+def _joined(tri: Ints, beside: Ints, t: int, c: int, d: int) -> bool:
     """Whether the patch has a side between corners c (of triangle t) and d."""
     for forward in (True, False):
         at = t
@@ -188,7 +188,7 @@ def _joined(tri: Any, beside: Any, t: int, c: int, d: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _relink(beside: Any, t: int, old: int, new: int) -> None:
+def _relink(beside: Ints, t: int, old: int, new: int) -> None:
     if t >= 0:
         for e in range(3):
             if beside[t, e] == old:
@@ -197,7 +197,9 @@ def _relink(beside: Any, t: int, old: int, new: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _turn(p: Any, tri: Any, beside: Any, t: int, e: int, m: int, used: Any, n: Any) -> bool:
+def _turn(
+    p: Floats, tri: Ints, beside: Ints, t: int, e: int, m: int, used: Bools, n: Floats
+) -> bool:
     """Turn the side e of triangle t where the other diagonal is better and allowed."""
     u = beside[t, e]
     if u < 0:
@@ -232,7 +234,7 @@ def _turn(p: Any, tri: Any, beside: Any, t: int, e: int, m: int, used: Any, n: A
 
 
 @njit(cache=True, nogil=True)
-def relax(p: Any, tri: Any, beside: Any, count: int, m: int, used: Any) -> None:
+def relax(p: Floats, tri: Ints, beside: Ints, count: int, m: int, used: Bools) -> None:
     """Turn sides until all are Delaunay sides, as far as they may be turned."""
     n = np.empty((4, 3))
     for _ in range(50):
@@ -246,7 +248,7 @@ def relax(p: Any, tri: Any, beside: Any, count: int, m: int, used: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def neighbours(tri: Any) -> Any:
+def neighbours(tri: Ints) -> Any:
     """(t, 3) the triangle across each side; every side has at most two."""
     count = len(tri)
     keys = np.empty(3 * count, dtype=np.int64)
@@ -266,7 +268,7 @@ def neighbours(tri: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def refine(points: Any, faces: Any, scale: Any, used: Any, limit: int) -> tuple[Any, Any]:
+def refine(points: Floats, faces: Ints, scale: Floats, used: Bools, limit: int) -> tuple[Any, Any]:
     """Points and triangles of a patch, as dense as its border (Liepa 2003, §4).
 
     ``scale`` (m,) is the usual length of a side about each corner of the loop. A triangle takes a

@@ -1,5 +1,5 @@
 """Does the surface go on across a gap: borders that face each other over a smooth arc. Numba."""
-# mypy: disable-error-code="untyped-decorator,no-any-return"
+# mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations
 
