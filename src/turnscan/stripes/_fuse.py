@@ -63,7 +63,7 @@ def fuse_exposures(
         raise InputError(f"black {black:g} and saturation {clip:g}, expected 0 ≤ … < … ≤ {top:g}")
     from turnscan.stripes._fuse_kernels import fuse
 
-    stack: Image = np.stack([pictures[k].ravel() for k in order])
+    stack = np.stack([pictures[k].ravel() for k in order])
     times = np.array([seconds[k] for k in order], np.float64)
     level = np.empty(stack.shape[1], np.float32)
     sigma = np.empty(stack.shape[1], np.float32)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
-from turnscan.arrays import Floats, Image, Singles
+from turnscan.arrays import Floats, Singles
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
 def fuse(
-    stack: Image,
+    stack: npt.NDArray[np.generic],
     times: Floats,
     black: float,
     clip: float,
