@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _mixed(a: int, b: int) -> Any:
+def _mixed(a: int, b: int) -> np.uint64:
     """A number without pattern for a side from ``a`` to ``b`` (splitmix64)."""
     x = (np.uint64(a) << np.uint64(32)) | np.uint64(b)
     x += np.uint64(0x9E3779B97F4A7C15)
@@ -23,7 +22,9 @@ def _mixed(a: int, b: int) -> Any:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def figures(vertices: Floats, faces: Ints, alive: Bools) -> Any:
+def figures(
+    vertices: Floats, faces: Ints, alive: Bools
+) -> tuple[int, int, float, float, Floats, Floats, bool]:
     """Faces, vertices used, area, volume, lowest and highest corner, and whether it is closed.
 
     Closed: every side is met as often in one direction as in the other. Their numbers without

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
@@ -11,7 +9,7 @@ from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def flood(chosen: Bools, beside: Ints, normals: Floats, cosine: float) -> Any:
+def flood(chosen: Bools, beside: Ints, normals: Floats, cosine: float) -> Bools:
     """Faces (f,) reached from the chosen ones across sides whose faces turn by less than a limit.
 
     ``beside`` (f, 3) is the face across each side or −1, ``normals`` (f, 3) are unit, NaN for a

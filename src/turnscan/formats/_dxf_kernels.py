@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import numpy.typing as npt
 
+from turnscan.arrays import Bools, Bytes, Floats, Longs
 from turnscan.compiled import njit
 from turnscan.formats._parse_kernels import (
     CUT_SHORT,
@@ -24,7 +24,7 @@ from turnscan.formats._parse_kernels import (
 
 
 @njit(cache=True, nogil=True)
-def _group(text: Any, p: int) -> tuple[int, int, int, int, int]:
+def _group(text: Bytes, p: int) -> tuple[int, int, int, int, int]:
     """Return the group code at ``p`` (−1 at the end, −2 for none), its value's bounds, what is
     after the pair, and where the code stood."""
     a, b, after = next_line(text, p)
@@ -40,7 +40,9 @@ def _group(text: Any, p: int) -> tuple[int, int, int, int, int]:
 
 
 @njit(cache=True, nogil=True)
-def find_entities(text: Any, marks: Any, words: Any, limit: int) -> tuple[int, int, Any, Any, int]:
+def find_entities(
+    text: Bytes, marks: tuple[Bytes, ...], words: tuple[Bytes, ...], limit: int
+) -> tuple[int, int, npt.NDArray[np.int8], Longs, int]:
     """Find the entities of the ENTITIES section.
 
     marks: the words SECTION, ENTITIES, ENDSEC, EOF; words: the entities of interest. Returns a
@@ -79,7 +81,9 @@ def find_entities(text: Any, marks: Any, words: Any, limit: int) -> tuple[int, i
 
 
 @njit(cache=True, nogil=True)
-def read_groups(text: Any, starts: Any, reals: Any, seen: Any, wholes: Any) -> tuple[int, int]:
+def read_groups(
+    text: Bytes, starts: Longs, reals: Floats, seen: Bools, wholes: Longs
+) -> tuple[int, int]:
     """Read groups 10 to 33 and 70 to 74 of entities that begin at ``starts`` (e,).
 
     Coordinates go to reals (e, 3c): x y z of corner 0, of corner 1 …, and are marked in seen;
@@ -107,7 +111,7 @@ def read_groups(text: Any, starts: Any, reals: Any, seen: Any, wholes: Any) -> t
 
 
 @njit(cache=True, nogil=True)
-def on_layers(text: Any, starts: Any, word: Any) -> Any:
+def on_layers(text: Bytes, starts: Longs, word: Bytes) -> Bools:
     """(e,) True for entities that begin at ``starts`` and whose layer's name has the word in it."""
     out = np.zeros(len(starts), np.bool_)
     for i in range(len(starts)):
@@ -121,7 +125,9 @@ def on_layers(text: Any, starts: Any, word: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def read_mesh_entity(text: Any, start: int, limit: int) -> tuple[int, int, Any, int, Any, int]:
+def read_mesh_entity(
+    text: Bytes, start: int, limit: int
+) -> tuple[int, int, Floats, int, Longs, int]:
     """Read one MESH; returns a code, the byte, points, how many, polygons, how many numbers.
 
     Polygons stand end to end as n i j k …, counted from 0, as in the file.

@@ -5,8 +5,6 @@ A reader that stumbles returns a code below and the byte at which it did.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
@@ -118,7 +116,7 @@ def next_word(text: Bytes, p: int, end: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def same(text: Any, a: int, b: int, word: Any) -> bool:
+def same(text: Bytes, a: int, b: int, word: Bytes) -> bool:
     """Tell whether ``text[a:b]`` is the ASCII word, upper or lower case."""
     if b - a != len(word):
         return False

@@ -5,12 +5,10 @@ A reader that stumbles returns a code of `_parse_kernels` and the byte at which 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bytes, Floats, Longs
+from turnscan.arrays import Bytes, Floats, Ints, Longs
 from turnscan.compiled import njit
 from turnscan.formats._parse_kernels import (
     BAD_INDEX,
@@ -30,7 +28,7 @@ from turnscan.formats._parse_kernels import (
 
 
 @njit(cache=True, nogil=True)
-def shape_of_table(text: Any) -> tuple[int, int]:
+def shape_of_table(text: Bytes) -> tuple[int, int]:
     """Return how many lines are neither blank nor comments, and how many words the first has."""
     rows, columns, p = 0, 0, 0
     while p < len(text):
@@ -79,7 +77,7 @@ def read_table(text: Bytes, p: int, table: Floats, comments: bool) -> tuple[int,
 @njit(cache=True, nogil=True)
 def read_lists(
     text: Bytes, p: int, count: int, before: int, limit: int
-) -> tuple[int, int, Any, int]:
+) -> tuple[int, int, Longs, int]:
     """Read ``count`` lines of polygons, "n i j k …" after ``before`` numbers, end to end.
 
     Returns a code, the byte where reading stopped, the numbers (n i j k n i j …) and how many.
@@ -117,7 +115,7 @@ def read_lists(
 
 
 @njit(cache=True, nogil=True)
-def fans(lists: Longs, limit: int) -> tuple[int, Any]:
+def fans(lists: Longs, limit: int) -> tuple[int, Longs]:
     """Cut polygons, written end to end as n i j k …, into triangles (t, 3).
 
     Returns a code: CUT_SHORT where a polygon says it is longer than the list.
@@ -142,7 +140,7 @@ def fans(lists: Longs, limit: int) -> tuple[int, Any]:
 
 
 @njit(cache=True, nogil=True)
-def cells(lists: Longs, count: int) -> tuple[int, Any]:
+def cells(lists: Longs, count: int) -> tuple[int, Longs]:
     """The entry of each of ``count`` lists of one or none, written end to end; −1 for none.
 
     Returns the length of the longest list before it.
@@ -158,7 +156,7 @@ def cells(lists: Longs, count: int) -> tuple[int, Any]:
 
 
 @njit(cache=True, nogil=True)
-def read_stl_text(text: Any, word: Any, limit: int) -> tuple[int, int, Any, int]:
+def read_stl_text(text: Bytes, word: Bytes, limit: int) -> tuple[int, int, Floats, int]:
     """Read the lines "vertex x y z"; returns a code, the byte, corners (n, 3) and n."""
     out = np.empty((1024, 3), np.float64)
     n, p = 0, 0
@@ -180,7 +178,7 @@ def read_stl_text(text: Any, word: Any, limit: int) -> tuple[int, int, Any, int]
 @njit(cache=True, nogil=True)
 def _obj_face(
     text: Bytes, at: int, end: int, v: int, out: Longs, n: int
-) -> tuple[int, int, Any, int]:
+) -> tuple[int, int, Longs, int]:
     """Add one "f" line, after v vertices, to the polygons in ``out``."""
     start = n
     out = room(out, n)
@@ -207,7 +205,7 @@ def _obj_face(
 
 
 @njit(cache=True, nogil=True)
-def read_obj(text: Bytes, limit: int) -> tuple[int, int, Any, int, Any, int]:
+def read_obj(text: Bytes, limit: int) -> tuple[int, int, Floats, int, Longs, int]:
     """Read "v" and "f" lines; returns a code, the byte, vertices, how many, polygons, how many.
 
     Polygons stand end to end as n i j k …, counted from 0.
@@ -232,7 +230,7 @@ def read_obj(text: Bytes, limit: int) -> tuple[int, int, Any, int, Any, int]:
 
 
 @njit(cache=True, nogil=True)
-def merge(points: npt.NDArray[np.uint64]) -> tuple[Any, Any]:
+def merge(points: npt.NDArray[np.uint64]) -> tuple[Ints, Ints]:
     """Find equal points; returns which of each is the first (m,), and each one's number (n,).
 
     points (n, 3) float64 seen as uint64, without negative zeros.
@@ -271,7 +269,7 @@ def merge(points: npt.NDArray[np.uint64]) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def _whole(data: Any, p: int, width: int, little: bool) -> int:
+def _whole(data: Bytes, p: int, width: int, little: bool) -> int:
     value = 0
     for i in range(width):
         value |= int(data[p + i]) << (8 * (i if little else width - 1 - i))
@@ -280,8 +278,8 @@ def _whole(data: Any, p: int, width: int, little: bool) -> int:
 
 @njit(cache=True, nogil=True)
 def read_binary_lists(
-    data: Any, p: int, count: int, widths: tuple[int, int, int, int], little: bool, limit: int
-) -> tuple[int, int, Any, int]:
+    data: Bytes, p: int, count: int, widths: tuple[int, int, int, int], little: bool, limit: int
+) -> tuple[int, int, Longs, int]:
     """Read ``count`` polygons of unsigned numbers, end to end.
 
     widths: bytes before the list, of its length, of each index, after the list. Returns a code,

@@ -5,11 +5,9 @@ Numba compiles on first use and keeps the result, so this module is imported ins
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from turnscan.arrays import Bytes, Longs
+from turnscan.arrays import Bytes, Ints, Longs
 from turnscan.compiled import njit
 
 HEX = -1
@@ -71,8 +69,8 @@ def put_rows(values: Longs, decimals: Longs, text: Bytes, cuts: Longs, out: Byte
 
 @njit(cache=True, nogil=True)
 def split_polyfaces(
-    faces: Any, vertex_count: int, max_vertices: int, max_faces: int
-) -> tuple[Any, Any, Any, Any]:
+    faces: Ints, vertex_count: int, max_vertices: int, max_faces: int
+) -> tuple[Longs, Longs, Ints, Ints]:
     """Cut faces into runs that each use few enough vertices, renumbered within the run.
 
     faces (f, 3). Returns the face each run starts with (r + 1,), the place in ``used`` where

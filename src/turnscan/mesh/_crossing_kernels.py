@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
@@ -16,7 +14,7 @@ _FLAT = 1e-12
 
 
 @njit(cache=True, nogil=True)
-def planes(vertices: Floats, faces: Ints) -> Any:
+def planes(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
     """(f, 3) unit normals of triangles, and their longest sides (f,), 0 where there is no area."""
     normals, sizes = np.empty((len(faces), 3)), np.empty(len(faces))
     for f in range(len(faces)):
@@ -26,7 +24,7 @@ def planes(vertices: Floats, faces: Ints) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def nodes_with(asked: Bools, leaves: int) -> Any:
+def nodes_with(asked: Bools, leaves: int) -> Bools:
     """(2 · leaves,) True for the nodes that hold a triangle that is asked for."""
     count = len(asked)
     out = np.zeros(2 * leaves, dtype=np.bool_)
@@ -43,10 +41,10 @@ def crossings(
     vertices: Floats,
     faces: Ints,
     asked: Bools,
-    spans: Floats | Singles,
-    nodes: Floats | Singles,
+    spans: Singles,
+    nodes: Singles,
     most: int,
-) -> Any:
+) -> Ints:
     """Pairs (k, 2) of triangles that have more in common than vertices and edges.
 
     Only pairs with a triangle ``asked`` (f,) for are looked for, and no more than ``most`` of them.
@@ -113,7 +111,7 @@ def _apart(v: Floats, faces: Ints, i: int, j: int) -> bool:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _off(v: Any, x: int, n: Any, p: int, origin: int) -> float:
+def _off(v: Floats, x: int, n: Floats, p: int, origin: int) -> float:
     """Distance of vertex x from the plane with normal number p through a vertex."""
     a = n[p, 0] * (v[x, 0] - v[origin, 0])
     b = n[p, 1] * (v[x, 1] - v[origin, 1])
@@ -121,9 +119,7 @@ def _off(v: Any, x: int, n: Any, p: int, origin: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _cross(
-    v: Floats, faces: Floats | Ints, n: Ints | Floats, sizes: Ints | Floats, p: int, q: int
-) -> bool:
+def _cross(v: Floats, faces: Floats | Ints, n: Floats, sizes: Floats, p: int, q: int) -> bool:
     """Whether triangles p and q cut through each other."""
     if not sizes[p] > 0.0:
         return False
@@ -188,7 +184,7 @@ def _pierced(v: Floats, p: int, q: int, a: int, b: int, c: int) -> bool:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _volume(v: Any, p: int, q: int, a: int, b: int) -> float:
+def _volume(v: Floats, p: int, q: int, a: int, b: int) -> float:
     """Six times the signed volume of the tetrahedron."""
     u0, u1, u2 = v[q, 0] - v[p, 0], v[q, 1] - v[p, 1], v[q, 2] - v[p, 2]
     v0, v1, v2 = v[a, 0] - v[p, 0], v[a, 1] - v[p, 1], v[a, 2] - v[p, 2]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from turnscan.arrays import Floats, Longs
+from turnscan.arrays import Floats, Ints, Longs
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def chains(begin: Longs, end: Longs, vertices: Floats) -> Any:
+def chains(begin: Longs, end: Longs, vertices: Floats) -> tuple[Ints, Longs]:
     """Directed sides → loops: their corners in a row, and where each begins.
 
     A chain that is open, because the surface is, goes on at the nearest beginning of one, which may

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from turnscan.arrays import Floats, Ints
@@ -11,7 +9,7 @@ from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def crosses(points: Floats, faces: Ints) -> Any:
+def crosses(points: Floats, faces: Ints) -> Floats:
     """(f, 3) the normal of every face, as long as twice its area."""
     out = np.empty((len(faces), 3))
     for f in range(len(faces)):
@@ -27,7 +25,7 @@ def crosses(points: Floats, faces: Ints) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def doubles(points: Floats, faces: Ints) -> Any:
+def doubles(points: Floats, faces: Ints) -> Floats:
     """(f,) twice the area of every face."""
     out = np.empty(len(faces))
     cross = crosses(points, faces)
@@ -63,7 +61,7 @@ def _made_unit(vectors: Floats, without: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def vertex_normals(points: Floats, faces: Ints) -> Any:
+def vertex_normals(points: Floats, faces: Ints) -> Floats:
     """(v, 3) unit normals, faces weighted by area; NaN for a vertex without any."""
     total = np.zeros((len(points), 3))
     cross = crosses(points, faces)
@@ -76,7 +74,7 @@ def vertex_normals(points: Floats, faces: Ints) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def averaged(normals: Floats, faces: Ints, rounds: int) -> Any:
+def averaged(normals: Floats, faces: Ints, rounds: int) -> Floats:
     """Unit normals (v, 3) of vertices, averaged over the faces round them, ``rounds`` times."""
     for _ in range(rounds):
         total = np.zeros_like(normals)
@@ -93,7 +91,7 @@ def averaged(normals: Floats, faces: Ints, rounds: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def rises(points: Floats, faces: Ints, step: Ints) -> Any:
+def rises(points: Floats, faces: Ints, step: Ints) -> Floats:
     """(m,) mm: differences in height along the sides within one profile, without those of 0."""
     out = np.empty(3 * len(faces))
     made = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Ints
+from turnscan.arrays import Bools, Ints, Longs
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import submesh
@@ -72,7 +72,7 @@ def hanging_together(faces: Ints) -> Bools:
     return kept
 
 
-def vertex_fans(faces: Ints) -> tuple[Ints, Ints]:
+def vertex_fans(faces: Ints) -> tuple[Longs, Ints]:
     """(3f,) for every corner the number of its fan, and (fans,) the vertex each lies about.
 
     A fan is the faces round a vertex that hang together by their sides.

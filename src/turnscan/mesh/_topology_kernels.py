@@ -5,8 +5,6 @@ Side 3f + i runs from corner i of face f to the next, so it also names that corn
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from turnscan.arrays import Floats, Ints, Longs
@@ -24,7 +22,7 @@ def _before(h: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _ends(faces: Ints, count: int) -> tuple[Any, Any]:
+def _ends(faces: Ints, count: int) -> tuple[Ints, Ints]:
     """Of every side the end at which fewer faces are, and the other; its complement if it is first.
 
     Of equal ends the one with the lower number.
@@ -46,7 +44,7 @@ def _ends(faces: Ints, count: int) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def _hung(home: Ints, count: int) -> tuple[Any, Any]:
+def _hung(home: Ints, count: int) -> tuple[Ints, Ints]:
     """What hangs on each of ``count`` homes: where its numbers begin (count + 1,), and those."""
     start = np.zeros(count + 1, dtype=np.int32)
     for v in home:
@@ -62,7 +60,7 @@ def _hung(home: Ints, count: int) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def opposite_half_edges(faces: Ints) -> Any:
+def opposite_half_edges(faces: Ints) -> Longs:
     """(3f,) the one side that runs the other way, −1 where there is none or several run either way.
 
     Each side hangs on that of its ends at which fewer sides are, so that no list of them gets
@@ -89,7 +87,7 @@ def opposite_half_edges(faces: Ints) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def borders(faces: Ints, twin: Longs) -> tuple[Any, Any]:
+def borders(faces: Ints, twin: Longs) -> tuple[Ints, Longs]:
     """The vertices of all borders in a row, and where each border begins."""
     count = 0
     for h in range(len(twin)):
@@ -115,7 +113,7 @@ def borders(faces: Ints, twin: Longs) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def fans(twin: Longs) -> tuple[Any, Any]:
+def fans(twin: Longs) -> tuple[Longs, Longs]:
     """(corners,) the fan of each corner, and (fans,) the first corner of each."""
     fan = np.full(len(twin), -1, dtype=np.int64)
     first = np.empty(len(twin), dtype=np.int64)

@@ -8,11 +8,9 @@ leaves number k holds the triangles from k · count // leaves up to those of the
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from turnscan.arrays import Floats, Ints, Singles
+from turnscan.arrays import Floats, Ints, Longs, Singles
 from turnscan.compiled import njit
 
 _ROUND = 1e-6
@@ -24,7 +22,7 @@ _DIGIT = 10
 
 
 @njit(cache=True, nogil=True)
-def morton_order(vertices: Floats, faces: Ints) -> Any:
+def morton_order(vertices: Floats, faces: Ints) -> Longs:
     """(f,) triangles (f, 3) in the order in which a Morton curve meets their centres."""
     count = len(faces)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -58,13 +56,13 @@ def morton_order(vertices: Floats, faces: Ints) -> Any:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _centre(vertices: Any, faces: Any, f: int, k: int) -> float:
+def _centre(vertices: Floats, faces: Ints, f: int, k: int) -> float:
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     return (vertices[a, k] + vertices[b, k] + vertices[c, k]) / 3.0
 
 
 @njit(cache=True, nogil=True)
-def spans(vertices: Floats, faces: Ints) -> Any:
+def spans(vertices: Floats, faces: Ints) -> Singles:
     """(f, 6) float32: from where to where triangles reach along each axis, a little more."""
     out = np.empty((len(faces), 6), np.float32)
     for f in range(len(faces)):
@@ -78,7 +76,7 @@ def spans(vertices: Floats, faces: Ints) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def boxes(spans: Singles, leaves: int) -> Any:
+def boxes(spans: Singles, leaves: int) -> Singles:
     """(2 · leaves, 6) boxes of the nodes, as `spans` has them; triangles in order."""
     count = len(spans)
     out = np.empty((2 * leaves, 6), np.float32)
@@ -97,7 +95,7 @@ def boxes(spans: Singles, leaves: int) -> Any:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def meet(one: Any, a: int, other: Any, b: int) -> bool:
+def meet(one: Singles, a: int, other: Singles, b: int) -> bool:
     """Whether a box meets another one."""
     return (
         (one[a, 0] <= other[b, 3])

@@ -8,11 +8,10 @@ camera lies.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from turnscan.arrays import Floats, Singles
+from turnscan.arrays import Floats, Longs, Singles
 from turnscan.compiled import njit
 
 TERMS = 3
@@ -44,6 +43,9 @@ NARROW, USUAL, WIDE = 0.6, 0.15, 1.4
 """That distance over what it must be: outside the outer two this is not one element's light, and
 what exceeds the middle one counts as uncertain."""
 
+Seen = tuple[Singles, int, Longs, Floats]
+"""Pieces of successive frames, and where they lie: see `refine_lines`."""
+
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def path_at(paths: Floats, pitch: float, line: float, column: float, out: Floats) -> None:
@@ -66,7 +68,7 @@ def power_sum(terms: Floats, k: int, angle: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def light_at(light: Singles, line: float, x: float) -> Any:
+def light_at(light: Singles, line: float, x: float) -> tuple[float, float]:
     """Light between the pixels, and the sum of the squares of their weights.
 
     Linear along the stripe, where light is smooth, cubic (Catmull-Rom) across it. No light outside
@@ -94,8 +96,8 @@ def light_at(light: Singles, line: float, x: float) -> Any:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow(
-    seen: Any, path: Floats, line: int, column: float, thickness: float, samples: Floats
-) -> Any:
+    seen: Seen, path: Floats, line: int, column: float, thickness: float, samples: Floats
+) -> tuple[int, bool]:
     """Follow a surface element through the frames of ``seen``: its samples near the sheet.
 
     ``path`` (3, TERMS) is the element's. A row of ``samples`` is the distance d from the sheet, mm,
@@ -132,7 +134,7 @@ def share(d: float, thickness: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def balance(samples: Floats, count: int, thickness: float) -> Any:
+def balance(samples: Floats, count: int, thickness: float) -> float:
     """Where the light balances: its mean distance from the sheet, mm; NaN without light."""
     s0 = s1 = 0.0
     for j in range(count):
@@ -144,8 +146,14 @@ def balance(samples: Floats, count: int, thickness: float) -> Any:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def imbalance(
-    seen: Any, sweep: Any, line: int, at: float, thickness: float, path: Floats, samples: Floats
-) -> Any:
+    seen: Seen,
+    sweep: tuple[Floats, float],
+    line: int,
+    at: float,
+    thickness: float,
+    path: Floats,
+    samples: Floats,
+) -> tuple[float, float]:
     """Off balance by how many px a centre ``at`` that column is, and mm per px; NaN if unknown.
 
     ``path`` becomes that of the element there.
@@ -160,8 +168,14 @@ def imbalance(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def solve(
-    seen: Any, sweep: Any, line: int, centre: float, thickness: float, path: Floats, samples: Floats
-) -> Any:
+    seen: Seen,
+    sweep: tuple[Floats, float],
+    line: int,
+    centre: float,
+    thickness: float,
+    path: Floats,
+    samples: Floats,
+) -> tuple[float, float, float]:
     """The centre, px, whose element's light balances on the sheet, the slope of the balance there,
     mm/px, and how far off balance ``centre`` was, px.
 
@@ -203,8 +217,13 @@ def solve(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def uncertainty(
-    seen: Any, path: Floats, line: int, column: float, terms: Any, samples: Floats
-) -> Any:
+    seen: Seen,
+    path: Floats,
+    line: int,
+    column: float,
+    terms: tuple[float, float, float],
+    samples: Floats,
+) -> tuple[float, float, float]:
     """Variance of the balance, mm², by noise and by doubt, and the light's rms distance from the
     sheet over what it must be.
 
@@ -234,7 +253,13 @@ def uncertainty(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def refine_lines(seen: Any, sweep: Any, position: Floats, terms: Any, out: Floats) -> None:
+def refine_lines(
+    seen: Seen,
+    sweep: tuple[Floats, float],
+    position: Floats,
+    terms: tuple[float, float, float],
+    out: Floats,
+) -> None:
     """Centres of one frame, moved to where the light of their own surface elements balances.
 
     ``seen`` is pieces (m, lines, columns) of successive frames, their first line, their first

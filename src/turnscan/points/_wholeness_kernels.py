@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from turnscan.arrays import Floats
@@ -16,7 +14,7 @@ _LINKED = 2.2
 
 
 @njit(cache=True, nogil=True)
-def steady(width: Floats) -> Any:
+def steady(width: Floats) -> Floats:
     """(s, n) the median of each width and up to two beside it along the run; NaN where none is."""
     s, n = width.shape
     out = np.full((s, n), np.nan)
@@ -61,7 +59,7 @@ def _normal(points: Floats, k: int, m: int, j: int, sign: float, normal: Floats)
 @njit(cache=True, nogil=True)
 def across(
     points: Floats, eyes: Floats, moves: Floats, sheets: Floats, arc: Floats, closed: bool
-) -> Any:
+) -> tuple[Floats, Floats, Floats]:
     """How the surface between each point and the next profile lies to the light, both ways.
 
     ``moves`` (s, n, 3) is ∂X/∂u at the point's depth, square to nothing in particular: the ray's
@@ -106,7 +104,7 @@ def across(
 @njit(cache=True, nogil=True)
 def further_in(
     points: Floats, eyes: Floats, moves: Floats, sheets: Floats, arc: Floats, closed: bool
-) -> Any:
+) -> Floats:
     """(2, s, n) the walk of `across` on the plane of the profile beside and the one beyond it.
 
     As the light of each point's own step sees it; NaN where one of the two is no neighbour.

@@ -193,10 +193,14 @@ class Renderer:
         apex = T.inverse().apply(beam.apex)
         lit[k] = self._caster.visible(points[k], tri.flat_normals[face[k]], apex)
         energy, spots = _shade.glow(
-            pixels, self.view.field, blocks, cells, face, normals, lit, R, t,
-            tri.vertices, tri.faces, tri.flat_normals, tri.body, self._paints(beam),
-            beam.apex, sheet, shape_of, self._fan(beam, sheet),
-            self._profile(beam, seconds, start), self._optics(beam, seconds),
+            _shade.Seen(pixels, self.view.field, face, normals, lit), blocks, cells, R, t,
+            _shade.Bodies(
+                tri.vertices, tri.faces, tri.flat_normals, tri.body, self._paints(beam)
+            ),
+            _shade.Light(
+                beam.apex, sheet, shape_of, self._fan(beam, sheet),
+                self._profile(beam, seconds, start), self._optics(beam, seconds),
+            ),
         )  # fmt: skip
         body = np.where(face >= 0, tri.body[face], -1).reshape(-1, *blocks)
         for i, b in enumerate(bench.scene.bodies):

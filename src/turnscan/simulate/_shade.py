@@ -7,6 +7,7 @@ Frames as in `_rays`.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,54 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
 from turnscan.simulate._cut import FADED, reach_of, sheet_distance
 from turnscan.simulate._rays import Singles, within
+
+
+class Seen(NamedTuple):
+    """The pixels near a stripe; each is k blocks, and a block meets one face."""
+
+    pixels: Ints
+    """(n, 2) row and column."""
+    field: Floats
+    """Of view, as in `_rays`."""
+    face: Ints
+    """(n·k,) that each block meets."""
+    normals: Floats
+    """(n·k, 3) of the smooth surface there, object frame."""
+    lit: Bools
+    """(n·k,) False where nothing is to be added up."""
+
+
+class Bodies(NamedTuple):
+    """Triangles in the object's frame."""
+
+    vertices: Floats
+    """(v, 3) mm."""
+    faces: Ints
+    """(f, 3)."""
+    normals: Floats
+    """(f, 3)."""
+    body: Ints
+    """(f,) to which body each belongs."""
+    paints: Floats
+    """(bodies, 6): albedo, pattern, pitch, ratio, specular, roughness."""
+
+
+class Light(NamedTuple):
+    """A laser line and the camera that sees it, in the camera's frame."""
+
+    apex: Floats
+    """(3,) mm: where the light comes from."""
+    sheet: Floats
+    """(5, 3), as in `_cut`."""
+    beam: Floats
+    """(7,): waist, its distance, Rayleigh length, reach, and the unit vector of the aim."""
+    fan: Floats
+    """(5,): power, tan of the half angle, and the unit vector across the fan."""
+    profile: Floats
+    """(H or 1, k): share of the power per unit of s from −1 to 1."""
+    optics: Floats
+    """(7,): electrons per radiance, and for the blur f/(N·pitch_x), f/(N·pitch_y), focal length,
+    focus distance, and the slope (2) of the image distance over the picture."""
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -51,36 +100,17 @@ def painted(x: float, y: float, z: float, paint: Floats) -> float:
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def glow(
-    pixels: Ints,
-    field: Floats,
-    blocks: tuple[int, int],
-    cells: tuple[int, int],
-    face: Ints,
-    normals: Floats,
-    lit: Bools,
-    R: Floats,
-    t: Floats,
-    v: Floats,
-    faces: Ints,
-    flat: Floats,
-    body: Ints,
-    paints: Floats,
-    apex: Floats,
-    sheet: Floats,
-    beam: Floats,
-    fan: Floats,
-    profile: Floats,
-    optics: Floats,
-) -> tuple[Singles, Floats]:
+    seen: Seen, blocks: tuple[int, int], cells: tuple[int, int], R: Floats, t: Floats,
+    bodies: Bodies, light: Light,
+) -> tuple[Singles, Floats]:  # fmt: skip
     """Laser light that each cell of each pixel collects, and where on the object it comes from.
 
-    ``paints`` (bodies, 6): albedo, pattern, pitch, ratio, specular, roughness.
-    ``fan``: sheet power, tan of the half angle, and the unit vector across the fan (3).
-    ``profile`` (H or 1, k): share of the power per unit of s from −1 to 1.
-    ``optics``: electrons per radiance, and for the blur: f/(N·pitch_x), f/(N·pitch_y),
-    focal length, focus distance, and the slope (2) of the image distance over the picture.
-    Returns energy (n, oy, ox) in electrons and points (n, oy, ox, 3), object frame.
+    The rotation R and the translation t take the object's frame to the camera's. Returns energy
+    (n, oy, ox) in electrons and points (n, oy, ox, 3), object frame.
     """
+    pixels, field, face, normals, lit = seen
+    v, faces, flat, body, paints = bodies
+    profile, optics = light.profile, light.optics
     oy, ox = cells
     by, bx = blocks
     energy = np.zeros((len(pixels), oy, ox), np.float32)
@@ -103,7 +133,7 @@ def glow(
                 moved = R[j, 0] * v[a, 0] + R[j, 1] * v[a, 1] + R[j, 2] * v[a, 2] + t[j]
                 reach += n_flat[j] * moved
             y0, x0 = (ky + 0.5) / by, (kx + 0.5) / bx
-            spread = _blurred(field, row, column, y0, x0, n_flat, reach, sheet, apex, beam, optics)
+            spread = _blurred(field, row, column, y0, x0, n_flat, reach, light)
             paint = paints[body[f]]
             for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
                 for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
@@ -123,9 +153,7 @@ def glow(
                     energy[i, y, x] = (
                         optics[0]
                         / (oy * ox)
-                        * _radiance(
-                            p * s, q * s, s, n, albedo, paint, apex, sheet, beam, fan, table, spread
-                        )
+                        * _radiance(p * s, q * s, s, n, albedo, paint, light, table, spread)
                     )
     return energy, points
 
@@ -158,22 +186,13 @@ def lit_cells(energy: Singles, body: Ints, ours: Bools) -> tuple[Ints, Singles]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _blurred(
-    field: Floats,
-    row: int,
-    column: int,
-    y: float,
-    x: float,
-    n: Floats,
-    reach: float,
-    sheet: Floats,
-    apex: Floats,
-    beam: Floats,
-    optics: Floats,
+    field: Floats, row: int, column: int, y: float, x: float, n: Floats, reach: float, light: Light
 ) -> float:
     """How much wider defocus makes the sheet's profile on this surface (a factor, 1 in focus).
 
     A Gaussian sheet blurred by a Gaussian is a wider Gaussian: exact on a flat patch.
     """
+    apex, sheet, beam, optics = light.apex, light.sheet, light.beam, light.optics
     p, q = within(field, row, column, y, x)
     s = reach / (n[0] * p + n[1] * q + n[2])
     v = optics[3] * optics[4] / (optics[4] - optics[3])
@@ -198,10 +217,11 @@ def _blurred(
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _radiance(
-    x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, apex: Floats,
-    sheet: Floats, beam: Floats, fan: Floats, table: Floats, spread: float,
+    x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, light: Light,
+    table: Floats, spread: float,
 ) -> float:  # fmt: skip
     """Radiance towards the camera, W/(mm² sr), times cos⁴ of the camera's field angle."""
+    apex, sheet, beam, fan = light.apex, light.sheet, light.beam, light.fan
     wx, wy, wz = x - apex[0], y - apex[1], depth - apex[2]
     z = wx * beam[4] + wy * beam[5] + wz * beam[6]
     if z <= 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,67 @@ from turnscan.compiled import njit
 
 _DEEP = 0.75
 """cos² 30°: a profile nearer to the ray than that lies on a surface that is seen from the edge."""
+
+
+class Measured(NamedTuple):
+    """A grid as its faces see it."""
+
+    points: Floats
+    """(s, n, 3) mm."""
+    noise: Floats
+    """(s, n) mm: excuses a long side."""
+    sigma: Floats
+    """(s, n) mm: excuses a deep one."""
+    side: Bools
+    """(s, n) True beyond the rotation axis."""
+    eyes: Floats
+    """(s, 3) mm: where the camera was; NaN where that is not known."""
+
+
+class Sides(NamedTuple):
+    """The sides to the next step and line, all (s, n)."""
+
+    to_step: Floats
+    to_line: Floats
+    """mm; NaN where there is none."""
+    usual_step: Floats
+    usual_line: Floats
+    """mm that they have there as a rule."""
+    steady: Bools
+    """True where what goes to the next step leads on alike."""
+
+
+class Limits(NamedTuple):
+    """What a face may be; docs/explain/surface.md, Faces."""
+
+    stretch: float
+    """Of a side, in its usual length; longer ones need an excuse."""
+    jump: float
+    """Noises that excuse a side."""
+    cos_grazing: float
+    """Of the angle between its normal and the ray; below it needs an excuse."""
+
+
+class Quad(NamedTuple):
+    """Four neighbours of a grid, in turn."""
+
+    q: Floats
+    """(4, 3) mm."""
+    spread: Floats
+    """(4, 2) mm: noise and sigma."""
+    ratio: Floats
+    """(4,) sides 0-1, 1-2, 2-3, 3-0 over their usual lengths."""
+    ks: Longs
+    """(4,) their steps."""
+
+
+class Cuts(NamedTuple):
+    """Triangles of diagonal 0-2, then of diagonal 1-3."""
+
+    corners: Longs
+    """(4, 3) of the quad."""
+    sides: Longs
+    """(4, 2) of the quad, in each."""
 
 
 @njit(cache=True, nogil=True)
@@ -24,7 +85,7 @@ def _edge(points: Floats, side: Bools, k: int, j: int, m: int, i: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def edges(points: Floats, side: Bools, closed: bool) -> tuple[Any, Any]:
+def edges(points: Floats, side: Bools, closed: bool) -> tuple[Floats, Floats]:
     """Lengths (s, n) of the edges to the next step and to the next line; NaN where there is none.
 
     Points on different sides of the rotation axis are not neighbours.
@@ -42,7 +103,7 @@ def edges(points: Floats, side: Bools, closed: bool) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def bends(points: Floats) -> Any:
+def bends(points: Floats) -> Floats:
     """(s, n) lengths of the second differences along the profiles; NaN at their ends."""
     s, n, _ = points.shape
     out = np.full((s, n), np.nan)
@@ -59,7 +120,7 @@ def bends(points: Floats) -> Any:
 @njit(cache=True, nogil=True)
 def usual(
     lengths: Floats, nominal: Floats, along_steps: bool, wraps: bool, least: float, most: float
-) -> Any:
+) -> Floats:
     """Local spacing (s, n): the median of each edge and its two neighbours on either side.
 
     Between ``least`` and ``most`` times ``nominal`` (s, n); least where fewer than three of the
@@ -107,7 +168,7 @@ def _alike(points: Floats, a: int, b: int, c: int, d: int, j: int, cos_bend: flo
 
 
 @njit(cache=True, nogil=True)
-def leaps(points: Floats, to_step: Floats, most: Floats, closed: bool, cos_bend: float) -> Any:
+def leaps(points: Floats, to_step: Floats, most: Floats, closed: bool, cos_bend: float) -> Bools:
     """(s, n) True for edges to the next step that are longer than ``most`` (s, n) mm and continue
     none: neither the edge before nor the one after is alike in length and direction."""
     s, n = to_step.shape
@@ -125,7 +186,7 @@ def leaps(points: Floats, to_step: Floats, most: Floats, closed: bool, cos_bend:
 
 
 @njit(cache=True, nogil=True)
-def lead_on(points: Floats, to_step: Floats, closed: bool, cos_bend: float) -> Any:
+def lead_on(points: Floats, to_step: Floats, closed: bool, cos_bend: float) -> Bools:
     """(s, n) True for sides to the next step that are alike in length and direction with the side
     before or the side after."""
     s, n = to_step.shape
@@ -143,37 +204,23 @@ def lead_on(points: Floats, to_step: Floats, closed: bool, cos_bend: float) -> A
 
 
 @njit(cache=True, nogil=True)
-def triangulate(
-    points: Floats,
-    noise: Floats,
-    sigma: Floats,
-    side: Bools,
-    eyes: Floats,
-    to_step: Floats,
-    to_line: Floats,
-    usual_step: Floats,
-    usual_line: Floats,
-    steady: Bools,
-    closed: bool,
-    stretch: float,
-    jump: float,
-    cos_grazing: float,
-) -> Any:
+def triangulate(grid: Measured, given: Sides, closed: bool, limits: Limits) -> Ints:
     """Faces (f, 3) of flat grid indices, in the grid's own winding.
 
-    ``noise`` (s, n) mm excuses a long side, ``sigma`` (s, n) mm a deep one. Faces between two
-    lines where sides to the next step are ``steady`` (s, n) may be seen at any angle, if the
-    profile itself does not run along the ray.
+    Faces between two lines where sides to the next step are steady may be seen at any angle, if
+    the profile itself does not run along the ray.
     """
+    points, noise, sigma, side, eyes = grid
+    to_step, to_line, usual_step, usual_line, steady = given
     s, n, _ = points.shape
     quads = s if closed else s - 1
     faces = np.empty((2 * max(quads, 0) * max(n - 1, 0), 3), dtype=np.int32)
     made = 0
     ks, js = np.empty(4, dtype=np.int64), np.empty(4, dtype=np.int64)
     q, spread, ratio = np.empty((4, 3)), np.empty((4, 2)), np.empty(4)
-    # Triangles of diagonal 0-2, then of diagonal 1-3, and the two sides of the quad in each.
     corners = np.array(((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3)))
-    sides = np.array(((0, 1), (2, 3), (0, 3), (1, 2)))
+    cuts = Cuts(corners, np.array(((0, 1), (2, 3), (0, 3), (1, 2))))
+    quad = Quad(q, spread, ratio, ks)
     for k in range(quads):
         k1 = (k + 1) % s
         for j in range(n - 1):
@@ -192,17 +239,15 @@ def triangulate(
             across = np.hypot(usual_step[k, j], usual_line[k, j])
             first = _edge(points, side, ks[0], js[0], ks[2], js[2])
             second = _edge(points, side, ks[1], js[1], ks[3], js[3])
-            # Sides of the quad in the order of its corners: 0-1, 1-2, 2-3, 3-0.
             ratio[0] = to_line[k, j] / usual_line[k, j]
             ratio[1] = to_step[k, j + 1] / usual_step[k, j + 1]
             ratio[2] = to_line[k1, j] / usual_line[k1, j]
             ratio[3] = to_step[k, j] / usual_step[k, j]
             excused = steady[k, j] and steady[k, j + 1] and _across(q, eyes[k])
-            least = 0.0 if excused else cos_grazing
+            least = 0.0 if excused else limits.cos_grazing
             pick, whole = _cut_along(
-                q, spread, eyes, ks, ratio, first, second, across, corners, sides,
-                stretch, jump, least,
-            )  # fmt: skip
+                quad, eyes, (first, second), across, cuts, limits.stretch, limits.jump, least
+            )
             for t in range(pick, pick + 2):
                 if whole >> t & 1:
                     a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
@@ -226,24 +271,23 @@ def _across(q: Floats, eye: Floats) -> bool:
 
 @njit(cache=True, nogil=True)
 def _cut_along(
-    q: Floats,
-    spread: Floats,
+    quad: Quad,
     eyes: Floats,
-    ks: Longs,
-    ratio: Floats,
-    first: float,
-    second: float,
+    diagonals: tuple[float, float],
     across: float,
-    corners: Longs,
-    sides: Longs,
+    cuts: Cuts,
     stretch: float,
     jump: float,
     cos_grazing: float,
 ) -> tuple[int, int]:
     """The first of the two triangles that a quad is cut into, and which of them are sound, as bits.
 
-    It is cut along its shorter diagonal; along the other one where that makes more faces.
+    It is cut along the shorter of its ``diagonals`` (mm, usually ``across``); along the other one
+    where that makes more faces.
     """
+    q, spread, ratio, ks = quad
+    first, second = diagonals
+    corners, sides = cuts
     pick, most, whole = 0, -1, 0
     for turn in range(2):
         way = 2 * ((second < first) != (turn == 1))
@@ -267,7 +311,7 @@ def _cut_along(
 
 
 @njit(cache=True, nogil=True)
-def compact(faces: Ints, count: int) -> tuple[Any, Any]:
+def compact(faces: Ints, count: int) -> tuple[Ints, Ints]:
     """Those of ``count`` points that faces use, in order, and the faces (f, 3) in their numbers."""
     new = np.full(count, -1, dtype=np.int32)
     for f in range(len(faces)):

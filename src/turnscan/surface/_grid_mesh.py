@@ -131,23 +131,17 @@ def _quads(grid: RangeGrid, tears: TearLimits) -> Ints:
     far = np.maximum(far, tears.jump * np.sqrt(2.0) * believed)
     to_step[kernels.leaps(grid.points, to_step, far, closed, _BEND)] = np.nan
     most = 1.0 / max(float(np.cos(tears.grazing)), 1e-3)
-    faces: Ints = kernels.triangulate(
-        grid.points,
-        believed,
-        np.minimum(grid.sigma, _TRUSTED * _median(grid.sigma)),
-        side,
-        _eyes(grid),
+    sigma = np.minimum(grid.sigma, _TRUSTED * _median(grid.sigma))
+    sides = kernels.Sides(
         to_step,
         to_line,
         kernels.usual(to_step, step, True, closed, _LEAST, most),
         kernels.usual(to_line, line, False, False, _LEAST, most),
         kernels.lead_on(grid.points, to_step, closed, _BEND),
-        closed,
-        tears.stretch,
-        tears.jump,
-        float(np.cos(tears.grazing)),
     )
-    return faces
+    limits = kernels.Limits(tears.stretch, tears.jump, float(np.cos(tears.grazing)))
+    measured = kernels.Measured(grid.points, believed, sigma, side, _eyes(grid))
+    return kernels.triangulate(measured, sides, closed, limits)
 
 
 def _median(values: Floats) -> float:

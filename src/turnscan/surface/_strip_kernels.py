@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
@@ -11,7 +9,7 @@ from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def used_vertices(faces: Ints, s: int, n: int) -> Any:
+def used_vertices(faces: Ints, s: int, n: int) -> Bools:
     """(s, n, 4) True where the faces (f, 3) between profile k and the next, and between line j and
     the next, use the vertices (k, j), (k, j + 1), (k + 1, j) and (k + 1, j + 1) of their quad.
     """
@@ -56,7 +54,7 @@ def _next_chain(used: Bools, j: int) -> tuple[int, int, int, int, int, int]:
 
 
 @njit(cache=True, nogil=True)
-def joints(used: Bools) -> tuple[Any, Any]:
+def joints(used: Bools) -> tuple[Bools, Bools]:
     """Where profiles are one with the line before, and which of their points end a chain of faces.
 
     Both (s, n); of the vertices (s, n, 4) that faces use, as `used_vertices` gives them.
@@ -78,7 +76,7 @@ def joints(used: Bools) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def zipped(points: Floats, lines: Floats, behind: Bools, used: Bools) -> Any:
+def zipped(points: Floats, lines: Floats, behind: Bools, used: Bools) -> Ints:
     """Faces (f, 3) of flat indices of resampled points (s, m, 3), one strip for each chain.
 
     ``lines`` (s, m) is the line of the original grid at which each lies, ascending, NaN where there

@@ -212,11 +212,9 @@ def _links(grid: RangeGrid, c: Clean) -> tuple[Bools, Bools]:
     sigma = noise(grid)
     usual = spacing(grid)
     closed = grid.closed and s >= 3
-    ray, bend = float(np.cos(np.pi / 2 - c.grazing)), _BEND
+    limits = kernels.Limits(c.stretch, c.jump, float(np.cos(np.pi / 2 - c.grazing)), _BEND)
     both = [
-        kernels.links(
-            grid.points, side, eyes, sigma, u, steps, closed, c.stretch, c.jump, ray, bend
-        )
+        kernels.links(grid.points, side, eyes, sigma, u, steps, closed, limits)
         for u, steps in zip(usual, (True, False), strict=True)
     ]
     return both[0], both[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,23 @@ from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
 
 
+class Limits(NamedTuple):
+    """What neighbours on one surface may be."""
+
+    stretch: float
+    """Distance in usual spacings."""
+    jump: float
+    """Distance in sigma."""
+    cos_ray: float
+    """Of the angle between their connection and the ray: above it one is behind the other."""
+    cos_bend: float
+    """Of the angle between sides that go on alike."""
+
+
 @njit(cache=True, nogil=True)
-def _gap(points: Floats, side: Bools, a: Any, b: Any, closed: bool, out: Floats) -> bool:
+def _gap(
+    points: Floats, side: Bools, a: tuple[int, int], b: tuple[int, int], closed: bool, out: Floats
+) -> bool:
     """Write b − a to ``out``; False where one of the two is not there."""
     s, n, _ = points.shape
     for k, j in (a, b):
@@ -85,11 +100,8 @@ def links(
     usual: Floats,
     along_steps: bool,
     closed: bool,
-    stretch: float,
-    jump: float,
-    cos_ray: float,
-    cos_bend: float,
-) -> Any:
+    limits: Limits,
+) -> Bools:
     """(s, n) True where a point and the next one (step or line) are neighbours on one surface.
 
     They are where they lie no further apart than ``stretch`` usual spacings (s, n) or ``jump``
@@ -97,6 +109,7 @@ def links(
     (up to three times as far) where the lines above and below do the same, and the two are not
     one behind the other along the camera's ray.
     """
+    stretch, jump, cos_ray, cos_bend = limits
     s, n, _ = points.shape
     out = np.zeros((s, n), dtype=np.bool_)
     dk, dj = (1, 0) if along_steps else (0, 1)
@@ -139,7 +152,7 @@ def fading(
     inner: int,
     share: float,
     apart: float,
-) -> Any:
+) -> Bools:
     """(s, n) True for points at the ends of runs of lines where the light fades and bends away.
 
     Of the last ``most`` points of a run those count that are fainter than ``share`` of the median
@@ -174,7 +187,7 @@ def fading(
 @njit(cache=True, nogil=True)
 def _run(
     points: Floats, sigma: Floats, light: Floats, k: int, first: int, d: int, own: Floats
-) -> tuple[Any, Any, float, float]:
+) -> tuple[Floats, Floats, float, float]:
     """Middle (3,) and direction (3,) of the line through the points before the end of a run, their
     median light and sigma; a light of 0 where half of them are missing."""
     inner = len(own)
@@ -232,7 +245,7 @@ def _neighbours(
 
 
 @njit(cache=True, nogil=True)
-def core(keep: Bools, to_step: Bools, to_line: Bools, closed: bool, least: int) -> Any:
+def core(keep: Bools, to_step: Bools, to_line: Bools, closed: bool, least: int) -> Bools:
     """The points (s, n) that stay when those with fewer than ``least`` neighbours are removed,
     again and again until none is left to take. The order does not matter.
     """
@@ -262,7 +275,7 @@ def core(keep: Bools, to_step: Bools, to_line: Bools, closed: bool, least: int) 
 
 
 @njit(cache=True, nogil=True)
-def piece_sizes(keep: Bools, to_step: Bools, to_line: Bools, closed: bool) -> Any:
+def piece_sizes(keep: Bools, to_step: Bools, to_line: Bools, closed: bool) -> Longs:
     """(s, n): for every kept point, how many kept points links lead to from it, itself included."""
     s, n = keep.shape
     size = np.zeros((s, n), dtype=np.int64)

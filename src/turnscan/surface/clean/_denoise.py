@@ -69,12 +69,19 @@ def _offsets(
     closed = grid.closed and len(grid.steps) > 4 * _REACH
     eyes, spread, size = _eyes(grid), noise(grid), len(grid.steps)
     off, rest = np.full(side.shape, np.nan), np.full(side.shape, np.nan)
+    measured = kernels.Measured(grid.points, side, eyes, spread)
     for first in range(0, size, _AT_A_TIME):
         progress(first / size)
         kernels.offsets(
-            grid.points, side, eyes, spread, closed, _REACH, scale, alone, first,
-            min(first + _AT_A_TIME, size), off, rest,
-        )  # fmt: skip
+            measured,
+            closed,
+            _REACH,
+            scale,
+            alone,
+            (first, min(first + _AT_A_TIME, size)),
+            off,
+            rest,
+        )
     return off, rest
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats
 from turnscan.compiled import njit
 
 _SAG = 4.0
@@ -19,10 +20,23 @@ _HALVES = 8
 """Half windows: the four sides and the four corners."""
 
 
+class Measured(NamedTuple):
+    """A grid as denoising sees it."""
+
+    points: Floats
+    """(s, n, 3) mm."""
+    side: Bools
+    """(s, n) True beyond the rotation axis."""
+    eyes: Floats
+    """(s, 3) mm: where the camera was."""
+    noise: Floats
+    """(s, n) mm."""
+
+
 @njit(cache=True, nogil=True)
 def _around(
-    points: Any, side: Any, noise: Any, closed: bool, k: int, j: int, ray: Any, most: int,
-    reach: float, out: Any,
+    points: Floats, side: Bools, noise: Floats, closed: bool, k: int, j: int, ray: Floats,
+    most: int, reach: float, out: Floats,
 ) -> int:  # fmt: skip
     """Write the points about one in the grid: x, y across its ray and h along it (towards the
     camera), weight by distance in the grid, noise, steps and lines away. Gives how many.
@@ -66,7 +80,7 @@ def _around(
 
 
 @njit(cache=True, nogil=True)
-def _solve(A: Any, b: Any, terms: int) -> bool:
+def _solve(A: Floats, b: Floats, terms: int) -> bool:
     """Solve A x = b in place (Cholesky; x stands in b); False where A is not positive."""
     for i in range(terms):
         for j in range(i + 1):
@@ -91,7 +105,9 @@ def _solve(A: Any, b: Any, terms: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _fit(near: Any, have: int, weight: Any, terms: int, bend: float, A: Any, x: Any) -> bool:
+def _fit(
+    near: Floats, have: int, weight: Floats, terms: int, bend: float, A: Floats, x: Floats
+) -> bool:
     """Weighted fit of h by 1, x, y (and x², xy, y² where ``terms`` is 6, these near 0 ± bend)."""
     row = np.empty(_TERMS)
     for i in range(terms):
@@ -114,7 +130,7 @@ def _fit(near: Any, have: int, weight: Any, terms: int, bend: float, A: Any, x: 
 
 
 @njit(cache=True, nogil=True)
-def _height(x: Any, terms: int, u: float, v: float) -> float:
+def _height(x: Floats, terms: int, u: float, v: float) -> float:
     h = x[0] + x[1] * u + x[2] * v
     if terms > 3:
         h += x[3] * u * u + x[4] * u * v + x[5] * v * v
@@ -133,7 +149,7 @@ def _in_half(half: int, dk: float, dj: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _spread(near: Any, have: int, weight: Any, x: Any, terms: int) -> float:
+def _spread(near: Floats, have: int, weight: Floats, x: Floats, terms: int) -> float:
     """Weighted mean square of the residuals in their noise."""
     total, sum_w = 0.0, 0.0
     for p in range(have):
@@ -144,7 +160,9 @@ def _spread(near: Any, have: int, weight: Any, x: Any, terms: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _begin(near: Any, have: int, base: Any, weight: Any, A: Any, x: Any, best: Any) -> bool:
+def _begin(
+    near: Floats, have: int, base: Floats, weight: Floats, A: Floats, x: Floats, best: Floats
+) -> bool:
     """Write the plane to begin with: through the whole window, or its flattest half.
 
     The whole is taken where it is as flat as the noise says; where it is not there is an edge or
@@ -169,7 +187,14 @@ def _begin(near: Any, have: int, base: Any, weight: Any, A: Any, x: Any, best: A
 
 @njit(cache=True, nogil=True)
 def _settle(
-    near: Any, have: int, base: Any, weight: Any, own: float, scale: float, A: Any, x: Any
+    near: Floats,
+    have: int,
+    base: Floats,
+    weight: Floats,
+    own: float,
+    scale: float,
+    A: Floats,
+    x: Floats,
 ) -> bool:
     """Fit again and again with the weights that the residuals of the last fit say (Welsch's)."""
     terms = 3
@@ -186,24 +211,25 @@ def _settle(
 
 @njit(cache=True, nogil=True)
 def offsets(
-    points: Any, side: Any, eyes: Any, noise: Any, closed: bool, reach: float, scale: float,
-    alone: bool, first: int, last: int, out: Any, rest: Any,
+    grid: Measured, closed: bool, reach: float, scale: float, alone: bool,
+    steps: tuple[int, int], out: Floats, rest: Floats,
 ) -> None:  # fmt: skip
     """For each point how far along its ray, towards the camera, the surface about it lies, mm.
 
     The surface is a plane or a gentle bend, fitted to the points within two ``reach`` (steps and
     lines) with weights that fall with their distance in the grid and with their residual in
-    ``scale`` noises. ``alone`` leaves the point itself out. Of the profiles from ``first`` to
-    before ``last`` it writes that to ``out`` (s, n), and to ``rest`` the rms residual about the
-    point, in noises; neither where there are too few neighbours.
+    ``scale`` noises. ``alone`` leaves the point itself out. Of the profiles from the first of
+    ``steps`` to before the second it writes that to ``out`` (s, n), and to ``rest`` the rms
+    residual about the point, in noises; neither where there are too few neighbours.
     """
+    points, side, eyes, noise = grid
     _, n, _ = points.shape
     most = int(np.ceil(2.0 * reach))
     room = (2 * most + 1) ** 2
     near, base, weight = np.empty((room, 7)), np.empty(room), np.empty(room)
     A, x, best = np.empty((_TERMS, _TERMS)), np.empty(_TERMS), np.empty(_TERMS)
     ray = np.empty(3)
-    for k in range(first, last):
+    for k in range(steps[0], steps[1]):
         for j in range(n):
             if np.isnan(points[k, j, 0]):
                 continue

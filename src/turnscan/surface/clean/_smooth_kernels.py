@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
 from turnscan.mesh._normal_kernels import vertex_normals
 
 
 @njit(cache=True, nogil=True)
-def off_ring(points: Any, faces: Any) -> Any:
+def off_ring(points: Floats, faces: Ints) -> Floats:
     """(v,) mm: how far every vertex lies outside the middle of its neighbours, along its normal.
 
     Neighbours inside the surface count twice, those across a border once. NaN without a face.
@@ -36,7 +35,7 @@ def off_ring(points: Any, faces: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def largest_beside(values: Any, faces: Any) -> Any:
+def largest_beside(values: Floats, faces: Ints) -> Floats:
     """(v,) the largest absolute value among the neighbours of every vertex."""
     out = np.zeros(len(values))
     for f in range(len(faces)):

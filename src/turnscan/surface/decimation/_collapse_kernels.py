@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
 from turnscan.surface.decimation._heap_kernels import drop, put
-from turnscan.surface.decimation._net_kernels import MOST, cost, ends, look, room
+from turnscan.surface.decimation._net_kernels import MOST, Net, Ring, cost, ends, look, room
 from turnscan.surface.decimation._rule_kernels import (
     faces_near,
     keeps_near,
@@ -21,15 +22,15 @@ from turnscan.surface.decimation._rule_kernels import (
 class Queue(NamedTuple):
     """Vertices by what their cheapest move costs (`_heap_kernels`)."""
 
-    heap: Any
-    place: Any
-    key: Any
-    goal: Any
+    heap: Ints
+    place: Ints
+    key: Floats
+    goal: Ints
     """(v,) the neighbour that this move leads to; −1 for those that may not move."""
 
 
 @njit(cache=True, nogil=True)
-def _price(net: Any, line: Any, v: int, ring: Any) -> tuple[int, int]:
+def _price(net: Net, line: Queue, v: int, ring: Ring) -> tuple[int, int]:
     """Look about v and write what each of its moves costs, infinite where it may not be made.
 
     Gives how many corners and neighbours there are.
@@ -50,7 +51,7 @@ def _price(net: Any, line: Any, v: int, ring: Any) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def _wait(line: Any, size: int, v: int) -> int:
+def _wait(line: Queue, size: int, v: int) -> int:
     """Put v where its key belongs, or take it out; gives the new size."""
     if line.goal[v] < 0:
         return drop(line.heap, line.place, line.key, size, v)
@@ -58,7 +59,7 @@ def _wait(line: Any, size: int, v: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _wait_again(net: Any, line: Any, size: int, v: int, u: int, ring: Any, spare: Any) -> int:
+def _wait_again(net: Net, line: Queue, size: int, v: int, u: int, ring: Ring, spare: Ring) -> int:
     """Put u, that v has become, and its neighbours where they now belong; gives the new size.
 
     Of a neighbour's moves that to v is gone and that to u costs something else. The others cost
@@ -84,7 +85,9 @@ def _wait_again(net: Any, line: Any, size: int, v: int, u: int, ring: Any, spare
 
 
 @njit(cache=True, nogil=True)
-def _move(net: Any, v: int, u: int, ring: Any, count: int, held: Any, owner: Any, hang: int) -> int:
+def _move(
+    net: Net, v: int, u: int, ring: Ring, count: int, held: Ints, owner: Ints, hang: int
+) -> int:
     """v becomes u; gives how many faces vanish."""
     gone = 0
     for i in range(count):
@@ -113,7 +116,7 @@ def _move(net: Any, v: int, u: int, ring: Any, count: int, held: Any, owner: Any
 
 
 @njit(cache=True, nogil=True)
-def queue(net: Any) -> tuple[Any, int]:
+def queue(net: Net) -> tuple[Queue, int]:
     """All vertices that may move, the cheapest first, and how many."""
     mine = room()
     total = len(net.points)
@@ -131,7 +134,9 @@ def queue(net: Any) -> tuple[Any, int]:
 
 
 @njit(cache=True, nogil=True)
-def collapse(net: Any, line: Any, size: int, left: int, wanted: int, most: int) -> tuple[int, int]:
+def collapse(
+    net: Net, line: Queue, size: int, left: int, wanted: int, most: int
+) -> tuple[int, int]:
     """Move vertices into their neighbours, the cheapest first; the arrays of ``net`` change.
 
     ``size`` vertices stand in ``line`` and ``left`` faces are there. It ends at ``wanted`` faces,

@@ -6,18 +6,17 @@ Of equal keys the lower number comes first, so that the order is always the same
 
 from __future__ import annotations
 
-from typing import Any
-
+from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
 
 
 @njit(cache=True, nogil=True)
-def _less(key: Any, a: int, b: int) -> bool:
+def _less(key: Floats, a: int, b: int) -> bool:
     return key[a] < key[b] or (key[a] == key[b] and a < b)
 
 
 @njit(cache=True, nogil=True)
-def _rise(heap: Any, place: Any, key: Any, at: int) -> int:
+def _rise(heap: Ints, place: Ints, key: Floats, at: int) -> int:
     x = heap[at]
     while at > 0 and _less(key, x, heap[(at - 1) // 2]):
         heap[at] = heap[(at - 1) // 2]
@@ -29,7 +28,7 @@ def _rise(heap: Any, place: Any, key: Any, at: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _sink(heap: Any, place: Any, key: Any, size: int, at: int) -> None:
+def _sink(heap: Ints, place: Ints, key: Floats, size: int, at: int) -> None:
     x = heap[at]
     while 2 * at + 1 < size:
         child = 2 * at + 1
@@ -45,7 +44,7 @@ def _sink(heap: Any, place: Any, key: Any, size: int, at: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def put(heap: Any, place: Any, key: Any, size: int, x: int) -> int:
+def put(heap: Ints, place: Ints, key: Floats, size: int, x: int) -> int:
     """Add ``x`` by its key, or move it to where its key now belongs; the heap's new size."""
     at = place[x]
     if at < 0:
@@ -57,7 +56,7 @@ def put(heap: Any, place: Any, key: Any, size: int, x: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def drop(heap: Any, place: Any, key: Any, size: int, x: int) -> int:
+def drop(heap: Ints, place: Ints, key: Floats, size: int, x: int) -> int:
     """Take ``x`` out, where it is in; the heap's new size."""
     at = place[x]
     if at < 0:

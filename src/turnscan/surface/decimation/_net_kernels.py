@@ -6,10 +6,11 @@ the first one, `after` the next. A face that is gone has −1 for its first corn
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
 
 MOST = 64
@@ -23,32 +24,32 @@ _EVEN = 1e-5
 class Net(NamedTuple):
     """A mesh whose vertices move into their neighbours, and what may not happen then."""
 
-    points: Any
+    points: Floats
     """(v, 3) mm."""
-    faces: Any
+    faces: Ints
     """(f, 3)."""
-    head: Any
-    after: Any
-    q: Any
+    head: Ints
+    after: Ints
+    q: Floats
     """(v, 10) quadrics."""
-    own: Any
+    own: Floats
     """(v,) what those cost at the vertex itself."""
-    locked: Any
+    locked: Bools
     """(v,) True for vertices that stay."""
-    chain: Any
+    chain: Ints
     """(2, v) the next vertex along the first border, and the one before; −1 inside."""
-    rim: Any
+    rim: Ints
     """(2, v) the same along the border as it is now."""
-    samples: Any
+    samples: Floats
     """(m, 3) points of the first surface, its vertices before others; ``first`` (f,) and
     ``follow`` (m,) hang them on faces."""
-    first: Any
-    follow: Any
-    old: Any
+    first: Ints
+    follow: Ints
+    old: Ints
     """(f, 3) faces of the first surface; ``old_head`` (v,) and ``old_after`` (3f,) hang their
     corners on vertices."""
-    old_head: Any
-    old_after: Any
+    old_head: Ints
+    old_after: Ints
     limit: float
     """Squared mm: how far samples and border vertices may come to lie from faces and border, and
     faces from the first surface."""
@@ -57,14 +58,14 @@ class Net(NamedTuple):
 class Ring(NamedTuple):
     """Room for what is about one vertex: its corners, neighbours and their sides' faces, costs."""
 
-    corners: Any
-    near: Any
-    seen: Any
-    costs: Any
+    corners: Ints
+    near: Ints
+    seen: Ints
+    costs: Floats
 
 
 @njit(cache=True, nogil=True)
-def room() -> Any:
+def room() -> Ring:
     return Ring(
         np.empty(MOST, dtype=np.int32),
         np.empty(2 * MOST, dtype=np.int32),
@@ -74,7 +75,7 @@ def room() -> Any:
 
 
 @njit(cache=True, nogil=True)
-def lists(owners: Any, count: int) -> tuple[Any, Any]:
+def lists(owners: Ints, count: int) -> tuple[Ints, Ints]:
     """What hangs on each owner, as lists: ``first`` (count,) and ``follow`` (m,)."""
     first = np.full(count, -1, dtype=np.int32)
     follow = np.full(len(owners), -1, dtype=np.int32)
@@ -86,7 +87,7 @@ def lists(owners: Any, count: int) -> tuple[Any, Any]:
 
 
 @njit(cache=True, nogil=True)
-def _add_plane(q: Any, a: float, b: float, c: float, d: float, w: float) -> None:
+def _add_plane(q: Floats, a: float, b: float, c: float, d: float, w: float) -> None:
     q[0] += w * a * a
     q[1] += w * a * b
     q[2] += w * a * c
@@ -100,7 +101,7 @@ def _add_plane(q: Any, a: float, b: float, c: float, d: float, w: float) -> None
 
 
 @njit(cache=True, nogil=True)
-def cost(q: Any, p: Any) -> float:
+def cost(q: Floats, p: Floats) -> float:
     """Weighted squared distance of a point from the planes of a quadric."""
     x, y, z = p[0], p[1], p[2]
     e = (
@@ -113,7 +114,7 @@ def cost(q: Any, p: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def shape(p: Any, q: Any, r: Any, n: Any) -> float:
+def shape(p: Floats, q: Floats, r: Floats, n: Floats) -> float:
     """Write the normal (twice the area long); gives how even the face is, 1 for equilateral."""
     u0, u1, u2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     v0, v1, v2 = r[0] - p[0], r[1] - p[1], r[2] - p[2]
@@ -125,7 +126,7 @@ def shape(p: Any, q: Any, r: Any, n: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def quadrics(points: Any, faces: Any, rim: Any) -> Any:
+def quadrics(points: Floats, faces: Ints, rim: Bools) -> Floats:
     """(v, 10) the planes about every vertex, faces by area (Garland & Heckbert 1997).
 
     ``rim`` (3f,) is True for sides on a border: a plane through it, upright on its face, keeps it.
@@ -156,7 +157,7 @@ def quadrics(points: Any, faces: Any, rim: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _hold_rim(points: Any, out: Any, p: int, o: int, x: float, y: float, z: float) -> None:
+def _hold_rim(points: Floats, out: Floats, p: int, o: int, x: float, y: float, z: float) -> None:
     """Add the plane through the side p-o, upright on the normal x, y, z, to both its ends."""
     e0, e1, e2 = (
         points[o, 0] - points[p, 0],
@@ -172,7 +173,7 @@ def _hold_rim(points: Any, out: Any, p: int, o: int, x: float, y: float, z: floa
 
 
 @njit(cache=True, nogil=True)
-def _star(net: Any, v: int, corners: Any) -> int:
+def _star(net: Net, v: int, corners: Ints) -> int:
     """Write the live corners at a vertex, forget the dead ones; −1 where there are too many."""
     count, last = 0, -1
     c = net.head[v]
@@ -194,14 +195,14 @@ def _star(net: Any, v: int, corners: Any) -> int:
 
 
 @njit(cache=True, nogil=True)
-def ends(faces: Any, corner: int) -> tuple[int, int]:
+def ends(faces: Ints, corner: int) -> tuple[int, int]:
     """The other two vertices of a face, in its winding."""
     f, i = corner // 3, corner % 3
     return faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]
 
 
 @njit(cache=True, nogil=True)
-def look(net: Any, v: int, ring: Any) -> tuple[int, int]:
+def look(net: Net, v: int, ring: Ring) -> tuple[int, int]:
     """Write corners, neighbours, and how many faces each side to them has; how many of either."""
     count = _star(net, v, ring.corners)
     if net.rim[0, v] < 0 and not net.locked[v]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
-from turnscan.surface.decimation._net_kernels import ends, shape
+from turnscan.surface.decimation._net_kernels import Net, Ring, ends, shape
 
 _WITHIN = (
     (1 / 3, 1 / 3, 1 / 3), (0.6, 0.2, 0.2), (0.2, 0.6, 0.2), (0.2, 0.2, 0.6),
@@ -22,7 +21,7 @@ _SLIM = 0.02
 
 @njit(cache=True, nogil=True)
 def keeps_topology(
-    faces: Any, mine: Any, count: int, have: int, u: int, shared: int, theirs: Any, others: int,
+    faces: Ints, mine: Ring, count: int, have: int, u: int, shared: int, theirs: Ring, others: int,
     near: int,
 ) -> bool:  # fmt: skip
     """Whether v may become u: the surface stays as it hangs together, and something of it stays.
@@ -50,7 +49,7 @@ def keeps_topology(
 
 
 @njit(cache=True, nogil=True)
-def keeps_sides(net: Any, v: int, u: int, ring: Any, count: int, n: Any, m: Any) -> bool:
+def keeps_sides(net: Net, v: int, u: int, ring: Ring, count: int, n: Floats, m: Floats) -> bool:
     """Whether no face turns over, or becomes a splinter, when its corner moves to u."""
     points = net.points
     for i in range(count):
@@ -71,7 +70,7 @@ def keeps_sides(net: Any, v: int, u: int, ring: Any, count: int, n: Any, m: Any)
 
 
 @njit(cache=True, nogil=True)
-def _off_face(p: Any, a: Any, b: Any, c: Any) -> float:
+def _off_face(p: Floats, a: Floats, b: Floats, c: Floats) -> float:
     """Squared distance of a point from a triangle (Ericson 2005, §5.1.5)."""
     ab0, ab1, ab2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     ac0, ac1, ac2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
@@ -106,7 +105,7 @@ def _off_face(p: Any, a: Any, b: Any, c: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def keeps_near(net: Any, u: int, ring: Any, count: int, held: Any, owner: Any) -> int:
+def keeps_near(net: Net, u: int, ring: Ring, count: int, held: Ints, owner: Ints) -> int:
     """Write the samples about a vertex that moves to u, and the face that each will hang on.
 
     Gives how many there are, −1 where one would lie too far from all of those faces.
@@ -132,7 +131,7 @@ def keeps_near(net: Any, u: int, ring: Any, count: int, held: Any, owner: Any) -
 
 
 @njit(cache=True, nogil=True)
-def _off_old(net: Any, p: Any, held: Any, have: int) -> float:
+def _off_old(net: Net, p: Floats, held: Ints, have: int) -> float:
     """Squared distance of a point from the first surface about the vertex of it that is nearest.
 
     Looked for among the samples ``held``; infinite where there is no vertex among them.
@@ -156,7 +155,7 @@ def _off_old(net: Any, p: Any, held: Any, have: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def faces_near(net: Any, u: int, ring: Any, count: int, held: Any, have: int, p: Any) -> bool:
+def faces_near(net: Net, u: int, ring: Ring, count: int, held: Ints, have: int, p: Floats) -> bool:
     """Whether the faces about a vertex that moves to u lie near the first surface, by samples."""
     for j in range(count):
         a, b = ends(net.faces, ring.corners[j])
@@ -172,7 +171,7 @@ def faces_near(net: Any, u: int, ring: Any, count: int, held: Any, have: int, p:
 
 
 @njit(cache=True, nogil=True)
-def _off_side(p: Any, a: Any, b: Any) -> float:
+def _off_side(p: Floats, a: Floats, b: Floats) -> float:
     """Squared distance of a point from a side."""
     dot, size = 0.0, 0.0
     for i in range(3):
@@ -186,7 +185,7 @@ def _off_side(p: Any, a: Any, b: Any) -> float:
 
 
 @njit(cache=True, nogil=True)
-def keeps_rim(net: Any, v: int) -> bool:
+def keeps_rim(net: Net, v: int) -> bool:
     """Whether the first border stays near the side that closes the gap where v was."""
     a, b = net.rim[1, v], net.rim[0, v]
     for way in range(2):

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, Longs
@@ -15,7 +13,7 @@ _SLACK = 1e-6
 
 
 @njit(cache=True, nogil=True)
-def about(faces: Ints, count: int) -> Any:
+def about(faces: Ints, count: int) -> tuple[Longs, Ints]:
     """The faces about each of ``count`` vertices: where they begin (v + 1,), and their numbers."""
     start = np.zeros(count + 1, dtype=np.int64)
     for f in range(len(faces)):
@@ -34,7 +32,7 @@ def about(faces: Ints, count: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def inner(faces: Ints, count: int) -> Any:
+def inner(faces: Ints, count: int) -> Bools:
     """(v,) True where faces go all the way round a vertex.
 
     Round it each face leads from one neighbour to the next; the sum of all that leads nowhere.
@@ -50,7 +48,7 @@ def inner(faces: Ints, count: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def next_profile(faces: Ints, rank: Ints, line: Ints) -> Any:
+def next_profile(faces: Ints, rank: Ints, line: Ints) -> tuple[Ints, Ints]:
     """(v,) the vertices that faces join to each on the same line of the profile before and after.
 
     ``rank`` (v,) counts the profiles; −1 where there is none. The turn closes where faces close it.
@@ -73,7 +71,7 @@ def next_profile(faces: Ints, rank: Ints, line: Ints) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def differences(values: Floats, before: Ints, after: Ints) -> Any:
+def differences(values: Floats, before: Ints, after: Ints) -> Floats:
     """(v, 3) second differences of ``values`` from profile to profile; NaN where one is missing."""
     out = np.full(values.shape, np.nan)
     for v in range(len(values)):
@@ -115,7 +113,7 @@ def _met(X: Floats, n: Floats, points: Floats, face: Ints, weights: Floats) -> f
 @njit(cache=True, nogil=True)
 def feet(
     X: Floats, normals: Floats, near: Ints, points: Floats, faces: Ints, start: Longs, numbers: Ints
-) -> Any:
+) -> tuple[Ints, Floats, Floats]:
     """Where lines along ``normals`` from X (m, 3) meet the faces round their nearest vertex.
 
     Returns the face (m,), −1 for none, the weights of its corners (m, 3) and the distance (m,)
@@ -157,7 +155,7 @@ def between(
     smooth: Bools,
     second: Floats,
     sigma: Floats,
-) -> Any:
+) -> tuple[Floats, Floats]:
     """What lies between profiles at a foot (`feet`): bulge and sigma (m,) mm along the normal.
 
     The bulge is how far the cubic through four profiles lies above the chord of the middle two,

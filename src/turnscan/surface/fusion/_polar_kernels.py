@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,15 +14,15 @@ from turnscan.surface.fusion._variance_kernels import Vertices, variances
 class Cells(NamedTuple):
     """What is known of one surface in each cell (s, n) of angle and height."""
 
-    radius: Any
+    radius: Floats
     """mm, NaN where the cell was not met."""
-    weight: Any
+    weight: Floats
     """cos(incidence)/spread², 0 where the cell was not met."""
-    noise: Any
+    noise: Floats
     """mm: what the sigma of the vertices makes of the radius."""
-    spread: Any
+    spread: Floats
     """mm: that and what the surface may do between its profiles."""
-    source: Any
+    source: Ints
     """The nearest vertex, −1 where the cell was not met."""
 
 

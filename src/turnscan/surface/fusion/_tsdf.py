@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.mesh._fair import fair
 from turnscan.mesh._mesh import Mesh, Provenance
@@ -234,7 +234,7 @@ def _border_weights(s: RangeSurface, usual: float) -> Floats:
     return usual**2 * np.where(border, _BORDER[0], np.where(beside, _BORDER[1], 1.0))
 
 
-def _provenance(parts: Sequence[RangeSurface], origins: Ints, sigma: Floats) -> Provenance | None:
+def _provenance(parts: Sequence[RangeSurface], origins: Longs, sigma: Floats) -> Provenance | None:
     whole = joined_provenance([s.mesh for s in parts])
     if whole is None:
         return None

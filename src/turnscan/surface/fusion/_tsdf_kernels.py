@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
 from turnscan.compiled import njit
@@ -35,7 +36,7 @@ corner would else fall on one place in the 32-bit numbers of an STL."""
 class Space(NamedTuple):
     """Where the voxels lie, and how far a surface reaches into them."""
 
-    origin: Any
+    origin: Floats
     """(3,) mm."""
     voxel: float
     """mm."""
@@ -48,26 +49,26 @@ class Space(NamedTuple):
 class Look(NamedTuple):
     """Faces of a range surface, and along which rays they are carried into the volume."""
 
-    faces: Any
+    faces: Ints
     """(f, 3)."""
-    eyes: Any
+    eyes: Floats
     """(v, 3) mm: where the ray through each vertex comes from."""
-    cosines: Any
+    cosines: Floats
     """(v,) of incidence."""
-    weights: Any
+    weights: Floats
     """(v,) times the variance."""
 
 
 class Cubes(NamedTuple):
     """The tables of marching cubes, as `_cubes` has them."""
 
-    corners: Any
+    corners: Longs
     """(8, 3) voxels."""
-    edges: Any
+    edges: Longs
     """(12, 3) the two vertices of each, and its axis."""
-    table: Any
+    table: npt.NDArray[np.int8]
     """(256, t, 3) edges whose vertices make a face, for each pattern of corners inside."""
-    sizes: Any
+    sizes: npt.NDArray[np.int8]
     """(256,) how many faces."""
 
 
@@ -328,7 +329,7 @@ def _mean_round(index: Ints, value: Singles, x: int, y: int, z: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def grow(index: Ints, blocks: Longs, value: Singles, rounds: int, sweeps: int) -> Any:
+def grow(index: Ints, blocks: Longs, value: Singles, rounds: int, sweeps: int) -> Bools:
     """Give ``value`` to voxels up to ``rounds`` away from known ones; (blocks, cells) True there.
 
     New values are harmonic: each the mean of those next to it, as ``sweeps`` of relaxation leave
@@ -384,7 +385,7 @@ def march(
     source: Ints,
     made: Bools,
     cubes: Cubes,
-) -> tuple[Any, Any, Any, Any, Any]:
+) -> tuple[Floats, Ints, Longs, Bools, Floats]:
     """Marching cubes over the blocks: vertices (v, 3) in voxels, faces (f, 3), sources (v,).
 
     ``value`` (blocks, cells) is the signed distance, NaN where nothing is known: no cube with such

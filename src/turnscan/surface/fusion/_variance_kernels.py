@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
@@ -11,13 +11,13 @@ from turnscan.compiled import njit
 class Vertices(NamedTuple):
     """What a merge knows of the vertices of one range surface."""
 
-    points: Any
+    points: Floats
     """(v, 3) mm."""
-    sigma: Any
+    sigma: Floats
     """(v,) mm."""
-    between: Any
+    between: Floats
     """(v,) mm: how far the surface may lie off its chords to the neighbouring profiles."""
-    step: Any
+    step: Ints
     """(v,) the profile of each, in any numbers."""
 
 

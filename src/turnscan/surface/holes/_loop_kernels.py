@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Longs
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.compiled import njit
 
 
@@ -19,7 +17,7 @@ def _cross(xy: Floats, a: int, b: int, c: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def clip_ears(xy: Floats, used: Bools) -> Any:
+def clip_ears(xy: Floats, used: Bools) -> Ints:
     """A polygon (m, 2), counter-clockwise → (m − 2, 3) triangles of its corners.
 
     Of the ears there are, the one with the best-shaped triangle goes first (its smallest height

@@ -6,12 +6,25 @@ the next, −1 on the border. Corners below ``m`` are those of the loop.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
+
+
+class Chords(NamedTuple):
+    """Best triangles on the chords i to k of a loop: (m, m), and (m, m, 3) the last."""
+
+    bend: Floats
+    """How much they bend."""
+    area: Floats
+    """mm²."""
+    apex: Ints
+    """Third corner of the triangle on the chord, −1 for none."""
+    normal: Floats
+    """Unit normal of that triangle."""
 
 
 @njit(cache=True, nogil=True)
@@ -38,7 +51,7 @@ def _bend(n: Floats, o: Floats) -> float:
 
 
 @njit(cache=True, nogil=True)
-def span(points: Floats, outer: Floats, used: Bools, bent: bool) -> tuple[Any, bool]:
+def span(points: Floats, outer: Floats, used: Bools, bent: bool) -> tuple[Ints, bool]:
     """A loop (m, 3) → (m − 2, 3) triangles that bend least, then have least area (Liepa 2003).
 
     Without ``bent`` the area alone counts (Barequet and Sharir 1995).
@@ -51,6 +64,7 @@ def span(points: Floats, outer: Floats, used: Bools, bent: bool) -> tuple[Any, b
     area = np.zeros((m, m))
     apex = np.full((m, m), -1, dtype=np.int32)
     normal = np.zeros((m, m, 3))
+    chords = Chords(bend, area, apex, normal)
     n = np.empty(3)
     for i in range(m - 1):
         bend[i, i + 1] = 0.0
@@ -63,7 +77,7 @@ def span(points: Floats, outer: Floats, used: Bools, bent: bool) -> tuple[Any, b
             whole = i == 0 and k == m - 1
             if used[i, k] and not whole:
                 continue
-            _best(points, i, k, bend, area, apex, normal, n, last, whole, bent)
+            _best(points, i, k, chords, n, last, whole, bent)
     faces = np.empty((m - 2, 3), dtype=np.int32)
     if apex[0, m - 1] < 0:
         return faces, False
@@ -76,16 +90,14 @@ def _best(
     points: Floats,
     i: int,
     k: int,
-    bend: Floats,
-    area: Floats,
-    apex: Ints,
-    normal: Floats,
+    chords: Chords,
     n: Floats,
     last: Floats,
     whole: bool,
     bent: bool,
 ) -> None:
     """Find the best triangle on the chord from i to k, given those of all shorter chords."""
+    bend, area, apex, normal = chords
     best_bend, best_area = np.inf, np.inf
     for j in range(i + 1, k):
         b = max(bend[i, j], bend[j, k])
@@ -125,7 +137,7 @@ def _unroll(apex: Ints, faces: Ints) -> None:
 
 
 @njit(cache=True, nogil=True)
-def lace(a: Any, b: Any) -> Any:
+def lace(a: Floats, b: Floats) -> Ints:
     """Two loops (n, 3), (k, 3), side by side and against each other → (n + k, 3) triangles of
     least area between them; vertices of the second count from n. Corners 0 are joined.
     """
@@ -248,7 +260,7 @@ def relax(p: Floats, tri: Ints, beside: Ints, count: int, m: int, used: Bools) -
 
 
 @njit(cache=True, nogil=True)
-def neighbours(tri: Ints) -> Any:
+def neighbours(tri: Ints) -> Ints:
     """(t, 3) the triangle across each side; every side has at most two."""
     count = len(tri)
     keys = np.empty(3 * count, dtype=np.int64)
@@ -268,7 +280,9 @@ def neighbours(tri: Ints) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def refine(points: Floats, faces: Ints, scale: Floats, used: Bools, limit: int) -> tuple[Any, Any]:
+def refine(
+    points: Floats, faces: Ints, scale: Floats, used: Bools, limit: int
+) -> tuple[Floats, Ints]:
     """Points and triangles of a patch, as dense as its border (Liepa 2003, §4).
 
     ``scale`` (m,) is the usual length of a side about each corner of the loop. A triangle takes a
