@@ -1,6 +1,6 @@
 """Runs a plan on devices into a scan file."""
 
-from turnscan.acquire._angle import Counting, Noted, Shifted, check_angle, counting_of, reindexed
+from turnscan.acquire._angle import Shifted, check_angle, counting_of, reindexed
 from turnscan.acquire._capture import Hardware, Shooter
 from turnscan.acquire._control import Control
 from turnscan.acquire._events import (
@@ -8,9 +8,7 @@ from turnscan.acquire._events import (
     Event,
     Listener,
     Missing,
-    Moving,
     Paused,
-    Started,
     StepDone,
     Stored,
     Taken,
@@ -23,7 +21,7 @@ from turnscan.acquire._exposure import (
     exposure_findings,
     stripe_peak,
 )
-from turnscan.acquire._look import FirstLook, Weigh, check_room, estimate, look
+from turnscan.acquire._look import FirstLook, check_room, estimate, look
 from turnscan.acquire._plan import (
     Acquisition,
     Exposure,
@@ -39,7 +37,6 @@ from turnscan.acquire._sink import Sink
 __all__ = [
     "Acquisition",
     "Control",
-    "Counting",
     "Ended",
     "Event",
     "Exposure",
@@ -48,20 +45,16 @@ __all__ = [
     "Hardware",
     "Listener",
     "Missing",
-    "Moving",
-    "Noted",
     "Outcome",
     "Paused",
     "Plan",
     "Shifted",
     "Shooter",
     "Sink",
-    "Started",
     "StepDone",
     "Stored",
     "Taken",
     "Texture",
-    "Weigh",
     "WentOn",
     "acquisition_from_json",
     "acquisition_to_json",

@@ -1,7 +1,7 @@
 """Views of a target or an artefact → Rig + covariance + findings."""
 
 from turnscan.calibrate._advice import Advice, advice_of
-from turnscan.calibrate._angle import TableAngle, measure_table_angle
+from turnscan.calibrate._angle import measure_table_angle
 from turnscan.calibrate._board import (
     Board,
     BoardView,
@@ -11,12 +11,12 @@ from turnscan.calibrate._board import (
     other_chessboard,
     parse_board,
 )
-from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
+from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, TablePicture
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._limits import refuse_poor
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
-from turnscan.calibrate._pairs import SheetFit, fit_sheet
+from turnscan.calibrate._pairs import fit_sheet
 from turnscan.calibrate._parameters import parameters_of
 from turnscan.calibrate._picture import picture_fault
 from turnscan.calibrate._procedure import KnownRig
@@ -29,13 +29,12 @@ from turnscan.calibrate._quality import (
 )
 from turnscan.calibrate._refine import Refined, RefineSettings, refine
 from turnscan.calibrate._rig import Calibration, calibrate_rig
-from turnscan.calibrate._steps import AngleModel, angle_model
+from turnscan.calibrate._steps import angle_model
 from turnscan.calibrate._surfaces import Sweep
 from turnscan.calibrate._turning import Outline, contradicted_step, outlines_of
 
 __all__ = [
     "Advice",
-    "AngleModel",
     "Board",
     "BoardView",
     "Calibration",
@@ -50,10 +49,7 @@ __all__ = [
     "Outline",
     "RefineSettings",
     "Refined",
-    "Rejected",
-    "SheetFit",
     "Sweep",
-    "TableAngle",
     "TablePicture",
     "advice_of",
     "angle_model",

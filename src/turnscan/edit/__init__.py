@@ -1,9 +1,9 @@
 """Repairs by hand: edits as values, their history with undo, and a surface that follows it."""
 
-from turnscan.edit._apply import Done, apply, mend_mesh
+from turnscan.edit._apply import mend_mesh
 from turnscan.edit._body import Alive, Append, Body, Compact, Patch, Replace, Truncate, Verts
 from turnscan.edit._describe import describe
-from turnscan.edit._document import Build, Change, Document
+from turnscan.edit._document import Change, Document
 from turnscan.edit._edits import (
     BridgeHoles,
     BridgeSides,
@@ -17,9 +17,7 @@ from turnscan.edit._edits import (
     Despike,
     Edit,
     Fill,
-    GridEdit,
     HoleName,
-    MeshEdit,
     PickCandidate,
     ProfileOff,
     Redetect,
@@ -56,7 +54,6 @@ from turnscan.edit._history import (
     settings_in,
 )
 from turnscan.edit._measures import (
-    Measure,
     MeasureAngle,
     MeasureArea,
     MeasureCorner,
@@ -66,7 +63,7 @@ from turnscan.edit._measures import (
     MeasureToPlane,
     MeasureVolume,
 )
-from turnscan.edit._region import Place, Region
+from turnscan.edit._region import Region
 from turnscan.edit._select import (
     beside,
     by_cause,
@@ -91,7 +88,6 @@ __all__ = [
     "Branch",
     "BridgeHoles",
     "BridgeSides",
-    "Build",
     "Change",
     "ChangeSettings",
     "Close",
@@ -103,16 +99,13 @@ __all__ = [
     "DeletePoints",
     "Despike",
     "Document",
-    "Done",
     "Edit",
     "Entry",
     "Figures",
     "Fill",
     "Go",
-    "GridEdit",
     "History",
     "HoleName",
-    "Measure",
     "MeasureAngle",
     "MeasureArea",
     "MeasureCorner",
@@ -121,10 +114,8 @@ __all__ = [
     "MeasureSection",
     "MeasureToPlane",
     "MeasureVolume",
-    "MeshEdit",
     "Patch",
     "PickCandidate",
-    "Place",
     "ProfileOff",
     "Redetect",
     "Region",
@@ -138,7 +129,6 @@ __all__ = [
     "Verts",
     "action_from_json",
     "action_to_json",
-    "apply",
     "beside",
     "by_cause",
     "by_laser",

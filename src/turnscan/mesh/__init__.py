@@ -1,8 +1,8 @@
 """Mesh, topology, normals, rays, sections, soundness: what any mesh program has."""
 
-from turnscan.mesh._cut import Clip, Section, clip, cut, sections
+from turnscan.mesh._cut import clip, cut, sections
 from turnscan.mesh._mesh import Mesh, Provenance
-from turnscan.mesh._normals import roughness, smoothed_normals, vertex_normals
+from turnscan.mesh._normals import smoothed_normals, vertex_normals
 from turnscan.mesh._parts import (
     components,
     join,
@@ -25,11 +25,9 @@ from turnscan.mesh._topology import (
 
 __all__ = [
     "Caster",
-    "Clip",
     "Mesh",
     "PointCloud",
     "Provenance",
-    "Section",
     "boundary_loops",
     "clip",
     "components",
@@ -43,7 +41,6 @@ __all__ = [
     "measured",
     "measured_vertices",
     "opposite_half_edges",
-    "roughness",
     "sections",
     "smoothed_normals",
     "soundness",

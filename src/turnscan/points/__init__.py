@@ -11,7 +11,7 @@ from turnscan.points._findings import (
 )
 from turnscan.points._grid import Origin, RangeGrid
 from turnscan.points._placements import placed, placements_from_conf
-from turnscan.points._profile import Along, Profile, Spacing, profiles, resample
+from turnscan.points._profile import Along, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
 from turnscan.points._sweep import Swept, paths_of, refine
 from turnscan.points._triangulate import (
@@ -36,7 +36,6 @@ __all__ = [
     "Along",
     "Between",
     "Origin",
-    "Profile",
     "RangeGrid",
     "RangeScan",
     "Spacing",

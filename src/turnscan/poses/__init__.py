@@ -1,20 +1,14 @@
 """Surfaces of several poses → one frame: matching, refinement, and what stays undetermined."""
 
-from turnscan.poses._align import Alignment, Meeting, align, alignment_findings, check
-from turnscan.poses._fit import Fit
-from turnscan.poses._landmarks import Landmarks, from_landmarks, rigid
+from turnscan.poses._align import Alignment, align, alignment_findings, check
+from turnscan.poses._landmarks import from_landmarks, rigid
 from turnscan.poses._markers import from_markers, marker_spheres
 from turnscan.poses._moves import pose_moves
-from turnscan.poses._observability import UndeterminedMotion
 from turnscan.poses._place import place
 from turnscan.poses._view import View, view
 
 __all__ = [
     "Alignment",
-    "Fit",
-    "Landmarks",
-    "Meeting",
-    "UndeterminedMotion",
     "View",
     "align",
     "alignment_findings",

@@ -6,33 +6,23 @@ from turnscan.rig._camera import Camera
 from turnscan.rig._design import Design
 from turnscan.rig._file import rig_from_json, rig_hash, rig_to_json
 from turnscan.rig._motion import TableMotion
-from turnscan.rig._planar import PlanarPoint, planar_pixel, planar_point
+from turnscan.rig._planar import planar_pixel, planar_point
 from turnscan.rig._pose import Pose, rotation_about, rotation_from_vector, rotation_z
 from turnscan.rig._presets import PRESET_NAMES, design_preset
 from turnscan.rig._rig import Marker, Rig
 from turnscan.rig._ruler import rig_from_ruler
 from turnscan.rig._sheet import LaserSheet
-from turnscan.rig._table1 import (
-    Disagreement,
-    TableRow,
-    disagreements,
-    table_1,
-    table_1_designs,
-    table_1_text,
-)
+from turnscan.rig._table1 import disagreements, table_1, table_1_designs, table_1_text
 
 __all__ = [
     "PRESET_NAMES",
     "Camera",
     "Design",
-    "Disagreement",
     "LaserSheet",
     "Marker",
-    "PlanarPoint",
     "Pose",
     "Rig",
     "TableMotion",
-    "TableRow",
     "design_preset",
     "disagreements",
     "limits",

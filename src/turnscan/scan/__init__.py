@@ -2,7 +2,6 @@
 
 from turnscan.json_text import strict_json
 from turnscan.scan._codec import packed_size
-from turnscan.scan._edit_log import LogEntry
 from turnscan.scan._file import Scan
 from turnscan.scan._fit import lit_in, rig_for
 from turnscan.scan._header import is_scan
@@ -10,7 +9,6 @@ from turnscan.scan._limits import STEPS
 from turnscan.scan._pictures import (
     is_video,
     list_pictures,
-    natural_key,
     numbers_apart,
     picture_numbers,
     read_picture,
@@ -33,7 +31,6 @@ __all__ = [
     "STEPS",
     "Frame",
     "Keep",
-    "LogEntry",
     "Scan",
     "ScanPlan",
     "Setting",
@@ -45,7 +42,6 @@ __all__ = [
     "is_video",
     "list_pictures",
     "lit_in",
-    "natural_key",
     "numbers_apart",
     "packed_size",
     "picture_numbers",

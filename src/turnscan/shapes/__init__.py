@@ -2,7 +2,7 @@
 
 from turnscan.shapes._deviation import Deviation, deviation, sample_surface
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
-from turnscan.shapes._forms import Circle, Cylinder, Plane, Sphere
+from turnscan.shapes._forms import Sphere
 from turnscan.shapes._measure import (
     Measured,
     Spot,
@@ -17,42 +17,31 @@ from turnscan.shapes._measure import (
     to_plane,
     volume,
 )
-from turnscan.shapes._outline_curves import Arc, Line, Outline, Piece, Rest, Size, Spline
+from turnscan.shapes._outline_curves import Arc, Line, Outline, Piece, Size, Spline
 from turnscan.shapes._outline_fit import fit_outlines
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
 from turnscan.shapes._section import Chain, Cut, cross_section, half_plane_cut, plane_cut
 from turnscan.shapes._section_fit import FittedSection, fit_section
 from turnscan.shapes._shared import Source, calibration_moves
-from turnscan.shapes._volume import (
-    VolumeSigma,
-    mean_curvature,
-    volume_figures,
-    volume_in_words,
-    volume_sigma,
-)
+from turnscan.shapes._volume import mean_curvature, volume_figures, volume_in_words, volume_sigma
 
 __all__ = [
     "Arc",
     "Chain",
-    "Circle",
     "Cut",
-    "Cylinder",
     "Deviation",
     "FittedSection",
     "Line",
     "Measured",
     "Outline",
     "Piece",
-    "Plane",
     "PlaneAngle",
     "PlaneRegion",
-    "Rest",
     "Size",
     "Source",
     "Sphere",
     "Spline",
     "Spot",
-    "VolumeSigma",
     "area",
     "calibration_moves",
     "corner_angle",

@@ -3,14 +3,13 @@
 from turnscan.simulate._address import Simulated, sim_camera, simulated, wish_of
 from turnscan.simulate._beam import Beam, Lens
 from turnscan.simulate._bench import Bench
-from turnscan.simulate._devices import Faults, SimCamera, SimLasers, SimTurntable, World
+from turnscan.simulate._devices import SimCamera, SimLasers, SimTurntable, World
 from turnscan.simulate._exposure import expose
 from turnscan.simulate._gige import GigeServer
-from turnscan.simulate._motion import Motion
 from turnscan.simulate._parts import PARTS, Part, from_mesh, part
 from turnscan.simulate._presets import SimulationSpec, bench, check_view, seconds_of, steps_of
 from turnscan.simulate._render import Renderer
-from turnscan.simulate._scene import Body, Material, Scene, Texture
+from turnscan.simulate._scene import Body, Material, Scene
 from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, webcam
 from turnscan.simulate._speckle import (
     cell_keys,
@@ -30,11 +29,9 @@ __all__ = [
     "Beam",
     "Bench",
     "Body",
-    "Faults",
     "GigeServer",
     "Lens",
     "Material",
-    "Motion",
     "Part",
     "Renderer",
     "Scene",
@@ -44,7 +41,6 @@ __all__ = [
     "SimTurntable",
     "Simulated",
     "SimulationSpec",
-    "Texture",
     "World",
     "bench",
     "ccd_1990s",

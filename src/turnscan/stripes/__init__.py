@@ -4,7 +4,7 @@ from turnscan.stripes._background import background_beside, temporal_background,
 from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
 from turnscan.stripes._detect import choose, detect, find_candidates, scattered
 from turnscan.stripes._detector import named
-from turnscan.stripes._fuse import Fused, fuse_exposures
+from turnscan.stripes._fuse import fuse_exposures
 from turnscan.stripes._installed import detector_names
 from turnscan.stripes._light import Light
 from turnscan.stripes._runs import RunDetector
@@ -18,7 +18,6 @@ __all__ = [
     "Choice",
     "Detector",
     "Exposed",
-    "Fused",
     "Light",
     "Orientation",
     "Refinement",

@@ -257,7 +257,9 @@ def settled(
 
 
 @njit(cache=True, nogil=True)
-def spread(value: Any, allowed: Any, start: Any, near: Any, rounds: int) -> tuple[Any, Any]:
+def spread(
+    value: Longs, allowed: Bools, start: Longs, near: Ints, rounds: int
+) -> tuple[Longs, Longs]:
     """Values (v,) ≥ 0 handed on to allowed neighbours below 0, so many rings far.
 
     Returns the values, and how many rings each has come (−1: none came).

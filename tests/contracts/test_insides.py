@@ -1,0 +1,91 @@
+"""The insides of the rooms: few parameters, kernels that say their types, few public names."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+SOURCES = Path(__file__).parents[2] / "src" / "turnscan"
+
+MOST_PARAMETERS = 10
+EXEMPT = {
+    "cli/_calibrate.py:verb": "click hands over each flag by itself",
+    "workflows/_declare.py:option": "each is a property of a declared option, given by its name",
+}
+"""Functions with more, and why."""
+
+MOST_NAMES = {
+    "acquire": 35,
+    "app": 4,
+    "calibrate": 33,
+    "devices": 24,
+    "drawings": 14,
+    "edit": 76,
+    "formats": 17,
+    "mesh": 23,
+    "points": 40,
+    "poses": 12,
+    "rig": 23,
+    "scan": 26,
+    "scanner": 22,
+    "shapes": 46,
+    "simulate": 40,
+    "stripes": 26,
+    "surface": 4,
+    "testing": 6,
+    "workflows": 150,
+}
+"""Public names of each room at most. A room that needs more raises this and says why."""
+
+
+def _modules() -> Iterator[tuple[str, str, ast.Module]]:
+    for path in sorted(SOURCES.rglob("*.py")):
+        text = path.read_text()
+        yield path.relative_to(SOURCES).as_posix(), text, ast.parse(text)
+
+
+def _parameters(f: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    a = f.args
+    named = [*a.posonlyargs, *a.args]
+    own = bool(named) and named[0].arg in ("self", "cls")
+    return len(named) - own + len(a.kwonlyargs) + bool(a.vararg) + bool(a.kwarg)
+
+
+def test_no_function_takes_more_than_ten_parameters() -> None:
+    long = {
+        f"{name}:{node.name}": _parameters(node)
+        for name, _, tree in _modules()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and _parameters(node) > MOST_PARAMETERS
+    }
+    assert set(long) == set(EXEMPT), long
+
+
+def test_kernels_say_the_types_of_their_arrays() -> None:
+    kernels = [
+        (name, tree) for name, text, tree in _modules() if "turnscan.compiled import njit" in text
+    ]
+    assert len(kernels) > 30
+    vague = [
+        f"{name}:{node.lineno}"
+        for name, tree in kernels
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Name) and node.id == "Any"
+    ]
+    assert not vague
+
+
+def _public(room: Path) -> int | None:
+    """How many names its ``__all__`` has; None where it has none."""
+    for node in ast.parse((room / "__init__.py").read_text()).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+            return sum(isinstance(e, ast.Constant) for e in ast.walk(node.value))
+    return None
+
+
+def test_rooms_hand_out_few_names() -> None:
+    counts = {p.parent.name: _public(p.parent) for p in SOURCES.glob("*/__init__.py")}
+    assert {r: n for r, n in counts.items() if n is not None and n > MOST_NAMES.get(r, 0)} == {}
+    assert set(MOST_NAMES) == {room for room, n in counts.items() if n is not None}
