@@ -112,8 +112,8 @@ class View:
 
     def again(self, step: int, edit: Redetect) -> Stripe:
         """The stripe of a step, searched as the edit wants it. Raises like `candidates`."""
-        wishes = {name: getattr(edit, name) for name in ("threshold", "strategy", "choose")}
-        given = {name: value for name, value in wishes.items() if value is not None}
+        own = {name: getattr(edit, name) for name in ("threshold", "strategy", "choose")}
+        given = {name: value for name, value in own.items() if value is not None}
         look = replace(self.settings, **given)
         return self._signal.detect_bracket(self._frames(step), look, self.inside)
 

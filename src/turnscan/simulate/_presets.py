@@ -128,61 +128,61 @@ _LIGHT_ON = 0.3
 """Room light, as `SimulationSpec.room`, where a board is to be seen."""
 
 
-def design_of(wish: SimulationSpec) -> Design:
-    """The design behind a wish."""
-    d = design_preset(wish.rig)
-    return d if wish.theta is None else replace(d, theta=wish.theta)
+def design_of(spec: SimulationSpec) -> Design:
+    """The design that a specification asks for."""
+    d = design_preset(spec.rig)
+    return d if spec.theta is None else replace(d, theta=spec.theta)
 
 
-def steps_of(wish: SimulationSpec) -> int:
+def steps_of(spec: SimulationSpec) -> int:
     """Number of table positions per turn."""
-    return wish.steps or round(2 * math.pi / design_preset(wish.rig).step)
+    return spec.steps or round(2 * math.pi / design_preset(spec.rig).step)
 
 
-def seconds_of(wish: SimulationSpec) -> float:
+def seconds_of(spec: SimulationSpec) -> float:
     """Exposure time that suits the preset, s."""
-    return _KITS[wish.rig].seconds
+    return _KITS[spec.rig].seconds
 
 
-def body_of(wish: SimulationSpec) -> Body:
+def body_of(spec: SimulationSpec) -> Body:
     """What stands on the table. Raises InputError for a name that is nothing."""
-    if wish.scene in BOARDS:
-        return board(wish.scene)
-    part = _part(wish.scene)
-    turned = rotation_from_vector((*wish.lean, 0.0)) @ rotation_from_vector((wish.tip, 0.0, 0.0))
+    if spec.scene in BOARDS:
+        return board(spec.scene)
+    part = _part(spec.scene)
+    turned = rotation_from_vector((*spec.lean, 0.0)) @ rotation_from_vector((spec.tip, 0.0, 0.0))
     corners = part.mesh.vertices @ turned.T
     # Tilted about its own foot, or tipped over its middle, and set down again on the platter.
     low, high = corners.min(axis=0), corners.max(axis=0)
-    middle = (low + high)[:2] / 2 if wish.tip else np.zeros(2)
-    at = Pose(turned, np.array([*(wish.shift - middle), -low[2]]))
+    middle = (low + high)[:2] / 2 if spec.tip else np.zeros(2)
+    at = Pose(turned, np.array([*(spec.shift - middle), -low[2]]))
     return Body(part, _MATERIALS.get(part.name, _MATT), at)
 
 
-def bench(wish: SimulationSpec) -> Bench:
+def bench(spec: SimulationSpec) -> Bench:
     """Build the bench.
 
     Raises InputError for an unknown scene, a part larger than the field of view, or a laser that
     never lights the axis.
     """
-    kit, design = _KITS[wish.rig], design_of(wish)
-    body = body_of(wish)
+    kit, design = _KITS[spec.rig], design_of(spec)
+    body = body_of(spec)
     top = float(body.T_table_part.apply(body.part.mesh.vertices)[:, 2].max())
-    both = (wish.lasers or max(kit.lasers, 2 if body.part.name in _TWO_LINES else 1)) == 2
+    both = (spec.lasers or max(kit.lasers, 2 if body.part.name in _TWO_LINES else 1)) == 2
     sensor = replace(
         kit.sensor,
         pitch_x=design.pixel_width,
         pitch_y=design.pixel_height,
-        serial=wish.seed,
+        serial=spec.seed,
     )
-    if wish.perfect:
+    if spec.perfect:
         sensor = replace(sensor, bits=16, adc_bits=0, gamma=1.0, jpeg_quality=0, bayer="")
     up = top / 2 + design.distance * math.tan(kit.look_down)
     rig = design.rig(height=up, look_down=kit.look_down, both=both)
-    if wish.lying:
+    if spec.lying:
         rig = _on_its_side(rig)
         sensor = replace(sensor, pitch_x=sensor.pitch_y, pitch_y=sensor.pitch_x)
     focal = design.focal * design.distance / (design.distance + design.focal)
-    stop = 1e4 if wish.perfect else design.f_number
+    stop = 1e4 if spec.perfect else design.f_number
     lens = Lens(focal, stop, design.distance, kit.transmission)
     made = Bench(
         rig=rig,
@@ -190,13 +190,13 @@ def bench(wish: SimulationSpec) -> Bench:
         lens=lens,
         sensor=sensor,
         scene=Scene((body, Body(_platter(design), _PLATTER))),
-        motion=wish.motion,
-        waves="rays" if wish.perfect else wish.waves,
-        noise=not wish.perfect,
-        bounces=not wish.perfect,
-        seed=wish.seed,
+        motion=spec.motion,
+        waves="rays" if spec.perfect else spec.waves,
+        noise=not spec.perfect,
+        bounces=not spec.perfect,
+        seed=spec.seed,
     )
-    made = _lit(made, design, kit, wish)
+    made = _lit(made, design, kit, spec)
     check_view(made)
     return made
 
@@ -246,20 +246,20 @@ def _check_axis(rig: Rig, beam: Beam) -> None:
         )
 
 
-def _lit(made: Bench, design: Design, kit: _Kit, wish: SimulationSpec) -> Bench:
+def _lit(made: Bench, design: Design, kit: _Kit, spec: SimulationSpec) -> Bench:
     """Lasers bright enough for the exposure, and room light."""
-    beams = tuple(_beam(made, s, design, kit, wish) for s in made.rig.sheets)
+    beams = tuple(_beam(made, s, design, kit, spec) for s in made.rig.sheets)
     known = {b.name: b.apex for b in beams}
     sheets = tuple(replace(s, source=known[s.name]) for s in made.rig.sheets)
     made = replace(made, rig=replace(made.rig, sheets=sheets), beams=beams)
     white = made.electrons_per_radiance(550e-6, kit.seconds) * made.sensor.efficiency / math.pi
-    room = wish.room if wish.hand is None else max(wish.room, _LIGHT_ON)
+    room = spec.room if spec.hand is None else max(spec.room, _LIGHT_ON)
     sky = room * made.sensor.saturation / white
     scene = replace(made.scene, sky=0.6 * sky, lamp=0.6 * sky, background=0.05)
     return replace(made, scene=scene)
 
 
-def _beam(made: Bench, sheet: LaserSheet, design: Design, kit: _Kit, wish: SimulationSpec) -> Beam:
+def _beam(made: Bench, sheet: LaserSheet, design: Design, kit: _Kit, spec: SimulationSpec) -> Beam:
     T = made.rig.T_camera_table
     centre = T.inverse().apply(sheet.centre)
     normal = T.inverse().turn(sheet.normal)
@@ -271,13 +271,13 @@ def _beam(made: Bench, sheet: LaserSheet, design: Design, kit: _Kit, wish: Simul
     aim = aim - (aim @ sheet.normal) * sheet.normal
     # Perfect: as thin as still makes the centre of gravity free of the pixels' grid. A thicker
     # sheet would measure a round part too small, by 3/2 of its variance over the radius.
-    sigma = _THINNEST if wish.perfect else design.stripe_sigma
+    sigma = _THINNEST if spec.perfect else design.stripe_sigma
     sigma *= design.pixel_width / made.lens.magnification
     waist = 2.0 * sigma * math.cos(design.theta)
     half = math.atan(0.62 * float(design.visible_height(0.0)) / distance)
     beam = Beam(
         sheet.name, apex, aim, half, 1e-3, design.wavelength, waist, distance,
-        profile="powell" if wish.perfect else kit.profile, frequency=wish.galvo or 300.0,
+        profile="powell" if spec.perfect else kit.profile, frequency=spec.galvo or 300.0,
     )  # fmt: skip
     return replace(beam, power=_power(made, beam, kit.seconds))
 

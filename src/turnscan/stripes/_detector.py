@@ -1,4 +1,4 @@
-"""Asking a stripe detector of others: what it is told, and whether its answer can be."""
+"""Calls of a detector from elsewhere: its arguments, and the check of what it returns."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Relation:
-    """Two shapes that stand to each other as drawn, as far as can be told."""
+    """A relation of two shapes (parallel, coaxial …) that their uncertainties allow."""
 
     kind: RelationKind
     first: int
