@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.formats.parts import box_with_hole, measured, outside
 from turnscan.errors import FormatError, InputError, LimitExceeded
@@ -245,6 +247,58 @@ def test_a_glb_with_a_coordinate_that_is_no_number_is_refused() -> None:
     bad[1, 1] = np.inf
     with pytest.raises(FormatError, match="vertex 2"):
         read_mesh(glb(triangle_glb(), bad.tobytes()), ".glb")
+
+
+def coloured_glb(colours: np.ndarray, indices: np.ndarray, view: int = 48) -> bytes:
+    """One triangle with colours (3, 4) float32 and indices (3,) of a type that readers know."""
+    kinds = {"u": {1: 5121, 2: 5123, 4: 5125}, "f": {4: 5126}, "i": {1: 5120, 2: 5122}}
+    binary = TRIANGLE.tobytes() + colours.astype("<f4").tobytes() + indices.tobytes()
+    kind = kinds[indices.dtype.kind][indices.dtype.itemsize]
+    primitive = {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2}
+    head = triangle_glb(
+        meshes=[{"primitives": [primitive]}],
+        accessors=[
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC4"},
+            {"bufferView": 2, "componentType": kind, "count": 3, "type": "SCALAR"},
+        ],
+        bufferViews=[
+            {"buffer": 0, "byteLength": 36},
+            {"buffer": 0, "byteOffset": 36, "byteLength": view},
+            {"buffer": 0, "byteOffset": 84, "byteLength": indices.nbytes},
+        ],
+    )
+    return glb(head, binary)
+
+
+def test_a_damaged_glb_says_what_is_wrong_with_it() -> None:
+    white, order = np.ones((3, 4)), np.arange(3, dtype="<u2")
+    assert len(read_mesh(coloured_glb(white, order), ".glb").faces) == 1
+    with pytest.raises(InputError, match="vertex indices are not whole numbers"):
+        read_mesh(coloured_glb(white, order.astype("<f4")), ".glb")
+    with pytest.raises(InputError, match="vertex indices are not whole numbers"):
+        read_mesh(coloured_glb(white, -order.astype("<i2")), ".glb")
+    with pytest.raises(InputError, match="a colour is not a finite number"):
+        read_mesh(coloured_glb(white * np.nan, order), ".glb")
+    with pytest.raises(InputError, match="reaches beyond its buffer view"):
+        read_mesh(coloured_glb(white, order, view=44), ".glb")
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(20, 900), st.integers(1, 255))
+def test_a_glb_with_one_damaged_byte_is_read_or_refused(place: int, change: int) -> None:
+    data = bytearray(coloured_glb(np.ones((3, 4)), np.arange(3, dtype="<u2")))
+    data[place % len(data)] ^= change
+    mesh, said = None, "GLB: refused"
+    try:
+        mesh = read_mesh(bytes(data), ".glb")
+    except InputError as e:
+        said = str(e)
+    assert said.startswith("GLB")
+    assert "\n" not in said
+    if mesh is not None:
+        assert np.isfinite(mesh.vertices).all()
+        assert set(mesh.faces.ravel()) <= set(range(len(mesh.vertices)))
 
 
 def test_a_glb_that_shows_a_node_a_million_times_is_refused() -> None:

@@ -120,7 +120,9 @@ class _Reader:
         count = self._head["accessors"][where]["count"]
         corners = np.arange(count)
         if "indices" in primitive:
-            corners = self._accessor(primitive["indices"], "SCALAR")[:, 0].astype(np.int64)
+            given = self._accessor(primitive["indices"], "SCALAR")[:, 0]
+            require("GLB", given.dtype.kind == "u", "vertex indices are not whole numbers from 0")
+            corners = given.astype(np.int64)
         require(
             "GLB", len(corners) % 3 == 0, f"{len(corners)} vertex indices do not make triangles"
         )
@@ -139,6 +141,7 @@ class _Reader:
             return None
         about = self._head["accessors"][number]
         values = self._accessor(number, about["type"])[:count, :3]
+        require("GLB", bool(np.isfinite(values).all()), "a colour is not a finite number")
         full = 1.0 if values.dtype.kind == "f" else float(np.iinfo(values.dtype).max)
         return np.rint(255.0 * srgb(np.clip(values / full, 0.0, 1.0))).astype(np.uint8)
 
@@ -159,6 +162,8 @@ class _Reader:
         end = begin + (count - 1) * stride + width * dtype.itemsize if count else begin
         good = count >= 0 and begin >= 0 and stride > 0 and end <= len(self._binary)
         require("GLB", good, f"accessor {number} reaches beyond the binary part")
+        last = view.get("byteOffset", 0) + view.get("byteLength", len(self._binary))
+        require("GLB", end <= last, f"accessor {number} reaches beyond its buffer view")
         shape, strides = (count, width), (stride, dtype.itemsize)
         return np.ndarray(shape, dtype, self._binary, begin, strides)
 
