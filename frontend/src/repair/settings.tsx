@@ -62,37 +62,40 @@ function Field({ name, schema, draft, put }: { name: string; schema: Schema; dra
       min={schema.minimum ?? schema.exclusiveMinimum}
       max={schema.maximum}
       step={types.includes("integer") ? 1 : undefined}
-      placeholder={empty}
+      placeholder={empty && "auto"}
       onChange={put}
     />
   );
 }
 
 export function SettingsPanel() {
-  const draft = useSignal<Values>({});
+  /** What is typed and not yet applied; null for what is in use. */
+  const typed = useSignal<Values | null>(null);
   const set = useSignal(IN_USE);
   const keepAs = useSignal("");
   useSignalEffect(() => {
-    draft.value = (settings.value?.options ?? {}) as Values;
+    void settings.value;
+    typed.value = null;
     set.value = IN_USE;
   });
   const fields = useComputed(() => Object.entries((opened.value?.fields ?? {}) as unknown as Record<string, Schema>));
   const now = settings.value;
   if (!now) return null;
-  const changed = !same(draft.value, now.options as Values);
-  const groups = Map.groupBy(fields.value, ([, schema]) => schema.group ?? "Settings");
+  const draft = typed.value ?? (now.options as Values);
+  const changed = !same(draft, now.options as Values);
+  const titles = [...new Set(fields.value.map(([, schema]) => schema.group ?? "Settings"))];
 
   function put(name: string, value: Value): void {
     const idle = name === "close" && !value ? Object.fromEntries(OF_CLOSING.map((one) => [one, null])) : {};
-    draft.value = { ...draft.value, ...idle, [name]: value };
+    typed.value = { ...draft, ...idle, [name]: value };
   }
   function takeSet(name: string): void {
     set.value = name;
-    draft.value = (now?.sets.find((one) => one.name === name)?.options ?? now?.options ?? {}) as Values;
+    typed.value = (now?.sets.find((one) => one.name === name)?.options ?? null) as Values | null;
   }
   function apply(): void {
     const name = set.value === IN_USE ? "default" : set.value;
-    void doEdit({ kind: "settings", options: draft.value, name });
+    void doEdit({ kind: "settings", options: draft, name });
   }
 
   async function keep(): Promise<void> {
@@ -122,12 +125,12 @@ export function SettingsPanel() {
           Keep the settings in use
         </Button>
       </Section>
-      {[...groups].map(([group, list]) => (
+      {titles.map((group) => (
         <Section key={group} title={group}>
-          {list.map(([name, schema]) =>
-            OF_CLOSING.includes(name) && !draft.value.close ? null : (
+          {fields.value.map(([name, schema]) =>
+            (schema.group ?? "Settings") !== group || (OF_CLOSING.includes(name) && !draft.close) ? null : (
               <div key={name} title={schema.description}>
-                <Field name={name} schema={schema} draft={draft.value} put={(value) => put(name, value)} />
+                <Field name={name} schema={schema} draft={draft} put={(value) => put(name, value)} />
               </div>
             ),
           )}
@@ -143,7 +146,7 @@ export function SettingsPanel() {
           </Button>
           <Button
             onClick={() => {
-              draft.value = Object.fromEntries(fields.value.map(([name, schema]) => [name, schema.default]));
+              typed.value = Object.fromEntries(fields.value.map(([name, schema]) => [name, schema.default]));
             }}
           >
             Defaults

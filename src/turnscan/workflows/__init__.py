@@ -70,7 +70,6 @@ if TYPE_CHECKING:
     from turnscan.workflows._measure import Measured, measure
     from turnscan.workflows._measure_options import MeasureOptions
     from turnscan.workflows._opening import OpenScan, open_scan
-    from turnscan.workflows._option_schema import option_schemas
     from turnscan.workflows._reading import read_mesh_file, read_rig_file
     from turnscan.workflows._reconstruct import reconstruct
     from turnscan.workflows._reconstruct_options import ReconstructOptions
@@ -89,7 +88,15 @@ if TYPE_CHECKING:
         scan_left,
     )
     from turnscan.workflows._scan_options import ScanOptions
-    from turnscan.workflows._schema import VERBS, FileKind, InputFile, OptionsOf, OutputFile, Verb
+    from turnscan.workflows._schema import (
+        VERBS,
+        FileKind,
+        InputFile,
+        OptionsOf,
+        OutputFile,
+        Verb,
+        option_schemas,
+    )
     from turnscan.workflows._section import section
     from turnscan.workflows._section_options import SectionOptions
     from turnscan.workflows._sections import Sections, cuts_of
@@ -194,7 +201,6 @@ _MODULES = {
     "_measure": ("Measured", "measure"),
     "_measure_options": ("MeasureOptions",),
     "_opening": ("OpenScan", "open_scan"),
-    "_option_schema": ("option_schemas",),
     "_reading": ("read_mesh_file", "read_rig_file"),
     "_reconstruct": ("reconstruct",),
     "_reconstruct_options": ("ReconstructOptions",),
@@ -213,7 +219,15 @@ _MODULES = {
         "scan_left",
     ),
     "_scan_options": ("ScanOptions",),
-    "_schema": ("VERBS", "FileKind", "InputFile", "OptionsOf", "OutputFile", "Verb"),
+    "_schema": (
+        "VERBS",
+        "FileKind",
+        "InputFile",
+        "OptionsOf",
+        "OutputFile",
+        "Verb",
+        "option_schemas",
+    ),
     "_section": ("section",),
     "_section_options": ("SectionOptions",),
     "_sections": ("Sections", "cuts_of"),

@@ -126,6 +126,11 @@ _TYPES = {
 }  # fmt: skip
 
 
+def option_schemas(kind: type[Checked]) -> dict[str, dict[str, Any]]:
+    """A schema for the value of each option of a class, by its name."""
+    return {name: _option(option) for name, option in declared(kind).items()}
+
+
 def _option(option: Declared) -> dict[str, Any]:
     one: dict[str, Any] = {"type": _TYPES[option.kind]}
     if option.kind == "choice":
