@@ -43,7 +43,6 @@ else:
         OpenScan,
         ReconstructOptions,
         ReconstructResult,
-        RefineOptions,
         ShapesOptions,
         SimulateOptions,
         batch,
@@ -83,7 +82,7 @@ _ROOMS = {
         *("batch", "calibrate", "check", "find_shapes"),
         *("compare", "design", "export", "import_pictures", "join", "measure", "open_scan"),
         *("options_of", "read_mesh_file", "read_rig_file", "reconstruct", "section"),
-        *("RefineOptions", "refine", "simulate", "verify"),
+        *("refine", "simulate", "verify"),
     ),
 }
 _HOMES = {name: room for room, names in _ROOMS.items() for name in names}
@@ -106,7 +105,6 @@ __all__ = [
     "RangeGrid",
     "ReconstructOptions",
     "ReconstructResult",
-    "RefineOptions",
     "Rig",
     "ShapesOptions",
     "SimulateOptions",
