@@ -1,13 +1,14 @@
 """Compiled kernels of the curvature across profiles; imported only when they are used."""
-# mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import numpy.typing as npt
 
+from turnscan.arrays import Floats
 from turnscan.compiled import njit
+
+Counts = npt.NDArray[np.int16]
 
 _MOST = 16
 """Steps to either side, at most."""
@@ -22,7 +23,9 @@ _BESIDE = 6
 
 
 @njit(cache=True, nogil=True)
-def shifts(points: Any, eyes: Any, moves: Any, sheets: Any, span: float, closed: bool) -> Any:
+def shifts(
+    points: Floats, eyes: Floats, moves: Floats, sheets: Floats, span: float, closed: bool
+) -> tuple[Floats, Counts]:
     """(s, n) px/mm² that a centre shifts for each square of the sheet's thickness, NaN where no
     curvature is known; and how many steps to either side it was taken over, 0 there.
 
@@ -77,7 +80,7 @@ def shifts(points: Any, eyes: Any, moves: Any, sheets: Any, span: float, closed:
 
 
 @njit(cache=True, nogil=True)
-def evened(values: Any) -> Any:
+def evened(values: Floats) -> Floats:
     """(s, n) the mean of each value and those beside it along the run, without the two ends."""
     s, n = values.shape
     out = np.full((s, n), np.nan)
@@ -103,7 +106,7 @@ def evened(values: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def agreed(values: Any, steps: Any, closed: bool) -> Any:
+def agreed(values: Floats, steps: Counts, closed: bool) -> Floats:
     """(s, n) the least of each value and those as many ``steps`` before and after as it was taken
     over; 0 where they differ in sign. A neighbour that is missing says nothing.
     """
