@@ -45,7 +45,7 @@ def desk(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_names_are_few_and_all_there() -> None:
-    assert 25 <= len(ts.__all__) <= 41
+    assert 25 <= len(ts.__all__) <= 40
     assert sorted(ts.__all__) == sorted(ts._HOMES)
     for name in ts.__all__:
         assert getattr(ts, name).__doc__, name

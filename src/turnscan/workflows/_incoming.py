@@ -92,7 +92,7 @@ def unpack(archive: Path, folder: Path) -> None:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 with file.open(info) as entry, target.open("xb") as out:
                     shutil.copyfileobj(entry, out, _PIECE)
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError) as e:
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as e:
         raise FormatError(
             f"{archive.name}: not a sound zip archive ({e})", hint="make the archive again"
         ) from None
