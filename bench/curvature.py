@@ -20,7 +20,7 @@ from turnscan import points
 from turnscan.arrays import Floats
 from turnscan.detection import detect_scan
 from turnscan.points._curvature import curvature_shift
-from turnscan.points._wholeness import Light
+from turnscan.points._wholeness import LitPoints
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import SimulationSpec
@@ -54,7 +54,7 @@ class Outcome:
 def _watched(known: list[float], taken: bool) -> Iterator[None]:
     """Hear of the thickness; the correction is left out unless ``taken``."""
 
-    def heard(light: Light, thickness: float) -> Floats:
+    def heard(light: LitPoints, thickness: float) -> Floats:
         known.append(thickness)
         shift = curvature_shift(light, thickness)
         return shift if taken else np.zeros_like(shift)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any, TypeVar, overload
+from weakref import WeakValueDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,13 @@ Region = tuple[int, int, int, int]
 """Part of a picture: first column and row, and those after the last."""
 
 Scalar = TypeVar("Scalar", bound=np.generic)
+
+_SMALL = 256
+"""Items of an array up to which a check costs less than to remember it."""
+_checked: dict[bool, WeakValueDictionary[int, npt.NDArray[Any]]] = {
+    nan: WeakValueDictionary() for nan in (False, True)
+}
+"""Arrays that `frozen` made, by their identity, apart whether they may hold NaN."""
 
 
 @overload
@@ -51,10 +59,12 @@ def frozen(
     """Return ``values`` as a read-only, C-contiguous array of the wanted shape and type.
 
     ``shape`` has None where any length will do. ``nan=True`` allows NaN, the mark of missing data;
-    infinity is never allowed.
+    infinity is never allowed. An array that was made here is handed on as it is, neither copied nor
+    checked again: it is read-only, so that what was right once stays right.
 
     Raises ValueError, naming the field and the value, where shape or content do not fit.
     """
+    known = _is_checked(values, dtype, nan)
     array: npt.NDArray[Any] = np.ascontiguousarray(values, dtype=dtype)
     if array.shape != shape and (
         array.ndim != len(shape)
@@ -62,6 +72,8 @@ def frozen(
     ):
         wanted = tuple("any" if s is None else s for s in shape)
         raise ValueError(f"{name}: shape {array.shape}, expected {wanted}")
+    if known:
+        return array
     if array.dtype.kind == "f":
         bad = np.isinf(array) if nan else ~np.isfinite(array)
         if np.count_nonzero(bad):
@@ -70,4 +82,14 @@ def frozen(
     if array is values or array.base is not None:
         array = array.copy()
     array.flags.writeable = False
+    if array.size > _SMALL:
+        _checked[nan][id(array)] = array
     return array
+
+
+def _is_checked(values: npt.ArrayLike, dtype: type[Any], nan: bool) -> bool:
+    """Whether an array was made by `frozen` and is still as it was."""
+    if not isinstance(values, np.ndarray) or values.flags.writeable or values.dtype != dtype:
+        return False
+    kinds = (False, True) if nan else (False,)
+    return any(_checked[kind].get(id(values)) is values for kind in kinds)

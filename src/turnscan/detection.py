@@ -13,7 +13,7 @@ import numpy as np
 
 from turnscan import points
 from turnscan.arrays import Bools, Floats
-from turnscan.edit import Redetect, Stripes
+from turnscan.edit import Redetect
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.points import Volume
@@ -26,6 +26,7 @@ from turnscan.stripes import (
     RunDetector,
     Signal,
     Stripe,
+    Stripes,
     StripeSettings,
 )
 from turnscan.threads import thread_count

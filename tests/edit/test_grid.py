@@ -17,14 +17,13 @@ from turnscan.edit import (
     ProfileOff,
     Redetect,
     SetPoint,
-    Stripes,
     lost_edits,
     mend_grid,
     mend_stripes,
 )
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress
-from turnscan.stripes import Candidates, Stripe, StripeFlag
+from turnscan.stripes import Candidates, Stripe, StripeFlag, Stripes
 
 LINES = 12
 SLANT = 2.0

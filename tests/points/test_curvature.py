@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.points._curvature import curvature_shift
-from turnscan.points._wholeness import Light
+from turnscan.points._wholeness import LitPoints
 
 THICK = 0.6
 """mm rms of the sheet."""
@@ -28,7 +28,7 @@ def sheet_meets(outline, angle: float, d):
     return x, np.stack([x - turned.real, high], axis=-1) / radius
 
 
-def light_of(outline, theta: float, steps: int, lines: int = 16) -> tuple[Light, np.ndarray]:
+def light_of(outline, theta: float, steps: int, lines: int = 16) -> tuple[LitPoints, np.ndarray]:
     """What is known of a round part's light, and how far (s,) px its centres truly lie beside."""
     eye = AWAY * np.array([np.cos(theta), np.sin(theta)])
     angles = 2 * np.pi * np.arange(steps) / steps
@@ -65,7 +65,7 @@ def light_of(outline, theta: float, steps: int, lines: int = 16) -> tuple[Light,
 
     wide = np.repeat(np.array(width)[:, None], lines, axis=1)
     up = along(eyes)[:, 0]
-    light = Light(
+    light = LitPoints(
         along(points, z=True), up, along(moves), along(sheets), wide, np.ones_like(wide), angles,
         True,
     )  # fmt: skip
@@ -105,8 +105,8 @@ def test_an_edge_between_flat_sides_is_no_curvature():
     # A square prism in the same light: the radius at each angle of a turn.
     side = np.mod(turn + np.pi / 4, np.pi / 2) - np.pi / 4
     flat = light.points * (14.0 / np.cos(side) / 20.0)[:, None, None]
-    square = Light(flat, light.eyes, light.moves, light.sheets, light.width, light.amplitude, turn,
-                   True)  # fmt: skip
+    square = LitPoints(flat, light.eyes, light.moves, light.sheets, light.width,
+                       light.amplitude, turn, True)  # fmt: skip
     round_ = np.abs(curvature_shift(light, THICK)).mean()
     away = np.abs(side) < 0.5
     assert np.abs(curvature_shift(square, THICK))[away].max() < 0.1 * round_

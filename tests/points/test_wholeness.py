@@ -11,7 +11,7 @@ from scipy.stats import norm
 from tests.analytic import make_rig, scan_shape, sphere
 from turnscan.points import _wholeness_kernels as kernels
 from turnscan.points import build_grid, pixels_of
-from turnscan.points._wholeness import Light, _bias, _creased, wholeness
+from turnscan.points._wholeness import LitPoints, _bias, _creased, wholeness
 from turnscan.rig import rotation_z
 
 S, N = 14, 12
@@ -107,7 +107,7 @@ def wall(*, width=2.0, slope=0.0):
     x = 0.5 * (np.arange(S) - S / 2)[:, None] + np.zeros((S, N))
     z = 0.3 * np.arange(N) + np.zeros((S, N))
     points = np.stack([x, 40.0 + slope * np.abs(x), z], -1)
-    return Light(
+    return LitPoints(
         points,
         np.tile([0.0, -500.0, 1.5], (S, 1)),
         np.tile([0.2, 0.0, 0.0], (S, N, 1)),
@@ -161,7 +161,7 @@ def test_coarse_chords_of_a_round_part_are_no_crease():
     reach = np.where(tube, 40.0, 50.0 + np.arange(n))
     points = out * reach[:, None]
     points[..., 2] = np.where(tube, 30.0 - 0.3 * np.arange(n), 0.0)
-    light = Light(
+    light = LitPoints(
         points,
         500.0 * out[:, 0] + np.array([0.0, 0.0, 200.0]),
         0.2 * aside,
@@ -176,7 +176,7 @@ def test_coarse_chords_of_a_round_part_are_no_crease():
     assert not told.shift[:, tube].any()
 
 
-def tube_on_a_table(steps: int, crease: bool = False) -> Light:
+def tube_on_a_table(steps: int, crease: bool = False) -> LitPoints:
     """A whole turn about a tube of 20 mm on a table, whose stripes are as wide as is due on both.
 
     With ``crease`` it is a hexagon, with profiles on its edges.
@@ -200,7 +200,7 @@ def tube_on_a_table(steps: int, crease: bool = False) -> Light:
     walk = np.abs(np.sum(sheets * (moves - ray * away[..., None]), -1))
     width = np.hypot(0.4 / walk, 0.2)
     bright = np.full((steps, n), 100.0)
-    return Light(points, eyes, moves, sheets, width, bright, turn[:, 0], True)
+    return LitPoints(points, eyes, moves, sheets, width, bright, turn[:, 0], True)
 
 
 @pytest.mark.parametrize("steps", [12, 18, 36])

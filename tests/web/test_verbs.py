@@ -16,8 +16,8 @@ import pytest
 from PIL import Image as Pillow
 
 from tests.web.running import Browser, Message, serving
+from tests.web.uploads import box, zipped
 from turnscan.formats import export
-from turnscan.mesh import Mesh
 from turnscan.scan import Scan
 from turnscan.workflows import VERBS, Incoming
 
@@ -34,21 +34,6 @@ def picture(k: int) -> bytes:
     out = io.BytesIO()
     Pillow.fromarray(seen.clip(0, 255).astype(np.uint8)).save(out, "png")
     return out.getvalue()
-
-
-def zipped(files: dict[str, bytes]) -> bytes:
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in files.items():
-            archive.writestr(name, data)
-    return out.getvalue()
-
-
-def box(size: float = 10.0) -> Mesh:
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * size
-    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
-             (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]  # fmt: skip
-    return Mesh(corners, np.array(faces, np.int32))
 
 
 def range_scan(shift: float) -> bytes:

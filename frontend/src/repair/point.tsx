@@ -129,11 +129,7 @@ function Candidates() {
         ))}
       </ul>
       {list.length > 1 && (
-        <Check
-          label="The whole stripe segment"
-          checked={wholePiece.value}
-          onChange={(on) => (wholePiece.value = on)}
-        />
+        <Check label="The whole stripe segment" checked={wholePiece.value} onChange={(on) => (wholePiece.value = on)} />
       )}
       {own && <p class="quiet">In use: a place set by hand, {position.toFixed(2)} px.</p>}
       {!Number.isNaN(position) && (

@@ -13,8 +13,16 @@ from collections.abc import AsyncIterator, Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
+from turnscan import workflows
 from turnscan.app._protocol import ScanEntry
-from turnscan.errors import InputError, LimitExceeded, ScanError, StorageFull, TurnscanError
+from turnscan.errors import (
+    ExportError,
+    InputError,
+    LimitExceeded,
+    ScanError,
+    StorageFull,
+    TurnscanError,
+)
 from turnscan.workflows import open_scan, scan_left
 
 SUFFIX = ".turnscan"
@@ -189,19 +197,12 @@ class Library:
 
         Raises InputError where the name has been taken meanwhile, StorageFull.
         """
-        part = path.with_name(f".{secrets.token_hex(8)}.part")
+        if path.exists():
+            raise InputError(f"{path.name}: already exists", hint="choose another name")
         try:
-            with part.open("xb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            if path.exists():
-                raise InputError(f"{path.name}: already exists", hint="choose another name")
-            part.rename(path)
-        except OSError:
+            workflows.write_atomically(path, data)
+        except ExportError:
             raise StorageFull("the file cannot be written", hint="check the disk") from None
-        finally:
-            part.unlink(missing_ok=True)
 
     def rigs(self) -> dict[str, Path]:
         """Files of the folder that may be rigs, by their plain names."""

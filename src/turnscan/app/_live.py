@@ -11,10 +11,9 @@ import numpy as np
 from turnscan.app._encode_picture import jpeg
 from turnscan.app._hub import Hub
 from turnscan.app._protocol import Points, Seen
-from turnscan.app._requests import Orientation
 from turnscan.arrays import Image
 from turnscan.errors import TurnscanError
-from turnscan.workflows import GrowingScan, SeenStripe
+from turnscan.workflows import GrowingScan, Orientation, SeenStripe
 
 _WAITING = 32
 """Pictures of a scan that wait for their turn; older ones are not shown."""

@@ -7,9 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter
 
 from turnscan.app._protocol import Count, Model, Name, Opaque, Vector
-from turnscan.workflows import LONGEST_PAUSE, MOST_PICTURES
+from turnscan.workflows import LONGEST_PAUSE, MOST_PICTURES, Orientation
 
-Orientation = Literal["vertical", "horizontal"]
 Stage = Literal["camera", "laser", "table"]
 Seconds = Annotated[float, Field(gt=0, le=60)]
 Angle = Annotated[float, Field(ge=-36000, le=36000)]

@@ -32,7 +32,6 @@ from turnscan.edit._edits import (
 from turnscan.edit._figures import Figures, figures
 from turnscan.edit._grid import (
     HAND_SIGMA,
-    Stripes,
     StripeSearch,
     lost_edits,
     mend_grid,
@@ -123,7 +122,6 @@ __all__ = [
     "SetPoint",
     "Smooth",
     "StripeSearch",
-    "Stripes",
     "Switch",
     "Truncate",
     "Verts",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -23,7 +23,7 @@ from turnscan.edit._history import Entry
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
-from turnscan.stripes import Candidates, Stripe, StripeFlag
+from turnscan.stripes import Candidates, Stripe, StripeFlag, Stripes
 
 HAND_SIGMA = 0.5
 """px: standard uncertainty of a centre that a person set."""
@@ -41,30 +41,6 @@ class StripeSearch(Protocol):
     def again(self, step: int, edit: Redetect) -> Stripe:
         """The stripe of a step, searched as the edit wants it."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class Stripes:
-    """What was seen of one laser: a stripe for each step that has one, in scan order."""
-
-    laser: str
-    steps: tuple[int, ...]
-    angles: Floats
-    """(s,) rad, of the table."""
-    stripes: tuple[Stripe, ...]
-    angle_sigma: Floats | None = None
-    """(s,) rad, standard uncertainties of the angles, NaN where not known; None where none is."""
-
-    def without(self, gone: set[int]) -> Stripes:
-        """The same without these steps."""
-        keep = [k for k, step in enumerate(self.steps) if step not in gone]
-        return Stripes(
-            self.laser,
-            tuple(self.steps[k] for k in keep),
-            self.angles[keep],
-            tuple(self.stripes[k] for k in keep),
-            None if self.angle_sigma is None else self.angle_sigma[keep],
-        )
 
 
 def mend_stripes(

@@ -14,7 +14,7 @@ from turnscan.errors import InputError
 from turnscan.points._curvature import curvature_shift
 from turnscan.points._grid import RangeGrid
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
-from turnscan.points._wholeness import Light, wholeness
+from turnscan.points._wholeness import LitPoints, wholeness
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Stripe, StripeFlag
@@ -155,7 +155,7 @@ def _judged(
         return np.asarray(np.einsum("sji,snj->sni", turn, whole))
 
     aside, sheets = back(next_ray), back(sheet.gradient(camera))
-    seen = Light(
+    seen = LitPoints(
         grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed
     )
     light = wholeness(seen)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.points._wholeness import Light
+from turnscan.points._wholeness import LitPoints
 
 _SPAN = 4.0
 """Thicknesses of the sheet over which the curvature is taken, to either side: as far as its light
@@ -20,7 +20,7 @@ _WIDEST = 0.5
 """Widths of the stripe beyond which no shift is believed."""
 
 
-def curvature_shift(light: Light, thickness: float) -> Floats:
+def curvature_shift(light: LitPoints, thickness: float) -> Floats:
     """(s, n) px by which the centre of each stripe lies beside the sheet's middle; 0 where no
     curvature is known.
 

@@ -66,7 +66,7 @@ _LEAST = 0.25
 
 
 @dataclass(frozen=True)
-class Light:
+class LitPoints:
     """What is known of the light of the points of one grid, in the object's frame."""
 
     points: Floats
@@ -104,7 +104,7 @@ class Wholeness:
     where something else makes them."""
 
 
-def wholeness(light: Light) -> Wholeness:
+def wholeness(light: LitPoints) -> Wholeness:
     """Compare each stripe's width with what is due on a surface that lies like its own.
 
     How the surface lies is known by the profiles before and after. What is narrower and fainter
@@ -155,7 +155,7 @@ def wholeness(light: Light) -> Wholeness:
     )
 
 
-def _arcs(light: Light) -> Floats:
+def _arcs(light: LitPoints) -> Floats:
     """(s, n) mm: the usual way of each point from step to step."""
     turn = np.abs(np.diff(np.unwrap(light.angles)))
     usual = float(np.median(turn)) if len(turn) else 0.0
@@ -236,7 +236,7 @@ def _creased(width: Floats, walk: Floats, thickness: float, arcs: Floats) -> Flo
     return out
 
 
-def _further_in(light: Light, walk: Floats) -> tuple[Bools, Floats, Floats]:
+def _further_in(light: LitPoints, walk: Floats) -> tuple[Bools, Floats, Floats]:
     """(2, s, n) True where what is seen ends, and two walks (2, s, n) mm of the surface further in.
 
     What cuts a stripe moves its point, and so tilts the plane through it and the one beside. The

@@ -73,7 +73,7 @@ class Circle:
     centre: Floats
     """(3,) mm."""
     normal: Floats
-    """(3,) unit: of the plane it lies in, as given."""
+    """(3,) unit vector: of the plane it lies in, as given."""
     radius: float
     """mm."""
     rms: float

@@ -26,7 +26,7 @@ class Cut:
     name: str
     """What people call it: ``z = 20 mm``."""
     right: Floats
-    """(3,) unit: the drawing's x in the frame of the part."""
+    """(3,) unit vector: the drawing's x in the frame of the part."""
     up: Floats
     """(3,) unit, square to ``right``: the drawing's y."""
     distance: float
@@ -41,7 +41,7 @@ class Cut:
 
     @property
     def normal(self) -> Floats:
-        """(3,) unit: towards the viewer."""
+        """(3,) unit vector: towards the viewer."""
         normal: Floats = np.cross(self.right, self.up)
         return normal
 

@@ -197,7 +197,7 @@ class Renderer:
             _shade.Bodies(
                 tri.vertices, tri.faces, tri.flat_normals, tri.body, self._paints(beam)
             ),
-            _shade.Light(
+            _shade.Illumination(
                 beam.apex, sheet, shape_of, self._fan(beam, sheet),
                 self._profile(beam, seconds, start), self._optics(beam, seconds),
             ),

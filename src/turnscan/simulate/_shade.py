@@ -47,7 +47,7 @@ class Bodies(NamedTuple):
     """(bodies, 6): albedo, pattern, pitch, ratio, specular, roughness."""
 
 
-class Light(NamedTuple):
+class Illumination(NamedTuple):
     """A laser line and the camera that sees it, in the camera's frame."""
 
     apex: Floats
@@ -101,7 +101,7 @@ def painted(x: float, y: float, z: float, paint: Floats) -> float:
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def glow(
     seen: Seen, blocks: tuple[int, int], cells: tuple[int, int], R: Floats, t: Floats,
-    bodies: Bodies, light: Light,
+    bodies: Bodies, light: Illumination,
 ) -> tuple[Singles, Floats]:  # fmt: skip
     """Laser light that each cell of each pixel collects, and where on the object it comes from.
 
@@ -186,7 +186,14 @@ def lit_cells(energy: Singles, body: Ints, ours: Bools) -> tuple[Ints, Singles]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _blurred(
-    field: Floats, row: int, column: int, y: float, x: float, n: Floats, reach: float, light: Light
+    field: Floats,
+    row: int,
+    column: int,
+    y: float,
+    x: float,
+    n: Floats,
+    reach: float,
+    light: Illumination,
 ) -> float:
     """How much wider defocus makes the sheet's profile on this surface (a factor, 1 in focus).
 
@@ -217,7 +224,7 @@ def _blurred(
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _radiance(
-    x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, light: Light,
+    x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, light: Illumination,
     table: Floats, spread: float,
 ) -> float:  # fmt: skip
     """Radiance towards the camera, W/(mm² sr), times cos⁴ of the camera's field angle."""

@@ -8,6 +8,7 @@ from turnscan.stripes._fuse import fuse_exposures
 from turnscan.stripes._installed import detector_names
 from turnscan.stripes._light import Light
 from turnscan.stripes._runs import RunDetector
+from turnscan.stripes._series import Stripes
 from turnscan.stripes._settings import Choice, Detector, Refinement, Strategy, StripeSettings
 from turnscan.stripes._signal import Exposed, Signal
 from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
@@ -27,6 +28,7 @@ __all__ = [
     "Stripe",
     "StripeFlag",
     "StripeSettings",
+    "Stripes",
     "background_beside",
     "choose",
     "detect",

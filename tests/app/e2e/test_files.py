@@ -13,7 +13,7 @@ from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
 from tests.poses.scenes import STEPS, rig_for, stripes
-from tests.web.test_verbs import box, zipped
+from tests.web.uploads import box, zipped
 from turnscan.formats import export
 from turnscan.rig import rig_to_json
 

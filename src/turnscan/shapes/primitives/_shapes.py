@@ -26,7 +26,7 @@ class Shape:
     """(3,) mm: a point of a plane; of the axis of a cylinder or cone; the centre of a sphere or
     torus."""
     axis: Floats
-    """(3,) unit: the outward normal of a plane, else the direction of the axis."""
+    """(3,) unit vector: the outward normal of a plane, else the direction of the axis."""
     radius: float
     """mm: of a sphere or cylinder, of a cone at ``point``, of a torus' ring; 0 for a plane."""
     second: float

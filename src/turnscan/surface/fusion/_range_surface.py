@@ -35,7 +35,7 @@ class RangeSurface:
     normals: Floats
     """(v, 3) unit normals, steady against noise (`smoothed_normals`)."""
     moves: Floats
-    """(v, 3) unit: the way along which sigma moves each vertex."""
+    """(v, 3) unit vectors: the way along which sigma moves each vertex."""
 
     @property
     def cosine(self) -> Floats:
