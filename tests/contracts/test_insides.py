@@ -31,7 +31,7 @@ MOST_NAMES = {
     "scanner": 22,
     "shapes": 46,
     "simulate": 40,
-    "stripes": 27,
+    "stripes": 28,
     "surface": 4,
     "testing": 6,
     "workflows": 170,

@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Image, frozen
+from turnscan.arrays import Floats, Image
 from turnscan.errors import InputError
-from turnscan.stripes import Orientation, StripeSettings, find_candidates
+from turnscan.stripes import (
+    UINT16_SCALE,
+    Orientation,
+    StripeSettings,
+    find_candidates,
+    project_colour,
+)
 
 _WINDOW = 17  # px: the stripe is narrower than half of this, squares and hands are wider
 
@@ -62,17 +68,11 @@ def measuring_direction(orientation: Orientation) -> Floats:
 
 def _mixed(image: Image, weights: npt.ArrayLike | None) -> npt.NDArray[np.uint16]:
     """Grey picture (H, W), 16 bits with a few bits of headroom kept for the mix."""
-    gain = 1.0 if image.dtype == np.uint16 else 64.0
-    if image.ndim == 2:
-        mixed = image.astype(np.float32) * gain
+    if image.ndim == 3:
+        grey = project_colour(image, "grey" if weights is None else weights, np.uint16)
     else:
-        w = np.full(3, 1 / 3) if weights is None else frozen(weights, (3,), "weights")
-        scale = float(np.abs(w).sum())
-        if scale <= 0:
-            raise InputError("the laser's colour is 0, 0, 0", hint="give the share of each channel")
-        mixed = image.astype(np.float32) @ (w / scale * gain).astype(np.float32)
-    grey: npt.NDArray[np.uint16] = np.clip(mixed, 0, 65535).astype(np.uint16)
-    return grey
+        grey = image.astype(np.uint16) * (1 if image.dtype == np.uint16 else UINT16_SCALE)
+    return grey.astype(np.uint16, copy=False)
 
 
 def laser_weights(lit: Image, dark: Image | None, view_corners: Floats) -> Floats | None:

@@ -1,7 +1,7 @@
 """Frame → candidates per scan line → one sub-pixel Stripe with sigma and quality."""
 
 from turnscan.stripes._background import background_beside, temporal_background, without_lines
-from turnscan.stripes._colour import COLOURS, learn_colour, project_colour
+from turnscan.stripes._colour import COLOURS, UINT16_SCALE, learn_colour, project_colour
 from turnscan.stripes._detect import choose, detect, find_candidates, scattered
 from turnscan.stripes._detector import named
 from turnscan.stripes._fuse import fuse_exposures
@@ -15,6 +15,7 @@ from turnscan.stripes._stripe import Candidates, Orientation, Stripe, StripeFlag
 
 __all__ = [
     "COLOURS",
+    "UINT16_SCALE",
     "Candidates",
     "Choice",
     "Detector",

@@ -34,9 +34,9 @@ from turnscan.workflows._calibrate_look import check_sizes, look_for_board, look
 from turnscan.workflows._calibrate_options import CalibrateOptions
 from turnscan.workflows._calibrate_pictures import (
     camera_views,
-    colour_weights,
     laser_pictures,
     table_pictures,
+    weights_for,
     with_dark,
 )
 from turnscan.workflows._declare import chosen
@@ -311,7 +311,7 @@ def _adjusted(
     mix = None if lit_on_table is None else weights.get(lit_on_table)
     if found.table and lit_on_table is not None and lit_on_table not in weights:
         on = settings.table_board or settings.dictionary
-        mix = colour_weights(options.colour, found.table, on)
+        mix = weights_for(options.colour, found.table, on)
     turning = progress.subrange(0.4, 0.7, "table")
     turned = table_pictures(found.table, settings, lit_on_table, mix, turning)
     adjusting = progress.subrange(0.7, 1.0, "adjusting")
@@ -338,7 +338,7 @@ def _on_boards(
     count = len(found.laser)
     for k, (name, pairs) in enumerate(found.laser.items()):
         assert board is not None
-        weights[name] = colour_weights(options.colour, pairs, board)
+        weights[name] = weights_for(options.colour, pairs, board)
         mine = progress.subrange(k / count, (k + 1) / count)
         on_boards[name] = laser_pictures(pairs, board, weights[name], options.orientation, mine)
     return on_boards, weights

@@ -25,15 +25,10 @@ from turnscan.errors import InputError
 from turnscan.progress import Progress
 from turnscan.remedy import Option
 from turnscan.scan import list_pictures, numbers_apart, picture_numbers, read_picture
-from turnscan.stripes import Orientation
+from turnscan.stripes import COLOURS, Orientation
 from turnscan.threads import thread_count
+from turnscan.workflows._colour import LEARN, colour_weights
 
-_COLOURS = {
-    "grey": (1.0, 1.0, 1.0),
-    "red": (1.0, 0.0, 0.0),
-    "green": (0.0, 1.0, 0.0),
-    "blue": (0.0, 0.0, 1.0),
-}
 _LESSONS = 8
 
 
@@ -82,27 +77,15 @@ def with_dark(lit: list[Path], dark: str | None, option: Option) -> list[tuple[P
     return [(p, off[0] if len(off) == 1 else q) for p, q in zip(lit, off * len(lit), strict=False)]
 
 
-def colour_weights(
+def weights_for(
     colour: str, pairs: list[tuple[Path, Path | None]], target: Board | str
 ) -> Floats | None:
     """Weights (3,) of the colours; None where the pictures are grey.
 
     The colour is learned beside ``target``, a board or the markers of a dictionary.
     """
-    if colour in _COLOURS:
-        return np.array(_COLOURS[colour])
-    if colour != "learn":
-        try:
-            weights = np.array([float(x) for x in colour.split(",")])
-        except ValueError:
-            weights = np.zeros(0)
-        if weights.shape != (3,) or not np.isfinite(weights).all() or not weights.any():
-            raise InputError(
-                "not a colour",
-                hint="give red, green, blue, grey, three weights like -0.5,1,-0.5, or learn",
-                option=Option("colour", colour),
-            )
-        return weights
+    if colour != LEARN:
+        return np.array(colour_weights(colour))
     lessons = []
     few = np.linspace(0, len(pairs) - 1, min(len(pairs), _LESSONS)).astype(int)
     for k in few:
@@ -120,7 +103,7 @@ def colour_weights(
         if excess is not None:
             lessons.append(excess)
     if not lessons:
-        return np.array(_COLOURS["grey"])
+        return np.array(COLOURS["grey"])
     # One channel, not a mix: a lens puts the colours at slightly different places.
     best: Floats = np.eye(3)[int(np.mean(lessons, axis=0).argmax())]
     return best

@@ -19,6 +19,7 @@ from turnscan.remedy import Option
 from turnscan.rig import Rig
 from turnscan.scan import NOISE_FACTOR, ScanPlan, replacing_scan
 from turnscan.workflows._angles import find_angles
+from turnscan.workflows._colour import Weights
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
 from turnscan.workflows._history import refuse_over_repairs
@@ -27,7 +28,7 @@ from turnscan.workflows._import_options import AngleSource, EvenSteps, ImportOpt
 from turnscan.workflows._import_turn import check_outline
 from turnscan.workflows._reading import read_rig_file, require_complete
 from turnscan.workflows._series import Series, find_series
-from turnscan.workflows._signal import Signal, Weights, find_signal
+from turnscan.workflows._signal import Signal, find_signal
 
 Pictures = str | Path | Sequence[str | Path]
 """A folder, a pattern, a file, a video, or several of them."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,6 +15,7 @@ from turnscan.progress import Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import LEAST_THRESHOLD, NOISE_FACTOR, read_picture, signal_of, statistics
 from turnscan.stripes import Orientation
+from turnscan.workflows._colour import LEARN, Weights, colour_weights
 from turnscan.workflows._import_look import look_at_line
 from turnscan.workflows._import_options import ImportOptions
 from turnscan.workflows._series import Series, Shot
@@ -27,8 +27,6 @@ _SAMPLES = 41
 _LESSONS = 8
 _BEND = 2.0  # px between a centre and the line through its neighbours, at most
 _SAMPLE_BYTES = 512 << 20
-
-Weights = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -194,24 +192,8 @@ def _smooth_lines(
 
 
 def _weights(colour: str, lit: list[Image], darks: list[Image | None]) -> Weights:
-    """Weights of red, green, blue from the user's choice, or learned from the samples."""
-    from turnscan.stripes import COLOURS
-
-    if colour == "learn":
-        return _learned(lit, darks)
-    if colour in COLOURS:
-        return COLOURS[colour]
-    try:
-        red, green, blue = (float(c) for c in colour.split(","))
-    except ValueError:
-        red = green = blue = math.nan
-    if not all(math.isfinite(w) for w in (red, green, blue)) or max(red, green, blue) <= 0.0:
-        raise InputError(
-            "neither a colour nor three weights",
-            hint=f"give learn, {', '.join(COLOURS)}, or weights like 1,-0.5,-0.5",
-            option=Option("colour", colour),
-        )
-    return red, green, blue
+    """Weights of red, green and blue from the user's choice, or learned from the samples."""
+    return _learned(lit, darks) if colour == LEARN else colour_weights(colour)
 
 
 def _learned(lit: list[Image], darks: list[Image | None]) -> Weights:
