@@ -13,7 +13,6 @@ from tests.calibrate.bodies import both, prism, two_lasers
 from tests.calibrate.world import CAMERA, SHAPE, World, true_layout, true_rig
 from turnscan.arrays import Floats
 from turnscan.calibrate import (
-    AngleModel,
     BoardView,
     Calibration,
     CalibrationSettings,
@@ -30,6 +29,7 @@ from turnscan.calibrate import (
     refine,
 )
 from turnscan.calibrate._layout import MarkerLayout
+from turnscan.calibrate._steps import AngleModel
 from turnscan.errors import CalibrationError
 from turnscan.rig import LaserSheet, Pose, rotation_from_vector
 

@@ -22,7 +22,7 @@ from turnscan.shapes._outline_fit import fit_outlines
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
 from turnscan.shapes._section import Chain, Cut, cross_section, half_plane_cut, plane_cut
 from turnscan.shapes._section_fit import FittedSection, fit_section
-from turnscan.shapes._shared import Source, calibration_moves
+from turnscan.shapes._shared import Source, View, calibration_moves
 from turnscan.shapes._volume import mean_curvature, volume_figures, volume_in_words, volume_sigma
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "Sphere",
     "Spline",
     "Spot",
+    "View",
     "area",
     "calibration_moves",
     "corner_angle",

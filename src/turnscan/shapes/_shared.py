@@ -7,14 +7,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Longs
 from turnscan.mesh import Mesh
 from turnscan.points import RangeGrid, pixels_of, rig_moves
-from turnscan.rig import Rig
+from turnscan.rig import Pose, Rig
 from turnscan.surface.fusion import RangeSurface
 
 _EDGE = float(np.cos(np.radians(45.0)))
 """Sides across which the surface turns further are edges, over which a merge puts nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A grid as its own rig measured it, and where it lies on the part."""
+
+    grid: RangeGrid
+    """In the frame of its own scan, with the angles of its table."""
+    rig: Rig
+    """The same object for all views that one rig measured: its errors are common to them."""
+    name: str
+    """Of its laser in the provenance of the mesh."""
+    pose: Pose | None = None
+    """From the frame of its scan to that of the mesh; None where they are one."""
 
 
 @dataclass(frozen=True)
@@ -30,41 +44,59 @@ class Source:
     moves: Sequence[Floats] = ()
     """(v, 3) mm each: how the vertices move, all at once, with one standard deviation of each other
     cause, such as the pose of a scan."""
+    placed: Sequence[View] = ()
+    """In place of ``grids`` and ``rig`` where several poses were joined."""
+
+    @property
+    def views(self) -> list[View]:
+        """All grids whose rig is known with a covariance."""
+        rig = self.rig
+        alone = [] if rig is None else [View(g, rig, g.laser) for g in self.grids]
+        return [v for v in (self.placed or alone) if v.rig.covariance is not None]
 
 
 def calibration_moves(mesh: Mesh, source: Source) -> Iterator[Floats]:
     """(v, 3) mm: how the vertices of a mesh move with the rig's calibration (`points.rig_moves`).
 
-    Vertices that were not measured go with the nearest that somebody did. Nothing where rig or
-    provenance are not known.
+    What one rig measured moves together, in all poses of the part; rigs are independent of each
+    other. Vertices that were not measured go with the nearest that somebody did. Nothing where rig
+    or provenance are not known.
     """
     from scipy.spatial import cKDTree
 
-    p, rig = mesh.provenance, source.rig
-    if p is None or rig is None or rig.covariance is None:
+    p = mesh.provenance
+    if p is None:
         return
-    known = np.full(len(mesh.vertices), -1, dtype=np.int32)
-    fields, rows = list[Iterator[Floats]](), list[np.ndarray]()
-    for k, grid in enumerate(source.grids):
-        if grid.laser not in p.lasers:
+    known = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    by_rig = dict[int, list[tuple[Longs, Iterator[Floats]]]]()
+    for view in source.views:
+        if view.name not in p.lasers:
             continue
-        mine = np.flatnonzero((p.laser == p.lasers.index(grid.laser)) & np.isin(p.step, grid.steps))
-        mine = mine[known[mine] < 0]
-        known[mine] = k
+        grid, laser = view.grid, p.lasers.index(view.name)
+        mine = np.flatnonzero((p.laser == laser) & np.isin(p.step, grid.steps) & ~known)
+        known[mine] = True
         order = np.argsort(grid.steps, kind="stable")
         angles = grid.angles[order[np.searchsorted(grid.steps[order], p.step[mine])]]
-        pixels = pixels_of(rig, mesh.vertices[mine], angles)
-        fields.append(rig_moves(rig, grid.laser, pixels, angles))
-        rows.append(mine)
-    if not (known >= 0).any():
+        fields = _moves_of(view, mesh.vertices[mine], angles)
+        by_rig.setdefault(id(view.rig), []).append((mine, fields))
+    if not known.any():
         return
-    there = np.flatnonzero(known >= 0)
+    there = np.flatnonzero(known)
     near = there[cKDTree(mesh.vertices[there]).query(mesh.vertices)[1]]
-    for parts in zip(*fields, strict=True):
-        field = np.zeros_like(mesh.vertices)
-        for mine, part in zip(rows, parts, strict=True):
-            field[mine] = np.nan_to_num(part)
-        yield field[near]
+    for measured in by_rig.values():
+        for parts in zip(*(fields for _, fields in measured), strict=True):
+            field = np.zeros_like(mesh.vertices)
+            for (mine, _), part in zip(measured, parts, strict=True):
+                field[mine] = np.nan_to_num(part)
+            yield field[near]
+
+
+def _moves_of(view: View, points: Floats, angles: Floats) -> Iterator[Floats]:
+    """(m, 3) mm: how points of a view move with its rig, in the frame of the mesh."""
+    pose = view.pose
+    own = points if pose is None else pose.inverse().apply(points)
+    fields = rig_moves(view.rig, view.grid.laser, pixels_of(view.rig, own, angles), angles)
+    return fields if pose is None else (pose.turn(field) for field in fields)
 
 
 def moved(shares: Floats, moves: Iterable[Floats]) -> float:

@@ -25,6 +25,7 @@ from turnscan.progress import Progress, no_progress
 from turnscan.rig import Pose, Rig, rig_hash
 from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.settings import Settings
+from turnscan.shapes import View
 from turnscan.stripes import StripeFlag
 from turnscan.surface.fusion import range_surfaces
 from turnscan.workflows._declare import chosen
@@ -298,7 +299,20 @@ def _merged(
     caps = None if settings.caps is None else replace(settings.caps, floor=None, top=None)
     opened, mesh, remarks = to_mesh(grids, replace(settings, caps=caps), progress=progress)
     findings += poses.alignment_findings(found) + remarks
-    source = replace(source_of(grids, None), moves=tuple(poses.pose_moves(found, mesh)))
+    source = replace(
+        source_of(grids, None), moves=tuple(poses.pose_moves(found, mesh)), placed=_views(pairs)
+    )
     return Reconstruction(
         tuple(grids), mesh, tuple(findings), (), opened, source=source, along=settings.along
     )
+
+
+def _views(pairs: Sequence[tuple[_Source, Pose]]) -> list[View]:
+    """Each grid with the rig that measured it: one for all scans that hold the same rig."""
+    rigs = {rig_hash(s.rig): s.rig for s, _ in pairs if s.rig is not None}
+    return [
+        View(grid, rigs[rig_hash(s.rig)], f"{s.name} {grid.laser}", pose)
+        for s, pose in pairs
+        if s.rig is not None
+        for grid in s.grids
+    ]
