@@ -14,7 +14,7 @@ from turnscan import shapes
 from turnscan.mesh import Mesh, Provenance, boundary_loops, is_closed, submesh
 from turnscan.points import RangeGrid, pixels_of, to_object
 from turnscan.poses import Alignment, pose_moves
-from turnscan.rig import Pose, Rig
+from turnscan.rig import Pose, Rig, rotation_from_vector
 from turnscan.surface import mesh_grid
 from turnscan.surface.fusion import RangeSurface
 from turnscan.surface.holes import FillHow, fill
@@ -176,7 +176,7 @@ def test_a_pose_that_is_off_moves_what_it_measured() -> None:
     assert said == pytest.approx(np.pi * 20.0**2 * s, rel=0.05)
 
 
-def test_the_calibration_moves_a_volume_as_a_rig_that_is_off_does() -> None:
+def seen_ball() -> tuple[Rig, Mesh, RangeGrid]:
     """A ball each of whose points was seen where the turning table brought it into the sheet."""
     rng = np.random.default_rng(3)
     bare = make_rig(elevation=0.2, lift=25.0)
@@ -195,6 +195,12 @@ def test_the_calibration_moves_a_volume_as_a_rig_that_is_off_does() -> None:
     mesh = replace(mesh, provenance=Provenance(np.full(v, 0.05), zero, step, zero, ("L0",)))
     one = np.ones((v, 1))
     grid = RangeGrid("L0", step, angles, x[:, None], one, one, one.astype(np.uint16), False)
+    return rig, mesh, grid
+
+
+def test_the_calibration_moves_a_volume_as_a_rig_that_is_off_does() -> None:
+    rig, mesh, grid = seen_ball()
+    x, angles = mesh.vertices, grid.angles
     said = shapes.volume_sigma(mesh, shapes.Source((grid,), rig)).shared
     pixels = pixels_of(rig, x, angles)
     true = 0.0
@@ -209,8 +215,32 @@ def test_the_calibration_moves_a_volume_as_a_rig_that_is_off_does() -> None:
             true += ((ends[0] - ends[1]) / 0.02) ** 2
     assert true > 0
     assert said == pytest.approx(true**0.5, rel=1e-3)
+    bare = replace(rig, covariance=None)
     unknown = shapes.volume_sigma(mesh, shapes.Source((grid,), bare))
     assert unknown.shared == 0.0
+
+
+def test_poses_that_one_rig_measured_share_its_calibration() -> None:
+    rig, mesh, grid = seen_ball()
+    alone = shapes.volume_sigma(mesh, shapes.Source((grid,), rig)).shared
+    p = mesh.provenance
+    assert p is not None
+    pose = Pose(rotation_from_vector([0.7, -0.4, 1.9]), np.array([5.0, -30.0, 12.0]))
+    tipped = replace(
+        mesh, vertices=pose.apply(mesh.vertices), provenance=replace(p, lasers=("a L0",))
+    )
+    view = shapes.View(grid, rig, "a L0", pose)
+    said = shapes.volume_sigma(tipped, shapes.Source(placed=(view,))).shared
+    assert said == pytest.approx(alone)
+
+    upper = (mesh.vertices[:, 2] > 25.0).astype(np.int32)
+    halves = replace(mesh, provenance=replace(p, laser=upper, lasers=("a L0", "b L0")))
+    views = [shapes.View(grid, rig, "a L0"), shapes.View(grid, rig, "b L0")]
+    said = shapes.volume_sigma(halves, shapes.Source(placed=views)).shared
+    assert said == pytest.approx(alone), "an error of the rig is in both"
+    apart = [views[0], shapes.View(grid, replace(rig), "b L0")]
+    said = shapes.volume_sigma(halves, shapes.Source(placed=apart)).shared
+    assert 0.5 * alone < said < 0.95 * alone, "errors of two rigs average out"
 
 
 def brought(rig: Rig, x: np.ndarray) -> np.ndarray:
