@@ -254,7 +254,7 @@ class Bench:
     def slip(self, line: bytes) -> None:
         """The scanner's program sends a line that it must not, while nothing is to be lit."""
         if self.random.random() < 0.8:
-            self.mend()
+            self.repair()
         for _ in range(60):
             idle = self.device is not None and not self.wanted and not self.world.board.lit
             if idle:
@@ -277,11 +277,11 @@ class Bench:
         if self.lights() > before:
             self._fail(f"{line[:40]!r} lit a laser that nobody had ordered")
 
-    def mend(self) -> None:
-        """A person mends everything, ends what hangs and starts a scan."""
+    def repair(self) -> None:
+        """A person repairs everything, ends what hangs and starts a scan."""
         w = self.world
         w.plug()
-        w.cable.mend()
+        w.cable.repair()
         w.foreign = 0
         for process in w.processes:
             process.stopped = False
@@ -290,12 +290,12 @@ class Bench:
         self.scan()
 
     def reach_light(self) -> None:
-        """Most of the time: wait until a laser burns, and before that let a person mend things."""
+        """Most of the time: wait until a laser burns, before that let a person repair things."""
         w = self.world
         if w.board.lit or self.random.random() < 0.2:
             return
         if self.random.random() < 0.8:
-            self.mend()
+            self.repair()
         for _ in range(60):
             if w.board.lit:
                 break
@@ -303,16 +303,16 @@ class Bench:
         w.run(self.random.choice([0.0, 0.0, 0.002, 0.1]) * self.random.random())
 
     def settle(self) -> None:
-        """Everything is mended: then it must be dark, with a new scanner where none was left."""
+        """Everything is repaired: then it must be dark, with a new scanner where none was left."""
         w = self.world
-        self.mend()
+        self.repair()
         w.board._deaf_until = 0.0
         if self.scanner is not None and self.scanner.alive:
             self.scanner.end(-9)
         w.run(6.0)
         if w.board.lit:
             if self.guards:
-                raise Violation("still lit though everything is mended and a guard is at work")
+                raise Violation("still lit though everything is repaired and a guard is at work")
             self.scan()
             w.run(3.0)
             if w.board.lit and not self.wanted:
@@ -432,7 +432,7 @@ def _bytes(how: str) -> Fault:
     def fault(bench: Bench) -> None:
         cable, much = bench.world.cable, bench.random.choice([0.1, 0.2, 0.3])
         cable.drop, cable.spoil = (much, 0.0) if how == "dropped" else (0.0, much)
-        bench.world.at(2.0, cable.mend)
+        bench.world.at(2.0, cable.repair)
 
     return fault
 
@@ -469,7 +469,7 @@ class Machine(RuleBasedStateMachine):
         self._pass(1.0)
 
     def teardown(self) -> None:
-        """Mend everything and look; then nothing is left."""
+        """Repair everything and look; then nothing is left."""
         try:
             if self.bench is not None and not self.bench.failed:
                 self.bench.settle()
@@ -491,9 +491,9 @@ class Machine(RuleBasedStateMachine):
         self._pass(seconds)
 
     @rule()
-    def mend(self) -> None:
-        """A person plugs the cable in, mends it and starts a scan."""
-        self._b.mend()
+    def repair(self) -> None:
+        """A person plugs the cable in, repairs it and starts a scan."""
+        self._b.repair()
         self._pass(0.5)
 
     def _befall(self, kinds: list[str], apart: float, after: float) -> None:

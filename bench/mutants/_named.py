@@ -139,7 +139,7 @@ def named(room: str, sources: Path) -> Iterator[Mutant]:
     for path, old, new, name in _NAMED.get(room, ()):
         text = (sources / path).read_text()
         if text.count(old) != 1:
-            raise ValueError(f"{path} holds {old!r} {text.count(old)} times → mend the list")
+            raise ValueError(f"{path} holds {old!r} {text.count(old)} times → repair the list")
         start = text.index(old)
         row = text.count("\n", 0, start) + 1
         yield Mutant(room, path, start, start + len(old), new, _function(text, row), old, name)

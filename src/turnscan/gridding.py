@@ -40,16 +40,16 @@ def to_grids(
     for k, sight in enumerate(seen):
         v = sight.view
         mine = progress.subrange(k / len(seen), (k + 1) / len(seen))
-        mended, nothing = edit.mend_stripes(sight.stripes, edits, v, mine.subrange(0, 0.5))
+        repaired, nothing = edit.repair_stripes(sight.stripes, edits, v, mine.subrange(0, 0.5))
         whole = points.build_grid(
-            v.rig, v.laser, mended.stripes, mended.steps, mended.angles, mended.angle_sigma
+            v.rig, v.laser, repaired.stripes, repaired.steps, repaired.angles, repaired.angle_sigma
         )
         turns, again = points.whole_turns(points.every(whole, s.every))
         findings += [*sight.findings, *nothing, *points.angle_findings(turns[0], again)]
         for i, turn in enumerate(turns):
             now = mine.subrange(0.5, 1).subrange(i / len(turns), (i + 1) / len(turns))
             now(0)
-            seamed = edit.mend_grid(turn, edits)
+            seamed = edit.repair_grid(turn, edits)
             kept = points.drop_specks(points.clip(seamed, v.volume), s.shortest)
             findings += points.grid_findings(turn, kept, v.volume, str(v.settings.strategy))
             findings += points.together_findings(kept, v.rig, v.others, v.volume)

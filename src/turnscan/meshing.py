@@ -47,7 +47,7 @@ def to_mesh(
     mesh, islands, faces = clean.drop_islands(loose, s.island)
     if islands:
         touching += clean.long_islands(loose, s.island)
-    opened, mending = edit.mend_mesh(mesh, edits, lambda: source_of(grids, rig))
+    opened, repairing = edit.repair_mesh(mesh, edits, lambda: source_of(grids, rig))
     mesh, closing = opened, list[Finding]()
     if finish:
         mesh, closing = finished(mesh, s, progress.subrange(0.4, 1))
@@ -56,7 +56,7 @@ def to_mesh(
         opened = whole
     closed = finish and s.caps is not None
     remarks = surface.mesh_findings(whole, islands, faces, closed=closed)
-    said = findings + touching + mending + closing + remarks
+    said = findings + touching + repairing + closing + remarks
     return Meshed(opened, whole if finish else opened, said)
 
 

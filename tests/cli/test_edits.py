@@ -60,7 +60,7 @@ def refused(monkeypatch: pytest.MonkeyPatch, capsys: Any, *arguments: Any) -> st
 
 
 class Worker:
-    """Mends a scan as the browser does: a document, and each action into the file."""
+    """Repairs a scan as the browser does: a document, and each action into the file."""
 
     def __init__(self, path: Path) -> None:
         self.scan = Scan.resume(path)
@@ -103,8 +103,8 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.fixture
-def mended(scans: tuple[Path, Path], tmp_path: Path) -> Path:
-    return Path(shutil.copy(scans[0], tmp_path / "mended.turnscan"))
+def repaired(scans: tuple[Path, Path], tmp_path: Path) -> Path:
+    return Path(shutil.copy(scans[0], tmp_path / "repaired.turnscan"))
 
 
 def mesh_of(*arguments: Any) -> tuple[Mesh, str]:
@@ -113,14 +113,14 @@ def mesh_of(*arguments: Any) -> tuple[Mesh, str]:
     return read_mesh(path.read_bytes(), ".ply"), said
 
 
-def test_a_scan_is_reconstructed_with_its_own_edits(mended: Path) -> None:
-    mesh, said = mesh_of(mended)
+def test_a_scan_is_reconstructed_with_its_own_edits(repaired: Path) -> None:
+    mesh, said = mesh_of(repaired)
     assert is_closed(mesh)
     assert "edit." not in said
-    bare, _ = mesh_of(mended, "--edits", "none")
+    bare, _ = mesh_of(repaired, "--edits", "none")
     assert not is_closed(bare)
-    run("edits", mended, "--off", 5)
-    opened, _ = mesh_of(mended)
+    run("edits", repaired, "--off", 5)
+    opened, _ = mesh_of(repaired)
     assert not is_closed(opened)
     assert mesh.volume == pytest.approx(267e3, rel=0.02)
 
@@ -147,8 +147,8 @@ def test_replayed_on_another_scan_the_edits_give_a_watertight_cup(
     assert mesh_of(other)[0].vertices.tobytes() == mesh.vertices.tobytes()
 
 
-def test_the_list_tells_what_was_done_and_the_file_embeds_it(mended: Path) -> None:
-    lines = run("edits", mended).splitlines()
+def test_the_list_tells_what_was_done_and_the_file_embeds_it(repaired: Path) -> None:
+    lines = run("edits", repaired).splitlines()
     assert [line.split("  ")[-1].strip() for line in lines] == [
         "delete 3 points of step 5, laser right",
         "detect steps 10–11, lines 0–2000 of right again (centroid)",
@@ -158,33 +158,33 @@ def test_the_list_tells_what_was_done_and_the_file_embeds_it(mended: Path) -> No
     ]
     assert "delete" in lines[2]
     assert "fill a hole of" in lines[3]
-    report = mended.with_suffix(".json")
-    mesh_of(mended, "--report", report)
+    report = repaired.with_suffix(".json")
+    mesh_of(repaired, "--report", report)
     progress = json.loads(report.read_text())
     assert progress["edits"][4] == "5: close all gaps"
     assert len(progress["edits_sha256"]) == 64
-    assert "5 edits" in run("check", mended)
-    run("edits", mended, "--undo")
-    run("edits", mended, "--off", 1)
-    shown = run("edits", mended).splitlines()
+    assert "5 edits" in run("check", repaired)
+    run("edits", repaired, "--undo")
+    run("edits", repaired, "--off", 1)
+    shown = run("edits", repaired).splitlines()
     assert "undone" in shown[4]
     assert "done, off" in shown[0]
-    assert json.loads(run("check", mended, "--json"))["edits"] == 3
-    run("edits", mended, "--on", 1, "--redo")
-    assert json.loads(run("check", mended, "--json"))["edits"] == 5
+    assert json.loads(run("check", repaired, "--json"))["edits"] == 3
+    run("edits", repaired, "--on", 1, "--redo")
+    assert json.loads(run("check", repaired, "--json"))["edits"] == 5
 
 
-def test_an_edit_that_finds_nothing_is_named_and_the_rest_is_done(mended: Path) -> None:
+def test_an_edit_that_finds_nothing_is_named_and_the_rest_is_done(repaired: Path) -> None:
     worker_edits = [
         Fill((HoleName((0.0, 0.0, 300.0), 5.0),)),
         ProfileOff("right", (900, 901)),
         ProfileOff("green", (0, 0)),
         DeletePoints("right", 3, (99_999,)),
     ]
-    with Scan.resume(mended) as scan:
+    with Scan.resume(repaired) as scan:
         for number, edit in enumerate(worker_edits, start=6):
             scan.append_edit(action_to_json(Add(number, edit)))
-    mesh, said = mesh_of(mended)
+    mesh, said = mesh_of(repaired)
     assert is_closed(mesh)
     for words in (
         "edit.nothing [edit 6 (fill)]: no hole of 5.00 mm near (0.00, 0.00, 300.00)",
@@ -196,14 +196,14 @@ def test_an_edit_that_finds_nothing_is_named_and_the_rest_is_done(mended: Path) 
 
 
 def test_faces_are_chosen_and_edits_made_without_a_browser(
-    mended: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+    repaired: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     def deleted(*wish: str) -> int:
-        words = run("edits", mended, *wish).splitlines()[-1]
-        run("edits", mended, "--undo")
+        words = run("edits", repaired, *wish).splitlines()[-1]
+        run("edits", repaired, "--undo")
         return int(words.split("delete ")[1].split(" faces")[0])
 
-    run("edits", mended, "--undo")
+    run("edits", repaired, "--undo")
     whole = deleted("--delete", "laser=right")
     some = deleted("--delete", "steps=3-5")
     assert 0 < some < whole / 4
@@ -222,23 +222,23 @@ def test_faces_are_chosen_and_edits_made_without_a_browser(
         "pieces=2": "no face matches",
         "colour=red": "is not a rule",
     }.items():
-        assert words in refused(monkeypatch, capsys, "edits", mended, "--delete", rule)
+        assert words in refused(monkeypatch, capsys, "edits", repaired, "--delete", rule)
     section = {"kind": "measure_section", "normal": [0, 0, 1], "distance": 40}
-    run("edits", mended, "--make", '{"kind":"close"}', "--make", json.dumps(section))
-    _, said = mesh_of(mended)
+    run("edits", repaired, "--make", '{"kind":"close"}', "--make", json.dumps(section))
+    _, said = mesh_of(repaired)
     progress = next(line for line in said.splitlines() if "edit.measured" in line)
     assert "mm, circle" in progress
     assert 60 < float(progress.split("]: ")[1].split(" ")[0]) < 80
-    assert "kind" in refused(monkeypatch, capsys, "edits", mended, "--make", '{"kind":"warp"}')
+    assert "kind" in refused(monkeypatch, capsys, "edits", repaired, "--make", '{"kind":"warp"}')
 
 
 def test_bad_histories_are_refused_in_one_line(
-    mended: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+    repaired: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     out = tmp_path / "x.stl"
 
     def why(edits: Any) -> str:
-        said = refused(monkeypatch, capsys, "reconstruct", mended, "--edits", edits, "-o", out)
+        said = refused(monkeypatch, capsys, "reconstruct", repaired, "--edits", edits, "-o", out)
         assert not out.exists()
         return said
 
@@ -260,18 +260,18 @@ def test_bad_histories_are_refused_in_one_line(
     }.items():
         file.write_text(text)
         assert words in why(file)
-    run("edits", mended, "--off", 5)
-    assert "there is no edit 77" in refused(monkeypatch, capsys, "edits", mended, "--off", 77)
-    with Scan.resume(mended) as scan:
+    run("edits", repaired, "--off", 5)
+    assert "there is no edit 77" in refused(monkeypatch, capsys, "edits", repaired, "--off", 77)
+    with Scan.resume(repaired) as scan:
         scan.append_edit('{"version":9,"do":"bend"}')
     assert "version 9" in why("own")
-    assert CliRunner().invoke(turnscan, ["check", str(mended)]).exit_code == 1
-    db = sqlite3.connect(mended)
+    assert CliRunner().invoke(turnscan, ["check", str(repaired)]).exit_code == 1
+    db = sqlite3.connect(repaired)
     db.execute("UPDATE edits SET edit = '{}' WHERE id = 2")
     db.commit()
     db.close()
     assert "entry 2 of its log of edits" in why("own")
-    said = CliRunner().invoke(turnscan, ["check", str(mended)])
+    said = CliRunner().invoke(turnscan, ["check", str(repaired)])
     assert said.exit_code == 1
     assert "entry 2 of its log" in said.output
-    run("reconstruct", mended, "--edits", "none", "-o", out)
+    run("reconstruct", repaired, "--edits", "none", "-o", out)

@@ -61,7 +61,7 @@ def test_twenty_kills_lose_at_most_the_last_edit(zygote: Zygote, log: list[str])
     rng = random.Random(SEED)
     inside = 0
     for number in range(KILLS):
-        path = zygote.new_folder("mended") / "a.turnscan"
+        path = zygote.new_folder("repaired") / "a.turnscan"
         write(path)
         commit, delay = rng.randrange(1, EDITS // 2), rng.random() * 0.003
         zygote.ask("kill_edits", path=str(path), texts=log, commit=commit, delay=delay)

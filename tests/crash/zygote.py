@@ -102,7 +102,7 @@ def answer(pid: int, read: int) -> Any:
     return json.loads(said) if said else None
 
 
-def mend(path: Path, texts: list[str], said: int = -1) -> None:
+def repair(path: Path, texts: list[str], said: int = -1) -> None:
     """Append edits to a scan file; a byte to ``said`` before each."""
     with Scan.resume(path) as opened:
         for text in texts:
@@ -112,7 +112,7 @@ def mend(path: Path, texts: list[str], said: int = -1) -> None:
 
 def kill_edits(ask: dict[str, Any]) -> dict[str, Any]:
     """Kill an edit session ``delay`` s after the beginning of edit ``commit``."""
-    return _killed(ask, lambda said: mend(Path(ask["path"]), ask["texts"], said))
+    return _killed(ask, lambda said: repair(Path(ask["path"]), ask["texts"], said))
 
 
 def kill(ask: dict[str, Any]) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from turnscan.edit import (
     Redetect,
     SetPoint,
     lost_edits,
-    mend_grid,
-    mend_stripes,
+    repair_grid,
+    repair_stripes,
 )
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress
@@ -63,16 +63,16 @@ class Frames:
 SEEN = Stripes("left", (0, 2, 3), np.array([0.0, 0.2, 0.3]), tuple(map(stripe, (100, 102, 103))))
 
 
-def mended(*edits: Edit) -> tuple[dict[int, Stripe], list[str], Frames]:
+def repaired(*edits: Edit) -> tuple[dict[int, Stripe], list[str], Frames]:
     frames = Frames()
     entries = [Entry(k, e) for k, e in enumerate(edits, start=1)]
-    done, findings = mend_stripes(SEEN, entries, frames)
+    done, findings = repair_stripes(SEEN, entries, frames)
     assert done.laser == "left"
     return dict(zip(done.steps, done.stripes, strict=True)), [f.where for f in findings], frames
 
 
 def test_points_go_move_and_come() -> None:
-    done, nothing, _ = mended(
+    done, nothing, _ = repaired(
         DeletePoints("left", 2, (0, 3, 4, 99)),
         SetPoint("left", 2, 4, 77.25),
         SetPoint("left", 3, 1, 78.0),
@@ -100,19 +100,19 @@ def test_each_profile_that_is_sought_again_is_told_of() -> None:
             raise TimeoutError  # what hears of it may end it
 
     with pytest.raises(TimeoutError):
-        mend_stripes(SEEN, entries, frames, Progress(hear))
+        repair_stripes(SEEN, entries, frames, Progress(hear))
     assert shares == pytest.approx([0, 0.5, 0.5, 4 / 6, 5 / 6])
     assert frames.asked == [(0, 9.0), (2, 9.0)]
 
 
 def test_the_order_of_edits_counts() -> None:
     first, second = SetPoint("left", 0, 5, 60.0), DeletePoints("left", 0, (5,))
-    assert np.isnan(mended(first, second)[0][0].position[5])
-    assert mended(second, first)[0][0].position[5] == 60.0
+    assert np.isnan(repaired(first, second)[0][0].position[5])
+    assert repaired(second, first)[0][0].position[5] == 60.0
 
 
 def test_another_candidate_is_followed_along_the_stripe() -> None:
-    done, nothing, frames = mended(PickCandidate("left", 2, (2, 9), 135.0))
+    done, nothing, frames = repaired(PickCandidate("left", 2, (2, 9), 135.0))
     assert (nothing, frames.asked) == ([], [2])
     true = SEEN.stripes[1].position
     picked = [2, 3, 5, 6, 8, 9]
@@ -126,7 +126,7 @@ def test_another_candidate_is_followed_along_the_stripe() -> None:
 
 
 def test_profiles_are_left_out_and_parts_sought_again() -> None:
-    done, nothing, frames = mended(
+    done, nothing, frames = repaired(
         Redetect("left", (1, 3), (8, 40), threshold=5.0), ProfileOff("left", (3, 9))
     )
     assert nothing == []
@@ -148,14 +148,14 @@ def test_profiles_are_left_out_and_parts_sought_again() -> None:
     ],
 )
 def test_an_edit_of_what_is_not_there_is_named_and_changes_nothing(edit: Edit) -> None:
-    done, nothing, _ = mended(edit)
+    done, nothing, _ = repaired(edit)
     assert nothing == [f"edit 1 ({edit.kind})"]
     for step, was in zip(SEEN.steps, SEEN.stripes, strict=True):
         assert np.array_equal(done[step].position, was.position, equal_nan=True)
 
 
 def test_edits_of_other_lasers_are_not_this_ones() -> None:
-    done, nothing, _ = mended(ProfileOff("right", (0, 9)))
+    done, nothing, _ = repaired(ProfileOff("right", (0, 9)))
     assert (sorted(done), nothing) == ([0, 2, 3], [])
     entries = [Entry(1, ProfileOff("right", (0, 9))), Entry(2, ProfileOff("left", (0, 0)))]
     assert [f.where for f in lost_edits(entries, ["left"])] == ["edit 1 (profile_off)"]
@@ -168,8 +168,8 @@ def test_the_seam_is_closed_where_it_is_wanted() -> None:
         np.zeros((4, 2), np.uint16), False,
     )  # fmt: skip
     wish = [Entry(1, CloseSeam("left"))]
-    assert mend_grid(grid, wish).closed
-    assert not mend_grid(grid, [Entry(1, CloseSeam("right"))]).closed
+    assert repair_grid(grid, wish).closed
+    assert not repair_grid(grid, [Entry(1, CloseSeam("right"))]).closed
     short = replace(grid, steps=grid.steps[:2], angles=grid.angles[:2], points=grid.points[:2],
                     sigma=nan[:2], amplitude=nan[:2], flags=grid.flags[:2])  # fmt: skip
-    assert not mend_grid(short, wish).closed
+    assert not repair_grid(short, wish).closed

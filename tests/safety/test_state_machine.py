@@ -289,7 +289,7 @@ FOUND = {
 
 
 @pytest.mark.parametrize("check", FOUND)
-def test_what_the_judge_has_found_stays_mended(check: Callable[[], None]) -> None:
+def test_what_the_judge_has_found_stays_repaired(check: Callable[[], None]) -> None:
     check()
     with FOUND[check](), pytest.raises(AssertionError):
         check()

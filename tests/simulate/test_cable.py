@@ -38,7 +38,7 @@ def test_late_split_doubled_and_lost_answers() -> None:
     got = carried(cable, b"abcde")
     assert [data for _, data in got] == [b"ab", b"cd", b"e"]
     assert [when for when, _ in got] == pytest.approx([0.5, 0.6, 0.7])
-    cable.mend()
+    cable.repair()
     cable.lose, cable.double = 1, 1
     assert carried(cable, b"a", b"b", b"c") == [(1.0, b"bb"), (2.0, b"c")]
     cable.late = 5.0
@@ -53,7 +53,7 @@ def test_bytes_lost_and_spoilt_on_their_way_to_the_board() -> None:
     cable, sent = Cable(seed=1), bytes(range(256)) * 40
     cable.drop = 0.25
     assert 0.70 < len(cable.down(sent)) / len(sent) < 0.80
-    cable.mend()
+    cable.repair()
     cable.spoil = 0.5
     heard = cable.down(sent)
     assert len(heard) == len(sent)

@@ -183,7 +183,7 @@ def test_filling_any_grid_moves_nothing_and_leaves_it_manifold(
     assert done.faces.tobytes() == again.faces.tobytes()
 
 
-def test_what_cuts_through_itself_is_mended():
+def test_what_cuts_through_itself_is_repaired():
     mesh = ball(30)
     spike = mesh.vertices.copy()
     spike[400] *= -1.1  # through the ball and out at its other side
@@ -192,7 +192,7 @@ def test_what_cuts_through_itself_is_mended():
     done, said = close(bent, ClosingOptions(floor=None, top=None))
     assert is_closed(done)
     assert soundness(done) == []
-    assert said[0].code == "surface.mended"
+    assert said[0].code == "surface.repaired"
     assert np.linalg.norm(done.vertices, axis=1).max() < 10.1
     assert done.volume == pytest.approx(mesh.volume, rel=0.005)
     assert done.area_of(~done.measured) < 0.05 * mesh.area_of()

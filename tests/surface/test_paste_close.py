@@ -142,7 +142,7 @@ def test_a_box_closes_to_its_volume():
     # Steps of 3° cut the corners: a little less than the truth, never more than noise allows.
     assert 0.97 * 40 * 30 * 30 < mesh.volume < 1.002 * 40 * 30 * 30
     assert mesh.bounds[0, 2] == 0.0
-    # What was measured before and beyond the axis is joined: nothing has to be mended.
+    # What was measured before and beyond the axis is joined: nothing has to be repaired.
     assert [f.code for f in said] == ["surface.caps", "surface.floor"]
     new = mesh.provenance.step == -1
     there = {tuple(v) for v in open_mesh.vertices.tolist()}

@@ -1,6 +1,6 @@
 """Repairs by hand: edits as values, their history with undo, and a surface that follows it."""
 
-from turnscan.edit._apply import mend_mesh
+from turnscan.edit._apply import repair_mesh
 from turnscan.edit._body import Alive, Append, Body, Compact, Patch, Replace, Truncate, Verts
 from turnscan.edit._describe import describe
 from turnscan.edit._document import Change, Document
@@ -34,8 +34,8 @@ from turnscan.edit._grid import (
     HAND_SIGMA,
     StripeSearch,
     lost_edits,
-    mend_grid,
-    mend_stripes,
+    repair_grid,
+    repair_stripes,
 )
 from turnscan.edit._history import (
     Action,
@@ -146,10 +146,10 @@ __all__ = [
     "history_to_json",
     "is_measure",
     "lost_edits",
-    "mend_grid",
-    "mend_mesh",
-    "mend_stripes",
     "needs_rebuild",
+    "repair_grid",
+    "repair_mesh",
+    "repair_stripes",
     "settings_in",
     "shrink",
     "within_angle",

@@ -95,7 +95,7 @@ def apply(
     return body, Done(entry, patches, tuple(back), named, measured)
 
 
-def mend_mesh(
+def repair_mesh(
     mesh: Mesh, entries: Iterable[Entry], source: Sources = Source
 ) -> tuple[Mesh, list[Finding]]:
     """A mesh with the mesh edits among these done, in their order.

@@ -43,7 +43,7 @@ class StripeSearch(Protocol):
         ...
 
 
-def mend_stripes(
+def repair_stripes(
     seen: Stripes, entries: Iterable[Entry], eyes: StripeSearch, progress: Progress = no_progress
 ) -> tuple[Stripes, list[Finding]]:
     """The stripes of a laser with the edits of it done, in their order.
@@ -71,7 +71,7 @@ def mend_stripes(
                 acted = bool(changed)
             case DeletePoints() | SetPoint() | PickCandidate():
                 old = stripes.get(edit.step)
-                new = None if old is None else _mended(old, edit, eyes)
+                new = None if old is None else _repaired(old, edit, eyes)
                 if new is not None:
                     stripes[edit.step] = new
                 acted = new is not None
@@ -83,7 +83,7 @@ def mend_stripes(
     return done.without(off), findings
 
 
-def mend_grid(grid: RangeGrid, entries: Iterable[Entry]) -> RangeGrid:
+def repair_grid(grid: RangeGrid, entries: Iterable[Entry]) -> RangeGrid:
     """The grid, its seam closed where an edit wants that and the turn has three steps."""
     wanted = any(isinstance(e.edit, CloseSeam) and e.edit.laser == grid.laser for e in entries)
     return replace(grid, closed=True) if wanted and len(grid.steps) >= 3 else grid
@@ -129,7 +129,7 @@ def _redetected(
     return changed
 
 
-def _mended(
+def _repaired(
     stripe: Stripe, edit: DeletePoints | SetPoint | PickCandidate, eyes: StripeSearch
 ) -> Stripe | None:
     """The stripe of one profile after an edit of it; None where there is nothing to change."""

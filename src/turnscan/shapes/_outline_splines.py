@@ -43,7 +43,7 @@ def fit_spline(
 
     ``scale`` (n,) mm are their standard deviations (infinite: has no say); ``ends`` and
     ``tangents`` (unit, forwards) hold its ends where given. Each point's place along the spline is
-    its arc length, mended twice to where the spline comes nearest. chi2 is Σ (distance across the
+    its arc length, repaired twice to where the spline comes nearest. chi2 is Σ (distance across the
     spline / scale)².
     """
     from scipy.interpolate import BSpline

@@ -38,7 +38,7 @@ class DemoFrame:
 def demo_report(
     devices: Simulated,
     done: Reconstruction,
-    mended: Mesh,
+    repaired: Mesh,
     closing: Sequence[Finding],
     found: Deviation,
     frames: Sequence[DemoFrame],
@@ -67,7 +67,7 @@ def demo_report(
             for a in (0.6, 0.6 + math.pi)
         ),
         html.picture(
-            mended.show(azimuth=0.6, elevation=0.9).pixels,
+            repaired.show(azimuth=0.6, elevation=0.9).pixels,
             "Repaired. Surface that was never lit is interpolated here, for instance the inside "
             "of a vessel.",
         ),

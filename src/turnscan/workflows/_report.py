@@ -53,11 +53,11 @@ def about(
         "source": source.name,
         "rig_sha256": None if rig is None else rig_hash(rig),
         "parameters": _plain(used),
-        **(_mended(edits) if edits else {}),
+        **(_repaired(edits) if edits else {}),
     }
 
 
-def _mended(edits: Sequence[Entry]) -> dict[str, object]:
+def _repaired(edits: Sequence[Entry]) -> dict[str, object]:
     texts = "\n".join(json.dumps(edit_to_value(e.edit), sort_keys=True) for e in edits)
     return {
         "edits": [f"{e.id}: {describe(e.edit)}" for e in edits],

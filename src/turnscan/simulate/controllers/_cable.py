@@ -17,9 +17,9 @@ class Cable:
     def __init__(self, seed: int = 0) -> None:
         self._random = Random(seed)  # noqa: S311 (repeatable faults, no secrets)
         self._up: deque[tuple[float, bytes]] = deque()
-        self.mend()
+        self.repair()
 
-    def mend(self) -> None:
+    def repair(self) -> None:
         """As good as new; what is on its way arrives."""
         self.late = self.gap = self.drop = self.spoil = 0.0
         self.piece = self.lose = self.double = 0

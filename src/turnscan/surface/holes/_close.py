@@ -96,17 +96,17 @@ def close(
     filled = fill_soundly(done, fillable, hows, progress, hold=False)
     if filled.left:
         remarks.append(unfilled(filled.left, _HINT))
-    mended = repair_self_intersections(filled.mesh, filled.owner, filled.flat, hold=False)
+    repaired = repair_self_intersections(filled.mesh, filled.owner, filled.flat, hold=False)
     gaps = (
         stands * len(foot) + (top is not None and c.top == "fan") + len(fillable) - len(filled.left)
     )
-    again = filled.replaced + mended.replaced
-    done = mended.mesh
-    if mended.replaced:
+    again = filled.replaced + repaired.replaced
+    done = repaired.mesh
+    if repaired.replaced:
         done = submesh(done, np.ones(len(done.faces), dtype=np.bool_))
     if again:
         text = f"{again} faces at self-intersections were rebuilt"
-        remarks.append(Finding("surface.mended", "note", text))
+        remarks.append(Finding("surface.repaired", "note", text))
     return done, remarks + _said(done, gaps, foot if stands else [], c)
 
 

@@ -43,8 +43,8 @@ def repair_self_intersections(mesh: Mesh, owner: Ints, flat: Bools, *, hold: boo
 
     Where a measured face and a filled one cut through each other, the filled one gives way. What
     was open before stays open. Where more than 10 % of the faces cut through others, or it cannot
-    be mended, the mesh stays as it is there. ``owner`` (f,) is the patch that each face belongs to,
-    −1 for none; places mostly in patches that are ``flat`` (n,) are filled flat. With ``hold``
+    be repaired, the mesh stays as it is there. ``owner`` (f,) is the patch of each face, −1 for
+    none; places mostly in patches that are ``flat`` (n,) are filled flat. With ``hold``
     only faces of patches are asked for and taken away; all others stay, in their order.
     """
     replaced, pairs = 0, crossings(mesh, owner >= 0 if hold else None)

@@ -62,14 +62,14 @@ def fill_soundly(
     done = repair_self_intersections(sewn, owner, flat, hold=True)
     out = _cutting(done.owner[done.pairs], len(which))
     if out.any() and not hold:
-        out = _beyond_mending(done, flat)
+        out = _beyond_repairing(done, flat)
     keep = ~np.isin(done.owner, np.flatnonzero(out))
     left = [h for h, o in zip(which, out, strict=True) if o]
     whole = _kept(done.mesh, keep, len(mesh.vertices))
     return Filled(whole, done.owner[keep], flat, left, done.replaced)
 
 
-def _beyond_mending(done: Repaired, flat: Bools) -> Bools:
+def _beyond_repairing(done: Repaired, flat: Bools) -> Bools:
     """(n,) True for patches to leave out, so that the repair handles all others: worst first."""
     out = np.zeros(len(flat), dtype=np.bool_)
     while True:
