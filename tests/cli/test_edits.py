@@ -246,7 +246,7 @@ def test_bad_histories_are_refused_in_one_line(
     assert "no such file" in why(file)
     assert "no such scan file" in why(tmp_path / "no.turnscan")
     for text, words in {
-        '{"format":"turnscan-edits","version":2,"edits":[]}': "version 2; this turnscan knows",
+        '{"format":"turnscan-edits","version":3,"edits":[]}': "version 3; this turnscan knows",
         '{"format":"turnscan-edits","version":1,"edits":[],"x":1}': "edits",
         '{"format":"rig","version":1}': "format: not an edits file",
         '{"format":"turnscan-edits","version":1,"edits":[{"id":1,"on":true,"edit":'

@@ -50,7 +50,7 @@ def test_bad_requests_write_nothing(ply: Path) -> None:
     text = ply.with_name("text.stl")
     text.write_text("this is no STL")
     cases: list[tuple[list[str | Path], type[Exception], str]] = [
-        ([ply, "-o", good, "-o", ply.with_name("x.step")], InputError, "'.step'"),
+        ([ply, "-o", good, "-o", ply.with_name("x.dwg")], InputError, "'.dwg'"),
         ([ply, "-o", good, "-o", ply.parent / "no" / "x.dxf"], ExportError, "no folder"),
         ([ply, "-o", good, "-o", ply.with_name("d.dxf")], ExportError, "is a folder"),
         ([ply, "-o", good, "--dxf-form", "profiles"], InputError, "no profiles"),

@@ -251,7 +251,7 @@ def test_devices_lists_without_opening_anything() -> None:
     assert "uvc" in json.loads(done.output)["camera_schemes"]
     lost = cli("devices", "/dev/no-such-port")
     assert lost.exit_code == 1
-    assert "no board" in lost.output
+    assert "no controller" in lost.output
 
 
 def test_devices_finds_the_board_behind_a_port() -> None:

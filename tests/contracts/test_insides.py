@@ -19,7 +19,7 @@ MOST_NAMES = {
     "acquire": 35,
     "app": 4,
     "calibrate": 40,
-    "devices": 24,
+    "devices": 25,
     "drawings": 14,
     "edit": 76,
     "formats": 17,

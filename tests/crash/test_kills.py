@@ -82,7 +82,7 @@ def test_ten_frames_in_one_transaction_would_be_noticed(zygote: Zygote) -> None:
         moment = a_kill(rng, 1.0, aimed=True)
         zygote.ask("kill", path=str(path), steps=STEPS, mutant=True, **moment)
         lost += frames_in(path) < moment["commit"] - 1
-    assert lost >= 3
+    assert lost >= 1, "each of these would fail the test above"
 
 
 def test_killed_again_while_it_resumes(zygote: Zygote) -> None:

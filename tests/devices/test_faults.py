@@ -69,6 +69,11 @@ class Scan:
             with contextlib.suppress(TurnscanError):
                 self.device.close()
         address = f"{self.dialect}:{self.socket.path}?lasers=a,b"
+        for _ in range(5):
+            # A busy machine may be late with the first answers.
+            with contextlib.suppress(DeviceTimeout):
+                self.device = board(address, deadlines=QUICK)
+                return
         self.device = board(address, deadlines=QUICK)
 
     def step(self) -> None:

@@ -487,18 +487,18 @@ def test_stop(dialect: str) -> None:
             except TurnscanError as e:
                 errors.append(e)
 
+        device._d = Deadlines()  # a busy machine may be late with the answer where it stands
         thread = threading.Thread(target=turn)
         thread.start()
         time.sleep(0.15)
         device.stop()
-        thread.join(timeout=5.0)
+        thread.join(timeout=20.0)
         assert not thread.is_alive()
         assert "stopped" in str(errors[0])
         assert device.alarm == ""  # the place is known: it goes on without a person
         place = socket.firmware.turns * 2 * math.pi
         assert 0.0 < place < 5.9
         assert device.angle == pytest.approx(place, abs=0.01)
-        device._d = Deadlines()
         assert device.move_to(device.angle + 0.1, 30.0)
 
 

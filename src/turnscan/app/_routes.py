@@ -88,12 +88,14 @@ _login_page = _file(LOGIN / "login.html")
 
 def _enter(keys: Keys, cookie: str) -> Endpoint:
     async def enter(request: Request) -> Response:
+        # First, also for an answer that does not need it: a connection that is closed with bytes
+        # nobody read is reset, and the answer may be lost with it.
+        body = await _body(request, q.LoginRequest)
         address = request.client.host if request.client else ""
         wait = keys.wait(address)
         if wait > 0:
             hint = f"wait {wait:.0f} s, then open the link again"
             return problem(429, "too many wrong links", hint, Retry_After=str(int(wait) + 1))
-        body = await _body(request, q.LoginRequest)
         session = keys.enter(body.token, address)
         if session is None:
             hint = "open the link that turnscan printed last"

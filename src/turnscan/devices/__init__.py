@@ -4,6 +4,7 @@ from turnscan.devices._aravis import aravis_library
 from turnscan.devices._cameras import camera_schemes, find_cameras, open_camera
 from turnscan.devices._discover import Answer, Port, list_ports, probe_port
 from turnscan.devices._lit import alive, burning, exposed
+from turnscan.devices._options import split_address
 from turnscan.devices._pixels import image_of
 from turnscan.devices._protocols import Camera, CameraTraits, Lasers, Sweeping, Turntable
 from turnscan.devices._registry import acknowledge_alarm, open_devices, open_lasers, open_turntable
@@ -35,4 +36,5 @@ __all__ = [
     "open_lasers",
     "open_turntable",
     "probe_port",
+    "split_address",
 ]

@@ -13,7 +13,7 @@ import queue
 import threading
 import time
 from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from typing import Any
@@ -177,8 +177,8 @@ def _as_they_come(client: Any, futures: dict[Any, int]) -> Iterator[tuple[int, O
 
 
 def _result(future: Any) -> Outcome | None:
-    """What a future holds; None where the worker that has it has ended."""
-    with contextlib.suppress(OSError, TimeoutError):
+    """What a future holds; None where the worker that has it, or the scheduler, has ended."""
+    with contextlib.suppress(OSError, TimeoutError, CancelledError):
         outcome = future.result(timeout=30)
         assert isinstance(outcome, Outcome)
         return outcome
