@@ -21,9 +21,11 @@ import pytest
 from tests.once import once
 from tests.workflows.scans import write_can, write_pictures
 from turnscan import workflows
-from turnscan.errors import DeviceTimeout, FormatError, InputError
+from turnscan.errors import DeviceTimeout, FormatError, InputError, StorageFull
 from turnscan.progress import Cancelled, Progress
+from turnscan.workflows import _batch_task
 from turnscan.workflows._batch_recipe import recipe_from_text
+from turnscan.workflows._batch_table import write_tables
 from turnscan.workflows._batch_task import outcome_from_json
 from turnscan.workflows._batch_workers import Patience, on_this_machine
 
@@ -96,6 +98,35 @@ def test_results_are_those_of_single_runs_and_are_not_made_twice(
     page = (out / "index.html").read_text()
     assert f'src="{done.outcomes[0].folder}/thumbnail.png"' in page
     assert "1 without a result" in page
+
+
+def test_a_scan_that_moved_is_known_and_troubles_that_pass_are_not_kept(
+    cans: Path, recipe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    odd = tmp_path / os.fsdecode(b"tasse gr\xfc\xdf #2%25.turnscan")
+    (tmp_path / "other").mkdir()
+    moved = tmp_path / "other" / odd.name
+    for path in (odd, moved):
+        path.write_bytes((cans / "can0.turnscan").read_bytes())
+    out = tmp_path / "out"
+    out.mkdir()
+    told = workflows.read_recipe(recipe)
+    tasks = [workflows.Task(str(path), told, str(out)) for path in (odd, moved)]
+
+    def full(*_: object) -> None:
+        raise StorageFull("disk full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(_batch_task, "_make", full)
+        assert _batch_task.run_task(tasks[0]).problem == "disk full"
+    assert not any(out.iterdir())
+    first, second = map(_batch_task.run_task, tasks)
+    assert (first.state, first.reused, second.reused) == ("done", False, True)
+    assert [first.source, second.source] == [str(odd), str(moved)]
+    write_tables(out, [first, second])
+    assert "%23" in (out / "index.html").read_text()
+    (out / first.folder / "outcome.json").write_text("")
+    assert not _batch_task.run_task(tasks[0]).reused
 
 
 def test_pictures_compared_with_a_reference_pass_or_fail(cans: Path, tmp_path: Path) -> None:

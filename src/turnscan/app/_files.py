@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import secrets
 import shutil
@@ -57,7 +58,7 @@ class Files:
             sets = list(self._sets.values())
         for folder in sets:
             found += self._sent(folder)
-        return {self._library.listed_as(i.path): i for i in found[:_MOST_LISTED]}
+        return {self._library.listed_as(i.path): i for i in found}
 
     def find(self, name: str) -> Item:
         """A file or a scan by its opaque name. Raises InputError where there is none."""
@@ -70,8 +71,11 @@ class Files:
             raise InputError("no such file", hint="reload the list") from None
 
     def table(self, name: str) -> Path:
-        """A table of values by the name that the list shows. Raises InputError for none."""
-        for item in self.items().values():
+        """A table of values by the name that the list shows: of several the one sent last.
+
+        Raises InputError for none.
+        """
+        for item in reversed(self.items().values()):
             if item.name == name and "table" in item.kinds:
                 return item.path
         raise InputError("no such file in the list", hint="send the file first")
@@ -79,7 +83,8 @@ class Files:
     def entries(self) -> list[FileEntry]:
         """The list, as it is told."""
         out = []
-        for name, item in self.items().items():
+        listed = sorted(self.items().items(), key=lambda entry: not entry[1].sent)
+        for name, item in listed[:_MOST_LISTED]:
             with contextlib.suppress(OSError):
                 out.append(_entry(name, item))
         return out
@@ -101,12 +106,8 @@ class Files:
             await self._library.receive(target, body, length)
             if target.suffix.lower() == ".zip":
                 place = folder / (target.stem or "archive")
-                place.mkdir(exist_ok=False)
-                try:
-                    unpack(target, place)
-                finally:
-                    target.unlink()
-            items = self._sent(folder)
+                await asyncio.to_thread(_unpacked, target, place)
+            items = await asyncio.to_thread(self._sent, folder)
             if not items:
                 raise InputError(
                     f"{name}: neither pictures nor a scan, a mesh, a rig or a table",
@@ -169,6 +170,22 @@ class Files:
         except OSError:
             return ()
         return known[1]
+
+
+def _unpacked(archive: Path, place: Path) -> None:
+    """Take an archive apart into a new folder; it goes, and what there is of it where it fails."""
+    try:
+        place.mkdir()
+    except FileExistsError:
+        archive.unlink()
+        raise InputError(f"{archive.name}: sent already", hint="rename the archive") from None
+    try:
+        unpack(archive, place)
+    except BaseException:
+        shutil.rmtree(place, ignore_errors=True)
+        raise
+    finally:
+        archive.unlink()
 
 
 def _entry(name: str, item: Item) -> FileEntry:

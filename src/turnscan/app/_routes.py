@@ -145,7 +145,7 @@ def _add_file(workshop: Workshop) -> Endpoint:
         into, files = await workshop.files.receive(
             query.get("name", ""), query.get("into", ""), request.stream(), length
         )
-        workshop.tell_files()
+        await asyncio.to_thread(workshop.tell_files)
         return _json(q.Received(into=into, files=files), 201)
 
     return add

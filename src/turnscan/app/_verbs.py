@@ -189,7 +189,14 @@ def _by_laser(series: Sequence[Item], laser: str) -> dict[str, Any]:
     """Each series of pictures by the name of its laser: its folder's, where there are several."""
     if len(series) == 1:
         return {laser: series[0].path}
-    named = {item.path.stem: item.path for item in series}
+    for item in series:
+        if item.sent and item.path.is_dir() and Path(item.name).name != item.path.name:
+            raise InputError(
+                f"{item.name} and its series say no laser",
+                hint="put the pictures of each laser into a zip named like the laser",
+                option=Option("pictures"),
+            )
+    named = {i.path.name if i.path.is_dir() else i.path.stem: i.path for i in series}
     if len(named) != len(series):
         raise InputError(
             "two series have one name", hint="rename their folders", option=Option("pictures")

@@ -81,7 +81,11 @@ def digest(path: Path) -> str:
         if len(inside) > _PICTURES:
             raise InputError(f"{path}: {len(inside)} files; at most {_PICTURES} are taken")
         for one in inside:
-            told.update(f"{one.relative_to(path).as_posix()}\0{digest(one)}\n".encode())
+            told.update(
+                f"{one.relative_to(path).as_posix()}\0{digest(one)}\n".encode(
+                    errors="surrogateescape"
+                )
+            )
         return told.hexdigest()
     with path.open("rb") as file:
         while block := file.read(_BLOCK):

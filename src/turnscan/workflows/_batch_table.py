@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from turnscan.errors import ExportError
 from turnscan.workflows._batch_task import THUMBNAIL, Outcome
@@ -30,16 +31,21 @@ def row_of(outcome: Outcome) -> dict[str, Any]:
     figures, deviation = outcome.figures, outcome.comparison
     severe = [f for f in outcome.findings if f["severity"] != "note"]
     return {
-        "source": outcome.source,
+        "source": _readable(outcome.source),
         "state": outcome.state,
-        "problem": outcome.problem,
-        "folder": outcome.folder,
+        "problem": _readable(outcome.problem),
+        "folder": _readable(outcome.folder),
         "seconds": outcome.seconds,
         **{name: figures.get(name) for name in _FIGURES},
         "p95_mm": deviation.get("p95_mm"),
         "rms_mm": deviation.get("rms_mm"),
         "warnings": ", ".join(dict.fromkeys(f["code"] for f in severe)),
     }
+
+
+def _readable(text: str) -> str:
+    """A text that can be stored: a file's name may hold bytes that are no letters."""
+    return text.encode(errors="replace").decode()
 
 
 def write_tables(folder: Path, outcomes: Sequence[Outcome]) -> None:
@@ -92,11 +98,11 @@ def _page(outcomes: Sequence[Outcome], rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _row(outcome: Outcome, row: dict[str, Any]) -> str:
-    name = html.escape(outcome.source.replace("\\", "/").rsplit("/", 1)[-1])
-    folder = html.escape(outcome.folder)
+    name = html.escape(row["source"].replace("\\", "/").rsplit("/", 1)[-1])
+    folder = _address(outcome.folder)
     picture = f'<img src="{folder}/{THUMBNAIL}" width="160" loading="lazy" alt="{name}">'
     files = " ".join(
-        f'<a href="{folder}/{html.escape(file)}">{html.escape(file.rsplit(".")[-1])}</a>'
+        f'<a href="{folder}/{_address(file)}">{html.escape(Path(file).suffix)}</a>'
         for file in outcome.files
         if file != THUMBNAIL
     )
@@ -104,7 +110,7 @@ def _row(outcome: Outcome, row: dict[str, Any]) -> str:
     cells = (
         picture if THUMBNAIL in outcome.files else "",
         f"{name}<br>{files}",
-        f"<span{mark}>{outcome.state}</span> {html.escape(outcome.problem)}",
+        f"<span{mark}>{outcome.state}</span> {html.escape(row['problem'])}",
         _number(row["faces"], 0),
         _number(row["volume_mm3"], 0),
         _number(row["p95_mm"], 3),
@@ -112,6 +118,11 @@ def _row(outcome: Outcome, row: dict[str, Any]) -> str:
         _number(outcome.seconds, 1),
     )
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+
+
+def _address(name: str) -> str:
+    """A name as a part of an address."""
+    return quote(name, errors="surrogateescape")
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -19,7 +19,15 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from turnscan import __version__, threads
-from turnscan.errors import ExportError, FormatError, InputError, TurnscanError
+from turnscan.errors import (
+    CalibrationError,
+    ExportError,
+    FormatError,
+    InputError,
+    ScanCorrupt,
+    ScanNewer,
+    TurnscanError,
+)
 from turnscan.findings import record
 from turnscan.json_text import strict_json
 from turnscan.workflows import _batch_storage as storage
@@ -34,6 +42,8 @@ from turnscan.workflows._result import ReconstructResult
 State = Literal["done", "pass", "fail", "error"]
 THUMBNAIL = "thumbnail.png"
 _FORMAT, _VERSION = "turnscan-outcome", 1
+_LASTING = (InputError, CalibrationError, ScanCorrupt, ScanNewer)
+"""Errors that a scan has for ever, with this recipe: kept as its result. Others may pass."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +86,7 @@ class Outcome:
         """As a JSON object; `outcome_from_json` reads it."""
         body = {"format": _FORMAT, "version": _VERSION, **asdict(self)}
         del body["reused"]
-        return json.dumps(body, indent=2, ensure_ascii=False)
+        return json.dumps(body, indent=2)
 
 
 def outcome_from_json(text: str, where: str, *, reused: bool = False) -> Outcome:
@@ -107,11 +117,11 @@ def run_task(task: Task) -> Outcome:
         try:
             source = storage.fetched(task.source, work)
             name = _folder_name(task, source)
-        except (TurnscanError, OSError) as e:
+        except Exception as e:  # noqa: BLE001 (of this scan alone: the others go on)
             return Outcome(task.source, "error", problem=_line(e))
         place = storage.join(task.output, name)
-        if not task.again and (there := storage.outcome_at(place)) is not None:
-            return outcome_from_json(there.decode(), place, reused=True)
+        if not task.again and (there := _outcome_at(place, task.source)) is not None:
+            return there
         made = work / "result"
         made.mkdir()
         begin = time.monotonic()
@@ -119,14 +129,28 @@ def run_task(task: Task) -> Outcome:
             outcome = _make(task, source, work, made)
         except ExportError:
             raise
-        except TurnscanError as e:
+        except _LASTING as e:
             shutil.rmtree(made)
             made.mkdir()
             outcome = Outcome(task.source, "error", problem=_line(e))
+        except Exception as e:  # noqa: BLE001 (of this scan alone, and perhaps of this hour)
+            return Outcome(task.source, "error", problem=_line(e))
         outcome = _named(outcome, name, made, time.monotonic() - begin)
         (made / storage.OUTCOME).write_text(outcome.to_json(), encoding="utf-8")
         storage.publish(made, place)
     return outcome
+
+
+def _outcome_at(place: str, source: str) -> Outcome | None:
+    """A result that is there, whatever its scan was called then; None where none can be read."""
+    data = storage.outcome_at(place)
+    if data is None:
+        return None
+    try:
+        there = outcome_from_json(data.decode(), place, reused=True)
+    except ValueError:
+        return None
+    return replace(there, source=source)
 
 
 def _make(task: Task, source: Path, work: Path, made: Path) -> Outcome:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import lzma
 import os
 import secrets
 import shutil
@@ -92,7 +93,7 @@ def unpack(archive: Path, folder: Path) -> None:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 with file.open(info) as entry, target.open("xb") as out:
                     shutil.copyfileobj(entry, out, _PIECE)
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as e:
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, RuntimeError) as e:
         raise FormatError(
             f"{archive.name}: not a sound zip archive ({e})", hint="make the archive again"
         ) from None
@@ -101,6 +102,10 @@ def unpack(archive: Path, folder: Path) -> None:
             f"{archive.name}: two entries have one name", hint="make the archive again"
         ) from None
     except OSError as e:
+        if e.errno is None:  # of the decoder, not of the disk
+            raise FormatError(
+                f"{archive.name}: not a sound zip archive ({e})", hint="make the archive again"
+            ) from None
         raise StorageFull(
             f"{archive.name}: cannot be unpacked ({e.strerror or e})", hint="check the disk"
         ) from None
