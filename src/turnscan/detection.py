@@ -75,8 +75,8 @@ class View:
         stripes = tuple(done[k][2] for k in good)
         shaky = np.array([done[k][3] for k in good], np.float64)
         if self.rig.motion is not None:
-            told = np.array([np.isnan(brackets[k][0].row.measured) for k in good], np.bool_)
-            angles, shaky = moved(self.rig.motion, angles, shaky, told)
+            # An angle that was measured has an uncertainty; one that a motor reached has none.
+            angles, shaky = moved(self.rig.motion, angles, shaky, np.isnan(shaky))
         if self.settings.refine != "none":
             swept = self._refined(stripes, angles, [brackets[k] for k in good], jobs)
             asked = self.settings.refine == "spacetime"

@@ -48,6 +48,21 @@ def test_eccentricity_and_play_are_found_without_markers() -> None:
     assert done.gap_after < 1.2 * done.gap_noise
 
 
+def test_what_was_known_of_the_table_stays_where_a_scan_says_nothing_of_it() -> None:
+    """Backlash, known from before, in a scan that turns one way."""
+    known = replace(
+        eccentric(0.0, 0.5), covariance=np.diag(np.radians([0.02, 0.02, 0.01, 0.03]) ** 2)
+    )
+    rig = replace(two_lasers(), motion=known)
+    sweeps = both(rig, prism((5.0, 2.0), 40.0), STEPS, eccentric().angle(STEPS), 1, every=6)
+    motion = refine(rig, sweeps, QUICK).rig.motion
+    assert motion is not None
+    assert motion.covariance is not None
+    place = motion.names.index("motion.backlash")
+    assert motion.backlash == pytest.approx(np.radians(0.5))
+    assert np.sqrt(motion.covariance[place, place]) == pytest.approx(np.radians(0.03))
+
+
 def test_sides_of_the_hexagon_are_parallel_again() -> None:
     rig, done = there_and_back()
     told = np.concatenate([STEPS, STEPS[::-1]])

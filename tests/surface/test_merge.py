@@ -172,6 +172,22 @@ def test_an_edge_between_profiles_stands_off_their_chord_as_their_bends_say(shif
     assert capped.max() == pytest.approx(0.2, abs=0.05)
 
 
+def test_where_no_bend_was_seen_no_edge_says_that_there_is_none():
+    """Two profiles have no bend; nor does what is stored last say one at the border of four."""
+    (pair,) = range_surfaces(turned(np.arange(2) * 0.1, np.full(20, 20.0)))
+    plain = pair.between(radial=True)
+    assert (plain > 0.1).all()
+    np.testing.assert_array_equal(pair.between(radial=True, edges=1.0), plain)
+
+    (one,) = range_surfaces(turned(np.arange(4) * 0.1, np.full(20, 20.0)))
+    said = one.between(radial=True, edges=1.0)
+    X = one.mesh.vertices.copy()
+    X[-1, :2] *= 8.0  # the last vertex, at the far border
+    other = replace(one, mesh=replace(one.mesh, vertices=X))
+    near = one.ranks == 0
+    np.testing.assert_allclose(other.between(radial=True, edges=1.0)[near], said[near])
+
+
 def test_what_is_known_worse_than_usual_is_not_averaged_away():
     """Noise is; what an edge does to one laser it does to the other as well."""
     angles = np.arange(60) * 2 * np.pi / 60

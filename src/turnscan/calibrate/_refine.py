@@ -140,6 +140,18 @@ def refine(
     return _told(rig, network, fit, free, dropped, first[0], last)
 
 
+def _with_what_was_known(told: Floats, before: Rig, state: Surfaces, free: Bools) -> Floats:
+    """(q, q) covariance of the table's motion: of what was held, that of before."""
+    known, out = before.motion, np.array(told)
+    if known is None or known.covariance is None:
+        return out
+    names = state.motion.names
+    kept = [k for k, n in enumerate(names) if not free[k] and n in known.names]
+    old = [known.names.index(names[k]) for k in kept]
+    out[np.ix_(kept, kept)] = known.covariance[np.ix_(old, old)]
+    return out
+
+
 def _moved(before: Surfaces, fit: Fit[Surfaces]) -> float:
     """By how many standard deviations the parameter moved that moved most."""
     after = fit.state
@@ -306,7 +318,10 @@ def _told(
         held.append("motion.backlash")
     motion = None
     if free[p : p + q].any() or before.motion is not None:
-        motion = replace(state.motion, covariance=fit.covariance[p : p + q, p : p + q])
+        told = fit.covariance[p : p + q, p : p + q]
+        motion = replace(
+            state.motion, covariance=_with_what_was_known(told, before, state, free[p:])
+        )
     rig = replace(state.rig, covariance=covariance, motion=motion)
     estimated = {
         n: Measured(float(v), float(s))

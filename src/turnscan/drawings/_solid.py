@@ -20,6 +20,8 @@ from turnscan.shapes.primitives import Shape
 
 _BEYOND = 0.1
 """Of the part's size: how far each face reaches beyond what was measured on it."""
+_SLIVER = 1e-3
+"""Of the box about the part: cells of less volume are left out where they are in doubt."""
 _TRIES = 400
 _PROBES = 15
 """Points of a cell that are looked for in the mesh."""
@@ -55,8 +57,9 @@ def solid_of(mesh: Mesh, surfaces: Sequence[tuple[Shape, Floats]]) -> Solid | No
     check_opencascade()
     margin = _BEYOND * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     cells = _cells([_face(s, X, margin) for s, X in surfaces])
-    kept = [c for c in cells if _is_inside(c, mesh)]
-    if not kept:
+    inside = [_is_inside(c, mesh) for c in cells]
+    kept = [c for c, is_in in zip(cells, inside, strict=True) if is_in]
+    if not kept or None in inside:
         return None
     whole = _united(kept)
     if whole is None:
@@ -140,8 +143,11 @@ def _cells(faces: Sequence[Any]) -> list[Any]:
     return [] if maker.HasErrors() else parts_of(maker.Shape(), "solid")
 
 
-def _is_inside(cell: Any, mesh: Mesh) -> bool:
-    """Whether most points of a cell are inside the mesh (generalised winding number)."""
+def _is_inside(cell: Any, mesh: Mesh) -> bool | None:
+    """Whether most points of a cell are inside the mesh (generalised winding number).
+
+    None where no point was found of one that matters: a thin one fills little of the box about it.
+    """
     import igl
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
@@ -162,7 +168,8 @@ def _is_inside(cell: Any, mesh: Mesh) -> bool:
             if len(inside) == _PROBES:
                 break
     if not inside:
-        return False
+        box_of_part = float(np.prod(np.ptp(mesh.vertices, axis=0)))
+        return False if volume_of(cell) < _SLIVER * box_of_part else None
     winding = igl.fast_winding_number(mesh.vertices, mesh.faces.astype(np.int64), np.array(inside))
     return bool(np.mean(winding) > 0.5)
 

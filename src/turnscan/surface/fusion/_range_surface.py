@@ -93,13 +93,15 @@ class RangeSurface:
             second = r[before] - 2.0 * r + r[after]
         else:
             second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
-        off = np.where((before < 0) | (after < 0), np.nan, np.abs(second) / 8.0)
+        second = np.where((before < 0) | (after < 0), np.nan, second)
+        off = np.abs(second) / 8.0
         aside = np.fmax(
             np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
         )
         off = np.where(np.isnan(off), aside, off)
         if edges > 0:
-            off = np.fmax(off, np.minimum(self._creases(second), edges))
+            # Where nothing is known of the bend, no edge that was not seen says there is none.
+            off = np.maximum(off, np.minimum(self._creases(second), edges))
         side = np.linalg.norm(X[after] - X, axis=1)[after >= 0]
         return np.where(np.isnan(off), float(np.median(side)) / 8.0 if len(side) else 0.0, off)
 
