@@ -490,7 +490,9 @@ def test_stop(dialect: str) -> None:
         device._d = Deadlines()  # a busy machine may be late with the answer where it stands
         thread = threading.Thread(target=turn)
         thread.start()
-        time.sleep(0.15)
+        end = time.monotonic() + 10.0
+        while socket.firmware.turns == 0.0 and time.monotonic() < end:  # until it turns
+            time.sleep(0.01)
         device.stop()
         thread.join(timeout=20.0)
         assert not thread.is_alive()
