@@ -435,7 +435,9 @@ def test_a_message_that_is_none_ends_the_socket(
 ) -> None:
     server, cookie = locked
     with Browser(server, cookie) as one:
-        assert _close_code(one, [message]) == code
+        said = _close_code(one, [message])
+    # Of what is too long the rest is not read, and a reset may come before the word of it.
+    assert said == code or (code == 1009 and said is None)
 
 
 def test_what_a_person_typed_wrong_is_refused_in_a_sentence(locked: Locked) -> None:
