@@ -1,6 +1,6 @@
 """What a scan costs by its size, and what a million scans a year would need.
 
-``python -m bench sizing`` measures three sizes; ``--write`` puts the tables into
+``python -m bench sizing`` measures three sizes (``--quick``: two); ``--write`` puts the tables into
 docs/explain/sizing.md. Processor time counts all cores; memory is that of a process of its own.
 """
 
@@ -137,5 +137,5 @@ def run(quick: bool = False, into_pages: bool = False) -> None:
     found = [_measured(size) for size in (SIZES[:2] if quick else SIZES)]
     for name, lines in (("costs", costs(found)), ("projection", projection(found))):
         print("\n".join(lines))
-        if into_pages and not quick:
+        if into_pages:
             write(PAGE, name, lines)
