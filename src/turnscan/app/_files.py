@@ -81,7 +81,7 @@ class Files:
         raise InputError("no such file in the list", hint="send the file first")
 
     def entries(self) -> list[FileEntry]:
-        """The list, as it is told."""
+        """The list, in the words of the protocol."""
         out = []
         listed = sorted(self.items().items(), key=lambda entry: not entry[1].sent)
         for name, item in listed[:_MOST_LISTED]:
@@ -90,14 +90,14 @@ class Files:
         return out
 
     async def receive(
-        self, wish: str, into: str, body: AsyncIterator[bytes], length: int | None
+        self, given: str, into: str, body: AsyncIterator[bytes], length: int | None
     ) -> tuple[str, list[str]]:
         """Keep a file that is sent, in a set of files or (empty) in a new one.
 
         Returns the name of the set, and the opaque names of what is in it now. Raises InputError,
         LimitExceeded, StorageFull, and for an archive as `unpack`; then nothing is kept of it.
         """
-        name = _plain_name(wish)
+        name = _plain_name(given)
         made, folder = self._set(into)
         target = folder / name
         try:
@@ -210,14 +210,14 @@ def _entry(name: str, item: Item) -> FileEntry:
     )  # fmt: skip
 
 
-def _plain_name(wish: str) -> str:
+def _plain_name(given: str) -> str:
     """A file name without folders, its suffix kept. Raises UnsafePath, InputError."""
-    if "/" in wish or "\\" in wish or wish in ("", ".", ".."):
+    if "/" in given or "\\" in given or given in ("", ".", ".."):
         raise UnsafePath("not a plain file name", hint="send files by their own names")
-    stem, dot, suffix = wish.rpartition(".")
+    stem, dot, suffix = given.rpartition(".")
     if not dot or not stem or not suffix.isalnum() or len(suffix) > 10:
         raise InputError(
-            f"{wish[:80]}: its suffix does not tell what it is", hint="rename it, as part.stl"
+            f"{given[:80]}: no suffix says what kind of file it is", hint="rename it, as part.stl"
         )
     if f".{suffix}".lower() == SUFFIX:
         raise InputError("a scan file belongs into the list of scans", hint="send it there")

@@ -86,7 +86,7 @@ class Library:
             return self._names.setdefault(path, secrets.token_urlsafe(9))
 
     def entries(self, is_open: frozenset[str]) -> list[ScanEntry]:
-        """The list, as it is told."""
+        """The list, in the words of the protocol."""
         out = []
         for name, path in self.paths().items():
             with contextlib.suppress(OSError):

@@ -38,7 +38,7 @@ _PREFIX = "edit-"
 
 
 class OpenScan:
-    """One scan that browsers look at and repair; everybody is told what changes."""
+    """One scan that browsers look at and repair; all of them hear what changes."""
 
     def __init__(self, name: str, path: Path, hub: Hub, job: Job) -> None:
         """Reconstruct, and replay the edits in the file. Raises as `ScanSession`."""

@@ -65,7 +65,7 @@ class Outcome:
 
 
 def list_verbs(number: int) -> Verbs:
-    """The verbs and their schemas, as they are told."""
+    """The verbs and their schemas, in the words of the protocol."""
     listed = [
         VerbEntry(verb=v.name, title=v.title, group=v.group, json_schema=v.json_schema())
         for v in w.VERBS.values()
