@@ -47,6 +47,8 @@ HEADER_BYTES = 16 * 1024
 JSON_BYTES = 2**20
 BODY_SECONDS = 10.0
 """s for a body, or for the next piece of an upload."""
+REST_SECONDS = 1.0
+"""s for what is left of a body that was answered before it was read."""
 _URL_BYTES = 4096
 
 _STATUS = {2: 400, 3: 503, 5: 409}
@@ -238,10 +240,26 @@ class _Guarded:
             ours = [(k.lower().encode(), v.encode()) for k, v in HEADERS.items()]
             if b"cache-control" not in given:
                 ours.append((b"cache-control", b"no-store"))
-            if not self._whole and self._scope["method"] not in SAFE:
+            if self._scope["method"] not in SAFE and not await self._read_on():
                 ours.append((b"connection", b"close"))
             message["headers"] = [*message["headers"], *ours]
         await self._send(message)
+
+    async def _read_on(self) -> bool:
+        """Whether the body is read to its end; a short rest is read now and thrown away.
+
+        A connection that is closed with bytes nobody read is reset, and the answer may be lost.
+        """
+        loop = asyncio.get_running_loop()
+        end, left = loop.time() + REST_SECONDS, JSON_BYTES
+        while not self._whole and left > 0:
+            try:
+                message = await asyncio.wait_for(self._receive(), max(end - loop.time(), 0.0))
+            except TimeoutError:
+                break
+            left -= len(message.get("body", b""))
+            self._whole = not message.get("more_body", False)
+        return self._whole
 
     async def fail(self, answer: Response) -> None:
         """Answer with an error, where nothing has been answered yet."""

@@ -88,8 +88,6 @@ _login_page = _file(LOGIN / "login.html")
 
 def _enter(keys: Keys, cookie: str) -> Endpoint:
     async def enter(request: Request) -> Response:
-        # First, also for an answer that does not need it: a connection that is closed with bytes
-        # nobody read is reset, and the answer may be lost with it.
         body = await _body(request, q.LoginRequest)
         address = request.client.host if request.client else ""
         wait = keys.wait(address)

@@ -161,8 +161,8 @@ class Socket:
             if board.powered:
                 board.run(self._now())
                 board.take()
-        board.unplugged = 0.0
         board.run(self._now())
         if not board.powered:
             board.power_on()
         self._plug()
+        board.unplugged = 0.0
