@@ -18,6 +18,9 @@ Bools = npt.NDArray[np.bool_]
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 """One picture, shape (H, W) or, in colour, (H, W, 3) in the order red, green, blue."""
 
+ColourWeights = tuple[float, float, float]
+"""How much of red, green and blue makes the grey picture in which the laser stands out."""
+
 Region = tuple[int, int, int, int]
 """Part of a picture: first column and row, and those after the last."""
 

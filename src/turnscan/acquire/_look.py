@@ -13,7 +13,7 @@ import numpy as np
 
 from turnscan.acquire._capture import Hardware, Shooter
 from turnscan.acquire._plan import Exposure, Plan
-from turnscan.arrays import Image
+from turnscan.arrays import ColourWeights, Image
 from turnscan.errors import DeviceTimeout, InputError, StorageFull
 from turnscan.scan import (
     LEAST_THRESHOLD,
@@ -26,8 +26,7 @@ from turnscan.scan import (
     statistics,
 )
 
-Weights = tuple[float, float, float]
-Weigh = Callable[[Image, Image], Weights]
+Weigh = Callable[[Image, Image], ColourWeights]
 """Lit and dark colour picture → how much of red, green and blue is laser."""
 
 _ROOM_FACTOR = 1.2

@@ -7,12 +7,10 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Image
+from turnscan.arrays import ColourWeights, Floats, Image
 from turnscan.errors import InputError
 
-Weights = tuple[float, float, float]
-
-COLOURS: Final[dict[str, Weights]] = {
+COLOURS: Final[dict[str, ColourWeights]] = {
     "red": (1.0, 0.0, 0.0),
     "green": (0.0, 1.0, 0.0),
     "blue": (0.0, 0.0, 1.0),

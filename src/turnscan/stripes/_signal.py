@@ -10,9 +10,9 @@ from typing import Literal, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Image
+from turnscan.arrays import Bools, ColourWeights, Image
 from turnscan.errors import InputError
-from turnscan.stripes._colour import UINT16_SCALE, Weights, project_colour
+from turnscan.stripes._colour import UINT16_SCALE, project_colour
 from turnscan.stripes._detect import choose, find_candidates, light, readable
 from turnscan.stripes._fuse import fuse_exposures
 from turnscan.stripes._light import Light
@@ -54,7 +54,7 @@ class Signal:
     settings are carried over to those finer levels, and amplitudes back.
     """
 
-    weights: Weights | None
+    weights: ColourWeights | None
     """The signal is weights · (red, green, blue); None for grey pictures."""
     dtype: Literal["uint8", "uint16"] = "uint8"
     """Type of the pictures' pixels."""

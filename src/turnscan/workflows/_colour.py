@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
+from turnscan.arrays import ColourWeights
 from turnscan.errors import InputError
 from turnscan.remedy import Option
 
 LEARN = "learn"
 """In place of a colour: the pictures say it."""
-Weights = tuple[float, float, float]
 
 
-def colour_weights(colour: str) -> Weights:
+def colour_weights(colour: str) -> ColourWeights:
     """Weights of red, green and blue: of a name, or three numbers like ``1,-0.5,-0.5``.
 
     Raises InputError for what is neither.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from turnscan.arrays import Image
+from turnscan.arrays import ColourWeights, Image
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress, no_progress
@@ -19,7 +19,6 @@ from turnscan.remedy import Option
 from turnscan.rig import Rig
 from turnscan.scan import NOISE_FACTOR, ScanPlan, replacing_scan
 from turnscan.workflows._angles import find_angles
-from turnscan.workflows._colour import Weights
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
 from turnscan.workflows._history import refuse_over_repairs
@@ -242,7 +241,7 @@ def _plan(
     )
 
 
-def _check_threshold(threshold: float, first: Image, weights: Weights | None) -> None:
+def _check_threshold(threshold: float, first: Image, weights: ColourWeights | None) -> None:
     """Raise InputError for a threshold that no picture of this kind can pass."""
     full = float(np.iinfo(first.dtype).max)
     if weights is not None:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from turnscan.arrays import Image
+from turnscan.arrays import ColourWeights, Image
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import LEAST_THRESHOLD, NOISE_FACTOR, read_picture, signal_of, statistics
 from turnscan.stripes import Orientation
-from turnscan.workflows._colour import LEARN, Weights, colour_weights
+from turnscan.workflows._colour import LEARN, colour_weights
 from turnscan.workflows._import_look import look_at_line
 from turnscan.workflows._import_options import ImportOptions
 from turnscan.workflows._series import Series, Shot
@@ -33,7 +33,7 @@ _SAMPLE_BYTES = 512 << 20
 class Signal:
     """How the light of the laser is told from the rest in the pictures of one laser."""
 
-    weights: Weights | None
+    weights: ColourWeights | None
     """Of red, green, blue; None for grey pictures."""
     background: Image | None
     """Shared picture without the laser; None where every picture has its own."""
@@ -50,7 +50,11 @@ class Signal:
 
 
 def find_signal(
-    series: Series, options: ImportOptions, known: Weights | None, first: Image, progress: Progress
+    series: Series,
+    options: ImportOptions,
+    known: ColourWeights | None,
+    first: Image,
+    progress: Progress,
 ) -> Signal:
     """Look at up to 41 pictures of a series.
 
@@ -86,7 +90,7 @@ def find_signal(
     return Signal(weights, background, origin, noise, threshold, share, tuple(remarks))
 
 
-def grey_of(picture: Image | None, weights: Weights | None) -> Any:
+def grey_of(picture: Image | None, weights: ColourWeights | None) -> Any:
     """One channel of a picture, by the weights of the colours where it has several."""
     from turnscan.stripes import project_colour
 
@@ -117,7 +121,7 @@ def _backgrounds(
     own: list[Image],
     first: Image,
     options: ImportOptions,
-    known: Weights | None,
+    known: ColourWeights | None,
 ) -> Iterator[tuple[Image | None, str]]:
     """Pictures without the laser that may serve, with their origin in words."""
     if own:
@@ -148,7 +152,9 @@ def _backgrounds(
         yield temporal_background(lit, 0.0), f"darkest of {len(lit)} pictures"
 
 
-def _lines(lit: list[Image], options: ImportOptions, known: Weights | None) -> list[Candidates]:
+def _lines(
+    lit: list[Image], options: ImportOptions, known: ColourWeights | None
+) -> list[Candidates]:
     """What may be the stripe in each of the pictures, by what is narrow and bright in them."""
     from turnscan.stripes import StripeSettings, find_candidates, project_colour, without_lines
 
@@ -169,7 +175,10 @@ def _lines(lit: list[Image], options: ImportOptions, known: Weights | None) -> l
 
 
 def _smooth_lines(
-    lit: list[Image], darks: list[Image | None], weights: Weights | None, orientation: Orientation
+    lit: list[Image],
+    darks: list[Image | None],
+    weights: ColourWeights | None,
+    orientation: Orientation,
 ) -> int:
     """Lines in which a background lets the stripe be seen in line with its neighbours.
 
@@ -191,12 +200,12 @@ def _smooth_lines(
     return total
 
 
-def _weights(colour: str, lit: list[Image], darks: list[Image | None]) -> Weights:
+def _weights(colour: str, lit: list[Image], darks: list[Image | None]) -> ColourWeights:
     """Weights of red, green and blue from the user's choice, or learned from the samples."""
     return _learned(lit, darks) if colour == LEARN else colour_weights(colour)
 
 
-def _learned(lit: list[Image], darks: list[Image | None]) -> Weights:
+def _learned(lit: list[Image], darks: list[Image | None]) -> ColourWeights:
     """Mean of what the samples teach; those in which no line is seen teach nothing."""
     from turnscan.stripes import learn_colour
 
