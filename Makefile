@@ -5,6 +5,9 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
+# Images of build machines often set it: then every process that a test starts compiles the sources again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help setup system drivers demo test test-fast test-interpreters check frontend frontend-check \
 	format bench bench-libraries bench-app accuracy mutants docs clean
