@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
 from pathlib import Path
 
-SOURCES = Path(__file__).parents[2] / "src" / "turnscan"
+from tests.contracts.sources import SOURCES, modules, name, nodes, text
 
 MOST_PARAMETERS = 10
 EXEMPT = {
@@ -39,12 +38,6 @@ MOST_NAMES = {
 """Public names of each room at most. A room that needs more raises this and says why."""
 
 
-def _modules() -> Iterator[tuple[str, str, ast.Module]]:
-    for path in sorted(SOURCES.rglob("*.py")):
-        text = path.read_text()
-        yield path.relative_to(SOURCES).as_posix(), text, ast.parse(text)
-
-
 def _parameters(f: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
     a = f.args
     named = [*a.posonlyargs, *a.args]
@@ -54,9 +47,9 @@ def _parameters(f: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 def test_no_function_takes_more_than_ten_parameters() -> None:
     long = {
-        f"{name}:{node.name}": _parameters(node)
-        for name, _, tree in _modules()
-        for node in ast.walk(tree)
+        f"{name(path)}:{node.name}": _parameters(node)
+        for path in modules()
+        for node in nodes(path)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
         and _parameters(node) > MOST_PARAMETERS
     }
@@ -64,14 +57,12 @@ def test_no_function_takes_more_than_ten_parameters() -> None:
 
 
 def test_kernels_say_the_types_of_their_arrays() -> None:
-    kernels = [
-        (name, tree) for name, text, tree in _modules() if "turnscan.compiled import njit" in text
-    ]
+    kernels = [path for path in modules() if "turnscan.compiled import njit" in text(path)]
     assert len(kernels) > 30
     vague = [
-        f"{name}:{node.lineno}"
-        for name, tree in kernels
-        for node in ast.walk(tree)
+        f"{name(path)}:{node.lineno}"
+        for path in kernels
+        for node in nodes(path)
         if isinstance(node, ast.Name) and node.id == "Any"
     ]
     assert not vague
