@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.metronome import metronome
 from tests.needs import needs
+
+__all__ = ["metronome"]
 
 
 @pytest.fixture

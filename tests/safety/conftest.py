@@ -7,9 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -19,10 +17,11 @@ from typing import Any
 import pytest
 
 from tests.devices.guards import mutated
+from tests.metronome import Metronome, metronome
 from tests.safety.faults import DIALECTS, SCALE, firmware
 from turnscan.simulate.controllers import Socket
 
-CORES = len(os.sched_getaffinity(0))
+__all__ = ["metronome"]
 
 
 @dataclass
@@ -35,53 +34,6 @@ class Ending:
     """From the end's beginning to dark; 0 where it was dark, inf where it stayed lit."""
     served: float
     """The same, without the time in which this machine had no processor to spare."""
-
-
-class Metronome(threading.Thread):
-    """Asks for a processor every 2 ms, and notes how much later it gets one and who else wants it.
-
-    So a deadline can be strict on a busy machine: what is judged is the time in which it served.
-    Of four that want two processors, each is served half of the time.
-    """
-
-    def __init__(self) -> None:
-        super().__init__(daemon=True)
-        self.lost: deque[tuple[float, float, float]] = deque(maxlen=20_000)
-        """From, to, and the share of it in which a process was not served."""
-        self.over = False
-
-    def run(self) -> None:
-        before = time.monotonic()
-        while not self.over:
-            time.sleep(0.002)
-            woken = max(before, min(before + 0.002, time.monotonic()))
-            now = time.monotonic()
-            self.lost.append((before, woken, 1.0 - min(1.0, CORES / max(1, _wanting()))))
-            self.lost.append((woken, now, 1.0 if now > woken + 0.001 else 0.0))
-            before = now
-
-    def served(self, begin: float, end: float) -> float:
-        """s between two times, without those in which nothing could run."""
-        if end == float("inf"):
-            return end
-        lost = sum(w * max(0.0, min(b, end) - max(a, begin)) for a, b, w in list(self.lost))
-        return max(0.0, end - begin - lost)
-
-
-def _wanting() -> int:
-    """How many threads of this machine run or could, but for the one that asks."""
-    with suppress(OSError):
-        return int(Path("/proc/loadavg").read_text().split()[3].partition("/")[0]) - 1
-    return 0
-
-
-@pytest.fixture(scope="session")
-def metronome() -> Iterator[Metronome]:
-    it = Metronome()
-    it.start()
-    yield it
-    it.over = True
-    it.join()
 
 
 def no_guard_left(ports: list[str]) -> bool:
@@ -163,7 +115,7 @@ class Scanner:
         return Ending(burning, end - now, self._metronome.served(now, end))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def scanner(metronome: Metronome) -> Iterator[Scanner]:
     it = Scanner(metronome)
     yield it

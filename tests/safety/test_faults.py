@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from tests.safety.conftest import Metronome
+from tests.metronome import Metronome
 from tests.safety.faults import CASES, HANGS, SCALE, Case, Hang, firmware, hanging_cameras
 from turnscan.acquire import Exposure, Plan, Shooter
 from turnscan.scanner import Addresses, opened

@@ -22,7 +22,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import turnscan.devices
-from tests.safety.conftest import Metronome
+from tests.metronome import Metronome
 from tests.safety.faults import DIALECTS, SCALE, firmware, until
 from turnscan.devices import _lit, alive, burning, open_devices, open_lasers, open_turntable
 from turnscan.devices._dialects import DIALECTS as TABLE

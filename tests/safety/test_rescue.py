@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from tests.devices.guards import mutated
-from tests.safety.conftest import Metronome
+from tests.metronome import Metronome
 from tests.safety.faults import _pulled, dark_since, lit, until
 from turnscan.devices import _guard, _guard_client
 from turnscan.devices._dialects import foreign_as_oserror, open_port

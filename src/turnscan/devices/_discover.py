@@ -149,7 +149,7 @@ def _asked(port: Any, dialects: list[str], end: float) -> bytes:
     port.reset_input_buffer()
     while time.monotonic() < end:
         for question in _QUESTIONS:
-            port.write(question)
+            _ask(port, question)
             until = min(time.monotonic() + _PAUSE, end)
             while (left := until - time.monotonic()) > 0:
                 port.timeout = left
@@ -161,6 +161,14 @@ def _asked(port: Any, dialects: list[str], end: float) -> bytes:
         if len(said) > 4096 or (_readable(said) and said.count(b"\n") > 12):
             break  # it talks, but none of our languages
     return bytes(said)
+
+
+def _ask(port: Any, question: bytes) -> None:
+    """Send a question; a full buffer shows as silence, and so does a computer that stalls."""
+    import serial
+
+    with contextlib.suppress(serial.SerialTimeoutException):
+        port.write(question)
 
 
 def _readable(said: bytes | bytearray) -> bool:
