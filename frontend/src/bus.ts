@@ -22,7 +22,13 @@ export function onConnection(listener: (state: "open" | "lost") => void): void {
   stateListeners.add(listener);
 }
 
+let heardAt = 0;
+
+/** ms for which the server has not said anything, not even that it lives. */
+export const silence = () => performance.now() - heardAt;
+
 function tell({ header, arrays }: Received): void {
+  heardAt = performance.now();
   for (const listener of listeners.get(header.kind) ?? []) listener(header, arrays);
 }
 

@@ -2,8 +2,10 @@
 import { signal } from "@preact/signals";
 import { link } from "./bus";
 import { strokeOf } from "./keys";
+import { http } from "./link";
 import { redo, undo } from "./part";
-import { ask, complain, go, level, place, theme } from "./state";
+import { ask, complain, connection, go, level, notify, place, stopping, theme } from "./state";
+import { closeDialog, dialogs } from "./ui/dialog";
 import { invite } from "./ui/invite";
 
 export interface Command {
@@ -32,14 +34,28 @@ interface Place {
   commands: readonly Command[];
 }
 
-/** Lasers dark and table stopped, for anybody, from anywhere. */
-export function stop(): void {
-  link.request({ kind: "stop" }).catch(complain);
+const DOUBT_MS = 1000;
+
+/** Lasers dark and table stopped, for anybody, from anywhere: by HTTP where the socket is not open. */
+export async function stop(): Promise<void> {
+  stopping.value = "sent";
+  const doubt = setTimeout(() => (stopping.value = "unconfirmed"), DOUBT_MS);
+  try {
+    if (connection.value === "open") await link.request({ kind: "stop" });
+    else await http("api/stop", { method: "POST" });
+    stopping.value = "confirmed";
+    notify("note", "Stopped: lasers dark, table still.");
+  } catch (error) {
+    stopping.value = "unconfirmed";
+    if (!(error instanceof TypeError)) complain(error); // without a network the banner says it all
+  } finally {
+    clearTimeout(doubt);
+  }
 }
 
 function general(): Command[] {
   return [
-    { title: "STOP: lasers dark, table still", group: "Everywhere", keys: "Ctrl+.", run: stop },
+    { title: "STOP: lasers dark, table still", group: "Everywhere", keys: "Ctrl+.", run: () => void stop() },
     { title: "All commands", group: "Everywhere", keys: "Ctrl+K", run: () => (paletteOpen.value = true) },
     { title: "Keys", group: "Everywhere", keys: "?", run: () => (keysOpen.value = true) },
     { title: "Undo", group: "Everywhere", keys: "Ctrl+Z", run: () => void undo() },
@@ -96,8 +112,12 @@ const TEXT_FIELDS = 'input:not([type="checkbox"]):not([type="radio"]):not([type=
 /** Run the command of a key stroke; keys belong to a text field while one is being filled in. */
 export function onKey(event: KeyboardEvent): void {
   const stroke = strokeOf(event);
+  if (stroke === "Esc" && closeDialog()) {
+    event.preventDefault();
+    return;
+  }
   const target = event.target as Element;
-  const writing = target.matches?.(TEXT_FIELDS) || target.closest?.("dialog[open]");
+  const writing = target.matches?.(TEXT_FIELDS) || dialogs.value.length > 0;
   if (writing && stroke !== "Ctrl+." && stroke !== "Ctrl+K") return;
   const command = allCommands().find(
     ({ keys, enabled }) => keys?.split(" / ").includes(stroke) && (enabled?.() ?? true),

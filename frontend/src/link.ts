@@ -113,6 +113,11 @@ export class Link {
     }, REQUEST_SECONDS * 1000);
   }
 
+  /** How many requests wait for their answers. */
+  get pending(): number {
+    return this.waiting.size;
+  }
+
   /** Send without waiting for an answer; false when there is no connection. */
   send(message: object, arrays: Record<string, AnyArray> = {}): boolean {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;

@@ -11,9 +11,10 @@ import { startLive } from "./scanner/live";
 import { place, startState } from "./state";
 import { expose } from "./testing";
 import "./theme.css";
+import { closeDialog, dialogs } from "./ui/dialog";
 import { KeySheet, Notices, Palette, StatusLine } from "./ui/frame";
 import { InviteDialog } from "./ui/invite";
-import { TopBar } from "./ui/topbar";
+import { Alarm, StopButton, TopBar } from "./ui/topbar";
 import { verbRoom } from "./verbs/form";
 import { openVerb, receive, startVerbs, verbs } from "./verbs/state";
 
@@ -25,14 +26,20 @@ function room() {
 
 function App() {
   const { View, Status, title } = room();
+  const modal = dialogs.value.length > 0;
   return (
     <div class="app">
-      <TopBar />
-      <main style={{ display: "contents" }} aria-label={title}>
+      <div class="top">
+        <TopBar />
+        <StopButton />
+      </div>
+      <main style={{ display: "contents" }} aria-label={title} inert={modal}>
         <View />
       </main>
       <StatusLine>{Status && <Status />}</StatusLine>
+      <Alarm />
       <Notices />
+      {modal && <div class="scrim" onPointerDown={closeDialog} />}
       <Palette />
       <KeySheet />
       <InviteDialog />

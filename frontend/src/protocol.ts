@@ -32,6 +32,11 @@ export interface Append {
   kind: "append";
 }
 
+/** The server is alive: sent several times a second, so that its silence is a message, too. */
+export interface Beat {
+  kind: "beat";
+}
+
 /**
  * Start a new calibration; ``calibration`` tells from now on how far it is.
  *
@@ -809,6 +814,15 @@ export interface Stop {
   kind: "stop";
 }
 
+/** Somebody pressed STOP. */
+export interface Stopped {
+  kind: "stopped";
+  /** Who; None where it was asked for by HTTP. */
+  client: string | null;
+  /** Whether all lasers are known to be dark, and the table to stand still. */
+  confirmed: boolean;
+}
+
 /** One edit of the list off or on again, all others as they are. */
 export interface Switch {
   id: number;
@@ -905,6 +919,8 @@ export type ServerMessage =
   | Verbs
   | Files
   | Control
+  | Beat
+  | Stopped
   | Scans
   | Opened
   | Patch

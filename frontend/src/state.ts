@@ -1,11 +1,15 @@
 /** What the page knows: signals, set by the server's messages and by the person. */
 import { computed, effect, signal } from "@preact/signals";
-import { link, on, onConnection } from "./bus";
+import { link, on, onConnection, silence } from "./bus";
 import { kept, remember } from "./kept";
 import { RefusedError, type Request } from "./link";
 import { type Devices, type Hello, type JobState, PROTOCOL, type ScanEntry } from "./protocol";
 
 export const connection = signal<"connecting" | "open" | "lost">("connecting");
+/** Whether the server says that it lives; while it does not, nobody here knows whether lasers are dark. */
+export const answering = signal(false);
+/** What became of the last STOP. */
+export const stopping = signal<"none" | "sent" | "confirmed" | "unconfirmed">("none");
 export const hello = signal<Hello | null>(null);
 export const operator = signal<string | null>(null);
 export const clients = signal(1);
@@ -92,6 +96,7 @@ export function startState(): void {
   });
   hearServer();
   watchConnection();
+  watchSilence();
 }
 
 function hearServer(): void {
@@ -113,6 +118,11 @@ function hearServer(): void {
   });
   on("scans", (message) => {
     scans.value = message.scans;
+  });
+  on("stopped", ({ client, confirmed }) => {
+    if (client === hello.value?.client) return;
+    if (confirmed) notify("warning", "Another browser pressed STOP: lasers dark, table still.");
+    else notify("error", "Another browser pressed STOP; it is not confirmed that the lasers are dark.");
   });
   on("devices", (message) => {
     devices.value = message;
@@ -151,4 +161,20 @@ function watchConnection(): void {
       }, LOST_MS);
     }
   });
+}
+
+const SILENT_MS = 800;
+const LOOK_MS = 100;
+
+/** The server speaks four times a second: when it does not, that is known within a second. */
+function watchSilence(): void {
+  let looked = performance.now();
+  let excused = false;
+  setInterval(() => {
+    const now = performance.now();
+    // A page that was itself busy has messages waiting, which are heard before the next look.
+    excused = !excused && now - looked > 4 * LOOK_MS;
+    looked = now;
+    if (!excused) answering.value = connection.value === "open" && silence() < SILENT_MS;
+  }, LOOK_MS);
 }

@@ -1,13 +1,20 @@
 /** What tests may read of the page; nothing can be changed through it. */
 
-import { cursor, history, holes, type Mark, mark, mesh, profile, shownRevision } from "./part";
+import { link } from "./bus";
+import { cursor, history, holes, loading, type Mark, mark, mesh, profile, shownRevision } from "./part";
 import { onPage } from "./repair/panes";
 import { connection } from "./state";
 import { currentViewport } from "./viewport/place";
 
 export interface Readable {
   readonly connection: string;
+  /** How many requests wait for their answers. */
+  readonly requests: number;
+  /** A scan is being opened, or its mesh is under way. */
+  readonly loading: boolean;
   readonly revision: number;
+  /** Of the mesh on the screen: the same for the same vertices, faces and deletions, to the bit. */
+  readonly digest: string;
   readonly vertices: number;
   readonly faces: number;
   readonly selected: number;
@@ -40,8 +47,17 @@ export function expose(): void {
     get connection() {
       return connection.value;
     },
+    get requests() {
+      return link.pending;
+    },
+    get loading() {
+      return loading.value !== null;
+    },
     get revision() {
       return shownRevision();
+    },
+    get digest() {
+      return digest();
     },
     get vertices() {
       return mesh.value?.vertexCount ?? 0;
@@ -94,4 +110,31 @@ export function expose(): void {
     },
   };
   Object.defineProperty(window, "turnscan", { value: Object.freeze(readable) });
+}
+
+const CRC = Uint32Array.from({ length: 256 }, (_, k) => {
+  let c = k;
+  for (let bit = 0; bit < 8; bit++) c = c & 1 ? 0xedb88320 ^ (c >>> 1) : c >>> 1;
+  return c;
+});
+
+/** How many vertices and faces there are, and CRC-32 of their arrays as the server sends them. */
+function digest(): string {
+  const model = mesh.value;
+  if (!model) return "";
+  const { vertexCount: v, faceCount: f } = model;
+  const parts = [
+    model.positions.subarray(0, 3 * v),
+    model.faces.subarray(0, 3 * f),
+    model.alive.subarray(0, f),
+    model.measured.subarray(0, f),
+    model.laser.subarray(0, v),
+    model.step.subarray(0, v),
+    model.line.subarray(0, v),
+  ];
+  let crc = 0xffffffff;
+  for (const part of parts)
+    for (const byte of new Uint8Array(part.buffer, part.byteOffset, part.byteLength))
+      crc = CRC[(crc ^ byte) & 0xff] ^ (crc >>> 8);
+  return `${v} ${f} ${(~crc >>> 0).toString(16)}`;
 }

@@ -166,3 +166,28 @@ describe("the address", () => {
     expect(page.state.place.value).toEqual({ room: "projects", scan: null });
   });
 });
+
+it("knows within a second that the server fell silent, and that it is back", async () => {
+  const page = await openPage();
+  await page.connect();
+  await page.say({ kind: "beat" });
+  await vi.advanceTimersByTimeAsync(700);
+  expect(page.state.answering.value).toBe(true);
+  await vi.advanceTimersByTimeAsync(300);
+  expect(page.state.answering.value).toBe(false);
+  await page.say({ kind: "beat" });
+  await vi.advanceTimersByTimeAsync(100);
+  expect(page.state.answering.value).toBe(true);
+  await page.disconnect();
+  await vi.advanceTimersByTimeAsync(100);
+  expect(page.state.answering.value).toBe(false);
+});
+
+it("tells whoever did not press STOP that somebody did, and whether the lasers are dark", async () => {
+  const page = await openPage();
+  await page.connect();
+  await page.say({ kind: "stopped", client: "somebody", confirmed: false });
+  expect(page.state.notices.value[0]).toMatchObject({ severity: "error" });
+  await page.say({ kind: "stopped", client: "somebody", confirmed: true });
+  expect(page.state.notices.value[1]).toMatchObject({ severity: "warning" });
+});

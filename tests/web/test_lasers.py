@@ -206,6 +206,10 @@ def test_stop_waits_for_no_other_request(server: Running, monkeypatch: pytest.Mo
         try:
             assert two.ask("stop")["kind"] == "done"
             assert not world.burning
+            assert one.until("stopped")["confirmed"]
+            with server.http() as web:  # as a page does whose socket is not open
+                assert web.post("/api/stop").status_code == 204
+            assert one.until("stopped")["client"] is None
         finally:
             go_on.set()
 

@@ -5,7 +5,7 @@ import { useState } from "preact/hooks";
 import { allCommands, type Command, commandsElsewhere, keysOpen, paletteOpen } from "../commands";
 import { ask, dismiss, jobs, notices } from "../state";
 import { Button } from "./controls";
-import { useDialog } from "./dialog";
+import { dialogs, useDialog } from "./dialog";
 
 /** What the tool at hand does, for the status line. */
 export const hint = signal("");
@@ -13,7 +13,7 @@ export const hint = signal("");
 export function StatusLine({ children }: { children?: ComponentChildren }) {
   const running = [...jobs.value.values()].filter((job) => job.state === "running");
   return (
-    <footer class="status">
+    <footer class="status" inert={dialogs.value.length > 0}>
       <span class="hint">{hint.value}</span>
       {running.map((job) => (
         <span key={job.job} class="row" role="status">
@@ -75,12 +75,7 @@ function PaletteDialog() {
     event.preventDefault();
   };
   return (
-    <dialog
-      ref={dialog}
-      class="palette"
-      aria-label="All commands"
-      onClick={(event) => event.target === dialog.current && close()}
-    >
+    <dialog ref={dialog} class="palette" aria-label="All commands" aria-modal="true">
       <input
         type="text"
         placeholder="What do you want to do?"
@@ -140,7 +135,7 @@ function KeyDialog() {
     ({ group }) => group,
   );
   return (
-    <dialog ref={dialog} class="keys" aria-labelledby="keys-title">
+    <dialog ref={dialog} class="keys" aria-labelledby="keys-title" aria-modal="true">
       <header>
         <h2 id="keys-title">Keys and mouse</h2>
         <Button kind="plain" icon="close" label="Close" keys="Esc" onClick={close} />

@@ -25,7 +25,7 @@ function Shown({ href }: { href: string }) {
   const close = () => (link.value = null);
   const dialog = useDialog(close);
   return (
-    <dialog ref={dialog} class="invite" aria-labelledby="invite-title">
+    <dialog ref={dialog} class="invite" aria-labelledby="invite-title" aria-modal="true">
       <header>
         <h2 id="invite-title">A link for one more browser</h2>
         <Button kind="plain" icon="close" label="Close" keys="Esc" onClick={close} />

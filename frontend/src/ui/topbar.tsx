@@ -2,21 +2,36 @@ import { keysOpen, paletteOpen, stop } from "../commands";
 import { scanName } from "../part";
 import type { DeviceState, LaserState } from "../protocol";
 import { rooms } from "../rooms";
-import { ask, clients, connection, devices, go, isOperator, operator, place, theme } from "../state";
+import {
+  answering,
+  ask,
+  clients,
+  connection,
+  devices,
+  go,
+  isOperator,
+  operator,
+  place,
+  stopping,
+  theme,
+} from "../state";
 import { Button } from "./controls";
+import { dialogs } from "./dialog";
 import { Icon } from "./icons";
 
 const CONNECTION = {
   connecting: ["busy", "connecting"],
-  open: ["good", "connected"],
-  lost: ["bad", "no connection"],
+  open: ["good", "server online"],
+  silent: ["bad", "no answer: laser state unknown"],
+  lost: ["bad", "no connection: laser state unknown"],
 } as const;
 const DEVICE = { none: "", ready: "good", busy: "busy", failed: "bad" } as const;
 
 export function TopBar() {
-  const [dot, words] = CONNECTION[connection.value];
+  const silent = connection.value === "open" && !answering.value;
+  const [dot, words] = CONNECTION[silent ? "silent" : connection.value];
   return (
-    <header class="topbar">
+    <header class="topbar" inert={dialogs.value.length > 0}>
       <button type="button" class="brand" onClick={() => go("projects", null)} title="All scans">
         <Icon name="logo" />
         turnscan
@@ -78,15 +93,6 @@ export function TopBar() {
         onClick={() => (theme.value = theme.value === "dark" ? "light" : "dark")}
       />
       <Button kind="plain" icon="help" label="Keys" keys="?" onClick={() => (keysOpen.value = true)} />
-      <button
-        type="button"
-        class="stop"
-        title="Lasers dark, table still, at once (Ctrl+.)"
-        aria-keyshortcuts="Control+."
-        onClick={stop}
-      >
-        STOP
-      </button>
     </header>
   );
 }
@@ -104,8 +110,9 @@ function DeviceChip({ name, device, angle }: { name: string; device: DeviceState
 
 /** A laser that nobody has confirmed to be dark is shown as lit. */
 function LaserChip({ laser }: { laser: LaserState }) {
-  const dark = laser.lit === false;
-  const words = laser.lit === null ? "not known" : laser.lit ? "lit" : "dark";
+  const lit = answering.value ? laser.lit : null;
+  const dark = lit === false;
+  const words = lit === null ? "not known" : lit ? "lit" : "dark";
   return (
     <span
       class={`chip ${dark ? "" : "lit"}`}
@@ -114,5 +121,33 @@ function LaserChip({ laser }: { laser: LaserState }) {
       <span class="dot" />
       {laser.name}: {words}
     </span>
+  );
+}
+
+/** Beside the bar, not in it: it stays when a dialog makes all else inert. */
+export function StopButton() {
+  return (
+    <button
+      type="button"
+      class="stop"
+      title="Lasers dark, table still, at once (Ctrl+.)"
+      aria-keyshortcuts="Control+."
+      onClick={() => void stop()}
+    >
+      STOP
+    </button>
+  );
+}
+
+/** What nobody may miss: that it is not known whether a laser is lit. */
+export function Alarm() {
+  const lasers = devices.value?.lasers.length ?? 0;
+  const unheard = connection.value !== "connecting" && !answering.value;
+  if (stopping.value !== "unconfirmed" && !(unheard && lasers > 0)) return null;
+  const why = unheard ? "The server does not answer" : "STOP is not confirmed";
+  return (
+    <div class="alarm" role="alert">
+      <strong>{why}: laser state unknown.</strong> Keep away from the laser, and cut its power.
+    </div>
   );
 }

@@ -19,7 +19,7 @@ QUEUE = 256
 UNSHOWN = 2
 """Live pictures under way to one browser."""
 CLIENTS = 8
-_LATEST = frozenset({"frame", "devices", "scanning", "job"})
+_LATEST = frozenset({"beat", "frame", "devices", "scanning", "job"})
 """Kinds of which only the newest one counts."""
 
 

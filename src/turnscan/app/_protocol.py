@@ -421,6 +421,22 @@ class Control(Model):
     clients: Count
 
 
+class Beat(Model):
+    """The server is alive: sent several times a second, so that its silence is a message, too."""
+
+    kind: Literal["beat"] = "beat"
+
+
+class Stopped(Model):
+    """Somebody pressed STOP."""
+
+    kind: Literal["stopped"] = "stopped"
+    client: Opaque | None
+    """Who; None where it was asked for by HTTP."""
+    confirmed: bool
+    """Whether all lasers are known to be dark, and the table to stand still."""
+
+
 class Scans(Model):
     """The list of scan files has changed."""
 
@@ -661,6 +677,8 @@ ServerMessage = Annotated[
     | Verbs
     | Files
     | Control
+    | Beat
+    | Stopped
     | Scans
     | Opened
     | Patch

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
-from turnscan.app._hub import Hub
+from turnscan.app._hub import Client, Hub
 from turnscan.app._jobs import Job, Jobs, Result, remarks
 from turnscan.app._library import Library
 from turnscan.app._live import see
@@ -165,8 +165,8 @@ class RigRoom:
             if alone:
                 self._using.release()
 
-    def tell(self) -> None:
-        """Tell everybody how the devices are."""
+    def tell(self, to: Client | None = None) -> None:
+        """Tell everybody, or one, how the devices are."""
         devices = self._devices
         at = None if devices is None else devices.opened.at
         lasers = [] if devices is None else devices.lasers.states
@@ -185,7 +185,8 @@ class RigRoom:
                 or (devices is not None and devices.opened.rig is not None),
                 rig_name=self._rig_name,
                 rigs=list(self._library.rigs()),
-            )
+            ),
+            to=to,
         )
 
     # Looking

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gzip
 from collections.abc import Awaitable, Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -47,6 +48,7 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/login", _enter(keys, cookie), methods=["POST"]),
         Route("/login.js", _file(LOGIN / "login.js")),
         Route("/login.css", _file(LOGIN / "login.css")),
+        Route("/api/stop", _stop(workshop), methods=["POST"]),
         Route("/api/scans", _add_scan(workshop), methods=["POST"]),
         Route("/api/files", _add_file(workshop), methods=["POST"]),
         Route("/api/files/{file}", _file_of(workshop), methods=["GET"]),
@@ -202,6 +204,20 @@ def _picture(workshop: Workshop) -> Endpoint:
         return Response(await asyncio.to_thread(scan.picture, *place), media_type="image/png")
 
     return picture
+
+
+def _stop(workshop: Workshop) -> Endpoint:
+    """STOP of a browser whose socket is not open at the moment."""
+
+    async def stop(request: Request) -> Response:
+        own = ThreadPoolExecutor(1, "stop")  # the threads of all others may be at work
+        try:
+            await asyncio.get_running_loop().run_in_executor(own, workshop.stop)
+        finally:
+            own.shutdown(wait=False)
+        return Response(status_code=204)
+
+    return stop
 
 
 def _export(workshop: Workshop) -> Endpoint:

@@ -13,7 +13,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from turnscan.app._envelope import Array, unpack
 from turnscan.app._hub import Client
-from turnscan.app._protocol import Refused
+from turnscan.app._protocol import Beat, Refused
 from turnscan.app._request_guard import is_loopback
 from turnscan.app._requests import REQUESTS, Ack, ClientMessage
 from turnscan.app._workshop import Workshop
@@ -23,6 +23,8 @@ MESSAGE_BYTES = 4 * 2**20
 """A selection of a surface of 28 million faces, with a bit for each, and its header."""
 SEND_SECONDS = 10.0
 """s that a message may take; who reads slower is hung up on."""
+BEAT_SECONDS = 0.25
+"""s from one sign of life to the next: a page that hears none for 0.8 s says so."""
 _NOT_A_MESSAGE, _BAD_REQUEST, _TOO_MUCH, _BEHIND, _FULL = 1003, 1008, 1008, 1013, 1013
 
 _TYPED = {
@@ -49,13 +51,15 @@ async def socket(websocket: WebSocket) -> None:
         return
     workshop.hub.tell(workshop.hello(client), to=client)
     workshop.hub.tell_control()
+    workshop.rig.tell(to=client)
     sending = asyncio.create_task(_send(websocket, client))
     receiving = asyncio.create_task(_receive(websocket, client, workshop))
+    beating = asyncio.create_task(_beat(workshop, client))
     try:
         _, left = await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
     finally:
         workshop.hub.leave(client)
-        for task in (sending, receiving):
+        for task in (sending, receiving, beating):
             task.cancel()
     await asyncio.gather(*left, return_exceptions=True)
     for task in (sending, receiving):
@@ -72,6 +76,12 @@ async def _send(websocket: WebSocket, client: Client) -> None:
         except (TimeoutError, WebSocketDisconnect, RuntimeError):
             return
     await _close(websocket, _BEHIND, "this browser is too slow or has disconnected")
+
+
+async def _beat(workshop: Workshop, client: Client) -> None:
+    while True:
+        workshop.hub.tell(Beat(), to=client)
+        await asyncio.sleep(BEAT_SECONDS)
 
 
 async def _receive(websocket: WebSocket, client: Client, workshop: Workshop) -> None:

@@ -174,6 +174,15 @@ class Workshop:
 
     # What routes call
 
+    def stop(self, client: str | None = None) -> None:
+        """Lasers dark, table still; everybody is told who did it. Raises as `RigRoom.stop`."""
+        confirmed = False
+        try:
+            self.rig.stop()
+            confirmed = True
+        finally:
+            self.hub.tell(p.Stopped(client=client, confirmed=confirmed))
+
     def may_light(self, client: Client) -> bool:
         """Whether this client may light a laser."""
         return not client.remote or self.remote_lasers
@@ -273,7 +282,7 @@ class Workshop:
             )
 
     def _stop(self, call: Call) -> None:
-        self.rig.stop()
+        self.stop(call.client.id)
 
     def _find_devices(self, call: Call) -> p.Model:
         return self.rig.find(call.id, call.request.probe)

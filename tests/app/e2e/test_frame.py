@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import signal
 import time
 
 import numpy as np
@@ -11,6 +12,7 @@ from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 
 from tests.app.e2e.conftest import DEADLINE, steady, until
+from tests.app.e2e.pages import connect, disconnect
 
 NO_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
@@ -81,6 +83,29 @@ def test_everything_is_reached_by_keyboard(open_cup):
             )
         )
     assert {"STOP", "Lasso", "Colours of the surface", "Repair"} <= set(names)
+
+
+def test_stop_is_above_any_dialog_and_a_frozen_server_is_told(new_page, server, picture):
+    page = new_page("#rig")
+    connect(page)
+    page.get_by_text("server online").wait_for()
+    page.keyboard.press("Control+k")
+    page.get_by_role("dialog").wait_for()
+    page.get_by_role("button", name="STOP").click()
+    page.get_by_text("Stopped: lasers dark").wait_for()
+    assert page.get_by_role("dialog").is_visible()
+    server.process.send_signal(signal.SIGSTOP)
+    try:
+        page.get_by_role("alert").get_by_text("laser state unknown").wait_for()
+        page.get_by_text("no answer: laser state unknown").wait_for()
+        page.keyboard.press("Control+.")
+        picture(page, "frozen")
+    finally:
+        server.process.send_signal(signal.SIGCONT)
+    page.get_by_text("server online").wait_for()
+    page.keyboard.press("Escape")
+    assert page.get_by_role("dialog").count() == 0
+    disconnect(page)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (640, 400)])

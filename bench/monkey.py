@@ -1,0 +1,85 @@
+"""A monkey at the browser workshop: random clicks, drags and keys with edits, and what must hold.
+
+    python -m bench monkey            2 000 deeds on a part of about 100 000 triangles
+    python -m bench monkey --quick    200 of them
+
+Nothing may fail in the page, every edit that the server confirmed is in the scan file, the page
+shows what the server has, and undoing everything leads back to the first surface to the bit.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+from tests.app.e2e.conftest import CHROMIUM, FLAGS, Server, until
+from tests.app.e2e.cup import write_whole_cup
+from tests.app.e2e.monkey import Monkey, Wire, back_to_the_start, digest_of, edits_in, settle
+
+DEEDS, QUICK = 2000, 200
+STEPS, SCALE = 270, 2
+SEED = 1
+
+
+def run(quick: bool = False, parts: tuple[str, ...] = ()) -> None:
+    """Print what the monkey did and what it broke."""
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as p:
+        path = write_whole_cup(Path(name) / "part.turnscan", STEPS, SCALE)
+        server = Server(Path(name))
+        browser = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        try:
+            _play(browser, server, path, QUICK if quick else DEEDS)
+        finally:
+            browser.close()
+            server.end()
+
+
+def _play(browser: object, server: Server, path: Path, deeds: int) -> None:
+    page = browser.new_page(viewport={"width": 1280, "height": 800})  # type: ignore[attr-defined]
+    broken: list[str] = []
+    monkey = Monkey(page, SEED)
+
+    def hear(text: str) -> None:
+        broken.append(text)
+        print(f"  page: {text}\n    after {'; '.join(monkey.deeds[-20:])}", flush=True)
+
+    page.on("pageerror", lambda e: hear(f"{e} {e.stack or ''}"))
+    page.on("console", lambda m: hear(m.text) if m.type == "error" else None)
+    wire = Wire(page)
+    page.goto(server.link)
+    page.wait_for_url(lambda url: "login" not in url)
+    page.get_by_role("button", name="part", exact=True).click()
+    until(page, "'turnscan' in window && turnscan.faces > 0", 300)
+    first = page.evaluate("turnscan.digest")
+    print(f"  {page.evaluate('turnscan.faces'):,} triangles, digest {first}", flush=True)
+    begun = time.monotonic()
+    for k in range(deeds):
+        monkey.act()
+        if k % 20 == 19:
+            settle(page, wire)
+            shown, has = page.evaluate("turnscan.digest"), digest_of(page)
+            if shown != has:
+                hear(f"shows {shown}, the server has {has}")
+                page.reload()
+                until(page, "'turnscan' in window && turnscan.faces > 0", 120)
+        if k % 100 == 99:
+            made = sum(wire.made.values())
+            spent = time.monotonic() - begun
+            print(f"  {k + 1} deeds, {made} edits, {spent:.0f} s", flush=True)
+    settle(page, wire)
+    kept = edits_in(path)
+    back_to_the_start(page, wire)
+    last = page.evaluate("turnscan.digest")
+    made = sum(wire.made.values())
+    print(f"  {deeds} deeds: {made} edits confirmed, {kept} in the file, {wire.unheard} unheard")
+    print(f"  refused: {dict(wire.refused)}")
+    print(f"  errors in the page, and surfaces shown that the server has not: {len(broken)}")
+    print(f"  no confirmed edit is lost: {_yes(made <= kept <= made + wire.unheard)}")
+    print(f"  undone to the first surface, to the bit: {_yes(last == first)} ({last})")
+
+
+def _yes(is_so: bool) -> str:
+    return "yes" if is_so else "NO"
