@@ -58,6 +58,14 @@ class ByModule(LoadScopeScheduling):
         return "browser" if "app/e2e/" in nodeid else nodeid.partition("::")[0]
 
 
+LAST = ("edit", "formats", "mesh", "points", "poses", "rig", "shapes", "stripes", "surface")
+"""Rooms of many short modules: they fill the processes evenly while the last long ones end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.nodeid.startswith(tuple(f"tests/{room}/" for room in LAST)))
+
+
 def _skipped(config: pytest.Config) -> Counter[str]:
     """Why tests were skipped, and how many."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")

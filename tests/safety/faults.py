@@ -165,6 +165,8 @@ class Hang:
     began: float = 0.0
     over: threading.Event = field(default_factory=threading.Event)
     count: int = 0
+    lasts: float = 30.0
+    """s for which it hangs, where nobody ends it before."""
 
 
 HANGS: dict[str, Hang] = {}
@@ -188,7 +190,7 @@ class HangingCamera:
         hang.count += bool(burns)
         if burns and hang.count == hang.nth:
             hang.began = time.monotonic()
-            hang.over.wait(30.0)
+            hang.over.wait(hang.lasts)
             raise DeviceTimeout("the camera has hung")
         return picture_of(0.0, burns, hang.seconds, self._shots)
 
