@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -62,6 +62,8 @@ class NearLink:
         self.dialect, self.board = dialect, board
         self.written: list[bytes] = []
         self.flying = self.most_flying = 0
+        self.silent: Callable[[float], None] = lambda seconds: None
+        """Told of each wait in vain, which takes no time here."""
 
     def write(self, data: bytes) -> None:
         self.written.append(data)
@@ -78,6 +80,8 @@ class NearLink:
             self.board.run(self.board.now + 0.5)
             waited += 0.5
             data = self.board.take()
+        if not data:
+            self.silent(timeout)
         self.flying -= len(re.findall(rb"(?:^|\n)ok\r|error|ALARM|>\r| =>? |yes|Position", data))
         return data
 
@@ -102,8 +106,10 @@ class NearLink:
         self.dark()
 
 
-def near(dialect: str, board: Firmware | None = None) -> tuple[Board, NearLink]:
-    """A driver on a `NearLink`."""
+def near(
+    dialect: str, board: Firmware | None = None, silent: Callable[[float], None] | None = None
+) -> tuple[Board, NearLink]:
+    """A driver on a `NearLink`, which calls ``silent`` with each wait in vain."""
     from turnscan.devices._fabscan import FabScanBoard
     from turnscan.devices._grbl import GrblBoard
     from turnscan.devices._horus import HorusBoard
@@ -114,6 +120,7 @@ def near(dialect: str, board: Firmware | None = None) -> tuple[Board, NearLink]:
         "sardauscan": SardauscanBoard,
     }[dialect]  # fmt: skip
     link = NearLink(dialect, board or firmware(dialect))
+    link.silent = silent or link.silent
     link.dark()
     setup = Setup("near", ("a", "b"), None, math.radians(1.0), None, {})
     return kind(setup, link, Deadlines()), link

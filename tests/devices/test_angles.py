@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import time
 from fractions import Fraction
 
 import pytest
 
 from tests.devices.boards import DIALECTS, UNITS, firmware, near
+from turnscan.devices import _board, _line_protocol
 from turnscan.devices._board import Board
 from turnscan.errors import DeviceRestarted
 from turnscan.scanner import stops_of
@@ -18,23 +20,45 @@ STEPS = {**UNITS, "sardauscan as horus": 512}
 TURN, PART, TURNS, BACK = (Fraction(0), Fraction(360)), (0, 45), (0, 1080), (90, -300)
 
 
-def table(dialect: str) -> tuple[Board, Firmware]:
+class Clock:
+    """The drivers' `time`: a wait in vain passes at once."""
+
+    def __init__(self) -> None:
+        self._ahead = 0.0
+
+    def monotonic(self) -> float:
+        return time.monotonic() + self._ahead
+
+    def sleep(self, seconds: float) -> None:
+        self._ahead += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    it = Clock()
+    for module in (_board, _line_protocol):
+        monkeypatch.setattr(module, "time", it)
+    return it
+
+
+def table(dialect: str, clock: Clock | None = None) -> tuple[Board, Firmware]:
+    silent = clock and clock.sleep
     if dialect in DIALECTS:
         board = firmware(dialect)
-        return near(dialect, board)[0], board
+        return near(dialect, board, silent)[0], board
     board = SardauscanHorusFirmware()
-    return near("horus", board)[0], board
+    return near("horus", board, silent)[0], board
 
 
 @pytest.mark.parametrize("dialect", STEPS)
 @pytest.mark.parametrize("ends", [TURN, PART, TURNS, BACK], ids=str)
 @pytest.mark.parametrize("stops", [24, 25, 46, 400])
 def test_stored_angles_are_those_of_the_pulses(
-    dialect: str, ends: tuple[int, int], stops: int
+    dialect: str, ends: tuple[int, int], stops: int, clock: Clock
 ) -> None:
     first, last = Fraction(ends[0]), Fraction(ends[1])
     step, count = stops_of((first, last), stops, None, 400)
-    device, board = table(dialect)
+    device, board = table(dialect, clock)
     resolution = 2 * math.pi / STEPS[dialect] * (1.5 if "as" in dialect else 0.5)
     for k in range(count):
         wanted = 2 * math.pi * float((first + k * step) / 360)

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.metronome import metronome
 from tests.once import once
 from tests.web.running import Running, serving, small_scan
+
+__all__ = ["metronome"]
 
 
 @pytest.fixture(scope="session")

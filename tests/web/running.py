@@ -22,6 +22,9 @@ from turnscan.app._server import Listening, Server, application, bind
 from turnscan.scan import Scan
 from turnscan.simulate import simulated
 
+PATIENCE = 300.0
+"""s until what does not come has failed; no measure of anything."""
+
 Message = dict[str, Any]
 
 
@@ -49,7 +52,7 @@ class Running:
         """A browser's requests."""
         own = {"Origin": self.base, "X-Turnscan": "1", "Cookie": cookie or self.login()}
         return httpx.Client(
-            base_url=self.base, headers={**own, **headers}, timeout=60, verify=False
+            base_url=self.base, headers={**own, **headers}, timeout=PATIENCE, verify=False
         )
 
 
@@ -65,7 +68,7 @@ def serving(folder: Path, remote_lasers: bool = False, **library: Any) -> Iterat
     server = Server(app, up.set)
     thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
     thread.start()
-    assert up.wait(20)
+    assert up.wait(PATIENCE)
     try:
         yield Running(workshop, keys, port, app)
     finally:
@@ -105,7 +108,7 @@ class Browser:
         self.socket.send(json.dumps(body) if arrays is None else pack(body, arrays))
         return self._id
 
-    def receive(self, seconds: float = 30.0) -> Message:
+    def receive(self, seconds: float = PATIENCE) -> Message:
         """The next message; its arrays are under ``arrays``."""
         data = self.socket.recv(seconds)
         if isinstance(data, bytes):
@@ -119,7 +122,7 @@ class Browser:
         return message
 
     def until(
-        self, kind: str, when: Callable[[Message], bool] = lambda m: True, seconds: float = 60.0
+        self, kind: str, when: Callable[[Message], bool] = lambda m: True, seconds: float = PATIENCE
     ) -> Message:
         """The next message of a kind for which ``when`` holds."""
         deadline = time.monotonic() + seconds

@@ -16,7 +16,7 @@ from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from tests.web.running import Browser, Running, raw, serving
+from tests.web.running import PATIENCE, Browser, Running, raw, serving
 from turnscan.app import Workshop, _request_guard, _server
 from turnscan.app._auth import FAILURES, Keys
 from turnscan.app._library import Library, safe_name
@@ -614,7 +614,7 @@ def test_a_mistake_tells_and_logs_nothing(
     assert cookie.split("=")[1] not in text
 
 
-_CLIENT = httpx.Client(timeout=30)
+_CLIENT = httpx.Client(timeout=PATIENCE)
 
 
 def _request(method: str, url: str, **more: Any) -> httpx.Response:

@@ -10,6 +10,8 @@ from pathlib import Path
 import httpx
 import pytest
 
+from tests.web.running import PATIENCE
+
 
 def _started(folder: Path, *options: str) -> tuple[subprocess.Popen[str], str]:
     process = subprocess.Popen(
@@ -32,7 +34,7 @@ def test_a_link_and_a_clean_end(folder: Path, number: signal.Signals) -> None:
     assert process.stdout is not None
     assert process.stdout.readline().startswith(f"for another browser: {base}/login#")
     process.send_signal(number)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
     assert "Traceback" not in out + err
     assert token not in err
@@ -49,7 +51,7 @@ def test_a_link_and_a_clean_end(folder: Path, number: signal.Signals) -> None:
 )
 def test_options_that_cannot_be_are_one_line(tmp_path: Path, options: list[str], said: str) -> None:
     process, _ = _started(tmp_path, *options)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2
     assert said in err
     assert err.count("\n") == 1
@@ -62,7 +64,7 @@ def test_edit_says_what_is_no_scan_file(tmp_path: Path, content: bytes | None) -
         path.write_bytes(content)
     done = subprocess.run(
         [sys.executable, "-m", "turnscan", "edit", str(path), "--no-browser"],
-        capture_output=True, text=True, timeout=60, check=False,
+        capture_output=True, text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.web.running import Browser, Running, serving
+from tests.web.running import PATIENCE, Browser, Running, serving
 from turnscan.app._envelope import unpack
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
@@ -227,7 +227,7 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
 
     def slow(document: Document, action: Action, progress: Progress) -> tuple[Document, Change]:
         progress(0.25)
-        assert go.wait(30)
+        assert go.wait(PATIENCE)
         progress(0.5)
         gone_on.set()
         return after(document, action, progress)
@@ -243,7 +243,7 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
         def begun() -> tuple[int, str]:
             go.clear()
             number = one.send("edit", chosen, **wish)
-            job = one.until("job", lambda m: m["what"] == "edit", 10)
+            job = one.until("job", lambda m: m["what"] == "edit")
             assert (job["state"], job["scan"]) == ("running", scan)
             assert job["title"] == "delete 50 faces"
             assert (job["done"], job["total"]) == (250, 1000)
@@ -252,8 +252,8 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
         number, job = begun()
         assert one.ask("cancel", job=job)["kind"] == "done"
         go.set()
-        assert one.until("job", lambda m: m["job"] == job, 10)["state"] == "cancelled"
-        refused = one.until("refused", lambda m: m["id"] == number, 10)
+        assert one.until("job", lambda m: m["job"] == job)["state"] == "cancelled"
+        refused = one.until("refused", lambda m: m["id"] == number)
         assert refused["code"] == "cancelled"
         assert not gone_on.is_set()  # it ended where it was told next
         assert not any(m["kind"] in ("patch", "history") for m in one.heard)
@@ -263,9 +263,9 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
 
         number, job = begun()  # the next one is not cancelled, and happens
         go.set()
-        assert one.until("patch", seconds=10)["revision"] == 1
-        assert one.until("job", lambda m: m["job"] == job, 10)["state"] == "done"
-        assert one.until("done", lambda m: m["id"] == number, 10)
+        assert one.until("patch")["revision"] == 1
+        assert one.until("job", lambda m: m["job"] == job)["state"] == "done"
+        assert one.until("done", lambda m: m["id"] == number)
         assert one.ask("cancel", job=job)["kind"] == "done"
         with Scan.open(folder / "ball.turnscan") as file:
             assert len(file.edits()) == 1
@@ -419,7 +419,7 @@ def test_an_upload_that_is_cut_off_leaves_nothing(server: Running, folder: Path)
     )
     with socket.create_connection(("127.0.0.1", server.port)) as link:
         link.sendall(head.encode() + bytes(50000))
-        until = time.monotonic() + 10
+        until = time.monotonic() + PATIENCE
         while len(list(folder.iterdir())) < 2 and time.monotonic() < until:
             time.sleep(0.01)
         assert len(list(folder.iterdir())) == 2

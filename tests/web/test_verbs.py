@@ -22,8 +22,6 @@ from turnscan.scan import Scan
 from turnscan.workflows import VERBS, Incoming
 
 SIZE = (40, 60)
-COMPILING = 300.0
-"""Seconds that a verb may take: on a new machine the kernels are compiled first."""
 
 
 def picture(k: int) -> bytes:
@@ -76,7 +74,7 @@ class Desk:
             return message["job"] == job and message["state"] != "running"
 
         before = (m for m in self.browser.heard if m["kind"] == "job" and ended(m))
-        return next(before, None) or self.browser.until("job", ended, seconds=COMPILING)
+        return next(before, None) or self.browser.until("job", ended)
 
     def done(self, verb: str, name: str = "result", **values: Any) -> Message:
         ended = self.ask(verb, name, **values)
