@@ -8,6 +8,8 @@ import { home, rooms } from "./rooms";
 import { startExport } from "./rooms/export";
 import { startCalibration } from "./scanner/calibrate";
 import { startLive } from "./scanner/live";
+import { startDemo } from "./start/demo";
+import { DropHint, startDrops } from "./start/drop";
 import { place, startState } from "./state";
 import { expose } from "./testing";
 import "./theme.css";
@@ -16,7 +18,7 @@ import { KeySheet, Notices, Palette, StatusLine } from "./ui/frame";
 import { InviteDialog } from "./ui/invite";
 import { Alarm, StopButton, TopBar } from "./ui/topbar";
 import { verbRoom } from "./verbs/form";
-import { openVerb, receive, startVerbs, verbs } from "./verbs/state";
+import { openVerb, startVerbs, verbs } from "./verbs/state";
 
 function room() {
   if (place.value.room.startsWith("do-")) return verbRoom;
@@ -43,6 +45,7 @@ function App() {
       <Palette />
       <KeySheet />
       <InviteDialog />
+      <DropHint />
     </div>
   );
 }
@@ -54,6 +57,7 @@ startCalibration();
 startRepair();
 startExport();
 startVerbs();
+startDemo();
 roomList.value = rooms;
 effect(() => {
   roomCommands.value = room().commands;
@@ -65,12 +69,7 @@ window.addEventListener("keydown", onKey);
 effect(() => {
   fileCommands.value = verbs.value.map(({ verb, title }) => ({ title, group: "Files", run: () => openVerb(verb) }));
 });
-// Files may be dropped anywhere.
-window.addEventListener("dragover", (event) => event.preventDefault());
-window.addEventListener("drop", (event) => {
-  event.preventDefault();
-  void receive(event.dataTransfer?.files ?? []);
-});
+startDrops();
 render(<App />, document.getElementById("app")!);
 link.connect();
 expose();

@@ -400,6 +400,12 @@ function hearServer(): void {
     branches.value = message.branches;
     cursor.value = message.cursor;
   });
+  on("closed", ({ scan }) => {
+    if (scan !== opened.value?.scan) return;
+    opened.value = mesh.value = null;
+    revision = epoch = -1;
+    if (scan === place.value.scan) go("projects", null);
+  });
   on("settings", changeSettings);
   on("measures", (message) => {
     if (message.scan === opened.value?.scan) measures.value = message.measures;

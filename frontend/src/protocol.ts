@@ -53,6 +53,15 @@ export interface BeginCalibration {
   orientation?: "vertical" | "horizontal";
 }
 
+/** A scan in the bin. */
+export interface BinEntry {
+  binned: string;
+  name: string;
+  megabytes: number;
+  /** ISO time of its deletion, UTC. */
+  at: string;
+}
+
 /** Another history, left when an edit was made after stepping back. */
 export interface BranchEntry {
   /** Number of its last edit, by which it is taken up. */
@@ -115,6 +124,12 @@ export interface Capture {
   range_deg?: [number, number] | null;
   laser?: string | null;
   seconds?: number | null;
+}
+
+/** A document was closed, since its file is renamed or in the bin. */
+export interface Closed {
+  kind: "closed";
+  scan: string;
 }
 
 /** Open devices by address; a simulated rig is one address for all three. */
@@ -195,6 +210,14 @@ export interface Done {
   id: number;
 }
 
+/** Copy a scan file with its edits, under a new name. */
+export interface Duplicate {
+  id: number;
+  kind: "duplicate";
+  scan: string;
+  name: string;
+}
+
 /**
  * Do an edit: ``done`` after its patch. With ``preview``, answered by ``preview``.
  *
@@ -208,6 +231,12 @@ export interface EditRequest {
   base_revision: number;
   edit: Record<string, unknown>;
   preview?: boolean;
+}
+
+/** Delete for good what is in the bin. */
+export interface EmptyBin {
+  id: number;
+  kind: "empty_bin";
 }
 
 /** POST ``/api/scans/{scan}/exports``. */
@@ -258,6 +287,13 @@ export interface FindDevices {
   id: number;
   kind: "find_devices";
   probe?: boolean;
+}
+
+/** How many findings a scan has. */
+export interface FindingCounts {
+  errors: number;
+  warnings: number;
+  notes: number;
 }
 
 /**
@@ -354,8 +390,11 @@ export interface Hello {
   client: string;
   operator: string | null;
   scans: ScanEntry[];
+  binned: BinEntry[];
   /** False for a browser on another computer, unless the server was told otherwise. */
   lasers_allowed: boolean;
+  /** Whether ``show_folder`` opens it where this person sees it: on the server's computer. */
+  can_show_folder: boolean;
 }
 
 /** The list of edits; those from ``cursor`` on are undone. */
@@ -400,6 +439,25 @@ export interface Holes {
   holes: HoleEntry[];
 }
 
+/**
+ * What an import would make of pictures: arrays jpeg u8 (bytes) of one of them, and stripe f32
+ * (lines), NaN where there is none.
+ */
+export interface ImportPreviewed {
+  kind: "import_preview";
+  id: number;
+  series: SeriesSeen[];
+  /** Of red, green and blue in the laser's light; None for grey pictures. */
+  weights: number[] | null;
+  findings: Remark[];
+  laser: string;
+  picture: number;
+  step: number;
+  width: number;
+  height: number;
+  orientation: "vertical" | "horizontal";
+}
+
 /** POST ``/api/invitations``: a link for one more browser, good once. */
 export interface Invitation {
   path: string;
@@ -409,7 +467,7 @@ export interface Invitation {
 export interface JobState {
   kind: "job";
   job: string;
-  what: "open" | "edit" | "export" | "doctor" | "calibrate" | "scan" | "verb";
+  what: "open" | "edit" | "export" | "doctor" | "calibrate" | "scan" | "verb" | "demo";
   scan: string | null;
   title: string;
   state: "running" | "done" | "failed" | "cancelled";
@@ -573,6 +631,21 @@ export interface Points {
 }
 
 /**
+ * What an import would make of pictures: answered by ``import_preview``; nothing is written.
+ *
+ * ``values`` are those of the verb ``import``; of its options those about pictures count.
+ */
+export interface PreviewImport {
+  id: number;
+  kind: "preview_import";
+  values: Record<string, unknown>;
+  /** Whose picture is shown; empty for the first one. */
+  laser?: string;
+  /** Its place in the series; None takes the middle one. */
+  picture?: number | null;
+}
+
+/**
  * What an edit would do: arrays positions f32 (v, 3), faces u32 (f, 3) that it would add and
  * dead u32 that it would take away. Nothing is stored.
  */
@@ -659,9 +732,24 @@ export interface RemedyOption {
   value: string | null;
 }
 
+/** Give a scan file another name; a document of it is closed. */
+export interface Rename {
+  id: number;
+  kind: "rename";
+  scan: string;
+  name: string;
+}
+
 /** Another mesh altogether, of a new epoch: get it. */
 export interface Replace {
   kind: "replace";
+}
+
+/** Take a scan file out of the bin, under its name or, where that is taken, a numbered one. */
+export interface Restore {
+  id: number;
+  kind: "restore";
+  binned: string;
 }
 
 /** A file that a verb wrote into the folder. */
@@ -698,7 +786,10 @@ export interface RunVerb {
   values: Record<string, unknown>;
 }
 
-/** A scan file in the list. */
+/**
+ * A scan file in the list; its picture is at ``/api/scans/{scan}/thumbnail.png``, the file at
+ * ``/api/scans/{scan}/file``.
+ */
 export interface ScanEntry {
   scan: string;
   name: string;
@@ -708,6 +799,10 @@ export interface ScanEntry {
   open: boolean;
   /** Steps that ``resume`` would take; 0 where the scan is whole, or it cannot be resumed. */
   missing: number;
+  /** Other where its frames, edits or settings are others; empty where it cannot be read. */
+  content: string;
+  /** As it was when it was last open; None where it was not, or has changed since. */
+  findings: FindingCounts | null;
 }
 
 /** What a scan is to be; None leaves it to the server, which says what it chose. */
@@ -755,6 +850,7 @@ export interface Scanning {
 export interface Scans {
   kind: "scans";
   scans: ScanEntry[];
+  binned: BinEntry[];
 }
 
 /**
@@ -774,6 +870,24 @@ export interface Seen {
   saturated: number;
 }
 
+/** What was recognised in the pictures of one laser. */
+export interface SeriesSeen {
+  laser: string;
+  /** Their names, in the order of their steps. */
+  pictures: string[];
+  /** Of the pictures. */
+  steps: number[];
+  /** Steps without a picture. */
+  missing: number[];
+  /** Where the pictures without laser come from, in words. */
+  background: string;
+  noise: number;
+  /** Grey levels. */
+  threshold: number;
+  /** Share of the lines of the samples with a stripe that is a line. */
+  line_share: number;
+}
+
 /** Other settings hold, or are kept by name; the surface and the grids follow by themselves. */
 export interface SettingsChanged {
   kind: "settings";
@@ -787,6 +901,12 @@ export interface SettingsChanged {
 export interface SettingsSet {
   name: string;
   options: Record<string, unknown>;
+}
+
+/** Open the folder of the scans in the file manager of the server's computer. */
+export interface ShowFolder {
+  id: number;
+  kind: "show_folder";
 }
 
 /** Take a scan: a job; ``scanning``, ``frame`` and ``points`` tell how it goes. */
@@ -861,11 +981,24 @@ export interface TakeMeasure {
   places?: [number, number, number][];
 }
 
+/** Put a scan file into the bin of its folder; a document of it is closed. */
+export interface ToBin {
+  id: number;
+  kind: "to_bin";
+  scan: string;
+}
+
 /** Only so many vertices and faces are left: what was appended last is removed. */
 export interface Truncate {
   kind: "truncate";
   vertices: number;
   faces: number;
+}
+
+/** Scan a part with a simulated rig, as a job whose result is the scan. */
+export interface TryDemo {
+  id: number;
+  kind: "try_demo";
 }
 
 /** Turn the table to an angle. */
@@ -918,11 +1051,13 @@ export type ServerMessage =
   | JobState
   | Verbs
   | Files
+  | ImportPreviewed
   | Control
   | Beat
   | Stopped
   | Scans
   | Opened
+  | Closed
   | Patch
   | History
   | SettingsChanged
@@ -945,9 +1080,17 @@ export type ClientMessage =
   | Ack
   | Cancel
   | Open
+  | Rename
+  | Duplicate
+  | ToBin
+  | Restore
+  | EmptyBin
+  | ShowFolder
+  | TryDemo
   | ListVerbs
   | ListFiles
   | RunVerb
+  | PreviewImport
   | EditRequest
   | Undo
   | Redo

@@ -3,7 +3,7 @@ import { computed, effect, signal } from "@preact/signals";
 import { link, on, onConnection, silence } from "./bus";
 import { kept, remember } from "./kept";
 import { RefusedError, type Request } from "./link";
-import { type Devices, type Hello, type JobState, PROTOCOL, type ScanEntry } from "./protocol";
+import { type BinEntry, type Devices, type Hello, type JobState, PROTOCOL, type ScanEntry } from "./protocol";
 
 export const connection = signal<"connecting" | "open" | "lost">("connecting");
 /** Whether the server says that it lives; while it does not, nobody here knows whether lasers are dark. */
@@ -15,6 +15,7 @@ export const operator = signal<string | null>(null);
 export const clients = signal(1);
 export const isOperator = computed(() => hello.value !== null && hello.value.client === operator.value);
 export const scans = signal<ScanEntry[]>([]);
+export const binned = signal<BinEntry[]>([]);
 export const devices = signal<Devices | null>(null);
 export const jobs = signal<ReadonlyMap<string, JobState>>(new Map());
 
@@ -108,6 +109,7 @@ function hearServer(): void {
     hello.value = message;
     operator.value = message.operator;
     scans.value = message.scans;
+    binned.value = message.binned;
   });
   on("control", (message) => {
     const was = isOperator.value;
@@ -118,6 +120,7 @@ function hearServer(): void {
   });
   on("scans", (message) => {
     scans.value = message.scans;
+    binned.value = message.binned;
   });
   on("stopped", ({ client, confirmed }) => {
     if (client === hello.value?.client) return;

@@ -54,9 +54,9 @@ class Picture:
 
 
 def png(pixels: Pixels) -> bytes:
-    """A picture (H, W) or (H, W, 3) as PNG; the same picture gives the same bytes."""
+    """A picture (H, W), (H, W, 3) or, with opacity, (H, W, 4) as PNG, the same each time."""
     height, width = pixels.shape[:2]
-    kind = 0 if pixels.ndim == 2 else 2
+    kind = 0 if pixels.ndim == 2 else {3: 2, 4: 6}[pixels.shape[2]]
     rows = np.ascontiguousarray(pixels, np.uint8).reshape(height, -1)
     body = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1).tobytes()
     head = struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0)

@@ -114,6 +114,34 @@ def test_every_verb_comes_with_its_schema(desk: Desk) -> None:
         assert verb["json_schema"] == VERBS[verb["verb"]].json_schema()
 
 
+def test_pictures_are_looked_at_before_they_are_imported(desk: Desk, place: Path) -> None:
+    kept = [0, 1, 2, 4, 5]  # 3 was never taken, and 4 was stored twice
+    files = {f"gaps/s{k}.png": picture(k) for k in kept}
+    files["gaps/s5.png"] = files["gaps/s4.png"]
+    (pictures,) = desk.sent("gaps.zip", zipped(files))
+    before = set(place.iterdir())
+    values = {"pictures": [pictures], "laser": "L0", "angles": ""}
+    seen = desk.browser.ask("preview_import", values=values, picture=1)
+    assert seen["kind"] == "import_preview", seen
+    (series,) = seen["series"]
+    assert (series["laser"], series["steps"], series["missing"]) == ("L0", kept, [3])
+    assert series["pictures"] == [f"s{k}.png" for k in kept]
+    assert seen["weights"] is None
+    (same,) = (f for f in seen["findings"] if f["code"] == "scan.same-picture")
+    assert same["where"] == "s5.png"
+    assert (seen["step"], seen["width"], seen["height"]) == (1, SIZE[1], SIZE[0])
+    stripe = seen["arrays"]["stripe"]
+    assert len(stripe) == SIZE[0]
+    np.testing.assert_allclose(stripe, 18.0, atol=0.2)
+    other = desk.browser.ask("preview_import", values=values, laser="L0", picture=2)
+    np.testing.assert_allclose(other["arrays"]["stripe"], 24.0, atol=0.2)
+    beyond = desk.browser.ask("preview_import", values=values, laser="L0", picture=5)
+    assert "no picture 5" in beyond["text"]
+    none = desk.browser.ask("preview_import", values={"pictures": []})
+    assert none["options"][0]["name"] == "pictures"
+    assert set(place.iterdir()) == before
+
+
 def test_a_zip_of_pictures_becomes_a_scan(desk: Desk, place: Path) -> None:
     (pictures,) = desk.sent("turn.zip", zipped({f"turn/s{k}.png": picture(k) for k in range(6)}))
     listed = {f["file"]: f for f in desk.browser.ask("list_files")["files"]}

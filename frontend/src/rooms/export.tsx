@@ -211,7 +211,7 @@ function Export() {
         <Advice />
         <div class="action">
           <Button kind="primary" icon="export" disabled={nothing} onClick={() => void start()}>
-            Write {format.value.toUpperCase()}
+            Export {format.value.toUpperCase()}
           </Button>
           <span class="quiet">Each file is read back and compared before you get it.</span>
         </div>

@@ -1,9 +1,10 @@
 /** The start page: scans, what was dropped, what to do with files, and the other files. */
-import { useRef, useState } from "preact/hooks";
-import { isScanning } from "../scanner/live";
-import { resume } from "../scanner/resume";
-import { connection, go, isOperator, scans } from "../state";
-import { Button } from "../ui/controls";
+import { useRef } from "preact/hooks";
+import { demoJob, tryDemo } from "../start/demo";
+import { Bin, Gallery, when } from "../start/gallery";
+import { ask, connection, devices, go, hello, isOperator, scans } from "../state";
+import { Button, openSection } from "../ui/controls";
+import { Icon, type IconName } from "../ui/icons";
 import { invite } from "../ui/invite";
 import { whatIs } from "../verbs/schema";
 import { arrived, files, openVerb, receive, sending, verbs } from "../verbs/state";
@@ -88,7 +89,7 @@ function OtherFiles() {
                 </a>
               </td>
               <td class="quiet">{whatIs(entry)}</td>
-              <td class="quiet num">{new Date(entry.modified).toLocaleString("sv").slice(0, 16)}</td>
+              <td class="quiet num">{when(entry.modified)}</td>
               <td class="num right">{entry.megabytes.toFixed(1)} MB</td>
             </tr>
           ))}
@@ -98,84 +99,105 @@ function OtherFiles() {
   );
 }
 
+interface WayProps {
+  icon: IconName;
+  title: string;
+  about: string;
+  disabled?: boolean;
+  onClick: () => void;
+}
+
+function Way({ icon, title, about, disabled, onClick }: WayProps) {
+  return (
+    <button type="button" class="way" disabled={disabled} onClick={onClick}>
+      <Icon name={icon} />
+      <strong>{title}</strong>
+      <span>{about}</span>
+    </button>
+  );
+}
+
+/** The four ways to begin. */
+function Ways({ choose }: { choose: () => void }) {
+  const connected = (devices.value?.addresses.length ?? 0) > 0;
+  const demo = demoJob.value;
+  const watching = !isOperator.value;
+  return (
+    <nav class="ways" aria-label="Begin">
+      <Way
+        icon="camera"
+        title="Scan"
+        about={connected ? "Take a scan with the connected scanner" : "Connect a scanner, then scan a part"}
+        onClick={() => go(connected ? "scan" : "rig", null)}
+      />
+      <Way
+        icon="play"
+        title="Try the demo"
+        about={
+          demo
+            ? `Scanning a simulated cup: ${Math.round((100 * demo.done) / (demo.total ?? 100))} %`
+            : "Scan a simulated cup, no hardware needed"
+        }
+        disabled={watching || demo !== undefined}
+        onClick={() => void tryDemo()}
+      />
+      <Way
+        icon="folder"
+        title="Import"
+        about="Pictures, a video, a zip, range scans, a mesh or CAD"
+        disabled={watching}
+        onClick={choose}
+      />
+      <Way
+        icon="point"
+        title="Calibrate"
+        about="Camera, laser and turntable, with a board"
+        onClick={() => {
+          go("rig", null);
+          openSection("Calibration");
+        }}
+      />
+    </nav>
+  );
+}
+
 function Projects() {
   const input = useRef<HTMLInputElement>(null);
-  const [over, setOver] = useState(false);
+  const choose = () => input.current?.click();
   return (
     <div class="room single">
       <div class="projects">
+        <Ways choose={choose} />
+        <input
+          ref={input}
+          type="file"
+          multiple
+          hidden
+          aria-label="Files"
+          onChange={(event) => void receive(event.currentTarget.files ?? [])}
+        />
+        <Arrived />
         <div class="row apart">
           <h1>Scans</h1>
-          <Button label="A link that lets one more browser in" onClick={() => void invite()}>
-            Invite another browser
-          </Button>
+          <div class="row">
+            {hello.value?.can_show_folder && (
+              <Button icon="folder" disabled={!isOperator.value} onClick={() => void ask({ kind: "show_folder" })}>
+                Open folder
+              </Button>
+            )}
+            <Button label="A link that lets one more browser in" onClick={() => void invite()}>
+              Invite another browser
+            </Button>
+          </div>
         </div>
-        <Arrived />
-        {scans.value.length > 0 && (
-          <table>
-            <thead>
-              <tr>
-                <th scope="col">Name</th>
-                <th scope="col">Changed</th>
-                <th scope="col" class="right">
-                  Size
-                </th>
-                <th scope="col">
-                  <span class="sr-only">State</span>
-                </th>
-              </tr>
-            </thead>
-            <tbody>
-              {scans.value.map(({ scan, name, modified, megabytes, open, missing }) => (
-                <tr key={scan}>
-                  <td>
-                    <button type="button" class="link" onClick={() => go("repair", scan)}>
-                      {name}
-                    </button>
-                  </td>
-                  <td class="quiet num">{new Date(modified).toLocaleString("sv").slice(0, 16)}</td>
-                  <td class="num right">{megabytes.toFixed(1)} MB</td>
-                  <td class="quiet">
-                    {open && "open "}
-                    {missing > 0 && (
-                      <>
-                        {missing} steps missing{" "}
-                        <Button
-                          small
-                          disabled={!isOperator.value || isScanning()}
-                          label={`Capture what ${name} is missing`}
-                          onClick={() => void resume(scan)}
-                        >
-                          Resume
-                        </Button>
-                      </>
-                    )}
-                  </td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
+        {scans.value.length > 0 ? (
+          <Gallery />
+        ) : (
+          connection.value === "open" && (
+            <p class="quiet">There are no scans here yet. Choose a way to begin above, or drop files anywhere.</p>
+          )
         )}
-        <div
-          role="group"
-          aria-label="Files from this computer"
-          class={`drop ${over ? "over" : ""}`}
-          onDragOver={() => setOver(true)}
-          onDragLeave={() => setOver(false)}
-          onDrop={() => setOver(false)}
-        >
-          {scans.value.length === 0 && connection.value === "open" && <p>There are no scans here yet.</p>}
-          <p>Drop scans, pictures (many, a video or a zip), range scans, meshes or a rig here</p>
-          <Button onClick={() => input.current?.click()}>Choose files</Button>
-          <input
-            ref={input}
-            type="file"
-            multiple
-            hidden
-            aria-label="Files"
-            onChange={(event) => void receive(event.currentTarget.files ?? [])}
-          />
-        </div>
+        <Bin />
         <Verbs />
         <OtherFiles />
       </div>
@@ -183,4 +205,13 @@ function Projects() {
   );
 }
 
-export const projects: Room = { id: "projects", title: "Scans", needsScan: false, View: Projects, commands: [] };
+export const projects: Room = {
+  id: "projects",
+  title: "Scans",
+  needsScan: false,
+  View: Projects,
+  commands: [
+    { title: "Try the demo", group: "Scans", run: () => void tryDemo() },
+    { title: "Open folder", group: "Scans", run: () => void ask({ kind: "show_folder" }) },
+  ],
+};

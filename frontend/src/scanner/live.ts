@@ -4,12 +4,10 @@ import { link, on } from "../bus";
 import { kept } from "../kept";
 import type { Found, Scanning, Seen } from "../protocol";
 import { complain, devices } from "../state";
+import type { ShownPicture } from "./picture";
 
-export interface LivePicture {
+export interface LivePicture extends ShownPicture {
   header: Seen;
-  image: ImageBitmap;
-  /** Pixels across each line of the stripe; NaN where there is none. */
-  stripe: Float32Array;
 }
 
 /** Of the stripe in the picture. */

@@ -1,15 +1,24 @@
 /** The live picture of the camera, with the stripe that was found drawn over it. */
+
+import type { Seen } from "../protocol";
 import { type Box, MARK, PlaneView } from "../ui/plane";
-import type { LivePicture } from "./live";
+
+/** A picture, and the stripe that was found in it. */
+export interface ShownPicture {
+  header: Pick<Seen, "width" | "height" | "orientation">;
+  image: ImageBitmap;
+  /** Pixels across each line of the stripe; NaN where there is none. */
+  stripe: Float32Array;
+}
 
 export class LiveView extends PlaneView {
-  private shown: LivePicture | null = null;
+  private shown: ShownPicture | null = null;
 
   constructor(canvas: HTMLCanvasElement) {
     super(canvas, { equal: true, up: false });
   }
 
-  show(picture: LivePicture | null): void {
+  show(picture: ShownPicture | null): void {
     const { shown } = this;
     const other =
       !shown ||

@@ -32,6 +32,10 @@ class Downloads:
                 self._files.popitem(last=False)[1][0].unlink(missing_ok=True)
         return name
 
+    def place(self) -> Path:
+        """Where a file can be made that its maker takes away."""
+        return Path(self._folder.name) / secrets.token_urlsafe(9)
+
     def find(self, name: str) -> tuple[Path, str]:
         """Where it is, and what to call it. Raises InputError where it is no longer available."""
         with self._lock:

@@ -18,7 +18,7 @@ from turnscan.findings import Finding
 from turnscan.progress import Cancelled, Progress
 from turnscan.remedy import Option, Remedy
 
-What = Literal["open", "edit", "export", "doctor", "calibrate", "scan", "verb"]
+What = Literal["open", "edit", "export", "doctor", "calibrate", "scan", "verb", "demo"]
 _TELL_EVERY = 0.1
 _SOON = 0.5
 """s that a request may take before it is shown as a job."""

@@ -14,16 +14,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from turnscan import workflows
-from turnscan.app._protocol import ScanEntry
+from turnscan.app._protocol import FindingCounts, ScanEntry
 from turnscan.errors import (
     ExportError,
     InputError,
     LimitExceeded,
     ScanError,
     StorageFull,
-    TurnscanError,
 )
-from turnscan.workflows import open_scan, scan_left
+from turnscan.workflows import glance_at, open_scan
 
 SUFFIX = ".turnscan"
 UPLOAD_BYTES = 2**30
@@ -33,6 +32,8 @@ _LONGEST_NAME = 80
 _MOST_RIGS = 200
 _SENT = re.compile(r"\.turnscan-incoming-[0-9a-f]+/[\w-]+/?")
 """Where files are that a browser sent."""
+_BESIDE = ("-lock", "-wal", "-shm", "-journal")
+"""Ends of names of files that stand beside a scan file while it is written."""
 _RESERVED = re.compile(r"(?i)^(con|prn|aux|nul|com\d|lpt\d)(\.|$)")
 
 
@@ -47,14 +48,16 @@ class Library:
         self.folder = folder.resolve()
         self._only = None if only is None else {only.resolve()}
         self._names: dict[Path, str] = {}
-        self._left: dict[Path, tuple[list[tuple[int, int]], int]] = {}
-        """Steps still to be taken, of files that were last changed then and are so large."""
+        self._seen: dict[Path, tuple[list[tuple[int, int]], tuple[int, str]]] = {}
+        """Missing steps and content of files that were last changed then and are so large."""
+        self.counts: Callable[[Path, str], FindingCounts | None] = lambda path, content: None
+        """What was found in a scan of this content when it was last open; None where not known."""
         self._lock = threading.Lock()
 
     def paths(self) -> dict[str, Path]:
         """Every file by its opaque name."""
         found = sorted(self.folder.glob(f"*{SUFFIX}"), key=lambda p: p.name.lower())
-        files = [p for p in found if p.is_file() and not p.is_symlink()]
+        files = [p for p in found if p.name[0] != "." and p.is_file() and not p.is_symlink()]
         if self._only is not None:
             files = [p for p in files if p in self._only]
         with self._lock:
@@ -92,6 +95,7 @@ class Library:
             with contextlib.suppress(OSError):
                 status = path.stat()
                 at = datetime.fromtimestamp(status.st_mtime, UTC)
+                missing, content = self.glance(path)
                 out.append(
                     ScanEntry(
                         scan=name,
@@ -99,24 +103,31 @@ class Library:
                         megabytes=status.st_size / 1e6,
                         modified=at.isoformat(timespec="seconds"),
                         open=name in is_open,
-                        missing=self._missing(path),
+                        missing=missing,
+                        content=content,
+                        findings=self.counts(path, content),
                     )
                 )
         return out
 
-    def _missing(self, path: Path) -> int:
-        """Steps that an interrupted scan lacks; 0 for any other file."""
+    def glance(self, path: Path) -> tuple[int, str]:
+        """Steps that an interrupted scan lacks (0 for any other file), and the content's digest."""
         files = [f for f in (path, path.with_name(path.name + "-wal")) if f.exists()]
         state = [(f.stat().st_mtime_ns, f.stat().st_size) for f in files]
-        known = self._left.get(path)
+        known = self._seen.get(path)
         if known is not None and known[0] == state:
             return known[1]
-        left = 0
-        with contextlib.suppress(TurnscanError):
-            at = scan_left(path)
-            left = at.steps - at.done
-        self._left[path] = state, left
-        return left
+        seen = glance_at(path)
+        self._seen[path] = state, (seen.missing, seen.content)
+        return seen.missing, seen.content
+
+    def moved(self, path: Path, target: Path) -> None:
+        """A scan file has another name now; its opaque name stays."""
+        with self._lock:
+            if path in self._names:
+                self._names[target] = self._names.pop(path)
+            if self._only is not None and path in self._only:
+                self._only = self._only - {path} | {target}
 
     def new_path(self, wish: str) -> Path:
         """Where a new scan of this name goes. Raises as `new_file`."""
@@ -131,6 +142,28 @@ class Library:
         if path.exists():
             raise InputError(f"{path.name}: already exists", hint="choose another name")
         return path
+
+    def free_path(self, wish: str) -> Path:
+        """Where a new scan of this name goes, numbered where the name is taken."""
+        name, number = safe_name(wish), 2
+        path = self.folder / (name + SUFFIX)
+        while path.exists():
+            path = self.folder / f"{name} {number}{SUFFIX}"
+            number += 1
+        return path
+
+    def state(self) -> frozenset[tuple[str, int]]:
+        """Other where somebody has put a file into the folder, or has taken or changed one."""
+        found = set()
+        with contextlib.suppress(OSError):
+            for entry in os.scandir(self.folder):
+                with contextlib.suppress(OSError):
+                    # What is written just now is told by those who write it.
+                    if not entry.name.startswith(".") and not entry.name.endswith(_BESIDE):
+                        growing = os.path.exists(entry.path + _BESIDE[0])
+                        at = 0 if growing else entry.stat(follow_symlinks=False).st_mtime_ns
+                        found.add((entry.name, at))
+        return frozenset(found)
 
     def name_of(self, path: Path) -> str:
         """The opaque name of a file that was put into the folder; it is listed from now on."""

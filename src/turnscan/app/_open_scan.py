@@ -106,6 +106,10 @@ class OpenScan:
             lasers=[] if provenance is None else list(provenance.lasers),
         )
 
+    def thumbnail(self) -> bytes:
+        """The surface as a small picture, PNG."""
+        return self.session.thumbnail()
+
     def holes(self, id: int) -> tuple[p.Holes, dict[str, Array]]:
         """Every hole with its cause, and its border."""
         state, found = self.session.holes()

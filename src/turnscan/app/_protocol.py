@@ -133,8 +133,17 @@ class VerbEntry(Model):
     """JSON Schema (draft 2020-12) of its values: `turnscan.workflows.Verb`."""
 
 
+class FindingCounts(Model):
+    """How many findings a scan has."""
+
+    errors: Count
+    warnings: Count
+    notes: Count
+
+
 class ScanEntry(Model):
-    """A scan file in the list."""
+    """A scan file in the list; its picture is at ``/api/scans/{scan}/thumbnail.png``, the file at
+    ``/api/scans/{scan}/file``."""
 
     scan: Opaque
     name: str
@@ -144,6 +153,20 @@ class ScanEntry(Model):
     open: bool
     missing: Count
     """Steps that ``resume`` would take; 0 where the scan is whole, or it cannot be resumed."""
+    content: str
+    """Other where its frames, edits or settings are others; empty where it cannot be read."""
+    findings: FindingCounts | None
+    """As it was when it was last open; None where it was not, or has changed since."""
+
+
+class BinEntry(Model):
+    """A scan in the bin."""
+
+    binned: Opaque
+    name: str
+    megabytes: float
+    at: str
+    """ISO time of its deletion, UTC."""
 
 
 class LaserState(Model):
@@ -343,8 +366,11 @@ class Hello(Model):
     client: Opaque
     operator: Opaque | None
     scans: list[ScanEntry]
+    binned: list[BinEntry]
     lasers_allowed: bool
     """False for a browser on another computer, unless the server was told otherwise."""
+    can_show_folder: bool
+    """Whether ``show_folder`` opens it where this person sees it: on the server's computer."""
 
 
 class Done(Model):
@@ -381,7 +407,7 @@ class JobState(Model):
 
     kind: Literal["job"] = "job"
     job: Opaque
-    what: Literal["open", "edit", "export", "doctor", "calibrate", "scan", "verb"]
+    what: Literal["open", "edit", "export", "doctor", "calibrate", "scan", "verb", "demo"]
     scan: Opaque | None
     title: str
     state: Literal["running", "done", "failed", "cancelled"]
@@ -413,6 +439,43 @@ class Files(Model):
     files: list[FileEntry]
 
 
+class SeriesSeen(Model):
+    """What was recognised in the pictures of one laser."""
+
+    laser: str
+    pictures: list[str]
+    """Their names, in the order of their steps."""
+    steps: list[Count]
+    """Of the pictures."""
+    missing: list[Count]
+    """Steps without a picture."""
+    background: str
+    """Where the pictures without laser come from, in words."""
+    noise: float
+    threshold: float
+    """Grey levels."""
+    line_share: float
+    """Share of the lines of the samples with a stripe that is a line."""
+
+
+class ImportPreviewed(Model):
+    """What an import would make of pictures: arrays jpeg u8 (bytes) of one of them, and stripe f32
+    (lines), NaN where there is none."""
+
+    kind: Literal["import_preview"] = "import_preview"
+    id: Count
+    series: list[SeriesSeen]
+    weights: list[float] | None
+    """Of red, green and blue in the laser's light; None for grey pictures."""
+    findings: list[Remark]
+    laser: str
+    picture: Count
+    step: Count
+    width: Count
+    height: Count
+    orientation: Literal["vertical", "horizontal"]
+
+
 class Control(Model):
     """Who is the operator now."""
 
@@ -442,6 +505,7 @@ class Scans(Model):
 
     kind: Literal["scans"] = "scans"
     scans: list[ScanEntry]
+    binned: list[BinEntry]
 
 
 class Opened(Model):
@@ -465,6 +529,13 @@ class Opened(Model):
     settings: ScanSettings
     fields: dict[str, dict[str, Any]]
     """What each of the settings may be, by name, in the words of JSON Schema."""
+
+
+class Closed(Model):
+    """A document was closed, since its file is renamed or in the bin."""
+
+    kind: Literal["closed"] = "closed"
+    scan: Opaque
 
 
 class Append(Model):
@@ -676,11 +747,13 @@ ServerMessage = Annotated[
     | JobState
     | Verbs
     | Files
+    | ImportPreviewed
     | Control
     | Beat
     | Stopped
     | Scans
     | Opened
+    | Closed
     | Patch
     | History
     | SettingsChanged

@@ -60,6 +60,54 @@ class Open(Request):
     scan: Opaque
 
 
+class Rename(Request):
+    """Give a scan file another name; a document of it is closed."""
+
+    kind: Literal["rename"] = "rename"
+    scan: Opaque
+    name: Name
+
+
+class Duplicate(Request):
+    """Copy a scan file with its edits, under a new name."""
+
+    kind: Literal["duplicate"] = "duplicate"
+    scan: Opaque
+    name: Name
+
+
+class ToBin(Request):
+    """Put a scan file into the bin of its folder; a document of it is closed."""
+
+    kind: Literal["to_bin"] = "to_bin"
+    scan: Opaque
+
+
+class Restore(Request):
+    """Take a scan file out of the bin, under its name or, where that is taken, a numbered one."""
+
+    kind: Literal["restore"] = "restore"
+    binned: Opaque
+
+
+class EmptyBin(Request):
+    """Delete for good what is in the bin."""
+
+    kind: Literal["empty_bin"] = "empty_bin"
+
+
+class ShowFolder(Request):
+    """Open the folder of the scans in the file manager of the server's computer."""
+
+    kind: Literal["show_folder"] = "show_folder"
+
+
+class TryDemo(Request):
+    """Scan a part with a simulated rig, as a job whose result is the scan."""
+
+    kind: Literal["try_demo"] = "try_demo"
+
+
 class ListVerbs(Request):
     """Answered by ``verbs``."""
 
@@ -84,6 +132,20 @@ class RunVerb(Request):
     name: Name
     """Of the files that it writes."""
     values: dict[str, Any]
+
+
+class PreviewImport(Request):
+    """What an import would make of pictures: answered by ``import_preview``; nothing is written.
+
+    ``values`` are those of the verb ``import``; of its options those about pictures count.
+    """
+
+    kind: Literal["preview_import"] = "preview_import"
+    values: dict[str, Any]
+    laser: str = ""
+    """Whose picture is shown; empty for the first one."""
+    picture: Count | None = None
+    """Its place in the series; None takes the middle one."""
 
 
 class EditRequest(Request):
@@ -352,9 +414,17 @@ ClientMessage = Annotated[
     | Ack
     | Cancel
     | Open
+    | Rename
+    | Duplicate
+    | ToBin
+    | Restore
+    | EmptyBin
+    | ShowFolder
+    | TryDemo
     | ListVerbs
     | ListFiles
     | RunVerb
+    | PreviewImport
     | EditRequest
     | Undo
     | Redo

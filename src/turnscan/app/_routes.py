@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
+from starlette.background import BackgroundTask
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
@@ -25,7 +26,8 @@ from turnscan.app._open_scan import OpenScan
 from turnscan.app._request_guard import problem
 from turnscan.app._socket import socket
 from turnscan.app._workshop import Workshop
-from turnscan.errors import InputError
+from turnscan.errors import InputError, ScanError
+from turnscan.workflows import duplicate_scan
 
 HERE = Path(__file__).parent
 STATIC, LOGIN = HERE / "static", HERE / "login"
@@ -52,6 +54,8 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/api/scans", _add_scan(workshop), methods=["POST"]),
         Route("/api/files", _add_file(workshop), methods=["POST"]),
         Route("/api/files/{file}", _file_of(workshop), methods=["GET"]),
+        Route("/api/scans/{scan}/thumbnail.png", _thumbnail(workshop)),
+        Route("/api/scans/{scan}/file", _scan_file(workshop)),
         Route("/api/scans/{scan}/mesh", _data(workshop, _mesh)),
         Route("/api/scans/{scan}/grid/{grid:int}", _data(workshop, _grid)),
         Route("/api/scans/{scan}/profile/{grid:int}/{step:int}", _data(workshop, _profile)),
@@ -161,6 +165,35 @@ def _file_of(workshop: Workshop) -> Endpoint:
             return problem(404, "a folder of pictures", "download its files one by one")
         name = item.path.name
         return FileResponse(item.path, filename=name, media_type="application/octet-stream")
+
+    return download
+
+
+def _thumbnail(workshop: Workshop) -> Endpoint:
+    async def thumbnail(request: Request) -> Response:
+        try:
+            png = await asyncio.to_thread(workshop.thumbnail, request.path_params["scan"])
+        except (InputError, ScanError) as e:
+            return problem(404, e.message, str(e.hint))
+        # The address names the content: another one has another address.
+        kept = {"Cache-Control": "private, max-age=86400"}
+        return Response(png, media_type="image/png", headers=kept)
+
+    return thumbnail
+
+
+def _scan_file(workshop: Workshop) -> Endpoint:
+    async def download(request: Request) -> Response:
+        try:
+            path = workshop.library.path(request.path_params["scan"])
+        except InputError as e:
+            return problem(404, e.message, str(e.hint))
+        copy = workshop.downloads.place()
+        # A plain copy of a file that is open lacks its last edits.
+        await asyncio.to_thread(duplicate_scan, path, copy)
+        away = BackgroundTask(copy.unlink, missing_ok=True)
+        kind = "application/octet-stream"
+        return FileResponse(copy, filename=path.name, media_type=kind, background=away)
 
     return download
 

@@ -32,10 +32,10 @@ class ScanRoom:
         jobs: Jobs,
         library: Library,
         rig: RigRoom,
-        open_scans: Callable[[], frozenset[str]],
+        tell_scans: Callable[[], None],
     ) -> None:
         self._hub, self._jobs, self._library, self._rig = hub, jobs, library, rig
-        self._open_scans = open_scans
+        self._tell_scans = tell_scans
         self._lock = threading.Lock()
         self._control: workflows.ScanControl | None = None
 
@@ -93,7 +93,7 @@ class ScanRoom:
             finally:
                 self._control = None
                 self._rig.tell()
-                self._hub.tell(p.Scans(scans=self._library.entries(self._open_scans())))
+                self._tell_scans()
             lost = f", {outcome.missing} missing" if outcome.missing else ""
             end = "whole" if outcome.complete else "aborted; missing frames can be taken later"
             return Result(f"{path.stem}: {outcome.frames} frames taken{lost}; {end}")

@@ -84,11 +84,11 @@ def run_verb(
     if verb is None:
         raise InputError("no such verb", hint="reload the page")
     values = dict(request.values)
-    inputs = {f.name: _input(f, values.pop(f.name, None), files) for f in verb.inputs}
+    inputs = {f.name: input_files(f, values.pop(f.name, None), files) for f in verb.inputs}
     outputs = {
         f.name: _output(f, values.pop(f.name, None), request.name, library) for f in verb.outputs
     }
-    options = {part.kind: _options(part, values) for part in verb.options}
+    options = {part.kind: options_from(part, values) for part in verb.options}
     if values:
         unknown = next(iter(values))
         raise InputError(f"{verb.title} has no value {unknown[:80]!r}", hint="reload the page")
@@ -109,7 +109,8 @@ def run_verb(
     return jobs.start("verb", f"{verb.title}: {request.name}", work)
 
 
-def _input(wanted: w.InputFile, value: object, files: Files) -> list[Item]:
+def input_files(wanted: w.InputFile, value: object, files: Files) -> list[Item]:
+    """The files that a value names. Raises InputError where they are none for this input."""
     names = [value] if isinstance(value, str) else value or []
     if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
         raise InputError("not a list of files", option=Option(wanted.name))
@@ -149,7 +150,8 @@ def _output(wanted: w.OutputFile, value: object, name: str, library: Library) ->
         raise InputError(e.message, hint=e.hint, option=Option("name")) from None
 
 
-def _options(part: w.OptionsOf, values: dict[str, Any]) -> Any:
+def options_from(part: w.OptionsOf, values: dict[str, Any]) -> Any:
+    """The options of a class, which are taken from the values. Raises InputError."""
     given = {name: values.pop(name) for name in part.declared if name in values}
     return part.kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
 
@@ -158,7 +160,7 @@ def _options(part: w.OptionsOf, values: dict[str, Any]) -> Any:
 
 
 def _import(given: Given) -> Outcome:
-    lasers = _by_laser(given.inputs["pictures"], given.of(w.SeriesOptions).laser)
+    lasers = by_laser(given.inputs["pictures"], given.of(w.SeriesOptions).laser)
     text = given.of(w.SeriesOptions).angles
     at = w.parse_angles(text)
     if isinstance(at, w.ListedAngles):
@@ -170,14 +172,7 @@ def _import(given: Given) -> Outcome:
                 hint="write step: and the degrees between pictures, or send the CSV file",
                 option=Option("angles", text),
             ) from None
-    dark = given.paths("dark")
-    if len(dark) not in (0, 1, len(lasers)):
-        raise InputError(
-            f"{len(dark)} series without laser for {len(lasers)} lasers",
-            hint="choose one for all, or one for each in the same order",
-            option=Option("dark"),
-        )
-    off = {laser: dark[k if len(dark) > 1 else 0] for k, laser in enumerate(lasers) if dark}
+    off = dark_of(lasers, given.paths("dark"))
     done = w.import_pictures(
         lasers, given.outputs["output"][0], at, dark=off, rig=given.perhaps("rig"),
         options=given.of(w.ImportOptions), progress=given.progress,
@@ -185,7 +180,18 @@ def _import(given: Given) -> Outcome:
     return Outcome("\n".join(done.summary), done.findings)
 
 
-def _by_laser(series: Sequence[Item], laser: str) -> dict[str, Any]:
+def dark_of(lasers: Mapping[str, Path], dark: Sequence[Path]) -> dict[str, Path]:
+    """The series without laser of each laser: one for all, or one each. Raises InputError."""
+    if len(dark) not in (0, 1, len(lasers)):
+        raise InputError(
+            f"{len(dark)} series without laser for {len(lasers)} lasers",
+            hint="choose one for all, or one for each in the same order",
+            option=Option("dark"),
+        )
+    return {laser: dark[k if len(dark) > 1 else 0] for k, laser in enumerate(lasers) if dark}
+
+
+def by_laser(series: Sequence[Item], laser: str) -> dict[str, Path]:
     """Each series of pictures by the name of its laser: its folder's, where there are several."""
     if len(series) == 1:
         return {laser: series[0].path}

@@ -19,12 +19,14 @@ from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
 from turnscan.app._files import Files
 from turnscan.app._hub import Client, Hub
+from turnscan.app._import_session import ImportRoom
 from turnscan.app._jobs import Job, Jobs, Result, in_words, options_of
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._request_guard import name_of
 from turnscan.app._rig_session import RigRoom
 from turnscan.app._scan_session import ScanRoom
+from turnscan.app._start_session import StartRoom
 from turnscan.app._verbs import list_verbs, run_verb
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.progress import Cancelled
@@ -74,8 +76,9 @@ class Workshop:
         self.jobs = Jobs(self.hub)
         self.downloads = Downloads()
         self.files = Files(library)
+        self.importing = ImportRoom(self.files)
         self.rig = RigRoom(self.hub, self.jobs, library, self._operator_may_light)
-        self.taking = ScanRoom(self.hub, self.jobs, library, self.rig, self._open_names)
+        self.taking = ScanRoom(self.hub, self.jobs, library, self.rig, self.tell_scans)
         self.calibration = CalibrateRoom(self.hub, self.jobs, library, self.rig)
         self.unsafe: SafetyError | None = None
         """What `close` raised."""
@@ -83,15 +86,19 @@ class Workshop:
         self._opening: dict[str, Job] = {}
         self._lock = threading.RLock()
         self._pool = ThreadPoolExecutor(8, "request")
+        self.start = StartRoom(self.jobs, library, self._release, self.tell_results)
         self._answers: dict[type, tuple[Callable[[Call], Answer], bool]] = {
             q.Stop: (self._stop, False),
             q.TakeControl: (self._take_control, False),
             q.ReleaseControl: (self._release_control, False),
             q.Cancel: (self._cancel, True),
             q.Open: (self._open, False),
+            **self.start.answers(),
+            q.ShowFolder: (self._show_folder, True),
             q.ListVerbs: (lambda call: list_verbs(call.id), False),
             q.ListFiles: (lambda call: p.Files(id=call.id, files=self.files.entries()), False),
             q.RunVerb: (self._run_verb, True),
+            q.PreviewImport: (lambda call: self.importing.preview(call.request), True),
             q.EditRequest: (self._edit, True),
             q.Undo: (self._undo, True),
             q.Redo: (self._redo, True),
@@ -138,7 +145,9 @@ class Workshop:
             client=client.id,
             operator=None if operator is None else operator.id,
             scans=self.entries(),
+            binned=self.start.gallery.binned(),
             lasers_allowed=self.may_light(client),
+            can_show_folder=not client.remote,
         )
 
     def answer(self, client: Client, request: Any, arrays: Mapping[str, Array]) -> None:
@@ -156,6 +165,7 @@ class Workshop:
         """
         with contextlib.suppress(TurnscanError):  # what it cannot do `close` meets, too
             self.rig.stop()
+        self.start.close()
         self.jobs.close()
         try:
             self.rig.close()
@@ -168,7 +178,7 @@ class Workshop:
             scans = list(self._scans.values())
             self._scans.clear()
         for scan in scans:
-            scan.close()
+            self._put_back(scan)
         self.downloads.close()
         self.files.close()
 
@@ -211,7 +221,7 @@ class Workshop:
 
     def tell_scans(self) -> None:
         """Tell everybody the list of scan files."""
-        self.hub.tell(p.Scans(scans=self.entries()))
+        self.hub.tell(p.Scans(scans=self.entries(), binned=self.start.gallery.binned()))
 
     def tell_files(self) -> None:
         """Tell everybody the list of files for verbs."""
@@ -334,10 +344,7 @@ class Workshop:
         name = call.request.scan
         path = self.library.path(name)
         _ = self.rig.connected  # before the document is closed
-        with self._lock:
-            document = self._scans.pop(name, None)
-        if document is not None:
-            document.close()  # a scan file has one writer
+        self._release(name)  # a scan file has one writer
         return p.StartedJob(id=call.id, job=self.taking.resume(path, call.request).id)
 
     def _go_on(self, call: Call) -> None:
@@ -374,6 +381,7 @@ class Workshop:
             scan = OpenScan(name, path, self.hub, job)
             with self._lock:
                 self._scans[name] = scan
+            self.start.gallery.keep(path, scan.thumbnail(), scan.findings)
         finally:
             with self._lock:
                 self._opening.pop(name, None)
@@ -386,7 +394,37 @@ class Workshop:
         name = min(self._scans, key=lambda n: self._scans[n].used, default=None)
         if name is None:
             raise Refusal("busy", "other scans are being opened", "wait until they are open")
-        self._scans.pop(name).close()
+        self._put_back(self._scans.pop(name))
+
+    def _release(self, name: str) -> None:
+        """Close the document of a scan, where there is one. Raises Refusal while it is opened."""
+        with self._lock:
+            if name in self._opening:
+                raise Refusal("busy", "this scan is being opened", "wait until it is open")
+            document = self._scans.pop(name, None)
+        if document is not None:
+            self._put_back(document)
+            self.hub.tell(p.Closed(scan=name))
+
+    def _put_back(self, document: OpenScan) -> None:
+        """Close a document; what it looks like is kept for the list."""
+        changed = document.now.revision > 0
+        shown = (document.thumbnail(), document.findings) if changed else None
+        document.close()
+        if shown is not None:
+            self.start.gallery.keep(document.path, *shown)
+
+    def _show_folder(self, call: Call) -> None:
+        if call.client.remote:
+            raise Refusal("not-remote", "the folder is on another computer", "download the files")
+        self.start.show_folder()
+
+    def thumbnail(self, name: str) -> bytes:
+        """A small picture of a scan as PNG. Raises InputError and ScanError where there is none."""
+        path = self.library.path(name)
+        with self._lock:
+            document = self._scans.get(name)
+        return self.start.gallery.thumbnail(path) if document is None else document.thumbnail()
 
     def _run_verb(self, call: Call) -> p.Model:
         job = run_verb(self.jobs, self.library, self.files, call.request, self.tell_results)

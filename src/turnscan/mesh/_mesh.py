@@ -104,17 +104,20 @@ class Mesh:
         elevation: float = 0.45,
         size: tuple[int, int] = (640, 480),
         colour: npt.ArrayLike | None = None,
+        transparent: bool = False,
     ) -> Picture:
         """Draw the mesh, shaded, z up, fitted to the frame.
 
         It is seen from ``azimuth`` and ``elevation`` (radians); ``size`` is (width, height) in px;
         ``colour`` is (v, 3) red, green, blue 0 to 255 per vertex, None takes the mesh's own, or one
         plain colour. Faces seen from behind are rust, so that a hole or a wrong orientation shows.
+        The background is white, or ``transparent``.
         """
         paint = self.colour if colour is None else colour
         drawn = render(
-            self.vertices, self.faces, azimuth=azimuth, elevation=elevation, size=size, colour=paint
-        )
+            self.vertices, self.faces, azimuth=azimuth, elevation=elevation, size=size,
+            colour=paint, transparent=transparent,
+        )  # fmt: skip
         return Picture(drawn)
 
     def _repr_html_(self) -> str:

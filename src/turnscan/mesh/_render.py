@@ -25,6 +25,7 @@ def render(
     elevation: float = 0.45,
     size: tuple[int, int] = (640, 480),
     colour: npt.ArrayLike | None = None,
+    transparent: bool = False,
 ) -> Rgb:
     """Draw faces (f, 3) of vertices (v, 3), z up, fitted to the frame; no colour is plain blue.
 
@@ -32,10 +33,12 @@ def render(
 
     ``size`` is (width, height) in pixels; ``colour`` is (v, 3) red, green, blue 0 to 255 per
     vertex, or None for one plain colour. Faces seen from behind are drawn in rust, so that a hole
-    or a wrong orientation shows. Returns a picture (height, width, 3).
+    or a wrong orientation shows. Returns a picture (height, width, 3), or with ``transparent``
+    (height, width, 4), where the last channel says how much of a pixel the part covers.
     """
     w, h = size[0] * _OVERSAMPLE, size[1] * _OVERSAMPLE
-    picture = np.full((h, w, 3), _BACKGROUND)
+    picture = np.full((h, w, 3), 0.0 if transparent else _BACKGROUND)
+    depth = np.full((h, w), np.inf)
     if len(faces):
         T = rotation_about([1, 0, 0], elevation) @ rotation_about([0, 0, 1], -azimuth)
         seen = vertices @ T.T  # x right, y away from the viewer, z up
@@ -49,10 +52,20 @@ def render(
             if colour is None
             else np.asarray(colour, dtype=np.float64)
         )
-        depth = np.full((h, w), np.inf)
         _paint(flat, faces, np.ascontiguousarray(paint), _shade(seen, faces), picture, depth)
-    small: Floats = picture.reshape(size[1], _OVERSAMPLE, size[0], _OVERSAMPLE, 3).mean(axis=(1, 3))
+    small = _averaged(picture)
+    if transparent:
+        covered = _averaged(np.isfinite(depth)[..., None].astype(np.float64))
+        small = np.concatenate([small / np.maximum(covered, 1e-9), 255.0 * covered], axis=-1)
     return np.round(small).astype(np.uint8)
+
+
+def _averaged(fine: Floats) -> Floats:
+    """The mean of the fine pixels of each pixel."""
+    h, w, channels = fine.shape
+    n = _OVERSAMPLE
+    mean: Floats = fine.reshape(h // n, n, w // n, n, channels).mean(axis=(1, 3))
+    return mean
 
 
 def _shade(seen: Floats, faces: Ints) -> Floats:

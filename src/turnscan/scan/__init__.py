@@ -2,6 +2,7 @@
 
 from turnscan.json_text import strict_json
 from turnscan.scan._codec import packed_size
+from turnscan.scan._copy import copy_scan
 from turnscan.scan._file import Scan
 from turnscan.scan._fit import lit_in, rig_for
 from turnscan.scan._header import is_scan
@@ -38,6 +39,7 @@ __all__ = [
     "VerifiedFigure",
     "VerifiedRun",
     "add_verification",
+    "copy_scan",
     "is_scan",
     "is_video",
     "list_pictures",

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         write_atomically,
     )
     from turnscan.workflows._format_options import FormatOptions
+    from turnscan.workflows._gallery import duplicate_scan, frame_thumbnail, glance_at
     from turnscan.workflows._import_options import (
         AngleSource,
         EvenSteps,
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
         parse_angles,
     )
     from turnscan.workflows._import_pictures import ImportedScan, import_pictures
+    from turnscan.workflows._import_preview import ImportPreview, SeriesPreview, preview_import
     from turnscan.workflows._incoming import Incoming, file_kinds, files_within, unpack
     from turnscan.workflows._join import join
     from turnscan.workflows._join_options import JoinOptions, RangeScanOptions
@@ -185,6 +187,7 @@ _MODULES = {
     "_export": ("Exported", "export"),
     "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
     "_format_options": ("FormatOptions",),
+    "_gallery": ("duplicate_scan", "frame_thumbnail", "glance_at"),
     "_import_options": (
         "AngleSource",
         "EvenSteps",
@@ -195,6 +198,7 @@ _MODULES = {
         "parse_angles",
     ),
     "_import_pictures": ("ImportedScan", "import_pictures"),
+    "_import_preview": ("ImportPreview", "SeriesPreview", "preview_import"),
     "_incoming": ("Incoming", "file_kinds", "files_within", "unpack"),
     "_join": ("join",),
     "_join_options": ("JoinOptions", "RangeScanOptions"),
@@ -340,6 +344,7 @@ __all__ = [
     "FoundShapes",
     "GrowingScan",
     "ImportOptions",
+    "ImportPreview",
     "ImportedScan",
     "Incoming",
     "InputFile",
@@ -375,6 +380,7 @@ __all__ = [
     "Sections",
     "SeenStripe",
     "SeriesOptions",
+    "SeriesPreview",
     "SessionChange",
     "SessionState",
     "ShapesOptions",
@@ -414,6 +420,7 @@ __all__ = [
     "diagnosis_json",
     "diagnosis_lines",
     "doctor",
+    "duplicate_scan",
     "edits",
     "emulate",
     "export",
@@ -421,6 +428,8 @@ __all__ = [
     "files_within",
     "find_devices",
     "find_shapes",
+    "frame_thumbnail",
+    "glance_at",
     "hole_in_words",
     "identify_lasers",
     "import_pictures",
@@ -437,6 +446,7 @@ __all__ = [
     "parse_angles",
     "parse_theta",
     "photograph",
+    "preview_import",
     "published_design",
     "read_artefact",
     "read_mesh_file",

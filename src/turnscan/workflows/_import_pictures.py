@@ -149,8 +149,8 @@ def import_pictures(
     """
     output, wanted = Path(output), chosen(ImportOptions, options, changes)
     stored = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
-    lit = _by_laser(pictures)
-    series, steps, found = find_series(lit, _dark_by_laser(dark, list(lit)), wanted)
+    lit = by_laser(pictures)
+    series, steps, found = find_series(lit, dark_by_laser(dark, list(lit)), wanted)
     check_output(output, (".turnscan",))
     refuse_over_repairs(output)
     first = next(picture for _, picture in series[0].pictures(series[0].shots[:1]))
@@ -159,7 +159,7 @@ def import_pictures(
     reading = progress.subrange(0, marked, "reading angles")
     table, remarks, source = find_angles(angles, series, wanted.every, stored, reading)
     sampling = progress.subrange(marked, marked + _SAMPLES, "sampling pictures")
-    signals = _signals(series, wanted, first, sampling)
+    signals = find_signals(series, wanted, first, sampling)
     if isinstance(angles, EvenSteps) and stored is not None and not stored.markers:
         check_outline(angles, series, signals, stored, wanted)
     plan = _plan(series, steps, wanted, first, signals, source)
@@ -171,7 +171,7 @@ def import_pictures(
     return _imported(output, wanted, plan, signals, tally, source, found)
 
 
-def _by_laser(pictures: Pictures | Mapping[str, Pictures]) -> dict[str, list[str]]:
+def by_laser(pictures: Pictures | Mapping[str, Pictures]) -> dict[str, list[str]]:
     """Names of pictures by laser; the only one is called ``laser``."""
     named = pictures if isinstance(pictures, Mapping) else {"laser": pictures}
     out = {
@@ -183,11 +183,11 @@ def _by_laser(pictures: Pictures | Mapping[str, Pictures]) -> dict[str, list[str
     return out
 
 
-def _dark_by_laser(
+def dark_by_laser(
     dark: Pictures | Mapping[str, Pictures], lasers: Sequence[str]
 ) -> dict[str, list[str]]:
     if isinstance(dark, Mapping):
-        out = _by_laser(dark) if dark else {}
+        out = by_laser(dark) if dark else {}
         unknown = [name for name in out if name not in lasers]
         if unknown:
             raise InputError(
@@ -200,7 +200,7 @@ def _dark_by_laser(
     return {laser: some for laser in lasers if some}
 
 
-def _signals(
+def find_signals(
     series: Sequence[Series], options: ImportOptions, first: Image, progress: Progress
 ) -> list[Signal]:
     """What is laser in the pictures of each laser; all have the weights of the first one."""

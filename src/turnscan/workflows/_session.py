@@ -25,6 +25,7 @@ from turnscan.errors import FormatError, InputError, ScanNewer
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.meshing import finished, source_of
+from turnscan.picture import png
 from turnscan.pipeline import Reconstruction, build
 from turnscan.points import RangeGrid, Volume
 from turnscan.progress import Progress
@@ -35,6 +36,7 @@ from turnscan.stripes import StripeSettings
 from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
 from turnscan.surface.holes import CAUSE_WORDS, Hole, ScanCoverage, explain, holes
+from turnscan.workflows._gallery import THUMBNAIL
 from turnscan.workflows._history import history_of, repairs
 from turnscan.workflows._kept_options import (
     DEFAULT_SET,
@@ -282,6 +284,11 @@ class ScanSession:
         """A surface of about so many faces: ``positions``, ``faces``."""
         state = self.now
         return state, coarse_arrays(state.document.body, faces)
+
+    def thumbnail(self) -> bytes:
+        """A small picture of the surface as PNG, shaded, on a transparent ground."""
+        mesh = edit.Compact.of(self.now.document.body).mesh
+        return png(mesh.show(size=THUMBNAIL, transparent=True).pixels)
 
     def holes(self) -> tuple[SessionState, list[tuple[Hole, npt.NDArray[np.float64]]]]:
         """Every hole with its border (m, 3) mm, the largest first, `MOST_HOLES` at most."""

@@ -16,7 +16,7 @@ def test_dxf_is_written_and_read_back(open_cup, picture, tmp_path: Path):
     seen = page.evaluate("turnscan.faces")
     page.get_by_role("button", name="Export", exact=True).click()
     page.get_by_role("radio", name="DXF").check()
-    page.get_by_role("button", name="Write DXF").click()
+    page.get_by_role("button", name="Export DXF").click()
     link = page.get_by_role("link", name=re.compile(r"cup-\d+\.dxf"))
     link.wait_for(timeout=120_000)  # the first export compiles its kernels
     picture(page, "export")
@@ -36,7 +36,7 @@ def test_other_formats_are_written_and_read_back(open_cup, name: str, tmp_path: 
     seen, suffix = page.evaluate("turnscan.faces"), f".{name.lower()}"
     page.get_by_role("button", name="Export", exact=True).click()
     page.get_by_role("radio", name=name).check()
-    page.get_by_role("button", name=f"Write {name}").click()
+    page.get_by_role("button", name=f"Export {name}").click()
     link = page.get_by_role("link", name=re.compile(rf"cup-\d+\{suffix}"))
     link.wait_for(timeout=120_000)
     with page.expect_download() as download:
@@ -50,6 +50,6 @@ def test_nothing_chosen_cannot_be_written(open_cup):
     page = open_cup()
     page.get_by_role("button", name="Export", exact=True).click()
     page.get_by_role("checkbox", name="3DFACE").uncheck()
-    assert page.get_by_role("button", name="Write DXF").is_disabled()
+    assert page.get_by_role("button", name="Export DXF").is_disabled()
     page.get_by_role("radio", name="STL").check()
-    assert page.get_by_role("button", name="Write STL").is_enabled()
+    assert page.get_by_role("button", name="Export STL").is_enabled()

@@ -33,7 +33,7 @@ def _turn() -> dict[str, bytes]:
     return out
 
 
-def test_a_zip_of_pictures_is_named_imported_and_opened(new_page, folder: Path) -> None:
+def test_a_zip_of_pictures_is_named_imported_and_opened(new_page, picture, folder: Path) -> None:
     (folder / "rig.json").write_text(rig_to_json(rig_for("knob")))
     page = new_page()
     turn = {"name": "turn.zip", "mimeType": "application/zip", "buffer": zipped(_turn())}
@@ -43,6 +43,13 @@ def test_a_zip_of_pictures_is_named_imported_and_opened(new_page, folder: Path) 
     dropped.get_by_role("button", name="Import pictures").click()
     form = page.get_by_role("form", name="Import pictures")
     begin = form.get_by_role("button", name="Import pictures")
+    # What is in the pictures is shown before anything is imported, with the stripe of any of them.
+    expect(form.get_by_text(f"{STEPS}, steps 0 to {STEPS - 1}")).to_be_visible(timeout=LONG)
+    slider = form.get_by_role("slider", name="Picture")
+    slider.fill("3")
+    expect(form.get_by_role("heading", name="s3.png")).to_be_visible(timeout=LONG)
+    expect(form.get_by_text("step 3 · stripe in")).to_be_visible()
+    picture(page, "import")
     begin.click()
     said = form.get_by_role("alert").first
     expect(said).to_have_text("This is needed.")

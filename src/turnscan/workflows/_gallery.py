@@ -1,0 +1,60 @@
+"""What a gallery of scans shows of each file, and copies of scan files."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from turnscan.errors import TurnscanError
+from turnscan.picture import brightened, png, shrunk
+from turnscan.scan import Scan, copy_scan
+from turnscan.workflows._scan import scan_left
+
+THUMBNAIL = (320, 240)
+"""px, width and height."""
+
+
+@dataclass(frozen=True)
+class ScanGlance:
+    """What is known of a scan file without making its surface."""
+
+    missing: int
+    """Steps that `resume` would take."""
+    content: str
+    """Other where its frames, edits or settings are others; empty where it cannot be read."""
+
+
+def glance_at(path: Path) -> ScanGlance:
+    """Look at a scan file, whatever it is: one that is damaged or none has no content."""
+    try:
+        with Scan.open(path) as scan:
+            edits = scan.edits()
+            last = edits[-1].digest.hex() if edits else ""
+            said = f"{len(scan)} {len(edits)} {last} {scan.settings}"
+    except TurnscanError:
+        return ScanGlance(0, "")
+    try:
+        at = scan_left(path)
+        missing = at.steps - at.done
+    except TurnscanError:
+        missing = 0
+    return ScanGlance(missing, hashlib.sha256(said.encode()).hexdigest()[:16])
+
+
+def frame_thumbnail(path: Path) -> bytes:
+    """A picture of the middle of a scan as PNG: the part as the camera saw it, and the stripe.
+
+    Raises as `Scan.open`, and InputError for a scan without frames.
+    """
+    with Scan.open(path) as scan:
+        steps = scan.steps(scan.plan.lasers[0])
+        lit = scan.frame(steps[len(steps) // 2] if steps else 0).lit
+    return png(brightened(shrunk(lit, THUMBNAIL[0])))
+
+
+def duplicate_scan(source: Path, target: Path) -> None:
+    """Copy a scan file with its edits, also while it is open. Raises as `copy_scan`."""
+    copy_scan(source, target)
+    with Scan.open(target):
+        return
