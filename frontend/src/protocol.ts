@@ -148,6 +148,16 @@ export interface Control {
   clients: number;
 }
 
+/** Add edits of a scan to another one, in their order; a document of that is closed. */
+export interface CopyEdits {
+  id: number;
+  kind: "copy_edits";
+  scan: string;
+  /** Their numbers. */
+  edits: number[];
+  to: string;
+}
+
 /** A remark with its place on the part and in the scan, where it has one. */
 export interface Defect {
   remark: Remark;
@@ -1097,6 +1107,7 @@ export type ClientMessage =
   | GoTo
   | TakeBranch
   | Switch
+  | CopyEdits
   | KeepSettings
   | ListHoles
   | ListDefects

@@ -143,6 +143,9 @@ def test_replayed_on_another_scan_the_edits_give_a_watertight_cup(
     assert same.vertices.tobytes() == mesh.vertices.tobytes()
     assert same.faces.tobytes() == mesh.faces.tobytes()
     # And once they are added to the scan, it needs no word about them.
+    part = Path(shutil.copy(other, tmp_path / "part.turnscan"))
+    assert "close all gaps" in run("edits", part, "--add", first, "--only", 5)
+    assert len(run("edits", part, "--add", first, "--only", 1, "--only", 2).splitlines()) == 3
     run("edits", other, "--add", tmp_path / "cup.json")
     assert mesh_of(other)[0].vertices.tobytes() == mesh.vertices.tobytes()
 

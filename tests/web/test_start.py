@@ -88,6 +88,20 @@ def test_a_download_of_an_open_scan_has_its_edits(
             assert len(copy.edits()) == len(held.edits()) == 1
         assert http.get("/api/scans/none-such/file").status_code == 404
 
+        # Edits are copied to another scan, those that are wanted.
+        (folder / "other.turnscan").write_bytes(path.read_bytes())
+        both = browser.until("scans", lambda m: len(m["scans"]) == 2)
+        other = both["scans"][names(both).index("other")]["scan"]
+        done = browser.ask("copy_edits", scan=scan, edits=[1], to=other)
+        assert done["kind"] == "done", done
+        with Scan.open(folder / "other.turnscan") as copy:
+            assert len(copy.edits()) == 2
+        missing = browser.ask("copy_edits", scan=scan, edits=[1, 77], to=other)
+        assert "no edit 77" in missing["text"]
+        assert browser.ask("copy_edits", scan=scan, edits=[1], to=scan)["kind"] == "refused"
+        with Scan.open(folder / "other.turnscan") as copy:
+            assert len(copy.edits()) == 2
+
 
 def test_files_that_others_put_into_the_folder_are_listed_and_junk_can_go(
     server: Running, folder: Path

@@ -19,6 +19,7 @@ import {
 } from "../part";
 import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
+import { CopyEdits } from "./copying";
 import { apply, bridgeValue, chosenHoleList, FILL_HOW, type FillHow, fillValue, show } from "./edits";
 import { chosenHoles, markPlace, preview, tab } from "./state";
 
@@ -229,6 +230,7 @@ export function HistoryPanel() {
           </ul>
         </>
       )}
+      <CopyEdits />
       <p class="quiet">Every edit is in the scan file; the pictures are never changed.</p>
     </Section>
   );

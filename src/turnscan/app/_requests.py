@@ -201,6 +201,16 @@ class Switch(Request):
     on: bool
 
 
+class CopyEdits(Request):
+    """Add edits of a scan to another one, in their order; a document of that is closed."""
+
+    kind: Literal["copy_edits"] = "copy_edits"
+    scan: Opaque
+    edits: Annotated[tuple[Count, ...], Field(min_length=1)]
+    """Their numbers."""
+    to: Opaque
+
+
 class KeepSettings(Request):
     """Keep the settings that hold as a named set of the scan: ``settings`` tells it."""
 
@@ -431,6 +441,7 @@ ClientMessage = Annotated[
     | GoTo
     | TakeBranch
     | Switch
+    | CopyEdits
     | KeepSettings
     | ListHoles
     | ListDefects

@@ -30,7 +30,7 @@ from turnscan.app._start_session import StartRoom
 from turnscan.app._verbs import list_verbs, run_verb
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.progress import Cancelled
-from turnscan.workflows import Stale, read_rig_file
+from turnscan.workflows import EditChanges, Stale, edits, read_rig_file
 
 _log = logging.getLogger("turnscan.app")
 _FILES = ("folder", "video")
@@ -105,6 +105,7 @@ class Workshop:
             q.GoTo: (self._go_to, True),
             q.TakeBranch: (self._take_branch, True),
             q.Switch: (self._switch, True),
+            q.CopyEdits: (self._copy_edits, True),
             q.KeepSettings: (
                 lambda call: self.opened(call.request.scan).keep_set(call.request.name),
                 True,
@@ -457,6 +458,15 @@ class Workshop:
     def _switch(self, call: Call) -> None:
         with self._editing(call, "Enabling or disabling an edit") as (scan, job):
             scan.switch(call.request.edit, call.request.on, job)
+
+    def _copy_edits(self, call: Call) -> None:
+        r: q.CopyEdits = call.request
+        source, target = self.library.path(r.scan), self.library.path(r.to)
+        if source == target:
+            raise InputError("this is the scan itself", hint="choose another one")
+        self._release(r.to)
+        edits(target, EditChanges(source, only=r.edits))
+        self.tell_scans()
 
     def _list_holes(self, call: Call) -> Answer:
         return self.opened(call.request.scan).holes(call.id)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -25,6 +26,13 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
 @click.argument("scan", type=_path)
 @click.option("-o", "--output", type=_path, help="Write the active edits to this .json file.")
 @click.option("--add", "source", type=_path, help="Add the edits of another scan or .json file.")
+@click.option(
+    "--only",
+    type=int,
+    multiple=True,
+    metavar="N",
+    help="Of --add: only its edit N; may be repeated.",
+)
 @click.option("--make", multiple=True, metavar="JSON", help="Apply an edit, given as JSON.")
 @click.option(
     "--delete",
@@ -45,19 +53,12 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
 def verb(
     scan: Path,
     output: Path | None,
-    source: Path | None,
-    make: tuple[str, ...],
-    delete: tuple[str, ...],
-    grow: int,
-    off: tuple[int, ...],
-    on: tuple[int, ...],
-    undo: bool,
-    redo: bool,
+    **changes: Any,
 ) -> None:
     """See `_HELP`."""
-    changes = workflows.EditChanges(source, make, delete, grow, off, on, undo, redo)
+    wanted = workflows.EditChanges(**changes)
     with progress_bar() as bar:
-        kept = workflows.edits(scan, changes, output=output, progress=bar)
+        kept = workflows.edits(scan, wanted, output=output, progress=bar)
     click.echo("\n".join(kept.lines()))
     if output is not None:
         click.echo(f"{output}: {kept.done} edits")

@@ -11,6 +11,7 @@ from turnscan.edit import (
     Action,
     Add,
     Delete,
+    Edit,
     History,
     action_from_json,
     action_to_json,
@@ -47,6 +48,8 @@ class EditChanges:
     """Take back the last edit."""
     redo: bool = False
     """Do the next undone edit again."""
+    only: tuple[int, ...] = ()
+    """Numbers of those edits of ``source`` that are added; none: all that count there."""
 
     @property
     def nothing(self) -> bool:
@@ -117,6 +120,9 @@ def edits(
         For an edit that is none.
     """
     path, c = Path(scan), changes or EditChanges()
+    if c.only and c.source is None:
+        hint = Remedy("name the scan that they are in with ", Option("add", "SCAN"))
+        raise InputError("these edits are of no scan", hint=hint, option=Option("only", c.only[0]))
     if c.grow and not c.delete:
         hint = Remedy("name the faces to delete with ", Option("delete", "RULE"))
         raise InputError("there is nothing to grow", hint=hint, option=Option("grow", c.grow))
@@ -132,7 +138,7 @@ def edits(
 
 
 def _change(path: Path, c: EditChanges, progress: Progress) -> None:
-    added = [] if c.source is None else [e.edit for e in read_history(c.source).enabled]
+    added = [] if c.source is None else _added(read_history(c.source), c)
     added += [checked_edit(edit_from_json(text, "make")) for text in c.make]
     with Scan.resume(path) as opened:
         history = history_of(opened)
@@ -151,6 +157,21 @@ def _change(path: Path, c: EditChanges, progress: Progress) -> None:
         # Every one fits the history; only now is anything written.
         for action in actions:
             opened.append_edit(action_to_json(action), time.time())
+
+
+def _added(history: History, c: EditChanges) -> list[Edit]:
+    """The edits that are to be copied, in their order. Raises InputError for one there is not."""
+    if not c.only:
+        return [e.edit for e in history.enabled]
+    there = {e.id for e in history.entries}
+    for number in c.only:
+        if number not in there:
+            raise InputError(
+                f"{c.source}: no edit {number}",
+                hint="list its edits",
+                option=Option("only", number),
+            )
+    return [e.edit for e in history.entries if e.id in c.only]
 
 
 def _then(actions: list[Action], history: History, action: Action) -> History:
