@@ -136,7 +136,7 @@ class Gallery:
         shutil.rmtree(self._own / "bin", ignore_errors=True)
 
     def _move(self, path: Path, target: Path) -> None:
-        """Rename a file that nobody writes; edits that are still beside it go with it."""
+        """Rename a file that no process writes; edits that are still beside it go with it."""
         busy = False
         # A damaged one can be moved as well.
         with contextlib.suppress(TurnscanError), open_scan(path) as scan:

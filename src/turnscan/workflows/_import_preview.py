@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Image
+from turnscan.arrays import ColourWeights, Image
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress, no_progress
 from turnscan.scan import read_picture
-from turnscan.workflows._colour import Weights
 from turnscan.workflows._import_options import ImportOptions
 from turnscan.workflows._import_pictures import (
     Pictures,
@@ -61,7 +60,7 @@ class ImportPreview:
     findings: tuple[Finding, ...]
 
     @property
-    def weights(self) -> Weights | None:
+    def weights(self) -> ColourWeights | None:
         """How much of red, green and blue is laser; None for grey pictures."""
         return self.series[0].signal.weights
 
