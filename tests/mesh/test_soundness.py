@@ -114,3 +114,30 @@ def test_sides_vertices_winding_places_and_areas():
     assert codes(join([CUBE, moved(CUBE, 1.0, 1.0, 1.0)])) == ["surface.equal"]
     thin = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0.0]], [[0, 1, 2], [0, 2, 3]])
     assert "surface.degenerate" in codes(thin)
+
+
+def test_pairs_do_not_depend_on_the_order_of_the_faces():
+    rng = np.random.default_rng(8)
+    for count in (12, 40):
+        vertices = rng.random((count, 3))
+        faces = np.array([rng.permutation(count)[:3] for _ in range(60)])
+        pairs = crossings(Mesh(vertices, faces))
+        turned = 59 - crossings(Mesh(vertices, faces[::-1]))[:, ::-1]
+        assert 50 < len(pairs) < 16 * 60
+        assert {*map(tuple, pairs.tolist())} == {*map(tuple, turned.tolist())}
+
+
+def test_equal_places_are_those_of_used_vertices_in_32_bits():
+    rng = np.random.default_rng(9)
+    vertices = rng.integers(-2, 3, (200, 3)) * 0.1
+    vertices[::7] *= 1.0 + 1e-12
+    vertices[::5] *= -1.0  # −0 is 0
+    faces = rng.integers(0, 150, (80, 3))
+    used = np.unique(faces)
+    places = vertices[used].astype(np.float32) + np.float32(0)
+    _, first = np.unique(places, axis=0, return_index=True)
+    again = np.delete(vertices[used], first, axis=0)
+    (finding,) = (f for f in soundness(Mesh(vertices, faces)) if f.code == "surface.equal")
+    x, y, z = again[0]
+    assert finding.message == f"{len(again)} duplicate vertices"
+    assert finding.where.startswith(f"({x:.2f}, {y:.2f}, {z:.2f}) mm")

@@ -131,10 +131,16 @@ def _cross(v: Floats, faces: Floats | Ints, n: Floats, sizes: Floats, p: int, q:
     d0 = 0.0 if same_0 else _off(v, b0, n, p, a0)
     d1 = 0.0 if same_1 else _off(v, b1, n, p, a0)
     d2 = 0.0 if same_2 else _off(v, b2, n, p, a0)
-    if max(abs(d0), abs(d1), abs(d2)) <= _FLAT * sizes[p]:
+    flat = _FLAT * sizes[p]
+    if max(abs(d0), abs(d1), abs(d2)) <= flat:
         return _overlap(v, faces[p], faces[q], n[p])
     if np.int64(same_0) + np.int64(same_1) + np.int64(same_2) > 1:
         return False  # every side of either touches the other
+    # Beyond doubt on one side of the plane of p, but for a vertex that p has too.
+    above = (same_0 | (d0 > flat)) & (same_1 | (d1 > flat)) & (same_2 | (d2 > flat))
+    below = (same_0 | (d0 < -flat)) & (same_1 | (d1 < -flat)) & (same_2 | (d2 < -flat))
+    if above | below:
+        return False
     if (
         (d0 * d1 < 0.0 and not (same_0 | same_1) and _pierced(v, b0, b1, a0, a1, a2))
         or (d1 * d2 < 0.0 and not (same_1 | same_2) and _pierced(v, b1, b2, a0, a1, a2))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._topology import unpaired, vertex_fans
+from turnscan.mesh._topology import opposite_half_edges, unpaired, vertex_fans
 
 _THIN = 1e-9
 """A face has no area where its height is less than this share of its longest side."""
@@ -29,22 +29,30 @@ def soundness(mesh: Mesh) -> list[Finding]:
     """
     if not len(mesh.faces):
         return []
-    t = mesh.triangles
+    from turnscan.mesh import _soundness_kernels as kernels
+
     crossed = crossings(mesh)
-    many, against = _side_places(mesh)
+    opposite = opposite_half_edges(mesh.faces)
+    many, against = _side_places(mesh, opposite)
+    without_area = np.flatnonzero(kernels.without_area(mesh.vertices, mesh.faces, _THIN))
     checks = (
         ("surface.side", "non-manifold edges (more than two faces)", many),
         ("surface.orientation", "edges whose two faces have opposite orientations",
          against),
         ("surface.touching", "non-manifold vertices",
-         mesh.vertices[_touching(mesh)]),
+         mesh.vertices[_touching(mesh, opposite)]),
         ("surface.equal", "duplicate vertices", _equal_places(mesh)),
-        ("surface.degenerate", "degenerate faces (no area)", t[_without_area(t)].mean(axis=1)),
+        ("surface.degenerate", "degenerate faces (no area)", _middles(mesh, without_area)),
         ("surface.crossing", "pairs of intersecting faces"
-         + (", or more" if len(crossed) == _PAIRS * len(t) else ""),
-         t[crossed[:, 0]].mean(axis=1)),
+         + (", or more" if len(crossed) == _PAIRS * len(mesh.faces) else ""),
+         _middles(mesh, crossed[:, 0])),
     )  # fmt: skip
     return [_finding(code, text, places) for code, text, places in checks if len(places)]
+
+
+def _middles(mesh: Mesh, which: Ints | npt.NDArray[np.intp]) -> Floats:
+    middles: Floats = mesh.vertices[mesh.faces[which]].mean(axis=1)
+    return middles
 
 
 def _finding(code: str, text: str, places: Floats) -> Finding:
@@ -86,9 +94,9 @@ def _around(mesh: Mesh, asked: Bools) -> npt.NDArray[np.intp]:
     return np.flatnonzero(over.all(axis=1))
 
 
-def _side_places(mesh: Mesh) -> tuple[Floats, Floats]:
+def _side_places(mesh: Mesh, opposite: Longs) -> tuple[Floats, Floats]:
     """Middles of the sides with more than two faces, and of those with two that disagree."""
-    a, b = unpaired(mesh.faces)
+    a, b = unpaired(mesh.faces, opposite)
     size = len(mesh.vertices)
     key = np.minimum(a, b) * size + np.maximum(a, b)
     which, group, count = np.unique(key, return_inverse=True, return_counts=True)
@@ -97,22 +105,16 @@ def _side_places(mesh: Mesh) -> tuple[Floats, Floats]:
     return middle[count > 2], middle[(count == 2) & (forward != 1)]
 
 
-def _touching(mesh: Mesh) -> npt.NDArray[np.intp]:
-    _, about = vertex_fans(mesh.faces)
+def _touching(mesh: Mesh, opposite: Longs) -> npt.NDArray[np.intp]:
+    _, about = vertex_fans(mesh.faces, opposite)
     return np.flatnonzero(np.bincount(about, minlength=len(mesh.vertices)) > 1)
 
 
 def _equal_places(mesh: Mesh) -> Floats:
-    used = np.unique(mesh.faces)
-    places = mesh.vertices[used].astype(np.float32) + np.float32(0)  # −0 becomes 0
-    order = np.lexsort(places.T)
-    same = (places[order][1:] == places[order][:-1]).all(axis=1)
-    found: Floats = mesh.vertices[np.sort(used[order[1:][same]])]
+    from turnscan.mesh import _soundness_kernels as kernels
+
+    used = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    used[mesh.faces.ravel()] = True
+    again = kernels.again(mesh.vertices.astype(np.float32) + np.float32(0), used)  # −0 becomes 0
+    found: Floats = mesh.vertices[again]
     return found
-
-
-def _without_area(t: Floats) -> npt.NDArray[np.intp]:
-    sides = np.roll(t, -1, axis=1) - t
-    longest = np.linalg.norm(sides, axis=2).max(axis=1)
-    twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    return np.flatnonzero(twice <= _THIN * longest**2)

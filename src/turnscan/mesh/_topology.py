@@ -72,14 +72,15 @@ def hanging_together(faces: Ints) -> Bools:
     return kept
 
 
-def vertex_fans(faces: Ints) -> tuple[Longs, Ints]:
+def vertex_fans(faces: Ints, opposite: Longs | None = None) -> tuple[Longs, Ints]:
     """(3f,) for every corner the number of its fan, and (fans,) the vertex each lies about.
 
-    A fan is the faces round a vertex that hang together by their sides.
+    A fan is the faces round a vertex that hang together by their sides. ``opposite`` is of
+    `opposite_half_edges`, where it is known.
     """
     from turnscan.mesh import _topology_kernels as kernels
 
-    fan, first = kernels.fans(opposite_half_edges(faces))
+    fan, first = kernels.fans(opposite_half_edges(faces) if opposite is None else opposite)
     return fan, faces.ravel()[first]
 
 
@@ -94,14 +95,17 @@ def half_edges(faces: Ints) -> tuple[Ints, Ints]:
     return a[lonely].astype(np.int32), b[lonely].astype(np.int32)
 
 
-def unpaired(faces: Ints) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def unpaired(
+    faces: Ints, opposite: Longs | None = None
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Start and end of the sides that are not one of exactly two that run opposite ways.
 
     Those that agree with one of them about their ends are among them too: the pairs are complete.
+    ``opposite`` is of `opposite_half_edges`, where it is known.
     """
     if not len(faces):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    side = np.flatnonzero(opposite_half_edges(faces) < 0)
+    side = np.flatnonzero((opposite_half_edges(faces) if opposite is None else opposite) < 0)
     face, corner = np.divmod(side, 3)
     a, b = faces[face, corner], faces[face, (corner + 1) % 3]
     return a.astype(np.int64), b.astype(np.int64)
