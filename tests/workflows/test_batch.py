@@ -23,10 +23,11 @@ from tests.workflows.scans import write_can, write_pictures
 from turnscan import workflows
 from turnscan.errors import DeviceTimeout, FormatError, InputError, StorageFull
 from turnscan.progress import Cancelled, Progress
-from turnscan.workflows import _batch_task
+from turnscan.workflows import _batch_task, _batch_workers
 from turnscan.workflows._batch_recipe import recipe_from_text
+from turnscan.workflows._batch_scratch import scratch
 from turnscan.workflows._batch_table import write_tables
-from turnscan.workflows._batch_task import outcome_from_json
+from turnscan.workflows._batch_task import Outcome, outcome_from_json
 from turnscan.workflows._batch_workers import Patience, on_this_machine
 
 RECIPE = '[reconstruct]\nstrategy = "centroid"\n[output]\nformats = ["stl"]\nreport = false\n'
@@ -166,6 +167,37 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(
     killer.join()
     assert sorted(outcome.state for outcome in outcomes) == ["done", "done"]
     assert set(multiprocessing.active_children()) <= before
+    assert not any(path.name.startswith(".") for path in tmp_path.iterdir())
+
+
+def test_what_a_dead_process_left_is_removed_and_no_scratch_that_is_in_use(tmp_path: Path) -> None:
+    with scratch(tmp_path) as living:
+        dead = living.with_name(f"{living.name}-dead")
+        elsewhere = living.with_name("another_machine-x")
+        for folder in (dead, elsewhere):
+            folder.mkdir()
+            (folder / "held").touch()
+        with scratch(tmp_path) as second:
+            assert {living, second, elsewhere} == set(living.parent.iterdir())
+    assert list(living.parent.iterdir()) == [elsewhere]
+
+
+def test_a_cluster_leaves_a_scan_behind_that_takes_too_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    enough = threading.Event()
+
+    def endless(task: workflows.Task) -> Outcome:
+        enough.wait()
+        raise StorageFull("the disk is full")
+
+    monkeypatch.setattr(_batch_workers, "run_task", endless)
+    task = workflows.Task("cup.turnscan", workflows.Recipe(), str(tmp_path))
+    late = _batch_workers.run_within(task, 0.01)
+    assert (late.state, late.problem) == ("error", "not done within 0.01 s (1 try)")
+    enough.set()
+    with pytest.raises(StorageFull, match="the disk is full"):
+        _batch_workers.run_within(task, 300.0)
 
 
 def test_a_scan_that_takes_too_long_is_told_and_its_worker_ended(

@@ -40,7 +40,7 @@ from turnscan.cli._signals import ended_by_signals
     type=Finite(),
     default=3600.0,
     show_default=True,
-    help="Longest time for one try of one scan on this machine, s.",
+    help="Longest time for one try of one scan, s.",
 )
 def verb(
     recipe: Path,

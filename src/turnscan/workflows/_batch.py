@@ -16,6 +16,7 @@ from turnscan.remedy import Option
 from turnscan.threads import thread_count
 from turnscan.workflows import _batch_storage as storage
 from turnscan.workflows._batch_recipe import Recipe, read_recipe
+from turnscan.workflows._batch_scratch import swept
 from turnscan.workflows._batch_table import HTML, write_tables
 from turnscan.workflows._batch_task import Outcome, Task
 from turnscan.workflows._batch_workers import Patience, on_cluster, on_this_machine
@@ -124,6 +125,8 @@ def batch(
         for outcome in running:
             outcomes[outcome.source] = outcome
             progress(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} scans")
+    if not storage.is_address(folder):
+        swept(Path(folder))
     done = Batch(folder, tuple(outcomes[place] for place in places))
     _write(done)
     return done

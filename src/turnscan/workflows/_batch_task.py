@@ -11,7 +11,6 @@ import hashlib
 import json
 import os
 import shutil
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -32,6 +31,7 @@ from turnscan.findings import record
 from turnscan.json_text import strict_json
 from turnscan.workflows import _batch_storage as storage
 from turnscan.workflows._batch_recipe import Recipe
+from turnscan.workflows._batch_scratch import scratch
 from turnscan.workflows._compare import compare
 from turnscan.workflows._import_pictures import import_pictures
 from turnscan.workflows._loading import load
@@ -111,9 +111,7 @@ def run_task(task: Task) -> Outcome:
 
     Raises ExportError where the result cannot be written: that is not the scan's fault.
     """
-    scratch = None if storage.is_address(task.output) else task.output
-    with tempfile.TemporaryDirectory(prefix=".turnscan-", dir=scratch) as folder:
-        work = Path(folder)
+    with scratch(None if storage.is_address(task.output) else Path(task.output)) as work:
         try:
             source = storage.fetched(task.source, work)
             name = _folder_name(task, source)

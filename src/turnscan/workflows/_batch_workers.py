@@ -132,7 +132,8 @@ def on_cluster(
     """Run the tasks on the Dask cluster whose scheduler is at ``address``.
 
     Its workers see the same folders, or the batch is on object storage. What a scheduler or a
-    worker forgets is asked for again; what is there is not made again.
+    worker forgets is asked for again; what is there is not made again. A task that takes too long
+    is not tried again: it would take another of the cluster's processors.
 
     Raises PluginError where Dask is absent, InputError for an address that is none, DeviceTimeout
     where there is no scheduler.
@@ -142,7 +143,7 @@ def on_cluster(
     while pending:
         with _connected(address, patience.cluster) as client:
             futures = {
-                client.submit(run_task, task, pure=False, retries=0): number
+                client.submit(run_within, task, patience.seconds, pure=False, retries=0): number
                 for number, task in pending.items()
             }
             for number, came in _as_they_come(client, futures):
@@ -154,6 +155,30 @@ def on_cluster(
                     came = Outcome(pending[number].source, "error", problem=problem)
                 del pending[number]
                 yield came
+
+
+def run_within(task: Task, seconds: float) -> Outcome:
+    """`run_task` on a worker of a cluster, which goes on to other tasks after so long.
+
+    Nothing can end a thread, and the process is the cluster's: what takes too long is left behind.
+    Should it end after all, its result is there for a batch that is begun again.
+    """
+    came: queue.SimpleQueue[Outcome | BaseException] = queue.SimpleQueue()
+
+    def work() -> None:
+        try:
+            came.put(run_task(task))
+        except BaseException as e:  # noqa: BLE001 (raised again below)
+            came.put(e)
+
+    threading.Thread(target=work, daemon=True, name="task").start()
+    try:
+        outcome = came.get(timeout=seconds)
+    except queue.Empty:
+        return Outcome(task.source, "error", problem=f"not done within {seconds:g} s (1 try)")
+    if isinstance(outcome, BaseException):
+        raise outcome
+    return outcome
 
 
 def _as_they_come(client: Any, futures: dict[Any, int]) -> Iterator[tuple[int, Outcome | None]]:

@@ -1,0 +1,76 @@
+"""Scratch folders of a batch: each ends with its task, or after its process has died.
+
+They lie in one hidden folder of the results, on the same disk. Each is named by its machine and
+holds a locked file for as long as its process lives; what nobody of this machine holds any more is
+removed. Not every shared disk tells of another machine's lock, so each machine clears up its own.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from turnscan.locking import take
+
+_FOLDER = ".turnscan"
+_HELD = "held"
+
+
+@contextmanager
+def scratch(output: Path | None) -> Iterator[Path]:
+    """A folder for one task, on the disk of ``output``; None: wherever this machine has scratch.
+
+    What dead processes of this machine left in ``output`` is removed first.
+    """
+    if output is None:
+        with tempfile.TemporaryDirectory(prefix="turnscan-") as temporary:
+            yield Path(temporary)
+        return
+    swept(output)
+    folder, held = _held(output / _FOLDER)
+    try:
+        yield folder
+    finally:
+        os.close(held)
+        shutil.rmtree(folder, ignore_errors=True)
+        _rid_of_empty(output)
+
+
+def swept(output: Path) -> None:
+    """Remove the scratch of this machine's processes that ended without doing so."""
+    for folder in (output / _FOLDER).glob(f"{_machine()}-*"):
+        try:
+            held = os.open(folder / _HELD, os.O_RDWR)
+        except OSError:  # just made, or just removed by another
+            continue
+        dead = take(held)
+        os.close(held)
+        if dead:
+            shutil.rmtree(folder, ignore_errors=True)
+    _rid_of_empty(output)
+
+
+def _rid_of_empty(output: Path) -> None:
+    with suppress(OSError):  # there are others, or there is none
+        (output / _FOLDER).rmdir()
+
+
+def _held(place: Path) -> tuple[Path, int]:
+    while True:
+        place.mkdir(exist_ok=True)
+        with suppress(FileNotFoundError):  # another ended, and took the empty place away
+            folder = Path(tempfile.mkdtemp(prefix=f"{_machine()}-", dir=place))
+            held = os.open(folder / _HELD, os.O_RDWR | os.O_CREAT, 0o600)
+            if take(held):
+                return folder, held
+            os.close(held)  # another took it for dead, and removes it
+
+
+def _machine() -> str:
+    return re.sub(r"\W", "-", platform.node()) or "here"
