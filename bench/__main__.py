@@ -2,7 +2,8 @@
 
 A benchmark is a module here with a function ``run()`` that prints its figures. Some take ``quick``:
 it is asked for with ``--quick``, and where all of them run. Some have ``PARTS``: those named after
-the benchmark run alone. Some write their figures into the documents with ``--write``.
+the benchmark run alone; where it is None, any words are handed on. Some write their figures into
+the documents with ``--write``.
 """
 
 from __future__ import annotations
@@ -20,15 +21,18 @@ def main(words: list[str]) -> int:
     there = [m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)])]
     names = [name for name in there if not name.startswith("_")]
     wanted = dict[str, list[str]]()
-    parts: tuple[str, ...] = ()
+    parts: tuple[str, ...] | None = ()
     for word in named:
-        if word in parts:
+        if parts is None or word in parts:
             wanted[list(wanted)[-1]].append(word)
         elif word in names:
             wanted[word] = []
             parts = getattr(importlib.import_module(f"bench.{word}"), "PARTS", ())
         else:
-            print(f"no benchmark {word} → there are {', '.join((*names, *parts))}", file=sys.stderr)
+            print(
+                f"no benchmark {word} → there are {', '.join((*names, *(parts or ())))}",
+                file=sys.stderr,
+            )
             return 2
     quick = "--quick" in words or not wanted
     for name in wanted or names:

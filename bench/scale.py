@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numba.core.event import install_recorder  # noqa: TID251 (it listens to the compiler)
 
 from turnscan.detection import detect_scan
 from turnscan.gridding import to_grids
@@ -31,6 +32,8 @@ WIDTH, HEIGHT = 2448, 2048
 DISTANCE, LIFT, ELEVATION, THETA = 490.0, 34.0, 0.2, 0.45
 LOW, HIGH = 8.0, 62.0
 """mm: the part's lower and upper rim; some 750 rows of the picture."""
+WARM = 120
+"""Frames of the scan that has the kernels compiled before the time is taken."""
 GRAINS = 4
 """Pictures of noise that the frames take turns with, each shifted."""
 
@@ -148,12 +151,24 @@ def _peak() -> float:
 
 
 def measure(path: Path, warm: Path, scale: float = 1.0) -> tuple[list[Cost], int, float]:
-    """Stages of a reconstruction, faces of its mesh, and s of processor to read the file alone."""
+    """Stages of a reconstruction, faces of its mesh, and s of processor to read the file alone.
+
+    Raises RuntimeError where a kernel had to be compiled in a stage: ``warm`` did not need it.
+    """
     settings, rig = Settings(), make_rig(scale)
     with Scan.open(warm) as scan:  # compiles, or loads what is compiled
         grids, _, _ = to_grids(detect_scan(scan, rig, settings.stripes), settings)
         to_mesh(grids, settings, rig=rig)
     books = Ledger()
+    with install_recorder("numba:compile") as compiled:
+        faces, reading = _staged(path, rig, settings, books)
+    if compiled.buffer:
+        names = {event.data["dispatcher"].py_func.__name__ for _, event in compiled.buffer}
+        raise RuntimeError(f"compiled while the time was taken: {', '.join(sorted(names))}")
+    return books.costs, faces, reading
+
+
+def _staged(path: Path, rig: Rig, settings: Settings, books: Ledger) -> tuple[int, float]:
     start = _processor()
     path.read_bytes()
     reading = _processor() - start
@@ -167,7 +182,7 @@ def measure(path: Path, warm: Path, scale: float = 1.0) -> tuple[list[Cost], int
         del seen
         with books.stage("mesh"):
             _, mesh, _ = to_mesh(grids, settings, rig=rig)
-    return books.costs, len(mesh.faces), reading
+    return len(mesh.faces), reading
 
 
 def measured_apart(path: Path, warm: Path, scale: float = 1.0) -> tuple[list[Cost], int, float]:
@@ -203,7 +218,7 @@ def run(quick: bool = False) -> None:
     frames = QUICK if quick else STEPS
     with tempfile.TemporaryDirectory() as folder:
         path, warm = Path(folder) / "vase.turnscan", Path(folder) / "warm.turnscan"
-        write_scan(warm, 8)
+        write_scan(warm, WARM)
         write_scan(path, frames)
         report(path, warm, frames)
 
