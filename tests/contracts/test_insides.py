@@ -24,7 +24,7 @@ MOST_NAMES = {
     "formats": 17,
     "mesh": 23,
     "points": 40,
-    "poses": 12,
+    "poses": 16,
     "rig": 26,
     "scan": 28,
     "scanner": 22,

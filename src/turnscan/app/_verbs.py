@@ -240,6 +240,7 @@ def _join(given: Given) -> Outcome:
     result = w.join(
         given.paths("sources"),
         points=given.perhaps("points"), markers=poses.markers,
+        reference=given.perhaps("reference"),
         rig=None if rig is None else w.read_rig_file(rig), unit=poses.unit,
         progress=given.progress, **changes,
     )  # fmt: skip
@@ -268,11 +269,16 @@ def _section(given: Given) -> Outcome:
 def _compare(given: Given) -> Outcome:
     options = given.of(w.CompareOptions)
     found = w.compare(
-        given.path("measured"), given.path("reference"), options, progress=given.progress
-    )
+        given.path("measured"), given.path("reference"), options,
+        tolerance_table=given.perhaps("tolerance_table"), progress=given.progress,
+    )  # fmt: skip
     for path in given.outputs["picture"]:
         found.save_picture(path, options.limit)
-    return Outcome(str(found), found.findings, json.dumps(found.figures(), indent=1))
+    remarks = found.save_map(*given.outputs["outputs"], limit=options.limit)
+    for path in given.outputs["report"]:
+        found.save_report(path, options.limit)
+    figures = json.dumps(found.figures(), indent=1)
+    return Outcome(str(found), [*found.findings, *remarks], figures)
 
 
 def _measure(given: Given) -> Outcome:

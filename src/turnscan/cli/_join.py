@@ -35,6 +35,11 @@ _path = click.Path(path_type=Path)
     "frame of each pose.",
 )
 @click.option(
+    "--reference",
+    type=_path,
+    help="The part as it is drawn (mesh in mm, or STEP), which each pose is brought onto.",
+)
+@click.option(
     "--rig", "rig_path", type=_path, help="rig.json.  [default: the one stored in each scan]"
 )
 @flags_of(workflows.JoinOptions, into="poses")
@@ -46,6 +51,7 @@ def verb(
     sources: tuple[Path, ...],
     outputs: tuple[Path, ...],
     points_path: Path | None,
+    reference: Path | None,
     rig_path: Path | None,
     report: Path | None,
     poses: workflows.JoinOptions,
@@ -57,16 +63,17 @@ def verb(
 
     SOURCES are scan files (.turnscan), each read with its own settings, range scans of another
     scanner (.ply), or one .conf file with the approximate poses of its range scans. Without
-    --points and --markers the poses are registered by their shape. The first one gives the frame.
+    --points, --markers and --reference the poses are registered by their shape. The first one
+    gives the frame, or the reference.
     Nothing is written where poses do not overlap, or fit in several ways.
     """
-    inputs = [*sources, *(p for p in (rig_path, points_path) if p is not None)]
+    inputs = [*sources, *(p for p in (rig_path, points_path, reference) if p is not None)]
     workflows.check_targets(outputs, inputs, report, poses.unit)
     rig = None if rig_path is None else workflows.read_rig_file(rig_path)
     chosen, changes = options_for_each(options, base)
     with progress_bar() as progress:
         result = workflows.join(
-            sources, chosen, points=points_path, markers=poses.markers, rig=rig,
-            unit=poses.unit, progress=progress, **changes,
+            sources, chosen, points=points_path, markers=poses.markers, reference=reference,
+            rig=rig, unit=poses.unit, progress=progress, **changes,
         )  # fmt: skip
     show_result(result, outputs, report, formats)

@@ -9,6 +9,7 @@ from turnscan.findings import Finding
 from turnscan.remedy import Option, Remedy
 
 _FLAGS = {
+    "datums": "--datum",
     "dxf_forms": "--dxf-form",
     "exposures": "--exposure",
     "lamps": "--lamp",

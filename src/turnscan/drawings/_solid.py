@@ -198,6 +198,16 @@ def _united(cells: Sequence[Any]) -> Any | None:
     return solids[0]
 
 
+def extent_of(shape: Any) -> float:
+    """mm: diagonal of the box about a shape of OpenCASCADE."""
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box)
+    return 0.0 if box.IsVoid() else float(np.sqrt(box.SquareExtent()))
+
+
 def volume_of(shape: Any) -> float:
     """mm³ that a shape of OpenCASCADE encloses."""
     from OCP.BRepGProp import BRepGProp

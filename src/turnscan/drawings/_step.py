@@ -10,16 +10,27 @@ from typing import Any
 
 import numpy as np
 
-from turnscan.drawings._solid import Solid, check_opencascade, parts_of, volume_of
+from turnscan.arrays import Ints
+from turnscan.drawings._solid import (
+    Solid,
+    check_opencascade,
+    extent_of,
+    parts_of,
+    volume_of,
+)
+from turnscan.drawings._step_shapes import merged, shape_of
 from turnscan.errors import ExportError, FormatError
 from turnscan.formats._text import about_lines
 from turnscan.mesh import Mesh
+from turnscan.shapes.primitives import Shape
 
 _NAME = "NAME"
 _NAMED = rb"'NAME \d+','NAME \d+'"
 """OpenCASCADE counts the products of a process; the same part gives the same file."""
-_ANGLE = 0.05
+_ANGLE = 0.2
 """Radians between the facets of a curved face, at the most."""
+_FINE = 2e-5
+"""Of the part's size: how far facets may be off the faces, usually."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +43,11 @@ class StepPart:
     volume: float
     """mm³."""
     mesh: Mesh
-    """Its faces as triangles, mm; each face by itself."""
+    """Its faces as triangles, mm; they hang together where the faces share edges."""
+    shapes: tuple[Shape, ...]
+    """The planes, cylinders, spheres, cones and tori of its faces; those of one surface are one."""
+    label: Ints
+    """(f,) index of the shape that a triangle of ``mesh`` belongs to; −1 for freeform faces."""
 
 
 def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> bytes:
@@ -80,8 +95,10 @@ def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> by
     return b"\n".join([first, b"/*", *(line.encode("ascii") for line in lines), b"*/", rest])
 
 
-def read_step(data: bytes, deflection: float) -> StepPart:
+def read_step(data: bytes, deflection: float | None = None) -> StepPart:
     """What a STEP file holds; curved faces become facets within ``deflection`` mm of them.
+
+    None takes 1/50000 of its size. Lengths are mm, whatever the unit of the file.
 
     Raises InputError where OpenCASCADE is not installed, FormatError where it cannot read the file.
     """
@@ -102,9 +119,11 @@ def read_step(data: bytes, deflection: float) -> StepPart:
     solids = parts_of(shape, "solid")
     valid = bool(BRepCheck_Analyzer(shape).IsValid())
     volume = volume_of(shape)
-    if solids:
-        BRepMesh_IncrementalMesh(shape, deflection, False, _ANGLE)
-    return StepPart(len(solids), valid, volume, _facets(shape))
+    if deflection is None:
+        deflection = max(_FINE * extent_of(shape), 1e-9)
+    BRepMesh_IncrementalMesh(shape, deflection, False, _ANGLE)
+    mesh, shapes, label = _facets(shape)
+    return StepPart(len(solids), valid, volume, mesh, shapes, label)
 
 
 def _text(words: str) -> bytes:
@@ -139,26 +158,34 @@ def _tessellated(mesh: Mesh) -> Any:
     return face
 
 
-def _facets(shape: Any) -> Mesh:
-    """The triangles that a shape's faces have."""
+def _facets(shape: Any) -> tuple[Mesh, tuple[Shape, ...], Ints]:
+    """The triangles that a shape's faces have, the analytic surfaces, and whose each one is."""
     from OCP.BRep import BRep_Tool
     from OCP.TopAbs import TopAbs_REVERSED
     from OCP.TopLoc import TopLoc_Location
     from OCP.TopoDS import TopoDS
 
-    points, faces, count = list[np.ndarray](), list[np.ndarray](), 0
-    for face in parts_of(shape, "face"):
+    points, faces, owner, count = list[np.ndarray](), list[np.ndarray](), list[np.ndarray](), 0
+    surfaces = list[Shape | None]()
+    for face in map(TopoDS.Face, parts_of(shape, "face")):
         place = TopLoc_Location()
-        body = BRep_Tool.Triangulation_s(TopoDS.Face(face), place)
+        body = BRep_Tool.Triangulation_s(face, place)
         if body is None:
             continue
         move = place.Transformation()
         nodes = (body.Node(k + 1).Transformed(move) for k in range(body.NbNodes()))
-        points.append(np.array([(p.X(), p.Y(), p.Z()) for p in nodes]))
+        X = np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
         corners = [body.Triangle(k + 1).Get() for k in range(body.NbTriangles())]
-        some = np.array(corners, dtype=np.int64) - 1 + count
-        faces.append(some[:, ::-1] if face.Orientation() == TopAbs_REVERSED else some)
-        count += body.NbNodes()
+        some = np.array(corners, dtype=np.int64) - 1
+        some = some[:, ::-1] if face.Orientation() == TopAbs_REVERSED else some
+        owner.append(np.full(len(some), len(surfaces)))
+        surfaces.append(None if BRep_Tool.Surface_s(face) is None else shape_of(face, X[some]))
+        points.append(X)
+        faces.append(some + count)
+        count += len(X)
     if not points:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
-    return Mesh(np.concatenate(points), np.concatenate(faces))
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)), (), np.zeros(0, np.int32)
+    shapes, number = merged(surfaces)
+    label = number[np.concatenate(owner)]
+    X, corner = np.unique(np.concatenate(points), axis=0, return_inverse=True)
+    return Mesh(X, corner.reshape(-1)[np.concatenate(faces)]), shapes, label

@@ -172,12 +172,18 @@ def vote(
 def seen_through(
     points: Floats, eyes: Floats, origin: Floats, cell: float, shape: Longs, clear: float
 ) -> Bools:
-    """Cubes (bool) that the rays from eyes to points passed, more than ``clear`` mm before."""
+    """Cubes (bool) that the rays from eyes to points passed, more than ``clear`` mm before.
+
+    A point that is its own eye was seen from nowhere.
+    """
     out = np.zeros((shape[0], shape[1], shape[2]), np.bool_)
     step = 0.7 * cell
     for i in range(len(points)):
         d = eyes[i] - points[i]
-        d = d / np.sqrt((d * d).sum())
+        away = np.sqrt((d * d).sum())
+        if away == 0.0:
+            continue
+        d = d / away
         at = clear
         while True:
             x = int(np.floor((points[i, 0] + at * d[0] - origin[0]) / cell))

@@ -73,14 +73,27 @@ class Desk:
     def trial(self, i: int, placed: Placed, start: Pose, fine: bool) -> _Found:
         """View i, refined from ``start`` against the placed views, and how it fits there."""
         some = sorted(placed)
-        views = [*(self.views[j] for j in some), self.views[i]]
-        poses = [*(placed[j] for j in some), start]
-        samples = [(self.many if fine else self.few)[j] for j in [*some, i]]
+        views, samples = self._together(i, some, fine)
         spaces = [self.spaces[j] for j in [*some, i]]
+        pose = self.refined(i, placed, start, _SETTLED if fine else _TRIAL, fine)
+        n = len(some)
+        poses = [*(placed[j] for j in some), pose]
+        return _Found(pose, fit(views, poses, spaces, samples, n, range(n), self.step))
+
+    def refined(self, i: int, placed: Placed, start: Pose, rounds: int, fine: bool = False) -> Pose:
+        """Where view i comes to lie on the placed views from ``start``, in so many rounds."""
+        some = sorted(placed)
+        views, samples = self._together(i, some, fine)
+        poses = [*(placed[j] for j in some), start]
         last = max(_FINE * max(v.spacing for v in views), _CLOSE * self.step)
-        n, rounds = len(some), _SETTLED if fine else _TRIAL
-        poses = refine(views, poses, samples, (self.step, last), fixed=n, rounds=rounds)
-        return _Found(poses[n], fit(views, poses, spaces, samples, n, range(n), self.step))
+        n = len(some)
+        return refine(views, poses, samples, (self.step, last), fixed=n, rounds=rounds)[n]
+
+    def _together(self, i: int, some: list[int], fine: bool) -> tuple[list[View], list[Ints]]:
+        """The placed views and view i behind them, with their samples."""
+        numbers = [*some, i]
+        samples = self.many if fine else self.few
+        return [self.views[j] for j in numbers], [samples[j] for j in numbers]
 
     def candidates(self, i: int, j: int) -> list[Pose]:
         """Where view i fits view j, in the frame of view j; each place once."""

@@ -18,7 +18,7 @@ _SMOOTH = 2.0
 """Usual spacings over which normals are averaged, at least …"""
 _NOISE = 40.0
 """… and this many sigma: a normal is then good to about a degree."""
-_EDGE = 0.9
+EDGE = 0.9
 """Length of the mean of normals below which they belong to an edge, not to a surface."""
 _COARSE = 30.0
 """Samples across the part, for finding where a view belongs."""
@@ -84,14 +84,14 @@ def view(name: str, surfaces: Sequence[RangeSurface]) -> View:
     sides = np.concatenate([_sides(s) for s in parts])
     spacing = float(np.median(sides)) if len(sides) else 1.0
     cell = max(_SMOOTH * spacing, _NOISE * float(np.median(sigma)))
-    mean, length = _averaged(points, normals, cell)
+    mean, length = averaged(points, normals, cell)
     return View(
         name,
         points,
         mean,
         sigma,
         np.concatenate([s.eyes for s in parts]),
-        ~border & (length > _EDGE),
+        ~border & (length > EDGE),
         spacing,
     )
 
@@ -110,7 +110,7 @@ def _sides(s: RangeSurface) -> Floats:
     return sides
 
 
-def _averaged(points: Floats, normals: Floats, cell: float) -> tuple[Floats, Floats]:
+def averaged(points: Floats, normals: Floats, cell: float) -> tuple[Floats, Floats]:
     """Normals averaged over cubes of ``cell`` mm and their neighbours' halves; their mean's length.
 
     Two grids of cubes, one shifted by half a cube, and the mean of both: no point is far from the

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._check import CheckedLaser, CheckedScan, check
     from turnscan.workflows._check_mesh import CheckedMesh
     from turnscan.workflows._compare import Agreement, Comparison, compare
-    from turnscan.workflows._compare_options import CompareOptions
+    from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
     from turnscan.workflows._declare import Declared, declared
     from turnscan.workflows._demo import Demonstration, demo
     from turnscan.workflows._demo_options import DemoOptions
@@ -158,7 +158,7 @@ _MODULES = {
     "_check": ("CheckedLaser", "CheckedScan", "check"),
     "_check_mesh": ("CheckedMesh",),
     "_compare": ("Agreement", "Comparison", "compare"),
-    "_compare_options": ("CompareOptions",),
+    "_compare_options": ("MAP_SUFFIXES", "CompareOptions"),
     "_declare": ("Declared", "declared"),
     "_demo": ("Demonstration", "demo"),
     "_demo_options": ("DemoOptions",),
@@ -301,6 +301,7 @@ __all__ = [
     "CELL_ROWS",
     "DEFAULT_DEVICE",
     "LONGEST_PAUSE",
+    "MAP_SUFFIXES",
     "MOST_PICTURES",
     "PAPERS",
     "SECTION_SUFFIXES",

@@ -2,19 +2,44 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from turnscan.arrays import Ints
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, submesh
 from turnscan.progress import Progress, no_progress
+from turnscan.remedy import Option, Remedy
+from turnscan.rig import Pose
 from turnscan.shapes import Deviation, deviation, sample_surface
-from turnscan.workflows._compare_options import CompareOptions
+from turnscan.workflows._aligning import Placement, labels_of, placed_by
+from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
+from turnscan.workflows._compared_features import (
+    Check,
+    Feature,
+    check_figures,
+    checks_of,
+    features_of,
+    matched,
+    overall,
+    profiles_of,
+    unmet,
+)
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source, load
+from turnscan.workflows._nominal import Nominal, nominal, with_features
+from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._saving import save
+from turnscan.workflows._shapes import FoundShapes, find_shapes
+from turnscan.workflows._tolerances import Tolerance, Verdict, read_tolerances
 
 
 @dataclass(frozen=True)
@@ -40,20 +65,33 @@ class Comparison:
     """How a measured surface lies to its reference."""
 
     mesh: Mesh
-    """The measured surface, without faces that were not measured."""
+    """The measured surface in the frame of the reference, without faces that were not measured."""
     every: Deviation
     """Of every vertex of it, mm, positive outside of the reference."""
     deviation: Deviation
     """The same without vertices off the end of an open reference."""
     agreements: tuple[Agreement, ...]
     """One for each tolerance."""
-    findings: tuple[Finding, ...] = ()
-    """Of the reconstruction, where a scan was compared."""
+    findings: tuple[Finding, ...]
+    """Of the reconstruction, where a scan was compared, and of the comparison."""
+    placement: Placement
+    """How the surface was brought into that frame."""
+    names: tuple[str, str]
+    """Of the measured surface and of the reference."""
+    features: tuple[Feature, ...] = ()
+    """Those of the reference that were measured, where they were asked for."""
+    checks: tuple[Check, ...] = ()
+    """Sizes and profiles against nominal values and tolerances."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether all tolerances of the table are kept; empty without a table."""
+        return overall(self.checks, self.findings)
 
     def figures(self) -> dict[str, Any]:
         """The figures, unrounded, by name with the unit at its end."""
         d = self.deviation
-        return {
+        out: dict[str, Any] = {
             "vertices": len(d.distance),
             "mean_mm": d.mean,
             "rms_mm": d.rms,
@@ -68,21 +106,55 @@ class Comparison:
                 }
                 for a in self.agreements
             ],
+            "alignment": {
+                "by": self.placement.way,
+                "rotation": self.placement.pose.rotation.tolist(),
+                "translation_mm": self.placement.pose.translation.tolist(),
+                **self.placement.figures,
+            },
         }
+        if self.features:
+            out["features"] = [
+                {
+                    "number": f.number,
+                    "nominal": f.nominal,
+                    "points": f.points,
+                    "mean_mm": f.mean,
+                    "rms_mm": f.rms,
+                    "p95_mm": f.p95,
+                }
+                for f in self.features
+            ]
+            out["checks"] = [check_figures(c) for c in self.checks]
+            out["verdict"] = self.verdict or None
+        return out
 
     def __str__(self) -> str:
         d = self.deviation
         lines = [
+            self.placement.text,
             f"{len(d.distance)} measured vertices against the reference: mean {d.mean:+.4f} mm, "
             f"rms {d.rms:.4f} mm, 95 % within {d.quantile(0.95):.4f} mm, "
-            f"worst {d.quantile(1.0):.4f} mm"
+            f"worst {d.quantile(1.0):.4f} mm",
         ]
         lines += [
             f"within {a.tolerance:g} mm: precision {a.precision:.2%}, completeness "
             f"{a.completeness:.2%}, F-score {a.f_score:.4f}"
             for a in self.agreements
         ]
-        return "\n".join(lines)
+        lines += [
+            f"{f.number}: {f.nominal}: mean {f.mean:+.4f} mm, rms {f.rms:.4f} mm over {f.points} "
+            "points"
+            for f in self.features
+        ]
+        lines += map(str, self.checks)
+        return "\n".join([*lines, *([f"tolerances: {self.verdict}"] if self.verdict else [])])
+
+    def coloured(self, limit: float | None = None) -> Mesh:
+        """The measured surface coloured by its deviation; ``limit`` ends the scale, in mm."""
+        from turnscan.workflows._deviation_map import deviation_colours
+
+        return replace(self.mesh, colour=deviation_colours(self.every, limit))
 
     def save_picture(self, path: str | Path, limit: float | None = None) -> None:
         """Write the deviation as a colour map (PNG); ``limit`` ends its scale, in mm.
@@ -95,31 +167,58 @@ class Comparison:
         figure = deviation_figure(self.mesh, self.every, limit)
         write_atomically(Path(path), png(figure))
 
+    def save_map(self, *paths: str | Path, limit: float | None = None) -> list[Finding]:
+        """Write the measured surface coloured by its deviation (.ply or .glb).
+
+        ``limit`` ends the scale, in mm. Raises InputError for another suffix, ExportError where a
+        file cannot be written.
+        """
+        for path in map(Path, paths):
+            if path.suffix.lower() not in MAP_SUFFIXES:
+                raise InputError(
+                    f"{path}: a map is not written as {path.suffix!r}",
+                    hint=f"choose one of {' '.join(MAP_SUFFIXES)}",
+                )
+        return save(dict.fromkeys(map(Path, paths), self.coloured(limit))) if paths else []
+
+    def save_report(self, path: str | Path, limit: float | None = None) -> None:
+        """Write the report: .html with pictures, .json, or the sizes as .csv.
+
+        ``limit`` ends the scale of the map, in mm. Raises ExportError where it cannot be written.
+        """
+        from turnscan.workflows._compared_report import write_report
+
+        write_report(self, Path(path), limit)
+
 
 def compare(
     measured: Source,
     reference: Source,
     options: CompareOptions | None = None,
     *,
+    tolerance_table: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
     **changes: Any,
 ) -> Comparison:
     """How far a measured surface lies from a reference, and how much of it was measured.
 
-    Both are in one frame. Faces marked as not measured do not count, nor do vertices off the end
-    of an open reference.
+    Faces marked as not measured do not count, nor do vertices off the end of an open reference.
+    Without ``align`` both are taken to be in one frame.
 
     Parameters
     ----------
     measured, reference
-        Meshes, mesh files, results of `reconstruct`, or scans, which are reconstructed with their
-        own settings.
+        Meshes, mesh files, STEP files, results of `reconstruct`, or scans, which are reconstructed
+        with their own settings.
     options
-        Tolerances, samples and units of mesh files; None takes the usual ones.
+        Alignment, tolerances, samples and units of mesh files; None takes the usual ones.
+    tolerance_table
+        A table of tolerances (CSV), one row ``feature,quantity,tolerance`` each; the features are
+        those of the reference by number.
     progress
         Told how far the reconstruction of a scan is; it may cancel.
     changes
-        Options to change by name, as in ``tolerances=(0.1,)``.
+        Options to change by name, as in ``align="shape"``.
 
     Returns
     -------
@@ -129,7 +228,8 @@ def compare(
     Raises
     ------
     InputError
-        Where there is no surface, and for an option that cannot be.
+        Where there is no surface, it belongs nowhere on the reference, and for an option that
+        cannot be.
 
     >>> import turnscan as ts
     >>> found = ts.compare("cup.turnscan", "cup.turnscan")
@@ -137,15 +237,74 @@ def compare(
     (True, 1.0)
     """
     wanted = chosen(CompareOptions, options, changes)
+    if wanted.datums and wanted.align != "datums":
+        raise InputError(
+            "datums are given, but not used",
+            hint=Remedy("align by ", Option("align", "datums")),
+            option=Option("datums"),
+        )
+    rows = () if tolerance_table is None else read_tolerances(Path(tolerance_table))
+    if isinstance(measured, str | Path) and Path(measured).suffix.lower() == ".turnscan":
+        measured = reconstruct(measured, progress=progress.subrange(0, 0.5))
     got = load(measured, wanted.unit, progress.subrange(0, 0.5))
-    truth = load(reference, wanted.reference_unit, progress.subrange(0.5, 1)).mesh
-    mesh = got.mesh
-    if not len(mesh.faces):
+    drawn = nominal(reference, wanted.reference_unit, progress.subrange(0.5, 0.7))
+    if not len(got.mesh.faces):
         raise InputError(f"{got.name}: no faces", hint="compare a mesh, not a cloud of points")
+    table = wanted.features or bool(rows) or wanted.align == "datums"
+    if table:
+        drawn = with_features(drawn)
+    mesh = got.mesh
     if mesh.measured is not None:
         mesh = submesh(mesh, mesh.measured)
-    every = deviation(mesh.vertices, truth)
+    placement = placed_by(wanted.align, mesh, got.name, drawn, wanted.datums)
+    mesh = _moved(mesh, placement.pose)
+    every = deviation(mesh.vertices, drawn.mesh)
     out = every.covered()
-    back = deviation(sample_surface(truth, wanted.samples), mesh)
+    back = deviation(sample_surface(drawn.mesh, wanted.samples), mesh)
     agreements = tuple(Agreement(t, out.within(t), back.within(t)) for t in wanted.tolerances)
-    return Comparison(mesh, every, out, agreements, got.findings)
+    names = (got.name, drawn.name)
+    findings = (*got.findings, *placement.findings)
+    plain = Comparison(mesh, every, out, agreements, findings, placement, names)
+    if not table:
+        return plain
+    source = measured if isinstance(measured, ReconstructResult) else got.mesh
+    found = find_shapes(source)
+    return _by_feature(plain, drawn, _own(got.mesh, found), found, rows)
+
+
+def _moved(mesh: Mesh, pose: Pose) -> Mesh:
+    return replace(mesh, vertices=pose.apply(mesh.vertices))
+
+
+def _own(mesh: Mesh, found: FoundShapes) -> Ints:
+    """(n,) the shape of each vertex of the measured faces."""
+    label: Ints = found.found.label
+    if mesh.measured is None:
+        return label
+    used = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    used[mesh.faces[mesh.measured]] = True
+    return label[used]
+
+
+def _by_feature(
+    plain: Comparison, drawn: Nominal, own: Ints, found: FoundShapes, rows: Sequence[Tolerance]
+) -> Comparison:
+    """The comparison with a table of the reference's features, and their sizes."""
+    if rows and not drawn.shapes:
+        raise InputError(
+            f"{drawn.name}: no planes, cylinders or spheres to hold tolerances against",
+            hint="give the part as STEP",
+            option=Option("tolerance_table"),
+        )
+    label = labels_of(drawn, plain.every.face, plain.every.beyond)
+    match = matched(drawn, label, found.found, own)
+    checks = [
+        *checks_of(drawn, found.sizes, match, rows),
+        *profiles_of(drawn, label, plain.mesh.vertices, plain.every, rows),
+    ]
+    return replace(
+        plain,
+        features=features_of(drawn, label, plain.every),
+        checks=tuple(checks),
+        findings=(*plain.findings, *unmet(drawn, checks, rows)),
+    )

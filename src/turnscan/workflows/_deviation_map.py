@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.mesh import Mesh
@@ -25,8 +26,8 @@ def deviation_figure(mesh: Mesh, found: Deviation, limit: float | None = None) -
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    top = limit or _round_up(found.quantile(0.95))
-    colour = mpl.colormaps[_MAP](np.clip(found.distance / top, -1, 1) * 0.5 + 0.5)[:, :3] * 255
+    top = _top(found, limit)
+    colour = deviation_colours(found, limit)
     figure = Figure(figsize=(11, 4), layout="constrained")
     left, right, chart = figure.subplots(1, 3, width_ratios=[1, 1, 0.8])
     for axes, azimuth in ((left, 0.6), (right, 0.6 + np.pi)):
@@ -36,6 +37,18 @@ def deviation_figure(mesh: Mesh, found: Deviation, limit: float | None = None) -
     shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(-top, top), _MAP)
     figure.colorbar(shades, ax=[left, right], fraction=0.03, label="mm, positive outside")
     return figure
+
+
+def deviation_colours(found: Deviation, limit: float | None = None) -> npt.NDArray[np.uint8]:
+    """(n, 3) the colour of each point's deviation, on the scale of `deviation_figure`."""
+    import matplotlib as mpl
+
+    share = np.clip(found.distance / _top(found, limit), -1, 1) * 0.5 + 0.5
+    return np.asarray(np.round(mpl.colormaps[_MAP](share)[:, :3] * 255), dtype=np.uint8)
+
+
+def _top(found: Deviation, limit: float | None) -> float:
+    return limit or _round_up(found.quantile(0.95))
 
 
 def _histogram(chart: object, distance: Floats, top: float) -> None:

@@ -28,7 +28,7 @@ _FOLDER = ".turnscan-incoming-"
 
 _OF_SUFFIX: dict[str, tuple[FileKind, ...]] = {
     ".turnscan": ("scan",),
-    **dict.fromkeys((".stl", ".obj", ".3mf", ".glb", ".dxf"), ("mesh",)),
+    **dict.fromkeys((".stl", ".obj", ".3mf", ".glb", ".dxf", ".step", ".stp"), ("mesh",)),
     ".conf": ("placement",),
     ".csv": ("table",),
     ".toml": ("artefact", "rig"),

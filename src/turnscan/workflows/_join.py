@@ -17,6 +17,7 @@ from turnscan.edit import needs_rebuild
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.gridding import to_grids
+from turnscan.mesh import Mesh
 from turnscan.meshing import source_of, to_mesh
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid, placed, without
@@ -28,11 +29,13 @@ from turnscan.settings import Settings
 from turnscan.shapes import View
 from turnscan.stripes import StripeFlag
 from turnscan.surface.fusion import range_surfaces
+from turnscan.workflows._aligning import reference_view
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._history import history_of
 from turnscan.workflows._joined_report import joined_sections
 from turnscan.workflows._kept_options import kept_options
 from turnscan.workflows._landmarks import read_landmarks
+from turnscan.workflows._loading import load
 from turnscan.workflows._range_scans import placed_scans, read_range_scan
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
@@ -66,6 +69,7 @@ def join(
     *,
     points: str | PathLike[str] | Landmarks | None = None,
     markers: float | None = None,
+    reference: str | PathLike[str] | Mesh | None = None,
     rig: Rig | None = None,
     unit: str = "m",
     progress: Progress = no_progress,
@@ -73,9 +77,9 @@ def join(
 ) -> ReconstructResult:
     """Bring several poses of one part together as one surface.
 
-    Without ``points`` and ``markers`` the poses find each other by their shape. The first one gives
-    the frame. What the points of each pose were made with, and the joined surface, stands in every
-    file that is written of it.
+    Without ``points``, ``markers`` and ``reference`` the poses find each other by their shape. The
+    first one gives the frame, or the reference. What the points of each pose were made with, and
+    the joined surface, stands in every file that is written of it.
 
     Parameters
     ----------
@@ -90,6 +94,10 @@ def join(
     markers
         Diameter of three or more marker spheres fixed to the part, mm; they are removed from the
         result.
+    reference
+        The part as it is drawn, a mesh file in mm or a STEP file: each pose is brought onto it by
+        shape, so that they need not overlap; it counts as far as the poses agree with it, and
+        nothing of it becomes part of the surface.
     rig
         The rig of all scans; None takes the one in each scan file.
     unit
@@ -116,15 +124,20 @@ def join(
     """
     wanted = chosen(ReconstructOptions, options, changes)
     settings = wanted.settings()
-    if points is not None and markers is not None:
-        raise InputError("points and markers: mutually exclusive", hint="give one of them")
+    ways = {"points": points, "markers": markers, "reference": reference}
+    given = [name for name, value in ways.items() if value is not None]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)}: mutually exclusive", hint="give one of them")
+    drawn = None if reference is None else _reference(reference)
     files = [Path(source) for source in sources]
     own = _OwnOptions(options, changes)
     read = _read_all(_paths(files, unit), rig, unit, own, progress.subrange(0, _READ))
     placing = progress.subrange(_READ, _PLACED, "placing poses")
-    found, read = _aligned(read, settings, points, markers, placing)
+    found, read = _aligned(read, settings, points, markers, drawn, placing)
     done = _merged(read, found, settings, progress.subrange(_PLACED, 1, "building the surface"))
     told = {**about(files[0], None, settings), "source": " + ".join(p.name for p in files)}
+    if drawn is not None:
+        told["reference"] = drawn.name
     told["rig_sha256"] = {s.name: rig_hash(s.rig) for s in read if s.rig is not None} or None
     told["settings"] = {
         "joined": dict(wanted.changed()),
@@ -162,11 +175,20 @@ def _read_all(
     return read
 
 
+def _reference(reference: str | PathLike[str] | Mesh) -> poses.View:
+    """What the poses are brought onto; raises InputError where it has no surface."""
+    loaded = load(reference)
+    if not len(loaded.mesh.faces):
+        raise InputError(f"{loaded.name}: no faces", hint="give a mesh or a STEP file")
+    return reference_view(loaded.mesh, Path(loaded.name).name)
+
+
 def _aligned(
     read: list[_Source],
     settings: Settings,
     points: str | PathLike[str] | Landmarks | None,
     markers: float | None,
+    reference: poses.View | None,
     progress: Progress,
 ) -> tuple[Alignment, list[_Source]]:
     """Where the poses lie, and the poses without their marker spheres."""
@@ -175,6 +197,10 @@ def _aligned(
         poses.view(s.name, [r for g in s.grids for r in range_surfaces(g, settings.tears)])
         for s in read
     ]
+    if reference is not None:
+        found = poses.onto_all(reference, views)
+        poses.check(found)
+        return found, read
     if points is not None:
         known = read_landmarks(Path(points)) if isinstance(points, str | PathLike) else points
         starts = poses.from_landmarks(names, {k: dict(v) for k, v in known.items()})

@@ -6,14 +6,16 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
+from turnscan.drawings import StepPart, read_step
 from turnscan.errors import FormatError, InputError, LimitExceeded
 from turnscan.mesh import Mesh
 from turnscan.rig import Rig, rig_from_json, rig_from_ruler
-from turnscan.workflows._units import UNITS
+from turnscan.workflows._units import STEP_SUFFIXES, UNITS
 
 _MAX_RIG_BYTES = 16 * 2**20
 _START = 1 << 16
 _MAX_MESH_BYTES = 4 * 2**30
+_MAX_STEP_BYTES = 2**30
 
 
 def read_bytes(path: Path, limit: int) -> bytes:
@@ -42,9 +44,9 @@ def read_mesh_file(path: str | PathLike[str], unit: str = "mm") -> Mesh:
     Parameters
     ----------
     path
-        The file; its suffix names the format: .stl .ply .obj .3mf .glb .dxf .xyz.
+        The file; its suffix names the format: .stl .ply .obj .3mf .glb .dxf .xyz .step.
     unit
-        Unit of the file: mm, cm, m or inch; the mesh is in mm.
+        Unit of the file: mm, cm, m or inch; the mesh is in mm. A STEP file says its own.
 
     Returns
     -------
@@ -65,12 +67,26 @@ def read_mesh_file(path: str | PathLike[str], unit: str = "mm") -> Mesh:
     from turnscan.formats import read_mesh
 
     path = Path(path)
+    if path.suffix.lower() in STEP_SUFFIXES:
+        return read_step_file(path).mesh
     data = read_bytes(path, _MAX_MESH_BYTES)
     try:
         mesh = read_mesh(data, path.suffix)
     except InputError as e:
         raise type(e)(f"{path}: {e.message}", hint=e.hint) from None
     return replace(mesh, vertices=mesh.vertices * UNITS[unit]) if unit != "mm" else mesh
+
+
+def read_step_file(path: Path) -> StepPart:
+    """What a STEP file holds, mm; raises InputError naming the file where that is no surface."""
+    data = read_bytes(path, _MAX_STEP_BYTES)
+    try:
+        part = read_step(data)
+    except InputError as e:
+        raise type(e)(f"{path}: {e.message}", hint=e.hint) from None
+    if not len(part.mesh.faces):
+        raise FormatError(f"{path}: the STEP file holds no surface", hint="export a solid")
+    return part
 
 
 def read_rig_file(path: str | PathLike[str], *, partial: bool = False) -> Rig:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from turnscan.workflows._compare_options import CompareOptions
+from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
 from turnscan.workflows._declare import Checked, Declared, declared
 from turnscan.workflows._format_options import FormatOptions
 from turnscan.workflows._import_options import ImportOptions, SeriesOptions
@@ -228,6 +228,11 @@ _ALL = (
                 "mm, in the frame of each pose.",
                 ("table",), required=False,
             ),
+            InputFile(
+                "reference", "The part as it is drawn (mesh in mm, or STEP), which each pose is "
+                "brought onto; the poses need not overlap then.",
+                ("mesh",), required=False,
+            ),
             _RIG,
         ),
         (OptionsOf(JoinOptions), OptionsOf(ReconstructOptions), OptionsOf(FormatOptions)),
@@ -257,16 +262,26 @@ _ALL = (
     ),
     Verb(
         "compare", "Compare with a reference",
-        "Deviation of a measured surface from a reference in the same frame, and how much of the "
-        "reference was measured.",
+        "Deviation of a measured surface from a reference, a CAD part for example, and how much of "
+        "the reference was measured; its features one by one, and whether they keep tolerances.",
         "Inspect",
         (
             InputFile("measured", "The measured mesh or scan.", _SURFACE),
-            InputFile("reference", "The mesh or scan that it is compared with.", _SURFACE),
+            InputFile("reference", "The mesh, STEP or scan that it is compared with.", _SURFACE),
+            InputFile(
+                "tolerance_table", "Tolerances: CSV feature,quantity,tolerance, as in "
+                "3,diameter,H7 or *,*,ISO 2768-m.",
+                ("table",), required=False,
+            ),
         ),
         (OptionsOf(CompareOptions),),
         (
             OutputFile("picture", "Colour map of the deviation.", (".png",), False, (".png",)),
+            OutputFile("outputs", "The surface coloured by its deviation.", MAP_SUFFIXES),
+            OutputFile(
+                "report", "Report with pictures, figures, or the sizes as a table.",
+                (*REPORT_SUFFIXES, ".csv"),
+            ),
             _FIGURES,
         ),
     ),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from turnscan.workflows._declare import Checked, option
+from turnscan.workflows._units import STEP_SUFFIXES
 
-STEP_SUFFIXES = (".step", ".stp")
 SHAPES_SUFFIXES = (".ply", ".glb", *STEP_SUFFIXES)
 """What shapes are written as: the mesh coloured by shape, or a solid."""
 

@@ -17,7 +17,7 @@ from turnscan.mesh import Mesh, is_closed, measured_vertices
 from turnscan.remedy import Option, Remedy
 from turnscan.shapes import deviation, volume_sigma
 from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes
-from turnscan.workflows._shapes_options import STEP_SUFFIXES
+from turnscan.workflows._units import STEP_SUFFIXES
 
 _ALIKE = 0.01
 """Share of the volume that a solid may differ from the mesh by: a mesh cuts its edges."""

@@ -6,3 +6,4 @@ UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """mm in each unit that a file without a unit of its own may be in."""
 SECTION_SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
 """Of drawings and figures of sections."""
+STEP_SUFFIXES = (".step", ".stp")

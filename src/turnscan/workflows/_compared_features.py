@@ -1,0 +1,279 @@
+"""The features of a reference one by one: how they were measured, and whether they keep their
+tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from turnscan.arrays import Floats, Ints
+from turnscan.drawings import with_sigma
+from turnscan.errors import InputError
+from turnscan.findings import Finding
+from turnscan.remedy import Option
+from turnscan.shapes import Deviation
+from turnscan.shapes.primitives import Shape, ShapeSet, ShapeSize
+from turnscan.workflows._nominal import Nominal
+from turnscan.workflows._tolerances import Tolerance, Verdict, tolerance_of, verdict
+
+_MOSTLY = 0.5
+"""Of a feature's measured points, or of a shape's: how many of them must be common to both."""
+_CELL = 30
+"""Points whose mean tells the profile at a place."""
+_LEAST = 10
+UNKNOWN = "compare.unmeasured"
+_OWN: dict[str, tuple[str, ...]] = {
+    "diameter": ("cylinder", "sphere", "torus"),
+    "tube diameter": ("torus",),
+    "cone angle": ("cone",),
+    "profile": ("plane", "sphere", "cylinder", "cone", "torus"),
+}
+"""Sizes that each feature of a kind has by itself."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A feature of the reference and what was measured on it."""
+
+    number: int
+    """From 1, the largest first."""
+    nominal: str
+    """In words."""
+    points: int
+    mean: float
+    """mm: of the deviations of its points, positive outside."""
+    rms: float
+    p95: float
+    """mm: what 95 % of its points stay within."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A size of features, or the profile of one, against its nominal value and its tolerance."""
+
+    features: tuple[int, ...]
+    """Numbers."""
+    quantity: str
+    nominal: float
+    """mm, or degrees."""
+    measured: float
+    sigma: float
+    """Standard uncertainty."""
+    unit: str
+    tolerance: str = ""
+    """As the table has it; empty where it says nothing."""
+    limits: tuple[float, float] | None = None
+    """Of the deviation from nominal."""
+    verdict: Verdict = ""
+
+    @property
+    def off(self) -> float:
+        """Measured − nominal."""
+        return self.measured - self.nominal
+
+    def __str__(self) -> str:
+        who = "-".join(map(str, self.features))
+        sign = "°" if self.unit == "deg" else " mm"
+        said = f"{who} {self.quantity} {with_sigma(self.measured, self.sigma)}{sign}"
+        if self.quantity != "profile":
+            said += f", nominal {self.nominal:.4f}{sign}, {self.off:+.4f}"
+        return f"{said}: {self.tolerance} {self.verdict}" if self.verdict else said
+
+
+def features_of(reference: Nominal, label: Ints, every: Deviation) -> tuple[Feature, ...]:
+    """The features that have measured points; ``label`` (n,) is the feature of each point."""
+    out = []
+    for k, shape in enumerate(reference.shapes):
+        d = every.distance[label == k]
+        if len(d):
+            rms, p95 = float(np.sqrt(np.mean(d**2))), float(np.quantile(np.abs(d), 0.95))
+            words = nominal_in_words(shape)
+            out.append(Feature(k + 1, words, len(d), float(d.mean()), rms, p95))
+    return tuple(out)
+
+
+def nominal_in_words(s: Shape) -> str:
+    """What a feature is drawn as."""
+    hole = "hollow " if s.hollow else ""
+    if s.kind == "plane":
+        return f"plane, {s.area:.1f} mm²"
+    if s.kind == "cone":
+        return f"{hole}cone of {2 * abs(np.rad2deg(s.second)):.3f}°"
+    size = f"{hole}{s.kind} ⌀ {2 * s.radius:.4f} mm"
+    return f"{size}, tube ⌀ {2 * s.second:.4f} mm" if s.kind == "torus" else size
+
+
+def matched(reference: Nominal, label: Ints, found: ShapeSet, own: Ints) -> dict[int, int]:
+    """Measured shape → feature, where they are of one kind and lie on each other.
+
+    ``label`` and ``own`` (n,) are the feature and the shape of each measured point.
+    """
+    out: dict[int, int] = {}
+    for k, s in enumerate(found.shapes):
+        on = label[own == k]
+        on = on[on >= 0]
+        if not len(on):
+            continue
+        best = int(np.bincount(on).argmax())
+        common = int((on == best).sum())
+        feature = reference.shapes[best]
+        if feature.kind != s.kind or feature.hollow != s.hollow:
+            continue
+        if common >= _MOSTLY * int((own == k).sum()) and best not in out.values():
+            out[k] = best
+    return out
+
+
+def checks_of(
+    reference: Nominal,
+    sizes: Sequence[ShapeSize],
+    match: dict[int, int],
+    tolerances: Sequence[Tolerance],
+) -> Iterator[Check]:
+    """Each measured size whose features are known, against the nominal one.
+
+    Raises InputError where the table names features and its tolerance is none for their size.
+    """
+    for s in sizes:
+        own = [s.first] if s.second is None else [s.first, s.second]
+        if not all(k in match for k in own):
+            continue
+        numbers = tuple(match[k] + 1 for k in own)
+        shapes = [reference.shapes[match[k]] for k in own]
+        nominal = _nominal(s.kind, shapes)
+        angle = s.kind in ("angle", "cone angle")
+        scale, unit = (180 / np.pi, "deg") if angle else (1.0, "mm")
+        made = Check(numbers, s.kind, nominal * scale, s.value * scale, s.sigma * scale, unit)
+        yield _judged(made, tolerances)
+
+
+def _judged(check: Check, tolerances: Sequence[Tolerance]) -> Check:
+    row = tolerance_of(tolerances, check.features, check.quantity)
+    if row is None:
+        return check
+    try:
+        limits = row.limits(check.nominal)
+    except InputError as e:
+        if not row.features:
+            return check
+        who = "-".join(map(str, check.features))
+        raise InputError(
+            f"{who} {check.quantity}: {e.message}", hint=e.hint, option=Option("tolerance_table")
+        ) from None
+    said = verdict(check.off, check.sigma, limits)
+    return Check(
+        check.features, check.quantity, check.nominal, check.measured, check.sigma, check.unit,
+        row.text, limits, said,
+    )  # fmt: skip
+
+
+def _nominal(kind: str, shapes: Sequence[Shape]) -> float:
+    """The size as it is drawn, mm or radians."""
+    a = shapes[0]
+    match kind:
+        case "diameter":
+            return 2 * a.radius
+        case "tube diameter":
+            return 2 * a.second
+        case "cone angle":
+            return 2 * abs(a.second)
+    b = shapes[1]
+    away = b.point - a.point
+    match kind:
+        case "distance":
+            return abs(float(away @ a.axis))
+        case "axis to plane":
+            plane = a if a.kind == "plane" else b
+            return abs(float(away @ plane.axis))
+        case "axis distance":
+            return float(np.linalg.norm(away - (away @ a.axis) * a.axis))
+    return float(np.arctan2(np.linalg.norm(np.cross(a.axis, b.axis)), a.axis @ b.axis))
+
+
+def profiles_of(
+    reference: Nominal, label: Ints, points: Floats, every: Deviation,
+    tolerances: Sequence[Tolerance],
+) -> Iterator[Check]:  # fmt: skip
+    """The profile of each feature that the table asks for: twice its largest deviation, as the
+    means over places of some thirty points tell it, so that the noise of one point does not."""
+    for k in range(len(reference.shapes)):
+        if tolerance_of(tolerances, [k + 1], "profile") is None:
+            continue
+        own = label == k
+        if int(own.sum()) >= _LEAST:
+            value, sigma = _profile(points[own], every.distance[own])
+            yield _judged(Check((k + 1,), "profile", 0.0, value, sigma, "mm"), tolerances)
+
+
+def _profile(points: Floats, off: Floats) -> tuple[float, float]:
+    """Twice the largest mean deviation of a place, mm, and its standard uncertainty."""
+    spread = np.sort(np.ptp(points, axis=0))[::-1]
+    side = float(np.sqrt(max(spread[0] * spread[1], 1e-12) * _CELL / len(points)))
+    at = np.floor((points - points.min(axis=0)) / max(side, 1e-9)).astype(np.int64)
+    _, cell, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
+    cell = cell.reshape(-1)
+    mean = np.bincount(cell, off) / count
+    full = count >= _LEAST
+    if not full.any():
+        return 2 * abs(float(off.mean())), 2 * float(off.std()) / np.sqrt(len(off))
+    within = np.bincount(cell, (off - mean[cell]) ** 2) / np.maximum(count - 1, 1)
+    worst = int(np.argmax(np.where(full, np.abs(mean), -1.0)))
+    return 2 * abs(float(mean[worst])), 2 * float(np.sqrt(within[worst] / count[worst]))
+
+
+def unmet(
+    reference: Nominal, checks: Sequence[Check], tolerances: Sequence[Tolerance]
+) -> list[Finding]:
+    """Rows of the table that nothing answers to, and features that have a tolerance and no size."""
+    out = []
+    for t in tolerances:
+        if not any(t.fits(c.features, c.quantity) for c in checks):
+            who = "-".join(map(str, t.features)) or "*"
+            text = f"{who}, {t.quantity}, {t.text}: nothing that was measured answers to it"
+            out.append(Finding(UNKNOWN, "warning", text))
+    known = {(c.features, c.quantity) for c in checks}
+    for quantity, kinds in _OWN.items():
+        lost = [
+            number
+            for number, s in enumerate(reference.shapes, start=1)
+            if s.kind in kinds
+            and tolerance_of(tolerances, [number], quantity) is not None
+            and ((number,), quantity) not in known
+        ]
+        if lost:
+            who = ", ".join(map(str, lost))
+            text = f"{quantity} of {who}: has a tolerance and could not be measured"
+            remedy = "scan these features more densely, or leave them out of the table"
+            out.append(Finding(UNKNOWN, "warning", text, remedy=remedy))
+    return out
+
+
+def overall(checks: Sequence[Check], findings: Sequence[Finding]) -> Verdict:
+    """Fail where one tolerance fails, pass where all of them pass; empty where there is none.
+
+    Where one could not be measured nothing is decided but a failure.
+    """
+    said = {c.verdict for c in checks if c.verdict}
+    lost = any(f.code == UNKNOWN for f in findings)
+    if not said and not lost:
+        return ""
+    return "fail" if "fail" in said else "undecided" if "undecided" in said or lost else "pass"
+
+
+def check_figures(c: Check) -> dict[str, Any]:
+    """A check, unrounded, by name."""
+    return {
+        "features": list(c.features),
+        "quantity": c.quantity,
+        "nominal": c.nominal,
+        "measured": c.measured,
+        "sigma": c.sigma,
+        "off": c.off,
+        "unit": c.unit,
+        "tolerance": c.tolerance or None,
+        "limits": None if c.limits is None else list(c.limits),
+        "verdict": c.verdict or None,
+    }

@@ -1,0 +1,116 @@
+"""The report of a comparison: a page with the map, a table for a spreadsheet, or figures."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from turnscan.drawings import with_sigma
+from turnscan.findings import record
+from turnscan.workflows import _html as html
+from turnscan.workflows._deviation_map import deviation_figure
+from turnscan.workflows._files import write_atomically
+from turnscan.workflows._shapes_table import COVERAGE
+
+if TYPE_CHECKING:
+    from turnscan.workflows._compare import Comparison
+    from turnscan.workflows._compared_features import Check
+
+
+def write_report(found: Comparison, path: Path, limit: float | None) -> None:
+    """Write the report as its suffix says. Raises ExportError where that fails."""
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        write_atomically(path, _csv(found).encode())
+    elif suffix == ".json":
+        body = {**found.figures(), "findings": [record(f) for f in found.findings]}
+        write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
+    else:
+        write_atomically(path, _page(found, limit).encode())
+
+
+def _csv(found: Comparison) -> str:
+    """Every size with its nominal value, limits and verdict (RFC 4180), unrounded."""
+    out = io.StringIO()
+    writer = csv.writer(out)
+    writer.writerow(
+        ["features", "quantity", "nominal", "measured", "deviation", "unit", "standard uncertainty",
+         f"expanded uncertainty k={COVERAGE:g}", "tolerance", "lower", "upper", "verdict"]
+    )  # fmt: skip
+    for c in found.checks:
+        low, high = c.limits if c.limits is not None else ("", "")
+        numbers = (c.nominal, c.measured, c.off)
+        writer.writerow(
+            ["-".join(map(str, c.features)), c.quantity, *(repr(float(x)) for x in numbers), c.unit,
+             repr(float(c.sigma)), repr(float(COVERAGE * c.sigma)), c.tolerance, low, high,
+             c.verdict]
+        )  # fmt: skip
+    return out.getvalue()
+
+
+def _page(found: Comparison, limit: float | None) -> str:
+    d = found.deviation
+    measured, reference = (Path(name).name for name in found.names)
+    parts = [
+        html.paragraph(f"{measured} against {reference}: {found.placement.text}."),
+        *([html.paragraph(f"Tolerances: {found.verdict}.")] if found.verdict else []),
+        html.picture(
+            deviation_figure(found.mesh, found.every, limit),
+            "Deviation of the measured surface from the reference, outside positive.",
+        ),
+        html.table(
+            ["vertices", "mean, mm", "rms, mm", "95 % within, mm", "worst, mm"],
+            [
+                [len(d.distance), f"{d.mean:+.4f}", f"{d.rms:.4f}", f"{d.quantile(0.95):.4f}",
+                 f"{d.quantile(1.0):.4f}"]
+            ],
+        ),
+        html.table(
+            ["tolerance, mm", "precision", "completeness", "F-score"],
+            [
+                [f"{a.tolerance:g}", f"{a.precision:.2%}", f"{a.completeness:.2%}",
+                 f"{a.f_score:.4f}"]
+                for a in found.agreements
+            ],
+        ),
+    ]  # fmt: skip
+    if found.features:
+        parts += [
+            html.heading("Features of the reference"),
+            html.table(
+                ["", "drawn as", "points", "mean, mm", "rms, mm", "95 % within, mm"],
+                [
+                    [f.number, f.nominal, f.points, f"{f.mean:+.4f}", f"{f.rms:.4f}",
+                     f"{f.p95:.4f}"]
+                    for f in found.features
+                ],
+            ),
+            html.heading("Sizes and profiles"),
+            html.paragraph(
+                "± is one standard uncertainty. A tolerance is kept (pass) or not (fail) where two "
+                "standard uncertainties leave no doubt (ISO 14253-1), else it is undecided."
+            ),
+            html.table(
+                ["feature", "quantity", "nominal", "measured ±", "off", "", "tolerance", "limits",
+                 "verdict"],
+                [_row(c) for c in found.checks],
+            ),
+        ]  # fmt: skip
+    parts += [html.heading("Findings"), html.findings(found.findings)]
+    return html.page(f"{measured} against {reference}", parts)
+
+
+def _row(c: Check) -> list[object]:
+    profile = c.quantity == "profile"
+    limits = ""
+    if c.limits is not None:
+        low, high = c.limits
+        limits = f"at most {high:.4g}" if profile else f"{low:+.4g} to {high:+.4g}"
+    return [
+        "-".join(map(str, c.features)), c.quantity, "" if profile else f"{c.nominal:.4f}",
+        with_sigma(c.measured, c.sigma), "" if profile else f"{c.off:+.4f}", c.unit, c.tolerance,
+        limits, c.verdict,
+    ]  # fmt: skip
