@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from turnscan.workflows._capture_options import CaptureOptions
     from turnscan.workflows._check import CheckedLaser, CheckedScan, check
     from turnscan.workflows._check_mesh import CheckedMesh
-    from turnscan.workflows._compare import Agreement, Comparison, compare
+    from turnscan.workflows._compare import Comparison, compare
     from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
+    from turnscan.workflows._compared_features import Agreement
     from turnscan.workflows._declare import Declared, declared
     from turnscan.workflows._demo import Demonstration, demo
     from turnscan.workflows._demo_options import DemoOptions
@@ -157,8 +158,9 @@ _MODULES = {
     "_capture_options": ("CaptureOptions",),
     "_check": ("CheckedLaser", "CheckedScan", "check"),
     "_check_mesh": ("CheckedMesh",),
-    "_compare": ("Agreement", "Comparison", "compare"),
+    "_compare": ("Comparison", "compare"),
     "_compare_options": ("MAP_SUFFIXES", "CompareOptions"),
+    "_compared_features": ("Agreement",),
     "_declare": ("Declared", "declared"),
     "_demo": ("Demonstration", "demo"),
     "_demo_options": ("DemoOptions",),

@@ -21,6 +21,7 @@ from turnscan.shapes import Deviation, deviation, sample_surface
 from turnscan.workflows._aligning import Placement, labels_of, placed_by
 from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
 from turnscan.workflows._compared_features import (
+    Agreement,
     Check,
     Feature,
     check_figures,
@@ -40,24 +41,6 @@ from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes import FoundShapes, find_shapes
 from turnscan.workflows._tolerances import Tolerance, Verdict, read_tolerances
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How two surfaces agree within a tolerance."""
-
-    tolerance: float
-    """mm."""
-    precision: float
-    """Share of the measured vertices within the tolerance of the reference."""
-    completeness: float
-    """Share of the reference's area within the tolerance of the measured surface."""
-
-    @property
-    def f_score(self) -> float:
-        """Harmonic mean of precision and completeness."""
-        both = self.precision + self.completeness
-        return 2 * self.precision * self.completeness / both if both > 0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,6 +35,24 @@ _OWN: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
+class Agreement:
+    """How two surfaces agree within a tolerance."""
+
+    tolerance: float
+    """mm."""
+    precision: float
+    """Share of the measured vertices within the tolerance of the reference."""
+    completeness: float
+    """Share of the reference's area within the tolerance of the measured surface."""
+
+    @property
+    def f_score(self) -> float:
+        """Harmonic mean of precision and completeness."""
+        both = self.precision + self.completeness
+        return 2 * self.precision * self.completeness / both if both > 0 else 0.0
+
+
+@dataclass(frozen=True)
 class Feature:
     """A feature of the reference and what was measured on it."""
 

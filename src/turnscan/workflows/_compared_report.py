@@ -6,21 +6,48 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from turnscan.drawings import with_sigma
-from turnscan.findings import record
+from turnscan.findings import Finding, record
+from turnscan.mesh import Mesh
+from turnscan.shapes import Deviation
 from turnscan.workflows import _html as html
+from turnscan.workflows._aligning import Placement
+from turnscan.workflows._compared_features import Agreement, Check, Feature
 from turnscan.workflows._deviation_map import deviation_figure
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._shapes_table import COVERAGE
-
-if TYPE_CHECKING:
-    from turnscan.workflows._compare import Comparison
-    from turnscan.workflows._compared_features import Check
+from turnscan.workflows._tolerances import Verdict
 
 
-def write_report(found: Comparison, path: Path, limit: float | None) -> None:
+class Compared(Protocol):
+    """What a report tells of a comparison."""
+
+    @property
+    def mesh(self) -> Mesh: ...
+    @property
+    def every(self) -> Deviation: ...
+    @property
+    def deviation(self) -> Deviation: ...
+    @property
+    def agreements(self) -> tuple[Agreement, ...]: ...
+    @property
+    def findings(self) -> tuple[Finding, ...]: ...
+    @property
+    def placement(self) -> Placement: ...
+    @property
+    def names(self) -> tuple[str, str]: ...
+    @property
+    def features(self) -> tuple[Feature, ...]: ...
+    @property
+    def checks(self) -> tuple[Check, ...]: ...
+    @property
+    def verdict(self) -> Verdict: ...
+    def figures(self) -> dict[str, Any]: ...
+
+
+def write_report(found: Compared, path: Path, limit: float | None) -> None:
     """Write the report as its suffix says. Raises ExportError where that fails."""
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -32,7 +59,7 @@ def write_report(found: Comparison, path: Path, limit: float | None) -> None:
         write_atomically(path, _page(found, limit).encode())
 
 
-def _csv(found: Comparison) -> str:
+def _csv(found: Compared) -> str:
     """Every size with its nominal value, limits and verdict (RFC 4180), unrounded."""
     out = io.StringIO()
     writer = csv.writer(out)
@@ -51,7 +78,7 @@ def _csv(found: Comparison) -> str:
     return out.getvalue()
 
 
-def _page(found: Comparison, limit: float | None) -> str:
+def _page(found: Compared, limit: float | None) -> str:
     d = found.deviation
     measured, reference = (Path(name).name for name in found.names)
     parts = [
