@@ -95,9 +95,8 @@ def join(
         Diameter of three or more marker spheres fixed to the part, mm; they are removed from the
         result.
     reference
-        The part as it is drawn, a mesh file in mm or a STEP file: each pose is brought onto it by
-        shape, so that they need not overlap; it counts as far as the poses agree with it, and
-        nothing of it becomes part of the surface.
+        The part as it is drawn, a mesh file in mm or STEP: each pose is brought onto it by shape,
+        so that they need not overlap. Nothing of it becomes part of the surface.
     rig
         The rig of all scans; None takes the one in each scan file.
     unit
