@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.calibrate.bodies import Body, cylinder, prism, sphere, swept, two_lasers
-from turnscan.calibrate import Outline, contradicted_step, outlines_of
+from turnscan.calibrate import Outline, contradicted_step, open_seam, outlines_of
 
 BODIES = {
     "hexagon": prism((5.0, 2.0), 40.0),
@@ -51,3 +51,24 @@ def test_a_round_part_and_one_laser_say_nothing(step_deg: float) -> None:
     centred = seen(cylinder((0.0, 0.0), 15.0), 6.0)
     assert contradicted_step(centred, np.radians(step_deg)) == ()
     assert contradicted_step(seen(BODIES["hexagon"], 6.0)[:1], np.radians(step_deg)) == ()
+
+
+@pytest.mark.parametrize(
+    ("step_deg", "count", "closes"),
+    [
+        (6.0, 60, True),  # the right one
+        (-6.0, 60, True),  # the mirror image closes as well
+        (10.0, 60, False),  # what is passed twice is not alike
+        (360 / 51, 51, False),  # a whole turn in words, nine steps short of one in truth
+        (5.0, 60, None),  # less than a turn
+    ],
+)
+def test_one_laser_sees_whether_a_turn_closes(
+    step_deg: float, count: int, closes: bool | None
+) -> None:
+    outline = seen(BODIES["hexagon"], 6.0)[0]
+    some = Outline(outline.step[:count], outline.radius[:count], outline.azimuth[:count])
+    off = open_seam(some, np.radians(step_deg), count)
+    assert (None if off is None else off == 0.0) == closes
+    round_part = seen(cylinder((0.0, 0.0), 15.0), 6.0)[0]
+    assert open_seam(round_part, np.radians(step_deg), count) is None

@@ -71,6 +71,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done.exit_code == 0, done.output
     assert "threshold" in done.output
     assert "14 frames taken; whole" in done.output
+    assert "SIMULATED" in done.output
     return path
 
 

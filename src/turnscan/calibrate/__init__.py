@@ -31,7 +31,7 @@ from turnscan.calibrate._refine import Refined, RefineSettings, refine
 from turnscan.calibrate._rig import Calibration, calibrate_rig
 from turnscan.calibrate._steps import angle_model
 from turnscan.calibrate._surfaces import Sweep
-from turnscan.calibrate._turning import Outline, contradicted_step, outlines_of
+from turnscan.calibrate._turning import Outline, contradicted_step, open_seam, outlines_of
 
 __all__ = [
     "Advice",
@@ -65,6 +65,7 @@ __all__ = [
     "laser_weights",
     "measure_table_angle",
     "measured_uncertainty",
+    "open_seam",
     "other_chessboard",
     "outlines_of",
     "parameters_of",

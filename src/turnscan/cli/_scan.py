@@ -32,6 +32,8 @@ def verb(
 
         def planned(scan: workflows.PlannedScan) -> None:
             run.planned()
+            if scan.simulated:
+                click.echo(f"SIMULATED: {scan.simulated} is scanned, no real part")
             how = filter(None, (scan.exposure_reason, scan.threshold_reason))
             size = f"about {scan.size_bytes / 1e6:.1f} MB"
             what = f"{scan.plan.steps} steps × {', '.join(scan.plan.sets)}"

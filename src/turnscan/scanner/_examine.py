@@ -92,7 +92,7 @@ class Examination:
     def __init__(self, hardware: Hardware, seconds: float, gain: float) -> None:
         self.hardware = hardware
         exposure = Exposure(seconds, gain)
-        names = hardware.lasers.names
+        names = hardware.lasers.names or ("none",)  # a camera alone: no picture is lit
         self.plan = Plan(Fraction(0), 1, names, (exposure,))
         self.shooter = Shooter(self.plan, hardware)
         self.accepted = self.shooter.configure(exposure)

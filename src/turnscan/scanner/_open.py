@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from turnscan.acquire import Hardware
-from turnscan.devices import Steady, open_camera, open_devices
+from turnscan.devices import Steady, open_camera, open_devices, open_turntable
 from turnscan.errors import InputError
 from turnscan.rig import Rig
 
@@ -53,6 +53,34 @@ def opened(at: Addresses) -> Iterator[Opened]:
         return
     with open_devices(at.turntable, at.lasers) as board, open_camera(at.camera) as camera:
         yield Opened(at, Hardware(Steady(camera), board.turntable, board.lasers))
+
+
+@contextmanager
+def opened_without_lasers(camera: str) -> Iterator[Opened]:
+    """A camera by its address, a table that a person turns, and no lasers.
+
+    Raises as `opened`.
+    """
+    table = open_turntable("manual:")
+    with open_camera(camera) as eye:
+        yield Opened(Addresses(camera, "manual:", ""), Hardware(Steady(eye), table, _NoLasers()))
+
+
+class _NoLasers:
+    """Nothing that could be lit."""
+
+    names: tuple[str, ...] = ()
+
+    def light(self, lit: frozenset[str], lease: float) -> None:
+        """Nothing, or InputError for a laser."""
+        if lit:
+            raise InputError(f"no laser {min(lit)!r}", hint="give the address of the lasers")
+
+    def renew(self, lease: float) -> None:
+        """Nothing is lit."""
+
+    def off(self) -> None:
+        """Dark already."""
 
 
 def _bench(at: Addresses) -> Opened:

@@ -170,15 +170,18 @@ def _by_markers(
         )
     count = progress.counter(sum(len(one.shots) for one in series))
     places: list[tuple[str, int]] = []
+    names: list[str] = []
     seen: list[tuple[float, float]] = []
     for one in series:
         for shot, picture in _marker_pictures(one):
             angle = measure_table_angle(picture, rig)
             places.append((one.laser, shot.step))
+            names.append(shot.name)
             seen.append((math.nan, math.nan) if angle is None else (angle.angle, angle.sigma))
             count()
     table = np.array(seen)
-    model = angle_model(table[:, 0], table[:, 1], np.array([step for _, step in places]))
+    steps = np.array([step for _, step in places])
+    model = angle_model(table[:, 0], table[:, 1], steps, names=names)
     angles = {
         place: Angle(measured=float(angle), sigma=float(sigma))
         for place, angle, sigma in zip(places, model.angles, model.sigmas, strict=True)

@@ -138,6 +138,10 @@ def _look(
             return
         seen.append((path, picture, why))
         faults.append(picture_fault(picture))
+    for _, picture, _ in seen[:_QUESTIONED]:
+        error = instead(picture)
+        if error is not None:
+            raise error
     bad = [f for f in faults if f]
     if 2 * len(bad) > len(faults):
         k = next(k for k, f in enumerate(faults) if f)
@@ -147,10 +151,6 @@ def _look(
             hint="take the pictures again: sharp, evenly lit, nothing clipped",
             option=stage,
         )
-    for _, picture, _ in seen[:_QUESTIONED]:
-        error = instead(picture)
-        if error is not None:
-            raise error
     if len(seen) == len(paths):
         return  # the stage itself says how many were found of how many
     raise InputError(

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from turnscan.arrays import Floats, Image
-from turnscan.calibrate import Board, coverage, detect_board, parse_board
+from turnscan.calibrate import Board, BoardView, coverage, detect_board, parse_board
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
-from turnscan.scanner import Opened, Shot, photograph
+from turnscan.scanner import Opened, Shot, opened_without_lasers, photograph
+from turnscan.stripes import Orientation
 from turnscan.workflows._capture_options import CaptureOptions
 from turnscan.workflows._device_options import DeviceOptions
+from turnscan.workflows._live_look import seen_stripe
 from turnscan.workflows._png import write_png
 from turnscan.workflows._scan import opened_devices
+
+_LINE, _BEND = 0.3, 2.0
+"""Of a board's rows: fewer with a line show none. px: a line bends by less from row to row."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +114,8 @@ def capture(
     folder, chosen = Path(folder), options or CaptureOptions()
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is not a folder", hint="name a folder for the pictures")
-    album = _Album(folder, chosen.stage, None if board is None else parse_board(board))
-    with opened_devices(devices) as bench:
+    album = Album(folder, chosen.stage, None if board is None else parse_board(board))
+    with _bench(devices, chosen) as bench:
         series = chosen.series(bench.hardware.lasers.names)
         shots = len(series.angles_deg()) * max(len(series.lasers), 1)
 
@@ -123,7 +131,21 @@ def capture(
     return album.all
 
 
-class _Album:
+def _bench(
+    devices: DeviceOptions | Opened | None, options: CaptureOptions
+) -> AbstractContextManager[Opened]:
+    """The devices that the pictures need: a camera alone where nothing is lit or driven."""
+    if isinstance(devices, DeviceOptions) and devices.camera is not None:
+        lit = options.stage == "laser" or options.laser_name is not None
+        by_hand = devices.turntable == "manual:" or (
+            devices.turntable is None and options.stage == "camera" and options.range_deg is None
+        )
+        if by_hand and not lit and devices.lasers is None and devices.device is None:
+            return opened_without_lasers(devices.camera)
+    return opened_devices(devices)
+
+
+class Album:
     """A folder of pictures, and what is seen in them."""
 
     def __init__(self, folder: Path, stage: str, board: Board | None) -> None:
@@ -152,7 +174,20 @@ class _Album:
         if not view.failure:
             self._corners.append(view.corners)
             self._size = view.size
-        return CapturedPicture(self._stage, name, shot.laser, len(view.corners), view.failure)
+        why = view.failure or self._no_line(shot, view)
+        return CapturedPicture(self._stage, name, shot.laser, len(view.corners), why)
+
+    def _no_line(self, shot: Shot, view: BoardView) -> str:
+        """Why the laser's picture is of no use; empty where a line crosses the board."""
+        if self._stage != "laser" or shot.lit is None:
+            return ""
+        low, high = view.corners.min(axis=0), view.corners.max(axis=0)
+        ways: tuple[tuple[Orientation, int], ...] = (("vertical", 1), ("horizontal", 0))
+        for way, k in ways:
+            part = seen_stripe(shot.lit, shot.dark, way).position[int(low[k]) : int(high[k]) + 1]
+            if len(part) and np.sum(np.abs(np.diff(part, 2)) < _BEND) > _LINE * len(part):
+                return ""
+        return f"no line of laser {shot.laser} on the board: is it lit, and does it reach there?"
 
     @property
     def all(self) -> CapturedPictures:

@@ -32,6 +32,8 @@ class CheckedLaser:
     """What there is of one laser in a scan file."""
 
     frames: int
+    steps: int
+    """That have a frame; fewer than frames where each was taken with several exposures."""
     missing: dict[str, str]
     """Why there is no frame, by step."""
     first_deg: float | None
@@ -72,13 +74,17 @@ class CheckedScan:
             f"{plan.dtype}, {plan.keep} frames" + (f", {plan.source}" if plan.source else ""),
             f"rig: {self.rig[:12] if self.rig else 'none'}",
         ]
+        if plan.source.startswith("sim:"):
+            lines.insert(1, "SIMULATED: these are pictures of no real part")
         for name, laser in self.lasers.items():
             angles = "angles unknown"
             if laser.first_deg is not None:
                 angles = f"{laser.first_deg:.2f}° … {laser.last_deg:.2f}°"
             if laser.step_deg is not None:
                 angles += f", usual step {laser.step_deg:.3f}°"
-            lines.append(f"laser {name}: {laser.frames} of {plan.steps} steps, {angles}")
+            lines.append(f"laser {name}: {laser.steps} of {plan.steps} steps, {angles}")
+            if laser.frames != laser.steps:
+                lines[-1] += f"; {laser.frames} frames of several exposures"
         if self.edits:
             lines.append(f"{self.edits} edits; see turnscan edits")
         return lines
@@ -146,7 +152,7 @@ def check(path: str | PathLike[str], progress: Progress = no_progress) -> Checke
         return CheckedScan(
             path=scan.path,
             plan=plan,
-            size_bytes=scan.path.stat().st_size,
+            size_bytes=_size(scan.path),
             raw_bytes=pixels * plan.channels * np.dtype(plan.dtype).itemsize,
             rig=None if scan.rig is None else rig_hash(scan.rig),
             complete=scan.complete,
@@ -155,6 +161,12 @@ def check(path: str | PathLike[str], progress: Progress = no_progress) -> Checke
             edits=edits,
             findings=tuple(found),
         )
+
+
+def _size(file: Path) -> int:
+    """Bytes of a scan file, with what is not yet merged into it while it is written."""
+    log = file.with_name(file.name + "-wal")
+    return file.stat().st_size + (log.stat().st_size if log.exists() else 0)
 
 
 def _opened(file: Path) -> Scan:
@@ -232,6 +244,7 @@ def _laser(scan: Scan, name: str, found: list[Finding]) -> CheckedLaser:
         )
     return CheckedLaser(
         frames=len(angles),
+        steps=len(set(scan.steps(name))),
         missing={str(step): cause for step, cause in missing.items()},
         first_deg=float(known[0]) if len(known) else None,
         last_deg=float(known[-1]) if len(known) else None,

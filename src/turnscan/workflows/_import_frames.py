@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 from turnscan.arrays import Image
 from turnscan.findings import Finding
-from turnscan.remedy import Option, Remedy
 from turnscan.scan import Frame, Scan, ScanPlan, read_picture, signal_of, statistics
 from turnscan.workflows._angles import Angle, Angles
+from turnscan.workflows._import_look import no_stripe
 from turnscan.workflows._series import Series, same_pictures
 from turnscan.workflows._signal import Signal, check_kind
 
@@ -57,8 +57,10 @@ def write_frames(
             tally.add(frame.angle, kept)
             seen = seen or _has_light(frame, scan.plan, signal, kept)
             count()
-        if not seen:
-            tally.findings.append(_no_stripe(one.laser, scan.plan.threshold))
+        if not seen and all(f.code != "scan.no-stripe" for f in signal.findings):
+            level = f"{scan.plan.threshold:.2f} grey levels"
+            why = f"no pixel of any picture is {level} above the background"
+            tally.findings.append(no_stripe(one.laser, why))
         tally.findings += _record_missing(scan, one.laser, angles)
     return tally
 
@@ -90,21 +92,6 @@ def _has_light(frame: Frame, plan: ScanPlan, signal: Signal, kept: float) -> boo
     dark = signal.background if frame.dark is None else frame.dark
     light = signal_of(frame.lit, dark, plan.weights)
     return bool(light.max() > statistics(light).level + plan.threshold)
-
-
-def _no_stripe(laser: str, threshold: float) -> Finding:
-    return Finding(
-        "scan.no-stripe",
-        "warning",
-        f"no pixel of any picture is {threshold:.2f} grey levels above the background",
-        where=f"laser {laser}",
-        remedy=Remedy(
-            "was the laser on and in the picture? otherwise give ",
-            Option("dark"),
-            ", or a lower ",
-            Option("threshold"),
-        ),
-    )
 
 
 def _between(angles: Angles, laser: str, step: int) -> float:

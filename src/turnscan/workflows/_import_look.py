@@ -19,6 +19,10 @@ _CLIPPED = 0.3
 """Of the rows with a stripe: more clipped ones than this are worth a warning."""
 _FORMED = 0.5
 """Of the rows with light: fewer in line with their neighbours form no line."""
+_WIDE_PX, _WIDE = 5.0, 0.006
+"""px, and part of the picture: a line of larger rms width is out of focus."""
+_LIT = 0.02
+"""Of the rows: light in fewer is noise."""
 _BEND = 2.0  # px between a centre and the line through its neighbours, at most
 _AGREE = math.radians(2.0)
 """rms of the angles about a motion that is theirs; half a step where that is more."""
@@ -36,6 +40,8 @@ def look_at_line(
 
     chosen = StripeSettings(orientation=orientation)
     rows = light = formed = clipped = 0
+    widths = []
+    across = 1
     for on, off in pairs:
         stripe = detect(on, off, chosen)
         seen = np.isfinite(stripe.position)
@@ -43,8 +49,14 @@ def look_at_line(
         light += int(seen.sum())
         clipped += int(np.count_nonzero(seen & (stripe.flags & StripeFlag.SATURATED > 0)))
         formed += int(np.count_nonzero(np.abs(np.diff(stripe.position, 2)) < _BEND))
+        widths.append(stripe.width[seen])
+        across = on.shape[1 if orientation == "vertical" else 0]
     out = []
-    if light and formed < _FORMED * light:
+    if light < _LIT * rows and formed <= _FORMED * light:
+        out.append(
+            no_stripe(laser, f"no line is seen in any of the {len(widths)} pictures looked at")
+        )
+    elif formed < _FORMED * light:
         out.append(
             Finding(
                 "scan.no-line",
@@ -61,6 +73,19 @@ def look_at_line(
                 ),
             )
         )
+    usual = float(np.median(np.concatenate(widths))) if light else 0.0
+    if usual > max(_WIDE_PX, _WIDE * across):
+        out.append(
+            Finding(
+                "scan.blurred",
+                "warning",
+                f"the line is {usual:.0f} px wide (rms): the laser or the camera is out of focus, "
+                "or something moved",
+                where=f"laser {laser}",
+                remedy="focus the laser on the axis of the table and the camera on the line, and "
+                "take the pictures again",
+            )
+        )
     if clipped > _CLIPPED * max(light, 1):
         out.append(
             Finding(
@@ -73,6 +98,22 @@ def look_at_line(
             )
         )
     return formed / max(rows, 1), out
+
+
+def no_stripe(laser: str, why: str) -> Finding:
+    """That the laser is in none of the pictures."""
+    return Finding(
+        "scan.no-stripe",
+        "warning",
+        why,
+        where=f"laser {laser}",
+        remedy=Remedy(
+            "was the laser on and in the picture? otherwise give ",
+            Option("dark"),
+            ", or a lower ",
+            Option("threshold"),
+        ),
+    )
 
 
 def check_turn(

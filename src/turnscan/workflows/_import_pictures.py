@@ -161,7 +161,7 @@ def import_pictures(
     sampling = progress.subrange(marked, marked + _SAMPLES, "sampling pictures")
     signals = find_signals(series, wanted, first, sampling)
     if isinstance(angles, EvenSteps) and stored is not None and not stored.markers:
-        check_outline(angles, series, signals, stored, wanted)
+        remarks = [*remarks, *check_outline(angles, series, signals, stored, wanted)]
     plan = _plan(series, steps, wanted, first, signals, source)
     total = sum(len(s.shots) for s in series)
     count = progress.subrange(marked + _SAMPLES, 1, "importing").counter(total)

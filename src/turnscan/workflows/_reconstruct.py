@@ -10,8 +10,10 @@ from typing import Any
 
 from turnscan.detection import detect_scan
 from turnscan.edit import Entry
+from turnscan.findings import Finding
 from turnscan.pipeline import build
 from turnscan.progress import Progress, no_progress
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig
 from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.stripes import Detector
@@ -136,7 +138,25 @@ def _of_scan(
     seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
     surfacing = progress.subrange(_DETECTION, 1, "building the surface")
     done = build(seen, settings, edits, surfacing)
-    done = replace(done, findings=(*done.findings, *table_findings(seen, done.grids)))
+    remarks = (*below_stored(scan, settings.stripes.threshold), *table_findings(seen, done.grids))
+    done = replace(done, findings=(*done.findings, *remarks))
     return ReconstructResult(
         done, about(scan.path, rig, settings, done.edits), rig, options=options
     )
+
+
+def below_stored(scan: Scan, threshold: float | None) -> list[Finding]:
+    """Whether a threshold asks for pixels that the scan file does not hold."""
+    kept = scan.plan.threshold
+    if threshold is None or scan.plan.keep != "sparse" or threshold >= kept:
+        return []
+    return [
+        Finding(
+            "scan.threshold-below-stored",
+            "warning",
+            f"the threshold is {threshold:g} grey levels, but the file holds only the pixels near "
+            f"those above {kept:g}: a weaker stripe is not in it",
+            remedy=Remedy("give at least ", Option("threshold", f"{kept:g}"), ", or import or scan "
+                          "again with ", Option("keep", "full")),
+        )
+    ]  # fmt: skip

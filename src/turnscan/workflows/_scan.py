@@ -56,6 +56,8 @@ class PlannedScan:
     """How the threshold was chosen."""
     exposure_reason: str = ""
     """How the exposure was chosen, where it was found."""
+    simulated: str = ""
+    """Address of the simulated rig that takes it; empty for real devices."""
     size_bytes: int = 0
     """Of the file, about."""
     retaken: int = 0
@@ -167,7 +169,8 @@ def scan(
         with ready.create(path) as file:
             plan = ready.plan
             left, why = steps_left(plan, file), ready.exposure_reason
-            planned(PlannedScan(path, plan, left, file, ready.rig, how, why, ready.size))
+            at = bench.at.camera if bench.at.camera.startswith("sim:") else ""
+            planned(PlannedScan(path, plan, left, file, ready.rig, how, why, at, ready.size))
             hear = _Hearing(listener, missing, progress)
             return _take(plan, bench.hardware, file, hear, ready.first, control)
 

@@ -27,6 +27,15 @@ _SAMPLES = 41
 _LESSONS = 8
 _BEND = 2.0  # px between a centre and the line through its neighbours, at most
 _SAMPLE_BYTES = 512 << 20
+_REACH = 8
+"""px: what is farther from the middle of a line is no part of it."""
+_THIN, _BETTER = 0.3, 1.5
+"""Part of the light on a line, times the part of rows with one: below it other colours are tried.
+Times: another one must be so much better."""
+
+
+Trial = tuple["Image | None", str, "list[Image | None]", "Weights | None"]
+"""Background, its origin in words, the dark pictures of the samples, and weights."""
 
 
 @dataclass(frozen=True)
@@ -73,21 +82,87 @@ def find_signal(
             own.append(read_picture(path))
             check_kind(own[-1], first, str(path))
         count()
-    trials = []
+    trials: list[Trial] = []
+    remarks: list[Finding] = []
     for background, origin in _backgrounds(series, lit, own, first, options, known):
         darks: list[Image | None] = list(own) or [background] * len(lit)
         weights = None if first.ndim == 2 else known or _weights(options.colour, lit, darks)
         trials.append((background, origin, darks, weights))
-    scores = [0]
-    if len(trials) > 1:
-        scores = [_smooth_lines(lit, t[2], t[3], options.orientation) for t in trials]
-    background, origin, darks, weights = trials[int(np.argmax(scores))]
+    background, origin, darks, weights = _best(trials, lit, options.orientation)
+    if weights is not None and known is None and options.colour == LEARN:
+        thin = _on_the_line(lit, darks, weights, options.orientation)
+        if thin < _THIN:
+            other = [(b, o, d, w) for b, o, d, _ in trials for w in _differences(weights)]
+            found = [_on_the_line(lit, d, w, options.orientation) for _, _, d, w in other]
+            if max(found) > max(_BETTER * thin, _THIN / 2):
+                background, origin, darks, weights = other[int(np.argmax(found))]
+            else:
+                remarks.append(_no_thin_line(series.laser))
     some = range(0, len(lit), max(1, len(lit) // 16))
     noise = float(np.median([statistics(signal_of(lit[i], darks[i], weights)).noise for i in some]))
     threshold = max(NOISE_FACTOR * noise, LEAST_THRESHOLD)
     pairs = ((grey_of(lit[i], weights), grey_of(darks[i], weights)) for i in some)
-    share, remarks = look_at_line(series.laser, pairs, options.orientation)
-    return Signal(weights, background, origin, noise, threshold, share, tuple(remarks))
+    share, more = look_at_line(series.laser, pairs, options.orientation)
+    return Signal(weights, background, origin, noise, threshold, share, (*remarks, *more))
+
+
+def _best(trials: list[Trial], lit: list[Image], orientation: Orientation) -> Trial:
+    """The background that lets most of the stripe be seen."""
+    if len(trials) == 1:
+        return trials[0]
+    return trials[int(np.argmax([_smooth_lines(lit, t[2], t[3], orientation) for t in trials]))]
+
+
+def _differences(weights: Weights) -> list[Weights]:
+    """The strongest channel minus the others: in these nothing that is grey is seen."""
+    k = int(np.argmax(weights))
+    i, j = (c for c in range(3) if c != k)
+    out = []
+    for a, b in ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5)):
+        mix = [0.0, 0.0, 0.0]
+        mix[k], mix[i], mix[j] = 1.0, 0.0 - a, 0.0 - b
+        out.append((mix[0], mix[1], mix[2]))
+    return out
+
+
+def _no_thin_line(laser: str) -> Finding:
+    return Finding(
+        "scan.no-line",
+        "warning",
+        "most of the light that moves from picture to picture lies on no thin line: it is the part "
+        "itself, lit by the room",
+        where=f"laser {laser}",
+        remedy=Remedy("take the pictures in a darker room, or give those with the laser off: ",
+                      Option("dark"), ", or its ", Option("colour")),
+    )  # fmt: skip
+
+
+def _on_the_line(
+    lit: list[Image], darks: list[Image | None], weights: Weights | None, orientation: Orientation
+) -> float:
+    """Of the light that would be kept, the part on a thin line, times the lines that have one.
+
+    Where a part moves in a lit room, what is kept is mostly the part itself; its outline, too, is
+    continuous from row to row.
+    """
+    from turnscan.stripes import StripeSettings, detect
+
+    settings = StripeSettings(orientation=orientation)
+    near = total = formed = rows = 0
+    for i in range(0, len(lit), max(1, len(lit) // _LESSONS)):
+        light = signal_of(lit[i], darks[i], weights)
+        seen = statistics(light)
+        above = light > seen.level + max(NOISE_FACTOR * seen.noise, LEAST_THRESHOLD)
+        place = detect(grey_of(lit[i], weights), grey_of(darks[i], weights), settings).position
+        above = above if orientation == "vertical" else above.T
+        line = np.zeros(len(place), dtype=bool)
+        line[1:-1] = np.abs(np.diff(place, 2)) < _BEND
+        beside = np.abs(np.arange(above.shape[1]) - place[:, None]) <= _REACH
+        near += int(np.count_nonzero(above & beside & line[:, None]))
+        total += int(np.count_nonzero(above))
+        formed += int(np.count_nonzero(line))
+        rows += len(place)
+    return near / max(total, 1) * formed / max(rows, 1)
 
 
 def grey_of(picture: Image | None, weights: ColourWeights | None) -> Any:
