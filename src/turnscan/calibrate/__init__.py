@@ -15,7 +15,7 @@ from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Tabl
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._limits import refuse_poor
-from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
+from turnscan.calibrate._markers import aruco_dictionary, detect_markers
 from turnscan.calibrate._pairs import fit_sheet
 from turnscan.calibrate._parameters import parameters_of
 from turnscan.calibrate._picture import picture_fault
@@ -44,7 +44,6 @@ __all__ = [
     "Chessboard",
     "KnownRig",
     "LaserPicture",
-    "MarkerView",
     "Measured",
     "Outline",
     "RefineSettings",

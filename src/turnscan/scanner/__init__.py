@@ -2,7 +2,7 @@
 
 from turnscan.scanner._doctor import Diagnosis, examine
 from turnscan.scanner._identify_lasers import Seen, which_laser
-from turnscan.scanner._open import Addresses, Opened, opened, opened_without_lasers
+from turnscan.scanner._open import Addresses, Opened, opened
 from turnscan.scanner._photograph import (
     LONGEST_PAUSE,
     MOST_PICTURES,
@@ -37,7 +37,6 @@ __all__ = [
     "hardware_to_resume",
     "laser_colour",
     "opened",
-    "opened_without_lasers",
     "photograph",
     "prepare",
     "steps_left",

@@ -19,6 +19,7 @@ class Addresses:
     camera: str
     turntable: str
     lasers: str
+    """Empty for none, with a table that a person turns."""
 
 
 @dataclass(frozen=True)
@@ -51,19 +52,12 @@ def opened(at: Addresses) -> Iterator[Opened]:
             )
         yield _bench(at)
         return
+    if not at.lasers and at.turntable == "manual:":
+        with open_camera(at.camera) as camera:
+            yield Opened(at, Hardware(Steady(camera), open_turntable("manual:"), _NoLasers()))
+        return
     with open_devices(at.turntable, at.lasers) as board, open_camera(at.camera) as camera:
         yield Opened(at, Hardware(Steady(camera), board.turntable, board.lasers))
-
-
-@contextmanager
-def opened_without_lasers(camera: str) -> Iterator[Opened]:
-    """A camera by its address, a table that a person turns, and no lasers.
-
-    Raises as `opened`.
-    """
-    table = open_turntable("manual:")
-    with open_camera(camera) as eye:
-        yield Opened(Addresses(camera, "manual:", ""), Hardware(Steady(eye), table, _NoLasers()))
 
 
 class _NoLasers:

@@ -14,7 +14,7 @@ from turnscan.arrays import Floats, Image
 from turnscan.calibrate import Board, BoardView, coverage, detect_board, parse_board
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
-from turnscan.scanner import Opened, Shot, opened_without_lasers, photograph
+from turnscan.scanner import Addresses, Opened, Shot, opened, photograph
 from turnscan.stripes import Orientation
 from turnscan.workflows._capture_options import CaptureOptions
 from turnscan.workflows._device_options import DeviceOptions
@@ -141,7 +141,7 @@ def _bench(
             devices.turntable is None and options.stage == "camera" and options.range_deg is None
         )
         if by_hand and not lit and devices.lasers is None and devices.device is None:
-            return opened_without_lasers(devices.camera)
+            return opened(Addresses(devices.camera, "manual:", ""))
     return opened_devices(devices)
 
 
