@@ -15,7 +15,7 @@ from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Tabl
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._limits import refuse_poor
-from turnscan.calibrate._markers import aruco_dictionary, detect_markers
+from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
 from turnscan.calibrate._pairs import fit_sheet
 from turnscan.calibrate._parameters import parameters_of
 from turnscan.calibrate._picture import picture_fault
@@ -25,7 +25,6 @@ from turnscan.calibrate._quality import (
     Measured,
     coverage,
     figures,
-    measured_uncertainty,
 )
 from turnscan.calibrate._refine import Refined, RefineSettings, refine
 from turnscan.calibrate._rig import Calibration, calibrate_rig
@@ -44,6 +43,7 @@ __all__ = [
     "Chessboard",
     "KnownRig",
     "LaserPicture",
+    "MarkerView",
     "Measured",
     "Outline",
     "RefineSettings",
@@ -63,7 +63,6 @@ __all__ = [
     "fit_sheet",
     "laser_weights",
     "measure_table_angle",
-    "measured_uncertainty",
     "open_seam",
     "other_chessboard",
     "outlines_of",

@@ -34,7 +34,7 @@ _THIN, _BETTER = 0.3, 1.5
 Times: another one must be so much better."""
 
 
-Trial = tuple["Image | None", str, "list[Image | None]", "Weights | None"]
+Trial = tuple["Image | None", str, "list[Image | None]", "ColourWeights | None"]
 """Background, its origin in words, the dark pictures of the samples, and weights."""
 
 
@@ -113,7 +113,7 @@ def _best(trials: list[Trial], lit: list[Image], orientation: Orientation) -> Tr
     return trials[int(np.argmax([_smooth_lines(lit, t[2], t[3], orientation) for t in trials]))]
 
 
-def _differences(weights: Weights) -> list[Weights]:
+def _differences(weights: ColourWeights) -> list[ColourWeights]:
     """The strongest channel minus the others: in these nothing that is grey is seen."""
     k = int(np.argmax(weights))
     i, j = (c for c in range(3) if c != k)
@@ -138,7 +138,10 @@ def _no_thin_line(laser: str) -> Finding:
 
 
 def _on_the_line(
-    lit: list[Image], darks: list[Image | None], weights: Weights | None, orientation: Orientation
+    lit: list[Image],
+    darks: list[Image | None],
+    weights: ColourWeights | None,
+    orientation: Orientation,
 ) -> float:
     """Of the light that would be kept, the part on a thin line, times the lines that have one.
 
