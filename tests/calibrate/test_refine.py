@@ -55,7 +55,12 @@ def test_what_was_known_of_the_table_stays_where_a_scan_says_nothing_of_it() -> 
     )
     rig = replace(two_lasers(), motion=known)
     sweeps = both(rig, prism((5.0, 2.0), 40.0), STEPS, eccentric().angle(STEPS), 1, every=6)
-    motion = refine(rig, sweeps, QUICK).rig.motion
+    done = refine(rig, sweeps, QUICK)
+    motion = done.rig.motion
+    # What was known counts beside what the scan says: no less certain than before, and kept.
+    assert abs(done.estimated["motion.sin1"].value - np.radians(1.0)) < np.radians(0.06)
+    assert done.estimated["motion.sin1"].sigma < np.radians(0.0201)
+    assert "motion.start" not in done.dropped
     assert motion is not None
     assert motion.covariance is not None
     place = motion.names.index("motion.backlash")
@@ -165,6 +170,9 @@ def test_play_is_taken_up_once_and_again_on_the_way_back() -> None:
     play = TableMotion(np.zeros((0, 2)), np.radians(3.0), np.radians(0.5))
     assert np.degrees(play.angle(told)) == pytest.approx([3.0, 10.0, 20.0, 10.5, 0.5])
     assert np.degrees(play.angle(-told)) == pytest.approx([-3.0, -10.0, -20.0, -10.5, -0.5])
+    # A list that begins again after 360° goes on in the same sense.
+    wrapped = np.radians([350.0, 355.0, 0.0, 5.0])
+    assert np.degrees(play.angle(wrapped)) == pytest.approx([353.0, 355.0, 0.0, 5.0])
     waves = TableMotion(np.radians([[0.0, 1.0]]), covariance=np.diag([0, 1e-6, 0, 0]))
     assert np.degrees(waves.angle(np.radians([90.0]))) == pytest.approx([91.0])
     turn = np.linspace(0, 2 * np.pi, 100, endpoint=False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.calibrate.bodies import Body, cylinder, prism, sphere, swept, two_lasers
-from turnscan.calibrate import Outline, contradicted_step, open_seam, outlines_of
+from turnscan.calibrate import Outline, contradicted_step, outlines_of
 
 BODIES = {
     "hexagon": prism((5.0, 2.0), 40.0),
@@ -68,7 +68,7 @@ def test_one_laser_sees_whether_a_turn_closes(
 ) -> None:
     outline = seen(BODIES["hexagon"], 6.0)[0]
     some = Outline(outline.step[:count], outline.radius[:count], outline.azimuth[:count])
-    off = open_seam(some, np.radians(step_deg), count)
+    off = some.open_seam(np.radians(step_deg), count)
     assert (None if off is None else off == 0.0) == closes
     round_part = seen(cylinder((0.0, 0.0), 15.0), 6.0)[0]
-    assert open_seam(round_part, np.radians(step_deg), count) is None
+    assert round_part.open_seam(np.radians(step_deg), count) is None

@@ -25,12 +25,13 @@ from turnscan.calibrate._quality import (
     Measured,
     coverage,
     figures,
+    measured_uncertainty,
 )
 from turnscan.calibrate._refine import Refined, RefineSettings, refine
 from turnscan.calibrate._rig import Calibration, calibrate_rig
 from turnscan.calibrate._steps import angle_model
 from turnscan.calibrate._surfaces import Sweep
-from turnscan.calibrate._turning import Outline, contradicted_step, open_seam, outlines_of
+from turnscan.calibrate._turning import Outline, contradicted_step, outlines_of
 
 __all__ = [
     "Advice",
@@ -63,7 +64,7 @@ __all__ = [
     "fit_sheet",
     "laser_weights",
     "measure_table_angle",
-    "open_seam",
+    "measured_uncertainty",
     "other_chessboard",
     "outlines_of",
     "parameters_of",

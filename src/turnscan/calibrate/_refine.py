@@ -21,10 +21,11 @@ from turnscan.calibrate._surfaces import (
     Surfaces,
     Sweep,
     gauge_of,
+    motion_known,
     noise_of,
     thinned,
 )
-from turnscan.errors import Degenerate
+from turnscan.errors import Degenerate, DidNotConverge
 from turnscan.rig import Rig, TableMotion
 
 ORDERS = 3
@@ -121,7 +122,7 @@ def refine(
         now = _gap(network, state)
         if k == 0:
             first = now
-        fit = adjust(network, state, free, near=fit)
+        fit = _adjusted(network, state, free, fit)
         moved, state = _moved(state, fit), fit.state
         after = _gap(network, state)
         reach = min(max(6 * after[0], 4 * after[1]), _REACH_MM)
@@ -138,6 +139,19 @@ def refine(
             hint="did the part move, is it the body that was named, and is the rig the right one?",
         )
     return _told(rig, network, fit, free, dropped, first[0], last)
+
+
+def _adjusted(
+    network: SurfaceNetwork, state: Surfaces, free: Bools, near: Fit[Surfaces] | None
+) -> Fit[Surfaces]:
+    try:
+        return adjust(network, state, free, near=near)
+    except DidNotConverge:
+        raise DidNotConverge(
+            "the surfaces come to no rest against each other",
+            hint="begin with a rig nearer to the truth (measure again with a ruler), or with one "
+            "whose uncertainties say how far it may be off",
+        ) from None
 
 
 def _with_what_was_known(told: Floats, before: Rig, state: Surfaces, free: Bools) -> Floats:
@@ -175,7 +189,7 @@ def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings)
     moved = [sweep for sweep in sweeps if sweep.moved]
     if moved:
         free[len(own) : len(own) + len(motion)] = True
-        back = any(np.ptp(np.sign(np.diff(sweep.angles))) > 0 for sweep in moved)
+        back = any(np.ptp(np.sign(np.diff(np.unwrap(sweep.angles)))) > 0 for sweep in moved)
         free[len(own) + motion.index("motion.backlash")] = back
     free[len(own) + len(motion) :] = True
     return free
@@ -193,7 +207,7 @@ def _network(
     names = state.rig.parameter_names
     stages = {n.rpartition(".")[0] for n, f in zip(names, free, strict=False) if f}
     prior = prior_of(rig, state.rig, stages) if stages else None
-    network = SurfaceNetwork(sweeps, (), state, free, prior)
+    network = SurfaceNetwork(sweeps, (), state, free, prior, rig.motion)
     at = network.places(state.rig)
     noise = [noise_of(sweep, state.rig) for sweep in sweeps]
     pairs = []
@@ -255,6 +269,8 @@ def _simplest(
         index = np.array([p + names.index(n) for n in group if n in names], dtype=np.intp)
         if not len(index) or not free[index].any():
             continue
+        if (motion_known(names, network.known_motion)[1][index - p] < WEAK).all():
+            continue  # it was estimated before: this scan adds to what is known
         values = fit.state.motion.values[index - p]
         C = fit.covariance[np.ix_(index, index)]
         weak = bool(np.diag(C).max() > (_TOLD * WEAK) ** 2)

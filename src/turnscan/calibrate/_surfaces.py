@@ -117,6 +117,8 @@ class SurfaceNetwork:
     active: Bools
     """(p,) the parameters whose derivatives are wanted."""
     prior: RigPrior | None = None
+    known_motion: TableMotion | None = None
+    """The table's errors as they were known, with their covariance."""
     sphere_sigma: tuple[tuple[Floats, ...], ...] = field(default=())
     """Per sphere and sweep: standard uncertainty of its points' distance, mm."""
 
@@ -258,11 +260,12 @@ class SurfaceNetwork:
 
     def _priors(self, state: Surfaces) -> list[Block]:
         p = len(state.rig.parameter_names)
+        mean, sigma = motion_known(state.motion.names, self.known_motion)
         values = state.motion.values
         common = self._zeros(len(values))
-        common[np.arange(len(values)), p + np.arange(len(values))] = 1 / WEAK
+        common[np.arange(len(values)), p + np.arange(len(values))] = 1 / sigma
         none = np.zeros((len(values), 0))
-        out = [Block(-1, PRIOR_MOTION, -values / WEAK, common, none)]
+        out = [Block(-1, PRIOR_MOTION, (mean - values) / sigma, common, none)]
         if self.prior is not None:
             common = self._zeros(len(self.prior.index))
             common[:, self.prior.index] = self.prior.root
@@ -274,6 +277,21 @@ class SurfaceNetwork:
             off = -gauge @ moved_by(self.prior.rig, state.rig)
             out.append(Block(-1, PRIOR_GAUGE, off, common, np.zeros((2, 0))))
         return out
+
+
+def motion_known(names: Sequence[str], known: TableMotion | None) -> tuple[Floats, Floats]:
+    """Values (q,) rad of the table's errors and their standard uncertainties before a scan.
+
+    What nothing was known of is 0 ± `WEAK`.
+    """
+    mean, sigma = np.zeros(len(names)), np.full(len(names), WEAK)
+    if known is not None and known.covariance is not None:
+        own = np.sqrt(np.diag(known.covariance))
+        for k, name in enumerate(names):
+            if name in known.names and own[known.names.index(name)] > 0:
+                mean[k] = known.values[known.names.index(name)]
+                sigma[k] = own[known.names.index(name)]
+    return mean, sigma
 
 
 def gauge_of(rig: Rig) -> Floats:

@@ -48,6 +48,41 @@ class Outline:
             values = frozen(getattr(self, name), (s, None), f"Outline.{name}", nan=True)
             object.__setattr__(self, name, values)
 
+    def open_seam(self, step: float, count: int) -> float | None:
+        """mm by which the outline of a part fails to close after a whole turn; 0 where it does.
+
+        ``count`` is how many steps of ``step`` rad were made, of which the outline has some. What
+        was passed twice must be alike; where the steps make one whole turn, the last of them must
+        lead on to the first, by no more than they differ elsewhere. None where they make less than
+        a turn, or the part is round about the axis: nothing is said then. A wrong sense closes as
+        well.
+        """
+        o, turned = self, abs(step) * count
+        if len(o.step) < _FEWEST_STEPS or np.count_nonzero(np.isfinite(o.radius)) < _FEWEST:
+            return None
+        seen = np.isfinite(o.radius).sum(axis=0) >= _FEWEST_STEPS
+        if not seen.any():
+            return None
+        usual = float(np.nanmedian(o.radius))
+        varies = float(np.median(np.nanstd(o.radius[:, seen], axis=0)))
+        if varies < _ROUND * usual:
+            return None
+        begin = np.abs(step) * (o.step - o.step.min())
+        again = begin >= 2 * np.pi
+        if np.count_nonzero(again) >= _FEWEST_STEPS:
+            one, two = (Outline(o.step[w], o.radius[w], o.azimuth[w]) for w in (~again, again))
+            off = _apart(two, one, step)
+            return off if off > max(_FAR * varies, _ROUND * usual / 2) else 0.0
+        if abs(turned - 2 * np.pi) > abs(step) / 2:
+            return None
+        jumps = np.abs(np.diff(o.radius, axis=0, append=o.radius[:1]))
+        known = np.isfinite(jumps).sum(axis=1) >= max(_HEIGHTS // 4, 1)
+        if not known[-1] or np.count_nonzero(known) < _FEWEST_STEPS:
+            return None
+        each = np.nanmedian(jumps[known], axis=1)
+        off, most = float(each[-1]), float(each[:-1].max())
+        return off if off > max(_SEAM * most, _ROUND * usual) else 0.0
+
 
 def outlines_of(
     stripes: Sequence[tuple[Floats, Sequence[Floats]]],
@@ -117,41 +152,6 @@ def contradicted_step(outlines: Sequence[Outline], step: float) -> tuple[float, 
         if apart[k] < _ALIKE * best and all(abs(tries[k] / t - 1) > _SAME for t in out):
             out.append(float(tries[k]))
     return tuple(out) if len(out) > 1 else (_finer(a, b, out[0]),)
-
-
-def open_seam(outline: Outline, step: float, count: int) -> float | None:
-    """mm by which one laser's outline of a part fails to close after a whole turn; 0 where it does.
-
-    ``count`` is how many steps of ``step`` rad were made, of which the outline has some. What was
-    passed twice must be alike; where the steps make one whole turn, the last of them must lead on
-    to the first, by no more than they differ elsewhere. None where they make less than a turn, or
-    the part is round about the axis: nothing is said then. A wrong sense closes as well.
-    """
-    o, turned = outline, abs(step) * count
-    if len(o.step) < _FEWEST_STEPS or np.count_nonzero(np.isfinite(o.radius)) < _FEWEST:
-        return None
-    seen = np.isfinite(o.radius).sum(axis=0) >= _FEWEST_STEPS
-    if not seen.any():
-        return None
-    usual = float(np.nanmedian(o.radius))
-    varies = float(np.median(np.nanstd(o.radius[:, seen], axis=0)))
-    if varies < _ROUND * usual:
-        return None
-    begin = np.abs(step) * (o.step - o.step.min())
-    again = begin >= 2 * np.pi
-    if np.count_nonzero(again) >= _FEWEST_STEPS:
-        one, two = (Outline(o.step[w], o.radius[w], o.azimuth[w]) for w in (~again, again))
-        off = _apart(two, one, step)
-        return off if off > max(_FAR * varies, _ROUND * usual / 2) else 0.0
-    if abs(turned - 2 * np.pi) > abs(step) / 2:
-        return None
-    jumps = np.abs(np.diff(o.radius, axis=0, append=o.radius[:1]))
-    known = np.isfinite(jumps).sum(axis=1) >= max(_HEIGHTS // 4, 1)
-    if not known[-1] or np.count_nonzero(known) < _FEWEST_STEPS:
-        return None
-    each = np.nanmedian(jumps[known], axis=1)
-    off, most = float(each[-1]), float(each[:-1].max())
-    return off if off > max(_SEAM * most, _ROUND * usual) else 0.0
 
 
 def _finer(a: Outline, b: Outline, step: float) -> float:

@@ -83,6 +83,7 @@ class TableMotion:
 
     def _play(self, c: Floats) -> tuple[float, Bools, Floats]:
         """Sense in which the scan began, where it goes back, and how far it went since."""
+        c = np.unwrap(c)  # a list may begin again at 0 after 360
         moves = np.sign(np.diff(c, prepend=c[:1]))
         some = np.flatnonzero(moves)
         sense = float(moves[some[0]]) if len(some) else 1.0

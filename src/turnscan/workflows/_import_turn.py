@@ -70,9 +70,7 @@ def check_outline(
 
 def _one_laser(laser: str, outline: Outline, step: float, count: int) -> Finding:
     """What the outline that one laser saw says of the steps."""
-    from turnscan.calibrate import open_seam
-
-    off = open_seam(outline, step, count)
+    off = outline.open_seam(step, count)
     turned = math.degrees(abs(step) * count)
     if off:
         return Finding(

@@ -8,7 +8,7 @@ import numpy as np
 
 from tests.app.e2e.conftest import until
 from tests.app.e2e.pages import WORKING, connect, disconnect
-from turnscan.calibrate._quality import measured_uncertainty
+from turnscan.calibrate import measured_uncertainty
 from turnscan.rig import Rig, rig_from_json
 from turnscan.scan import Scan
 from turnscan.simulate import Simulated, simulated
