@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import turnscan
+from turnscan.compiled import njit
 
 PACKAGE = Path(turnscan.__file__).parent
 REACH = """
@@ -168,6 +169,22 @@ def test_processes_that_start_at_once_compile_once(small: Path) -> None:
     found = [process.communicate(timeout=120) for process in processes]
     assert all(process.returncode == 0 for process in processes), found
     assert sorted(out.splitlines()[-1] for out, _ in found) == ["0 1", "1 0", "1 0"]
+
+
+def test_a_constant_that_a_kernel_gives_to_another_has_no_type_of_its_own() -> None:
+    @njit(cache=False)
+    def inner(x: int) -> int:
+        return x + 1
+
+    @njit(cache=False)
+    def outer() -> int:
+        total = inner(5)
+        for i in range(3):
+            total = inner(total) + i
+        return total
+
+    assert outer() == 12
+    assert len(inner.signatures) == 1  # type: ignore[attr-defined]
 
 
 def test_kernels_can_run_uncompiled(small: Path) -> None:

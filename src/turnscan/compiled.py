@@ -23,7 +23,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,6 +31,7 @@ import llvmlite
 import llvmlite.binding
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
+from numba.core.types import unliteral  # type: ignore[attr-defined]
 from numba.misc.appdirs import user_cache_dir
 
 from turnscan.locking import take
@@ -46,18 +47,31 @@ Kernel = TypeVar("Kernel", bound=Callable[..., object])
 def njit(*, cache: bool = True, **options: Any) -> Callable[[Kernel], Kernel]:
     """``numba.njit`` whose cached machine code is as new as the sources.
 
-    ``options`` are numba's. ``cache=False`` compiles anew in each process.
+    ``options`` are numba's. ``cache=False`` compiles anew in each process. To compile little no
+    kernel has an entry for C, and one kernel's call of another no type of its own for a constant.
     """
-    decorate = numba.njit(**options)
+    decorate = numba.njit(no_cfunc_wrapper=True, **options)
 
     def compiled(function: Kernel) -> Kernel:
-        dispatcher: Kernel = decorate(function)
-        folder = _folder(Path(function.__code__.co_filename)) if cache else None
-        if folder is not None and hasattr(dispatcher, "_cache"):  # none with NUMBA_DISABLE_JIT
-            dispatcher._cache = _Cache(function)
-        return dispatcher
+        dispatcher: Any = decorate(function)
+        if hasattr(dispatcher, "_cache"):  # none with NUMBA_DISABLE_JIT
+            dispatcher.get_call_template = functools.partial(_typed_call, dispatcher)
+            if cache and _folder(Path(function.__code__.co_filename)) is not None:
+                dispatcher._cache = _Cache(function)
+        kernel: Kernel = dispatcher
+        return kernel
 
     return compiled
+
+
+def _typed_call(dispatcher: Any, args: Iterable[Any], kws: Mapping[str, Any]) -> Any:
+    """numba's typing of a call within a kernel, where 5 is a whole number like any other.
+
+    numba would compile the callee for the constant, and again for the variable that it becomes.
+    """
+    plain = {name: unliteral(given) for name, given in kws.items()}
+    call = type(dispatcher).get_call_template
+    return call(dispatcher, tuple(unliteral(given) for given in args), plain)
 
 
 @functools.cache
