@@ -49,9 +49,18 @@ class Metronome(threading.Thread):
 
     def served(self, begin: float, end: float) -> float:
         """s between two times, without those in which nothing could run."""
+        return self._without(begin, end, 0.0)
+
+    def awake(self, begin: float, end: float) -> float:
+        """s between two times, without those in which this process itself stood still."""
+        return self._without(begin, end, 1.0)
+
+    def _without(self, begin: float, end: float, least: float) -> float:
         if end == float("inf"):
             return end
-        lost = sum(w * max(0.0, min(b, end) - max(a, begin)) for a, b, w in list(self.lost))
+        lost = sum(
+            w * max(0.0, min(b, end) - max(a, begin)) for a, b, w in list(self.lost) if w >= least
+        )
         return max(0.0, end - begin - lost)
 
 

@@ -24,6 +24,8 @@ from turnscan.simulate.controllers import (
 
 DIALECTS = ("grbl", "horus", "fabscan", "sardauscan")
 QUICK = Deadlines(acknowledge=0.1, move_extra=0.1, connect=2.0, keep_trying=2.0)
+PATIENT = Deadlines(acknowledge=5.0, move_extra=5.0, connect=10.0, keep_trying=2.0)
+"""Where the board answers, on a machine that may stall."""
 SCALE = 100.0
 UNITS = {"grbl": 3200, "horus": 3200, "fabscan": 800, "sardauscan": 1018}
 OUTPUTS = {
@@ -126,4 +128,14 @@ def near(
     return kind(setup, link, Deadlines()), link
 
 
-__all__ = ["DIALECTS", "OUTPUTS", "QUICK", "SCALE", "UNITS", "firmware", "near", "plugged"]
+__all__ = [
+    "DIALECTS",
+    "OUTPUTS",
+    "PATIENT",
+    "QUICK",
+    "SCALE",
+    "UNITS",
+    "firmware",
+    "near",
+    "plugged",
+]

@@ -14,7 +14,7 @@ import pytest
 import serial
 from click.testing import CliRunner
 
-from tests.devices.boards import DIALECTS, QUICK, SCALE, firmware
+from tests.devices.boards import DIALECTS, PATIENT, SCALE, firmware
 from tests.metronome import Metronome
 from turnscan.cli import turnscan
 from turnscan.devices import _discover, open_turntable, probe_port
@@ -173,7 +173,7 @@ def test_a_port_that_is_not_there(tmp_path: Path, metronome: Metronome) -> None:
 
 def locked_board(fw: Firmware, path: str, *, moving: bool) -> float:
     """Scan a little, and then an alarm comes, in a move or at rest; the angle at the end."""
-    device = board(f"grbl:{path}?lasers=a", deadlines=QUICK)
+    device = board(f"grbl:{path}?lasers=a", deadlines=PATIENT)
     at = device.move_to(0.5, 5.0)
     if moving:
         rest = fw.steps
@@ -200,7 +200,7 @@ def test_an_alarm_is_acknowledged_from_the_command_line(moving: bool) -> None:
     fw = firmware("grbl")
     with Socket(fw, scale=SCALE) as socket:
         at = locked_board(fw, socket.path, moving=moving)
-        found = board(f"grbl:{socket.path}", deadlines=QUICK)
+        found = board(f"grbl:{socket.path}", deadlines=PATIENT)
         assert "found in an alarm" in found.alarm
         assert f"turnscan devices {socket.path} acknowledge" in found.alarm
         found.close()
@@ -208,7 +208,7 @@ def test_an_alarm_is_acknowledged_from_the_command_line(moving: bool) -> None:
         assert done.exit_code == 0, (done.output, done.exception)
         kept = "lost" if moving else "known"
         assert f"the alarm was cleared; the angle of its table is {kept}" in done.output
-        again = board(f"grbl:{socket.path}", deadlines=QUICK)
+        again = board(f"grbl:{socket.path}", deadlines=PATIENT)
         assert again.alarm == ""
         assert again.remembers == (not moving)
         if not moving:
@@ -243,7 +243,7 @@ def test_what_cannot_be_acknowledged() -> None:
 def test_a_sardauscan_that_restarts_while_lit_says_so() -> None:
     fw = SardauscanFirmware()
     with Socket(fw, scale=SCALE) as socket:
-        device = board(f"sardauscan:{socket.path}?lasers=a,b", deadlines=QUICK)
+        device = board(f"sardauscan:{socket.path}?lasers=a,b", deadlines=PATIENT)
         device.light(frozenset({"a"}), 2.0)
         fw.power_on()
         time.sleep(0.05)
@@ -255,5 +255,5 @@ def test_a_sardauscan_that_restarts_while_lit_says_so() -> None:
 def test_a_port_with_lock_in_its_name_is_not_in_use() -> None:
     path = "/dev/serial/by-id/usb-Clockwork_Board-if00"
     with pytest.raises(DeviceNotFound, match="no such port"):
-        board(f"grbl:{path}", deadlines=QUICK)
+        board(f"grbl:{path}", deadlines=PATIENT)
     assert "in use" not in probe_port(path).why_not

@@ -41,6 +41,8 @@ from turnscan.simulate.controllers import GeneratorFirmware, Socket
 from turnscan.testing import check_lasers
 
 QUICK = Deadlines(acknowledge=0.6, move_extra=0.3, connect=0.7)
+PATIENT = Deadlines(acknowledge=3.0, move_extra=0.3, connect=10.0)
+"""For a generator that answers, in a process that may stall."""
 LASER = frozenset({"laser1"})
 SWING = "frequency=105&amplitude=2"
 
@@ -60,7 +62,7 @@ def emulated(more: str = "") -> Iterator[tuple[Any, GeneratorFirmware]]:
     """Behind a real serial port, through PyVISA-py; nothing of the log ever shows a spot."""
     firmware = GeneratorFirmware()
     with Socket(firmware) as socket:
-        device = Galvanometer(f"scpi:ASRL{socket.path}::INSTR?{SWING}{more}", QUICK)
+        device = Galvanometer(f"scpi:ASRL{socket.path}::INSTR?{SWING}{more}", PATIENT)
         try:
             yield device, firmware
         finally:
@@ -274,7 +276,7 @@ def test_the_guard_passes_no_lighting_line_on(line: bytes) -> None:
     with emulated() as (device, firmware):
         with suppress(SafetyError, DeviceDisconnected):
             device._link.write(line)
-        device._link._guard.wait(timeout=5.0)
+        device._link._guard.wait(timeout=60.0)
         time.sleep(0.02)
         assert not any(entry.outputs for entry in firmware.log)
 

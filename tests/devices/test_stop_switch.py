@@ -26,7 +26,7 @@ class Bench:
 
     def light(self, lit: frozenset[str], lease: float) -> None:
         self.ordered.set()
-        assert self.go_on.wait(20.0)
+        assert self.go_on.wait(60.0)
         self.lit = lit
 
     def renew(self, lease: float) -> None: ...
@@ -41,9 +41,9 @@ class Bench:
 
     def move_to(self, angle: float, timeout: float) -> float:
         self.ordered.set()
-        assert self.go_on.wait(20.0)
+        assert self.go_on.wait(60.0)
         self.stopped.clear()  # what was stopped before it started is not stopped
-        if self.stopped.wait(20.0):
+        if self.stopped.wait(60.0):
             raise DeviceTimeout("stopped")
         self.turned += 1
         return angle
@@ -91,14 +91,14 @@ def test_an_order_to_light_that_was_under_way_is_followed_by_another_dark() -> N
     switch = StopSwitch(bench, bench)
     order = threading.Thread(target=switch.lasers.light, args=(LEFT, 2.0))
     order.start()
-    assert bench.ordered.wait(20.0)
+    assert bench.ordered.wait(60.0)
     stop = threading.Thread(target=switch.press)
     stop.start()
     while not bench.stops:  # the first dark and the first stop have gone out
         bench.stopped.wait(0.01)
     bench.go_on.set()
-    stop.join(20.0)
-    order.join(20.0)
+    stop.join(60.0)
+    order.join(60.0)
     assert not stop.is_alive()
     assert not bench.lit
 
@@ -116,10 +116,10 @@ def test_a_move_that_was_under_way_is_stopped_again() -> None:
 
     move = threading.Thread(target=turn)
     move.start()
-    assert bench.ordered.wait(20.0)
+    assert bench.ordered.wait(60.0)
     switch.press()
     bench.go_on.set()  # only now the order goes out
-    move.join(20.0)
+    move.join(60.0)
     assert [str(e) for e in errors] == ["stopped"]
     assert bench.turned == 0
     assert bench.stops >= 2

@@ -10,11 +10,8 @@ from typing import Any
 
 import pytest
 
-from tests.devices.boards import plugged
-from turnscan.devices._guard_client import Deadlines
+from tests.devices.boards import PATIENT, plugged
 from turnscan.errors import DeviceAlarm, TurnscanError
-
-PATIENT = Deadlines(acknowledge=5.0, move_extra=5.0, connect=10.0, keep_trying=2.0)
 
 
 @pytest.mark.parametrize("dialect", ["grbl", "horus"])

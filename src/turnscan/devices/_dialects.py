@@ -247,6 +247,14 @@ def open_port(path: str, baud: int, dtr: bool, library: str = "") -> Any:
     return port
 
 
+def send(port: Any, data: bytes) -> None:
+    """Write to an open serial port; a full buffer shows as silence, as does a stalled computer."""
+    import serial
+
+    with contextlib.suppress(serial.SerialTimeoutException):
+        port.write(data)
+
+
 def darken(
     steps: Iterable[Exchange],
     send: Callable[[bytes], None],

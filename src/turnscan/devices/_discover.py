@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from turnscan.devices._dialects import foreign_as_oserror, open_port
+from turnscan.devices._dialects import foreign_as_oserror, open_port, send
 from turnscan.devices._guard_client import Deadlines
 from turnscan.devices._line_protocol import shown
 from turnscan.devices._port_error import port_error, word_for
@@ -149,7 +149,7 @@ def _asked(port: Any, dialects: list[str], end: float) -> bytes:
     port.reset_input_buffer()
     while time.monotonic() < end:
         for question in _QUESTIONS:
-            _ask(port, question)
+            send(port, question)
             until = min(time.monotonic() + _PAUSE, end)
             while (left := until - time.monotonic()) > 0:
                 port.timeout = left
@@ -161,14 +161,6 @@ def _asked(port: Any, dialects: list[str], end: float) -> bytes:
         if len(said) > 4096 or (_readable(said) and said.count(b"\n") > 12):
             break  # it talks, but none of our languages
     return bytes(said)
-
-
-def _ask(port: Any, question: bytes) -> None:
-    """Send a question; a full buffer shows as silence, and so does a computer that stalls."""
-    import serial
-
-    with contextlib.suppress(serial.SerialTimeoutException):
-        port.write(question)
 
 
 def _readable(said: bytes | bytearray) -> bool:
