@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from turnscan.errors import TurnscanError
 from turnscan.picture import brightened, png, shrunk
 from turnscan.scan import Scan, copy_scan
-from turnscan.workflows._scan import scan_left
+from turnscan.workflows._scan import left_in
 
 THUMBNAIL = (320, 240)
 """px, width and height."""
@@ -32,13 +33,12 @@ def glance_at(path: Path) -> ScanGlance:
             edits = scan.edits()
             last = edits[-1].digest.hex() if edits else ""
             said = f"{len(scan)} {len(edits)} {last} {scan.settings}"
+            missing = 0
+            with suppress(TurnscanError):  # of one that was imported
+                at = left_in(scan)
+                missing = at.steps - at.done
     except TurnscanError:
         return ScanGlance(0, "")
-    try:
-        at = scan_left(path)
-        missing = at.steps - at.done
-    except TurnscanError:
-        missing = 0
     return ScanGlance(missing, hashlib.sha256(said.encode()).hexdigest()[:16])
 
 

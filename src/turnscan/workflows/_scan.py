@@ -236,8 +236,13 @@ def resume(
 def scan_left(path: str | Path) -> ScanLeft:
     """How far an interrupted scan is. Raises InputError for one that cannot be resumed."""
     with Scan.open(path) as file:
-        plan = acquisition_of(file).plan
-        return ScanLeft(plan.steps - steps_left(plan, file), plan.steps)
+        return left_in(file)
+
+
+def left_in(file: Scan) -> ScanLeft:
+    """The same of a scan that is open. Raises as `scan_left`."""
+    plan = acquisition_of(file).plan
+    return ScanLeft(plan.steps - steps_left(plan, file), plan.steps)
 
 
 @dataclass(frozen=True)

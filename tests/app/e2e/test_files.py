@@ -49,6 +49,7 @@ def test_a_zip_of_pictures_is_named_imported_and_opened(new_page, picture, folde
     slider.fill("3")
     expect(form.get_by_role("heading", name="s3.png")).to_be_visible(timeout=LONG)
     expect(form.get_by_text("step 3 · stripe in")).to_be_visible()
+    page.set_viewport_size({"width": 1280, "height": 1200})
     picture(page, "import")
     begin.click()
     said = form.get_by_role("alert").first

@@ -68,7 +68,9 @@ def test_a_scan_whose_server_was_killed_is_taken_to_its_end(new_page, server: Se
     page.context.close()  # its link breaks, which is no mistake of the page
     server.power_cut()
     page = new_page()
-    listed = page.get_by_role("row").filter(has_text="killed")
+    listed = (
+        page.get_by_role("list", name="Scans").get_by_role("listitem").filter(has_text="killed")
+    )
     listed.get_by_text(re.compile(r"\d+ steps missing")).wait_for()
     listed.get_by_role("button", name="Resume").click()
     page.get_by_role("button", name="Connect", exact=True).wait_for()  # first the devices
