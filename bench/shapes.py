@@ -34,6 +34,7 @@ from turnscan.shapes.primitives import (
     sharpened,
     sizes_between,
 )
+from turnscan.shapes.primitives._edges import normals_and_distances
 from turnscan.simulate import Part, bench, seconds_of
 
 PAGE = DOCS / "how-to" / "shapes.md"
@@ -66,6 +67,7 @@ TRUTHS: dict[str, tuple[Truth, ...]] = {
         Truth("low ⌀", "diameter", 50.0),
         Truth("middle ⌀", "diameter", 36.0),
         Truth("high ⌀", "diameter", 24.0),
+        Truth("axis to floor of keyway", "axis to plane", 14.0),
     ),
     "bracket": (
         Truth("hole ⌀", "diameter", 24.0),
@@ -177,10 +179,10 @@ def _rest(name: str, found: ShapeSet, mesh: Mesh, part: Part, place: Pose, spent
     invented = 0
     if part.distance is not None:
         for k, s in enumerate(found.shapes):
-            X = mesh.vertices[found.used & (found.label == k)]
-            d = s.distances(X)
-            off = part.distance(place.apply(X)) - d  # of the shape, where its points are
-            invented += float(np.sqrt(np.mean(off**2))) > found.tolerance
+            X = np.asarray(mesh.vertices[found.used & (found.label == k)])
+            d, n = normals_and_distances(s, X)
+            off = np.abs(part.distance(place.apply(X - d[:, None] * n)))  # where its points are
+            invented += float(np.median(off)) > found.tolerance
     return (
         f"| {name} | {told or 'no shape'} on {found.coverage:.0%} | | {invented} invented | | "
         f"| {len(mesh.faces)} faces, {spent:.1f} s |"

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, Provenance
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives import find_shapes, neighbours_of, sizes_between
 
@@ -72,6 +75,67 @@ def test_a_narrow_chamfer_is_a_cone_and_no_sphere():
     end = [(25, 0), (25, 20), (24, 21), (5, 21)]
     found = find_shapes(noisy(turned(end, 0.35, 200), 0.06, 2))
     assert sorted(s.kind for s in found.shapes) == ["cone", "cylinder", "plane"]
+
+
+def _keyed(radius: float, half: float, deep: float, seed: int) -> Mesh:
+    """A shaft with a keyway as one laser sees it: from one side only, stripes bent over its edge
+    along a ramp from the edge to the floor, every second of those points with its sigma."""
+    turn = np.arcsin(half / radius)
+    around = np.linspace(turn, 2 * np.pi - turn, 500)
+    arc = [(radius * np.cos(a), radius * np.sin(a)) for a in around]
+    floor = radius - deep
+    foot = -half + 0.6 * deep
+    mesh = prism([*arc, (floor, foot), (floor, half - 0.3)], 30, 0.5)
+    X = mesh.vertices
+    middle = X[mesh.faces].mean(axis=1)
+    shadow = (middle[:, 0] > floor + 0.05) & (np.abs(middle[:, 1] - half) < 0.35)
+    ramp = (np.abs(X[:, 1]) < half - 0.01) & (X[:, 0] > floor + 0.01)
+    sigma = np.where(ramp & (np.arange(len(X)) % 2 == 0), 0.5, 0.1)
+    n = len(X)
+    number = np.arange(n, dtype=np.int32)
+    origin = Provenance(sigma, 0 * number, number, number, ("red",))
+    return replace(noisy(Mesh(X, mesh.faces[~shadow]), 0.1, seed), provenance=origin)
+
+
+@pytest.mark.parametrize(("radius", "half", "deep"), [(18, 4, 4), (30, 7, 5)])
+def test_a_keyway_is_its_floor_and_what_bends_over_its_edge_is_no_shape(radius, half, deep):
+    found = find_shapes(_keyed(radius, half, deep, 1))
+    assert [s.kind for s in found.shapes] == ["cylinder", "plane"]
+    shaft, floor = found.shapes
+    assert shaft.radius == pytest.approx(radius, abs=4 * shaft.radius_sigma)
+    assert np.degrees(np.arccos(floor.axis[0])) < 0.5
+    assert floor.point[0] == pytest.approx(radius - deep, abs=0.03)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_invented_and_nothing_missed_in_random_turned_parts(seed):
+    """Three steps of any size, some chamfered, lying in any way, bored through or not."""
+    dice = np.random.default_rng(seed)
+    radii = np.sort(dice.uniform(4, 8, 3).cumsum() + 4)[::-1]
+    profile, z, cones, floors = [(radii[0], 0.0)], 0.0, 0, 0
+    for k, r in enumerate(radii):
+        z += float(dice.uniform(12, 20))
+        inner = radii[k + 1] if k < 2 else 3.5
+        cut = float(dice.uniform(2, 3)) if dice.random() < 0.5 and r - inner > 5 else 0.0
+        cones += cut > 0
+        floors += 1
+        profile += [(r, z - cut), (r - cut, z), (inner, z)] if cut else [(r, z), (inner, z)]
+    bored = bool(seed % 2)
+    profile += [(3.5, 0.0)] if bored else []
+    noise = float(dice.uniform(0.01, 0.05))
+    mesh = noisy(turned(profile, 0.6, 150), noise, seed)
+    turn = Rotation.from_rotvec(dice.uniform(-2, 2, 3)).as_matrix()
+    found = find_shapes(Mesh(mesh.vertices @ turn.T + dice.uniform(-50, 50, 3), mesh.faces))
+    kinds = [s.kind for s in found.shapes]
+    assert kinds.count("cylinder") == 3 + bored
+    assert kinds.count("plane") == floors
+    assert kinds.count("cone") == cones
+    assert len(kinds) == 3 + bored + floors + cones
+    true = np.sort([*radii, *([3.5] if bored else [])])
+    measured = sorted(found.of("cylinder"), key=lambda s: s.radius)
+    z_scores = [(s.radius - r) / s.radius_sigma for s, r in zip(measured, true, strict=True)]
+    assert np.abs(z_scores).max() < 5
+    assert [s.hollow for s in measured] == [bored and k == 0 for k in range(len(measured))]
 
 
 def test_a_hole_is_hollow():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from turnscan.shapes.primitives._regions import (
     Region,
     cells,
     centred,
-    fair,
+    close,
     grow_regions,
     merged,
     prepared,
@@ -31,10 +31,12 @@ from turnscan.shapes.verification._statistics import clumping
 
 _MOST_POINTS = 40_000
 _STEPS = 30
-_EDGE = 2
-"""Rings of vertices at the end of a region that do not count: stripes are bent beside edges."""
-_KEEP = 0.4
-"""Share of a region that must be left without them, else they stay."""
+_EDGE, _KEEP = 2, 0.4
+"""Rings of vertices at the end of a region that do not count, for stripes are bent beside edges,
+and the share of it that must be left without them, else they stay."""
+_RIM, _LEFT = 3, 0.2
+"""The same once more, and at open borders, too, where a region would else miss its surface by more
+than noise: beside the walls of a keyway, and where its floor goes into their shadow."""
 _SURE = 0.1
 """A radius whose standard uncertainty is more of it than this is none."""
 
@@ -112,13 +114,21 @@ def _settled(g: Ground, found: list[Region]) -> Index:
     return region.settled(label, off, region.Surfaces(kinds, q, side), g.neighbourhood, 6)
 
 
+def _cores(g: Ground, own: Bools) -> Iterator[Bools]:
+    """A region (v,) without its edges, where enough of it is left: first with a narrow rim."""
+    core = region.eroded(own, g.start, g.near, g.border, _EDGE)
+    yield core if core.sum() >= _KEEP * own.sum() else own
+    core = region.eroded(own & ~g.border, g.start, g.near, np.zeros_like(g.border), _RIM)
+    if core.sum() >= _LEFT * own.sum():
+        yield core
+
+
 class _Fit:
     """A shape with its points, and the normal equations of its parameters."""
 
-    def __init__(self, g: Ground, r: Region, member: Index, own: Bools) -> None:
+    def __init__(self, g: Ground, r: Region, own: Bools, core: Bools) -> None:
         self.region, self.own = r, own
-        core = region.eroded(own, g.start, g.near, g.border, _EDGE)
-        self.used = np.flatnonzero(core if core.sum() >= _KEEP * own.sum() else own)
+        self.used = np.flatnonzero(core)
         if len(self.used) > _MOST_POINTS:
             self.used = self.used[:: len(self.used) // _MOST_POINTS + 1]
         q, _ = refit(g, r.kind, r.q, self.used, _MOST_POINTS, _STEPS)
@@ -179,12 +189,14 @@ def _finished(
     fits, owns = list[_Fit](), list[Bools]()
     for k, r in enumerate(found):
         own = label == k
-        if own.sum() < LEAST[r.kind]:
+        if g.firm[own].sum() < LEAST[r.kind]:
             continue
-        fit = _Fit(g, r, r.member, own)
-        if fit.sure() and fair(g, r.kind, fit.q, np.flatnonzero(own)):
-            fits.append(fit)
-            owns.append(own)
+        for core in _cores(g, own):
+            fit = _Fit(g, r, own, core)
+            if fit.sure() and close(g, r.kind, fit.q, fit.used):
+                fits.append(fit)
+                owns.append(own)
+                break
     order = sorted(range(len(fits)), key=lambda k: -float(g.area[owns[k]].sum()))
     fits = [fits[k] for k in order]
     covariance = _block([f.covariance for f in fits])

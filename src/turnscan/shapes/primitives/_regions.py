@@ -40,8 +40,11 @@ _TURN = float(np.cos(np.radians(25.0)))
 """Between the normal of the surface and the smooth normal of the mesh."""
 _GENTLE = float(np.cos(np.radians(20.0)))
 """Between smooth normals of neighbours within the patch of a seed."""
-_PATCHES = (80, 320)
-"""Vertices of a patch that a region starts from; the larger where the smaller gives nothing."""
+_PATCH, _LARGE, _SMALL = 80, 320, 32
+"""Vertices of the patch that a region starts from; then of a larger one where that gives nothing,
+of a smaller one where no surface fits it: it reaches over the edges of a narrow face."""
+_NARROW = (PLANE, CONE)
+"""What narrow faces are: shoulders and chamfers; a strip of a cone lies on a cylinder, too."""
 LEAST = (60, 400, 200, 400, 500)
 """Vertices that a region of each kind must have."""
 _SIMPLEST = (PLANE, CYLINDER, CONE, SPHERE, TORUS)
@@ -58,8 +61,17 @@ _STEPS = 6
 """Of a fit while a region grows."""
 _MISFIT = 2.0
 """Mean square, in standard deviations, that a patch may miss its first surface by."""
+_ALMOST = 0.93
+"""Share of the largest area that a simpler kind must reach."""
+_GUESS = 1000
+"""Points that a simpler kind is guessed from."""
 _CALM = 0.10
 """Radians that a smooth normal may be uncertain by."""
+_DOUBTFUL = 2.5
+"""Medians of sigma beyond which a point is doubtful: its stripe was cut or bent by an edge."""
+_FIRM = 0.65
+"""Share of a region's points that must not be doubtful: stripes that an edge bends lie on smooth
+bands, too, across the corners of keyways and beside silhouettes. Those have up to 0.55 of them."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +91,8 @@ class Ground:
     """(v,) mm: one standard deviation of each vertex."""
     limit: Floats
     """(v,) mm: how far each may lie off its surface."""
+    firm: Bools
+    """(v,) False where a point is doubtful; what is said of a region rests on the others."""
     area: Floats
     """(v,) mm² that belongs to each."""
     turn: Floats
@@ -133,12 +147,16 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     limit = np.full(len(X), tolerance) if tolerance else np.maximum(LIMIT * scale, floor)
     if tolerance:
         scale = np.minimum(scale, tolerance / LIMIT)
+    firm = scale <= _DOUBTFUL * float(np.median(scale)) if len(scale) else scale > 0
     t = mesh.triangles
     faces = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 6
     area = np.bincount(mesh.faces.ravel(), np.repeat(faces, 3), minlength=len(X)).astype(float)
     many = np.bincount(mesh.faces.ravel(), minlength=len(X))
     border = np.diff(start) > many
-    return Ground(X, normals, start, near, border, scale, limit, area, turn, off, spacing, size)
+    return Ground(
+        X, normals, start, near, border, scale, limit, np.asarray(firm), area, turn, off, spacing,
+        size,
+    )  # fmt: skip
 
 
 def _rounds_for(raw: Floats, tail: Index, near: npt.NDArray[np.int32]) -> int:
@@ -183,36 +201,76 @@ class _Search:
 
     def from_seed(self, seed: int) -> Region | None:
         """The simplest region that says about all that any says, or None."""
-        g = self.ground
-        for many in _PATCHES:
+        many, widest = _PATCH, np.zeros(0, dtype=np.int64)
+        while many:
             self.mark += 1
             ball = region.patch(seed, many, self.near, self._marks(), _GENTLE)
-            if len(ball) < _PATCHES[0] // 2:
+            widest = max(widest, ball, key=len)
+            if len(ball) < min(many, _PATCH) // 2:
                 break
-            options = []
-            for kind, q in first_guesses(g.vertices[ball], g.normals[ball]):
-                grown = self._grown(kind, q, ball)
-                if grown is None:
-                    continue
-                if kind == PLANE and pattern(g, kind, grown.q, grown.member) < _CLEAR:
-                    return grown
-                options.append(grown)
-            if options:
-                top = max(float(g.area[o.member].sum()) for o in options)
-                fair = [o for o in options if float(g.area[o.member].sum()) >= 0.93 * top]
-                return min(fair, key=Region.rank)
-        self.label[ball] = np.where(self.label[ball] == -1, -2, self.label[ball])
+            best, begun = self._from_patch(ball)
+            if best is not None:
+                return self._simplest(best)
+            many = 0 if many != _PATCH else _LARGE if begun else _SMALL
+        self.label[widest] = np.where(self.label[widest] == -1, -2, self.label[widest])
         return None
+
+    def _from_patch(self, ball: Index) -> tuple[Region | None, bool]:
+        """The best region that grows from a patch, and whether any surface fits the patch itself.
+
+        A plane that fits well goes alone. From a small patch, planes and cones alone are tried.
+        """
+        g, begun, options = self.ground, False, list[Region]()
+        for kind, guess in first_guesses(g.vertices[ball], g.normals[ball]):
+            if len(ball) <= _SMALL and kind not in _NARROW:
+                continue
+            q = self._begun(kind, guess, ball)
+            if q is None:
+                continue
+            begun = True
+            r = self._grown(kind, q, ball)
+            if r is None:
+                continue
+            if kind == PLANE and pattern(g, kind, r.q, r.member) < _CLEAR:
+                return r, True
+            options.append(r)
+        if not options:
+            return None, begun
+        top = max(map(self._area, options))
+        return min((o for o in options if self._area(o) >= _ALMOST * top), key=Region.rank), True
+
+    def _begun(self, kind: int, guess: Floats, member: Index) -> Floats | None:
+        """The surface of one kind through members, from a guess, where it fits them."""
+        g = self.ground
+        some = _thinned(member, _FIT)
+        q, cost = surface.fitted(
+            kind, guess, g.vertices, g.scale, some, FREE[kind], 6.0, 4 * g.size, 2 * _STEPS
+        )
+        return q if cost <= _MISFIT * len(some) else None
+
+    def _area(self, r: Region) -> float:
+        return float(self.ground.area[r.member].sum())
+
+    def _simplest(self, best: Region) -> Region:
+        """The region as a simpler kind that says about as much, begun from all of its vertices.
+
+        A patch may be too small to tell the radius of a cylinder by, and a cone finds its way.
+        """
+        g = self.ground
+        some = _thinned(best.member, _GUESS)
+        guesses = first_guesses(g.vertices[some], g.normals[some])
+        for kind, guess in sorted(guesses, key=lambda o: _SIMPLEST.index(o[0])):
+            if _SIMPLEST.index(kind) >= best.rank():
+                break
+            q = self._begun(kind, guess, best.member)
+            other = None if q is None else self._grown(kind, q, best.member)
+            if other is not None and self._area(other) >= _ALMOST * self._area(best):
+                return other
+        return best
 
     def _grown(self, kind: int, q: Floats, ball: Index) -> Region | None:
         """The region of one kind that grows from a patch, if it is one."""
-        g = self.ground
-        q, cost = surface.fitted(
-            kind, q, g.vertices, g.scale, ball, FREE[kind], 6.0, 4 * g.size, 2 * _STEPS
-        )
-        if not cost <= _MISFIT * len(ball):
-            return None
-        member = ball
+        g, member = self.ground, ball
         side = _side(g, kind, q, ball)
         for turn in range(_ROUNDS):
             self.mark += 1
@@ -324,11 +382,18 @@ def cells(g: Ground, member: Index) -> Index:
 
 
 def fair(g: Ground, kind: int, q: Floats, member: Index) -> bool:
-    """Whether what members miss the surface by is noise, and they are enough."""
+    """Whether firm members are enough, in number and share, and miss the surface by noise."""
+    enough = max(LEAST[kind], _FIRM * len(member))
+    return int(g.firm[member].sum()) >= enough and close(g, kind, q, member)
+
+
+def close(g: Ground, kind: int, q: Floats, member: Index) -> bool:
+    """Whether what firm members miss the surface by is noise."""
+    firm = member[g.firm[member]]
     return (
-        len(member) >= LEAST[kind]
-        and excess(g, kind, q, member) <= _EXCESS
-        and pattern(g, kind, q, member) <= _PATTERN
+        len(firm) > 0
+        and excess(g, kind, q, firm) <= _EXCESS
+        and pattern(g, kind, q, firm) <= _PATTERN
     )
 
 
