@@ -295,6 +295,33 @@ def test_a_frame_claims_no_more_than_the_others_know():
     np.testing.assert_array_equal(told[others], honest[others])
 
 
+def test_bright_points_keep_what_their_photons_know():
+    """Where the electrons per grey level are known, single bright points are surer than others."""
+    rig = make_rig(elevation=0.2, lift=25.0)
+    angles = np.deg2rad(8.0) * np.arange(20)
+    whole = scan_shape(rig, sphere(20.0, (0.0, 0.0, 25.0)), angles)
+    stripes = [replace(s, sigma=np.where(s.found, 0.1, np.nan)) for s in whole]
+    spot = np.flatnonzero(stripes[7].found)[::5]
+    bright = np.zeros(len(stripes[7].sigma), dtype=np.bool_)
+    bright[spot] = True
+
+    def lit(s, where):
+        surer, more = np.where(where, 0.25, 1.0), np.where(where, 16.0, 1.0)
+        return replace(s, sigma=surer * s.sigma, amplitude=more * s.amplitude)
+
+    spotted = [lit(s, bright) if k == 7 else s for k, s in enumerate(stripes)]
+    # A whole frame of it is as sure, too: its brightness explains what it claims.
+    painted = [lit(s, s.found) if k == 7 else s for k, s in enumerate(stripes)]
+    honest, some, all_of_it = (
+        build_grid(rig, "L0", s, range(20), angles).sigma for s in (stripes, spotted, painted)
+    )
+    there = bright & ~np.isnan(honest[7])
+    assert there.sum() > 3
+    assert np.median(some[7][there] / honest[7][there]) < 0.5
+    np.testing.assert_array_equal(some[7][~bright], honest[7][~bright])
+    assert np.nanmedian(all_of_it[7] / honest[7]) < 0.5
+
+
 def test_widths_that_do_not_follow_the_surface_tell_nothing_of_it():
     """Of a line with a halo, or clipped, in 30 % of scatter: it is neither moved nor doubted."""
     n = 400

@@ -46,6 +46,32 @@ def ball(radius: float = 20.0, n: int = 48) -> Mesh:
     return Mesh(radius * x, faces.astype(np.int32))
 
 
+def box(size: tuple[float, float, float], spacing: float) -> Mesh:
+    """A box about the origin, of squares so wide, each cut in two."""
+    half = np.array(size) / 2
+    parts, faces = [], []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        n, m = round(size[u] / spacing), round(size[v] / spacing)
+        a, b = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, m + 1), indexing="ij")
+        cell = np.arange(a.size).reshape(a.shape)
+        c = [cell[:-1, :-1], cell[1:, :-1], cell[1:, 1:], cell[:-1, 1:]]
+        two = np.concatenate(
+            [np.stack([k.ravel() for k in t], -1) for t in (c[:3], [c[0], *c[2:]])]
+        )
+        for sign in (-1.0, 1.0):
+            x = np.empty((a.size, 3))
+            x[:, u], x[:, v], x[:, axis] = (
+                half[u] * a.ravel(),
+                half[v] * b.ravel(),
+                sign * half[axis],
+            )
+            faces.append((two if sign > 0 else two[:, ::-1]) + sum(len(p) for p in parts))
+            parts.append(x)
+    every, index = np.unique(np.round(np.concatenate(parts), 9), axis=0, return_inverse=True)
+    return Mesh(every, index.ravel()[np.concatenate(faces)].astype(np.int32))
+
+
 def test_a_ball_holds_what_bulges_between_its_points() -> None:
     mesh = ball()
     assert is_closed(mesh)
@@ -112,19 +138,62 @@ def test_the_measured_and_the_added_part_are_told_apart() -> None:
     assert flat.volume - lid.added == pytest.approx(round_.volume - cap.added, rel=1e-3)
 
 
-def test_a_lid_over_an_edge_is_a_choice_and_no_uncertainty() -> None:
+def tube(bow: float = 0.0) -> Mesh:
+    """A pipe of 20 mm radius, open at both ends, 40 mm long; its points are 40/29 mm apart."""
     t = np.linspace(0.0, 1.0, 30)
     phi = 2 * np.pi * np.arange(60)[:, None] / 60
-    r = 20.0 + 0 * (t + phi)
+    r = 20.0 + bow * t * (1 - t) + 0 * phi
     points = np.stack([r * np.cos(phi), r * np.sin(phi), 40 * t + 0 * r], axis=-1)
-    tube = mesh_grid(replace(plain_grid(points, phi[:, 0]), closed=True))
-    closed = fill(tube, how="auto")
+    return mesh_grid(replace(plain_grid(points, phi[:, 0]), closed=True))
+
+
+def test_a_lid_over_an_edge_may_lie_a_sample_too_low() -> None:
+    """That it is there is a choice; where the edge is that it closes was sampled, no more."""
+    closed = fill(tube(), how="auto")
     assert is_closed(closed)
     said = shapes.volume_sigma(closed)
-    assert said.filled == 0.0
-    assert said.total == said.measured
+    assert said.filled == pytest.approx(2 * np.pi * 20.0**2 * 40 / 29, rel=0.1)
     figures = shapes.volume_figures(closed.volume, said)
     assert figures["volume_measured_mm3"] == pytest.approx(closed.volume, rel=1e-3)
+
+
+def test_a_side_that_nobody_saw_is_doubted_whole() -> None:
+    """The end of a bar, and what is above and below: on the y sides alone the bar was measured."""
+    bar = box((60.0, 20.0, 20.0), 1.0)
+    x, _, z = np.moveaxis(bar.triangles.mean(axis=1), -1, 0)
+    unseen = (x > 30.0 - 1e-6) | ((np.abs(z) > 10.0 - 1e-6) & (x > 0.0))
+    done = replace(bar, measured=~unseen)
+    # From the nearest measured side, 20 mm apart, the middle of a face lies 5 mm on average.
+    said = shapes.volume_sigma(done).filled
+    assert said == pytest.approx(5.0 * bar.area_of(unseen), rel=0.3)
+    only_end = replace(bar, measured=x < 30.0 - 1e-6)
+    lid = shapes.volume_sigma(only_end).filled
+    assert lid == pytest.approx(20.0 * 20.0 * 1.0, rel=0.1), (
+        "which is a lid, a sample from its edge"
+    )
+
+
+def test_what_lies_between_profiles_that_are_far_apart_is_in_it() -> None:
+    """Faces of a scan in coarse steps are ten times as wide as high, and their width counts."""
+    t = np.arange(90) * 2 * np.pi / 90
+    section = 8.0 * np.column_stack([np.cos(t), np.sin(t)])
+    mesh = swept(section, 30.0, 24)
+    lost = 2 * np.pi**2 * 30.0 * 64.0 - mesh.volume
+    assert shapes.volume_sigma(mesh).between == pytest.approx(lost, rel=0.35)
+
+
+def test_what_is_known_worse_than_usual_does_not_average_out() -> None:
+    whole = ball(n=40)
+    v = len(whole.vertices)
+    zero = np.zeros(v, np.int32)
+    high = whole.vertices[:, 2] > 10.0
+    sigma = np.where(high, 0.3, 0.05)
+    known = replace(whole, provenance=Provenance(sigma, zero, zero, zero, ("left",)))
+    said = shapes.volume_sigma(known)
+    cap = 2 * np.pi * 20.0 * 10.0
+    assert said.alike == pytest.approx(cap * (0.3**2 - 0.05**2) ** 0.5, rel=0.05)
+    assert said.noise == pytest.approx(known.area_of() * 0.05 / v**0.5, rel=0.1)
+    assert said.measured > said.alike
 
 
 def test_all_parts_are_in_the_measurement() -> None:
@@ -313,4 +382,5 @@ def test_a_lid_that_goes_on_from_a_strip_of_its_own_plane_is_known_better(strip:
     said, true = shapes.volume_sigma(closed), np.pi * 20.0**2 * 40.0
     assert abs(closed.volume - true) < 2 * said.total + 0.005 * true
     # Doubted by normals that lean over the edge it would be 2.6 mm thick all over.
-    assert said.filled < 0.6 * np.pi * 20.0**2
+    # The lid below is one over an edge, a sample from it.
+    assert said.filled < (0.6 + 40 / 29) * np.pi * 20.0**2

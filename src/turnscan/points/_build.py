@@ -22,7 +22,7 @@ from turnscan.stripes import Stripe, StripeFlag
 _GAP = 2.5
 """The turn is closed when the gap from last to first is at most this many usual steps."""
 _CLAIMED = 0.15
-"""Part of the usual variance for its width below which a stripe's own is not believed."""
+"""Part of the usual variance for its width below which a frame's own is not believed."""
 _CURVED = 0.3
 """Part of what a thick sheet shifts on a curved surface that is doubted: the detector's window."""
 _OF_POINTS = ("points", "sigma", "amplitude", "flags")
@@ -102,17 +102,22 @@ def _believable(stripes: Sequence[Stripe]) -> Floats:
     """(s, n) px: the stripes' sigma, raised where one frame claims what no other one does.
 
     Speckle moves a centre by as much in every frame, for its width. A frame of few whole lines
-    cannot tell how much (`stripes.scattered`); it has the usual of all.
+    cannot tell how much (`stripes.scattered`); it has the usual of all. Frames are judged as wholes
+    and at their brightness: that a bright stripe is known better where photons decide is true.
     """
     sigma, width = np.stack([s.sigma for s in stripes]), np.stack([s.width for s in stripes])
+    light = np.stack([s.amplitude for s in stripes])
     single = (np.stack([s.flags for s in stripes]) & StripeFlag.REFINED) == 0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.where(single, sigma**2 / width, np.nan)
-    known = share[~np.isnan(share)]
-    usual = float(np.median(known)) if len(known) else 0.0
-    with np.errstate(invalid="ignore"):
-        short = share < _CLAIMED * usual
-        return np.asarray(np.where(short, np.sqrt(sigma**2 + usual * width), sigma))
+    known = single & ~np.isnan(sigma) & (width > 0) & (light > 0)
+    if not known.any():
+        return sigma
+    share = np.where(known, sigma**2 / np.where(known, width, 1.0), np.nan)
+    usual, bright = float(np.median(share[known])), float(np.median(light[known]))
+    told = known.any(axis=1)
+    part = share[told] / usual * np.maximum(light[told] / bright, 1.0)
+    short = np.zeros(len(stripes), dtype=np.bool_)
+    short[told] = np.nanmedian(part, axis=1) < _CLAIMED
+    return np.where(short[:, None] & known, np.sqrt(sigma**2 + usual * width), sigma)
 
 
 def _doubted(

@@ -17,9 +17,12 @@ from turnscan.mesh import (
 )
 
 _EDGE = float(np.cos(np.radians(60.0)))
-"""A filling is a lid where along most of its border the surface stands steeper than this on it."""
+"""Along most of the border of a lid the surface stands steeper than this on it."""
 _RING = 0.3
 """Of a patch's area, the least that its vector sum must be for it to face one way at all."""
+_LID, _WRAPS = 0.8, 0.5
+"""The same of a lid, which is about flat; and below which a patch with steep borders wraps round a
+side of the part that nobody saw, of which all is doubted."""
 _BESIDE = 7
 """Vertices of a border whose normals are averaged where an edge of the part runs beside it …"""
 _CREASE = float(np.cos(np.radians(25.0)))
@@ -48,8 +51,10 @@ def added_part(mesh: Mesh) -> Added:
     Each patch of them is doubted by Σ A δ, δ the distance of a face's middle from the tangent plane
     of the measured vertex nearest to it. A flat filling of a round part is wrong by about 0.6 of
     that, one that goes on in those tangent planes by 0.15; between the two the angle at which it
-    leaves its border decides. A patch over an edge of the part is a lid, which
-    was chosen and is not doubted. Patches add up with their signs unknown.
+    leaves its border decides. A patch over an edge of the part is a lid: that it is there was
+    chosen, but the edge lies anywhere up to two samples beyond the border, for one is the sampling
+    and the clean-up takes one. So a lid is doubted by one sample's distance times its area. Patches
+    add up with their signs unknown.
     """
     real = mesh.measured
     if real is None or real.all():
@@ -75,8 +80,29 @@ def added_part(mesh: Mesh) -> Added:
         from_middle = t[mine] - mesh.vertices[border].mean(axis=0)
         across = np.cross(from_middle[:, 1], from_middle[:, 2])
         volume += float(np.einsum("ij,ij->", from_middle[:, 0], across)) / 6
-        sigma += float(doubt[mine].sum()) * _share(mesh, mine, border, area[mine], normals)
+        share = _share(mesh, mine, border, area[mine], normals)
+        if share is None:
+            sigma += float(np.linalg.norm(area[mine].sum(axis=0))) * _sample(mesh, real, border)
+        else:
+            sigma += share * float(doubt[mine].sum())
     return Added(volume, sigma)
+
+
+def _sample(mesh: Mesh, real: Bools, border: Ints) -> float:
+    """mm: how far the measured faces along a border reach from it, the usual one."""
+    on = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    on[border] = True
+    beside = np.flatnonzero(real)[on[mesh.faces[real]].sum(axis=1) == 2]
+    if not len(beside):
+        return 0.0
+    # The corner that is not on the border stands so high over the side that is.
+    corner = np.argmin(on[mesh.faces[beside]], axis=1)
+    t = mesh.triangles[beside]
+    k = np.arange(len(t))
+    a, b, c = (t[k, (corner + i) % 3] for i in range(3))
+    side = np.linalg.norm(c - b, axis=1)
+    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(side, 1e-12)
+    return float(np.median(height))
 
 
 def _border_normals(mesh: Mesh, known: Bools, real: Bools) -> Floats:
@@ -115,14 +141,18 @@ def _doubt(mesh: Mesh, known: Bools, normals: Floats, area: Floats) -> Floats:
     return np.asarray(np.linalg.norm(area, axis=1) * np.abs(away))
 
 
-def _share(mesh: Mesh, mine: Ints, border: Ints, area: Floats, normals: Floats) -> float:
-    """How much of its doubt a patch deserves: 0 for a lid, most for a flat filling."""
+def _share(mesh: Mesh, mine: Ints, border: Ints, area: Floats, normals: Floats) -> float | None:
+    """How much of its doubt a patch deserves, most for a flat filling; None for a lid."""
     over = area.sum(axis=0)
     size = float(np.linalg.norm(over))
+    flatness = size / max(float(np.linalg.norm(area, axis=1).sum()), 1e-300)
     beta = np.arccos(np.clip(normals[border] @ over / max(size, 1e-300), -1, 1))
-    one_way = size > _RING * float(np.linalg.norm(area, axis=1).sum())
-    if one_way and (np.cos(beta) < _EDGE).mean() > 0.5:
-        return 0.0
+    one_way = flatness > _RING
+    steep = bool((np.cos(beta) < _EDGE).mean() > 0.5)
+    if flatness > _LID and steep:
+        return None
+    if flatness < _WRAPS and steep:
+        return 1.0
     on = np.isin(mesh.faces[mine], border)
     face, corner = np.nonzero(on)
     n = area[face] / np.maximum(np.linalg.norm(area[face], axis=1), 1e-300)[:, None]

@@ -11,10 +11,13 @@ from itertools import chain
 
 import numpy as np
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Bools, Floats
 from turnscan.mesh import Mesh, opposite_half_edges
 from turnscan.shapes._added import added_part
 from turnscan.shapes._shared import Source, calibration_moves, moved, profile_sigma
+
+_WIDEST = 0.95
+"""Share of the sides whose faces are as wide as they count; wider ones cross a gap or an edge."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +35,16 @@ class VolumeSigma:
     shared: float = 0.0
     """By what all points have in common: the rig's calibration, and where the poses lie."""
 
+    alike: float = 0.0
+    """By what points at edges, creases and between profiles may have in common."""
+
     added: float = 0.0
     """mm³ that the fillings hold beyond straight fans over their borders; part of the volume."""
 
     @property
     def measured(self) -> float:
         """Of the measured part, whatever was filled; NaN where the noise is not known."""
-        own = (self.noise, self.between, self.profiles, self.shared)
+        own = (self.noise, self.between, self.alike, self.profiles, self.shared)
         return float(np.sqrt(sum(part**2 for part in own)))
 
     @property
@@ -52,6 +58,7 @@ class VolumeSigma:
         parts = {
             "the points' noise": np.nan_to_num(self.noise),
             "the curvature between the points": self.between,
+            "the edges": self.alike,
             "the filled faces": self.filled,
             "the interpolation between the profiles": self.profiles,
             "the calibration": self.shared,
@@ -62,14 +69,16 @@ class VolumeSigma:
 def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
     """How well the volume within a closed mesh is known, as far as its ``source`` is.
 
-    - noise: √Σ(aᵢσᵢ)² over the vertices, aᵢ a third of the vector area of the faces about i.
-    - between: Σ l θ w²/12 over the sides, l their length, θ the angle between the faces there,
-      positive where they make a ridge, w the mean of their heights over it, the usual one at most:
-      a surface of curvature k stands w²k/12 above its chords of length w on average, and ½ Σ l θ is
+    - noise: √Σ(aᵢσᵢ)² over the vertices, aᵢ a third of the vector area of the faces about i and
+      σᵢ their sigma, the usual one at most.
+    - alike: Σ aᵢ √(σᵢ² − usual²): beyond the usual it is edges, creases and chords that move a
+      point, and its neighbours the same way, which does not average out.
+    - between: Σ l θ w²/12 over the sides that were measured, l their length, θ the angle between
+      the faces there, positive where they make a ridge, w the mean of their heights over it: a
+      surface of curvature k stands w²k/12 above its chords of length w on average, and ½ Σ l θ is
       the integral of its mean curvature (Steiner), sharp edges included. Ridges and valleys make up
       for each other.
-    - filled: what the fillings may be wrong by (`added_part`). A lid over an edge of the part is a
-      choice, and no uncertainty.
+    - filled: what the fillings may be wrong by (`added_part`).
     - profiles: what a merge in voxels put between the profiles (`profile_sigma`).
     - shared: √Σ(Σ aᵢ·mᵢ)² over the independent ways m in which all vertices move at once, those of
       the rig's covariance (`calibration_moves`) and those of the source; they do not average out.
@@ -79,8 +88,9 @@ def volume_sigma(mesh: Mesh, source: Source | None = None) -> VolumeSigma:
     common = moved(shares, chain(calibration_moves(mesh, known), known.moves))
     between = profile_sigma(known.profiles, mesh)
     more = added_part(mesh)
-    noise, bulge = _noise(mesh, shares), abs(_bulge(mesh))
-    return VolumeSigma(noise, bulge, more.sigma, between, common, more.volume)
+    noise, alike = _noise(mesh, shares)
+    bulge = abs(_bulge(mesh))
+    return VolumeSigma(noise, bulge, more.sigma, between, common, alike, more.volume)
 
 
 def volume_figures(volume: float, known: VolumeSigma) -> dict[str, float | None]:
@@ -119,11 +129,16 @@ def _shares(mesh: Mesh) -> Floats:
     return np.stack(total, axis=-1)
 
 
-def _noise(mesh: Mesh, shares: Floats) -> float:
+def _noise(mesh: Mesh, shares: Floats) -> tuple[float, float]:
+    """mm³ of the points' usual sigma, and of what goes beyond it; NaN and 0 where not known."""
     if mesh.provenance is None:
-        return float("nan")
+        return float("nan"), 0.0
     sigma = np.nan_to_num(mesh.provenance.sigma)
-    return float(np.sqrt(np.square(shares).sum(axis=1) @ sigma**2))
+    usual = float(np.median(sigma[sigma > 0])) if (sigma > 0).any() else 0.0
+    own = np.minimum(sigma, usual)
+    size = np.linalg.norm(shares, axis=1)
+    beyond = np.sqrt(np.maximum(sigma**2 - own**2, 0.0))
+    return float(np.sqrt(np.square(size * own).sum())), float(size @ beyond)
 
 
 def mean_curvature(mesh: Mesh) -> float:
@@ -131,18 +146,25 @@ def mean_curvature(mesh: Mesh) -> float:
 
     Half the sum of length times angle over its sides; 4πR for a ball.
     """
-    length, angle, _ = _sides(mesh)
+    length, angle, _, _ = _sides(mesh)
     return float((length * angle).sum() / 2)
 
 
 def _bulge(mesh: Mesh) -> float:
-    """mm³ by which a smooth surface through the vertices of a closed mesh holds more than it."""
-    length, angle, wide = _sides(mesh)
-    return float((length * angle * np.minimum(wide, np.median(wide)) ** 2).sum() / 12)
+    """mm³ by which a smooth surface through the vertices of a closed mesh holds more than it.
+
+    No face counts as wider than nearly all are (`_WIDEST`).
+    """
+    length, angle, wide, real = _sides(mesh)
+    if not real.any():
+        return 0.0
+    wide = np.minimum(wide, np.quantile(wide[real], _WIDEST))
+    return float((length * angle * wide**2)[real].sum() / 12)
 
 
-def _sides(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
-    """(s,) for each side its length, the angle of the faces there, and their mean height over it.
+def _sides(mesh: Mesh) -> tuple[Floats, Floats, Floats, Bools]:
+    """(s,) for each side its length, the angle of the faces there, and their mean height over it,
+    and True where both were measured.
 
     Sides of faces without area are left out.
     """
@@ -160,7 +182,9 @@ def _sides(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
     n = twice / np.maximum(size, 1e-300)[:, None]
     turned = np.einsum("ij,ij->i", np.cross(n[f], n[there]), side / length[:, None])
     angle = np.arctan2(turned, np.einsum("ij,ij->i", n[f], n[there]))
-    return length, angle, (size[f] + size[there]) / (2 * length)
+    known = mesh.measured
+    real = np.ones(len(f), np.bool_) if known is None else known[f] & known[there]
+    return length, angle, (size[f] + size[there]) / (2 * length), real
 
 
 def _twice(mesh: Mesh) -> Floats:
