@@ -108,9 +108,28 @@ def test_what_one_laser_looked_through_is_no_surface_of_the_other() -> None:
 def test_a_place_that_nobody_measured_bears_no_vertex_out() -> None:
     surfaces = [s for g in scanned("handle", 60, 2) for s in range_surfaces(g)]
     mesh = surfaces[0].mesh
-    assert borne_out(mesh, surfaces, 1.0).all()
+    good, away = borne_out(mesh, surfaces, 1.0, 1.0)
+    assert good.all()
+    assert not away.any()
     between = np.tile([23.0, 0.0, 30.0], (len(mesh.vertices), 1))
     moved = np.where(np.arange(len(mesh.vertices))[:, None] % 50 == 0, between, mesh.vertices)
-    good = borne_out(replace(mesh, vertices=moved), surfaces, 1.0)
+    good, _ = borne_out(replace(mesh, vertices=moved), surfaces, 1.0, 1.0)
     assert not good[::50].any()
     assert good[1::50].all()
+
+
+def test_what_a_doubtful_point_alone_confirms_from_afar_is_as_doubtful() -> None:
+    """A vertex 0.8 mm off a surface of 1 mm sigma may be there, but is no better known."""
+    one = range_surfaces(scanned("handle", 60, 2)[0])[0]
+    p = one.mesh.provenance
+    some = np.arange(len(p.sigma)) % 50 == 0
+    unsure = replace(one, mesh=replace(one.mesh, provenance=replace(p, sigma=1.0 + 0 * p.sigma)))
+    lifted = one.mesh.vertices + np.where(some, 0.8, 0.0)[:, None] * one.normals
+    sure = replace(one.mesh, vertices=lifted, provenance=replace(p, sigma=0.05 + 0 * p.sigma))
+    good, away = borne_out(sure, [unsure], 0.1, 2.0)
+    inside = some & (np.linalg.norm(one.normals, axis=1) > 0.5)
+    assert good.all()
+    assert np.median(away[inside]) > 0.5
+    assert not away[~some].any()
+    beyond = borne_out(sure, [unsure], 0.1, 0.3)[0]
+    assert beyond[inside].mean() < 0.2, "nor from beyond what counts"

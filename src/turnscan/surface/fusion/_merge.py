@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -95,8 +96,9 @@ def merge(
     if along is not None:
         text += "; the spacing along profiles has no effect"
     findings.append(_merged_by(text, "grid|paste"))
-    mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, max(size, 3 * sigma))
-    mesh, lost = _witnessed(mesh, surfaces, size)
+    most = max(size, 3 * sigma)
+    mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, most)
+    mesh, lost = _witnessed(mesh, surfaces, size, most)
     return mesh, [*findings, *lost]
 
 
@@ -108,13 +110,18 @@ def _merged_by(text: str, others: str) -> Finding:
 
 
 def _witnessed(
-    mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float
+    mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: float
 ) -> tuple[Mesh, list[Finding]]:
     """The mesh without the faces at vertices that no measured surface confirms.
 
-    Faces that close a seam are not measured, and need no witness.
+    What is confirmed from afar alone is known no better than that. Faces that close a seam are not
+    measured, and need no witness.
     """
-    good = borne_out(mesh, surfaces, voxel)
+    good, away = borne_out(mesh, surfaces, voxel, most)
+    p = mesh.provenance
+    if p is not None:
+        sigma = np.where(good, np.maximum(p.sigma, away), p.sigma)
+        mesh = replace(mesh, provenance=replace(p, sigma=sigma))
     if mesh.measured is not None:
         made = np.zeros(len(mesh.vertices), dtype=np.bool_)
         made[mesh.faces[~mesh.measured]] = True

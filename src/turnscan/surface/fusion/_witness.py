@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from turnscan.arrays import Bools
+from turnscan.arrays import Bools, Floats
 from turnscan.mesh._mesh import Mesh
 from turnscan.surface.fusion._range_surface import RangeSurface
 
@@ -16,19 +16,25 @@ _ROUNDED = 0.1
 """Voxels by which a merge rounds its vertices, and carries them on over a border."""
 
 
-def borne_out(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float) -> Bools:
-    """(v,) True for the vertices of a merged mesh that a measured surface passes by.
+def borne_out(
+    mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: float
+) -> tuple[Bools, Floats]:
+    """(v,) True for the vertices of a merged mesh that a measured surface passes by, and (v,) mm
+    how far from the nearest such one they lie, beyond what is explained.
 
-    It does no further off than three combined sigma, what the surface may do between its profiles
-    there, and a tenth of ``voxel`` mm, what the merge itself rounds off.
+    It passes by no further off than three combined sigma, ``most`` mm of them at most, and what is
+    explained: what the surface may do between its profiles there, and a tenth of ``voxel`` mm,
+    which the merge itself rounds off.
     """
     import igl
 
     p = mesh.provenance
     own = np.zeros(len(mesh.vertices)) if p is None else np.nan_to_num(p.sigma)
     out = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    away = np.full(len(mesh.vertices), np.inf)
     for s in surfaces:
-        asked = np.flatnonzero(~out)
+        # What one surface confirms only from afar, another may confirm from nearby.
+        asked = np.flatnonzero(~out | (away > own))
         if not len(asked) or not len(s.mesh.faces):
             continue
         squared, face, _ = igl.point_mesh_squared_distance(
@@ -36,6 +42,10 @@ def borne_out(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float) -> Boo
         )
         corners = s.mesh.faces[face]
         noise = np.hypot(own[asked], s.sigma[corners].mean(axis=1))
-        most = _SIGMAS * noise + s.between()[corners].max(axis=1) + _ROUNDED * voxel
-        out[asked[squared <= most**2]] = True
-    return out
+        explained = s.between()[corners].max(axis=1) + _ROUNDED * voxel
+        off = np.sqrt(squared)
+        near = off <= np.minimum(_SIGMAS * noise, most) + explained
+        out[asked[near]] = True
+        beyond = np.maximum(off - explained, 0.0)[near]
+        away[asked[near]] = np.minimum(away[asked[near]], beyond)
+    return out, away
