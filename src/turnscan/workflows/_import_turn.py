@@ -103,7 +103,10 @@ def _passing(
     chosen = StripeSettings(orientation=options.orientation)
     count = len(series.shots)
     some = np.unique(np.linspace(0, count - 1, min(_SAMPLES, count)).round().astype(int))
-    volume = working_volume(rig, series.laser)
+    try:
+        volume = working_volume(rig, series.laser)
+    except ValueError:  # the camera sees nothing of the sheet before the axis
+        return np.zeros(0), []
     steps, points = [], []
     for shot, picture in series.pictures([series.shots[i] for i in some]):
         path = series.dark_of(shot)
