@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,12 @@ from hypothesis import strategies as st
 
 from tests.needs import needs
 from tests.once import once
-from tests.shapes.solids import noisy
+from tests.shapes.solids import noisy, prism
 from turnscan.cli import turnscan
 from turnscan.drawings import Solid, read_step, write_step
 from turnscan.errors import FormatError, InputError
 from turnscan.formats import export
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, submesh
 from turnscan.progress import no_progress
 from turnscan.rig import Pose, rotation_from_vector
 from turnscan.workflows import Comparison, compare, read_mesh_file
@@ -214,6 +215,61 @@ def test_a_reference_in_inches_is_suspected(parts: Path, tmp_path: Path) -> None
     assert "reference_unit=inch" in str(caught.value.hint)
 
 
+def _box(draft: float, noise: float, seed: int) -> Mesh:
+    """Walls of 30 × 20 × 10 mm, one of them turned by ``draft`` radians from square."""
+    out = 20 * np.tan(draft)
+    return noisy(prism([(0, 0), (30, 0), (30 + out, 20), (0, 20)], 10, 0.7), noise, seed)
+
+
+def test_what_is_measured_is_not_made_square_or_parallel() -> None:
+    """Relations that `find_shapes` adopts within the noise would leave no uncertainty."""
+    found = compare(_box(0.0, 0.02, 1), _box(0.0, 0.0, 0), features=True)
+    angles = [c for c in found.checks if c.quantity == "angle"]
+    assert len(angles) == 4
+    for c in angles:
+        assert 0.002 < c.sigma < 0.02  # 0.02 mm over √400 points of walls 10 mm high and 30 long
+        assert abs(c.off) < 4 * c.sigma
+
+
+def test_faces_with_a_draft_have_an_angle_and_no_distance() -> None:
+    drawn = _box(np.radians(2.0), 0.0, 0)
+    found = compare(_box(np.radians(2.0), 0.02, 1), drawn, features=True)
+    (distance,) = [c for c in found.checks if c.quantity == "distance"]
+    assert distance.nominal == pytest.approx(20.0)
+    assert {round(c.nominal) for c in found.checks if c.quantity == "angle"} == {88, 90, 92}
+
+
+def test_surfaces_without_area_are_refused_in_one_line() -> None:
+    box = _box(0.0, 0.0, 0)
+    nothing = replace(box, measured=np.zeros(len(box.faces), dtype=np.bool_))
+    flat = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]], dtype=np.int32))
+    for one, other in ((nothing, box), (flat, box), (box, flat)):
+        with pytest.raises(InputError, match="no measured face that has an area"):
+            compare(one, other, align="shape")
+
+
+def test_a_profile_tells_a_wave_from_noise_and_fails_no_perfect_face(tmp_path: Path) -> None:
+    flat = _box(0.0, 0.0, 0)
+    table = tmp_path / "t.csv"
+    x = flat.vertices[:, 0]
+    wavy = Mesh(flat.vertices + np.outer(0.1 * np.sin(x * 0.6), [0, 1, 0]), flat.faces)
+    for part, width, allowed in (
+        (wavy, 0.1, {"fail"}),
+        (_box(0.0, 0.02, 1), 0.01, {"undecided"}),
+        (_box(0.0, 0.02, 1), 0.1, {"pass"}),
+    ):
+        table.write_text(f"*,profile,{width}\n")
+        found = compare(part, flat, tolerance_table=table)
+        said = {c.features[0]: c for c in found.checks if c.quantity == "profile"}
+        assert len(said) == 4
+        assert {said[number].verdict for number in (1, 2)} == allowed  # the long walls
+    sparse = _box(0.0, 0.0, 0)
+    few = submesh(sparse, sparse.triangles[:, :, 2].max(axis=1) < 0.8)
+    lost = compare(few, flat, tolerance_table=table)
+    assert [c for c in lost.checks if c.quantity == "profile"] == []
+    assert lost.verdict == "undecided"
+
+
 # Tolerances
 
 
@@ -235,6 +291,10 @@ def test_a_reference_in_inches_is_suspected(parts: Path, tmp_path: Path) -> None
         ("+0.2 -0.1", 7.0, (-0.1, 0.2)),
         ("-0.1/-0.3", 7.0, (-0.3, -0.1)),
         ("0.3", 7.0, (-0.3, 0.3)),
+        ("H7", 10.000000000000002, (0.0, 0.015)),  # a step ends at 10, whatever arithmetic adds
+        ("H7", 500.0000001, (0.0, 0.063)),
+        ("H7", 10.001, (0.0, 0.018)),
+        ("ISO 2768-m", 30.000000000000004, (-0.2, 0.2)),
     ],
 )
 def test_limits_of_the_standards(text: str, nominal: float, limits: tuple[float, float]) -> None:
@@ -266,6 +326,7 @@ def test_what_the_tables_do_not_hold_is_refused(text: str, nominal: float, said:
         ("1,diameter,tight", "line 1: 'tight' is not a tolerance"),
         ("1,profile,H7", "line 1: 'H7' is not the width"),
         ("# nothing", "no tolerance in it"),
+        ("1,diameter," + 150_000 * "1", "not a table"),
     ],
 )
 def test_a_bad_row_is_named(tmp_path: Path, row: str, said: str) -> None:

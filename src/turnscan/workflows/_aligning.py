@@ -101,7 +101,8 @@ def _by_shape(mesh: Mesh, name: str, reference: Nominal) -> Placement:
 
 
 def _sigma(mesh: Mesh) -> Floats:
-    """(v,) mm, the median where a vertex does not know its own; their scatter where none does."""
+    """(v,) mm, the median where a vertex does not know its own; where none does a ten-thousandth of
+    the size, which `align` raises to their scatter."""
     sigma = np.full(len(mesh.vertices), np.nan)
     if mesh.provenance is not None:
         sigma = mesh.provenance.sigma

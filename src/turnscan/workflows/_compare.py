@@ -231,14 +231,12 @@ def compare(
         measured = reconstruct(measured, progress=progress.subrange(0, 0.5))
     got = load(measured, wanted.unit, progress.subrange(0, 0.5))
     drawn = nominal(reference, wanted.reference_unit, progress.subrange(0.5, 0.7))
-    if not len(got.mesh.faces):
-        raise InputError(f"{got.name}: no faces", hint="compare a mesh, not a cloud of points")
     table = wanted.features or bool(rows) or wanted.align == "datums"
     if table:
         drawn = with_features(drawn)
-    mesh = got.mesh
-    if mesh.measured is not None:
-        mesh = submesh(mesh, mesh.measured)
+    mesh = got.mesh if got.mesh.measured is None else submesh(got.mesh, got.mesh.measured)
+    _check_area(mesh, got.name)
+    _check_area(drawn.mesh, drawn.name)
     placement = placed_by(wanted.align, mesh, got.name, drawn, wanted.datums)
     mesh = _moved(mesh, placement.pose)
     every = deviation(mesh.vertices, drawn.mesh)
@@ -251,8 +249,17 @@ def compare(
     if not table:
         return plain
     source = measured if isinstance(measured, ReconstructResult) else got.mesh
-    found = find_shapes(source)
+    # What is held against a tolerance must not have been made parallel, square or equal before.
+    found = find_shapes(source, as_measured=True)
     return _by_feature(plain, drawn, _own(got.mesh, found), found, rows)
+
+
+def _check_area(mesh: Mesh, name: str) -> None:
+    if not mesh.area_of() > 0:
+        raise InputError(
+            f"{name}: no measured face that has an area",
+            hint="give a mesh with measured faces, not a cloud of points",
+        )
 
 
 def _moved(mesh: Mesh, pose: Pose) -> Mesh:

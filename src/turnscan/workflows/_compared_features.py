@@ -23,7 +23,12 @@ _MOSTLY = 0.5
 """Of a feature's measured points, or of a shape's: how many of them must be common to both."""
 _CELL = 30
 """Points whose mean tells the profile at a place."""
-_LEAST = 10
+_LEAST = 4 * _CELL
+"""Points that a feature must have for a profile: one mean over all of it hides what it is like."""
+_PLACES = 20_000
+"""Places that are looked at, if a tenth of the points is no more."""
+_PARALLEL = 3e-4
+"""Radians by which features may be drawn askew (an STL is not exact) and have one distance."""
 UNKNOWN = "compare.unmeasured"
 _OWN: dict[str, tuple[str, ...]] = {
     "diameter": ("cylinder", "sphere", "torus"),
@@ -162,6 +167,8 @@ def checks_of(
         numbers = tuple(match[k] + 1 for k in own)
         shapes = [reference.shapes[match[k]] for k in own]
         nominal = _nominal(s.kind, shapes)
+        if nominal is None:
+            continue
         angle = s.kind in ("angle", "cone angle")
         scale, unit = (180 / np.pi, "deg") if angle else (1.0, "mm")
         made = Check(numbers, s.kind, nominal * scale, s.value * scale, s.sigma * scale, unit)
@@ -188,8 +195,9 @@ def _judged(check: Check, tolerances: Sequence[Tolerance]) -> Check:
     )  # fmt: skip
 
 
-def _nominal(kind: str, shapes: Sequence[Shape]) -> float:
-    """The size as it is drawn, mm or radians."""
+def _nominal(kind: str, shapes: Sequence[Shape]) -> float | None:
+    """The size as it is drawn, mm or radians; None for a distance of what is drawn askew, such as
+    faces with a draft: it depends on where on them one measures."""
     a = shapes[0]
     match kind:
         case "diameter":
@@ -200,6 +208,9 @@ def _nominal(kind: str, shapes: Sequence[Shape]) -> float:
             return 2 * abs(a.second)
     b = shapes[1]
     away = b.point - a.point
+    along = abs(float(a.axis @ b.axis)) if kind == "axis to plane" else _sine(a.axis, b.axis)
+    if kind != "angle" and along > _PARALLEL:
+        return None
     match kind:
         case "distance":
             return abs(float(away @ a.axis))
@@ -208,7 +219,11 @@ def _nominal(kind: str, shapes: Sequence[Shape]) -> float:
             return abs(float(away @ plane.axis))
         case "axis distance":
             return float(np.linalg.norm(away - (away @ a.axis) * a.axis))
-    return float(np.arctan2(np.linalg.norm(np.cross(a.axis, b.axis)), a.axis @ b.axis))
+    return float(np.arctan2(_sine(a.axis, b.axis), a.axis @ b.axis))
+
+
+def _sine(a: Floats, b: Floats) -> float:
+    return float(np.linalg.norm(np.cross(a, b)))
 
 
 def profiles_of(
@@ -227,19 +242,20 @@ def profiles_of(
 
 
 def _profile(points: Floats, off: Floats) -> tuple[float, float]:
-    """Twice the largest mean deviation of a place, mm, and its standard uncertainty."""
-    spread = np.sort(np.ptp(points, axis=0))[::-1]
-    side = float(np.sqrt(max(spread[0] * spread[1], 1e-12) * _CELL / len(points)))
-    at = np.floor((points - points.min(axis=0)) / max(side, 1e-9)).astype(np.int64)
-    _, cell, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.reshape(-1)
-    mean = np.bincount(cell, off) / count
-    full = count >= _LEAST
-    if not full.any():
-        return 2 * abs(float(off.mean())), 2 * float(off.std()) / np.sqrt(len(off))
-    within = np.bincount(cell, (off - mean[cell]) ** 2) / np.maximum(count - 1, 1)
-    worst = int(np.argmax(np.where(full, np.abs(mean), -1.0)))
-    return 2 * abs(float(mean[worst])), 2 * float(np.sqrt(within[worst] / count[worst]))
+    """Twice the largest mean deviation of a place, mm, and its standard uncertainty.
+
+    The largest of m means of pure noise is about √(2 ln m) of their standard deviations: so much
+    may be noise, and two standard uncertainties cover it beside two of those.
+    """
+    from scipy.spatial import KDTree
+
+    places = points[:: min(10, 1 + len(points) // _PLACES)]
+    near = np.asarray(KDTree(points).query(places, k=_CELL)[1])
+    mean = off[near].mean(axis=1)
+    worst = int(np.argmax(np.abs(mean)))
+    spread = float(off[near[worst]].std(ddof=1) / np.sqrt(_CELL))
+    chance = float(np.sqrt(2 * np.log(len(points) / _CELL)))
+    return 2 * abs(float(mean[worst])), 2 * spread * (1 + chance / 2)
 
 
 def unmet(

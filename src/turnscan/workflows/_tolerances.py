@@ -25,6 +25,9 @@ _HINT = (
     "`*,*,ISO 2768-m` or `*,profile,0.2`"
 )
 _MM = 1e-3
+_DIGITS = 3
+"""Of a nominal size in mm that count when its step is looked up: facets of an STL and differences
+of coordinates give 30.000000000000004 for 30, which is no larger size."""
 
 _STEPS = (3, 6, 10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500)
 """mm: upper ends of the nominal sizes of ISO 286-1."""
@@ -135,22 +138,24 @@ def limits_of(text: str, nominal: float, zone: bool = False) -> tuple[float, flo
 def _iso_286(letter: str, grade: int, nominal: float) -> tuple[float, float]:
     if grade not in _GRADES:
         raise InputError(f"{letter}{grade}: ISO 286 has grades 1 to 18", hint="choose one of them")
-    if not 0 < nominal <= _STEPS[-1]:
+    size = round(nominal, _DIGITS)
+    if not 0 < size <= _STEPS[-1]:
         raise InputError(
             f"{letter}{grade} of {nominal:g} mm: ISO 286 limits are known to {_STEPS[-1]} mm",
             hint="write the limits as numbers",
         )
-    step = bisect_left(_STEPS, nominal)
+    step = bisect_left(_STEPS, size)
     width = _GRADES[grade][step] * _MM
     if letter.lower() == "js":
         return -width / 2, width / 2
     away = _PLACES[letter.lower()][step] * _MM
-    return (away, away + width) if letter.isupper() else (-away - width, -away)
+    return (away, away + width) if letter.isupper() else (-away - width, 0.0 - away)
 
 
 def _iso_2768(letter: str, nominal: float) -> tuple[float, float]:
-    known = 0.5 <= nominal <= _GENERAL_STEPS[-1]
-    off = _GENERAL[letter][bisect_left(_GENERAL_STEPS, nominal)] if known else None
+    size = round(nominal, _DIGITS)
+    known = 0.5 <= size <= _GENERAL_STEPS[-1]
+    off = _GENERAL[letter][bisect_left(_GENERAL_STEPS, size)] if known else None
     if off is None:
         raise InputError(
             f"ISO 2768-{letter} says nothing of {nominal:g} mm", hint="write the limits as numbers"
@@ -182,7 +187,7 @@ def read_tolerances(path: Path) -> tuple[Tolerance, ...]:
     except UnicodeDecodeError:
         raise FormatError(f"{path}: not a text file", hint=_HINT) from None
     out = []
-    for number, row in enumerate(csv.reader(text.splitlines()), start=1):
+    for number, row in enumerate(_rows(text, path), start=1):
         words = [w.strip() for w in row]
         if not any(words) or words == _COLUMNS or words[0].startswith("#"):
             continue
@@ -193,6 +198,13 @@ def read_tolerances(path: Path) -> tuple[Tolerance, ...]:
     if not out:
         raise FormatError(f"{path}: no tolerance in it", hint=_HINT)
     return tuple(out)
+
+
+def _rows(text: str, path: Path) -> list[list[str]]:
+    try:
+        return list(csv.reader(text.splitlines()))
+    except csv.Error as e:
+        raise FormatError(f"{path}: not a table ({e})", hint=_HINT) from None
 
 
 def _row(feature: str, quantity: str, text: str, where: str) -> Tolerance:
