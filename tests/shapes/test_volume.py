@@ -196,6 +196,19 @@ def test_what_is_known_worse_than_usual_does_not_average_out() -> None:
     assert said.measured > said.alike
 
 
+def test_points_that_do_not_know_their_sigma_are_not_without_noise() -> None:
+    mesh = ball(n=30)
+    number = np.arange(len(mesh.vertices), dtype=np.int32)
+
+    def noise(sigma: np.ndarray) -> float:
+        origin = Provenance(sigma, 0 * number, number, number, ("red",))
+        return shapes.volume_sigma(replace(mesh, provenance=origin)).noise
+
+    every = np.full(len(number), 0.05)
+    assert noise(np.where(number % 2, every, np.nan)) == pytest.approx(noise(every))
+    assert np.isnan(noise(np.nan * every))
+
+
 def test_all_parts_are_in_the_measurement() -> None:
     whole = ball(n=30)
     v = len(whole.vertices)

@@ -114,9 +114,9 @@ def _believable(stripes: Sequence[Stripe]) -> Floats:
     share = np.where(known, sigma**2 / np.where(known, width, 1.0), np.nan)
     usual, bright = float(np.median(share[known])), float(np.median(light[known]))
     told = known.any(axis=1)
-    part = share[told] / usual * np.maximum(light[told] / bright, 1.0)
+    part = share[told] * np.maximum(light[told] / bright, 1.0)
     short = np.zeros(len(stripes), dtype=np.bool_)
-    short[told] = np.nanmedian(part, axis=1) < _CLAIMED
+    short[told] = np.nanmedian(part, axis=1) < _CLAIMED * usual
     return np.where(short[:, None] & known, np.sqrt(sigma**2 + usual * width), sigma)
 
 

@@ -130,11 +130,15 @@ def _shares(mesh: Mesh) -> Floats:
 
 
 def _noise(mesh: Mesh, shares: Floats) -> tuple[float, float]:
-    """mm³ of the points' usual sigma, and of what goes beyond it; NaN and 0 where not known."""
-    if mesh.provenance is None:
+    """mm³ of the points' usual sigma, and of what goes beyond it; NaN and 0 where not known.
+
+    A measured point that does not know its own has the usual one.
+    """
+    p = mesh.provenance
+    if p is None or np.isnan(p.sigma).all():
         return float("nan"), 0.0
-    sigma = np.nan_to_num(mesh.provenance.sigma)
-    usual = float(np.median(sigma[sigma > 0])) if (sigma > 0).any() else 0.0
+    usual = float(np.median(p.sigma[p.sigma > 0])) if (p.sigma > 0).any() else 0.0
+    sigma = np.where(np.isnan(p.sigma), np.where(p.laser >= 0, usual, 0.0), p.sigma)
     own = np.minimum(sigma, usual)
     size = np.linalg.norm(shares, axis=1)
     beyond = np.sqrt(np.maximum(sigma**2 - own**2, 0.0))
