@@ -176,6 +176,23 @@ export interface Defects {
   defects: Defect[];
 }
 
+/**
+ * How far the surface lies from a reference. Array ``distance`` (v,) mm: f32, of each vertex,
+ * positive outside, NaN where it was not measured or the reference says nothing.
+ */
+export interface DeviationShown {
+  kind: "deviation";
+  id: number;
+  scan: string;
+  revision: number;
+  reference: string;
+  vertices: number;
+  mean: number;
+  rms: number;
+  p95: number;
+  worst: number;
+}
+
 /** A camera or a turntable. */
 export interface DeviceState {
   state: "none" | "ready" | "busy" | "failed";
@@ -562,6 +579,23 @@ export interface Measure {
   uncertainty: number | null;
   places: [number, number, number][];
   text: string;
+  /** That of the dimension, where it has one. */
+  name: string;
+  nominal: number | null;
+  /** Limits of the deviation from the nominal value. */
+  lower: number | null;
+  upper: number | null;
+  /** By ISO 14253-1, with the uncertainty; None without limits, or where outdated. */
+  verdict: "pass" | "fail" | "undecided" | null;
+  /** The surface was changed since it was measured. */
+  outdated: boolean;
+}
+
+/** Take measurements again of which the surface was changed since: answered by ``measures``. */
+export interface MeasureAgain {
+  id: number;
+  kind: "measure_again";
+  scan: string;
 }
 
 /** The measurements kept with a scan; ``id`` where one was asked for. */
@@ -913,6 +947,33 @@ export interface SettingsSet {
   options: Record<string, unknown>;
 }
 
+/** Compare with a mesh or a scan that is in the same frame: answered by ``deviation``. */
+export interface ShowDeviation {
+  id: number;
+  kind: "show_deviation";
+  scan: string;
+  /** A file of the list, or a scan. */
+  reference: string;
+  /** Of the reference. */
+  unit?: "mm" | "cm" | "m" | "inch";
+}
+
+/**
+ * Name a measurement, and say what it is to be: answered by ``measures``.
+ *
+ * Limits are deviations from the nominal value, in its unit; without them it is only named.
+ */
+export interface SpecifyMeasure {
+  id: number;
+  kind: "specify";
+  scan: string;
+  measure: string;
+  name?: string;
+  nominal?: number | null;
+  lower?: number | null;
+  upper?: number | null;
+}
+
 /** Open the folder of the scans in the file manager of the server's computer. */
 export interface ShowFolder {
   id: number;
@@ -1076,6 +1137,7 @@ export type ServerMessage =
   | Holes
   | Defects
   | Measures
+  | DeviationShown
   | Found
   | Devices
   | Calibration
@@ -1113,6 +1175,9 @@ export type ClientMessage =
   | ListDefects
   | TakeMeasure
   | ForgetMeasure
+  | SpecifyMeasure
+  | MeasureAgain
+  | ShowDeviation
   | FindDevices
   | Connect
   | Disconnect

@@ -21,6 +21,7 @@ from turnscan.edit import (
     MeasureToPlane,
     MeasureVolume,
     Region,
+    Specify,
     action_to_json,
     describe,
     history_from_log,
@@ -84,6 +85,29 @@ def test_they_follow_undo_and_their_place_in_the_history() -> None:
     assert undone.body.digest() == before
     uncut, _ = document.switch(10, False)
     assert [m.value for e, m in uncut.measured if e.edit.kind == "measure_volume"] == [whole] * 2
+
+
+def test_they_are_taken_again_on_the_surface_that_was_edited_since() -> None:
+    document, _ = session(1)
+    (whole, then), (_, now) = (
+        (e, m) for e, m in document.measured if e.edit.kind == "measure_volume"
+    )
+    assert document.outdated(whole.id)
+    assert document.retaken(whole).value == now.value != then.value
+    last, _ = document.measured[-1]
+    assert not document.outdated(last.id)
+    before, _ = document.switch(10, False)
+    assert not before.outdated(whole.id)
+
+
+def test_a_dimension_changes_no_surface_and_is_undone_like_any_edit() -> None:
+    document, _ = session(1)
+    before, digest = len(document.measured), document.body.digest()
+    named, change = document.add(Specify(1, "height", 30.0, -0.1, 0.1))
+    assert (change.patches, change.findings) == ((), ())
+    assert named.body.digest() == digest
+    assert len(named.measured) == before
+    assert named.undo()[0].history.enabled == document.history.enabled
 
 
 def test_one_that_cannot_be_taken_is_a_remark_and_no_error() -> None:

@@ -59,6 +59,7 @@ SAMPLES: list[Edit] = [
     edit.MeasureCorner((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     edit.MeasureArea(None),
     edit.MeasureVolume(),
+    edit.Specify(3, "bore", 24.0, -0.05, 0.05),
 ]
 
 

@@ -19,7 +19,8 @@ from turnscan.app._jobs import Job, remarks
 from turnscan.app._open_scan import OpenScan
 from turnscan.edit import Action, Change, Document
 from turnscan.findings import Finding
-from turnscan.formats import read_mesh
+from turnscan.formats import read_mesh, write_ply
+from turnscan.mesh import Mesh
 from turnscan.progress import Cancelled, Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
@@ -353,12 +354,53 @@ def test_measurements_are_kept_with_the_scan(folder: Path) -> None:
         assert refused["text"] == "the surface is open, so it has no volume"
         refused = one.ask("measure", scan=scan, what="distance", places=[a])
         assert refused["text"] == "distance: 1 of 2 points"
+        name, size = told["measures"][1]["measure"], told["measures"][1]["value"]
+        for nominal, verdict in ((size, "pass"), (size + 1.0, "fail"), (size + 0.5, "undecided")):
+            limits = {"nominal": nominal, "lower": -0.5, "upper": 0.5}
+            told = one.ask("specify", scan=scan, measure=name, name="ball", **limits)
+            assert (told["measures"][1]["name"], told["measures"][1]["verdict"]) == (
+                "ball",
+                verdict,
+            )
+        refused = one.ask("specify", scan=scan, measure=name, nominal=size, lower=-0.1)
+        assert "both limits" in refused["text"]
+        assert one.ask("measure_again", scan=scan)["measures"] == told["measures"]
         left = one.ask("forget_measure", scan=scan, measure=told["measures"][0]["measure"])
         assert [m["what"] for m in left["measures"]] == ["diameter"]
         assert one.ask("forget_measure", scan=scan, measure="edit-99")["kind"] == "refused"
     with serving(folder) as again, Browser(again) as late:
         state = late.open(late.hello["scans"][0]["scan"])
         assert state["measures"] == left["measures"]
+        scan, revision = state["scan"], state["revision"]
+        gone = {"kind": "cut", "normal": [0, 0, 1], "distance": float(corners[:, 2].mean())}
+        late.ask("edit", scan=scan, base_revision=revision, edit=gone)
+        cut = late.until("measures")["measures"][0]
+        assert cut["outdated"]
+        assert cut["verdict"] is None
+        anew = late.ask("measure_again", scan=scan)["measures"][0]
+        assert not anew["outdated"]
+
+
+def test_the_deviation_from_a_reference_is_of_every_vertex(folder: Path) -> None:
+    with serving(folder) as server, Browser(server) as one, server.http(one.cookie) as http:
+        scan = one.hello["scans"][0]["scan"]
+        one.open(scan)
+        _, mesh = unpack(http.get(f"/api/scans/{scan}/mesh").content)
+        v = mesh["positions"].astype(np.float64)
+        moved = Mesh(v + [0.0, 0.0, 0.05], mesh["faces"].astype(np.int32))
+        (folder / "moved.ply").write_bytes(write_ply(moved))
+        files = one.ask("list_files")["files"]
+        reference = next(f["file"] for f in files if f["name"] == "moved.ply")
+        shown = one.ask("show_deviation", scan=scan, reference=reference)
+        assert shown["kind"] == "deviation", shown
+        distance = shown["arrays"]["distance"]
+        known = distance[np.isfinite(distance)]
+        assert len(distance) == len(v)
+        assert len(known) == shown["vertices"] > 0.9 * len(v)
+        assert np.abs(known).max() == pytest.approx(shown["worst"], abs=1e-6) <= 0.0501
+        assert np.sqrt(np.mean(known**2)) == pytest.approx(shown["rms"], rel=1e-4)
+        refused = one.ask("show_deviation", scan=scan, reference="nothing")
+        assert refused["kind"] == "refused"
 
 
 def test_an_export_is_a_job_and_reads_back(server: Running) -> None:

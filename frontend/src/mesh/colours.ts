@@ -1,7 +1,7 @@
 /** Colours of the surface. Maps and palettes are chosen for eyes that confuse red and green. */
 import type { MeshModel } from "./model";
 
-export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured"] as const;
+export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured", "deviation"] as const;
 export type Colouring = (typeof COLOURINGS)[number];
 
 type Rgb = readonly [number, number, number];
@@ -35,11 +35,35 @@ export const UNMEASURED: Rgb = [122, 132, 214];
 export const SELECTED = "#f0691e";
 
 export function cividis(t: number): Rgb {
-  const x = Math.min(Math.max(t, 0), 1) * (CIVIDIS.length - 1);
-  const i = Math.min(Math.floor(x), CIVIDIS.length - 2);
+  return ramp(CIVIDIS, t);
+}
+
+function ramp(stops: readonly Rgb[], t: number): Rgb {
+  const x = Math.min(Math.max(t, 0), 1) * (stops.length - 1);
+  const i = Math.min(Math.floor(x), stops.length - 2);
   const w = x - i;
-  const [a, b] = [CIVIDIS[i], CIVIDIS[i + 1]];
+  const [a, b] = [stops[i], stops[i + 1]];
   return [a[0] + w * (b[0] - a[0]), a[1] + w * (b[1] - a[1]), a[2] + w * (b[2] - a[2])];
+}
+
+/** From Crameri's vik (2018): blue below, orange above, light where there is no deviation. */
+const DIVERGING: readonly Rgb[] = [
+  [5, 48, 122],
+  [64, 128, 178],
+  [163, 197, 219],
+  [238, 236, 233],
+  [231, 180, 145],
+  [199, 107, 50],
+  [125, 38, 6],
+];
+
+export function diverging(t: number): Rgb {
+  return ramp(DIVERGING, t);
+}
+
+/** The colours of a map, from its low end to its high one. */
+export function mapOf(by: Colouring): (t: number) => Rgb {
+  return by === "deviation" ? diverging : cividis;
 }
 
 export function css(rgb: Rgb): string {
@@ -62,12 +86,13 @@ export interface Coloured {
 /** One colour for every vertex. */
 export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
   const rgba = new Uint8Array(4 * mesh.vertexCount).fill(255);
-  const range = by === "sigma" || by === "height" ? spread(mesh, by) : null;
-  const table = range ? Array.from({ length: 256 }, (_, i) => cividis(i / 255)) : [];
+  const range = rangeOf(mesh, by);
+  const map = mapOf(by);
+  const table = range ? Array.from({ length: 256 }, (_, i) => map(i / 255)) : [];
   for (let v = 0; v < mesh.vertexCount; v++) {
     let colour: Rgb = PLAIN;
     if (range) {
-      const x = by === "sigma" ? mesh.sigma[v] : mesh.positions[3 * v + 2];
+      const x = valueAt(mesh, by, v);
       const t = (255 * (x - range.low)) / (range.high - range.low || 1);
       colour = Number.isNaN(x) ? UNMEASURED : table[Math.max(0, Math.min(255, Math.round(t)))];
     } else if (by === "laser") {
@@ -80,12 +105,27 @@ export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
   return { rgba, legend: range };
 }
 
+function valueAt(mesh: MeshModel, by: Colouring, v: number): number {
+  if (by === "height") return mesh.positions[3 * v + 2];
+  // Of vertices that came later nothing is known yet.
+  return (by === "sigma" ? mesh.sigma[v] : mesh.deviation?.[v]) ?? Number.NaN;
+}
+
+function rangeOf(mesh: MeshModel, by: Colouring): Legend | null {
+  if (by === "sigma" || by === "height") return spread(mesh, by);
+  if (by !== "deviation" || !mesh.deviation) return null;
+  // The same on both sides of no deviation.
+  const { low, high } = spread(mesh, by);
+  const end = Math.max(Math.abs(low), Math.abs(high)) || 1;
+  return { low: -end, high: end, unit: "mm" };
+}
+
 /** From the 2nd to the 98th hundredth, so that a few odd vertices do not take the whole map. */
-function spread(mesh: MeshModel, by: "sigma" | "height"): Legend {
+function spread(mesh: MeshModel, by: "sigma" | "height" | "deviation"): Legend {
   const every = Math.max(1, Math.floor(mesh.vertexCount / 20000));
   const some: number[] = [];
   for (let v = 0; v < mesh.vertexCount; v += every) {
-    const x = by === "sigma" ? mesh.sigma[v] : mesh.positions[3 * v + 2];
+    const x = valueAt(mesh, by, v);
     if (!Number.isNaN(x)) some.push(x);
   }
   some.sort((a, b) => a - b);

@@ -42,6 +42,8 @@ export class MeshModel {
   laser: Int32Array;
   step: Int32Array;
   line: Int32Array;
+  /** (v) mm from a reference, NaN where unknown; null where none was compared with. */
+  deviation: Float32Array | null = null;
   vertexCount: number;
   faceCount: number;
   aliveCount: number;

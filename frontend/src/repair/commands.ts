@@ -9,7 +9,7 @@ import { nudge } from "./point";
 import { bridgeFrom, large, lines, preview, stepMark, type Tab, tab } from "./state";
 
 export const TOOL_NAMES: Record<Tool, readonly [string, string]> = {
-  navigate: ["Inspect", "V"],
+  navigate: ["Look and click points", "V"],
   box: ["Box", "R"],
   lasso: ["Lasso", "L"],
   polygon: ["Polygon", "P"],

@@ -1,10 +1,12 @@
-/** Measure: distances, diameters, angles, areas and the volume, with their uncertainty; kept with the scan. */
+/** Inspect: dimensions with their uncertainty and limits, and the deviation from a reference; kept with the scan. */
 import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link } from "../bus";
 import type { AnyArray } from "../envelope";
+import { DeviationPanel, forgetProbes, probe, probeItems, probing } from "../inspect/deviation";
+import { DimensionsPanel, keepCurrent, written } from "../inspect/dimensions";
 import { mark, measures, opened } from "../part";
-import type { Measure, TakeMeasure } from "../protocol";
+import type { TakeMeasure } from "../protocol";
 import { stepCommands } from "../repair/commands";
 import { complain, isOperator } from "../state";
 import { Button, Section } from "../ui/controls";
@@ -13,6 +15,7 @@ import type { IconName } from "../ui/icons";
 import { SurfaceView, viewCommands } from "../ui/surface";
 import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
+import type { Hit } from "../viewport/pick";
 import { currentViewport, hear, selected, tool } from "../viewport/place";
 import type { Tool } from "../viewport/tools";
 import type { Room } from "./room";
@@ -81,6 +84,7 @@ const busy = signal(false);
 function choose(next: Kind): void {
   kind.value = next;
   places.value = [];
+  probing.value = false;
   tool.value = "navigate";
 }
 
@@ -108,6 +112,10 @@ async function take(): Promise<void> {
   }
 }
 
+function click(hit: Hit): void {
+  if (!probe(hit)) add(hit);
+}
+
 function add({ point }: { point: Vec }): void {
   if (tool.value !== "navigate" || !kind.value.places) return;
   const next = [...places.value, point];
@@ -124,51 +132,18 @@ function addMarked(): void {
   if (point) add({ point: [...point] });
 }
 
-async function forget(measure: string): Promise<void> {
-  try {
-    await link.request({ kind: "forget_measure", scan: opened.value?.scan ?? "", measure });
-  } catch (error) {
-    complain(error);
-  }
-}
-
-/** As many digits as the uncertainty leaves. */
-export function written({ value, unit, uncertainty }: Pick<Measure, "value" | "unit" | "uncertainty">): string {
-  const of = unit === "°" ? unit : ` ${unit}`;
-  if (uncertainty === null || !(uncertainty > 0)) return `${Number(value.toPrecision(5))}${of}`;
-  const digits = Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(uncertainty))));
-  return `${value.toFixed(digits)} ± ${uncertainty.toFixed(digits)}${of}`;
-}
-
-const WORDS = new Map<string, string>(KINDS.map(({ what, title }) => [what, title]));
-
-function csv(): string {
-  const quoted = (text: string) => `"${text.replaceAll('"', '""')}"`;
-  const rows = measures.value.map((m) => [m.what, m.value, m.uncertainty ?? "", m.unit, quoted(m.text)].join(","));
-  return ["what,value,uncertainty_k2,unit,text", ...rows].join("\r\n");
-}
-
-function save(): void {
-  const url = URL.createObjectURL(new Blob([csv()], { type: "text/csv" }));
-  const a = document.createElement("a");
-  a.href = url;
-  a.download = `${opened.value?.name ?? "part"}-measurements.csv`;
-  a.click();
-  URL.revokeObjectURL(url);
-}
-
 function items(): Item[] {
   const out: Item[] = places.value.map((at, k) => ({ kind: "point", at: [...at], colour: INK, label: String(k + 1) }));
   const at = marked();
   if (at) out.push({ kind: "point", at: [...at], colour: INK });
   for (const measure of measures.value) {
     const points = measure.places.map(([x, y, z]): Vec => [x, y, z]);
-    const label = written(measure);
+    const label = measure.name ? `${measure.name}: ${written(measure)}` : written(measure);
     if (points.length > 1)
       out.push({ kind: "line", points, colour: "#ffc24a", label, closed: measure.what === "diameter" });
     else if (points.length) out.push({ kind: "point", at: points[0], colour: "#ffc24a", label });
   }
-  return out;
+  return [...out, ...probeItems()];
 }
 
 function Rail() {
@@ -225,62 +200,23 @@ function KindPanel() {
   );
 }
 
-function ResultsPanel() {
-  const list = measures.value;
-  return (
-    <Section title="Measurements" count={list.length}>
-      {list.length === 0 && <p class="quiet">None yet. They are kept in the scan file.</p>}
-      <ul class="list whole" aria-label="Measurements">
-        {list.map((measure) => (
-          <li key={measure.measure}>
-            <button
-              type="button"
-              class="button plain grow"
-              title={measure.text}
-              onClick={() => measure.places.length && currentViewport()?.lookAt(measure.places[0], 40)}
-            >
-              <span>
-                <strong class="num">{written(measure)}</strong>
-                <br />
-                <span class="quiet">
-                  {WORDS.get(measure.what) ?? measure.what}: {measure.text}
-                </span>
-              </span>
-            </button>
-            <Button
-              kind="plain"
-              small
-              icon="trash"
-              label="Delete it"
-              disabled={!isOperator.value}
-              onClick={() => void forget(measure.measure)}
-            />
-          </li>
-        ))}
-      </ul>
-      {list.length > 0 && <p class="quiet">± is the expanded uncertainty, k = 2, of the points' noise.</p>}
-      <Button disabled={!list.length} onClick={save}>
-        Save as CSV
-      </Button>
-    </Section>
-  );
-}
-
 function MeasureRoom() {
   useEffect(() => {
-    hear.pick = add;
+    hear.pick = click;
     tool.value = "navigate";
     const stops = [
       effect(() => currentViewport()?.setItems(items())),
       effect(() => {
-        hint.value = kind.value.how;
+        hint.value = probing.value ? "Click the surface to read its deviation." : kind.value.how;
       }),
+      keepCurrent(),
     ];
     return () => {
       for (const stop of stops) stop();
       hear.pick = () => {};
       hint.value = "";
       places.value = [];
+      forgetProbes();
       currentViewport()?.setItems([]);
     };
   }, []);
@@ -295,9 +231,10 @@ function MeasureRoom() {
           <SurfaceView />
         </div>
       </section>
-      <aside class="inspector" aria-label="Measure">
+      <aside class="inspector" aria-label="Inspect">
         <KindPanel />
-        <ResultsPanel />
+        <DimensionsPanel />
+        <DeviationPanel />
       </aside>
     </div>
   );
@@ -305,7 +242,7 @@ function MeasureRoom() {
 
 export const measure: Room = {
   id: "measure",
-  title: "Measure",
+  title: "Inspect",
   needsScan: true,
   View: MeasureRoom,
   commands: [

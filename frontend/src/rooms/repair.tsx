@@ -38,6 +38,7 @@ const COLOUR_WORDS = {
   laser: "laser",
   height: "height",
   measured: "measured",
+  deviation: "deviation from a reference",
 };
 const COLOUR_OPTIONS = COLOURINGS.map((name) => [name, COLOUR_WORDS[name]] as const);
 

@@ -2,7 +2,7 @@
 import { useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Command } from "../commands";
-import { cividis, css, PALETTE, UNMEASURED } from "../mesh/colours";
+import { css, mapOf, PALETTE, UNMEASURED } from "../mesh/colours";
 import { lasers, loading, mesh } from "../part";
 import { jobs, place, theme } from "../state";
 import { VIEWS, type ViewName } from "../viewport/camera";
@@ -69,7 +69,7 @@ function Legend() {
   const range = legend.value;
   if (by === "plain" || !mesh.value) return null;
   if (range) {
-    const ramp = `linear-gradient(90deg, ${[0, 0.25, 0.5, 0.75, 1].map((t) => css(cividis(t))).join(",")})`;
+    const ramp = `linear-gradient(90deg, ${[0, 0.17, 0.33, 0.5, 0.67, 0.83, 1].map((t) => css(mapOf(by)(t))).join(",")})`;
     return (
       <div class="legend">
         {by === "sigma" ? "uncertainty" : by} {range.low.toPrecision(3)}

@@ -16,13 +16,16 @@ from turnscan.app import _requests as q
 from turnscan.app._encode_arrays import encoded, figures, patch_parts
 from turnscan.app._encode_picture import png
 from turnscan.app._envelope import Array
+from turnscan.app._files import Item
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
+from turnscan.edit import Specify
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress
 from turnscan.workflows import (
     CAUSE_TEXTS,
+    CompareOptions,
     PlacedFinding,
     ReconstructOptions,
     ReconstructResult,
@@ -219,15 +222,46 @@ class OpenScan:
 
     def forget_measure(self, id: int, name: str, job: Job) -> p.Measures:
         """Switch a measurement off. Raises InputError where there is none of that name."""
-        number = name.removeprefix(_PREFIX)
-        if not (name.startswith(_PREFIX) and number.isascii() and number.isdigit()):
-            raise InputError("no such measurement")
-        self.session.forget_measure(int(number), job)
+        self.session.forget_measure(_number(name), job)
+        return self.measures(id)
+
+    def specify(self, wish: q.SpecifyMeasure, job: Job) -> p.Measures:
+        """Name a measurement and give it limits. Raises InputError, FormatError."""
+        wanted = Specify(
+            _number(wish.measure), wish.name.strip(), wish.nominal, wish.lower, wish.upper
+        )
+        self.session.specify(wanted, job)
+        return self.measures(wish.id)
+
+    def measure_again(self, id: int, job: Job) -> p.Measures:
+        """Take measurements again of which the surface was changed since."""
+        if self.session.measure_again(job):
+            self._hub.tell(self.measures(None))
         return self.measures(id)
 
     def measures(self, id: int | None) -> p.Measures:
         """What the measurements that count came to."""
         return p.Measures(id=id, scan=self.name, measures=_measures(self.now))
+
+    def deviation(
+        self, id: int, reference: Item, unit: str, job: Job
+    ) -> tuple[p.DeviationShown, dict[str, Array]]:
+        """How far the surface lies from a reference. Raises InputError where it says nothing."""
+        options = CompareOptions(reference_unit=unit, samples=1000)
+        state, shown = self.session.deviation(reference.path, options, job.progress)
+        d = shown.comparison.deviation
+        answer = p.DeviationShown(
+            id=id,
+            scan=self.name,
+            revision=state.revision,
+            reference=reference.name,
+            vertices=len(d.distance),
+            mean=d.mean,
+            rms=d.rms,
+            p95=d.quantile(0.95),
+            worst=d.quantile(1.0),
+        )
+        return answer, encoded({"distance": shown.distance})
 
     def undo(self, job: Job) -> None:
         """One edit back. Raises InputError where there is none."""
@@ -340,9 +374,23 @@ def _measures(state: SessionState) -> list[p.Measure]:
             uncertainty=m.uncertainty,
             places=list(m.places),
             text=m.text,
+            name=m.name,
+            nominal=m.nominal,
+            lower=m.lower,
+            upper=m.upper,
+            verdict=m.verdict,
+            outdated=m.outdated,
         )
         for m in state.measures
     ]
+
+
+def _number(measure: str) -> int:
+    """The number of the edit that a measurement is. Raises InputError for no name of one."""
+    number = measure.removeprefix(_PREFIX)
+    if not (measure.startswith(_PREFIX) and number.isascii() and number.isdigit()):
+        raise InputError("no such measurement")
+    return int(number)
 
 
 def _vector(point: np.typing.NDArray[np.float64]) -> p.Vector:

@@ -246,6 +246,16 @@ class Measure(Model):
     """k = 2."""
     places: list[Vector]
     text: str
+    name: str = ""
+    """That of the dimension, where it has one."""
+    nominal: float | None = None
+    lower: float | None = None
+    """Limits of the deviation from the nominal value."""
+    upper: float | None = None
+    verdict: Literal["pass", "fail", "undecided"] | None = None
+    """By ISO 14253-1, with the uncertainty; None without limits, or where outdated."""
+    outdated: bool = False
+    """The surface was changed since it was measured."""
 
 
 class Figures(Model):
@@ -656,6 +666,22 @@ class Measures(Model):
     measures: list[Measure]
 
 
+class DeviationShown(Model):
+    """How far the surface lies from a reference. Array ``distance`` (v,) mm: f32, of each vertex,
+    positive outside, NaN where it was not measured or the reference says nothing."""
+
+    kind: Literal["deviation"] = "deviation"
+    id: Count
+    scan: Opaque
+    revision: Count
+    reference: str
+    vertices: Count
+    mean: float
+    rms: float
+    p95: float
+    worst: float
+
+
 class Found(Model):
     """What is connected to the computer."""
 
@@ -762,6 +788,7 @@ ServerMessage = Annotated[
     | Holes
     | Defects
     | Measures
+    | DeviationShown
     | Found
     | Devices
     | Calibration

@@ -13,6 +13,7 @@ Stage = Literal["camera", "laser", "table"]
 Seconds = Annotated[float, Field(gt=0, le=60)]
 Angle = Annotated[float, Field(ge=-36000, le=36000)]
 """Degrees."""
+Limit = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 class Request(Model):
@@ -255,6 +256,39 @@ class ForgetMeasure(Request):
     measure: Opaque
 
 
+class SpecifyMeasure(Request):
+    """Name a measurement, and say what it is to be: answered by ``measures``.
+
+    Limits are deviations from the nominal value, in its unit; without them it is only named.
+    """
+
+    kind: Literal["specify"] = "specify"
+    scan: Opaque
+    measure: Opaque
+    name: Annotated[str, Field(max_length=80)] = ""
+    nominal: Limit | None = None
+    lower: Limit | None = None
+    upper: Limit | None = None
+
+
+class MeasureAgain(Request):
+    """Take measurements again of which the surface was changed since: answered by ``measures``."""
+
+    kind: Literal["measure_again"] = "measure_again"
+    scan: Opaque
+
+
+class ShowDeviation(Request):
+    """Compare with a mesh or a scan that is in the same frame: answered by ``deviation``."""
+
+    kind: Literal["show_deviation"] = "show_deviation"
+    scan: Opaque
+    reference: Opaque
+    """A file of the list, or a scan."""
+    unit: Literal["mm", "cm", "m", "inch"] = "mm"
+    """Of the reference."""
+
+
 class FindDevices(Request):
     """Answered by ``found``; with ``probe``, serial ports are opened and asked."""
 
@@ -447,6 +481,9 @@ ClientMessage = Annotated[
     | ListDefects
     | TakeMeasure
     | ForgetMeasure
+    | SpecifyMeasure
+    | MeasureAgain
+    | ShowDeviation
     | FindDevices
     | Connect
     | Disconnect

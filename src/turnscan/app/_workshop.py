@@ -117,6 +117,9 @@ class Workshop:
             ),
             q.TakeMeasure: (self._take_measure, True),
             q.ForgetMeasure: (self._forget_measure, True),
+            q.SpecifyMeasure: (self._specify, True),
+            q.MeasureAgain: (self._measure_again, False),
+            q.ShowDeviation: (self._show_deviation, False),
             q.FindDevices: (self._find_devices, True),
             q.Connect: (self._connect, True),
             q.Disconnect: (lambda call: self.rig.disconnect(), True),
@@ -279,6 +282,20 @@ class Workshop:
     def _forget_measure(self, call: Call) -> Answer:
         with self._editing(call, "Deleting a measurement") as (scan, job):
             return scan.forget_measure(call.id, call.request.measure, job)
+
+    def _specify(self, call: Call) -> Answer:
+        with self._editing(call, "Writing a dimension") as (scan, job):
+            return scan.specify(call.request, job)
+
+    def _measure_again(self, call: Call) -> Answer:
+        with self._editing(call, "Measuring again") as (scan, job):
+            return scan.measure_again(call.id, job)
+
+    def _show_deviation(self, call: Call) -> Answer:
+        r: q.ShowDeviation = call.request
+        reference = self.files.find(r.reference)
+        with self._editing(call, f"Comparing with {reference.name}") as (scan, job):
+            return scan.deviation(call.id, reference, r.unit, job)
 
     def _operator_may_light(self) -> bool:
         operator = self.hub.operator

@@ -61,6 +61,7 @@ from turnscan.edit._measures import (
     MeasureSection,
     MeasureToPlane,
     MeasureVolume,
+    Specify,
 )
 from turnscan.edit._region import Region
 from turnscan.edit._select import (
@@ -121,6 +122,7 @@ __all__ = [
     "Replace",
     "SetPoint",
     "Smooth",
+    "Specify",
     "StripeSearch",
     "Switch",
     "Truncate",

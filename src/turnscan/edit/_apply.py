@@ -26,7 +26,7 @@ from turnscan.edit._edits import (
     needs_rebuild,
 )
 from turnscan.edit._history import Entry
-from turnscan.edit._measures import REACH, Measure, Sources, Vector, taken
+from turnscan.edit._measures import REACH, Measure, Sources, Specify, Vector, taken
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding, Severity
 from turnscan.mesh import Mesh, Provenance, clip, half_edges, vertex_fans
@@ -79,7 +79,7 @@ def apply(
     try:
         if isinstance(entry.edit, Measure):
             measured = taken(body, entry.edit, source)
-        else:
+        elif not isinstance(entry.edit, Specify):
             patches = _patches(body, entry.edit, findings, progress)
     except (InputError, CalibrationError) as e:
         # A part is none the worse for a measurement that cannot be taken.
@@ -89,7 +89,8 @@ def apply(
     for patch in patches:
         back.insert(0, patch.inverse(body))
         body = patch.on(body)
-    if not patches and measured is None and not findings:
+    idle = not isinstance(entry.edit, Specify) and not patches and measured is None
+    if idle and not findings:
         findings.append(_nothing("no change: nothing matched"))
     named = tuple(Finding(f.code, f.severity, f.message, entry.place, f.remedy) for f in findings)
     return body, Done(entry, patches, tuple(back), named, measured)

@@ -34,6 +34,7 @@ from turnscan.edit._measures import (
     MeasureSection,
     MeasureToPlane,
     MeasureVolume,
+    Specify,
 )
 
 
@@ -43,7 +44,18 @@ def describe(edit: Edit) -> str:
         return "change the settings" if edit.name == "default" else f"settings {edit.name!r}"
     if isinstance(edit, GridEdit):
         return _of_grid(edit)
+    if isinstance(edit, Specify):
+        return _of_dimension(edit)
     return _of_mesh(edit) if isinstance(edit, MeshEdit) else _of_measure(edit)
+
+
+def _of_dimension(edit: Specify) -> str:
+    what = f"dimension {edit.name!r}" if edit.name else f"dimension of measurement {edit.measure}"
+    if edit.nominal is None:
+        return what
+    if edit.lower is None or edit.upper is None:
+        return f"{what}: nominal {edit.nominal:g}"
+    return f"{what}: {edit.nominal:g} {edit.lower:+g}/{edit.upper:+g}"
 
 
 def _of_grid(edit: GridEdit) -> str:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 from turnscan.edit._apply import Done, apply
 from turnscan.edit._body import Body, Patch, Replace
-from turnscan.edit._edits import Edit, needs_rebuild
+from turnscan.edit._edits import Edit, is_measure, needs_rebuild
 from turnscan.edit._history import Action, Entry, Go, History
-from turnscan.edit._measures import Sources
+from turnscan.edit._measures import Measure, Sources, taken
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
@@ -85,6 +86,19 @@ class Document:
     def measured(self) -> tuple[tuple[Entry, Measured], ...]:
         """The measurements that count and could be taken, in their order."""
         return tuple((d.entry, d.measured) for d in self.done if d.measured is not None)
+
+    def outdated(self, id: int) -> bool:
+        """Whether the surface was changed after the measurement of this number was taken."""
+        at = next((k for k, done in enumerate(self.done) if done.entry.id == id), self.count)
+        return any(done.forward for done in self.done[at + 1 :])
+
+    def retaken(self, entry: Entry) -> Measured:
+        """A measurement on the surface as it is now, after all edits that count.
+
+        Raises InputError, CalibrationError where it cannot be taken any more.
+        """
+        assert is_measure(entry.edit)
+        return taken(self.body, cast(Measure, entry.edit), self.source)
 
     def add(self, edit: Edit, progress: Progress = no_progress) -> tuple[Document, Change]:
         """Make an edit. One that finds nothing to act on is a finding of the change."""

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from turnscan.edit._measures import STRICT, Coordinate, Measure, Vector
+from turnscan.edit._measures import STRICT, Coordinate, Measure, Specify, Vector
 from turnscan.edit._region import Length, Region
 from turnscan.errors import FormatError
 from turnscan.json_text import strict_json
@@ -259,7 +259,7 @@ class Despike:
 
 GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
 MeshEdit = Delete | Fill | BridgeSides | BridgeHoles | Close | Cut | Decimate | Smooth | Despike
-Edit = ChangeSettings | GridEdit | MeshEdit | Measure
+Edit = ChangeSettings | GridEdit | MeshEdit | Measure | Specify
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])
 _HINT = "docs/reference/edits.md lists the edits and their keys"

@@ -110,6 +110,32 @@ class MeasureVolume:
     kind: Literal["measure_volume"] = "measure_volume"
 
 
+@dataclass(frozen=True)
+class Specify:
+    """Name a measurement, and say what it is to be: a dimension of the drawing.
+
+    The last one of a measurement holds. Without limits it is only named.
+    """
+
+    __pydantic_config__ = STRICT
+    measure: Annotated[int, Field(ge=1)]
+    """Number of the edit that measures."""
+    name: Annotated[str, Field(max_length=80)] = ""
+    nominal: Coordinate | None = None
+    """In the unit of the measurement, angles in degrees."""
+    lower: Coordinate | None = None
+    """Least deviation from the nominal value that is allowed, as drawings write it: −0.05."""
+    upper: Coordinate | None = None
+    kind: Literal["specify"] = "specify"
+
+    def __post_init__(self) -> None:
+        given = [x is not None for x in (self.nominal, self.lower, self.upper)]
+        if any(given[1:]) and not all(given):
+            raise FormatError("specify: give the nominal value and both limits")
+        if self.lower is not None and self.upper is not None and self.lower > self.upper:
+            raise FormatError("specify: the lower limit is above the upper one")
+
+
 Measure = (
     MeasureDistance
     | MeasureToPlane

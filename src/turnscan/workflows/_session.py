@@ -11,7 +11,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Protocol
@@ -36,6 +36,7 @@ from turnscan.stripes import StripeSettings
 from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
 from turnscan.surface.holes import CAUSE_WORDS, Hole, ScanCoverage, explain, holes
+from turnscan.workflows._compare_options import CompareOptions
 from turnscan.workflows._gallery import THUMBNAIL
 from turnscan.workflows._history import history_of, repairs
 from turnscan.workflows._kept_options import (
@@ -50,13 +51,21 @@ from turnscan.workflows._kept_options import (
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._session_deviation import ShownDeviation, shown_deviation
 from turnscan.workflows._session_grid import (
     ShownProfile,
     changed_steps,
     grid_arrays,
     shown_profile,
 )
-from turnscan.workflows._session_measures import KeptMeasure, Place, What, measure_of, measures_of
+from turnscan.workflows._session_measures import (
+    KeptMeasure,
+    Place,
+    What,
+    measure_of,
+    measures_of,
+    retake,
+)
 from turnscan.workflows._session_mesh import (
     Arrays,
     SurfacePatch,
@@ -387,6 +396,33 @@ class ScanSession:
             if number not in [m.edit for m in self.now.measures]:
                 raise InputError("no such measurement")
             self._keep(*self.now.document.switch(number, False), work)
+
+    def specify(self, wanted: edit.Specify, work: Work) -> None:
+        """Name a measurement and give it limits. Raises InputError where there is none of it."""
+        with self._lock:
+            if wanted.measure not in [m.edit for m in self.now.measures]:
+                raise InputError("no such measurement")
+            self._keep(*self.now.document.add(wanted), work)
+
+    def measure_again(self, work: Work) -> bool:
+        """Take measurements again of which the surface was changed since; whether there were any.
+
+        They are of the surface as it is until it changes; the history keeps them as they were.
+        """
+        with self._lock:
+            state = self.now
+            if not any(m.outdated for m in state.measures):
+                return False
+            again = retake(state.document, work.check)
+            self.now = replace(state, measures=measures_of(state.document, again))
+            return True
+
+    def deviation(
+        self, reference: Path, options: CompareOptions, progress: Progress
+    ) -> tuple[SessionState, ShownDeviation]:
+        """How far the surface lies from a mesh or scan. Raises as `shown_deviation`."""
+        state = self.now
+        return state, shown_deviation(state.document.body, reference, options, progress)
 
     def undo(self, work: Work) -> None:
         """One edit back. Raises InputError where there is none."""

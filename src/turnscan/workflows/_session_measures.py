@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from turnscan import edit
-from turnscan.errors import InputError
+from turnscan.errors import CalibrationError, InputError
+from turnscan.shapes import Measured
 
 What = Literal["distance", "to_plane", "diameter", "angle", "area", "volume"]
+Verdict = Literal["pass", "fail", "undecided"]
 Place = tuple[float, float, float]
 Unit = Literal["mm", "mm²", "mm³", "°"]
 _WHATS: dict[str, What] = {
@@ -41,6 +44,28 @@ class KeptMeasure:
     places: tuple[Place, ...]
     """mm."""
     text: str
+    name: str = ""
+    nominal: float | None = None
+    lower: float | None = None
+    """Limits of the deviation from the nominal value."""
+    upper: float | None = None
+    outdated: bool = False
+    """Whether the surface was changed since."""
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """By ISO 14253-1: inside or outside by more than U (k = 2), else undecided.
+
+        None without limits, and where the value is not of the surface as it is.
+        """
+        if self.nominal is None or self.lower is None or self.upper is None or self.outdated:
+            return None
+        off, u = self.value - self.nominal, self.uncertainty
+        if u is None:
+            return "undecided"
+        if self.lower + u <= off <= self.upper - u:
+            return "pass"
+        return "fail" if off < self.lower - u or off > self.upper + u else "undecided"
 
 
 def measure_of(what: What, places: Sequence[Place], region: edit.Region | None) -> edit.Edit:
@@ -71,10 +96,20 @@ def measure_of(what: What, places: Sequence[Place], region: edit.Region | None) 
     raise InputError(f"{what}: no region is selected", hint="select the faces first")
 
 
-def measures_of(document: edit.Document) -> tuple[KeptMeasure, ...]:
-    """What the measurements that count came to."""
+def measures_of(
+    document: edit.Document, retaken: Mapping[int, Measured] | None = None
+) -> tuple[KeptMeasure, ...]:
+    """What the measurements that count came to; ``retaken`` on the surface as it is, by number."""
     out = []
-    for entry, found in document.measured:
+    said = {
+        e.edit.measure: e.edit
+        for e in document.history.enabled
+        if isinstance(e.edit, edit.Specify)
+    }
+    for entry, then in document.measured:
+        again = (retaken or {}).get(entry.id)
+        found = again or then
+        wanted = said.get(entry.id, edit.Specify(entry.id))
         scale = math.degrees(1.0) if found.unit == "rad" else 1.0
         sigma = found.sigma * scale
         out.append(
@@ -86,6 +121,22 @@ def measures_of(document: edit.Document) -> tuple[KeptMeasure, ...]:
                 uncertainty=2.0 * sigma if math.isfinite(sigma) else None,
                 places=tuple((float(x), float(y), float(z)) for x, y, z in found.places),
                 text=found.text,
+                name=wanted.name,
+                nominal=wanted.nominal,
+                lower=wanted.lower,
+                upper=wanted.upper,
+                outdated=again is None and document.outdated(entry.id),
             )
         )
     return tuple(out)
+
+
+def retake(document: edit.Document, check: Callable[[], None]) -> dict[int, Measured]:
+    """Measurements of a surface that was changed since, taken again; none that cannot be."""
+    again = dict[int, Measured]()
+    for entry, _ in document.measured:
+        check()
+        if document.outdated(entry.id):
+            with contextlib.suppress(InputError, CalibrationError):
+                again[entry.id] = document.retaken(entry)
+    return again

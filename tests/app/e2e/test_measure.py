@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.app.e2e.conftest import until
+from tests.app.e2e.conftest import OPENING, until
 
 
 def click_at(page: Any, x: float, y: float, z: float) -> None:
@@ -27,9 +28,9 @@ def rows(page: Any) -> Any:
     return page.get_by_role("list", name="Measurements").get_by_role("listitem")
 
 
-def test_a_diameter_is_right_within_its_uncertainty_and_kept(open_cup, picture):
+def test_a_diameter_is_right_has_limits_and_is_kept(open_cup, cup, picture):
     page = open_cup()
-    page.get_by_role("button", name="Measure", exact=True).click()
+    page.get_by_role("button", name="Inspect", exact=True).click()
     page.get_by_role("button", name="Diameter").click()
     until(page, "turnscan.pictures > 0")
     click_at(page, *towards_the_eye(page, 30.0))
@@ -46,14 +47,33 @@ def test_a_diameter_is_right_within_its_uncertainty_and_kept(open_cup, picture):
     truth = 2 * (18.0 + 10.0 * float(height[1]) / 45.0)
     assert 0.001 < uncertainty < 0.3
     assert abs(value - truth) < uncertainty
+    rows(page).first.get_by_role("button", name=found[0]).click()
+    for label, text in (("Name", "bore"), ("Nominal", f"{value:.3f}"), ("Upper limit", "0.4")):
+        page.get_by_label(label, exact=True).fill(text)
+        page.get_by_label(label, exact=True).press("Enter")
+        until(page, "turnscan.requests === 0")
+    rows(page).filter(has_text="passes").filter(has_text="± 0.4").wait_for()
+    page.get_by_role("table", name="Uncertainty budget").wait_for()
+    deviates(page, cup)
+    picture(page, "inspect")
     page.reload()
     until(page, "'turnscan' in window && turnscan.faces > 0")
-    rows(page).filter(has_text=found[1]).wait_for()
+    rows(page).filter(has_text=found[1]).filter(has_text="bore").wait_for()
+
+
+def deviates(page: Any, cup: Path) -> None:
+    """Compare with the same scan: nothing deviates, and a probe says so."""
+    page.get_by_text("Deviation from a reference").click()
+    page.get_by_label("From this computer").set_input_files(cup)
+    page.get_by_role("button", name="Compare", exact=True).click()
+    page.get_by_text("Root mean square").wait_for(timeout=1000 * OPENING)
+    click_at(page, *towards_the_eye(page, 20.0))
+    page.get_by_role("list", name="Probes").get_by_text("0.000 mm").wait_for()
 
 
 def test_a_distance_is_taken_with_the_second_click_and_forgotten(open_cup):
     page = open_cup()
-    page.get_by_role("button", name="Measure", exact=True).click()
+    page.get_by_role("button", name="Inspect", exact=True).click()
     page.get_by_role("button", name="Distance").click()
     until(page, "turnscan.pictures > 0")
     low, high = towards_the_eye(page, 12.0), towards_the_eye(page, 32.0)

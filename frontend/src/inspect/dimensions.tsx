@@ -1,0 +1,237 @@
+/** Dimensions: measurements with a name, a nominal value and limits, and whether they keep them. */
+import { computed, effect, signal } from "@preact/signals";
+import { link } from "../bus";
+import { measures, opened } from "../part";
+import type { Measure, TakeMeasure } from "../protocol";
+import { complain, connection, isOperator } from "../state";
+import { Button, NumberField, Section, TextField } from "../ui/controls";
+import { currentViewport } from "../viewport/place";
+
+export const WORDS: Record<TakeMeasure["what"], string> = {
+  distance: "Distance",
+  to_plane: "Point to plane",
+  diameter: "Diameter",
+  angle: "Angle",
+  area: "Area",
+  volume: "Volume",
+};
+const wordOf = ({ what, name }: Measure) => name || (WORDS[what as TakeMeasure["what"]] ?? what);
+
+const VERDICTS: Record<NonNullable<Measure["verdict"]>, readonly [string, string, string]> = {
+  pass: ["good", "passes", "Within the limits, whatever the uncertainty."],
+  fail: ["bad", "fails", "Outside of the limits, whatever the uncertainty."],
+  undecided: ["busy", "undecided", "Nearer to a limit than the uncertainty: neither passed nor failed (ISO 14253-1)."],
+};
+
+const chosenName = signal<string | null>(null);
+const chosen = computed(() => measures.value.find(({ measure }) => measure === chosenName.value) ?? null);
+
+/** As many digits as the uncertainty leaves. */
+export function written({ value, unit, uncertainty }: Pick<Measure, "value" | "unit" | "uncertainty">): string {
+  const of = unit === "°" ? unit : ` ${unit}`;
+  if (uncertainty === null || !(uncertainty > 0)) return `${Number(value.toPrecision(5))}${of}`;
+  const digits = Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(uncertainty))));
+  return `${value.toFixed(digits)} ± ${uncertainty.toFixed(digits)}${of}`;
+}
+
+const signed = (x: number) => (x > 0 ? `+${x}` : String(x).replace("-", "−"));
+
+function limits({ nominal, lower, upper, unit }: Measure): string {
+  if (nominal === null) return "";
+  const wanted = `${nominal}${unit === "°" ? unit : ` ${unit}`}`;
+  if (lower === null || upper === null) return wanted;
+  return upper === -lower ? `${wanted} ± ${upper}` : `${wanted} ${signed(lower)} / ${signed(upper)}`;
+}
+
+async function request(what: Parameters<typeof link.request>[0]): Promise<void> {
+  try {
+    await link.request(what);
+  } catch (error) {
+    complain(error);
+  }
+}
+
+const scan = () => opened.value?.scan ?? "";
+const forget = (measure: string) => request({ kind: "forget_measure", scan: scan(), measure });
+type Wanted = Partial<Pick<Measure, "name" | "nominal" | "lower" | "upper">>;
+
+/** Name or limit a dimension; a nominal value begins with limits of ± 0. */
+function specify(of: Measure, change: Wanted): Promise<void> {
+  const { measure, name, nominal, lower, upper } = { ...of, ...change };
+  const limited = nominal !== null && (lower !== null || upper !== null);
+  return request({
+    kind: "specify",
+    scan: scan(),
+    measure,
+    name,
+    nominal,
+    lower: limited ? (lower ?? Math.min(0, -(upper ?? 0))) : null,
+    upper: limited ? (upper ?? Math.max(0, -(lower ?? 0))) : null,
+  });
+}
+
+/** Measure again whatever the surface was changed under, while the list is shown. */
+export function keepCurrent(): () => void {
+  let asked = "";
+  return effect(() => {
+    const old = measures.value.filter(({ outdated }) => outdated);
+    if (!old.length || connection.value !== "open") return;
+    // What cannot be measured any more stays as it was: one try for each list.
+    const list = old.map(({ measure, value }) => `${measure} ${value}`).join(" ");
+    if (list === asked) return;
+    asked = list;
+    void request({ kind: "measure_again", scan: scan() });
+  });
+}
+
+export function csv(of: readonly Measure[]): string {
+  const quoted = (text: string) => `"${text.replaceAll('"', '""')}"`;
+  const rows = of.map((m) =>
+    [
+      quoted(m.name),
+      m.what,
+      m.value,
+      m.uncertainty ?? "",
+      m.unit,
+      m.nominal ?? "",
+      m.lower ?? "",
+      m.upper ?? "",
+      m.verdict ?? "",
+      m.outdated ? "yes" : "no",
+      quoted(m.text),
+    ].join(","),
+  );
+  const head = "name,what,value,uncertainty_k2,unit,nominal,lower,upper,verdict,outdated,text";
+  return [head, ...rows].join("\r\n");
+}
+
+function save(): void {
+  const url = URL.createObjectURL(new Blob([csv(measures.value)], { type: "text/csv" }));
+  const a = document.createElement("a");
+  a.href = url;
+  a.download = `${opened.value?.name ?? "part"}-measurements.csv`;
+  a.click();
+  URL.revokeObjectURL(url);
+}
+
+function Row({ of }: { of: Measure }) {
+  const verdict = of.verdict && VERDICTS[of.verdict];
+  return (
+    <li>
+      <button
+        type="button"
+        class="button plain grow"
+        title={of.text}
+        aria-pressed={chosenName.value === of.measure}
+        onClick={() => {
+          chosenName.value = of.measure;
+          if (of.places.length) currentViewport()?.lookAt([...of.places[0]], 40);
+        }}
+      >
+        <span>
+          <strong class="num">{written(of)}</strong>{" "}
+          {verdict && (
+            <span class="verdict" title={verdict[2]}>
+              <span class={`dot ${verdict[0]}`} />
+              {verdict[1]}
+            </span>
+          )}
+          <br />
+          <span class="quiet">
+            {wordOf(of)}
+            {limits(of) && ` · ${limits(of)}`}
+            {of.outdated && " · of an earlier surface"}
+          </span>
+        </span>
+      </button>
+      <Button
+        kind="plain"
+        small
+        icon="trash"
+        label="Delete it"
+        disabled={!isOperator.value}
+        onClick={() => void forget(of.measure)}
+      />
+    </li>
+  );
+}
+
+export function DimensionsPanel() {
+  const list = measures.value;
+  return (
+    <Section title="Measurements" count={list.length}>
+      {list.length === 0 && <p class="quiet">None yet. They are kept in the scan file.</p>}
+      <ul class="list whole" aria-label="Measurements">
+        {list.map((measure) => (
+          <Row key={measure.measure} of={measure} />
+        ))}
+      </ul>
+      {chosen.value && <Dimension of={chosen.value} />}
+      <Button disabled={!list.length} onClick={save}>
+        Save as CSV
+      </Button>
+    </Section>
+  );
+}
+
+/** What one of them is to be, and what its uncertainty is made of. */
+function Dimension({ of }: { of: Measure }) {
+  const unit = of.unit;
+  return (
+    <fieldset class="dimension" disabled={!isOperator.value}>
+      <legend>{wordOf(of)}</legend>
+      <TextField label="Name" value={of.name} onChange={(name) => void specify(of, { name })} />
+      <NumberField
+        label="Nominal"
+        value={of.nominal}
+        unit={unit}
+        placeholder="none"
+        onChange={(nominal) => void specify(of, { nominal })}
+      />
+      <NumberField
+        label="Lower limit"
+        value={of.lower}
+        unit={unit}
+        placeholder="none"
+        onChange={(lower) => void specify(of, { lower })}
+      />
+      <NumberField
+        label="Upper limit"
+        value={of.upper}
+        unit={unit}
+        placeholder="none"
+        onChange={(upper) => void specify(of, { upper })}
+      />
+      <p class="quiet">{of.text}.</p>
+      <Budget of={of} />
+    </fieldset>
+  );
+}
+
+function Budget({ of }: { of: Measure }) {
+  if (of.uncertainty === null)
+    return <p class="quiet">Its uncertainty is not known: a point has none, or the surface is no scan's.</p>;
+  const digits =
+    written(of)
+      .match(/± ([\d.]+)/)?.[1]
+      .split(".")[1]?.length ?? 0;
+  const shown = (x: number) => `${x.toFixed(Math.min(7, digits + 1))} ${of.unit}`;
+  return (
+    <table class="budget" aria-label="Uncertainty budget">
+      <tbody>
+        <tr>
+          <th scope="row">Noise of the points</th>
+          <td class="num">{shown(of.uncertainty / 2)}</td>
+        </tr>
+        <tr>
+          <th scope="row">Calibration, table, bias</th>
+          <td>not included</td>
+        </tr>
+        <tr>
+          <th scope="row">U (k = 2)</th>
+          <td class="num">{shown(of.uncertainty)}</td>
+        </tr>
+      </tbody>
+    </table>
+  );
+}
