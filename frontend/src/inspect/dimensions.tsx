@@ -75,6 +75,7 @@ export function keepCurrent(): () => void {
   let asked = "";
   return effect(() => {
     const old = measures.value.filter(({ outdated }) => outdated);
+    if (!old.length) asked = "";
     if (!old.length || connection.value !== "open") return;
     // What cannot be measured any more stays as it was: one try for each list.
     const list = old.map(({ measure, value }) => `${measure} ${value}`).join(" ");
