@@ -374,7 +374,7 @@ def test_measurements_are_kept_with_the_scan(folder: Path) -> None:
         scan, revision = state["scan"], state["revision"]
         gone = {"kind": "cut", "normal": [0, 0, 1], "distance": float(corners[:, 2].mean())}
         late.ask("edit", scan=scan, base_revision=revision, edit=gone)
-        cut = late.until("measures")["measures"][0]
+        cut = late.once("measures")["measures"][0]
         assert cut["outdated"]
         assert cut["verdict"] is None
         anew = late.ask("measure_again", scan=scan)["measures"][0]
