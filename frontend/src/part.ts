@@ -74,7 +74,7 @@ export function onMesh(listener: MeshListener): () => void {
   return () => meshListeners.delete(listener);
 }
 
-/** For tests: the revision that the mesh on the screen shows. */
+/** The revision that the mesh on the screen shows. */
 export function shownRevision(): number {
   return revision;
 }

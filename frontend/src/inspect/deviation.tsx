@@ -1,10 +1,10 @@
 /** Deviation from a reference: a map on the surface, its figures, and probes where one clicks. */
 import { computed, signal } from "@preact/signals";
 import { link } from "../bus";
-import { mesh, onMesh, opened } from "../part";
+import { mesh, onMesh, opened, shownRevision } from "../part";
 import type { DeviationShown, ShowDeviation } from "../protocol";
-import { complain, place, scans } from "../state";
-import { Button, mm, Section, SelectField } from "../ui/controls";
+import { complain, notify, place, scans } from "../state";
+import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { files, send } from "../verbs/state";
 import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
@@ -24,6 +24,8 @@ const shown = signal<DeviationShown | null>(null);
 /** The surface was changed since. */
 const old = signal(false);
 const busy = signal(false);
+/** mm at the ends of the map; null: the 2nd and the 98th hundredth. */
+const end = signal<number | null>(null);
 /** Whether a click reads the deviation, and measures nothing. */
 export const probing = signal(false);
 const probes = signal<readonly { at: Vec; value: number }[]>([]);
@@ -47,18 +49,28 @@ async function show(): Promise<void> {
     const { header, arrays } = await link.request(wish);
     const model = mesh.value;
     if (header.kind !== "deviation" || !model || opened.value?.scan !== scan) return;
+    if (header.revision !== shownRevision()) {
+      notify("warning", "The surface was changed meanwhile.", "compare again");
+      return;
+    }
     model.deviation = arrays.f32("distance");
     shown.value = header;
     old.value = false;
     probes.value = [];
     probing.value = true;
-    colouring.value = "plain"; // the same name twice draws nothing anew
-    colouring.value = "deviation";
+    drawMap();
   } catch (error) {
     complain(error);
   } finally {
     busy.value = false;
   }
+}
+
+/** Draw the map anew. */
+function drawMap(): void {
+  if (mesh.value) mesh.value.deviationEnd = end.value;
+  colouring.value = "plain"; // the same name twice draws nothing anew
+  colouring.value = "deviation";
 }
 
 /** Read the deviation where the surface was clicked; false where clicks are for something else. */
@@ -70,7 +82,10 @@ export function probe({ point, vertex }: Hit): boolean {
   return true;
 }
 
-export const written = (x: number) => `${x > 0 ? "+" : x < 0 ? "−" : ""}${Math.abs(x).toFixed(3)} mm`;
+export function written(x: number): string {
+  const text = Math.abs(x).toFixed(3);
+  return `${Number(text) === 0 ? "" : x > 0 ? "+" : "−"}${text} mm`;
+}
 
 export function probeItems(): Item[] {
   return probes.value.map(({ at, value }) => ({ kind: "point", at, colour: "#ffffff", label: written(value) }));
@@ -141,6 +156,17 @@ function Figures({ of }: { of: DeviationShown }) {
         <dd class="num">{of.worst.toFixed(3)} mm</dd>
       </dl>
       {old.value && <p class="remark warning">The surface was changed since. Compare again.</p>}
+      <NumberField
+        label="Map to ±"
+        value={end.value}
+        unit="mm"
+        min={0.001}
+        placeholder="all"
+        onChange={(value) => {
+          end.value = value;
+          drawMap();
+        }}
+      />
       <div class="grid-2">
         <Button pressed={probing.value} onClick={() => (probing.value = !probing.value)}>
           Probe

@@ -55,19 +55,28 @@ const scan = () => opened.value?.scan ?? "";
 const forget = (measure: string) => request({ kind: "forget_measure", scan: scan(), measure });
 type Wanted = Partial<Pick<Measure, "name" | "nominal" | "lower" | "upper">>;
 
+/** Those made before: each begins with what the one before it has left. */
+let specified = Promise.resolve();
+
 /** Name or limit a dimension; a nominal value begins with limits of ± 0. */
-function specify(of: Measure, change: Wanted): Promise<void> {
-  const { measure, name, nominal, lower, upper } = { ...of, ...change };
-  const limited = nominal !== null && (lower !== null || upper !== null);
-  return request({
-    kind: "specify",
-    scan: scan(),
-    measure,
-    name,
-    nominal,
-    lower: limited ? (lower ?? Math.min(0, -(upper ?? 0))) : null,
-    upper: limited ? (upper ?? Math.max(0, -(lower ?? 0))) : null,
-  });
+function specify({ measure }: Measure, change: Wanted): void {
+  specified = specified
+    .catch(() => {})
+    .then(async () => {
+      const found = measures.value.find((one) => one.measure === measure);
+      if (!found) return;
+      const { name, nominal, lower, upper } = { ...found, ...change };
+      const limited = nominal !== null && (lower !== null || upper !== null);
+      await request({
+        kind: "specify",
+        scan: scan(),
+        measure,
+        name,
+        nominal,
+        lower: limited ? (lower ?? Math.min(0, -(upper ?? 0))) : null,
+        upper: limited ? (upper ?? Math.max(0, -(lower ?? 0))) : null,
+      });
+    });
 }
 
 /** Measure again whatever the surface was changed under, while the list is shown. */
@@ -181,27 +190,27 @@ function Dimension({ of }: { of: Measure }) {
   return (
     <fieldset class="dimension" disabled={!isOperator.value}>
       <legend>{wordOf(of)}</legend>
-      <TextField label="Name" value={of.name} onChange={(name) => void specify(of, { name })} />
+      <TextField label="Name" value={of.name} onChange={(name) => specify(of, { name })} />
       <NumberField
         label="Nominal"
         value={of.nominal}
         unit={unit}
         placeholder="none"
-        onChange={(nominal) => void specify(of, { nominal })}
+        onChange={(nominal) => specify(of, { nominal })}
       />
       <NumberField
         label="Lower limit"
         value={of.lower}
         unit={unit}
         placeholder="none"
-        onChange={(lower) => void specify(of, { lower })}
+        onChange={(lower) => specify(of, { lower })}
       />
       <NumberField
         label="Upper limit"
         value={of.upper}
         unit={unit}
         placeholder="none"
-        onChange={(upper) => void specify(of, { upper })}
+        onChange={(upper) => specify(of, { upper })}
       />
       <p class="quiet">{of.text}.</p>
       <Budget of={of} />

@@ -61,6 +61,9 @@ export function diverging(t: number): Rgb {
   return ramp(DIVERGING, t);
 }
 
+/** mm at the ends of a map of deviations, at least. */
+const LEAST = 0.001;
+
 /** The colours of a map, from its low end to its high one. */
 export function mapOf(by: Colouring): (t: number) => Rgb {
   return by === "deviation" ? diverging : cividis;
@@ -114,9 +117,9 @@ function valueAt(mesh: MeshModel, by: Colouring, v: number): number {
 function rangeOf(mesh: MeshModel, by: Colouring): Legend | null {
   if (by === "sigma" || by === "height") return spread(mesh, by);
   if (by !== "deviation" || !mesh.deviation) return null;
-  // The same on both sides of no deviation.
+  // The same on both sides of no deviation; what is less than a micrometre has no colour.
   const { low, high } = spread(mesh, by);
-  const end = Math.max(Math.abs(low), Math.abs(high)) || 1;
+  const end = Math.max(mesh.deviationEnd ?? Math.max(Math.abs(low), Math.abs(high)), LEAST);
   return { low: -end, high: end, unit: "mm" };
 }
 

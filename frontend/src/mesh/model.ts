@@ -44,6 +44,8 @@ export class MeshModel {
   line: Int32Array;
   /** (v) mm from a reference, NaN where unknown; null where none was compared with. */
   deviation: Float32Array | null = null;
+  /** mm at the ends of the map of deviations; null: as the deviations are. */
+  deviationEnd: number | null = null;
   vertexCount: number;
   faceCount: number;
   aliveCount: number;

@@ -102,9 +102,7 @@ def measures_of(
     """What the measurements that count came to; ``retaken`` on the surface as it is, by number."""
     out = []
     said = {
-        e.edit.measure: e.edit
-        for e in document.history.enabled
-        if isinstance(e.edit, edit.Specify)
+        e.edit.measure: e.edit for e in document.history.enabled if isinstance(e.edit, edit.Specify)
     }
     for entry, then in document.measured:
         again = (retaken or {}).get(entry.id)

@@ -7,9 +7,13 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.app.e2e.conftest import OPENING, until
+from tests.shapes.tubes import cylinder
+from turnscan.formats import write_ply
+from turnscan.mesh import Mesh
 
 
 def click_at(page: Any, x: float, y: float, z: float) -> None:
@@ -28,47 +32,62 @@ def rows(page: Any) -> Any:
     return page.get_by_role("list", name="Measurements").get_by_role("listitem")
 
 
-def test_a_diameter_is_right_has_limits_and_is_kept(open_cup, cup, picture):
-    page = open_cup()
+def test_a_diameter_is_right_has_limits_and_is_kept(open_cup, tmp_path, picture):
+    page = open_cup(height=1100)
     page.get_by_role("button", name="Inspect", exact=True).click()
     page.get_by_role("button", name="Diameter").click()
     until(page, "turnscan.pictures > 0")
     click_at(page, *towards_the_eye(page, 30.0))
     page.get_by_text("1 of 1 points").wait_for()
     page.get_by_role("button", name="Measure it").click()
-    rows(page).first.wait_for()
-    picture(page, "measure")
-    text = rows(page).first.inner_text()
-    found = re.search(r"([\d.]+) ± ([\d.]+) mm", text)
+    rows(page).first.wait_for(timeout=1000 * OPENING)
+    row = rows(page).first.get_by_role("button", name="±")
+    found = re.search(r"([\d.]+) ± ([\d.]+) mm", row.inner_text())
+    assert found
+    text = row.get_attribute("title")
     height = re.search(r"z = ([\d.]+) mm", text)
-    assert found, text
     assert height, text
     value, uncertainty = float(found[1]), float(found[2])
     truth = 2 * (18.0 + 10.0 * float(height[1]) / 45.0)
     assert 0.001 < uncertainty < 0.3
     assert abs(value - truth) < uncertainty
-    rows(page).first.get_by_role("button", name=found[0]).click()
-    for label, text in (("Name", "bore"), ("Nominal", f"{value:.3f}"), ("Upper limit", "0.4")):
+    row.click()
+    for label, text, shown in (
+        ("Name", "wall", "wall"),
+        ("Nominal", "49.3", "· 49.3 mm"),
+        ("Upper limit", "0.4", "± 0.4"),
+    ):
         page.get_by_label(label, exact=True).fill(text)
         page.get_by_label(label, exact=True).press("Enter")
-        until(page, "turnscan.requests === 0")
-    rows(page).filter(has_text="passes").filter(has_text="± 0.4").wait_for()
+        rows(page).filter(has_text=shown).wait_for()
+    rows(page).filter(has_text="passes").wait_for()
     page.get_by_role("table", name="Uncertainty budget").wait_for()
-    deviates(page, cup)
+    deviates(page, tmp_path / "drawn.ply")
     picture(page, "inspect")
     page.reload()
     until(page, "'turnscan' in window && turnscan.faces > 0")
-    rows(page).filter(has_text=found[1]).filter(has_text="bore").wait_for()
+    rows(page).filter(has_text=found[1]).filter(has_text="wall").wait_for()
 
 
-def deviates(page: Any, cup: Path) -> None:
-    """Compare with the same scan: nothing deviates, and a probe says so."""
+def deviates(page: Any, path: Path) -> None:
+    """Compare with the cup as it is drawn: a probe of its wall reads noise and the tessellation."""
+    drawn = cylinder(1.0, 45.0, n=128)
+    wide = 18.0 + 10.0 * drawn.vertices[:, 2:] / 45.0
+    vertices = np.hstack([drawn.vertices[:, :2] * wide, drawn.vertices[:, 2:]])
+    path.write_bytes(write_ply(Mesh(vertices, drawn.faces)))
     page.get_by_text("Deviation from a reference").click()
-    page.get_by_label("From this computer").set_input_files(cup)
+    page.get_by_label("From this computer").set_input_files(path)
     page.get_by_role("button", name="Compare", exact=True).click()
     page.get_by_text("Root mean square").wait_for(timeout=1000 * OPENING)
+    page.get_by_label("Map to ±").fill("0.1")
+    page.get_by_label("Map to ±").press("Enter")
+    page.locator(".legend").filter(has_text="0.100 mm").wait_for()
     click_at(page, *towards_the_eye(page, 20.0))
-    page.get_by_role("list", name="Probes").get_by_text("0.000 mm").wait_for()
+    probes = page.get_by_role("list", name="Probes").get_by_role("listitem")
+    probes.first.wait_for()
+    read = re.match(r"([+−]?)(\d\.\d{3}) mm", probes.first.inner_text())
+    assert read
+    assert float(read[2]) < 0.1
 
 
 def test_a_distance_is_taken_with_the_second_click_and_forgotten(open_cup):
