@@ -958,6 +958,12 @@ export interface ShowDeviation {
   unit?: "mm" | "cm" | "m" | "inch";
 }
 
+/** Open the folder of the scans in the file manager of the server's computer. */
+export interface ShowFolder {
+  id: number;
+  kind: "show_folder";
+}
+
 /**
  * Name a measurement, and say what it is to be: answered by ``measures``.
  *
@@ -972,12 +978,6 @@ export interface SpecifyMeasure {
   nominal?: number | null;
   lower?: number | null;
   upper?: number | null;
-}
-
-/** Open the folder of the scans in the file manager of the server's computer. */
-export interface ShowFolder {
-  id: number;
-  kind: "show_folder";
 }
 
 /** Take a scan: a job; ``scanning``, ``frame`` and ``points`` tell how it goes. */
