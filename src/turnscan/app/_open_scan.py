@@ -19,7 +19,6 @@ from turnscan.app._envelope import Array
 from turnscan.app._files import Item
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
-from turnscan.edit import Specify
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress
@@ -227,10 +226,8 @@ class OpenScan:
 
     def specify(self, wish: q.SpecifyMeasure, job: Job) -> p.Measures:
         """Name a measurement and give it limits. Raises InputError, FormatError."""
-        wanted = Specify(
-            _number(wish.measure), wish.name.strip(), wish.nominal, wish.lower, wish.upper
-        )
-        self.session.specify(wanted, job)
+        said = wish.name.strip(), wish.nominal, wish.lower, wish.upper
+        self.session.specify(_number(wish.measure), *said, job)
         return self.measures(wish.id)
 
     def measure_again(self, id: int, job: Job) -> p.Measures:

@@ -397,8 +397,20 @@ class ScanSession:
                 raise InputError("no such measurement")
             self._keep(*self.now.document.switch(number, False), work)
 
-    def specify(self, wanted: edit.Specify, work: Work) -> None:
-        """Name a measurement and give it limits. Raises InputError where there is none of it."""
+    def specify(
+        self,
+        number: int,
+        name: str,
+        nominal: float | None,
+        lower: float | None,
+        upper: float | None,
+        work: Work,
+    ) -> None:
+        """Name a measurement and give it limits (`edit.Specify`). Raises InputError, FormatError.
+
+        InputError where no measurement has this number.
+        """
+        wanted = edit.Specify(number, name, nominal, lower, upper)
         with self._lock:
             if wanted.measure not in [m.edit for m in self.now.measures]:
                 raise InputError("no such measurement")
