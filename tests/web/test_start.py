@@ -9,7 +9,9 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.web.running import Browser, Message, Running
+from tests.web.running import Browser, Message, Running, small_scan
+from turnscan.app._gallery import Gallery
+from turnscan.app._library import Library
 from turnscan.scan import Scan
 
 COMPILING = 300.0
@@ -127,3 +129,16 @@ def test_a_scan_that_is_written_stays_where_it_is(server: Running, folder: Path)
             assert "is being written" in refused["text"], refused
     assert (folder / "ball.turnscan").exists()
     assert list(folder.glob(".turnscan-app/bin/*")) == []
+
+
+def test_another_scan_of_the_same_name_has_its_own_picture(tmp_path: Path) -> None:
+    library = Library(tmp_path)
+    gallery, path = Gallery(library), small_scan(tmp_path / "cup.turnscan", steps=2)
+    gallery.keep(path, b"seen", [])
+    content = library.glance(path)[1]
+    assert gallery.thumbnail(path) == b"seen"
+    assert gallery.counts(path, content) is not None
+    gallery.discard(path)
+    small_scan(path, "sim:sphere?seed=6", steps=2)
+    assert library.glance(path)[1] != content
+    assert gallery.thumbnail(path).startswith(b"\x89PNG")

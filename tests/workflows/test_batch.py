@@ -21,9 +21,9 @@ import pytest
 from tests.once import once
 from tests.workflows.scans import write_can, write_pictures
 from turnscan import workflows
-from turnscan.errors import DeviceTimeout, FormatError, InputError, StorageFull
+from turnscan.errors import DeviceTimeout, ExportError, FormatError, InputError, StorageFull
 from turnscan.progress import Cancelled, Progress
-from turnscan.workflows import _batch_task, _batch_workers
+from turnscan.workflows import _batch_scratch, _batch_task, _batch_workers
 from turnscan.workflows._batch_recipe import recipe_from_text
 from turnscan.workflows._batch_scratch import scratch
 from turnscan.workflows._batch_table import write_tables
@@ -173,13 +173,25 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(
 def test_what_a_dead_process_left_is_removed_and_no_scratch_that_is_in_use(tmp_path: Path) -> None:
     with scratch(tmp_path) as living:
         dead = living.with_name(f"{living.name}-dead")
-        elsewhere = living.with_name("another_machine-x")
-        for folder in (dead, elsewhere):
+        machine = living.name.partition(".")[0]
+        elsewhere = {living.with_name(name) for name in ("another_machine.x", f"{machine}-1.x")}
+        for folder in (dead, *elsewhere):
             folder.mkdir()
             (folder / "held").touch()
         with scratch(tmp_path) as second:
-            assert {living, second, elsewhere} == set(living.parent.iterdir())
-    assert list(living.parent.iterdir()) == [elsewhere]
+            assert {living, second, *elsewhere} == set(living.parent.iterdir())
+    assert set(living.parent.iterdir()) == elsewhere
+
+
+def test_scratch_on_a_disk_without_locks_or_without_a_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_batch_scratch, "take", lambda fd: False)
+    with scratch(tmp_path) as one, scratch(tmp_path) as other:
+        assert {one, other} == set(one.parent.iterdir())
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ExportError, match="cannot be written"), scratch(tmp_path / "none"):
+        raise AssertionError
 
 
 def test_a_cluster_leaves_a_scan_behind_that_takes_too_long(

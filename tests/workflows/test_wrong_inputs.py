@@ -28,6 +28,7 @@ from turnscan.workflows import (
     calibrate,
     capture,
     import_pictures,
+    preview_import,
 )
 from turnscan.workflows._capture import Album
 from turnscan.workflows._reconstruct import below_stored
@@ -186,6 +187,19 @@ def test_a_weak_line_in_a_lit_room_is_told_from_the_part_by_its_colour(tmp_path:
     grey = import_pictures(pictures, tmp_path / "b.turnscan", EvenSteps(30), colour="red")
     assert done.line_share > 0.8
     assert grey.kept > 1.4 * done.kept
+
+
+def test_nothing_is_wrong_with_a_small_part(tmp_path: Path) -> None:
+    y, x = np.mgrid[0:480, 0:320]
+
+    def small(k: int, dice: Dice) -> Any:
+        turned = 2 * np.pi * k / 12
+        at = 160 + 30 * np.sin(y / 40 + turned) + 20 * np.cos(turned)
+        stripe = 150 * np.exp(-(((x - at) / 2.0) ** 2) / 2) * (y > 400)
+        return 12 + dice.standard_normal((480, 320, 3)) + stripe[..., None] * [1.0, 0.1, 0.1]
+
+    looked = preview_import(folder_of(tmp_path / "p", small, 12))
+    assert looked.findings == ()
 
 
 def test_a_part_in_a_lit_room_without_a_line_is_no_line(tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from turnscan.app._library import SUFFIX, Library
 from turnscan.app._protocol import BinEntry, FindingCounts
-from turnscan.errors import ExportError, InputError, StorageFull, TurnscanError
+from turnscan.errors import ExportError, InputError, ScanBusy, StorageFull
 from turnscan.findings import Finding
-from turnscan.workflows import duplicate_scan, frame_thumbnail, open_scan, write_atomically
+from turnscan.workflows import duplicate_scan, frame_thumbnail, write_atomically
 
 _OWN = ".turnscan-app"
 """Folder beside the scans in which the bin and what is shown of scans are."""
@@ -48,7 +48,8 @@ class Gallery:
 
     def counts(self, path: Path, content: str) -> FindingCounts | None:
         """How many findings a scan had when it was last open; None where it has changed since."""
-        if path not in self._counts:
+        known = self._counts.get(path)
+        if known is None or known[0] != content:
             with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
                 held = json.loads(self._kept(path)[1].read_bytes())
                 counts = FindingCounts.model_validate(held["findings"])
@@ -59,10 +60,12 @@ class Gallery:
     def thumbnail(self, path: Path) -> bytes:
         """The surface as it was last seen, else a picture of the middle of the scan, as PNG.
 
-        Raises InputError and ScanError for a scan without pictures.
+        What was seen of a scan that has changed since, or of another one that had this name, is not
+        shown. Raises InputError and ScanError for a scan without pictures.
         """
-        with contextlib.suppress(OSError):
-            return self._kept(path)[0].read_bytes()
+        if self.counts(path, self._library.glance(path)[1]) is not None:
+            with contextlib.suppress(OSError):
+                return self._kept(path)[0].read_bytes()
         return frame_thumbnail(path)
 
     def _kept(self, path: Path) -> tuple[Path, Path]:
@@ -102,7 +105,8 @@ class Gallery:
         try:
             self._move(path, place / path.name)
         except BaseException:
-            place.rmdir()
+            with contextlib.suppress(OSError):
+                place.rmdir()
             raise
 
     def binned(self) -> list[BinEntry]:
@@ -127,7 +131,8 @@ class Gallery:
             raise InputError("this scan is no longer in the bin", hint="reload the list")
         target = self._library.free_path(held.stem)
         self._move(held, target)
-        place.rmdir()
+        with contextlib.suppress(OSError):  # somebody else has emptied the bin meanwhile
+            place.rmdir()
         self._library.name_of(target)
         return target
 
@@ -136,26 +141,9 @@ class Gallery:
         shutil.rmtree(self._own / "bin", ignore_errors=True)
 
     def _move(self, path: Path, target: Path) -> None:
-        """Rename a file that no process writes; edits that are still beside it go with it."""
-        busy = False
-        # A damaged one can be moved as well.
-        with contextlib.suppress(TurnscanError), open_scan(path) as scan:
-            busy = scan.being_written
-        if busy:
+        try:
+            duplicate_scan(path, target, keep=False)
+        except ScanBusy:
             raise InputError(
                 f"{path.stem} is being written", hint="wait until the scan has finished, or stop it"
-            )
-        beside = [path.with_name(path.name + tail) for tail in ("-wal", "-shm")]
-        try:
-            if beside[0].exists():
-                duplicate_scan(path, target)
-                for file in (path, *beside):
-                    file.unlink(missing_ok=True)
-            else:
-                path.rename(target)
-        except OSError as e:
-            if isinstance(e, TurnscanError):
-                raise
-            raise StorageFull(
-                f"{path.name}: cannot be moved ({e.strerror})", hint="check the folder"
             ) from None

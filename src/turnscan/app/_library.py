@@ -72,7 +72,10 @@ class Library:
 
     def others(self) -> list[Path]:
         """Files of the folder that are no scans, and folders in it; of one scan alone, its own."""
-        found = sorted(self.folder.iterdir(), key=lambda p: p.name.lower())
+        try:
+            found = sorted(self.folder.iterdir(), key=lambda p: p.name.lower())
+        except OSError:  # the disk it is on has gone
+            return []
         return [
             p
             for p in found

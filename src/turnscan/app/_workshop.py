@@ -169,14 +169,16 @@ class Workshop:
         """
         with contextlib.suppress(TurnscanError):  # what it cannot do `close` meets, too
             self.rig.stop()
-        self.start.close()
-        self.jobs.close()
         try:
-            self.rig.close()
+            self.jobs.close()
         finally:
-            self._put_away()
+            try:
+                self.rig.close()
+            finally:
+                self._put_away()
 
     def _put_away(self) -> None:
+        self.start.close()
         self._pool.shutdown(wait=True, cancel_futures=True)
         with self._lock:
             scans = list(self._scans.values())

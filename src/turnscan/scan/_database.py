@@ -137,7 +137,7 @@ def create(path: Path, meta: dict[str, str]) -> tuple[sqlite3.Connection, Writer
                 for key, value in meta.items():
                     write_meta(db, key, value)
                 db.execute("COMMIT")
-            _put_in_place(new, path)
+            put_in_place(new, path)
         except OSError as e:
             raise _refused(path, e) from None
         finally:
@@ -153,8 +153,8 @@ def _being_made(path: Path) -> Path:
     return path.with_name(f".{path.name}.new")
 
 
-def _put_in_place(new: Path, path: Path) -> None:
-    """Give a new file its name, which may not be taken by now."""
+def put_in_place(new: Path, path: Path) -> None:
+    """Give a file its name, which may not be taken by now; where it was it may stand as well."""
     try:
         os.link(new, path)
     except FileExistsError:

@@ -378,6 +378,11 @@ class Scan:
         """Whether every exposure of every step and laser is there, or a record of why it is not."""
         return self._index.complete
 
+    @property
+    def digest(self) -> str:
+        """Names the pictures that are there now: other where one of them is another."""
+        return hashlib.sha256(self._index.seal().encode()).hexdigest()
+
     def __len__(self) -> int:
         """Number of frames."""
         return len(self._index)

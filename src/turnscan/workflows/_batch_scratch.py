@@ -16,24 +16,34 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from turnscan.errors import ExportError
 from turnscan.locking import take
 
 _FOLDER = ".turnscan"
 _HELD = "held"
+_TRIES = 20
+"""Then the disk has no locks, and no folder on it is ever taken for dead."""
 
 
 @contextmanager
 def scratch(output: Path | None) -> Iterator[Path]:
     """A folder for one task, on the disk of ``output``; None: wherever this machine has scratch.
 
-    What dead processes of this machine left in ``output`` is removed first.
+    What dead processes of this machine left in ``output`` is removed first. Raises ExportError
+    where nothing can be written there.
     """
     if output is None:
         with tempfile.TemporaryDirectory(prefix="turnscan-") as temporary:
             yield Path(temporary)
         return
     swept(output)
-    folder, held = _held(output / _FOLDER)
+    try:
+        folder, held = _held(output / _FOLDER)
+    except OSError as e:
+        raise ExportError(
+            f"{output}: cannot be written: {e.strerror or e}",
+            hint="check the free space and the permissions, on every machine that works for it",
+        ) from None
     try:
         yield folder
     finally:
@@ -44,7 +54,7 @@ def scratch(output: Path | None) -> Iterator[Path]:
 
 def swept(output: Path) -> None:
     """Remove the scratch of this machine's processes that ended without doing so."""
-    for folder in (output / _FOLDER).glob(f"{_machine()}-*"):
+    for folder in (output / _FOLDER).glob(f"{_machine()}.*"):
         try:
             held = os.open(folder / _HELD, os.O_RDWR)
         except OSError:  # just made, or just removed by another
@@ -62,15 +72,19 @@ def _rid_of_empty(output: Path) -> None:
 
 
 def _held(place: Path) -> tuple[Path, int]:
+    tries = 0
     while True:
         place.mkdir(exist_ok=True)
         with suppress(FileNotFoundError):  # another ended, and took the empty place away
-            folder = Path(tempfile.mkdtemp(prefix=f"{_machine()}-", dir=place))
+            folder = Path(tempfile.mkdtemp(prefix=f"{_machine()}.", dir=place))
             held = os.open(folder / _HELD, os.O_RDWR | os.O_CREAT, 0o600)
-            if take(held):
+            tries += 1
+            if take(held) or tries == _TRIES:
                 return folder, held
             os.close(held)  # another took it for dead, and removes it
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _machine() -> str:
+    """Its name without a dot: what follows one is no part of it, as in ``node`` and ``node-1``."""
     return re.sub(r"\W", "-", platform.node()) or "here"

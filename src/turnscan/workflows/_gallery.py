@@ -1,4 +1,4 @@
-"""What a gallery of scans shows of each file, and copies of scan files."""
+"""What a gallery of scans shows of each file; scan files copied and renamed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def glance_at(path: Path) -> ScanGlance:
         with Scan.open(path) as scan:
             edits = scan.edits()
             last = edits[-1].digest.hex() if edits else ""
-            said = f"{len(scan)} {len(edits)} {last} {scan.settings}"
+            said = f"{scan.digest} {len(edits)} {last} {scan.settings}"
             missing = 0
             with suppress(TurnscanError):  # of one that was imported
                 at = left_in(scan)
@@ -53,8 +53,11 @@ def frame_thumbnail(path: Path) -> bytes:
     return png(brightened(shrunk(lit, THUMBNAIL[0])))
 
 
-def duplicate_scan(source: Path, target: Path) -> None:
-    """Copy a scan file with its edits, also while it is open. Raises as `copy_scan`."""
-    copy_scan(source, target)
-    with Scan.open(target):
-        return
+def duplicate_scan(source: Path, target: Path, *, keep: bool = True) -> None:
+    """Copy a scan file with its edits, also while it is open; without ``keep`` move it, damaged or
+    not, while nobody writes it. Raises as `copy_scan`.
+    """
+    copy_scan(source, target, keep=keep)
+    if keep:
+        with Scan.open(target):
+            return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,8 @@ _BEND = 2.0  # px between a centre and the line through its neighbours, at most
 _SAMPLE_BYTES = 512 << 20
 _REACH = 8
 """px: what is farther from the middle of a line is no part of it."""
+_MOST = 0.5
+"""Of the light: less of it on a line is worth a warning."""
 _THIN, _BETTER = 0.3, 1.5
 """Part of the light on a line, times the part of rows with one: below it other colours are tried.
 Times: another one must be so much better."""
@@ -90,13 +93,16 @@ def find_signal(
         trials.append((background, origin, darks, weights))
     background, origin, darks, weights = _best(trials, lit, options.orientation)
     if weights is not None and known is None and options.colour == LEARN:
-        thin = _on_the_line(lit, darks, weights, options.orientation)
+        on_it, rows = _on_the_line(lit, darks, weights, options.orientation)
+        thin = on_it * rows
         if thin < _THIN:
             other = [(b, o, d, w) for b, o, d, _ in trials for w in _differences(weights)]
-            found = [_on_the_line(lit, d, w, options.orientation) for _, _, d, w in other]
+            found = [
+                math.prod(_on_the_line(lit, d, w, options.orientation)) for _, _, d, w in other
+            ]
             if max(found) > max(_BETTER * thin, _THIN / 2):
                 background, origin, darks, weights = other[int(np.argmax(found))]
-            else:
+            elif on_it < _MOST:  # else the line is thin, and the part small in the picture
                 remarks.append(_no_thin_line(series.laser))
     some = range(0, len(lit), max(1, len(lit) // 16))
     noise = float(np.median([statistics(signal_of(lit[i], darks[i], weights)).noise for i in some]))
@@ -142,8 +148,8 @@ def _on_the_line(
     darks: list[Image | None],
     weights: ColourWeights | None,
     orientation: Orientation,
-) -> float:
-    """Of the light that would be kept, the part on a thin line, times the lines that have one.
+) -> tuple[float, float]:
+    """Of the light that would be kept, the part on a thin line; and of the rows, those with one.
 
     Where a part moves in a lit room, what is kept is mostly the part itself; its outline, too, is
     continuous from row to row.
@@ -165,7 +171,7 @@ def _on_the_line(
         total += int(np.count_nonzero(above))
         formed += int(np.count_nonzero(line))
         rows += len(place)
-    return near / max(total, 1) * formed / max(rows, 1)
+    return near / max(total, 1), formed / max(rows, 1)
 
 
 def grey_of(picture: Image | None, weights: ColourWeights | None) -> Any:
