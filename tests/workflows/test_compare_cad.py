@@ -231,6 +231,13 @@ def test_what_is_measured_is_not_made_square_or_parallel() -> None:
         assert abs(c.off) < 4 * c.sigma
 
 
+def test_datums_do_not_hide_that_a_part_is_symmetric() -> None:
+    found = compare(_box(0.0, 0.02, 1), _box(0.0, 0.0, 0), align="datums", datums=(1, 3))
+    assert found.placement.figures["other_ways"] == 3
+    codes = [f.code for f in found.findings]
+    assert codes == ["compare.symmetric", "compare.free", "compare.datums"]
+
+
 def test_faces_with_a_draft_have_an_angle_and_no_distance() -> None:
     drawn = _box(np.radians(2.0), 0.0, 0)
     found = compare(_box(np.radians(2.0), 0.02, 1), drawn, features=True)

@@ -32,6 +32,7 @@ _ROUNDS = 8
 _NEAR = 4.0
 """Robust standard deviations within which points count for a datum."""
 _LEAST = 30
+_SYMMETRIC = "compare.symmetric"
 _OPEN = 0.02
 """A motion along which a datum's surface rises by less than this part of it is left to the next."""
 
@@ -132,8 +133,7 @@ def _told(found: Onto, mesh: Mesh) -> Placement:
     findings = []
     if found.rivals:
         text = f"it fits in {found.rivals} other ways as well, the best is taken"
-        remedy = Remedy("if it matters, align by ", Option("align", "datums"))
-        findings.append(Finding("compare.symmetric", "note", text, remedy=remedy))
+        findings.append(Finding(_SYMMETRIC, "note", text))
     for free in a.freedoms:
         text = f"{free} is not determined by the shape"
         findings.append(Finding("compare.free", "note", text))
@@ -195,11 +195,17 @@ def _by_datums(
         f"{turned:.3f}° and moved {moved:.3f} mm"
     )
     left = 6 - sum(taken)
-    findings: tuple[Finding, ...] = ()
+    # Datums hold the place that the shape found: which of several it is they do not tell.
+    findings = tuple(f for f in start.findings if left or f.code == _SYMMETRIC)
     if left:
         said = f"the datums leave {left} of six freedoms open; there the alignment is that by shape"
-        findings = (Finding("compare.datums", "note", said),)
-    figures = {"turned_deg": turned, "moved_mm": moved, "freedoms_taken": list(taken)}
+        findings = (*findings, Finding("compare.datums", "note", said))
+    figures = {
+        "turned_deg": turned,
+        "moved_mm": moved,
+        "freedoms_taken": list(taken),
+        "other_ways": start.figures["other_ways"],
+    }
     return Placement("datums", pose, text, findings, figures)
 
 
