@@ -4,7 +4,7 @@ import { link } from "./bus";
 import { strokeOf } from "./keys";
 import { http } from "./link";
 import { redo, undo } from "./part";
-import { ask, complain, connection, go, level, notify, place, stopping, theme } from "./state";
+import { answering, ask, complain, go, level, notify, place, stopping, theme } from "./state";
 import { closeDialog, dialogs } from "./ui/dialog";
 import { invite } from "./ui/invite";
 
@@ -36,12 +36,12 @@ interface Place {
 
 const DOUBT_MS = 1000;
 
-/** Lasers dark and table stopped, for anybody, from anywhere: by HTTP where the socket is not open. */
+/** Lasers dark and table stopped, for anybody, from anywhere: by HTTP where the socket is silent. */
 export async function stop(): Promise<void> {
   stopping.value = "sent";
   const doubt = setTimeout(() => (stopping.value = "unconfirmed"), DOUBT_MS);
   try {
-    if (connection.value === "open") await link.request({ kind: "stop" });
+    if (answering.value) await link.request({ kind: "stop" });
     else await http("api/stop", { method: "POST" });
     stopping.value = "confirmed";
     notify("note", "Stopped: lasers dark, table still.");

@@ -124,8 +124,9 @@ function hearServer(): void {
   });
   on("stopped", ({ client, confirmed }) => {
     if (client === hello.value?.client) return;
-    if (confirmed) notify("warning", "Another browser pressed STOP: lasers dark, table still.");
-    else notify("error", "Another browser pressed STOP; it is not confirmed that the lasers are dark.");
+    const what = client ? "Another browser pressed STOP" : "STOP was pressed"; // by HTTP: perhaps here
+    if (confirmed) notify("warning", `${what}: lasers dark, table still.`);
+    else notify("error", `${what}; it is not confirmed that the lasers are dark.`);
   });
   on("devices", (message) => {
     devices.value = message;

@@ -191,3 +191,19 @@ it("tells whoever did not press STOP that somebody did, and whether the lasers a
   await page.say({ kind: "stopped", client: "somebody", confirmed: true });
   expect(page.state.notices.value[1]).toMatchObject({ severity: "warning" });
 });
+
+it("sends STOP by HTTP where the socket is open but silent", async () => {
+  const page = await openPage();
+  const { stop } = await import("../src/commands");
+  await page.connect();
+  await page.say({ kind: "beat" });
+  await vi.advanceTimersByTimeAsync(100);
+  void stop();
+  expect(page.asked("stop")).toHaveLength(1);
+  await vi.advanceTimersByTimeAsync(1000);
+  expect(page.state.answering.value).toBe(false);
+  void stop();
+  await page.settle();
+  expect(page.asked("stop")).toHaveLength(1);
+  expect(page.fetched.map(({ path }) => path)).toEqual([expect.stringContaining("api/stop")]);
+});
