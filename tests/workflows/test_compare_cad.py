@@ -117,6 +117,19 @@ def test_step_and_stl_of_a_part_show_the_same_features(parts: Path) -> None:
     assert bore.radius == pytest.approx(BORE / 2, rel=1e-12)
 
 
+def test_a_face_without_area_joins_no_planes() -> None:
+    """A side that is cut on the top and whole on the front, with a sliver that closes the gap."""
+    corners = [[x, y, z] for z in (0, 10) for x, y in ((0, 0), (30, 0), (30, 20), (0, 20))]
+    bottom, top = [[0, 2, 1], [0, 3, 2]], [[4, 8, 7], [8, 5, 6], [8, 6, 7]]
+    sides = [[i, j, j + 4] for i, j in ((0, 1), (1, 2), (2, 3), (3, 0))]
+    sides += [[i, j + 4, i + 4] for i, j in ((0, 1), (1, 2), (2, 3), (3, 0))]
+    faces = np.array([*bottom, *top, *sides, [4, 5, 8]], dtype=np.int32)
+    mesh = Mesh(np.array([*corners, [15, 0, 10]], dtype=float), faces)
+    shapes = with_features(nominal(mesh, "mm", no_progress)).shapes
+    assert [round(s.area) for s in shapes] == [600, 600, 300, 300, 200, 200]
+    assert all(np.abs(s.axis).max() == pytest.approx(1) for s in shapes)
+
+
 def test_datums_hold_and_leave_the_bore_where_it_is(told: tuple[Comparison, Path]) -> None:
     found, _ = told
     turn, off = _error(found)

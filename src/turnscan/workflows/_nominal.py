@@ -99,12 +99,18 @@ def _features(mesh: Mesh) -> tuple[tuple[Shape, ...], Ints]:
 
 
 def _meetings(mesh: Mesh, normal: Floats) -> tuple[Ints, Ints, Floats]:
-    """Pairs of faces that share a side, and the angle between their normals, radians."""
+    """Pairs of faces that share a side, and the angle between their normals, radians.
+
+    A face without area, as STL files have them where a side is met by two, has no direction: it
+    joins nothing.
+    """
     twin = opposite_half_edges(mesh.faces)
     here = np.flatnonzero(twin > np.arange(len(twin)))
     a, b = (here // 3).astype(np.int32), (twin[here] // 3).astype(np.int32)
     cross = np.linalg.norm(np.cross(normal[a], normal[b]), axis=1)
-    return a, b, np.arctan2(cross, np.einsum("ij,ij->i", normal[a], normal[b]))
+    bend = np.arctan2(cross, np.einsum("ij,ij->i", normal[a], normal[b]))
+    bend[~(normal[a].any(axis=1) & normal[b].any(axis=1))] = np.pi
+    return a, b, bend
 
 
 def _grouped(a: Ints, b: Ints, joined: Bools, count: int) -> Ints:
