@@ -219,6 +219,8 @@ def _named(there: Sequence[Kept], word: str) -> Kept:
 
 def run(quick: bool = False, parts: Sequence[str] = ()) -> None:
     """Measure, keep and compare; with names of commits compare only."""
+    if len(parts) > 2:
+        raise SystemExit(f"{len(parts)} commits: two are compared → name the old and the new one")
     there = kept_here()
     if parts:
         report(_named(there, parts[0]), _named(there, parts[1]) if parts[1:] else there[-1])

@@ -52,3 +52,8 @@ def test_figures_are_multiples_of_the_yardstick(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(history, "_cases", lambda folder, stack: {"same": history.yardstick})
     monkeypatch.setattr(history, "_timed", lambda job: 2.0)
     assert history.measure(3) == {"same": [1.0, 1.0, 1.0]}
+
+
+def test_more_than_two_commits_are_not_compared() -> None:
+    with pytest.raises(SystemExit, match="3 commits"):
+        history.run(parts=("one", "two", "three"))
