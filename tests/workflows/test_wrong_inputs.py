@@ -189,14 +189,17 @@ def test_a_weak_line_in_a_lit_room_is_told_from_the_part_by_its_colour(tmp_path:
     assert grey.kept > 1.4 * done.kept
 
 
-def test_nothing_is_wrong_with_a_small_part(tmp_path: Path) -> None:
-    y, x = np.mgrid[0:480, 0:320]
+@pytest.mark.parametrize(("size", "top"), [((480, 320), 400), ((300, 200), 240)])
+def test_nothing_is_wrong_with_a_small_part(
+    tmp_path: Path, size: tuple[int, int], top: int
+) -> None:
+    y, x = np.indices(size)
 
     def small(k: int, dice: Dice) -> Any:
         turned = 2 * np.pi * k / 12
-        at = 160 + 30 * np.sin(y / 40 + turned) + 20 * np.cos(turned)
-        stripe = 150 * np.exp(-(((x - at) / 2.0) ** 2) / 2) * (y > 400)
-        return 12 + dice.standard_normal((480, 320, 3)) + stripe[..., None] * [1.0, 0.1, 0.1]
+        at = size[1] / 2 + 30 * np.sin(y / 40 + turned) + 20 * np.cos(turned)
+        stripe = 150 * np.exp(-(((x - at) / 2.0) ** 2) / 2) * (y > top)
+        return 12 + dice.standard_normal((*size, 3)) + stripe[..., None] * [1.0, 0.1, 0.1]
 
     looked = preview_import(folder_of(tmp_path / "p", small, 12))
     assert looked.findings == ()

@@ -86,11 +86,18 @@ def find_signal(
             check_kind(own[-1], first, str(path))
         count()
     trials: list[Trial] = []
+    trouble: InputError | None = None
     remarks: list[Finding] = []
     for background, origin in _backgrounds(series, lit, own, first, options, known):
         darks: list[Image | None] = list(own) or [background] * len(lit)
-        weights = None if first.ndim == 2 else known or _weights(options.colour, lit, darks)
+        try:
+            weights = None if first.ndim == 2 else known or _weights(options.colour, lit, darks)
+        except InputError as e:  # another background may show the line
+            trouble = e
+            continue
         trials.append((background, origin, darks, weights))
+    if trouble is not None and not trials:
+        raise trouble
     background, origin, darks, weights = _best(trials, lit, options.orientation)
     if weights is not None and known is None and options.colour == LEARN:
         on_it, rows = _on_the_line(lit, darks, weights, options.orientation)
