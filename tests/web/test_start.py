@@ -51,6 +51,8 @@ def test_a_scan_that_is_open_is_renamed_copied_binned_and_restored(
         assert 0.1 < (surface[..., 3] > 0).mean() < 0.9, "the part on a transparent ground"
         assert stripe.shape != surface.shape
 
+        assert "already exists" in browser.ask("rename", scan=scan, name="ball")["text"]
+        assert browser.ask("list_holes", scan=scan)["kind"] == "holes", "it is open still"
         assert browser.ask("rename", scan=scan, name="a/b")["kind"] == "done"
         assert browser.once("closed")["scan"] == scan
         browser.until("scans", lambda m: names(m) == ["a_b"])

@@ -44,6 +44,7 @@ class StartRoom:
     def rename(self, request: q.Rename) -> None:
         """Give a scan another name."""
         path = self._library.path(request.scan)
+        self._library.new_path(request.name)  # a name that is refused closes no document
         self._release(request.scan)
         self.gallery.rename(path, request.name)
         self._tell()
