@@ -304,8 +304,10 @@ class RigRoom:
 
     def _let_go(self) -> None:
         """Close the devices, whatever they make of it; the first error leaves."""
-        self._devices = None
-        self._camera = self._table = _NOTHING
-        self._angle = None
         stack, self._stack = self._stack, ExitStack()
-        stack.close()
+        try:
+            stack.close()
+        finally:
+            self._devices = None  # not before: until then STOP presses their switch
+            self._camera = self._table = _NOTHING
+            self._angle = None

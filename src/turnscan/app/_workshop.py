@@ -429,8 +429,10 @@ class Workshop:
     def _put_back(self, document: OpenScan) -> None:
         """Close a document; what it looks like is kept for the list."""
         changed = document.now.revision > 0
-        shown = (document.thumbnail(), document.findings) if changed else None
-        document.close()
+        try:
+            shown = (document.thumbnail(), document.findings) if changed else None
+        finally:
+            document.close()
         if shown is not None:
             self.start.gallery.keep(document.path, *shown)
 
