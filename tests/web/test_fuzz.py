@@ -98,6 +98,7 @@ def test_no_request_is_a_mistake(
     chance = random.Random(seed)
     workshop = Workshop(Library(folder))
     monkeypatch.setattr(workshop.rig, "connect", lambda *_: None)
+    monkeypatch.setattr("turnscan.app._start_session.FILE_MANAGER", "true")
     told = _Told(workshop)
     scan = next(iter(workshop.library.paths()))
     workshop._load(Job(workshop.hub, "open", "", scan), scan, workshop.library.path(scan))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from typing import Any
-
-import click
 
 from turnscan import workflows
 from turnscan.app import _protocol as p
@@ -19,6 +20,8 @@ from turnscan.workflows import SimulateOptions
 
 _DEMO = SimulateOptions(steps=48)
 """A turn that takes seconds, and shows what a real one does."""
+FILE_MANAGER = {"darwin": "open", "win32": "explorer"}.get(sys.platform, "xdg-open")
+"""The program that shows a folder."""
 _LOOK_EVERY = 2.0
 """s between looks at the folder."""
 
@@ -73,11 +76,18 @@ class StartRoom:
 
     def show_folder(self) -> None:
         """Open the folder in the file manager. Raises InputError where there is none."""
-        if click.launch(str(self._library.folder)) != 0:
+        program = shutil.which(FILE_MANAGER)
+        if program is None:
             raise InputError(
                 "no file manager was found on this computer",
                 hint="the folder is the one that turnscan was started with",
             )
+        quiet = subprocess.DEVNULL
+        opened = subprocess.Popen(  # noqa: S603 (a program of the system, a folder of ours)
+            [program, str(self._library.folder)],
+            stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True,
+        )  # fmt: skip
+        threading.Thread(target=opened.wait, name="file manager", daemon=True).start()
 
     def try_demo(self, id: int) -> p.StartedJob:
         """Scan a part with a simulated rig."""
