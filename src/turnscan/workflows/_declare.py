@@ -60,7 +60,7 @@ class Declared:
     def trouble_of_one(self, value: object) -> str | None:
         """What is wrong with a value, one of several where there are; None where nothing is."""
         if value is None:
-            return None if self.optional else "no value"
+            return None if self.optional else "no value is given"
         match self.kind:
             case "switch":
                 return None if isinstance(value, bool) else f"{value!r} is not true or false"
@@ -148,9 +148,11 @@ class Checked:
 
     def __post_init__(self) -> None:
         for name, option in declared(self).items():
-            trouble = option.trouble(getattr(self, name))
+            value = getattr(self, name)
+            trouble = option.trouble(value)
             if trouble is not None:
-                raise InputError(trouble, hint="choose another value", option=Option(name))
+                hint = "choose another value" if value is not None else f"give one: {option.help}"
+                raise InputError(trouble, hint=hint, option=Option(name))
 
     def changed(self) -> Mapping[str, Any]:
         """The options that are not at their default, by name."""
