@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 
 from tests.metronome import Metronome
 from tests.web.running import PATIENCE, Browser, Running, serving
-from turnscan.app import _hub, _rig_session, _socket
+from turnscan.app import Library, Workshop, _hub, _rig_session, _socket
 from turnscan.arrays import Image
 from turnscan.devices import Sweeping
 from turnscan.errors import DeviceDisconnected, DeviceRefused, LaserStateUnknown
@@ -304,3 +305,20 @@ def test_a_slow_browser_is_told_the_latest_only() -> None:
     for k in range(_hub.QUEUE):
         client.put("", f"r{k}")
     assert client.lost
+
+
+def test_stop_reaches_devices_that_are_being_let_go(tmp_path: Path) -> None:
+    pressed: list[bool] = []
+    workshop = Workshop(Library(tmp_path))
+    devices = SimpleNamespace(
+        switch=SimpleNamespace(press=lambda: pressed.append(True), release=lambda: None),
+        opened=SimpleNamespace(at=None, rig=None),
+        lasers=SimpleNamespace(states=[]),
+    )
+    workshop.rig._devices = devices  # type: ignore[assignment]
+    workshop.rig._stack.callback(workshop.stop)  # while they close
+    workshop.rig.disconnect()
+    assert pressed == [True]
+    workshop.stop()
+    assert pressed == [True], "they are gone"
+    workshop.close()

@@ -184,6 +184,12 @@ export function DimensionsPanel() {
   );
 }
 
+const LIMITS = [
+  ["nominal", "Nominal"],
+  ["lower", "Lower limit"],
+  ["upper", "Upper limit"],
+] as const;
+
 /** What one of them is to be, and what its uncertainty is made of. */
 function Dimension({ of }: { of: Measure }) {
   const unit = of.unit;
@@ -191,27 +197,16 @@ function Dimension({ of }: { of: Measure }) {
     <fieldset class="dimension" disabled={!isOperator.value}>
       <legend>{wordOf(of)}</legend>
       <TextField label="Name" value={of.name} onChange={(name) => specify(of, { name })} />
-      <NumberField
-        label="Nominal"
-        value={of.nominal}
-        unit={unit}
-        placeholder="none"
-        onChange={(nominal) => specify(of, { nominal })}
-      />
-      <NumberField
-        label="Lower limit"
-        value={of.lower}
-        unit={unit}
-        placeholder="none"
-        onChange={(lower) => specify(of, { lower })}
-      />
-      <NumberField
-        label="Upper limit"
-        value={of.upper}
-        unit={unit}
-        placeholder="none"
-        onChange={(upper) => specify(of, { upper })}
-      />
+      {LIMITS.map(([key, label]) => (
+        <NumberField
+          key={key}
+          label={label}
+          value={of[key]}
+          unit={unit}
+          placeholder="none"
+          onChange={(value) => specify(of, { [key]: value })}
+        />
+      ))}
       <p class="quiet">{of.text}.</p>
       <Budget of={of} />
     </fieldset>

@@ -191,7 +191,7 @@ class Workshop:
     # What routes call
 
     def stop(self, client: str | None = None) -> None:
-        """Lasers dark, table still; everybody is told who did it. Raises as `RigRoom.stop`."""
+        """Lasers dark, table still; every browser learns who did it. Raises as `RigRoom.stop`."""
         confirmed = False
         try:
             self.rig.stop()
