@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh, Provenance
+from turnscan.mesh import Mesh, Provenance, vertex_normals
 from turnscan.shapes.primitives import _surface_kernels as surface
 from turnscan.shapes.primitives import find_shapes, neighbours_of, sizes_between
 
@@ -40,6 +40,9 @@ def test_a_stepped_shaft_is_three_cylinders_a_cone_and_three_planes(shaft):
     assert 0.8 * SIGMA < np.nanstd(found.residual) < 1.2 * SIGMA
     heights = sorted(round(s.value, 2) for s in sizes_between(mesh, found) if s.kind == "distance")
     assert heights == pytest.approx([20, 45, 65], abs=0.02)
+    apart = [s for s in sizes_between(mesh, found) if s.kind == "axis distance"]
+    assert len(apart) == 6, "coaxial as adopted, and still told how far apart they were measured"
+    assert all(0 < s.value < 4 * s.sigma and 0 < s.sigma < 0.02 for s in apart)
 
 
 def test_uncertainties_cover_the_truth(shaft):
@@ -105,6 +108,21 @@ def test_a_keyway_is_its_floor_and_what_bends_over_its_edge_is_no_shape(radius, 
     assert shaft.radius == pytest.approx(radius, abs=4 * shaft.radius_sigma)
     assert np.degrees(np.arccos(floor.axis[0])) < 0.5
     assert floor.point[0] == pytest.approx(radius - deep, abs=0.03)
+
+
+def test_a_whole_face_that_is_known_five_times_worse_is_found():
+    """A sigma that differs from face to face, as with paint or slope, is no sign of an edge."""
+    box = prism([(0, 0), (40, 0), (40, 30), (0, 30)], 30, 0.8)
+    n = np.nan_to_num(vertex_normals(box))
+    sigma = np.where(n[:, 0] > 0.9, 5 * SIGMA, SIGMA)
+    number = np.zeros(len(sigma), dtype=np.int32)
+    origin = Provenance(sigma, number, number, number, ("red",))
+    dice = np.random.default_rng(3).normal(size=len(sigma)) * sigma
+    mesh = Mesh(box.vertices + n * dice[:, None], box.faces, provenance=origin)
+    found = find_shapes(mesh)
+    assert [s.kind for s in found.shapes] == 4 * ["plane"]
+    (worse,) = [s for s in found.shapes if s.axis[0] > 0.9]
+    assert worse.rms == pytest.approx(5 * SIGMA, rel=0.1)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -26,8 +26,9 @@ from turnscan.mesh import Mesh, submesh
 from turnscan.progress import no_progress
 from turnscan.rig import Pose, rotation_from_vector
 from turnscan.workflows import Comparison, compare, read_mesh_file
+from turnscan.workflows._compared_features import Check, overall, unmet
 from turnscan.workflows._nominal import nominal, with_features
-from turnscan.workflows._tolerances import limits_of, read_tolerances, verdict
+from turnscan.workflows._tolerances import Tolerance, limits_of, read_tolerances, verdict
 
 NOISE = 0.01
 BORE, WORN = 12.0, 12.06
@@ -291,6 +292,16 @@ def test_a_profile_tells_a_wave_from_noise_and_fails_no_perfect_face(tmp_path: P
 
 
 # Tolerances
+
+
+def test_a_size_that_the_standard_says_nothing_of_is_named(parts: Path) -> None:
+    reference = with_features(nominal(parts / "part.step", "mm", no_progress))
+    large = Check((1, 2), "distance", 2400.0, 2400.1, 0.01, "mm")
+    every = Tolerance((), "*", "ISO 2768-m")
+    coaxial = Check((1, 2), "axis distance", 0.0, 0.01, 0.01, "mm")
+    (said,) = [f for f in unmet(reference, [large, coaxial], [every]) if "2400" in f.message]
+    assert "no verdict, ISO 2768-m says nothing of 2400 mm" in said.message
+    assert overall([large], [said]) == "undecided"
 
 
 @pytest.mark.parametrize(

@@ -258,16 +258,30 @@ def _profile(points: Floats, off: Floats) -> tuple[float, float]:
     return 2 * abs(float(mean[worst])), 2 * spread * (1 + chance / 2)
 
 
+def _out_of_range(row: Tolerance, nominal: float) -> str:
+    """Why a row that speaks of a size gives it no limits."""
+    try:
+        row.limits(nominal)
+    except InputError as e:
+        return f"no verdict, {e.message}"
+    return "no verdict"
+
+
 def unmet(
     reference: Nominal, checks: Sequence[Check], tolerances: Sequence[Tolerance]
 ) -> list[Finding]:
-    """Rows of the table that nothing answers to, and features that have a tolerance and no size."""
+    """Rows of the table that nothing answers to, sizes that a row has no limits for, and features
+    that have a tolerance and no size."""
     out = []
     for t in tolerances:
         if not any(t.fits(c.features, c.quantity) for c in checks):
             who = "-".join(map(str, t.features)) or "*"
             text = f"{who}, {t.quantity}, {t.text}: nothing that was measured answers to it"
             out.append(Finding(UNKNOWN, "warning", text))
+    for c in checks:
+        row = tolerance_of(tolerances, c.features, c.quantity)
+        if row is not None and not c.verdict and c.nominal:  # coaxial features have no nominal size
+            out.append(Finding(UNKNOWN, "warning", f"{c}: {_out_of_range(row, c.nominal)}"))
     known = {(c.features, c.quantity) for c in checks}
     for quantity, kinds in _OWN.items():
         lost = [

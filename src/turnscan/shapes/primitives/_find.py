@@ -204,7 +204,7 @@ def _finished(
         answer = np.concatenate([np.zeros(0), *(f.answer(field, g) for f in fits)])
         covariance += np.outer(answer, answer)
     q = np.array([f.q for f in fits]).reshape(-1, 10)
-    measured = _shapes(g, fits, q, covariance)
+    measured, own = _shapes(g, fits, q, covariance), covariance
     kinds = [f.region.kind for f in fits]
     adopted = None
     if relations and fits:
@@ -223,6 +223,7 @@ def _finished(
         measured,
         () if adopted is None else tuple(adopted.relations),
         covariance,
+        own,
         labels,
         residual,
         used,

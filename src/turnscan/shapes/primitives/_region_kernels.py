@@ -163,6 +163,42 @@ def patch(seed: int, most: int, ground: Neighbourhood, marks: Marks, cos_turn: f
 
 
 @njit(cache=True, nogil=True)
+def better_about(
+    seeds: Longs, below: Floats, value: Floats, ground: Neighbourhood, most: int, cos_turn: float
+) -> Floats:
+    """(n,) of up to ``most`` vertices about each seed, nearest first, the share whose value is at
+    most ``below`` (v,) of the seed; only those whose normal is within the turn of the seed's."""
+    normals, start, near = ground.normals, ground.start, ground.near
+    seen = np.full(len(value), -1, dtype=np.int64)
+    queue = np.empty(most, dtype=np.int64)
+    share = np.zeros(len(seeds))
+    for s in range(len(seeds)):
+        seed = seeds[s]
+        queue[0] = seed
+        seen[seed] = s
+        filled, at, good = 1, 0, 0
+        while at < filled and filled < most:
+            here = queue[at]
+            at += 1
+            for e in range(start[here], start[here + 1]):
+                k = near[e]
+                if seen[k] == s or filled >= most:
+                    continue
+                c = 0.0
+                for a in range(3):
+                    c += normals[k, a] * normals[seed, a]
+                if c < cos_turn:
+                    continue
+                seen[k] = s
+                queue[filled] = k
+                filled += 1
+                if value[k] <= below[seed]:
+                    good += 1
+        share[s] = good / max(filled - 1, 1)
+    return share
+
+
+@njit(cache=True, nogil=True)
 def _lies_on(
     surface: Surface, ground: Neighbourhood, marks: Marks, k: int, cos_turn: float, n: Floats
 ) -> bool:

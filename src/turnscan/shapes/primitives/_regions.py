@@ -68,7 +68,11 @@ _GUESS = 1000
 _CALM = 0.10
 """Radians that a smooth normal may be uncertain by."""
 _DOUBTFUL = 2.5
-"""Medians of sigma beyond which a point is doubtful: its stripe was cut or bent by an edge."""
+"""Medians of sigma beyond which a point may be doubtful, its stripe cut or bent by an edge, and how
+many times worse than others about it such a point is known."""
+_ABOUT, _MIXED = 60, 0.25
+"""Vertices about a point that its sigma is compared with, and the share of them that is known so
+much better where an edge is the cause: a whole face that is known worse has none."""
 _FIRM = 0.65
 """Share of a region's points that must not be doubtful: stripes that an edge bends lie on smooth
 bands, too, across the corners of keyways and beside silhouettes. Those have up to 0.55 of them."""
@@ -147,16 +151,26 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     limit = np.full(len(X), tolerance) if tolerance else np.maximum(LIMIT * scale, floor)
     if tolerance:
         scale = np.minimum(scale, tolerance / LIMIT)
-    firm = scale <= _DOUBTFUL * float(np.median(scale)) if len(scale) else scale > 0
+    firm = _firm(scale, region.Neighbourhood(X, normals, limit, start, near))
     t = mesh.triangles
     faces = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 6
     area = np.bincount(mesh.faces.ravel(), np.repeat(faces, 3), minlength=len(X)).astype(float)
     many = np.bincount(mesh.faces.ravel(), minlength=len(X))
     border = np.diff(start) > many
     return Ground(
-        X, normals, start, near, border, scale, limit, np.asarray(firm), area, turn, off, spacing,
-        size,
+        X, normals, start, near, border, scale, limit, firm, area, turn, off, spacing, size
     )  # fmt: skip
+
+
+def _firm(scale: Floats, ground: region.Neighbourhood) -> Bools:
+    """(v,) False where a point is known worse than most of the part and than others about it."""
+    if not len(scale):
+        return np.ones(0, dtype=np.bool_)
+    firm = np.asarray(scale <= _DOUBTFUL * float(np.median(scale)), dtype=np.bool_)
+    worse = np.flatnonzero(~firm)
+    share = region.better_about(worse, scale / _DOUBTFUL, scale, ground, _ABOUT, _TURN)
+    firm[worse] = share < _MIXED
+    return firm
 
 
 def _rounds_for(raw: Floats, tail: Index, near: npt.NDArray[np.int32]) -> int:

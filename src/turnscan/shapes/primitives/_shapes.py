@@ -107,6 +107,8 @@ class ShapeSet:
     """The relations adopted."""
     covariance: Floats
     """(7 n, 7 n): of the parameters of all shapes together."""
+    own_covariance: Floats
+    """(7 n, 7 n): the same of ``measured``, before relations."""
     label: Ints
     """(v,) index of the shape that a vertex of the mesh lies on; −1 for freeform and for vertices
     that nobody measured."""
@@ -126,6 +128,8 @@ class ShapeSet:
         put(self, "used", frozen(self.used, (v,), "ShapeSet.used", np.bool_))
         n = 7 * len(self.shapes)
         put(self, "covariance", frozen(self.covariance, (n, n), "ShapeSet.covariance"))
+        own = frozen(self.own_covariance, (n, n), "ShapeSet.own_covariance")
+        put(self, "own_covariance", own)
 
     def of(self, kind: Kind) -> Sequence[Shape]:
         """The shapes of one kind."""

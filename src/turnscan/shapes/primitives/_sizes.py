@@ -18,6 +18,8 @@ SizeKind = Literal[
     "diameter", "tube diameter", "cone angle", "distance", "axis distance", "axis to plane", "angle"
 ]
 _LOOK = float(np.radians(3.0))
+_CLEAR = 3.0
+"""Standard uncertainties from which on the direction of a distance is known."""
 _EDGES = 4
 """Sides of faces between two shapes that make them neighbours."""
 
@@ -82,25 +84,51 @@ def _between(found: ShapeSet, i: int, j: int, meet: bool) -> ShapeSize | None:
         return _size(found, "axis to plane", i, j, _axis_to_plane(a.kind == "plane"))
     if dot < np.cos(_LOOK):
         return None
-    apart = _size(found, "axis distance", i, j, _between_axes)
-    return apart if apart.value > 3 * apart.sigma and apart.value > 1e-6 else None
+    return _axis_distance(found, i, j)
 
 
 def _size(
     found: ShapeSet, kind: SizeKind, i: int, j: int, of: Callable[[Floats, Floats], float]
 ) -> ShapeSize:
-    q = [found.shapes[i].numbers, found.shapes[j].numbers]
-    slope = np.zeros(14)
+    q = (found.shapes[i].numbers, found.shapes[j].numbers)
+    slope = _slope(q, lambda a, b: np.array([of(a, b)]))[0]
+    variance = float(slope @ _joint(found.covariance, i, j) @ slope)
+    return ShapeSize(kind, i, j, of(*q), float(np.sqrt(max(variance, 0.0))))
+
+
+def _axis_distance(found: ShapeSet, i: int, j: int) -> ShapeSize:
+    """The distance of two axes before relations: coaxial ones have none after.
+
+    Its uncertainty is that along the way from one to the other; where the way is hardly longer than
+    its uncertainty it may go anywhere, and the worst direction counts.
+    """
+    q = (found.measured[i].numbers, found.measured[j].numbers)
+    across: Floats = np.stack(surface.frame(q[0][3:6]))
+    slope = _slope(q, lambda a, b: np.asarray(across @ _between_axes(a, b)))
+    C = slope @ _joint(found.own_covariance, i, j) @ slope.T
+    away = across @ _between_axes(*q)
+    value, worst = float(np.linalg.norm(away)), float(np.sqrt(max(np.linalg.eigvalsh(C)[-1], 0.0)))
+    along = float(np.sqrt(max(float(away @ C @ away), 0.0))) / max(value, 1e-12)
+    return ShapeSize("axis distance", i, j, value, along if value > _CLEAR * worst else worst)
+
+
+def _slope(q: tuple[Floats, Floats], of: Callable[[Floats, Floats], Floats]) -> Floats:
+    """(m, 14) how a function (m,) of two shapes' numbers changes with their parameters."""
+    slope = np.zeros((len(of(*q)), 14))
     for k in range(14):
         step = np.zeros(7)
         step[k % 7] = 1e-5
         there, back = list(q), list(q)
         there[k // 7] = surface.moved(q[k // 7], step)
         back[k // 7] = surface.moved(q[k // 7], -step)
-        slope[k] = (of(*there) - of(*back)) / 2e-5
+        slope[:, k] = (of(*there) - of(*back)) / 2e-5
+    return slope
+
+
+def _joint(covariance: Floats, i: int, j: int) -> Floats:
+    """(14, 14) of two shapes."""
     rows = np.concatenate([np.arange(7) + 7 * i, np.arange(7) + 7 * j])
-    variance = float(slope @ found.covariance[np.ix_(rows, rows)] @ slope)
-    return ShapeSize(kind, i, j, of(*q), float(np.sqrt(max(variance, 0.0))))
+    return np.asarray(covariance[np.ix_(rows, rows)])
 
 
 def _between_planes(a: Floats, b: Floats) -> float:
@@ -119,12 +147,12 @@ def _axis_to_plane(plane_first: bool) -> Callable[[Floats, Floats], float]:
     return apart
 
 
-def _between_axes(a: Floats, b: Floats) -> float:
-    """Distance of the axes in the middle between their points."""
+def _between_axes(a: Floats, b: Floats) -> Floats:
+    """(3,) mm from one axis to the other in the middle between their points."""
     middle = (a[:3] + b[:3]) / 2
     one = a[:3] + ((middle - a[:3]) @ a[3:6]) * a[3:6]
     other = b[:3] + ((middle - b[:3]) @ b[3:6]) * b[3:6]
-    return float(np.linalg.norm(one - other))
+    return np.asarray(other - one)
 
 
 def _angle(a: Floats, b: Floats) -> float:
