@@ -4,7 +4,6 @@ Linear algebra here is that of small matrices, which several threads only slow d
 where several tests run at a time: each process uses one, and hands that on to those it starts.
 """
 
-import os
+from turnscan.threads import single_threaded_algebra
 
-for _library in ("OPENBLAS", "OMP", "MKL"):
-    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+single_threaded_algebra()

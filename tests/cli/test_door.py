@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,25 @@ def test_help_names_every_verb_and_loads_nothing_heavy() -> None:
     assert done.stdout.rstrip().endswith("[]"), done.stdout
     for verb in _VERBS:
         assert f"\n  {verb} " in done.stdout
+
+
+@pytest.mark.parametrize("told", [None, "2"])
+def test_linear_algebra_has_one_thread_unless_told_otherwise(told: str | None) -> None:
+    name = "OPENBLAS_NUM_THREADS"
+    probe = (
+        "import os, sys\nfrom turnscan import cli\nsys.argv[1:] = ['--version']\ncli.main()\n"
+        f"print(os.environ['{name}'], 'numpy' in sys.modules)"
+    )
+    env = {k: v for k, v in os.environ.items() if k != name} | ({name: told} if told else {})
+    done = subprocess.run(
+        [sys.executable, "-c", probe],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+        env=env,
+    )
+    assert done.stdout.split()[-2:] == [told or "1", "False"]
 
 
 @pytest.mark.parametrize("verb", sorted(_VERBS))

@@ -10,7 +10,7 @@ import click
 
 from turnscan import __version__
 from turnscan.errors import TurnscanError
-from turnscan.threads import VARIABLE
+from turnscan.threads import VARIABLE, single_threaded_algebra
 
 _VERBS = {
     "app": "the workshop in a browser: scan, inspect, repair, measure, export",
@@ -75,6 +75,7 @@ def turnscan(jobs: int | None) -> None:
 
 def main() -> None:
     """Run the command line; every foreseen error is one line on stderr and an exit code."""
+    single_threaded_algebra()
     try:
         turnscan.main(prog_name="turnscan", standalone_mode=False)
     except click.exceptions.Abort:
