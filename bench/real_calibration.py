@@ -21,6 +21,7 @@ from turnscan.calibrate import (
     fit_sheet,
     parse_board,
     stripe_candidates,
+    white_margin,
 )
 from turnscan.rig import Camera
 from turnscan.scan import list_pictures, read_picture
@@ -76,7 +77,8 @@ def green_boards() -> None:
     for path in list_pictures(SHARED / "laser-boards-green"):
         picture = read_picture(path)
         light = stripe_candidates(picture, None, (0, 1, 0))
-        pictures.append(LaserPicture(detect_board(picture, board, path.name), light))
+        view = detect_board(picture, board, path.name)
+        pictures.append(LaserPicture(view, light, white_margin(picture, view)))
     settings = CalibrationSettings()
     f = figures(calibrate_rig([p.view for p in pictures], {"laser": pictures}, (), settings))
     print(

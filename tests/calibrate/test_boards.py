@@ -19,6 +19,7 @@ from turnscan.calibrate import (
     measure_table_angle,
     parse_board,
     stripe_candidates,
+    white_margin,
 )
 from turnscan.calibrate._angle import table_angle
 from turnscan.calibrate._layout import MarkerLayout
@@ -202,3 +203,47 @@ def test_the_ground_beside_a_stripe_is_the_median_of_the_line(orientation: Orien
         size = (1, 17) if orientation == "vertical" else (17, 1)
         want = median_filter(signal, size=size, mode="nearest")
         assert np.array_equal(_along_lines(signal, orientation), want)
+
+
+def pinned_board(around: tuple[int, int, int, int]) -> np.ndarray:
+    """A board of 450 × 350 px with white to its left, top, right and bottom, before a dark wall."""
+    small = drawn_chessboard()[50:400, 60:510]
+    left, top, right, bottom = around
+    paper = np.pad(small, ((top, bottom), (left, right)), constant_values=220)
+    picture = np.full((1000, 1300), 90, np.uint8)
+    picture[60 : 60 + paper.shape[0], 80 : 80 + paper.shape[1]] = paper
+    return picture
+
+
+@pytest.mark.parametrize("stripe", [False, True])
+def test_the_margin_is_found_in_the_picture(stripe: bool) -> None:
+    picture = pinned_board((150, 60, 110, 30))
+    if stripe:  # along the left side: it ends nothing
+        picture[:, 160:163] = 255
+    view = detect_board(picture, Chessboard(8, 6, 40.0))
+    found = white_margin(picture, view) * 50 / 40
+    # The corners may be counted from either end of the board.
+    ends = (found, np.roll(found, 2))
+    assert min(np.abs(f - (150, 60, 110, 30)).max() for f in ends) < 8
+
+
+def test_a_margin_without_an_end_is_taken_as_usual() -> None:
+    board = Chessboard(8, 6, 40.0)
+    white = pinned_board((300, 250, 300, 250))
+    assert white_margin(white, detect_board(white, board)) == pytest.approx(np.full(4, 60.0))
+    # None at all: what is beside the pattern is dark.
+    bare = pinned_board((0, 0, 0, 0))
+    view = detect_board(pinned_board((60, 60, 60, 60)), board)
+    moved = replace(view, corners=view.corners - 60)
+    assert white_margin(bare, moved).max() == 0.0
+
+
+def test_a_stripe_is_looked_for_as_far_as_each_side_of_the_margin() -> None:
+    camera = replace(true_rig().camera, distortion=np.zeros(5))
+    board, pose = Chessboard(8, 6, 40.0), Pose(np.eye(3), np.array([-140.0, -100.0, 900.0]))
+    y = np.linspace(-30.0, 230.0, 200)
+    line = np.stack([np.full(200, -90.0), y, np.zeros(200)], axis=1)
+    light = camera.project(pose.apply(line))
+    assert not len(on_board(camera, light, board, pose, 45.0))
+    assert len(on_board(camera, light, board, pose, np.array([60.0, 45.0, 0.0, 45.0]))) > 190
+    assert not len(on_board(camera, light, board, pose, np.array([0.0, 45.0, 60.0, 45.0])))

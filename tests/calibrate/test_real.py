@@ -11,15 +11,19 @@ from tests.calibrate.mouse import calibrate_mouse
 from tests.needs import needs_shared
 from tests.once import once
 from turnscan.calibrate import (
+    CalibrationSettings,
     LaserPicture,
+    calibrate_rig,
     detect_board,
+    figures,
     fit_sheet,
     measure_table_angle,
     parse_board,
     stripe_candidates,
+    white_margin,
 )
 from turnscan.rig import Camera, Rig, rig_from_json
-from turnscan.scan import read_picture
+from turnscan.scan import list_pictures, read_picture
 
 pytestmark = pytest.mark.slow
 
@@ -92,3 +96,17 @@ def test_charuco_pairs(shared_data: Path, name: str) -> None:
     fit = fit_sheet(camera, [LaserPicture(detect_board(off, b), light) for b in boards])
     assert 0.02 < fit.rms_mm <= 0.17
     assert min(fit.points) > 200
+
+
+def test_green_boards_all_six_without_a_hint(shared_data: Path) -> None:
+    """The stripe runs over corners, and from the paper straight on along the floor."""
+    board, pictures = parse_board("chessboard:8x6:40"), []
+    for path in list_pictures(shared_data / "laser-boards-green"):
+        picture = read_picture(path)
+        view = detect_board(picture, board, path.name)
+        light = stripe_candidates(picture, None, (0, 1, 0))
+        pictures.append(LaserPicture(view, light, white_margin(picture, view)))
+    c = calibrate_rig([p.view for p in pictures], {"laser": pictures}, (), CalibrationSettings())
+    assert not c.rejected
+    assert figures(c).sheet_views == {"laser": 6}
+    assert 0.05 < figures(c).camera_rms_px < 0.25

@@ -187,6 +187,24 @@ def test_a_plane_stays_when_it_is_written_like_another() -> None:
     assert np.linalg.norm(same.centre - a.centre) == pytest.approx(abs(float(b.distance(a.centre))))
 
 
+@pytest.mark.parametrize("camera", [True, False])
+def test_a_corner_under_the_stripe_costs_no_picture(camera: bool) -> None:
+    p = pictures(1)
+    corners = p.laser[0].view.corners.copy()
+    corners[20:23] += (6.0, 0.3)
+    odd = LaserPicture(replace(p.laser[0].view, corners=corners), p.laser[0].candidates)
+    known = None if camera else KnownRig(together(1).rig)
+    boards = p.camera if camera else []
+    c = calibrate_rig(boards, {"laser": [odd, *p.laser[1:]]}, [], SETTINGS, known=known)
+    assert not c.rejected
+    assert len(c.network.boards[len(boards)].ids) == 45
+    # Where many corners are off, it is the picture that is wrong.
+    corners[::4] += (8.0, 0.0)
+    odd = LaserPicture(replace(p.laser[0].view, corners=corners), p.laser[0].candidates)
+    c = calibrate_rig(boards, {"laser": [odd, *p.laser[1:]]}, [], SETTINGS, known=known)
+    assert [r.name for r in c.rejected] == ["l0"]
+
+
 def test_it_says_which_pictures_would_help_most() -> None:
     camera, laser, table = one_by_one(1)
     assert advice_of(camera.rig, camera).stage == "laser"

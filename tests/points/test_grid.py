@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere, union
 from tests.points.grids import plain_grid
-from turnscan.errors import InputError, LimitExceeded
+from turnscan.errors import Degenerate, InputError, LimitExceeded
 from turnscan.points import (
     Along,
     Volume,
@@ -33,7 +33,7 @@ from turnscan.points import (
     working_volume,
 )
 from turnscan.points._triangulate import beyond_axis
-from turnscan.rig import Marker, Rig
+from turnscan.rig import Marker, Pose, Rig
 from turnscan.stripes import StripeFlag
 
 
@@ -168,6 +168,10 @@ def test_the_automatic_volume_knows_what_the_rig_sees():
     corners = np.array([[50, -5, 0], [60, -5, 0], [60, 5, 0], [50, 5, 0.0]])
     marked = Rig(c, rig.sheets, rig.T_camera_table, (Marker("DICT_4X4_50", 1, corners),))
     assert working_volume(marked, "L0").r_max == pytest.approx(np.hypot(60, 5))
+    # A camera right above the axis has nothing before it.
+    above = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 300.0]))
+    with pytest.raises(Degenerate, match=r"laser 'L0': .* no distance from the rotation axis"):
+        working_volume(replace(rig, T_camera_table=above), "L0")
     with pytest.raises(ValueError, match="holds no point"):
         Volume(z_min=3.0, z_max=2.0)
 

@@ -15,6 +15,7 @@ from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Tabl
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_candidates
 from turnscan.calibrate._limits import refuse_poor
+from turnscan.calibrate._margin import white_margin
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
 from turnscan.calibrate._pairs import fit_sheet
 from turnscan.calibrate._parameters import parameters_of
@@ -73,4 +74,5 @@ __all__ = [
     "refine",
     "refuse_poor",
     "stripe_candidates",
+    "white_margin",
 ]

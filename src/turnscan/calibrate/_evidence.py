@@ -17,6 +17,9 @@ class LaserPicture:
     view: BoardView
     candidates: Floats
     """(n, 2) px, from `stripe_candidates`."""
+    margin: Floats | None = None
+    """(4,) mm of flat board beyond the pattern's left, top, right and bottom, from `white_margin`;
+    None where the picture was not asked."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class CalibrationSettings:
     step: float | None = None
     """rad per step number, nominal; compared."""
     margin: float | None = None
-    """mm of flat board around the printed pattern; None is 1.5 squares."""
+    """mm of flat board around the printed pattern; None is what the pictures show."""
     orientation: Orientation = "vertical"
     """Of the stripes in the picture."""
     table_board: Board | None = None

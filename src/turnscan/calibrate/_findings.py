@@ -11,6 +11,7 @@ from turnscan.calibrate._observations import BEND, BOARD, RIDER
 from turnscan.calibrate._quality import CalibrationQuality
 from turnscan.calibrate._rig import Calibration
 from turnscan.findings import Finding
+from turnscan.remedy import Option, Remedy
 
 _SURE = 3.0  # standard deviations
 _CORRELATED = 0.95
@@ -248,6 +249,10 @@ def _of_fit(c: Calibration) -> list[Finding]:
     count = Counter(r.role for r in c.rejected)
     for role, n in count.items():
         named = ", ".join(r.name for r in c.rejected if r.role == role)
+        why: str | Remedy = "the report gives the reasons"
+        if role.startswith("laser "):
+            why = Remedy(f"{why}; where the stripe lies on the board's margin and was not found, "
+                         "give its width (", Option("margin_mm"), ")")  # fmt: skip
         shown = named if len(named) <= 120 else named[:117] + "…"
         out.append(
             Finding(
@@ -255,7 +260,7 @@ def _of_fit(c: Calibration) -> list[Finding]:
                 "note",
                 f"{n} pictures were not used ({shown})",
                 where=role,
-                remedy="the report gives the reasons",
+                remedy=why,
             )
         )
     if c.fit.view_factor > 1.5:

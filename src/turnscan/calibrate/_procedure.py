@@ -13,6 +13,7 @@ from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, Rejected, TablePicture
 from turnscan.calibrate._layout import Layout, MarkerLayout
 from turnscan.calibrate._light import measuring_direction
+from turnscan.calibrate._margin import USUAL
 from turnscan.calibrate._observations import BOARD, RigNetwork
 from turnscan.calibrate._prior import RigPrior, like, prior_of
 from turnscan.calibrate._select import on_board, on_platter
@@ -27,6 +28,9 @@ _ALIEN_PX = 5.0
 """rms of a board's corners before a known camera, above which it was taken by another one."""
 
 REJECT = 3.0  # times the usual residual of a view
+_STRAY, _STRAY_PX, _FEW_STRAYS = 6.0, 0.1, 0.15
+"""Times the usual residual of a corner in its view, and px of that at least, from which it is a
+stray; and their share of the corners, at most."""
 _STRIPE_POINTS = 40  # neighbours along a stripe share their errors; more would only be slower
 _SCALE_TRUST = 0.02  # of the nominal marker side, where nothing measures it
 _LEAST_TILT = np.radians(8.0)
@@ -120,6 +124,11 @@ def known_camera_stage(
             hint="calibrate the camera again: its lens or focus has changed",
         )
     bad = rms > REJECT * max(float(np.median(rms)), 0.1) if len(rms) else np.zeros(0, bool)
+    for i in np.flatnonzero(bad):
+        clean = without_strays(views[i], off[i])
+        if clean is not views[i]:
+            with_stripe[i] = with_stripe[i][0], replace(with_stripe[i][1], view=clean)
+            poses[i], bad[i] = board_pose(camera, clean), False
     for (name, p), r, b in zip(with_stripe, rms, bad, strict=True):
         if b:
             reason = f"corners {r:.2f} px rms off, the other views {np.median(rms):.2f} px"
@@ -172,7 +181,11 @@ def camera_stage(
     with_stripe: list[tuple[str, LaserPicture]],
     rejected: list[Rejected],
 ) -> tuple[State, list[BoardView], list[tuple[str, LaserPicture]]]:
-    """Camera, poses and the board's bend from all boards; views that do not fit are dropped."""
+    """Camera, poses and the board's bend from all boards.
+
+    Of a view that does not fit, the few corners that are off are dropped; where they are not few,
+    all of it.
+    """
     same_size([*kept, *(p.view for _, p in with_stripe)])
     camera, poses = start_camera(kept)
     _refuse_no_tilt(poses)
@@ -188,6 +201,16 @@ def camera_stage(
         if not bad.any() or np.count_nonzero(~bad) < FEWEST_VIEWS:
             _refuse_unsure_focus(fit)
             return state, kept, with_stripe
+        off = [b.residual.reshape(-1, 2) for b in fit.blocks if b.kind == BOARD]
+        clean = [without_strays(v, r) if b else v for v, r, b in zip(boards, off, bad, strict=True)]
+        if any(c is not v for c, v in zip(clean, boards, strict=True)):
+            n = len(kept)
+            kept = clean[:n]
+            with_stripe = [
+                (name, replace(p, view=v))
+                for (name, p), v in zip(with_stripe, clean[n:], strict=True)
+            ]
+            continue
         for i in np.flatnonzero(bad):
             role = "camera" if i < len(kept) else f"laser {with_stripe[i - len(kept)][0]}"
             reason = (
@@ -200,6 +223,19 @@ def camera_stage(
         with_stripe = [p for p, b in zip(with_stripe, bad[n:], strict=True) if not b]
         poses = tuple(T for T, b in zip(state.poses, bad, strict=True) if not b)
         state = replace(state, poses=poses)
+
+
+def without_strays(view: BoardView, residual: Floats) -> BoardView:
+    """The view without the few corners that are far off, (n, 2) px; itself where there are none.
+
+    A stripe that runs over a corner, or a reflection on it, moves that corner alone.
+    """
+    off = np.linalg.norm(residual, axis=1)
+    usual = max(float(np.median(off)), _STRAY_PX)
+    good = off < _STRAY * usual
+    if good.all() or np.mean(~good) > _FEW_STRAYS:
+        return view
+    return replace(view, corners=view.corners[good], ids=view.ids[good])
 
 
 def _refuse_no_tilt(poses: Sequence[Pose]) -> None:
@@ -243,8 +279,10 @@ def sheet_stage(
         seen = []
         for i in mine:
             view, pose = with_stripe[i][1].view, state.poses[first + i]
-            margin = 1.5 * view.board.square if settings.margin is None else settings.margin
-            px = on_board(camera, with_stripe[i][1].candidates, view.board, pose, margin)
+            px = on_board(
+                camera, with_stripe[i][1].candidates, view.board, pose,
+                _margin_of(with_stripe[i][1], settings),
+            )  # fmt: skip
             if not len(px):
                 reason = "no straight stripe on the board or its margin"
                 rejected.append(Rejected(f"laser {name}", view.name, reason))
@@ -268,6 +306,13 @@ def sheet_stage(
         merged[sheet.name] = like(sheet, before) if both and before is not None else sheet
     rig = replace(state.rig, sheets=tuple(merged.values()))
     return replace(state, rig=rig), tuple(stripes)
+
+
+def _margin_of(picture: LaserPicture, settings: CalibrationSettings) -> float | Floats:
+    """mm of board around the pattern: as the user says, else as the picture shows."""
+    if settings.margin is not None:
+        return settings.margin
+    return USUAL * picture.view.board.square if picture.margin is None else picture.margin
 
 
 def _refuse_mixed(name: str, others: list[Floats], count: int) -> None:

@@ -21,16 +21,19 @@ _DENSE = 0.4  # of the lines between its ends must show the stripe
 _CLEAR = 1.35  # a marker's printed square and the blur around it, in sides
 
 
-def on_board(camera: Camera, candidates: Floats, board: Board, pose: Pose, margin: float) -> Floats:
+def on_board(
+    camera: Camera, candidates: Floats, board: Board, pose: Pose, margin: float | Floats
+) -> Floats:
     """Candidates (n, 2) px that form one straight stripe on a board → (k, 2) px.
 
-    ``margin`` mm around the printed pattern is taken to lie in the board's plane. Light on other
-    things does not continue the straight line, and is left out.
+    ``margin`` mm around the printed pattern (or four: left, top, right, bottom) is taken to lie in
+    the board's plane. Light on other things does not continue the straight line, and is left out.
     """
     x0, y0, x1, y1 = board.extent
+    around = np.broadcast_to(margin, 4)
 
     def inside(xy: Floats) -> Bools:
-        low, high = np.array([x0, y0]) - margin, np.array([x1, y1]) + margin
+        low, high = np.array([x0, y0]) - around[:2], np.array([x1, y1]) + around[2:]
         return np.asarray(((xy > low) & (xy < high)).all(axis=1))
 
     return _on_plane(camera, candidates, pose, inside)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Flags, Floats
+from turnscan.errors import Degenerate
 from turnscan.mesh._point_cloud import PointCloud
 from turnscan.points._grid import RangeGrid
 from turnscan.points._triangulate import beyond_axis
@@ -62,6 +63,8 @@ def working_volume(rig: Rig, laser: str, *, platter_margin: float = 2.0) -> Volu
     (R_max of the paper); where markers ride on the platter it is no more than the ring they stand
     on, for what lies further out is not on the table. ``platter_margin`` mm above z = 0 are the
     platter.
+
+    Raises Degenerate where the camera sees the sheet nowhere but on the axis, or stands on it.
     """
     side = np.linspace(0.0, 1.0, _BORDER)
     w, h = rig.camera.width - 1.0, rig.camera.height - 1.0
@@ -79,6 +82,12 @@ def working_volume(rig: Rig, laser: str, *, platter_margin: float = 2.0) -> Volu
     if rig.markers:
         corners = np.concatenate([m.corners for m in rig.markers])
         reach = min(reach, float(np.hypot(corners[:, 0], corners[:, 1]).max()))
+    if not reach > 0:
+        raise Degenerate(
+            f"laser {laser!r}: this rig can measure at no distance from the rotation axis",
+            hint="the camera must stand beside the axis and see the laser's sheet before it: check "
+            "the rig",
+        )
     return Volume(r_max=reach, z_min=platter_margin)
 
 

@@ -20,6 +20,7 @@ from turnscan.calibrate import (
     detect_markers,
     laser_weights,
     stripe_candidates,
+    white_margin,
 )
 from turnscan.errors import InputError
 from turnscan.progress import Progress
@@ -123,10 +124,10 @@ def laser_pictures(
         picture = read_picture(lit)
         off = None if dark is None else read_picture(dark)
         view = detect_board(picture if off is None else off, board, lit.name)
-        light = np.zeros((0, 2))
-        if not view.failure:
-            light = stripe_candidates(picture, off, weights, orientation)
-        return LaserPicture(view, light)
+        if view.failure:
+            return LaserPicture(view, np.zeros((0, 2)))
+        light = stripe_candidates(picture, off, weights, orientation)
+        return LaserPicture(view, light, white_margin(picture if off is None else off, view))
 
     return in_turn(look, pairs, progress)
 

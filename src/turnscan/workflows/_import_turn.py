@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.errors import InputError
+from turnscan.errors import Degenerate, InputError
 from turnscan.findings import Finding
 from turnscan.points import working_volume
 from turnscan.remedy import Option, Remedy
@@ -105,7 +105,7 @@ def _passing(
     some = np.unique(np.linspace(0, count - 1, min(_SAMPLES, count)).round().astype(int))
     try:
         volume = working_volume(rig, series.laser)
-    except ValueError:  # the camera sees nothing of the sheet before the axis
+    except Degenerate:  # nothing of the part can be seen, so it says nothing
         return np.zeros(0), []
     steps, points = [], []
     for shot, picture in series.pictures([series.shots[i] for i in some]):

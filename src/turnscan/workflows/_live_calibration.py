@@ -28,6 +28,7 @@ from turnscan.calibrate import (
     laser_weights,
     parse_board,
     stripe_candidates,
+    white_margin,
 )
 from turnscan.errors import InputError
 from turnscan.findings import Finding
@@ -135,8 +136,9 @@ class LiveCalibration:
                 self._camera[number] = view
             return not view.failure
         light = _light(shot, view, self._settings.orientation)
+        margin = None if view.failure else white_margin(shot.dark, view)
         with self._lock:
-            self._lasers[number] = shot.laser, LaserPicture(view, light)
+            self._lasers[number] = shot.laser, LaserPicture(view, light, margin)
         return bool(len(light))
 
     def forget_table(self) -> None:

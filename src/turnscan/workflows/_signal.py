@@ -237,8 +237,14 @@ def _backgrounds(
     if options.background in ("auto", "median"):
         yield temporal_background(lit), f"median of {len(lit)} pictures"
     if options.background in ("auto", "beside"):
-        background = background_beside(lit, _lines(lit, options, known))
-        yield background, f"median of {len(lit)} pictures, of each pixel outside the stripe"
+        try:
+            lines = _lines(lit, options, known)
+        except InputError:  # no colour is seen in one picture alone: the others may show it
+            if options.background != "auto":
+                raise
+        else:
+            beside = background_beside(lit, lines)
+            yield beside, f"median of {len(lit)} pictures, of each pixel outside the stripe"
     if options.background in ("auto", "darkest"):
         yield temporal_background(lit, 0.0), f"darkest of {len(lit)} pictures"
 
