@@ -60,6 +60,7 @@ else:
         read_rig_file,
         reconstruct,
         refine,
+        revolve,
         section,
         simulate,
         verify,
@@ -81,7 +82,7 @@ _ROOMS = {
         *("batch", "calibrate", "check", "find_shapes"),
         *("compare", "design", "export", "import_pictures", "join", "measure", "open_scan"),
         *("options_of", "read_mesh_file", "read_rig_file", "reconstruct", "section"),
-        *("refine", "simulate", "verify"),
+        *("refine", "revolve", "simulate", "verify"),
     ),
 }
 _HOMES = {name: room for room, names in _ROOMS.items() for name in names}
@@ -124,6 +125,7 @@ __all__ = [
     "read_rig_file",
     "reconstruct",
     "refine",
+    "revolve",
     "section",
     "simulate",
     "verify",

@@ -295,6 +295,15 @@ def _shapes(given: Given) -> Outcome:
     return Outcome(str(found), [*found.findings, *remarks], json.dumps(found.figures(), indent=1))
 
 
+def _revolve(given: Given) -> Outcome:
+    w.check_step(given.outputs["outputs"])
+    found = w.revolve(given.path("part"), given.of(w.RevolveOptions), progress=given.progress)
+    remarks = found.save(*given.outputs["outputs"])
+    for path in given.outputs["report"]:
+        found.save_report(path)
+    return Outcome(str(found), [*found.findings, *remarks], json.dumps(found.figures(), indent=1))
+
+
 def _check(given: Given) -> Outcome:
     done = w.check(given.path("file"), given.progress)
     figures = json.dumps(done.figures(), indent=1, allow_nan=False)
@@ -324,6 +333,7 @@ _RUNNERS: dict[str, Callable[[Given], Outcome]] = {
     "compare": _compare,
     "measure": _measure,
     "shapes": _shapes,
+    "revolve": _revolve,
     "check": _check,
     "verify": _verify,
 }

@@ -34,6 +34,7 @@ _VERBS = {
     "reconstruct": "a scan file → points, mesh, CAD",
     "refine": "improve a rig without a board, by a scan from two lasers or of a sphere",
     "resume": "complete an interrupted scan",
+    "revolve": "axis, roundness and wall profile of a turned part → drawing, STEP",
     "scan": "a turn of the table with the devices that are connected → a scan file",
     "section": "planes through a part → a drawing of lines and arcs: DXF, SVG, PDF",
     "shapes": "planes, cylinders, spheres, cones and tori of a part, their sizes and relations",

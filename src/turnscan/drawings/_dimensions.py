@@ -94,7 +94,12 @@ def dimensions(section: FittedSection, height: float) -> Marks:
     if isinstance(only, Arc) and only.full:
         _round(marks, only)
         return marks
-    _between(marks, low, low + [width, 0], np.array([0.0, -gap]), with_sigma(width, sigma[0]))
+    if section.cut.turned:
+        wide = "⌀" + with_sigma(2 * width, 2 * sigma[0])
+        _centre_line(marks, box)
+    else:
+        wide = with_sigma(width, sigma[0])
+    _between(marks, low, low + [width, 0], np.array([0.0, -gap]), wide)
     _between(marks, low + [0, tall], low, np.array([-gap, 0.0]), with_sigma(tall, sigma[1]))
     for outline in sorted(section.fitted, key=lambda o: -sum(p.length for p in o.pieces)):
         _distances(marks, outline, (width, tall))
@@ -102,6 +107,9 @@ def dimensions(section: FittedSection, height: float) -> Marks:
         for piece in outline.pieces:
             if isinstance(piece, Arc):
                 _round(marks, piece)
+    if section.cut.turned:
+        for outline in section.fitted:
+            _diameters(marks, outline)
     for outline in section.fitted:
         _lengths(marks, outline, (width, tall))
     return marks
@@ -193,6 +201,42 @@ def _round(marks: Marks, arc: Arc) -> None:
                 marks.arrow(on, -way * out)
                 return
     marks.left_out += 1
+
+
+def _centre_line(marks: Marks, box: Floats) -> None:
+    """The axis of a turned part, dash and dot, a little longer than the part."""
+    h = marks.height
+    y, end = float(box[0, 1]) - 1.5 * h, float(box[1, 1]) + 1.5 * h
+    long = True
+    while y < end:
+        until = min(y + (4.0 if long else 0.4) * h, end)
+        marks.strokes.append(np.array([[0.0, y], [0.0, until]]))
+        y, long = until + 0.6 * h, not long
+
+
+def _diameters(marks: Marks, outline: Outline) -> None:
+    """The diameter of each straight piece along the axis, on a line from it."""
+    h = marks.height
+    for line in outline.pieces:
+        if not isinstance(line, Line) or line.link or line.length < 2 * h:
+            continue
+        along = (line.end - line.start) / max(line.length, 1e-300)
+        if abs(along[1]) < _AXIS:
+            continue
+        radius = float(line.start[0] + line.end[0]) / 2
+        text = "⌀" + with_sigma(2 * radius, 2 * line.sigma)
+        half = len(text) * _SLIM * h / 2
+        side = -1.0 if radius > 2 * half + 3 * h else 1.0
+        for share in (0.5, 0.3, 0.7, 0.15, 0.85):
+            on = line.start + share * (line.end - line.start)
+            if marks.label(on + [side * (half + 3.0 * h), 0.0], text, 0.0):
+                leader = np.stack([on, on + [side * 2.6 * h, 0.0]])
+                marks.strokes.append(leader)
+                marks.keep_off(_spread(leader, h))
+                marks.arrow(on, np.array([-side, 0.0]))
+                break
+        else:
+            marks.left_out += 1
 
 
 def _lengths(marks: Marks, outline: Outline, overall: tuple[float, float]) -> None:

@@ -33,6 +33,8 @@ class Cut:
     """mm from the origin along right × up."""
     half: bool = False
     """Only what has p·right ≥ 0: one side of the axis."""
+    turned: bool = False
+    """The profile of a turned part, alike at all angles: what stands at x has the diameter 2x."""
 
     def __post_init__(self) -> None:
         put = object.__setattr__

@@ -31,13 +31,17 @@ class FittedSection:
 
     @property
     def box(self) -> Floats:
-        """(2, 2) mm: least and largest x and y of what was fitted, or of the points if nothing."""
+        """(2, 2) mm: least and largest x and y of what was fitted, or of the points if nothing.
+
+        That of a turned part begins at its axis, x = 0.
+        """
         boxes = [o.box for o in self.fitted]
         boxes = boxes or [
             np.stack([c.points.min(axis=0), c.points.max(axis=0)]) for c in self.chains
         ]
         every = np.stack(boxes)
-        return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
+        low, high = every[:, 0].min(axis=0), every[:, 1].max(axis=0)
+        return np.stack([low * [0.0, 1.0] if self.cut.turned else low, high])
 
     @property
     def size_sigma(self) -> Floats:
@@ -48,7 +52,8 @@ class FittedSection:
         sigma = np.stack([o.box_sigma for o in self.fitted])
         low, high = every[:, 0].argmin(axis=0), every[:, 1].argmax(axis=0)
         axes = np.arange(2)
-        return np.asarray(np.hypot(sigma[low, 0, axes], sigma[high, 1, axes]))
+        first, last = sigma[low, 0, axes], sigma[high, 1, axes]
+        return np.asarray(np.hypot(first * [0.0, 1.0] if self.cut.turned else first, last))
 
 
 def fit_section(mesh: Mesh, cut: Cut, tolerance: float | None = None) -> FittedSection:

@@ -80,6 +80,8 @@ if TYPE_CHECKING:
     from turnscan.workflows._refine_options import RefineOptions
     from turnscan.workflows._report import about
     from turnscan.workflows._result import ReconstructResult
+    from turnscan.workflows._revolve import RevolvedPart, revolve
+    from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
     from turnscan.workflows._saving import audited, save
     from turnscan.workflows._scan import (
         PlannedScan,
@@ -134,7 +136,7 @@ if TYPE_CHECKING:
         photograph,
         scan_events,
     )
-    from turnscan.workflows._units import SECTION_SUFFIXES, UNITS
+    from turnscan.workflows._units import DIMENSION_SUFFIXES, SECTION_SUFFIXES, UNITS
     from turnscan.workflows._verify import (
         Trend,
         Verification,
@@ -225,6 +227,8 @@ _MODULES = {
         "scan",
         "scan_left",
     ),
+    "_revolve": ("RevolvedPart", "revolve"),
+    "_revolve_options": ("REVOLVE_SUFFIXES", "RevolveOptions"),
     "_scan_options": ("ScanOptions",),
     "_schema": (
         "VERBS",
@@ -283,7 +287,7 @@ _MODULES = {
         "photograph",
         "scan_events",
     ),
-    "_units": ("SECTION_SUFFIXES", "UNITS"),
+    "_units": ("DIMENSION_SUFFIXES", "SECTION_SUFFIXES", "UNITS"),
     "_verify": (
         "Trend",
         "Verification",
@@ -302,10 +306,12 @@ __all__ = [
     "CELL_COLUMNS",
     "CELL_ROWS",
     "DEFAULT_DEVICE",
+    "DIMENSION_SUFFIXES",
     "LONGEST_PAUSE",
     "MAP_SUFFIXES",
     "MOST_PICTURES",
     "PAPERS",
+    "REVOLVE_SUFFIXES",
     "SECTION_SUFFIXES",
     "SELECTION_RULES",
     "SHAPES_SUFFIXES",
@@ -374,6 +380,8 @@ __all__ = [
     "ReconstructResult",
     "RefineOptions",
     "RefinedRig",
+    "RevolveOptions",
+    "RevolvedPart",
     "ScanControl",
     "ScanLeft",
     "ScanOptions",
@@ -458,6 +466,7 @@ __all__ = [
     "reconstruct",
     "refine",
     "resume",
+    "revolve",
     "save",
     "scan",
     "scan_events",

@@ -19,9 +19,10 @@ from turnscan.workflows._import_options import ImportOptions, SeriesOptions
 from turnscan.workflows._join_options import JoinOptions, RangeScanOptions
 from turnscan.workflows._measure_options import MeasureOptions
 from turnscan.workflows._reconstruct_options import ReconstructOptions
+from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
 from turnscan.workflows._section_options import SectionOptions
 from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
-from turnscan.workflows._units import SECTION_SUFFIXES
+from turnscan.workflows._units import DIMENSION_SUFFIXES, SECTION_SUFFIXES
 from turnscan.workflows._verify_options import VerifyOptions
 
 FileKind = Literal[
@@ -259,6 +260,19 @@ _ALL = (
         (InputFile("part", "Mesh (mm) or scan.", _SURFACE),),
         (OptionsOf(SectionOptions),),
         (OutputFile("outputs", "The drawings.", SECTION_SUFFIXES, True, (".dxf",)),),
+    ),
+    Verb(
+        "revolve", "Measure a turned part",
+        "The axis of a turned part, how round and cylindrical it is, and the profile of its wall "
+        "as a drawing or a revolved solid.",
+        "Inspect",
+        (InputFile("part", "Mesh (mm) or scan.", _SURFACE),),
+        (OptionsOf(RevolveOptions),),
+        (
+            OutputFile("outputs", "The half-section, or a solid.", REVOLVE_SUFFIXES, True),
+            OutputFile("report", "Report with pictures, figures, or a table.", DIMENSION_SUFFIXES),
+            _FIGURES,
+        ),
     ),
     Verb(
         "compare", "Compare with a reference",

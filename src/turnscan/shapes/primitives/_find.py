@@ -79,7 +79,7 @@ def find_shapes(
     inside[mesh.faces[whole]] = True
     part = mesh if whole.all() and inside.all() else submesh(mesh, whole)
     back = np.flatnonzero(inside)
-    ground = prepared(part, _sigma(part), tolerance)
+    ground = prepared(part, sigma_of(part), tolerance)
     total = float(ground.area.sum())
     found = merged(ground, grow_regions(ground, smallest * total, most))
     label = _settled(ground, found)
@@ -87,7 +87,7 @@ def find_shapes(
     return _finished(ground, found, label, fields, relations, back, len(mesh.vertices))
 
 
-def _sigma(mesh: Mesh) -> Floats | None:
+def sigma_of(mesh: Mesh) -> Floats | None:
     """(v,) mm, the median where a vertex does not know its own; None where none does."""
     if mesh.provenance is None:
         return None

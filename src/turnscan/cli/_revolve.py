@@ -1,0 +1,63 @@
+"""``turnscan revolve``: axis, roundness and profile of a turned part."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from turnscan import workflows
+from turnscan.cli._flags import flags_of
+from turnscan.cli._progress import progress_bar
+from turnscan.cli._words import with_flags
+
+
+@click.command("revolve")
+@click.argument("part", type=click.Path(path_type=Path))
+@flags_of(workflows.RevolveOptions)
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help=f"File to write: {' '.join(workflows.REVOLVE_SUFFIXES)}, the half-section or the revolved "
+    "solid; may be repeated.",
+)
+@click.option(
+    "--report",
+    type=click.Path(path_type=Path),
+    help="Report to write: .html or .pdf with pictures, .json, or the dimensions as .csv.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, unrounded.")
+def verb(
+    part: Path,
+    options: workflows.RevolveOptions,
+    outputs: tuple[Path, ...],
+    report: Path | None,
+    as_json: bool,
+) -> None:
+    """Measure PART as a turned part: a mesh (mm) or a scan.
+
+    Its best axis with the uncertainty, roundness (least-squares and minimum-zone circle), run-out
+    and eccentricity by height, cylindricity and total run-out of its straight walls, windings such
+    as threads, and the profile of the wall as lines, arcs and splines. Only measured points count;
+    a handle or a keyway is left out.
+    """
+    written = [*outputs, *([report] if report is not None else [])]
+    workflows.check_apart(written)
+    for path in outputs:
+        workflows.check_output(path, workflows.REVOLVE_SUFFIXES, inputs=[part])
+    if report is not None:
+        workflows.check_output(report, workflows.DIMENSION_SUFFIXES, inputs=[part])
+    workflows.check_step(outputs)
+    with progress_bar() as progress:
+        found = workflows.revolve(part, options, progress=progress)
+    for finding in (*found.findings, *found.save(*outputs)):
+        click.echo(with_flags(finding), err=True)
+    if report is not None:
+        found.save_report(report)
+    click.echo(json.dumps(found.figures(), indent=1) if as_json else str(found))
+    for path in written:
+        click.echo(f"{path}: written", err=as_json)

@@ -1,0 +1,177 @@
+"""The profile of a turned part's wall: the mean over all angles, as one chain of points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from turnscan.arrays import Bools, Floats
+from turnscan.errors import InputError
+from turnscan.shapes._section import Chain, Cut, cross_section, half_plane_cut
+from turnscan.shapes.revolved._axis import Turned
+
+_ANGLES = 24
+"""Half-planes that are tried: the profile follows the one that shows most of the wall."""
+_WINDOW = 1.5
+"""Steps of the mesh along the wall, to both sides, whose points say where it is."""
+_ALIKE = float(np.cos(np.radians(30.0)))
+"""Between the normal of a point and that of the profile there."""
+_SECTORS = 8
+"""All round: the scatter of their means is what the mean profile is known by."""
+_LEAST = 8
+"""Points that a place of the profile must have, and angles in which it must be seen."""
+_BESIDE = 0.1
+"""Of the window: how far the wall may end before a place on it."""
+_BEND, _AHEAD = float(np.cos(np.radians(20.0))), 3.0
+"""Where the profile turns by more between two places, it has a corner there: at most so many steps
+of the mesh ahead of both."""
+_GAP, _CLOSE = 4.0, 0.75
+"""Steps of the mesh: a longer way between points was not measured, shorter ones are one place."""
+_SHORT = 0.03
+"""Of the longest chain: shorter ones are left out."""
+
+
+def wall_profile(turned: Turned) -> tuple[Cut, tuple[Chain, ...]]:
+    """The wall in the half-plane (r, z) of the axis, the longest chain first.
+
+    It follows the section that shows most of the wall; each of its points goes along its normal to
+    the mean of the points of all angles beside it. Its sigma is that of this mean: from the scatter
+    of the means of eight sectors, for a part that is not round has no sharper profile.
+
+    Raises InputError where no half-plane from the axis meets the wall.
+    """
+    cut, chains = max(
+        (_section(turned, k) for k in range(_ANGLES)), key=lambda o: sum(c.length for c in o[1])
+    )
+    if not chains:
+        raise InputError("no half-plane from the axis meets the wall", hint="measure more of it")
+    on = np.flatnonzero(turned.on)
+    tree = cKDTree(np.column_stack([turned.r[on], turned.z[on]]))
+    long = [c for c in chains if c.length >= _SHORT * chains[0].length]
+    flat = replace(cut, name="profile of the wall", turned=True)
+    made = [m for c in long if (m := _averaged(turned, c, on, tree)) is not None]
+    if not made:
+        raise InputError("no half-plane from the axis meets the wall", hint="measure more of it")
+    return flat, tuple(sorted(made, key=lambda c: -c.length))
+
+
+def _section(turned: Turned, k: int) -> tuple[Cut, list[Chain]]:
+    cut = half_plane_cut(2 * np.pi * k / _ANGLES)
+    try:
+        return cut, cross_section(turned.mesh, cut)
+    except InputError:
+        return cut, []
+
+
+def _averaged(turned: Turned, chain: Chain, on: np.ndarray, tree: cKDTree) -> Chain | None:
+    """A chain whose points are means over all angles; each its own, so that none share a vertex.
+
+    None where there is no mean of most of it, as of a handle.
+    """
+    p = chain.points
+    out = _normals(chain)
+    window = _WINDOW * turned.spacing
+    near = tree.query_ball_point(p, window + 6 * turned.sigma)
+    points, sigma = p.copy(), np.full(len(p), np.nan)
+    for k, found in enumerate(near):
+        mean = _mean_at(turned, on[found], p[k], out[k], window)
+        if mean is not None:
+            points[k] = p[k] + mean[0] * out[k]
+            sigma[k] = mean[1]
+    index = _kept(points, np.isfinite(sigma), turned.spacing)
+    if len(index) < _LEAST:
+        return None
+    closed = chain.closed and len(index) == len(p)
+    points, sigma = _with_corners(points[index], sigma[index], turned.spacing)
+    at = np.concatenate([points, points[:1]]) if closed else points
+    gaps = np.linalg.norm(np.diff(at, axis=0), axis=1) > _GAP * turned.spacing
+    n = len(points)
+    number = np.arange(n, dtype=np.int32)
+    return Chain(
+        points, closed, gaps, sigma, np.zeros(n), np.column_stack([number, number]),
+        np.column_stack([np.ones(n), np.zeros(n)]),
+    )  # fmt: skip
+
+
+def _with_corners(points: Floats, sigma: Floats, spacing: float) -> tuple[Floats, Floats]:
+    """The places, and between two of them the corner in which the walls beside it meet: stripes are
+    bent there, so nothing was measured that could say how sharp it is."""
+    out, known = [points[0]], [sigma[0]]
+    for k in range(1, len(points)):
+        if 2 <= k < len(points) - 1:
+            corner = _corner(points[k - 2 : k + 2], spacing)
+            if corner is not None:
+                out.append(corner)
+                known.append(2 * max(sigma[k - 1], sigma[k]))
+        out.append(points[k])
+        known.append(sigma[k])
+    return np.array(out), np.array(known)
+
+
+def _corner(four: Floats, spacing: float) -> Floats | None:
+    """Where the line through the first two of four places meets that through the last two."""
+    a, b, c, d = four
+    if float(np.linalg.norm(c - b)) < spacing:
+        return None
+    u, v = (b - a) / np.linalg.norm(b - a), (d - c) / np.linalg.norm(d - c)
+    if float(u @ v) > _BEND:
+        return None
+    cross = u[0] * v[1] - u[1] * v[0]
+    if abs(cross) < 1e-6:
+        return None
+    way = c - b
+    ahead = (way[0] * v[1] - way[1] * v[0]) / cross
+    back = (way[0] * u[1] - way[1] * u[0]) / cross
+    if not (0 < ahead < _AHEAD * spacing and 0 < -back < _AHEAD * spacing):
+        return None
+    return np.asarray(b + ahead * u)
+
+
+def _normals(chain: Chain) -> Floats:
+    """(m, 2) unit: outward, material being on the left of the chain."""
+    p = chain.points
+    ahead = np.roll(p, -1, axis=0) - np.roll(p, 1, axis=0)
+    if not chain.closed:
+        ahead[0], ahead[-1] = p[1] - p[0], p[-1] - p[-2]
+    smooth = ahead.copy()
+    smooth[1:-1] += ahead[:-2] + ahead[2:]
+    smooth /= np.maximum(np.linalg.norm(smooth, axis=1), 1e-12)[:, None]
+    return np.column_stack([smooth[:, 1], -smooth[:, 0]])
+
+
+def _mean_at(
+    turned: Turned, some: np.ndarray, at: Floats, out: Floats, window: float
+) -> tuple[float, float] | None:
+    """How far the wall stands off a place along its normal, and how well that is known, mm."""
+    d = np.column_stack([turned.r[some], turned.z[some]]) - at
+    along, off = d @ np.array([-out[1], out[0]]), d @ out
+    keep: Bools = np.asarray((np.abs(along) <= window) & (turned.normal[some] @ out >= _ALIKE))
+    if int(keep.sum()) < _LEAST:
+        return None
+    along, off = along[keep], off[keep]
+    if min(float(along.max()), -float(along.min())) < -_BESIDE * window:
+        return None  # beyond the end of the wall
+    sector = ((turned.angle[some][keep] / (2 * np.pi) % 1.0) * _SECTORS).astype(np.int64) % _SECTORS
+    A = np.column_stack([np.ones(len(off)), along])
+    (mean, slope), *_ = np.linalg.lstsq(A, off, rcond=1e-9)
+    rest = off - mean - slope * along
+    count = np.bincount(sector, minlength=_SECTORS)
+    seen = count >= 2
+    if int(seen.sum()) < 2:
+        return None
+    means = np.bincount(sector, rest, minlength=_SECTORS)[seen] / count[seen]
+    sigma = float(means.std(ddof=1)) / np.sqrt(int(seen.sum()))
+    if abs(mean) > window:
+        return None
+    return float(mean), max(sigma, float(rest.std()) / np.sqrt(len(rest)))
+
+
+def _kept(points: Floats, known: Bools, spacing: float) -> np.ndarray:
+    """Points of which there is a mean, none much closer to the last than the mesh is wide."""
+    out = list[int]()
+    for k in np.flatnonzero(known).tolist():
+        if not out or float(np.linalg.norm(points[k] - points[out[-1]])) >= _CLOSE * spacing:
+            out.append(k)
+    return np.array(out, dtype=np.int64)

@@ -1,0 +1,397 @@
+"""Turned parts: the axis, how round the wall is, its profile, a half-section and a solid."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnscan.drawings import (
+    draw_section,
+    found,
+    read_step,
+    revolved_solid,
+    section_report,
+    with_sigma,
+    write_step,
+)
+from turnscan.errors import ExportError, InputError
+from turnscan.findings import Finding, record
+from turnscan.meshing import source_of
+from turnscan.progress import Progress, no_progress
+from turnscan.shapes import Arc, FittedSection, Line, calibration_moves, deviation, fit_outlines
+from turnscan.shapes.revolved import (
+    Cylindricity,
+    Roundness,
+    Thread,
+    Turned,
+    cylindricities,
+    roundness,
+    thread,
+    turned_about,
+    wall_profile,
+)
+from turnscan.workflows import _document as doc
+from turnscan.workflows._declare import chosen
+from turnscan.workflows._files import check_apart, check_output, write_atomically
+from turnscan.workflows._loading import Source, load
+from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
+from turnscan.workflows._sections import section_file
+from turnscan.workflows._shapes_step import is_step
+from turnscan.workflows._shapes_table import COVERAGE, Dimension
+
+_HEIGHTS = 10
+_MOSTLY = 0.9
+"""Share of the points on the surface of revolution below which it is said."""
+_PLACES = 5
+"""Of the profile that a piece must have for its size to be told: shorter ones are edges."""
+_EXACT = 1e-6
+_SURE = 4.0
+"""Standard deviations by which a form must be more than noise alone gives, to be shown."""
+
+
+@dataclass(frozen=True, eq=False)
+class RevolvedPart:
+    """A turned part: its axis, roundness and profile; as text, a line each."""
+
+    name: str
+    turned: Turned
+    section: FittedSection
+    """The profile of the wall: x is the distance from the axis, y the place along it."""
+    rounds: tuple[Roundness, ...]
+    cylinders: tuple[Cylindricity, ...]
+    threads: tuple[Thread, ...]
+    options: RevolveOptions
+    about: Mapping[str, object] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def foot(self) -> float:
+        """mm along the axis from its point: the lowest measured point, where heights begin."""
+        return float(self.turned.z.min())
+
+    def figures(self) -> dict[str, Any]:
+        """Everything, unrounded, by name with the unit at its end."""
+        t, axis = self.turned, self.turned.axis
+        return {
+            "source": Path(self.name).name,
+            "axis": {
+                "point_mm": (axis.point + self.foot * axis.direction).tolist(),
+                "direction": axis.direction.tolist(),
+                "tilt_sigma_deg": float(np.rad2deg(axis.tilt_sigma)),
+                "shift_sigma_mm": axis.shift_sigma,
+            },
+            "on_surface": t.share,
+            "off_surface_rms_mm": t.sigma,
+            "roundness": [self._risen(r) for r in self.rounds],
+            "cylindricity": [self._risen(c) for c in self.cylinders],
+            "threads": [self._risen(s) for s in self.threads],
+            "dimensions": [asdict(d) for d in self.dimensions],
+            "profile": section_report([self.section], self.about),
+        }
+
+    def _risen(self, what: Roundness | Cylindricity | Thread) -> dict[str, Any]:
+        """Its fields, heights above the foot."""
+        body = asdict(what)
+        for key in ("height", "low", "high"):
+            if key in body:
+                body[key] = body[key] - self.foot
+        return {k: v if isinstance(v, bool | int) else float(v) for k, v in body.items()}
+
+    def __str__(self) -> str:
+        return "\n".join(_in_words(self))
+
+    @property
+    def dimensions(self) -> list[Dimension]:
+        """Sizes of the profile, then roundness and cylindricity, each with its uncertainty."""
+        return [*_of_profile(self), *_of_rounds(self)]
+
+    @cached_property
+    def step(self) -> tuple[bytes, Finding]:
+        """The revolved solid as STEP AP242, read back, and what there is to say of it.
+
+        Raises InputError where OpenCASCADE is not installed, ExportError where the profile does not
+        close to a sound solid.
+        """
+        axis = self.turned.axis
+        solid, added = revolved_solid(self.section.fitted, axis.point, axis.basis)
+        about = {"source": Path(self.name).name, **self.about}
+        data = write_step(solid, Path(self.name).stem or "part", about)
+        part = read_step(data)
+        if part.solids != 1 or not part.valid or abs(part.volume / solid.volume - 1) > _EXACT:
+            raise ExportError("the STEP does not read back the same", hint="write a .dxf")
+        t = self.turned
+        own = t.mesh.vertices[t.on] @ axis.basis + axis.point
+        off = deviation(own, part.mesh)
+        closing = f"; {added} straight lines of its profile were not measured" if added else ""
+        return data, Finding(
+            "revolve.solid", "note",
+            f"a valid solid of {solid.faces} faces, {solid.volume:.1f} mm³{closing}; measured "
+            f"points lie {off.rms:.4f} mm (rms) off it, 95 % of them within "
+            f"{off.quantile(0.95):.4f} mm",
+        )  # fmt: skip
+
+    def save(self, *paths: str | Path) -> list[Finding]:
+        """Write the half-section (.dxf, .svg, .pdf, .json) or the revolved solid (.step, .stp).
+
+        Raises InputError for another suffix, and for STEP where OpenCASCADE is not installed;
+        ExportError where a profile does not close to a solid or a file cannot be written.
+        """
+        targets = [Path(p) for p in paths]
+        check_apart(targets)
+        for path in targets:
+            check_output(path, REVOLVE_SUFFIXES)
+        title, version = Path(self.name).name, self.options.dxf_version
+        ready = {
+            p: self.step[0]
+            if is_step(p)
+            else section_file([self.section], p.suffix, title, self.about, version)
+            for p in targets
+        }
+        for path, data in ready.items():
+            write_atomically(path, data)
+        return [self.step[1]] if any(map(is_step, targets)) else []
+
+    def save_report(self, path: str | Path) -> None:
+        """Write the report: .html or .pdf with pictures, .json, or the dimensions as .csv.
+
+        Raises ExportError where it cannot be written.
+        """
+        path = Path(path)
+        title = f"{Path(self.name).name}, revolved"
+        match path.suffix.lower():
+            case ".csv":
+                data = _csv(self.dimensions)
+            case ".json":
+                body = {**self.figures(), "findings": [record(f) for f in self.findings]}
+                data = json.dumps(body, indent=1, ensure_ascii=False)
+            case ".pdf":
+                write_atomically(path, doc.as_pdf(title, _blocks(self)))
+                return
+            case _:
+                data = doc.as_html(title, _blocks(self))
+        write_atomically(path, data.encode())
+
+
+def revolve(
+    source: Source,
+    options: RevolveOptions | None = None,
+    *,
+    progress: Progress = no_progress,
+    **changes: Any,
+) -> RevolvedPart:
+    """Measure a turned part: best axis, run-out, roundness by height, cylindricity, wall profile.
+
+    Only measured points count; what is not on the surface of revolution, such as a handle or a
+    keyway, is left out and said.
+
+    Parameters
+    ----------
+    source
+        A mesh, a mesh file in mm, the result of `reconstruct`, or a scan, which is reconstructed
+        with its own settings; for the last two the calibration's uncertainty counts too.
+    options
+        Heights, tolerance and DXF version; None takes the usual ones.
+    progress
+        Told how far the reconstruction of a scan is; it may cancel.
+    changes
+        Options to change by name, as in ``tolerance=0.05``.
+
+    Raises
+    ------
+    InputError
+        Where there is no measured face, where no axis or more than one fits the part, and for a
+        height that the part does not have.
+
+    >>> import turnscan as ts
+    >>> part = ts.revolve("cup.turnscan")
+    >>> part.section.cut.name
+    'profile of the wall'
+    """
+    wanted = chosen(RevolveOptions, options, changes)
+    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".turnscan":
+        source = reconstruct(source, progress=progress)
+    loaded = load(source, progress=progress)
+    if not len(loaded.mesh.faces):
+        raise InputError(f"{loaded.name}: no faces", hint="a turned part is measured on a mesh")
+    moves = []
+    if isinstance(source, ReconstructResult):
+        done = source.reconstruction
+        known = done.source or source_of(done.grids, source.rig)
+        moves = [*calibration_moves(loaded.mesh, known), *known.moves]
+    turned = turned_about(loaded.mesh, moves)
+    cut, chains = wall_profile(turned)
+    rows = fit_outlines(chains, wanted.tolerance)
+    outlines = [o for row in rows for o in row]
+    return RevolvedPart(
+        loaded.name,
+        turned,
+        FittedSection(cut, chains, tuple(map(tuple, rows))),
+        tuple(roundness(turned, _heights(turned, wanted.height))),
+        tuple(cylindricities(turned, outlines)),
+        tuple(thread(turned, outlines)),
+        wanted,
+        loaded.about,
+        (*loaded.findings, *_remarks(turned)),
+    )
+
+
+def _heights(turned: Turned, wanted: tuple[float, ...]) -> list[float]:
+    low, high = float(turned.z.min()), float(turned.z.max())
+    for height in wanted:
+        if not 0 <= height <= high - low:
+            raise InputError(
+                f"height {height:g} mm: the part reaches from 0 to {high - low:.3f} mm along its "
+                "axis",
+                hint="give a height on it",
+            )
+    if wanted:
+        return [low + h for h in wanted]
+    return list(np.linspace(low, high, 2 * _HEIGHTS + 1)[1::2])
+
+
+def _remarks(turned: Turned) -> list[Finding]:
+    if turned.share >= _MOSTLY:
+        return []
+    return [
+        Finding(
+            "revolve.partly", "warning",
+            f"{1 - turned.share:.0%} of the measured points are not on the surface of revolution "
+            "and are left out",
+        )
+    ]  # fmt: skip
+
+
+def _in_words(part: RevolvedPart) -> list[str]:
+    t, axis = part.turned, part.turned.axis
+    at = ", ".join(f"{x:.4f}" for x in axis.point + part.foot * axis.direction)
+    way = ", ".join(f"{x:+.6f}" for x in axis.direction)
+    lines = [
+        f"{Path(part.name).name}: axis ({way}) ± {np.rad2deg(axis.tilt_sigma):.4f}° through ({at}) "
+        f"± {axis.shift_sigma:.4f} mm; {t.share:.1%} of the points lie on the surface of "
+        f"revolution, {t.sigma:.4f} mm (rms) off it",
+        f"profile of the wall: {found(part.section) or 'nothing fitted'}",
+    ]
+    return lines + [
+        f"{d.feature}: {d.quantity} {with_sigma(d.value, d.sigma)} {d.unit}, {d.rests_on}"
+        for d in part.dimensions
+    ] + [
+        f"{s.low - part.foot:.2f} to {s.high - part.foot:.2f} mm: a wave winds about the axis, "
+        f"pitch {s.pitch:+.4f} mm, amplitude {with_sigma(s.amplitude, s.sigma)} mm"
+        for s in part.threads
+    ]  # fmt: skip
+
+
+def _of_profile(part: RevolvedPart) -> list[Dimension]:
+    out = []
+    for outline in part.section.fitted:
+        for p in outline.pieces:
+            if p.rest.count < _PLACES:
+                continue
+            rests = f"{p.rest.count} places of the profile"
+            if isinstance(p, Line) and not p.link:
+                low, high = sorted((p.start[1] - part.foot, p.end[1] - part.foot))
+                where = f"wall {low:.2f} to {high:.2f} mm"
+                lean = float(np.rad2deg(np.arcsin(np.clip((p.end - p.start)[0] / p.length, -1, 1))))
+                if abs(lean) < 1.0:
+                    radius = float(p.start[0] + p.end[0]) / 2
+                    out.append(Dimension(where, "diameter", 2 * radius, 2 * p.sigma, "mm", rests))
+                elif abs(lean) < 89.0:
+                    sigma = 2 * float(np.rad2deg(p.angle_sigma))
+                    out.append(Dimension(where, "cone angle", 2 * abs(lean), sigma, "deg", rests))
+            elif isinstance(p, Arc):
+                where = f"arc at {p.centre[1] - part.foot:.2f} mm"
+                out.append(Dimension(where, "radius", p.radius, p.radius_sigma, "mm", rests))
+    return out
+
+
+def _of_rounds(part: RevolvedPart) -> list[Dimension]:
+    out = []
+    for r in part.rounds:
+        hole = ", inside" if r.hollow else ""
+        where = f"height {r.height - part.foot:.2f} mm{hole}"
+        rests = f"{r.cells} places on {r.covered:.0%} of the turn"
+        noise = _noise(r.least_squares, r.noise, r.sigma)
+        out += [
+            Dimension(where, "diameter", 2 * r.radius, 2 * r.radius_sigma, "mm", rests),
+            Dimension(where, "roundness, LSC", r.least_squares, r.sigma, "mm", noise),
+            Dimension(where, "roundness, MZC", r.minimum_zone, r.sigma, "mm", noise),
+            Dimension(where, "run-out", r.run_out, r.sigma, "mm", noise),
+            Dimension(where, "eccentricity", r.eccentricity, r.eccentricity_sigma, "mm", rests),
+        ]
+    for c in part.cylinders:
+        hole = ", inside" if c.hollow else ""
+        where = f"wall {c.low - part.foot:.2f} to {c.high - part.foot:.2f} mm{hole}"
+        noise = _noise(c.value, c.noise, c.sigma)
+        out += [
+            Dimension(where, "cylindricity", c.value, c.sigma, "mm", noise),
+            Dimension(where, "total run-out", c.run_out, c.sigma, "mm", noise),
+        ]
+    return out
+
+
+def _noise(value: float, noise: float, sigma: float) -> str:
+    shown = "" if value > noise + _SURE * sigma else ", so none is shown"
+    return f"noise alone gives {noise:.2g} mm{shown}"
+
+
+def _csv(rows: list[Dimension]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out)
+    writer.writerow(
+        ["feature", "quantity", "value", "unit", "standard uncertainty", "expanded uncertainty k=2",
+         "rests on"]
+    )  # fmt: skip
+    for d in rows:
+        writer.writerow(
+            [d.feature, d.quantity, repr(float(d.value)), d.unit, repr(float(d.sigma)),
+             repr(float(COVERAGE * d.sigma)), d.rests_on]
+        )  # fmt: skip
+    return out.getvalue()
+
+
+def _blocks(part: RevolvedPart) -> list[doc.Block]:
+    return [
+        doc.Paragraph(_in_words(part)[0] + ". ± is one standard uncertainty."),
+        doc.Picture(draw_section(part.section, Path(part.name).name), "Half-section."),
+        doc.Picture(_map(part), "Off the mean profile by angle and height, outside positive."),
+        doc.Heading("Dimensions"),
+        doc.Table(
+            ["where", "quantity", "value ± u", "", "U (k = 2)", "rests on"],
+            [
+                [d.feature, d.quantity, with_sigma(d.value, d.sigma), d.unit,
+                 f"{COVERAGE * d.sigma:.2g}", d.rests_on]
+                for d in part.dimensions
+            ],
+        ),
+        doc.Heading("Findings"),
+        doc.Findings(part.findings),
+    ]  # fmt: skip
+
+
+def _map(part: RevolvedPart) -> Any:
+    """The deviation of every point, unrolled: angle and height."""
+    from matplotlib.figure import Figure
+
+    t = part.turned
+    figure = Figure(figsize=(8, 3.6), layout="constrained")
+    axes = figure.add_subplot()
+    top = 3 * max(t.sigma, 1e-9)
+    some = np.flatnonzero(t.on)[:: max(1, int(t.on.sum()) // 60_000)]
+    dots = axes.scatter(
+        np.rad2deg(t.angle[some]), t.z[some] - part.foot, c=t.off[some], s=1, cmap="RdYlBu_r",
+        vmin=-top, vmax=top, linewidths=0,
+    )  # fmt: skip
+    axes.set_xlabel("angle, °")
+    axes.set_ylabel("height, mm")
+    figure.colorbar(dots, label="mm")
+    return figure

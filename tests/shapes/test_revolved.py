@@ -1,0 +1,109 @@
+"""Turned parts: the axis, the wall, and how round it is, known as well as they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.shapes.solids import noisy, prism, turned
+from turnscan.errors import InputError
+from turnscan.mesh import Mesh
+from turnscan.shapes import Line, fit_outlines
+from turnscan.shapes.revolved import (
+    cylindricities,
+    roundness,
+    thread,
+    turned_about,
+    wall_profile,
+)
+
+NOISE = 0.02
+SHAFT = [(0.5, 0), (25, 0), (25, 20), (15, 20), (15, 45), (10, 50), (10, 65), (0.5, 65)]
+TURN = Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix()
+AT = np.array([10.0, -20.0, 30.0])
+
+
+def _placed(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.vertices @ TURN.T + AT, mesh.faces)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_shaft_in_any_place_gives_axis_and_wall(seed: int) -> None:
+    found = turned_about(_placed(noisy(turned(SHAFT, 0.6, 180), NOISE, seed)))
+    axis = found.axis
+    sign = np.sign(axis.direction @ TURN[:, 2])
+    tilt = float(np.arccos(min(sign * axis.direction @ TURN[:, 2], 1.0)))
+    assert tilt < 4 * axis.tilt_sigma < np.radians(0.02)
+    away = axis.point - AT
+    off = float(np.linalg.norm(away - (away @ TURN[:, 2]) * TURN[:, 2]))
+    assert off < 4 * axis.shift_sigma < 0.004
+    assert found.share > 0.97
+    assert found.sigma == pytest.approx(NOISE, rel=0.2)
+    chains = wall_profile(found)[1]
+    (outline,) = fit_outlines(chains)[0]
+    lines = [p for p in outline.pieces if isinstance(p, Line) and p.rest.count >= 5]
+    upright = [p for p in lines if abs(p.end[0] - p.start[0]) < 0.02]
+    for line, radius in zip(sorted(upright, key=lambda p: -p.start[0]), (25, 15, 10), strict=True):
+        assert (line.start[0] + line.end[0]) / 2 == pytest.approx(radius, abs=5 * line.sigma)
+        assert 0 < line.sigma < 0.001
+    (cone,) = [p for p in lines if 0.4 < abs((p.end - p.start)[0]) / p.length < 0.9]
+    lean = np.degrees(np.arctan2(*np.abs(cone.end - cone.start)))
+    assert lean == pytest.approx(45, abs=4 * np.degrees(cone.angle_sigma) + 0.05)
+    for c in cylindricities(found, [outline]):
+        assert c.value < c.noise + 4 * c.sigma, "noise is no form error"
+
+
+def test_an_oval_bore_is_out_of_round_by_what_it_is_and_a_boss_beside_the_axis_runs_out() -> None:
+    bore = turned([(10.0, 40.0), (10.0, 0.0)], 0.5, 200)
+    X = bore.vertices.copy()
+    angle = np.arctan2(X[:, 1], X[:, 0])
+    X *= np.column_stack([*(2 * [1 + 0.005 * np.cos(2 * angle)]), np.ones(len(X))])
+    found = turned_about(_placed(noisy(Mesh(X, bore.faces), 0.005, 1)))
+    (r,) = roundness(found, [0.0])
+    assert r.hollow
+    assert r.least_squares == pytest.approx(0.2 * 0.5, abs=r.noise + 4 * r.sigma)
+    assert r.minimum_zone <= r.least_squares
+    assert r.radius == pytest.approx(10, abs=0.003)
+    both = turned([(25, 0), (25, 40)], 0.8, 200)
+    high = both.vertices[:, 2] > 36
+    moved = both.vertices + np.where(high[:, None], [0.1, 0.0, 0.0], 0.0)
+    found = turned_about(noisy(Mesh(moved, both.faces), 0.005, 2))
+    low, top = roundness(found, [-10.0, 18.5])
+    assert low.eccentricity < 0.01
+    assert top.eccentricity == pytest.approx(0.1, abs=0.03)
+    assert top.run_out > top.least_squares + 0.05
+
+
+def test_a_thread_is_told_by_its_pitch_and_hand_and_noise_has_none() -> None:
+    rod = turned([(12, 0), (12, 40)], 0.4, 160)
+    angle = np.arctan2(rod.vertices[:, 1], rod.vertices[:, 0])
+    wave = 0.03 * np.cos(2 * np.pi * rod.vertices[:, 2] / 2.5 - angle)
+    out = rod.vertices * [1, 1, 0] / 12
+    found = turned_about(noisy(Mesh(rod.vertices + wave[:, None] * out, rod.faces), 0.01, 1))
+    outlines = [o for row in fit_outlines(wall_profile(found)[1]) for o in row]
+    (wound,) = thread(found, outlines)
+    assert wound.pitch == pytest.approx(2.5, rel=0.02)
+    assert wound.amplitude == pytest.approx(0.03, rel=0.15)
+    plain = turned_about(noisy(rod, 0.01, 2))
+    assert not thread(plain, [o for row in fit_outlines(wall_profile(plain)[1]) for o in row])
+
+
+def test_a_handle_and_a_keyway_have_no_say() -> None:
+    cup = turned([(30, 0), (32, 60)], 0.8, 200)
+    angle = np.arctan2(cup.vertices[:, 1], cup.vertices[:, 0])
+    far = (np.abs(angle) < 0.15) & (np.abs(cup.vertices[:, 2] - 30) < 20)
+    moved = cup.vertices * np.where(far, 1.2, 1.0)[:, None] ** [1, 1, 0]
+    found = turned_about(noisy(Mesh(moved, cup.faces), NOISE, 3))
+    assert found.share < 0.985
+    assert np.hypot(*found.axis.point[:2]) < 5 * found.axis.shift_sigma + 0.002
+
+
+@pytest.mark.parametrize("part", ["ball", "box"])
+def test_what_is_not_turned_is_refused_in_a_line(part: str) -> None:
+    t = np.linspace(-1.4, 1.4, 90)
+    ball = turned([(20 * np.cos(a), 20 * np.sin(a)) for a in t], 0.6, 120)
+    box = prism([(0, 0), (60, 0), (60, 20), (0, 20)], 30, 1.0)
+    body, said = (ball, "more than one") if part == "ball" else (box, "not a turned part")
+    with pytest.raises(InputError, match=said):
+        turned_about(noisy(body, NOISE, 1))
