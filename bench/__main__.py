@@ -1,6 +1,6 @@
 """Run every benchmark of this folder, or the named ones: ``python -m bench [NAME …] [--quick]``.
 
-A benchmark is a module here with a function ``run()`` that prints its figures. Some take ``quick``:
+``--help`` lists them. A benchmark is a module here with a function ``run()`` that prints its figures. Some take ``quick``:
 it is asked for with ``--quick``, and where all of them run. Some have ``PARTS``: those named after
 the benchmark run alone; where it is None, any words are handed on. Some write their figures into
 the documents with ``--write``.
@@ -8,18 +8,44 @@ the documents with ``--write``.
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
+import os
 import pkgutil
 import sys
 from pathlib import Path
 
 
+FOLDER = Path(__file__).parent
+
+
+def listed(names: list[str]) -> str:
+    """How the command is used, and each benchmark with the first line of its text."""
+    width = max(map(len, names)) + 2
+    lines = ["usage: python -m bench [NAME …] [--quick] [--write]", ""]
+    for name in names:
+        alone, package = FOLDER / f"{name}.py", FOLDER / name / "__init__.py"
+        source = (alone if alone.exists() else package).read_text()
+        text = ast.get_docstring(ast.parse(source)) or ""
+        lines.append(f"  {name:<{width}}{text.partition(chr(10))[0]}")
+    return "\n".join(
+        [*lines, "", "Without a NAME all of them run, quick; that takes hours.", "--write: into docs/"]
+    )
+
+
 def main(words: list[str]) -> int:
     """Run the benchmarks; returns the exit code."""
-    named = [w for w in words if not w.startswith("--")]
-    there = [m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)])]
+    there = [m.name for m in pkgutil.iter_modules([str(FOLDER)])]
     names = [name for name in there if not name.startswith("_")]
+    named = [w for w in words if not w.startswith("-")]
+    if {"-h", "--help"} & set(words):
+        print(listed(names))
+        return 0
+    unknown = set(words) - set(named) - {"--quick", "--write"}
+    if unknown:
+        print(f"no option {' '.join(sorted(unknown))} → see --help", file=sys.stderr)
+        return 2
     wanted = dict[str, list[str]]()
     parts: tuple[str, ...] | None = ()
     for word in named:
@@ -50,4 +76,10 @@ def main(words: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    try:
+        code = main(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:  # who read it has seen enough; nothing is left to be flushed at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 1
+    sys.exit(code)
