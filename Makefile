@@ -15,11 +15,12 @@ unexport PYTHONDONTWRITEBYTECODE
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 22
 
-setup: $(STAMP) ## make .venv with turnscan and everything needed to work on it
+setup: $(STAMP) ## make .venv with turnscan, compiled, and everything needed to work on it
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) -e '.[dev]'
+	$(BIN)/turnscan precompile
 	touch $@
 
 # What the tests compare with and drive: independent readers of our files, the GigE Vision library

@@ -1,9 +1,9 @@
 """Run every benchmark of this folder, or the named ones: ``python -m bench [NAME …] [--quick]``.
 
-``--help`` lists them. A benchmark is a module here with a function ``run()`` that prints its figures. Some take ``quick``:
-it is asked for with ``--quick``, and where all of them run. Some have ``PARTS``: those named after
-the benchmark run alone; where it is None, any words are handed on. Some write their figures into
-the documents with ``--write``.
+``--help`` lists them. A benchmark is a module here with a function ``run()`` that prints its
+figures. Some take ``quick``: it is asked for with ``--quick``, and where all of them run. Some have
+``PARTS``: those named after the benchmark run alone; where it is None, any words are handed on.
+Some write their figures into the documents with ``--write``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import os
 import pkgutil
 import sys
 from pathlib import Path
-
 
 FOLDER = Path(__file__).parent
 
@@ -30,7 +29,12 @@ def listed(names: list[str]) -> str:
         text = ast.get_docstring(ast.parse(source)) or ""
         lines.append(f"  {name:<{width}}{text.partition(chr(10))[0]}")
     return "\n".join(
-        [*lines, "", "Without a NAME all of them run, quick; that takes hours.", "--write: into docs/"]
+        [
+            *lines,
+            "",
+            "Without a NAME all of them run, quick; that takes hours.",
+            "--write: into docs/",
+        ]
     )
 
 

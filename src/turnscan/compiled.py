@@ -16,6 +16,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import logging
 import os
 import platform
 import re
@@ -36,6 +37,7 @@ from numba.misc.appdirs import user_cache_dir
 
 from turnscan.locking import take
 
+_LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).parent
 _IMPORT = re.compile(rb"^\s*(?:from|import)\s+turnscan((?:\.\w+)*)", re.MULTILINE)
 _PATIENCE = 120.0
@@ -138,6 +140,8 @@ def _base() -> Path | None:
         with contextlib.suppress(OSError):
             place.mkdir(mode=0o700, parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=place).close()
+            if not any(place.iterdir()):
+                _LOG.warning("compiling for this machine, once: this first run takes a minute more")
             return place
     return None
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.mesh.open_meshes import plate
-from turnscan.mesh import Mesh, crossings, join, soundness
+from turnscan.mesh import Mesh, _soundness, crossings, join, soundness
 
 CUBE = Mesh(
     np.array([[x, y, z] for z in (0.0, 1) for y in (0, 1) for x in (0, 1)]),
@@ -55,7 +55,9 @@ def test_a_cube_and_a_plate_are_sound():
     assert soundness(Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))) == []
 
 
-def test_all_pairs_that_cut_through_each_other_are_found():
+@pytest.mark.parametrize("many", [0, 10**6], ids=["in parts", "at once"])
+def test_all_pairs_that_cut_through_each_other_are_found(many, monkeypatch):
+    monkeypatch.setattr(_soundness, "_MANY", many)
     rng = np.random.default_rng(3)
     corners = rng.random((180, 3))
     soup = Mesh(corners, np.arange(180).reshape(60, 3))
@@ -68,7 +70,9 @@ def test_all_pairs_that_cut_through_each_other_are_found():
     assert some == {pair for pair in found if {3, 40} & set(pair)}
 
 
-def test_a_heap_of_loose_faces_is_searched_up_to_a_limit():
+@pytest.mark.parametrize("many", [0, 10**6], ids=["in parts", "at once"])
+def test_a_heap_of_loose_faces_is_searched_up_to_a_limit(many, monkeypatch):
+    monkeypatch.setattr(_soundness, "_MANY", many)
     corners = np.random.default_rng(4).random((6000, 3))
     heap = Mesh(corners, np.arange(6000).reshape(2000, 3))
     assert len(crossings(heap)) == 16 * 2000

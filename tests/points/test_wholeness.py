@@ -17,6 +17,12 @@ from turnscan.rig import rotation_z
 S, N = 14, 12
 
 
+def across(*given):
+    out = np.full((3, 2, *given[0].shape[:2]), np.nan)
+    kernels.across(*given, (0, len(given[0])), out)
+    return out
+
+
 def plane(rng):
     """Points (S, N, 3) of a plane in general position, its normal, and eyes far from it."""
     turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
@@ -33,7 +39,7 @@ def test_a_surface_between_profiles_lies_to_the_light_as_rays_that_meet_it(seed)
     moves = 0.1 * rng.standard_normal(points.shape)
     sheets = rng.standard_normal(points.shape)
     sheets /= np.linalg.norm(sheets, axis=-1, keepdims=True)
-    walk, slide, side = kernels.across(points, eyes, moves, sheets, np.ones((S, N)), False)
+    walk, slide, side = across(points, eyes, moves, sheets, np.ones((S, N)), False)
     small = 1e-4
     ray = points + small * moves - eyes[:, None]
     met = eyes[:, None] + ray * (((points - eyes[:, None]) @ normal) / (ray @ normal))[..., None]
@@ -57,7 +63,7 @@ def test_what_is_no_neighbour_says_nothing():
     points[5:] += 3.0  # a jump, further than three arcs
     points[9, 4] = np.nan
     ones = np.ones(points.shape)
-    walk, _, _ = kernels.across(points, eyes, ones, ones, np.full((S, N), 0.5), False)
+    walk, _, _ = across(points, eyes, ones, ones, np.full((S, N), 0.5), False)
     known = ~np.isnan(walk)
     assert not known[0, 4].any()
     assert not known[1, 5].any()
@@ -67,7 +73,7 @@ def test_what_is_no_neighbour_says_nothing():
     assert not known[1, 10, 4]
     alone = points.copy()
     alone[:, np.arange(N) != 3] = np.nan
-    assert np.isnan(kernels.across(alone, eyes, ones, ones, np.ones((S, N)), False)[0]).all()
+    assert np.isnan(across(alone, eyes, ones, ones, np.ones((S, N)), False)[0]).all()
 
 
 def test_a_closed_turn_has_no_end():
@@ -77,8 +83,8 @@ def test_a_closed_turn_has_no_end():
     eyes = 50.0 * points[:, 0]
     ones = np.ones(points.shape)
     arc = np.full((S, N), 10 * 2 * np.pi / S)
-    assert not np.isnan(kernels.across(points, eyes, ones, ones, arc, True)[0]).any()
-    walk, slide, _ = kernels.across(points, eyes, ones, ones, arc, False)
+    assert not np.isnan(across(points, eyes, ones, ones, arc, True)[0]).any()
+    walk, slide, _ = across(points, eyes, ones, ones, arc, False)
     assert np.isnan(walk).sum() == 2 * N
     # A chord leaves the tangent by half a step.
     assert np.nanmax(slide) == pytest.approx(np.sin(np.pi / S), rel=1e-6)
@@ -218,9 +224,7 @@ def test_a_crease_is_not_round():
     """Where one profile in three bends, a stripe as wide as on a round part lies on two."""
     light = tube_on_a_table(18, crease=True)
     arc = np.full(light.width.shape, 20.0)
-    walk, _, _ = kernels.across(
-        light.points, light.eyes, light.moves, light.sheets, arc, light.closed
-    )
+    walk, _, _ = across(light.points, light.eyes, light.moves, light.sheets, arc, light.closed)
     light.width[::3, :40] = np.hypot(0.4 / np.sqrt(walk[0] * walk[1]), 0.2)[::3, :40]
     told = wholeness(light)
     assert (told.doubt[::3, 2:38] > 0).all()
@@ -402,9 +406,7 @@ def test_a_wide_stripe_lies_on_two_surfaces_and_is_doubted():
 def test_blur_widens_what_the_sheets_thickness_does_not():
     """On a roof the sheet is seen under two angles: width² = (thickness / walk)² + blur²."""
     light = wall(slope=0.9)
-    walk, _, _ = kernels.across(
-        light.points, light.eyes, light.moves, light.sheets, np.ones((S, N)), False
-    )
+    walk, _, _ = across(light.points, light.eyes, light.moves, light.sheets, np.ones((S, N)), False)
     usual = np.nanmean(walk, axis=0)
     assert usual.max() > 2 * usual.min()
     width = np.sqrt((0.3 / usual) ** 2 + 1.5**2)

@@ -31,6 +31,7 @@ _VERBS = {
     "import": "pictures made elsewhere → a scan file",
     "join": "several poses of one part → one surface",
     "measure": "planar faces, angles, spheres and cylinders of a measured part",
+    "precompile": "compile the kernels of a scan and its surface before the first one",
     "reconstruct": "a scan file → points, mesh, CAD",
     "refine": "improve a rig without a board, by a scan from two lasers or of a sphere",
     "resume": "complete an interrupted scan",

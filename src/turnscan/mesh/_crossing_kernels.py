@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
@@ -11,6 +13,26 @@ from turnscan.mesh._tree_kernels import meet
 
 _FLAT = 1e-12
 """Corners nearer to a plane than this share of a triangle's size lie in it."""
+
+
+class Faces(NamedTuple):
+    """Triangles, and a tree of boxes over them in which those are near that lie near."""
+
+    vertices: Floats
+    faces: Ints
+    """(f, 3)."""
+    asked: Bools
+    """(f,) True for those of which one is in each pair that is looked for."""
+    spans: Singles
+    """Boxes of the triangles."""
+    nodes: Singles
+    """Boxes of a heap over them."""
+    wanted: Bools
+    """For each node whether it holds one that is asked for."""
+    normals: Floats
+    """(f, 3) unit."""
+    sizes: Floats
+    """(f,) their longest sides, 0 where there is no area."""
 
 
 @njit(cache=True, nogil=True)
@@ -37,28 +59,41 @@ def nodes_with(asked: Bools, leaves: int) -> Bools:
 
 
 @njit(cache=True, nogil=True)
-def crossings(
-    vertices: Floats,
-    faces: Ints,
-    asked: Bools,
-    spans: Singles,
-    nodes: Singles,
-    most: int,
-) -> Ints:
+def beginnings(nodes: Singles, wanted: Bools, least: int) -> Longs:
+    """Pairs (k, 2) of nodes of one level that `crossings` may begin with: ``least`` of them, or so
+    many as the leaves have."""
+    leaves = len(nodes) // 2
+    pairs = np.ones((1, 2), dtype=np.int64)
+    while 0 < len(pairs) < least and pairs[0, 0] < leaves:
+        below = np.empty((4 * len(pairs), 2), dtype=np.int64)
+        have = 0
+        for p in range(len(pairs)):
+            last = _halves(below, have, pairs[p, 0], pairs[p, 1])
+            for q in range(have, last):
+                a, b = below[q, 0], below[q, 1]
+                if (wanted[a] | wanted[b]) & meet(nodes, a, nodes, b):
+                    below[have, 0], below[have, 1] = a, b
+                    have += 1
+        pairs = below[:have].copy()
+    return pairs
+
+
+@njit(cache=True, nogil=True)
+def crossings(given: Faces, starts: Longs, most: int) -> Ints:
     """Pairs (k, 2) of triangles that have more in common than vertices and edges.
 
-    Only pairs with a triangle ``asked`` (f,) for are looked for, and no more than ``most`` of them.
-    ``spans`` are those of the triangles ``faces`` (f, 3), ``nodes`` the boxes of a heap over them.
+    No more than ``most`` of them, within the pairs of nodes ``starts`` (m, 2).
     The tree is laid against itself: pairs of nodes of one level, of which only those go on to their
     halves whose boxes meet, so that the work grows with the number of triangles.
     """
+    vertices, faces, asked, spans, nodes, wanted, normals, sizes = given
     leaves, count = len(nodes) // 2, len(faces)
-    normals, sizes = planes(vertices, faces)
-    wanted = nodes_with(asked, leaves)
     found = np.empty((64, 2), dtype=np.int32)
     made = 0
-    stack = np.empty((256, 2), dtype=np.int64)
-    stack[0], top = 1, 1
+    top = len(starts)
+    stack = np.empty((256 + top, 2), dtype=np.int64)
+    for p in range(top):
+        stack[p, 0], stack[p, 1] = starts[p, 0], starts[p, 1]
     while top:
         top -= 1
         a, b = stack[top, 0], stack[top, 1]
@@ -79,7 +114,9 @@ def crossings(
                 ):
                     continue
                 if made == len(found):
-                    found = np.concatenate((found, np.empty_like(found)))
+                    more = np.empty((2 * made, 2), dtype=np.int32)
+                    more[:made] = found
+                    found = more
                 found[made, 0], found[made, 1] = p, q
                 made += 1
                 if made == most:

@@ -9,11 +9,15 @@ from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._topology import opposite_half_edges, unpaired, vertex_fans
+from turnscan.threads import in_parts
 
 _THIN = 1e-9
 """A face has no area where its height is less than this share of its longest side."""
 _LEAF = 4
 """Faces, about, in a leaf of the tree of boxes."""
+_MANY = 20_000
+"""Faces above which the search for crossings is done in parts, by several threads."""
+_PARTS, _STARTS = 16, 256
 _PAIRS = 16
 """Times the number of faces: the most pairs of faces that cut through each other to search for.
 A heap of loose faces has millions, and nobody needs them all."""
@@ -79,11 +83,19 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     faces = mesh.faces[order]
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(faces) / _LEAF)))))
     reach = spans(mesh.vertices, faces)
-    most = _PAIRS * len(mesh.faces)
-    pairs = kernels.crossings(mesh.vertices, faces, which, reach, boxes(reach, leaves), most)
+    nodes, wanted = boxes(reach, leaves), kernels.nodes_with(which, leaves)
+    planes = kernels.planes(mesh.vertices, faces)
+    tree = kernels.Faces(mesh.vertices, faces, which, reach, nodes, wanted, *planes)
+    starts = kernels.beginnings(nodes, wanted, _STARTS)
+    most, parts = _PAIRS * len(mesh.faces), _PARTS if len(faces) > _MANY else 1
+    each = most if parts == 1 else most // 8
+    found = in_parts(lambda a, b: kernels.crossings(tree, starts[a:b], each), len(starts), parts)
+    if parts > 1 and any(len(pairs) == each for pairs in found):  # a heap: as many as may be
+        found = [kernels.crossings(tree, starts, most)]
+    pairs = np.concatenate([np.empty((0, 2), dtype=np.int32), *found])
     pairs = np.sort(order[pairs].astype(np.int32), axis=1)
-    found: Ints = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    return found
+    in_order: Ints = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    return in_order
 
 
 def _around(mesh: Mesh, asked: Bools) -> npt.NDArray[np.intp]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
+from turnscan.threads import in_parts
 
 _NOISE = 0.06
 """Speckle makes the median of five widths this much narrower or wider."""
@@ -118,11 +119,9 @@ def wholeness(light: LitPoints) -> Wholeness:
     from turnscan.points import _wholeness_kernels as kernels
 
     found = ~np.isnan(light.points[..., 0])
-    width = kernels.steady(np.where(found, light.width, np.nan))
-    walk, slide, side = kernels.across(
-        light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
-    )
-    walk = np.stack([kernels.steady(w) for w in walk])
+    width = _steady(np.where(found, light.width, np.nan))
+    walk, slide, side = _along_steps(kernels.across, light, (3, 2, *found.shape))
+    walk = np.stack([_steady(w) for w in walk])
     due_on, thickness, told = _due(walk, width)
     due = due_on(walk)
     curved = _round(walk)
@@ -136,7 +135,7 @@ def wholeness(light: LitPoints) -> Wholeness:
     bias = _bias(ratio, np.where(border, _SURE_END, _SURE))
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
     doubt = np.maximum(doubt, ~curved * _creased(width, walk, thickness, _arcs(light)))
-    light_of = kernels.steady(np.where(found, light.amplitude, np.nan))
+    light_of = _steady(np.where(found, light.amplitude, np.nan))
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
     beside = np.where(first, np.roll(light_of, -1, 0), np.roll(light_of, 1, 0))
     with np.errstate(invalid="ignore"):
@@ -153,6 +152,25 @@ def wholeness(light: LitPoints) -> Wholeness:
         slide=np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1])),
         thickness=thickness if told else 0.0,
     )
+
+
+def _steady(width: Floats) -> Floats:
+    """The kernel of that name, in parts."""
+    from turnscan.points import _wholeness_kernels as kernels
+
+    return np.concatenate(in_parts(lambda a, b: kernels.steady(width[a:b]), len(width)))
+
+
+def _along_steps(kernel: Callable[..., None], light: LitPoints, shape: tuple[int, ...]) -> Floats:
+    """What `across` or `further_in` writes of all steps, in parts."""
+    out, arcs = np.full(shape, np.nan), _arcs(light)
+
+    def part(first: int, end: int) -> None:
+        span = (first, end)
+        kernel(light.points, light.eyes, light.moves, light.sheets, arcs, light.closed, span, out)
+
+    in_parts(part, len(light.points))
+    return out
 
 
 def _arcs(light: LitPoints) -> Floats:
@@ -244,10 +262,8 @@ def _further_in(light: LitPoints, walk: Floats) -> tuple[Bools, Floats, Floats]:
     """
     from turnscan.points import _wholeness_kernels as kernels
 
-    flat = kernels.further_in(
-        light.points, light.eyes, light.moves, light.sheets, _arcs(light), light.closed
-    )
-    flat = np.stack([kernels.steady(w) for w in flat])
+    flat = _along_steps(kernels.further_in, light, walk.shape)
+    flat = np.stack([_steady(w) for w in flat])
     turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
     return np.isnan(walk[::-1]) & ~np.isnan(walk), flat, turned
 

@@ -17,7 +17,8 @@ _LINKED = 2.2
 def steady(width: Floats) -> Floats:
     """(s, n) the median of each width and up to two beside it along the run; NaN where none is."""
     s, n = width.shape
-    out = np.full((s, n), np.nan)
+    out = np.empty((s, n))
+    out[:] = np.nan
     some = np.empty(2 * _BESIDE + 1)
     for k in range(s):
         for j in range(n):
@@ -28,9 +29,15 @@ def steady(width: Floats) -> Floats:
                 low -= 1
             while high < min(n - 1, j + _BESIDE) and not np.isnan(width[k, high + 1]):
                 high += 1
-            for i in range(low, high + 1):
-                some[i - low] = width[k, i]
-            out[k, j] = np.median(some[: high + 1 - low])
+            have = 0
+            for i in range(low, high + 1):  # the few are kept in order
+                place = have
+                while place > 0 and some[place - 1] > width[k, i]:
+                    some[place] = some[place - 1]
+                    place -= 1
+                some[place] = width[k, i]
+                have += 1
+            out[k, j] = (some[(have - 1) // 2] + some[have // 2]) / 2
     return out
 
 
@@ -58,22 +65,29 @@ def _normal(points: Floats, k: int, m: int, j: int, sign: float, normal: Floats)
 
 @njit(cache=True, nogil=True)
 def across(
-    points: Floats, eyes: Floats, moves: Floats, sheets: Floats, arc: Floats, closed: bool
-) -> tuple[Floats, Floats, Floats]:
+    points: Floats,
+    eyes: Floats,
+    moves: Floats,
+    sheets: Floats,
+    arc: Floats,
+    closed: bool,
+    span: tuple[int, int],
+    out: Floats,
+) -> None:
     """How the surface between each point and the next profile lies to the light, both ways.
 
     ``moves`` (s, n, 3) is ∂X/∂u at the point's depth, square to nothing in particular: the ray's
     end for the next pixel; ``sheets`` (s, n, 3) the sheet's normal, ``arc`` (s, n) mm the usual
-    way to the next step. Gives walk (2, s, n): mm that one pixel leads away from the sheet on the
-    plane through the profile and its neighbour after and before, NaN where that is no neighbour;
+    way to the next step. Writes into ``out`` (3, 2, s, n), full of NaN, for the steps of a ``span``
+    from the first to before the last: walk (2, s, n): mm that one pixel leads away from the sheet
+    on the plane through the profile and its neighbour after and before, NaN where that is none;
     slide (2, s, n): the share of a turn's movement that is along the plane's normal; and side
     (2, s, n): 1 where the neighbour lies on the side of higher pixels, else −1.
     """
     s, n, _ = points.shape
-    walk, slide = np.full((2, s, n), np.nan), np.full((2, s, n), np.nan)
-    side = np.full((2, s, n), np.nan)
+    walk, slide, side = out[0], out[1], out[2]
     normal = np.empty(3)
-    for k in range(s):
+    for k in range(span[0], span[1]):
         for j in range(n):
             if np.isnan(points[k, j, 0]):
                 continue
@@ -98,21 +112,27 @@ def across(
                 reach = np.hypot(points[k, j, 0], points[k, j, 1])
                 turn = normal[1] * points[k, j, 0] - normal[0] * points[k, j, 1]
                 slide[way, k, j] = abs(turn) / max(reach, 1e-9)
-    return walk, slide, side
 
 
 @njit(cache=True, nogil=True)
 def further_in(
-    points: Floats, eyes: Floats, moves: Floats, sheets: Floats, arc: Floats, closed: bool
-) -> Floats:
-    """(2, s, n) the walk of `across` on the plane of the profile beside and the one beyond it.
+    points: Floats,
+    eyes: Floats,
+    moves: Floats,
+    sheets: Floats,
+    arc: Floats,
+    closed: bool,
+    span: tuple[int, int],
+    walk: Floats,
+) -> None:
+    """The walk of `across` on the plane of the profile beside and the one beyond it.
 
-    As the light of each point's own step sees it; NaN where one of the two is no neighbour.
+    As the light of each point's own step sees it. Writes into ``walk`` (2, s, n), full of NaN, for
+    the steps of a ``span``; NaN stays where one of the two is no neighbour.
     """
     s, n, _ = points.shape
-    walk = np.full((2, s, n), np.nan)
     normal = np.empty(3)
-    for k in range(s):
+    for k in range(span[0], span[1]):
         for way in range(2):
             sign = 1 - 2 * way
             m, o = k + sign, k + 2 * sign
@@ -132,4 +152,3 @@ def further_in(
                 ray = points[k, j] - eyes[k]
                 along = (normal * moves[k, j]).sum() / (normal * ray).sum()
                 walk[way, k, j] = abs((sheets[k, j] * (moves[k, j] - ray * along)).sum())
-    return walk

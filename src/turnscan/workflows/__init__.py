@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._measure import Measured, measure
     from turnscan.workflows._measure_options import MeasureOptions
     from turnscan.workflows._opening import OpenScan, open_scan
+    from turnscan.workflows._precompile import precompile
     from turnscan.workflows._reading import read_mesh_file, read_rig_file
     from turnscan.workflows._reconstruct import reconstruct
     from turnscan.workflows._reconstruct_options import ReconstructOptions
@@ -136,7 +137,7 @@ if TYPE_CHECKING:
         photograph,
         scan_events,
     )
-    from turnscan.workflows._units import DIMENSION_SUFFIXES, SECTION_SUFFIXES, UNITS
+    from turnscan.workflows._units import DIMENSION_SUFFIXES, SECTION_SUFFIXES
     from turnscan.workflows._verify import (
         Trend,
         Verification,
@@ -210,6 +211,7 @@ _MODULES = {
     "_measure": ("Measured", "measure"),
     "_measure_options": ("MeasureOptions",),
     "_opening": ("OpenScan", "open_scan"),
+    "_precompile": ("precompile",),
     "_reading": ("read_mesh_file", "read_rig_file"),
     "_reconstruct": ("reconstruct",),
     "_reconstruct_options": ("ReconstructOptions",),
@@ -287,7 +289,7 @@ _MODULES = {
         "photograph",
         "scan_events",
     ),
-    "_units": ("DIMENSION_SUFFIXES", "SECTION_SUFFIXES", "UNITS"),
+    "_units": ("DIMENSION_SUFFIXES", "SECTION_SUFFIXES"),
     "_verify": (
         "Trend",
         "Verification",
@@ -316,7 +318,6 @@ __all__ = [
     "SELECTION_RULES",
     "SHAPES_SUFFIXES",
     "TARGET",
-    "UNITS",
     "VERBS",
     "Acknowledged",
     "Agreement",
@@ -457,6 +458,7 @@ __all__ = [
     "parse_angles",
     "parse_theta",
     "photograph",
+    "precompile",
     "preview_import",
     "published_design",
     "read_artefact",

@@ -13,6 +13,7 @@ from turnscan.remedy import Option, Remedy
 from turnscan.stripes import StripeFlag
 from turnscan.surface._noise import noise, spacing
 from turnscan.surface.clean._despike import despike
+from turnscan.threads import in_parts
 
 _BEND = float(np.cos(np.deg2rad(25.0)))
 """Two sides in a row go on alike where they bend by less than this."""
@@ -213,8 +214,10 @@ def _links(grid: RangeGrid, c: Clean) -> tuple[Bools, Bools]:
     usual = spacing(grid)
     closed = grid.closed and s >= 3
     limits = kernels.Limits(c.stretch, c.jump, float(np.cos(np.pi / 2 - c.grazing)), _BEND)
-    both = [
-        kernels.links(grid.points, side, eyes, sigma, u, steps, closed, limits)
-        for u, steps in zip(usual, (True, False), strict=True)
-    ]
+
+    def linked(way: int, _: int) -> Bools:
+        steps = way == 0
+        return kernels.links(grid.points, side, eyes, sigma, usual[way], steps, closed, limits)
+
+    both = in_parts(linked, 2, 2)
     return both[0], both[1]

@@ -196,7 +196,9 @@ def _run(
     for i in range(inner):
         line = first - d * i
         if not np.isnan(points[k, line, 0]):
-            own[have], at[have] = points[k, line], i
+            at[have] = i
+            for axis in range(3):
+                own[have, axis] = points[k, line, axis]
             lights[have], sigmas[have] = light[k, line], sigma[k, line]
             have += 1
     middle, slope = np.zeros(3), np.zeros(3)

@@ -1,0 +1,93 @@
+"""Precompile: the kernels that a scan and its surface need are compiled before the first one."""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+import numpy as np
+
+from turnscan import points
+from turnscan.detection import Detection, View
+from turnscan.formats import export
+from turnscan.gridding import to_grids
+from turnscan.meshing import to_mesh
+from turnscan.progress import Progress, no_progress
+from turnscan.rig import Rig
+from turnscan.scan import Scan, ScanPlan
+from turnscan.settings import Settings
+from turnscan.shapes import deviation
+from turnscan.simulate import SimulationSpec, bench
+from turnscan.stripes import Stripe, Stripes
+from turnscan.surface.holes import ClosingOptions
+from turnscan.workflows._demo import demo
+from turnscan.workflows._demo_options import DemoOptions
+
+_STEPS = 24
+_RADIUS, _LOW, _HIGH = 20.0, 5.0, 45.0
+"""mm: a column that stands in the middle of the rig's volume."""
+
+
+def precompile(progress: Progress = no_progress) -> None:
+    """Compile the kernels of a scan and of its surface, in two processes at a time.
+
+    One does a short demo. The other begins with points and surfaces, on made-up stripes of a
+    column, so that what the demo comes to last is compiled when it gets there. Kernels whose
+    machine code is there take no time; where it lies is said in `turnscan.compiled`. What other
+    verbs need beyond that is compiled when it is used.
+
+    Parameters
+    ----------
+    progress
+        Told when one of the two is done; it may cancel between them.
+    """
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        jobs = [pool.submit(_pictures), pool.submit(_surfaces)]
+        for done, job in enumerate(as_completed(jobs), 1):
+            job.result()
+            progress(done / len(jobs), "compiling")
+
+
+def _pictures() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        demo(folder, DemoOptions(steps=_STEPS))
+
+
+def _surfaces() -> None:
+    rig = bench(SimulationSpec("cup", "paper", lasers=1)).rig
+    settings = Settings(caps=ClosingOptions())
+    camera, laser = rig.camera, rig.sheets[0].name
+    with tempfile.TemporaryDirectory() as folder:
+        plan = ScanPlan(camera.width, camera.height, "uint8", 1, (laser,), _STEPS, 20.0)
+        with Scan.create(Path(folder) / "column.turnscan", plan, rig) as scan:
+            inside = np.ones((camera.height, camera.width), dtype=np.bool_)
+            volume = points.working_volume(rig, laser)
+            view = View(scan, rig, laser, laser, volume, settings.stripes, inside)
+            grids = to_grids([Detection(view, _column(rig, laser), ())], settings).grids
+    done = to_mesh(grids, settings, rig=rig)
+    deviation(done.opened.vertices, done.opened)
+    for suffix in (".dxf", ".stl", ".ply"):
+        export(done.mesh, suffix)
+
+
+def _column(rig: Rig, laser: str) -> Stripes:
+    """The stripes of an upright column on the axis, in a whole turn."""
+    T = rig.T_camera_table.inverse()
+    out = np.cross(T.turn(rig.sheet(laser).normal), (0.0, 0.0, 1.0))
+    out *= np.copysign(_RADIUS, out @ T.translation) / np.hypot(out[0], out[1])
+    z = np.linspace(_LOW, _HIGH, 400)
+    line = np.stack([np.full(len(z), out[0]), np.full(len(z), out[1]), z], axis=-1)
+    u, v = rig.camera.project(rig.T_camera_table.apply(line)).T
+    order = np.argsort(v)
+    lines = np.arange(rig.camera.height, dtype=np.float64)
+    position = np.interp(lines, v[order], u[order], left=np.nan, right=np.nan)
+
+    def all_along(value: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        return np.where(np.isnan(position), np.nan, value)
+
+    flags = np.zeros(len(lines), dtype=np.uint16)
+    stripe = Stripe(position, all_along(0.05), all_along(120.0), all_along(2.0), flags)
+    angles = np.linspace(0.0, 2 * np.pi, _STEPS, endpoint=False)
+    return Stripes(laser, tuple(range(_STEPS)), angles, (stripe,) * _STEPS)
