@@ -95,7 +95,7 @@ def test_bad_input_is_one_line(
         ((junk,), "junk.stl"),
         ((tmp_path / "none.ply",), "none.ply"),
         ((part, "-o", tmp_path / "x.stl"), ".ply or .glb or .step or .stp"),
-        ((part, "--report", tmp_path / "x.txt"), ".html or .json or .csv"),
+        ((part, "--report", tmp_path / "x.txt"), ".html or .pdf or .json or .csv"),
         ((part, "-o", part), "is an input"),
         ((part, "--tolerance", "0"), "--tolerance"),
     ):
@@ -116,3 +116,26 @@ def test_all_freeform_is_said(tmp_path: Path) -> None:
     path = tmp_path / "vase.ply"
     path.write_bytes(write_ply(noisy(Mesh(X, body.faces), 0.02, 2)))
     assert "freeform: no shape" in _run("shapes", path)
+
+
+def test_a_dimension_report_shows_each_feature(part: Path, tmp_path: Path) -> None:
+    page, sheet, table, data = (tmp_path / f"m.{s}" for s in ("html", "pdf", "csv", "json"))
+    said = _run("measure", part, "--report", page)
+    assert "plane 1 to plane 2: " in said or "plane 1 to plane 3: " in said
+    text = page.read_text()
+    assert text.count("<img") == 1 + len({*_features(_run("measure", part, "--report", table))})
+    assert "U (k = 2)" in text
+    _run("measure", part, "--report", sheet)
+    assert sheet.read_bytes().startswith(b"%PDF")
+    _run("measure", part, "--report", data)
+    rows = json.loads(data.read_text())["dimensions"]
+    sides = sorted(r["value"] for r in rows if r["quantity"] == "distance")
+    assert sides == pytest.approx([30, 40], abs=0.01)
+    assert all(r["expanded_uncertainty"] == 2 * r["standard_uncertainty"] for r in rows)
+    assert len(rows) == len(list(csv.DictReader(table.read_text().splitlines())))
+    assert "shapes" in rows[0]
+
+
+def _features(said: str) -> list[str]:
+    lines = [line.split(": ")[0] for line in said.splitlines()]
+    return [who for who in lines if who.startswith("plane ")]

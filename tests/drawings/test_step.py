@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,10 @@ import turnscan as ts
 from tests.needs import needs
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.cli import main, turnscan
-from turnscan.drawings import read_step, write_step
+from turnscan.drawings import StepPart, read_step, write_step
 from turnscan.formats import read_about, write_ply
 from turnscan.mesh import Mesh
+from turnscan.workflows._reading import step_findings
 from turnscan.workflows._shapes import FoundShapes, find_shapes
 
 SHAFT = [(0.5, 0), (25, 0), (25, 20), (15, 20), (15, 40), (0.5, 40)]
@@ -118,3 +120,11 @@ def test_without_opencascade_one_line_says_what_to_install(
     assert len(error.splitlines()) == 1, error
     assert "turnscan[cad]" in error
     assert not out.exists()
+
+
+def test_faces_without_triangles_and_faults_are_said() -> None:
+    part = StepPart(1, False, 0.0, Mesh(np.eye(3), [[0, 1, 2]]), (), np.zeros(1, np.int32), 2)
+    lost, faults = step_findings(part, Path("folder/part.step"))
+    assert "part.step: OpenCASCADE makes no triangles of 2 of its faces" in lost.message
+    assert faults.code == "step.faults"
+    assert not step_findings(replace(part, valid=True, lost=0), Path("part.step"))

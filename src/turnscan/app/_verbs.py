@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -282,7 +282,11 @@ def _compare(given: Given) -> Outcome:
 
 
 def _measure(given: Given) -> Outcome:
-    found = w.measure(given.path("file"), given.of(w.MeasureOptions), progress=given.progress)
+    options, reports = given.of(w.MeasureOptions), given.outputs["report"]
+    options = replace(options, sizes=options.sizes or bool(reports))
+    found = w.measure(given.path("file"), options, progress=given.progress)
+    for path in reports:
+        found.save_report(path)
     return Outcome(str(found), found.findings, json.dumps(found.figures, indent=1))
 
 

@@ -32,7 +32,7 @@ from turnscan.cli._words import with_flags
 @click.option(
     "--report",
     type=click.Path(path_type=Path),
-    help="Report to write: .html with pictures, .json, or the sizes as .csv.",
+    help="Report to write: .html or .pdf with pictures, .json, or the sizes as .csv.",
 )
 @click.option(
     "--tolerance-table",
@@ -61,7 +61,7 @@ def verb(
     """
     written = [p for p in (picture, *outputs, report) if p is not None]
     workflows.check_apart(written)
-    kinds = {picture: (".png",), report: (".html", ".json", ".csv")}
+    kinds = {picture: (".png",), report: workflows.DIMENSION_SUFFIXES}
     for path in written:
         workflows.check_output(path, kinds.get(path, workflows.MAP_SUFFIXES), [measured, reference])
     with progress_bar() as progress:

@@ -28,7 +28,7 @@ from turnscan.cli._words import with_flags
 @click.option(
     "--report",
     type=click.Path(path_type=Path),
-    help="Report to write: .html with pictures, .json, or the dimensions as .csv.",
+    help="Report to write: .html or .pdf with pictures, .json, or the dimensions as .csv.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, unrounded.")
 def verb(
@@ -49,7 +49,7 @@ def verb(
     for path in outputs:
         workflows.check_output(path, workflows.SHAPES_SUFFIXES, inputs=[part])
     if report is not None:
-        workflows.check_output(report, (".html", ".json", ".csv"), inputs=[part])
+        workflows.check_output(report, workflows.DIMENSION_SUFFIXES, inputs=[part])
     workflows.check_step(outputs)
     with progress_bar() as progress:
         found = workflows.find_shapes(part, options, progress=progress)

@@ -48,6 +48,8 @@ class StepPart:
     """The planes, cylinders, spheres, cones and tori of its faces; those of one surface are one."""
     label: Ints
     """(f,) index of the shape that a triangle of ``mesh`` belongs to; −1 for freeform faces."""
+    lost: int = 0
+    """Faces that OpenCASCADE could not turn into triangles: ``mesh`` lacks them."""
 
 
 def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> bytes:
@@ -122,8 +124,8 @@ def read_step(data: bytes, deflection: float | None = None) -> StepPart:
     if deflection is None:
         deflection = max(_FINE * extent_of(shape), 1e-9)
     BRepMesh_IncrementalMesh(shape, deflection, False, _ANGLE)
-    mesh, shapes, label = _facets(shape)
-    return StepPart(len(solids), valid, volume, mesh, shapes, label)
+    mesh, shapes, label, lost = _facets(shape)
+    return StepPart(len(solids), valid, volume, mesh, shapes, label, lost)
 
 
 def _text(words: str) -> bytes:
@@ -158,19 +160,21 @@ def _tessellated(mesh: Mesh) -> Any:
     return face
 
 
-def _facets(shape: Any) -> tuple[Mesh, tuple[Shape, ...], Ints]:
-    """The triangles that a shape's faces have, the analytic surfaces, and whose each one is."""
+def _facets(shape: Any) -> tuple[Mesh, tuple[Shape, ...], Ints, int]:
+    """The triangles that a shape's faces have, the analytic surfaces, whose each one is, and how
+    many faces have no triangles."""
     from OCP.BRep import BRep_Tool
     from OCP.TopAbs import TopAbs_REVERSED
     from OCP.TopLoc import TopLoc_Location
     from OCP.TopoDS import TopoDS
 
     points, faces, owner, count = list[np.ndarray](), list[np.ndarray](), list[np.ndarray](), 0
-    surfaces = list[Shape | None]()
+    surfaces, lost = list[Shape | None](), 0
     for face in map(TopoDS.Face, parts_of(shape, "face")):
         place = TopLoc_Location()
         body = BRep_Tool.Triangulation_s(face, place)
-        if body is None:
+        if body is None or not body.NbTriangles():
+            lost += 1
             continue
         move = place.Transformation()
         nodes = (body.Node(k + 1).Transformed(move) for k in range(body.NbNodes()))
@@ -184,8 +188,9 @@ def _facets(shape: Any) -> tuple[Mesh, tuple[Shape, ...], Ints]:
         faces.append(some + count)
         count += len(X)
     if not points:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)), (), np.zeros(0, np.int32)
+        none = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+        return none, (), np.zeros(0, np.int32), lost
     shapes, number = merged(surfaces)
     label = number[np.concatenate(owner)]
     X, corner = np.unique(np.concatenate(points), axis=0, return_inverse=True)
-    return Mesh(X, corner.reshape(-1)[np.concatenate(faces)]), shapes, label
+    return Mesh(X, corner.reshape(-1)[np.concatenate(faces)]), shapes, label, lost

@@ -244,7 +244,7 @@ def compare(
     back = deviation(sample_surface(drawn.mesh, wanted.samples), mesh)
     agreements = tuple(Agreement(t, out.within(t), back.within(t)) for t in wanted.tolerances)
     names = (got.name, drawn.name)
-    findings = (*got.findings, *placement.findings)
+    findings = (*got.findings, *drawn.findings, *placement.findings)
     plain = Comparison(mesh, every, out, agreements, findings, placement, names)
     if not table:
         return plain

@@ -12,7 +12,7 @@ from turnscan.drawings import with_sigma
 from turnscan.findings import Finding, record
 from turnscan.mesh import Mesh
 from turnscan.shapes import Deviation
-from turnscan.workflows import _html as html
+from turnscan.workflows import _document as doc
 from turnscan.workflows._aligning import Placement
 from turnscan.workflows._compared_features import Agreement, Check, Feature
 from turnscan.workflows._deviation_map import deviation_figure
@@ -56,7 +56,11 @@ def write_report(found: Compared, path: Path, limit: float | None) -> None:
         body = {**found.figures(), "findings": [record(f) for f in found.findings]}
         write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
     else:
-        write_atomically(path, _page(found, limit).encode())
+        title = " against ".join(Path(name).name for name in found.names)
+        blocks = _blocks(found, limit)
+        pdf = suffix == ".pdf"
+        data = doc.as_pdf(title, blocks) if pdf else doc.as_html(title, blocks).encode()
+        write_atomically(path, data)
 
 
 def _csv(found: Compared) -> str:
@@ -78,24 +82,24 @@ def _csv(found: Compared) -> str:
     return out.getvalue()
 
 
-def _page(found: Compared, limit: float | None) -> str:
+def _blocks(found: Compared, limit: float | None) -> list[doc.Block]:
     d = found.deviation
     measured, reference = (Path(name).name for name in found.names)
-    parts = [
-        html.paragraph(f"{measured} against {reference}: {found.placement.text}."),
-        *([html.paragraph(f"Tolerances: {found.verdict}.")] if found.verdict else []),
-        html.picture(
+    parts: list[doc.Block] = [
+        doc.Paragraph(f"{measured} against {reference}: {found.placement.text}."),
+        *([doc.Paragraph(f"Tolerances: {found.verdict}.")] if found.verdict else []),
+        doc.Picture(
             deviation_figure(found.mesh, found.every, limit),
             "Deviation of the measured surface from the reference, outside positive.",
         ),
-        html.table(
+        doc.Table(
             ["vertices", "mean, mm", "rms, mm", "95 % within, mm", "worst, mm"],
             [
                 [len(d.distance), f"{d.mean:+.4f}", f"{d.rms:.4f}", f"{d.quantile(0.95):.4f}",
                  f"{d.quantile(1.0):.4f}"]
             ],
         ),
-        html.table(
+        doc.Table(
             ["tolerance, mm", "precision", "completeness", "F-score"],
             [
                 [f"{a.tolerance:g}", f"{a.precision:.2%}", f"{a.completeness:.2%}",
@@ -106,8 +110,8 @@ def _page(found: Compared, limit: float | None) -> str:
     ]  # fmt: skip
     if found.features:
         parts += [
-            html.heading("Features of the reference"),
-            html.table(
+            doc.Heading("Features of the reference"),
+            doc.Table(
                 ["", "drawn as", "points", "mean, mm", "rms, mm", "95 % within, mm"],
                 [
                     [f.number, f.nominal, f.points, f"{f.mean:+.4f}", f"{f.rms:.4f}",
@@ -115,19 +119,18 @@ def _page(found: Compared, limit: float | None) -> str:
                     for f in found.features
                 ],
             ),
-            html.heading("Sizes and profiles"),
-            html.paragraph(
+            doc.Heading("Sizes and profiles"),
+            doc.Paragraph(
                 "± is one standard uncertainty. A tolerance is kept (pass) or not (fail) where two "
                 "standard uncertainties leave no doubt (ISO 14253-1), else it is undecided."
             ),
-            html.table(
+            doc.Table(
                 ["feature", "quantity", "nominal", "measured ±", "off", "", "tolerance", "limits",
                  "verdict"],
                 [_row(c) for c in found.checks],
             ),
         ]  # fmt: skip
-    parts += [html.heading("Findings"), html.findings(found.findings)]
-    return html.page(f"{measured} against {reference}", parts)
+    return [*parts, doc.Heading("Findings"), doc.Findings(found.findings)]
 
 
 def _row(c: Check) -> list[object]:

@@ -13,9 +13,10 @@ from turnscan.formats import read_about
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.scan import Scan
-from turnscan.workflows._reading import read_mesh_file, read_start
+from turnscan.workflows._reading import read_mesh_file, read_start, read_step_file, step_findings
 from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._units import STEP_SUFFIXES
 
 Source = Mesh | ReconstructResult | Scan | str | PathLike[str]
 """What a surface may come from."""
@@ -45,6 +46,9 @@ def load(source: Source, unit: str = "mm", progress: Progress = no_progress) -> 
         return Loaded(source, "the mesh")
     if isinstance(source, str | PathLike) and Path(source).suffix.lower() != ".turnscan":
         path = Path(source)
+        if path.suffix.lower() in STEP_SUFFIXES:
+            part, about = read_step_file(path), read_about(read_start(path))
+            return Loaded(part.mesh, str(path), about, findings=step_findings(part, path))
         return Loaded(read_mesh_file(path, unit), str(path), read_about(read_start(path)))
     if not isinstance(source, ReconstructResult):
         source = reconstruct(source, progress=progress)

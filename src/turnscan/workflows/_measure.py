@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from turnscan.drawings import with_sigma
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh, is_closed
@@ -25,8 +27,12 @@ from turnscan.shapes import (
     volume_sigma,
 )
 from turnscan.workflows._declare import chosen
+from turnscan.workflows._dimension_report import write_dimensions
 from turnscan.workflows._loading import Source, load
 from turnscan.workflows._measure_options import MeasureOptions
+from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._shapes import FoundShapes, find_shapes
+from turnscan.workflows._shapes_table import Dimension
 
 _SAME = 1e-6
 """Relative: a volume that differs by more from what its file says is that of another mesh."""
@@ -42,9 +48,31 @@ class Measured:
     """By name, with the unit at its end: ``volume_mm3``, ``bounds_mm``, ``planes``, …"""
     findings: tuple[Finding, ...] = ()
     """Of the reconstruction, where a scan was measured."""
+    shapes: FoundShapes | None = None
+    """What every size was found from, where they were asked for."""
 
     def __str__(self) -> str:
-        return "\n".join(_lines(self.figures))
+        lines = _lines(self.figures)
+        for d in self.shapes.dimensions if self.shapes else ():
+            value = with_sigma(d.value, d.sigma)
+            lines.append(f"{d.feature}: {d.quantity} {value} {d.unit}, {d.rests_on}")
+        return "\n".join(lines)
+
+    @property
+    def dimensions(self) -> list[Dimension]:
+        """Volume and sizes, each with its uncertainty; none where sizes were not asked for."""
+        return [*_whole_part(self.figures), *(self.shapes.dimensions if self.shapes else ())]
+
+    def save_report(self, path: str | Path) -> None:
+        """Write the dimension report: .html or .pdf with a picture of each feature, .json or .csv.
+
+        Raises InputError where sizes were not asked for, ExportError where it cannot be written.
+        """
+        if self.shapes is None:
+            raise InputError("the sizes of the part were not measured", hint="measure its sizes")
+        write_dimensions(
+            self.shapes, _whole_part(self.figures), self.figures, self.findings, Path(path)
+        )
 
 
 def measure(
@@ -88,6 +116,8 @@ def measure(
     True
     """
     wanted = chosen(MeasureOptions, options, changes)
+    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".turnscan":
+        source = reconstruct(source, progress=progress)
     loaded = load(source, progress=progress)
     mesh = loaded.mesh
     if not len(mesh.vertices):
@@ -103,7 +133,20 @@ def measure(
         result["sphere"] = _sphere(mesh)
     if wanted.cylinder:
         result["cylinder"] = _cylinder(mesh)
-    return Measured(result, loaded.findings)
+    if not wanted.sizes:
+        return Measured(result, loaded.findings)
+    found = find_shapes(source)
+    result["sizes"] = found.figures()["sizes"]
+    return Measured(result, loaded.findings, found)
+
+
+def _whole_part(figures: Mapping[str, Any]) -> list[Dimension]:
+    value, sigma = figures.get("volume_mm3"), figures.get("volume_sigma_mm3")
+    if value is None:
+        return []
+    known = float("nan") if sigma is None else float(sigma)
+    rests = f"{figures['faces']} faces"
+    return [Dimension("the whole part", "volume", float(value), known, "mm³", rests)]
 
 
 def _whole(mesh: Mesh, about: Mapping[str, object]) -> dict[str, Any]:

@@ -11,6 +11,11 @@ from turnscan.workflows._declare import Checked, option
 class MeasureOptions(Checked):
     """What to measure besides size and volume."""
 
+    sizes: bool = option(
+        False, "switch",
+        "Find the shapes of the part and list every size: distances of parallel sides, diameters, "
+        "angles, positions of holes, step heights, flatness, cylindricity.",
+    )  # fmt: skip
     planes: bool = option(
         False, "switch", "Find planar faces of the part and the angles between them."
     )

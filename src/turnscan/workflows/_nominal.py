@@ -10,12 +10,13 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import DidNotConverge, InputError
+from turnscan.findings import Finding
 from turnscan.mesh import Mesh, opposite_half_edges
 from turnscan.progress import Progress
 from turnscan.shapes import fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes.primitives import Kind, Shape
 from turnscan.workflows._loading import Source, load
-from turnscan.workflows._reading import read_step_file
+from turnscan.workflows._reading import read_step_file, step_findings
 from turnscan.workflows._units import STEP_SUFFIXES
 
 _FLAT = np.deg2rad(0.05)
@@ -44,6 +45,8 @@ class Nominal:
     """The largest first."""
     label: Ints
     """(f,) index of the shape of each face; −1 for freeform."""
+    findings: tuple[Finding, ...] = ()
+    """What is odd about its file."""
 
 
 def nominal(source: Source, unit: str, progress: Progress) -> Nominal:
@@ -54,7 +57,8 @@ def nominal(source: Source, unit: str, progress: Progress) -> Nominal:
     """
     if isinstance(source, str | Path) and Path(source).suffix.lower() in STEP_SUFFIXES:
         part = read_step_file(Path(source))
-        return Nominal(str(source), part.mesh, part.shapes, part.label)
+        odd = step_findings(part, Path(source))
+        return Nominal(str(source), part.mesh, part.shapes, part.label, odd)
     loaded = load(source, unit, progress)
     return Nominal(loaded.name, loaded.mesh, (), np.full(len(loaded.mesh.faces), -1, np.int32))
 

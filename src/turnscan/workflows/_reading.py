@@ -8,6 +8,7 @@ from pathlib import Path
 
 from turnscan.drawings import StepPart, read_step
 from turnscan.errors import FormatError, InputError, LimitExceeded
+from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.rig import Rig, rig_from_json, rig_from_ruler
 from turnscan.workflows._units import STEP_SUFFIXES, UNITS
@@ -87,6 +88,30 @@ def read_step_file(path: Path) -> StepPart:
     if not len(part.mesh.faces):
         raise FormatError(f"{path}: the STEP file holds no surface", hint="export a solid")
     return part
+
+
+def step_findings(part: StepPart, path: Path) -> tuple[Finding, ...]:
+    """What a person must know of a STEP file before anything is measured against it."""
+    out = []
+    if part.lost:
+        out.append(
+            Finding(
+                "step.lost-faces", "warning",
+                f"{path.name}: OpenCASCADE makes no triangles of {part.lost} of its faces; they "
+                "are missing",
+                remedy="export the part again from the program that drew it",
+            )
+        )  # fmt: skip
+    if not part.valid:
+        out.append(
+            Finding(
+                "step.faults", "warning",
+                f"{path.name}: OpenCASCADE finds faults in the solid, so its volume and its faces "
+                "may be wrong",
+                remedy="repair the part in the program that drew it, and export it again",
+            )
+        )  # fmt: skip
+    return tuple(out)
 
 
 def read_rig_file(path: str | PathLike[str], *, partial: bool = False) -> Rig:

@@ -294,18 +294,25 @@ _ALL = (
             OutputFile("outputs", "The surface coloured by its deviation.", MAP_SUFFIXES),
             OutputFile(
                 "report", "Report with pictures, figures, or the sizes as a table.",
-                (*REPORT_SUFFIXES, ".csv"),
+                DIMENSION_SUFFIXES,
             ),
             _FIGURES,
         ),
     ),
     Verb(
         "measure", "Measure planes, spheres, cylinders",
-        "Size and volume, planar faces and the angles between them, a sphere or a cylinder.",
+        "Size and volume, every size of the shapes of the part, planar faces and the angles "
+        "between them, a sphere or a cylinder.",
         "Inspect",
         (InputFile("file", "Mesh (mm) or scan.", _SURFACE),),
         (OptionsOf(MeasureOptions),),
-        (_FIGURES,),
+        (
+            OutputFile(
+                "report", "Dimension report with a picture of each feature, or a table.",
+                DIMENSION_SUFFIXES,
+            ),
+            _FIGURES,
+        ),
     ),
     Verb(
         "shapes", "Find shapes",
@@ -317,7 +324,7 @@ _ALL = (
             OutputFile("outputs", "The mesh coloured by shape, or a solid.", SHAPES_SUFFIXES),
             OutputFile(
                 "report", "Report with pictures, figures, or the dimensions as a table.",
-                (*REPORT_SUFFIXES, ".csv"),
+                DIMENSION_SUFFIXES,
             ),
             _FIGURES,
         ),

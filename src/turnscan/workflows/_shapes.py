@@ -32,7 +32,7 @@ from turnscan.shapes.primitives import (
     sizes_between,
 )
 from turnscan.shapes.primitives import find_shapes as find_in_mesh
-from turnscan.workflows import _html as html
+from turnscan.workflows import _document as doc
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source, load
@@ -400,43 +400,51 @@ def _write_report(found: FoundShapes, path: Path) -> None:
         body = {**found.figures(), **_step(found), "findings": [record(f) for f in found.findings]}
         write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
         return
+    title, blocks = f"Shapes of {Path(found.name).name}", _blocks(found)
+    pdf = path.suffix.lower() == ".pdf"
+    data = doc.as_pdf(title, blocks) if pdf else doc.as_html(title, blocks).encode()
+    write_atomically(path, data)
+
+
+def _blocks(found: FoundShapes) -> list[doc.Block]:
     f, made = found.found, _made(found)
-    parts = [
-        html.paragraph(
+    told = made.finding.message if made else ""
+    solid: list[doc.Block] = [doc.Heading("Solid"), doc.Paragraph(told)] if made else []
+    return [
+        doc.Paragraph(
             f"{len(f.shapes)} shapes lie under {f.coverage:.1%} of the measured surface; a point "
             f"may be {f.tolerance:.3g} mm off its shape. ± is one standard uncertainty."
         ),
-        html.picture(shapes_figure(found), "The part by shape; grey is freeform or not measured."),
-        html.heading("Shapes"),
-        html.table(
+        doc.Picture(shapes_figure(found), "The part by shape; grey is freeform or not measured."),
+        doc.Heading("Shapes"),
+        doc.Table(
             ["", "shape, relations adopted", "on its own"],
             [
                 [k + 1, shape_in_words(s), shape_in_words(m)]
                 for k, (s, m) in enumerate(zip(f.shapes, f.measured, strict=True))
             ],
         ),
-        *([html.heading("Solid"), html.paragraph(made.finding.message)] if made else []),
-        html.heading("Relations adopted"),
-        html.table(["shapes and relation"], [[relation_in_words(r)] for r in f.relations]),
-        html.heading("Dimensions"),
-        html.table(
+        *solid,
+        doc.Heading("Relations adopted"),
+        doc.Table(["shapes and relation"], [[relation_in_words(r)] for r in f.relations]),
+        doc.Heading("Dimensions"),
+        doc.Table(
             ["feature", "quantity", "value ± standard uncertainty", "", "rests on"],
             [
                 [d.feature, d.quantity, with_sigma(d.value, d.sigma), d.unit, d.rests_on]
                 for d in found.dimensions
             ],
         ),
-        html.heading("Edges"),
-        html.table(["shapes and edge"], [[edge_in_words(e)] for e in found.edges]),
-        html.heading("Residuals"),
-        html.picture(
+        doc.Heading("Edges"),
+        doc.Table(["shapes and edge"], [[edge_in_words(e)] for e in found.edges]),
+        doc.Heading("Residuals"),
+        doc.Picture(
             residual_figure(found),
             "How far measured points lie off their shapes, outside positive.",
         ),
-        html.heading("Findings"),
-        html.findings(found.findings),
+        doc.Heading("Findings"),
+        doc.Findings(found.findings),
     ]
-    write_atomically(path, html.page(f"Shapes of {Path(found.name).name}", parts).encode())
 
 
 def _made(found: FoundShapes) -> StepFile | None:

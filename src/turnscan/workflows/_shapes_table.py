@@ -30,6 +30,8 @@ class Dimension:
     unit: str
     rests_on: str
     """What was measured for it."""
+    shapes: tuple[int, ...] = ()
+    """Index of the shapes that it is of, where it is of some."""
 
 
 def dimensions(
@@ -45,8 +47,9 @@ def _of_sizes(found: ShapeSet, sizes: Sequence[ShapeSize]) -> Iterator[Dimension
         scale, unit = (180 / np.pi, "deg") if s.kind in _ANGLES else (1.0, "mm")
         points = " and ".join(str(found.shapes[k].count) for k in own)
         yield Dimension(
-            _named(found, own), s.kind, s.value * scale, s.sigma * scale, unit, f"{points} points"
-        )
+            _named(found, own), s.kind, s.value * scale, s.sigma * scale, unit, f"{points} points",
+            tuple(own),
+        )  # fmt: skip
 
 
 def _of_forms(found: ShapeSet, forms: Sequence[FormError]) -> Iterator[Dimension]:
@@ -55,7 +58,8 @@ def _of_forms(found: ShapeSet, forms: Sequence[FormError]) -> Iterator[Dimension
             f"{f.cells} cells of {f.side:.2g} mm; noise alone gives {f.noise:.2g} mm"
             f"{'' if f.shown else ', so none is shown'}"
         )
-        yield Dimension(_named(found, [f.shape]), f.kind, f.value, f.sigma, "mm", rests)
+        who = _named(found, [f.shape])
+        yield Dimension(who, f.kind, f.value, f.sigma, "mm", rests, (f.shape,))
 
 
 def _of_edges(edges: Sequence[Edge]) -> Iterator[Dimension]:
@@ -63,7 +67,8 @@ def _of_edges(edges: Sequence[Edge]) -> Iterator[Dimension]:
         if e.form != "sharp":
             what = "fillet radius" if e.form == "fillet" else "chamfer leg"
             feature = f"edge {e.first + 1} to {e.second + 1}"
-            yield Dimension(feature, what, e.size, e.sigma, "mm", f"{e.points} points")
+            rests = f"{e.points} points"
+            yield Dimension(feature, what, e.size, e.sigma, "mm", rests, (e.first, e.second))
 
 
 def _named(found: ShapeSet, own: Sequence[int]) -> str:
