@@ -17,7 +17,7 @@ from turnscan.calibrate import (
     TablePicture,
     calibrate_rig,
     detect_board,
-    stripe_candidates,
+    stripe_light,
 )
 from turnscan.rig import Pose, Rig, rotation_from_vector
 from turnscan.simulate import Bench, Renderer, SimulationSpec, bench, seconds_of
@@ -91,7 +91,7 @@ def from_pictures(wish: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
         turned = pool.map(lambda k: photograph(stand, (), start + k * step), range(stops))
         seen = [detect_board(picture, BOARD, f"free {i}") for i, picture in enumerate(dark)]
         striped = [
-            LaserPicture(view, stripe_candidates(on, off))
+            LaserPicture(view, *stripe_light(on, off))
             for view, on, off in zip(seen[free:], lit, dark[free:], strict=True)
         ]
         table = [

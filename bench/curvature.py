@@ -1,7 +1,8 @@
 """The bias of a thick sheet on curved surfaces, before and after it is taken off.
 
-``python -m bench curvature`` scans round parts beside the axis on the paper's rig and prints the
-signed distance of the points from the true part: its median is the bias.
+``python -m bench curvature`` scans round parts on the paper's rig and prints the signed distance of
+the points from the true part: its median is the bias. Beside the axis the pictures tell how thick
+the sheet is; on it the rig does (`turnscan.rig.LaserSheet.thickness`).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from turnscan.settings import Settings
 from turnscan.simulate import SimulationSpec
 
 PARTS = ("sphere", "cylinder", "torus", "cone", "shaft")
+ON_AXIS = ("cylinder", "shaft")
 STEPS = 48
 ASIDE = (4.0, -3.0)
 """mm: parts stand so far from the axis, so that their sides slope to the light."""
@@ -63,9 +65,15 @@ def _watched(known: list[float], taken: bool) -> Iterator[None]:
         yield
 
 
-def outcome(part: str, folder: Path, taken: bool, steps: int = STEPS) -> Outcome:
+def outcome(
+    part: str,
+    folder: Path,
+    taken: bool,
+    steps: int = STEPS,
+    aside: tuple[float, float] = ASIDE,
+) -> Outcome:
     """A part's points. Raises ValueError for one whose surface has no formula."""
-    wish = SimulationSpec(part, "paper", lasers=2, steps=steps, shift=ASIDE, seed=1)
+    wish = SimulationSpec(part, "paper", lasers=2, steps=steps, shift=aside, seed=1)
     made, path = scanned(wish, folder)
     body, s = made.scene.bodies[0], Settings()
     if body.part.distance is None:
@@ -95,10 +103,13 @@ def run(quick: bool = False) -> None:
     head = ("part", "median µm", "rms µm", "rms / σ", "σ of the sheet mm")
     print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
     with tempfile.TemporaryDirectory() as folder:
-        for part in PARTS[:2] if quick else PARTS:
+        asked = [(part, ASIDE) for part in (PARTS[:2] if quick else PARTS)]
+        asked += [(part, (0.0, 0.0)) for part in (ON_AXIS[:1] if quick else ON_AXIS)]
+        for part, aside in asked:
+            where = "" if any(aside) else " on the axis"
             for word, taken in (("as measured", False), ("taken off", True)):
-                cells = outcome(part, Path(folder), taken).cells()
-                print(f"| {part}, {word} | " + " | ".join(cells) + " |", flush=True)
+                cells = outcome(part, Path(folder), taken, aside=aside).cells()
+                print(f"| {part}{where}, {word} | " + " | ".join(cells) + " |", flush=True)
 
 
 if __name__ == "__main__":

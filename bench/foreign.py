@@ -29,7 +29,7 @@ from turnscan.detection import detect_scan
 from turnscan.formats import read_mesh, write_stl
 from turnscan.gridding import to_grids
 from turnscan.mesh import Mesh, cut_touching, longest_sides
-from turnscan.points import RangeGrid
+from turnscan.points import RangeGrid, normal_sigma
 from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.simulate import SimulationSpec
@@ -147,7 +147,7 @@ def of_points(grids: Sequence[RangeGrid], part: Mesh) -> Errors:
     for g in grids:
         at = g.found
         off = np.abs(shapes.deviation(g.points[at], part).distance)
-        some.append(Errors(off, g.sigma[at], np.maximum(*spacing(g))[at] / 2))
+        some.append(Errors(off, normal_sigma(g)[at], np.maximum(*spacing(g))[at] / 2))
     return together(some)
 
 

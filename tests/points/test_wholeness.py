@@ -17,9 +17,9 @@ from turnscan.rig import rotation_z
 S, N = 14, 12
 
 
-def across(*given):
+def across(*given, least=0.0):
     out = np.full((3, 2, *given[0].shape[:2]), np.nan)
-    kernels.across(*given, (0, len(given[0])), out)
+    kernels.across(*given[:-1], least, given[-1], (0, len(given[0])), out)
     return out
 
 
@@ -244,7 +244,11 @@ def test_on_a_crease_a_centre_is_doubted_by_what_two_planes_do_to_it(k, wide):
     width = np.tile(np.array([1.0, 1.0, own, wide, wide])[:, None], (1, 3))
     walk = np.ones((2, 5, 3))
     walk[0, -1] = walk[1, 0] = np.nan
-    doubt = _creased(width, walk, 1.0, np.full((5, 3), 3.0))[2, 1]
+
+    def told(far: int) -> np.ndarray:
+        return np.full(width.shape, np.nan)
+
+    doubt = _creased(width, walk, 1.0, np.full((5, 3), 3.0), told)[2, 1]
     # A twentieth of the narrower width is what speckle hides.
     assert abs(mean) < 2.0 * doubt + 0.05
     assert doubt <= 0.4 * (wide - 1.0)
@@ -252,7 +256,26 @@ def test_on_a_crease_a_centre_is_doubted_by_what_two_planes_do_to_it(k, wide):
         assert doubt < 3.0 * abs(mean)
     torn = walk.copy()
     torn[0, 2] = np.nan
-    assert _creased(width, torn, 1.0, np.full((5, 3), 3.0))[2, 1] == 0.0, "that is a border"
+    assert _creased(width, torn, 1.0, np.full((5, 3), 3.0), told)[2, 1] == 0.0, "that is a border"
+    alike = _creased(width, walk, 1.0, np.full((5, 3), 3.0), lambda far: 0.0 * width)
+    assert not alike.any(), "the surfaces beside are one plane that the table turns"
+
+
+def test_what_no_turn_moves_tells_no_tilt_and_no_crease():
+    """On the table's axis a wall is met at the same place in every step: noise is no neighbour."""
+    rng = np.random.default_rng(4)
+    points = np.zeros((12, 8, 3))
+    points[..., 2] = np.arange(8) * 0.5
+    points[..., :2] = 0.01 * rng.standard_normal((12, 8, 2))
+    eyes = np.array([np.cos(a := np.arange(12) * 0.1), np.sin(a), 0 * a]).T * 400.0
+    ones = np.ones(points.shape)
+    walk, _, _ = across(points, eyes, ones, ones, np.ones((12, 8)), False, least=0.1)
+    assert np.isinf(walk[0, :-1]).all()
+    assert np.isinf(walk[1, 1:]).all()
+    assert np.isnan(walk[0, -1]).all(), "the last step has no neighbour at all"
+    width = np.linspace(1.0, 3.0, 12)[:, None] * np.ones(8)
+    nothing = np.full(width.shape, np.nan)
+    assert not _creased(width, walk, 1.0, np.ones(width.shape), lambda far: nothing).any()
 
 
 @pytest.mark.parametrize(

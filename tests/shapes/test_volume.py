@@ -338,11 +338,11 @@ def test_what_a_merge_puts_between_profiles_is_doubted() -> None:
     """Between the profiles of a ball stands what a smooth surface holds more than its faces do."""
     mesh = ball(n=40)
     normals = mesh.vertices / 20.0
-    coarse = RangeSurface(mesh, 100.0 * normals, normals, normals)
+    coarse = RangeSurface(mesh, 100.0 * normals, normals)
     lost = 4 / 3 * np.pi * 20.0**3 - mesh.volume
     said = shapes.volume_sigma(mesh, shapes.Source(profiles=[coarse]))
     assert said.profiles == pytest.approx(lost, rel=0.1)
-    flat = RangeSurface(mesh, normals, np.tile((0.0, 0.0, 1.0), (len(normals), 1)), normals)
+    flat = RangeSurface(mesh, normals, np.tile((0.0, 0.0, 1.0), (len(normals), 1)))
     assert shapes.volume_sigma(mesh, shapes.Source(profiles=[flat])).profiles == 0.0
 
 

@@ -28,7 +28,6 @@ def sheet(begin: float, end: float, ray: tuple[float, float, float], name: str) 
         Mesh(points, faces, p),
         points + 500.0 * np.array(ray) / np.linalg.norm(ray),
         up,
-        up,
     )
 
 
@@ -81,7 +80,6 @@ def test_surfaces_one_far_behind_the_other_are_not_joined() -> None:
         Mesh(high.mesh.vertices + up, high.mesh.faces, high.mesh.provenance),
         high.eyes + up,
         high.normals,
-        high.moves,
     )
     assert len(boundary_loops(fuse([low, high], VOXEL, RAMP, seam=3))) == 2
 
@@ -93,7 +91,7 @@ def arc(step: float, radius: float = 10.0) -> RangeSurface:
     out = np.repeat(np.stack([np.sin(phi), 0 * phi, np.cos(phi)], -1), len(y), axis=0)
     points = radius * out + np.tile(y, len(phi))[:, None] * (0.0, 1.0, 0.0)
     mesh = Mesh(points, one.mesh.faces, one.mesh.provenance)
-    return RangeSurface(mesh, points + 500.0 * out, out, out)
+    return RangeSurface(mesh, points + 500.0 * out, out)
 
 
 def test_a_round_part_in_coarse_steps_is_not_cut_short_by_its_chords() -> None:
@@ -110,7 +108,7 @@ def test_nothing_bulges_over_an_edge() -> None:
     turned = flat.normals.copy()
     far = flat.mesh.vertices[:, 0] > 6.0
     turned[far] = (np.sin(1.0), 0.0, np.cos(1.0))
-    done = fuse([RangeSurface(flat.mesh, flat.eyes, turned, flat.moves)], VOXEL, RAMP)
+    done = fuse([RangeSurface(flat.mesh, flat.eyes, turned)], VOXEL, RAMP)
     assert np.abs(done.vertices[:, 2] - 0.1).max() < 1e-3
 
 

@@ -16,10 +16,12 @@ class LaserPicture:
 
     view: BoardView
     candidates: Floats
-    """(n, 2) px, from `stripe_candidates`."""
+    """(n, 2) px, from `stripe_light`."""
     margin: Floats | None = None
     """(4,) mm of flat board beyond the pattern's left, top, right and bottom, from `white_margin`;
     None where the picture was not asked."""
+    widths: Floats | None = None
+    """(n,) px rms of the light at the candidates; None where they were not kept."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,20 @@ def stripe_candidates(
 ) -> Floats:
     """All places (n, 2) px in a picture where the stripe could be, up to five in a line.
 
+    See `stripe_light`, which tells their widths, too.
+    """
+    return stripe_light(lit, dark, weights, orientation)[0]
+
+
+def stripe_light(
+    lit: Image,
+    dark: Image | None = None,
+    weights: npt.ArrayLike | None = None,
+    orientation: Orientation = "vertical",
+) -> tuple[Floats, Floats]:
+    """All places (n, 2) px in a picture where the stripe could be, and how wide (n,) px rms it is
+    there; up to five in a line.
+
     ``lit`` and ``dark`` are (H, W) or (H, W, 3). Without a laser-off picture the background is the
     median of the neighbourhood along the line, which a narrow stripe does not move: a stripe on a
     board in a bright room stands out from that, and so do other thin bright things, which the
@@ -46,7 +60,7 @@ def stripe_candidates(
     line, which = np.nonzero(np.isfinite(found.position))
     across = found.position[line, which]
     pair = (across, line) if orientation == "vertical" else (line, across)
-    return np.stack(pair, axis=1).astype(np.float64)
+    return np.stack(pair, axis=1).astype(np.float64), np.array(found.width[line, which])
 
 
 def _along_lines(

@@ -28,6 +28,7 @@ from turnscan.calibrate._procedure import (
 from turnscan.calibrate._start_table import FEWEST_STEPS
 from turnscan.calibrate._state import State, StripeView
 from turnscan.calibrate._steps import AngleModel, angle_model
+from turnscan.calibrate._thickness import sheet_thickness
 from turnscan.rig import Marker, Pose, Rig
 
 _SIGNIFICANT = 3.0  # standard deviations for a parameter to be kept
@@ -100,7 +101,23 @@ def calibrate_rig(
         state, network, used = table_stage(state, network, table, settings, rejected)
         say(f"table: {len(used)} pictures")
     given = (*(("camera",) if camera else ()), *lasers, *(("table",) if table else ()))
-    return _adjusted(state, network, used, settings, rejected, Stages(given, known))
+    done = _adjusted(state, network, used, settings, rejected, Stages(given, known))
+    poses = done.fit.state.poses[len(kept) :]
+    seen = [
+        (picture, stripe, pose)
+        for (_, picture), some, pose in zip(with_stripe, stripes, poses, strict=False)
+        for stripe in some
+    ]
+    return replace(done, rig=_with_thickness(done.rig, seen))
+
+
+def _with_thickness(rig: Rig, boards: Sequence[tuple[LaserPicture, StripeView, Pose]]) -> Rig:
+    """The rig with the thickness of the sheets that boards tell."""
+    sheets = []
+    for sheet in rig.sheets:
+        found = sheet_thickness(rig, sheet.name, boards)
+        sheets.append(sheet if found is None else replace(sheet, thickness=found))
+    return replace(rig, sheets=tuple(sheets))
 
 
 def _adjusted(

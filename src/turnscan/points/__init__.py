@@ -10,6 +10,7 @@ from turnscan.points._findings import (
     together_findings,
 )
 from turnscan.points._grid import Origin, RangeGrid
+from turnscan.points._normal_sigma import normal_sigma
 from turnscan.points._placements import placed, placements_from_conf
 from turnscan.points._profile import Along, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
@@ -50,6 +51,7 @@ __all__ = [
     "goes_round",
     "grid_findings",
     "lost_frames",
+    "normal_sigma",
     "paths_of",
     "pixels_of",
     "placed",

@@ -161,10 +161,12 @@ def _judged(
 
     aside, sheets = back(next_ray), back(sheet.gradient(camera))
     seen = LitPoints(
-        grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed
-    )
+        grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed,
+        float(np.median(grid.sigma[found])),
+    )  # fmt: skip
     light = wholeness(seen)
-    thick = light.thickness
+    # Where all of a part slopes alike its stripes do not tell; then what the rig knows counts.
+    thick = light.thickness or sheet.thickness or 0.0
     bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(found.shape)
     bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
     ray = grid.points - grid.eyes[:, None]

@@ -60,6 +60,8 @@ _PINCHED = 0.8
 """A stripe narrower than this part of those beside it, and fainter, is cut off."""
 _REACH = 2.5
 """Thicknesses of the sheet beyond which a surface no longer adds to a stripe."""
+_TILTED = 4.0
+"""Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _STEPS = 6
 """Steps to either side that are looked at, at most."""
 _LEAST = 0.25
@@ -85,6 +87,8 @@ class LitPoints:
     angles: Floats
     """(s,) rad."""
     closed: bool
+    noise: float = 0.0
+    """mm: how far noise usually moves a point."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +138,8 @@ def wholeness(light: LitPoints) -> Wholeness:
     border = found & (np.isnan(walk[0]) != np.isnan(walk[1])) & ~np.isnan(ratio).all(axis=0)
     bias = _bias(ratio, np.where(border, _SURE_END, _SURE))
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
-    doubt = np.maximum(doubt, ~curved * _creased(width, walk, thickness, _arcs(light)))
+    creased = _creased(width, walk, thickness, _arcs(light), lambda far: _apart(light, due_on, far))
+    doubt = np.maximum(doubt, ~curved * creased)
     light_of = _steady(np.where(found, light.amplitude, np.nan))
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
     beside = np.where(first, np.roll(light_of, -1, 0), np.roll(light_of, 1, 0))
@@ -161,13 +166,16 @@ def _steady(width: Floats) -> Floats:
     return np.concatenate(in_parts(lambda a, b: kernels.steady(width[a:b]), len(width)))
 
 
-def _along_steps(kernel: Callable[..., None], light: LitPoints, shape: tuple[int, ...]) -> Floats:
+def _along_steps(
+    kernel: Callable[..., None], light: LitPoints, shape: tuple[int, ...], *more: int
+) -> Floats:
     """What `across` or `further_in` writes of all steps, in parts."""
-    out, arcs = np.full(shape, np.nan), _arcs(light)
+    out, arcs, least = np.full(shape, np.nan), _arcs(light), _TILTED * light.noise
 
     def part(first: int, end: int) -> None:
         span = (first, end)
-        kernel(light.points, light.eyes, light.moves, light.sheets, arcs, light.closed, span, out)
+        places = light.points, light.eyes, light.moves, light.sheets, arcs
+        kernel(*places, least, light.closed, span, out, *more)
 
     in_parts(part, len(light.points))
     return out
@@ -222,14 +230,18 @@ def _pinched(width: Floats, amplitude: Floats, closed: bool) -> Floats:
         return np.nan_to_num(np.where(narrow & dark, np.maximum(*about[0]), 0.0))
 
 
-def _creased(width: Floats, walk: Floats, thickness: float, arcs: Floats) -> Floats:
+def _creased(
+    width: Floats, walk: Floats, thickness: float, arcs: Floats, apart: Callable[[int], Floats]
+) -> Floats:
     """(s, n) px that stripes may be off as they lie on two surfaces that meet under the sheet.
 
     Each surface draws the sheet out to a width of its own; what lies on both has one between the
     two. Where the surfaces meet k thicknesses beside the sheet's middle, its centre is off by
     Δ (φ(k) − |k| Φ(−|k|)), Δ being the difference of the two widths. That is taken as 4 f (1 − f)
     of its most, f being how far the width has come from the one to the other. Profiles are looked
-    at as far off as the sheet reaches, over what is linked.
+    at as far off as the sheet reaches, over what is linked. A surface that goes on flat changes its
+    width, too, as the table turns it to the light: no more counts than ``apart`` (s, n) px says of
+    the surfaces so many steps off, in the light of the point's own step.
     """
     if not thickness > 0:
         return np.zeros_like(width)
@@ -247,11 +259,25 @@ def _creased(width: Floats, walk: Floats, thickness: float, arcs: Floats) -> Flo
             low, high = np.minimum(*sides), np.maximum(*sides)
             noise = 2.0 * _NOISE * 0.5 * (low + high)
             differ = np.sqrt(np.maximum((high - low) ** 2 - noise**2, 0.0))
+            differ = np.fmin(differ, apart(far))
             blind = np.minimum(0.5 * noise / (high - low), 0.4)
             f = np.clip(((width - low) / (high - low) - blind) / (1 - 2 * blind), 0.0, 1.0)
             found = np.nan_to_num(4.0 * f * (1.0 - f) * _CREASE * differ)
         out = np.maximum(out, np.where(held[0] & held[1], found, 0.0))
-    return out
+    # What no turn moves has the same surface beside it in every profile.
+    return np.where(np.isinf(walk).any(axis=0), 0.0, out)
+
+
+def _apart(light: LitPoints, due_on: Callable[[Floats], Floats], far: int) -> Floats:
+    """(s, n) px: how much wider a stripe is due on the one of two surfaces than on the other, those
+    that lie ``far`` steps before and after; NaN where one is not known."""
+    from turnscan.points import _wholeness_kernels as kernels
+
+    walk = _along_steps(kernels.further_in, light, (2, *light.width.shape), far)
+    due = due_on(np.stack([_steady(w) for w in walk]))
+    with np.errstate(invalid="ignore"):
+        noise = _NOISE * (due[0] + due[1])
+        return np.asarray(np.sqrt(np.maximum((due[0] - due[1]) ** 2 - noise**2, 0.0)))
 
 
 def _further_in(light: LitPoints, walk: Floats) -> tuple[Bools, Floats, Floats]:
@@ -262,7 +288,7 @@ def _further_in(light: LitPoints, walk: Floats) -> tuple[Bools, Floats, Floats]:
     """
     from turnscan.points import _wholeness_kernels as kernels
 
-    flat = _along_steps(kernels.further_in, light, walk.shape)
+    flat = _along_steps(kernels.further_in, light, walk.shape, 1)
     flat = np.stack([_steady(w) for w in flat])
     turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
     return np.isnan(walk[::-1]) & ~np.isnan(walk), flat, turned
@@ -293,7 +319,12 @@ def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float
     if scatter > _VARIES:
         return lambda other: np.full(other.shape, np.nan), 0.0, False
     more = np.exp(usual)[:, None, None]
-    return lambda other: np.asarray(more * np.sqrt(slope / other**2 + blur)), thickness, told
+
+    def due(other: Floats) -> Floats:
+        known = np.where(np.isinf(other), np.nan, other)
+        return np.asarray(more * np.sqrt(slope / known**2 + blur))
+
+    return due, thickness, told
 
 
 def _bias(ratio: Floats, sure: Floats | float = 0.0) -> Floats:

@@ -11,6 +11,8 @@ _BESIDE = 2
 """Lines on either side that a width is the median of: speckle widens single lines by a tenth."""
 _LINKED = 2.2
 """Usual arcs of a step that two points of one line may lie apart on one surface."""
+_FAR = 6
+"""Steps to either side that are looked at, at most, for a point that noise does not tilt."""
 
 
 @njit(cache=True, nogil=True)
@@ -64,12 +66,40 @@ def _normal(points: Floats, k: int, m: int, j: int, sign: float, normal: Floats)
 
 
 @njit(cache=True, nogil=True)
+def beside(
+    points: Floats, k: int, j: int, sign: int, arc: Floats, least: float, closed: bool
+) -> tuple[int, bool]:
+    """The nearest step whose point is linked and lies ``least`` mm off, and whether there is one.
+
+    Without one the last step that is linked; −1 where the very next is no neighbour.
+    """
+    s = len(points)
+    last = -1
+    m = k
+    for _ in range(_FAR):
+        before, m = m, m + sign
+        if closed:
+            m %= s
+        if m < 0 or m >= s or m == k or np.isnan(points[m, j, 0]):
+            break
+        step = points[m, j] - points[before, j]
+        if np.sqrt((step * step).sum()) > _LINKED * arc[before, j]:
+            break
+        last = m
+        gap = points[m, j] - points[k, j]
+        if np.sqrt((gap * gap).sum()) >= least:
+            return last, True
+    return last, False
+
+
+@njit(cache=True, nogil=True)
 def across(
     points: Floats,
     eyes: Floats,
     moves: Floats,
     sheets: Floats,
     arc: Floats,
+    least: float,
     closed: bool,
     span: tuple[int, int],
     out: Floats,
@@ -78,9 +108,11 @@ def across(
 
     ``moves`` (s, n, 3) is ∂X/∂u at the point's depth, square to nothing in particular: the ray's
     end for the next pixel; ``sheets`` (s, n, 3) the sheet's normal, ``arc`` (s, n) mm the usual
-    way to the next step. Writes into ``out`` (3, 2, s, n), full of NaN, for the steps of a ``span``
-    from the first to before the last: walk (2, s, n): mm that one pixel leads away from the sheet
-    on the plane through the profile and its neighbour after and before, NaN where that is none;
+    way to the next step. A neighbour is the nearest point that lies ``least`` mm off: noise tilts
+    what is nearer. Writes into ``out`` (3, 2, s, n), full of NaN, for the steps of a ``span`` from
+    the first to before the last: walk (2, s, n): mm that one pixel leads away from the sheet on
+    the plane through the profile and its neighbour after and before, NaN where there is none,
+    infinite where none lies so far off, as on the axis of the table, which nothing turns;
     slide (2, s, n): the share of a turn's movement that is along the plane's normal; and side
     (2, s, n): 1 where the neighbour lies on the side of higher pixels, else −1.
     """
@@ -92,20 +124,16 @@ def across(
             if np.isnan(points[k, j, 0]):
                 continue
             for way in range(2):
-                m = k + 1 - 2 * way
-                if closed:
-                    m %= s
-                if m < 0 or m >= s or np.isnan(points[m, j, 0]):
+                m, far = beside(points, k, j, 1 - 2 * way, arc, least, closed)
+                if m < 0:
                     continue
                 gap = points[m, j] - points[k, j]
-                if np.sqrt((gap * gap).sum()) > _LINKED * arc[k, j]:
-                    continue
                 if not _normal(points, k, m, j, 1.0 - 2.0 * way, normal):
                     continue
                 ray = points[k, j] - eyes[k]
                 along = (normal * moves[k, j]).sum() / (normal * ray).sum()
                 away = moves[k, j] - ray * along
-                walk[way, k, j] = abs((sheets[k, j] * away).sum())
+                walk[way, k, j] = abs((sheets[k, j] * away).sum()) if far else np.inf
                 # Both as the camera sees them, square to the ray.
                 flat = gap - ray * ((gap * ray).sum() / (ray * ray).sum())
                 side[way, k, j] = 1.0 if (flat * moves[k, j]).sum() > 0.0 else -1.0
@@ -121,31 +149,38 @@ def further_in(
     moves: Floats,
     sheets: Floats,
     arc: Floats,
+    least: float,
     closed: bool,
     span: tuple[int, int],
     walk: Floats,
+    far: int,
 ) -> None:
-    """The walk of `across` on the plane of the profile beside and the one beyond it.
+    """The walk of `across` on the plane of the profiles ``far`` and one more steps off.
 
     As the light of each point's own step sees it. Writes into ``walk`` (2, s, n), full of NaN, for
-    the steps of a ``span``; NaN stays where one of the two is no neighbour.
+    the steps of a ``span``; NaN stays where one on the way is no neighbour, or the two are less
+    than ``least`` mm apart.
     """
     s, n, _ = points.shape
     normal = np.empty(3)
     for k in range(span[0], span[1]):
         for way in range(2):
             sign = 1 - 2 * way
-            m, o = k + sign, k + 2 * sign
-            if closed:
-                m, o = m % s, o % s
-            if m < 0 or m >= s or o < 0 or o >= s:
+            o = k + sign * (far + 1)
+            if not closed and (o < 0 or o >= s):
                 continue
+            m, o = (k + sign * far) % s, o % s
             for j in range(n):
-                first, second = points[m, j] - points[k, j], points[o, j] - points[m, j]
-                # NaN, where one is missing, is no neighbour either.
-                if not np.sqrt((first * first).sum()) <= _LINKED * arc[k, j]:
-                    continue
-                if not np.sqrt((second * second).sum()) <= _LINKED * arc[m, j]:
+                linked = True
+                for i in range(far + 1):
+                    a, b = (k + sign * i) % s, (k + sign * (i + 1)) % s
+                    step = points[b, j] - points[a, j]
+                    # NaN, where one is missing, is no neighbour either.
+                    if not np.sqrt((step * step).sum()) <= _LINKED * arc[a, j]:
+                        linked = False
+                        break
+                gap = points[o, j] - points[m, j]
+                if not linked or not np.sqrt((gap * gap).sum()) >= least:
                     continue
                 if not _normal(points, m, o, j, float(sign), normal):
                     continue

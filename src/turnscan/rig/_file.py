@@ -46,6 +46,7 @@ class _SheetFile(_Strict):
     centre: Vec3
     bow: Vec3 = (0.0, 0.0, 0.0)
     source: Vec3 | None = None
+    thickness: float | None = None
 
 
 class _PoseFile(_Strict):
@@ -98,6 +99,7 @@ def rig_to_json(rig: Rig) -> str:
                 "bow": s.bow.tolist(),
                 # Left out where not known: rigs of before keep their text and their hash.
                 **({} if s.source is None else {"source": s.source.tolist()}),
+                **({} if s.thickness is None else {"thickness": s.thickness}),
             }
             for s in rig.sheets
         ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,6 +30,8 @@ class LaserSheet:
     source: Floats | None = None
     """(3,) mm: where the light comes from; None when not known (`Rig.light_source` then assumes).
     """
+    thickness: float | None = None
+    """mm rms of the light across the sheet, in the working volume; None when not known."""
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -42,6 +45,10 @@ class LaserSheet:
         object.__setattr__(self, "normal", frozen(unit, (3,), "LaserSheet.normal"))
         object.__setattr__(self, "centre", frozen(self.centre, (3,), "LaserSheet.centre"))
         object.__setattr__(self, "bow", frozen(self.bow, (3,), "LaserSheet.bow"))
+        if self.thickness is not None and not (
+            math.isfinite(self.thickness) and self.thickness > 0
+        ):
+            raise ValueError(f"LaserSheet.thickness: {self.thickness}, expected more than 0 mm")
         if self.source is not None:
             object.__setattr__(self, "source", frozen(self.source, (3,), "LaserSheet.source"))
 

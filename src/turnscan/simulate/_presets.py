@@ -249,8 +249,10 @@ def _check_axis(rig: Rig, beam: Beam) -> None:
 def _lit(made: Bench, design: Design, kit: _Kit, spec: SimulationSpec) -> Bench:
     """Lasers bright enough for the exposure, and room light."""
     beams = tuple(_beam(made, s, design, kit, spec) for s in made.rig.sheets)
-    known = {b.name: b.apex for b in beams}
-    sheets = tuple(replace(s, source=known[s.name]) for s in made.rig.sheets)
+    known = {b.name: (b.apex, b.waist / 2) for b in beams}
+    sheets = tuple(
+        replace(s, source=known[s.name][0], thickness=known[s.name][1]) for s in made.rig.sheets
+    )
     made = replace(made, rig=replace(made.rig, sheets=sheets), beams=beams)
     white = made.electrons_per_radiance(550e-6, kit.seconds) * made.sensor.efficiency / math.pi
     room = spec.room if spec.hand is None else max(spec.room, _LIGHT_ON)

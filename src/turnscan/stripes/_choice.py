@@ -36,6 +36,8 @@ THIRD = (1.0, -3.0, 3.0, -1.0)
 MEDIAN_SQUARE = 0.4549
 """Median of the square of a standard normal variable."""
 ENOUGH_LINES = 20
+SURELY_MORE = 5.0
+"""Twice the uncertainty of a variance from the median of n squares, as a part, times √n."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -268,18 +270,21 @@ def scatter(out: Floats, flags: Flags) -> float:
     """Variance of the centres, per px of width, that their sigmas leave unexplained; px²/px.
 
     Speckle's variance is proportional to the width. The scatter comes from third differences
-    along the stripe, in which smooth shape cancels. They are taken at several spacings and the
-    largest counts, because adjacent lines may share an error: a grain taller than a pixel,
-    interpolated colours, JPEG. Lines with other flags than MULTI only count where the rest is
-    too few.
+    along the stripe, in which smooth shape cancels. They are taken at several spacings, because
+    adjacent lines may share an error: a grain taller than a pixel, interpolated colours, JPEG. A
+    wider one counts where it shows more by twice its own uncertainty: the largest of several that
+    chance alone parts would be too large. Lines with other flags than MULTI only count where the
+    rest is too few.
     """
     best = 0.0
+    surely = 1.0 + SURELY_MORE / math.sqrt(max(np.sum(~np.isnan(out[0])), 1))
     for clean in (True, False):
         enough = False
         for lag in LAGS:
-            value, count = unexplained(out, flags, lag, clean, best)
+            value, count = unexplained(out, flags, lag, clean, surely * best)
             if count >= ENOUGH_LINES:
-                best = max(best, value)
+                if value > surely * best:
+                    best = value
                 enough = True
         if enough:
             return best

@@ -8,7 +8,7 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh, Provenance
-from turnscan.points import Along, Origin, RangeGrid, resample
+from turnscan.points import Along, Origin, RangeGrid, normal_sigma, resample
 from turnscan.surface._noise import noise, spacing
 
 _LEAST = 0.5
@@ -49,7 +49,8 @@ def mesh_grid(grid: RangeGrid, tears: TearLimits | None = None) -> Mesh:
     Each quad of the grid is cut along its shorter diagonal; where a corner is missing or torn off
     the other three still make a face. The seam closes where ``grid.closed`` and there are at
     least three steps. All faces look outward: towards the camera that saw them, or away from the
-    axis where the camera's place is not known. Every side has one or two faces.
+    axis where the camera's place is not known. Every side has one or two faces. Sigma is that along
+    the surface's normal (`normal_sigma`).
     """
     vertices, faces, flat = _faces(grid, tears or TearLimits())
     s, n = grid.flags.shape
@@ -61,7 +62,7 @@ def mesh_grid(grid: RangeGrid, tears: TearLimits | None = None) -> Mesh:
         vertices,
         faces,
         Provenance(
-            sigma=grid.sigma.reshape(s * n)[flat],
+            sigma=normal_sigma(grid).reshape(s * n)[flat],
             laser=np.zeros(len(flat), dtype=np.int32),
             step=grid.steps[step],
             line=line.astype(np.int32),

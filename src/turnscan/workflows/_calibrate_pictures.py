@@ -20,6 +20,7 @@ from turnscan.calibrate import (
     detect_markers,
     laser_weights,
     stripe_candidates,
+    stripe_light,
     white_margin,
 )
 from turnscan.errors import InputError
@@ -126,8 +127,9 @@ def laser_pictures(
         view = detect_board(picture if off is None else off, board, lit.name)
         if view.failure:
             return LaserPicture(view, np.zeros((0, 2)))
-        light = stripe_candidates(picture, off, weights, orientation)
-        return LaserPicture(view, light, white_margin(picture if off is None else off, view))
+        light, widths = stripe_light(picture, off, weights, orientation)
+        margin = white_margin(picture if off is None else off, view)
+        return LaserPicture(view, light, margin, widths)
 
     return in_turn(look, pairs, progress)
 

@@ -29,6 +29,9 @@ _SEAM = 3
 one point is cleaned away at the edge, up to one spacing is left before it, and a cube needs all
 its corners."""
 
+_GUESS = 0.5
+"""Voxels that a surface may lie off its chords before what is between two profiles is a guess."""
+
 
 def merge(
     grids: Sequence[RangeGrid],
@@ -96,7 +99,7 @@ def merge(
     if along is not None:
         text += "; the spacing along profiles has no effect"
     findings.append(_merged_by(text, "grid|paste"))
-    most = max(size, 3 * sigma)
+    most = max(_GUESS * size, 3 * sigma)
     mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, most)
     mesh, lost = _witnessed(mesh, surfaces, size, most)
     return mesh, [*findings, *lost]
@@ -117,10 +120,10 @@ def _witnessed(
     What is confirmed from afar alone is known no better than that. Faces that close a seam are not
     measured, and need no witness.
     """
-    good, away = borne_out(mesh, surfaces, voxel, most)
+    good, known = borne_out(mesh, surfaces, voxel, most)
     p = mesh.provenance
     if p is not None:
-        sigma = np.where(good, np.maximum(p.sigma, away), p.sigma)
+        sigma = np.where(good & ~np.isnan(p.sigma), known, p.sigma)
         mesh = replace(mesh, provenance=replace(p, sigma=sigma))
     if mesh.measured is not None:
         made = np.zeros(len(mesh.vertices), dtype=np.bool_)

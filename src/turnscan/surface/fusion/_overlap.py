@@ -101,7 +101,7 @@ class _Woven:
     smooth: Bools
     """(v,) True away from borders and edges."""
     noise: Floats
-    """(v, 3) mm: sigma as a vector."""
+    """(v, 3) mm: sigma as a vector along the normal."""
 
     @classmethod
     def of(cls, s: RangeSurface) -> _Woven:
@@ -111,10 +111,10 @@ class _Woven:
         before, after = s.neighbours
         second = kernels.differences(X, before, after)
         fourth = kernels.differences(second, before, after)
-        noise = s.sigma[:, None] * s.moves
+        noise = s.sigma[:, None] * s.normals
         with np.errstate(invalid="ignore"):
             bend = np.abs(np.einsum("ij,ij->i", s.normals, fourth))
-            most = _KINK * _FOURTH * np.abs(np.einsum("ij,ij->i", s.normals, noise))
+            most = _KINK * _FOURTH * s.sigma
             smooth = kernels.inner(faces, len(X)) & (bend <= most)
         start, numbers = kernels.about(faces, len(X))
         return cls(s, start, numbers, s.ranks, before, after, second, smooth, noise)

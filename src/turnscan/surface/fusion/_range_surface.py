@@ -14,15 +14,10 @@ from turnscan.mesh._mesh import Mesh, Provenance
 from turnscan.mesh._normals import roughness, smoothed_normals
 from turnscan.points import RangeGrid
 from turnscan.remedy import Option, Remedy
-from turnscan.rig import rotation_z
 from turnscan.surface._grid_mesh import TearLimits, mesh_grid
 
 _BENT = 3.0
 """Combined sigma by which a bend must differ from the next to be an edge."""
-_SHEET = 2_000
-"""Points that are enough to tell a laser's sheet …"""
-_FLAT = 0.05
-"""… which they lie in where they scatter this much less across it than along it."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +29,6 @@ class RangeSurface:
     """(v, 3) mm."""
     normals: Floats
     """(v, 3) unit normals, steady against noise (`smoothed_normals`)."""
-    moves: Floats
-    """(v, 3) unit vectors: the way along which sigma moves each vertex."""
 
     @property
     def cosine(self) -> Floats:
@@ -83,9 +76,10 @@ class RangeSurface:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
         An eighth of its second difference from profile to profile, along the normal (``radial``:
-        of its radius), which is the sagitta of what bends evenly. Where there are not three
-        profiles in a row nothing is known of the bend; there it is an eighth of the usual distance
-        between two profiles. Up to ``edges`` mm it counts what an edge between them does.
+        of its radius) beyond what noise makes of it, which is the sagitta of what bends evenly.
+        Where there are not three profiles in a row nothing is known of the bend; there it is an
+        eighth of the usual distance between two profiles. Up to ``edges`` mm it counts what an edge
+        between them does.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
         if radial:
@@ -94,7 +88,8 @@ class RangeSurface:
         else:
             second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
         second = np.where((before < 0) | (after < 0), np.nan, second)
-        off = np.abs(second) / 8.0
+        # Noise bends three points by the root of six of it.
+        off = np.sqrt(np.maximum(second**2 - 6.0 * self.sigma**2, 0.0)) / 8.0
         aside = np.fmax(
             np.where(before < 0, np.nan, off[before]), np.where(after < 0, np.nan, off[after])
         )
@@ -155,37 +150,7 @@ def _surface(grid: RangeGrid, keep: Bools, tears: TearLimits | None) -> RangeSur
     order = np.argsort(grid.steps, kind="stable")
     at = order[np.searchsorted(grid.steps[order], mesh.provenance.step)]
     eyes = grid.eyes[at]
-    sheet = _sheet_normals(grid)
-    ray = eyes - mesh.vertices
-    moves = ray if sheet is None else _along(sheet[at], ray, eyes)
-    moves = moves / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-12)
-    return RangeSurface(mesh, eyes, smoothed_normals(mesh), moves)
-
-
-def _sheet_normals(grid: RangeGrid) -> Floats | None:
-    """(s, 3) normal of the laser's sheet at each step; None where the points lie in no sheet.
-
-    Turned back to where the table stood, all points of a laser lie in its sheet; those of another
-    scanner do not.
-    """
-    step, line = np.nonzero(grid.found)
-    some = np.unique(np.linspace(0, len(step) - 1, _SHEET).astype(np.intp))
-    X = grid.points[step[some], line[some]]
-    table = np.einsum("vij,vj->vi", rotation_z(grid.angles[step[some]]), X)
-    size, axes = np.linalg.svd(table - table.mean(axis=0), full_matrices=False)[1:]
-    if size[-1] >= _FLAT * size[-2]:
-        return None
-    return np.asarray(rotation_z(-grid.angles) @ axes[-1])
-
-
-def _along(sheet: Floats, ray: Floats, eyes: Floats) -> Floats:
-    """(v, 3) the way along which the error of a stripe's centre moves its point, any length.
-
-    It stays in the laser's sheet and, in the picture, in its row of pixels, which is level in
-    space: across the axis and the way to the camera.
-    """
-    row = np.cross(ray, np.cross((0.0, 0.0, 1.0), eyes))
-    return np.asarray(np.cross(sheet, row))
+    return RangeSurface(mesh, eyes, smoothed_normals(mesh))
 
 
 def spacing(surfaces: Sequence[RangeSurface]) -> float:

@@ -20,7 +20,8 @@ def borne_out(
     mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: float
 ) -> tuple[Bools, Floats]:
     """(v,) True for the vertices of a merged mesh that a measured surface passes by, and (v,) mm
-    how far from the nearest such one they lie, beyond what is explained.
+    the sigma that they have by that: no less than how far from the nearest such one they lie
+    beyond what is explained, and with how far the merge itself put them beside all of them.
 
     It passes by no further off than three combined sigma, ``most`` mm of them at most, and what is
     explained: what the surface may do between its profiles there, and a tenth of ``voxel`` mm,
@@ -31,10 +32,10 @@ def borne_out(
     p = mesh.provenance
     own = np.zeros(len(mesh.vertices)) if p is None else np.nan_to_num(p.sigma)
     out = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    away = np.full(len(mesh.vertices), np.inf)
+    away, least = np.full((2, len(mesh.vertices)), np.inf)
     for s in surfaces:
         # What one surface confirms only from afar, another may confirm from nearby.
-        asked = np.flatnonzero(~out | (away > own))
+        asked = np.flatnonzero(~out | (away > own) | (least > own))
         if not len(asked) or not len(s.mesh.faces):
             continue
         squared, face, _ = igl.point_mesh_squared_distance(
@@ -48,4 +49,7 @@ def borne_out(
         out[asked[near]] = True
         beyond = np.maximum(off - explained, 0.0)[near]
         away[asked[near]] = np.minimum(away[asked[near]], beyond)
-    return out, away
+        least[asked] = np.minimum(least[asked], off)
+    # The mean of several lies its sigma beside each of them.
+    beside = np.sqrt(np.maximum(least**2 - own**2, 0.0))
+    return out, np.maximum(np.hypot(own, beside), away)

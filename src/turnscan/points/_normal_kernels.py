@@ -1,0 +1,67 @@
+"""Compiled kernel of how the surface lies at each point of a grid; imported only when used."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.compiled import njit
+from turnscan.points._wholeness_kernels import beside
+
+_MOST = 12
+"""Lines to either side that a tangent is taken over, at most."""
+
+
+@njit(cache=True, nogil=True)
+def _tangents(points: Floats, k: int, j: int, least: float, out: Floats) -> int:
+    """Write the ways up and down a profile to the nearest points ``least`` mm off; how many."""
+    n = points.shape[1]
+    count = 0
+    for sign in (1, -1):
+        for far in range(1, _MOST + 1):
+            i = j + sign * far
+            if i < 0 or i >= n or np.isnan(points[k, i, 0]):
+                break
+            way = points[k, i] - points[k, j]
+            if np.sqrt((way * way).sum()) >= least:
+                out[count] = way
+                count += 1
+                break
+    return count
+
+
+@njit(cache=True, nogil=True)
+def shares(points: Floats, moves: Floats, arc: Floats, least: float, closed: bool) -> Floats:
+    """(s, n) cosine of the angle between the unit vectors ``moves`` (s, n, 3) and the normal.
+
+    The tangents lead to the nearest points of the same profile, and of the same line, that lie
+    ``least`` mm off or more: shorter ones are noise. ``arc`` (s, n) mm is the usual way to the next
+    step. Up and down, before and after have normals of their own; the largest of the four counts,
+    so that an edge claims no more than the worse of its two surfaces. 1 where nothing is known.
+    """
+    s, n, _ = points.shape
+    out = np.ones((s, n))
+    ups = np.empty((2, 3))
+    normal = np.empty(3)
+    for k in range(s):
+        for j in range(n):
+            if np.isnan(points[k, j, 0]):
+                continue
+            lines = _tangents(points, k, j, least, ups)
+            best = -1.0
+            for sign in (1, -1):
+                m, far = beside(points, k, j, sign, arc, least, closed)
+                if not far:
+                    continue
+                v = points[m, j] - points[k, j]
+                for i in range(lines):
+                    u = ups[i]
+                    normal[0] = u[1] * v[2] - u[2] * v[1]
+                    normal[1] = u[2] * v[0] - u[0] * v[2]
+                    normal[2] = u[0] * v[1] - u[1] * v[0]
+                    size = np.sqrt((normal * normal).sum())
+                    if size > 0.0:
+                        best = max(best, abs((normal * moves[k, j]).sum()) / size)
+            if best >= 0.0:
+                out[k, j] = best
+    return out

@@ -1,0 +1,72 @@
+"""Sigma of points along the normal of the surface that they lie on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from turnscan.arrays import Floats
+from turnscan.points._grid import RangeGrid
+from turnscan.rig import rotation_z
+
+_STEADY = 8.0
+"""Usual sigma that a tangent is long, at least."""
+_LEAST = 0.2
+"""Share of a point's sigma below which none is believed: normals are not known better."""
+_SHEET = 2_000
+"""Points that are enough to tell a laser's sheet …"""
+_FLAT = 0.05
+"""… which they lie in where they scatter this much less across it than along it."""
+
+
+def normal_sigma(grid: RangeGrid) -> Floats:
+    """(s, n) mm: standard uncertainty of each point along the surface's normal, NaN where missing.
+
+    A stripe's centre moves its point along the laser's sheet (`RangeGrid.sigma`); of that, what
+    leads along the surface is no error of the surface. As it is where the camera's place or the
+    sheet is not known.
+    """
+    from turnscan.points import _normal_kernels as kernels
+
+    found = grid.found
+    sheet = _sheet_normals(grid) if grid.eyes is not None and found.sum() > 2 else None
+    if sheet is None or grid.eyes is None:
+        return grid.sigma
+    moves = np.zeros_like(grid.points)
+    step = np.nonzero(found)[0]
+    eyes = grid.eyes[step]
+    along = _along(sheet[step], eyes - grid.points[found], eyes)
+    moves[found] = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    turn = np.abs(np.diff(np.unwrap(grid.angles)))
+    usual = float(np.median(turn)) if len(turn) else 0.0
+    arc = np.nan_to_num(np.hypot(grid.points[..., 0], grid.points[..., 1]) * usual)
+    arc = np.maximum(arc, 0.25 * float(np.median(arc[found])))
+    known = grid.sigma[found]
+    least = _STEADY * float(np.nanmedian(known)) if np.isfinite(known).any() else 0.0
+    shares = kernels.shares(grid.points, moves, arc, max(least, 1e-9), grid.closed)
+    return np.asarray(grid.sigma * np.maximum(shares, _LEAST))
+
+
+def _sheet_normals(grid: RangeGrid) -> Floats | None:
+    """(s, 3) normal of the laser's sheet at each step; None where the points lie in no sheet.
+
+    Turned back to where the table stood, all points of a laser lie in its sheet; those of another
+    scanner do not.
+    """
+    step, line = np.nonzero(grid.found)
+    some = np.unique(np.linspace(0, len(step) - 1, _SHEET).astype(np.intp))
+    X = grid.points[step[some], line[some]]
+    table = np.einsum("vij,vj->vi", rotation_z(grid.angles[step[some]]), X)
+    size, axes = np.linalg.svd(table - table.mean(axis=0), full_matrices=False)[1:]
+    if size[-1] >= _FLAT * size[-2]:
+        return None
+    return np.asarray(rotation_z(-grid.angles) @ axes[-1])
+
+
+def _along(sheet: Floats, ray: Floats, eyes: Floats) -> Floats:
+    """(v, 3) the way along which the error of a stripe's centre moves its point, any length.
+
+    It stays in the laser's sheet and, in the picture, in its row of pixels, which is level in
+    space: across the axis and the way to the camera.
+    """
+    row = np.cross(ray, np.cross((0.0, 0.0, 1.0), eyes))
+    return np.asarray(np.cross(sheet, row))

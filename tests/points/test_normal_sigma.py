@@ -1,0 +1,49 @@
+"""Sigma of a point along the normal of its surface, against exact scans with known noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.analytic import full_turn, make_rig, scan_shape, sphere, with_noise
+from turnscan.points import RangeGrid, build_grid, normal_sigma
+
+NOISE = 0.08
+"""px."""
+
+
+@pytest.fixture(scope="module")
+def ball() -> RangeGrid:
+    rig = make_rig()
+    angles = full_turn(36)
+    exact = scan_shape(rig, sphere(22.0, (3.0, -2.0, 24.0)), angles)
+    # Made without light: their width says nothing.
+    stripes = [replace(s, width=np.full(len(s.width), np.nan)) for s in with_noise(exact, NOISE, 3)]
+    return build_grid(rig, "L0", stripes, range(36), angles)
+
+
+def test_errors_off_a_ball_are_as_large_as_the_sigma_along_its_normal_says(ball):
+    off = np.linalg.norm(ball.points[ball.found] - (3.0, -2.0, 24.0), axis=1) - 22.0
+    sigma = normal_sigma(ball)[ball.found]
+    z = off / sigma
+    assert 0.93 < np.sqrt((z**2).mean()) < 1.05
+    assert np.sqrt(((off / ball.sigma[ball.found]) ** 2).mean()) < 0.9, "along the sheet: too much"
+    # Also near the poles by themselves, where little of a centre's error leads off the ball.
+    pole = np.abs(ball.points[ball.found][:, 2] - 24.0) > 17.0
+    assert 0.8 < np.sqrt((z[pole] ** 2).mean()) < 1.1
+
+
+def test_it_is_never_more_than_along_the_sheet_nor_missing_where_that_is_known(ball):
+    sigma = normal_sigma(ball)
+    assert np.array_equal(np.isnan(sigma), np.isnan(ball.sigma))
+    assert (sigma[ball.found] <= ball.sigma[ball.found]).all()
+    assert (sigma[ball.found] > 0).all()
+
+
+def test_without_an_eye_or_a_sheet_it_stays_as_it_is(ball):
+    assert np.array_equal(normal_sigma(replace(ball, eyes=None)), ball.sigma, equal_nan=True)
+    anywhere = np.random.default_rng(0).normal(0.0, 20.0, ball.points.shape)
+    loose = replace(ball, points=np.where(ball.found[..., None], anywhere, np.nan))
+    assert np.array_equal(normal_sigma(loose), ball.sigma, equal_nan=True)
