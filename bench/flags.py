@@ -1,0 +1,101 @@
+"""What the flags of a stripe promise, against stripes whose centres are known.
+
+``python -m bench flags`` prints two tables. Clipped: the bias and the scatter of stripes that are
+cut off at the top over so many pixels, in widths of the stripe, and their scatter over the claimed
+sigma. Halo: one-sided light of growing strength beside the stripe; how far it moves the centre, in
+sigma, where the flag stands and where it does not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from tests.stripes.pictures import light, picture
+
+from turnscan.arrays import Floats
+from turnscan.stripes import StripeFlag, StripeSettings, detect
+
+ROWS = 2000
+SLANT = 0.01
+"""px from row to row, so that every phase of the pixels comes up."""
+FULL = 4000.0
+"""Electrons at which a pixel is full."""
+SIGMAS = (1.5, 3.0, 5.0)
+"""px: widths of the stripes that are clipped."""
+RUNS = (0, 2, 4, 6, 8, 10, 12, 14, 18)
+"""px: clipped pixels in a row."""
+GLOWS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2)
+"""Light of a halo over that of the stripe itself."""
+LENGTH = 6.0
+"""px over which a halo fades."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Stripes as they were found."""
+
+    error: Floats
+    """(n,) px."""
+    sigma: Floats
+    flagged: Floats
+    """(n,) 1 where the flag that is asked for stands."""
+
+
+def _found(electrons: Floats, centre: Floats, full: float | None, flag: StripeFlag) -> Told:
+    lit = picture(np.random.default_rng(11), electrons, 5.0, full)
+    settings = StripeSettings(saturation=None if full is None else full + 100.0)
+    stripe = detect(lit, np.full_like(lit, 100), settings)
+    there = stripe.found
+    return Told(
+        (stripe.position - centre)[there], stripe.sigma[there],
+        ((stripe.flags & flag) != 0)[there].astype(np.float64),
+    )  # fmt: skip
+
+
+def clipped(sigma: float, run: int) -> Told:
+    """Stripes clipped over ``run`` px: so bright that they are full that far from their middle."""
+    centre = 50.0 + SLANT * np.arange(ROWS)
+    peak = FULL * math.exp(0.5 * (0.5 * run / sigma) ** 2) if run else 0.5 * FULL
+    return _found(light(centre, sigma, peak, 121), centre, FULL, StripeFlag.SATURATED)
+
+
+def haloed(glow: float, sigma: float = 1.5, peak: float = 8000.0) -> Told:
+    """Stripes with light that fades exponentially to one side, and speckle in every row."""
+    rng = np.random.default_rng(6)
+    centre = 45.0 + SLANT * np.arange(ROWS)
+    # The halo is the stripe itself, carried to the right by an exponential's quantiles.
+    carried = -LENGTH * np.log1p(-(np.arange(40) + 0.5) / 40)
+    halo = np.mean([light(centre + far, sigma, peak, 121) for far in carried], axis=0)
+    whole = light(centre, sigma, peak, 121) + glow * halo
+    grains = rng.gamma(8.0, 1.0 / 8.0, whole.shape)
+    return _found(whole * grains, centre, None, StripeFlag.HALO)
+
+
+def run() -> None:
+    """Print the tables."""
+    print(
+        "| clipped px | " + " | ".join(f"σ {s:g} px: bias, scatter in σ, z" for s in SIGMAS) + " |"
+    )
+    print("|" + "---|" * (len(SIGMAS) + 1))
+    for many in RUNS:
+        cells = []
+        for sigma in SIGMAS:
+            t = clipped(sigma, many)
+            z = float(np.std(t.error / t.sigma))
+            cells.append(f"{t.error.mean() / sigma:+.3f}, {np.std(t.error) / sigma:.3f}, {z:.2f}")
+        print(f"| {many} | " + " | ".join(cells) + " |", flush=True)
+    print("\n| halo, light over the stripe's | flagged % | bias px | bias in sigma |")
+    print("|---|---|---|---|")
+    for glow in GLOWS:
+        t = haloed(glow)
+        bias = float(np.mean(t.error))
+        print(
+            f"| {glow:g} | {100 * t.flagged.mean():.1f} | {bias:+.3f} "
+            f"| {bias / float(np.median(t.sigma)):+.2f} |", flush=True,
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    run()
