@@ -5,7 +5,8 @@ together of boxes, cylinders and balls; all drawn by seeds used nowhere else) an
 other people that lie in ``../shared/data/parts``, on both rigs with two lasers and 60 and 160
 steps, the rig exactly known. ``--quick`` takes the paper's rig with 60 steps. ``--write`` puts the
 table into docs/explain/accuracy.md. ``python -m bench.foreign --keep FOLDER`` keeps the simulated
-scans there and finds them again, ``--only KIND …`` takes these random shapes alone.
+scans there and finds them again, ``--only KIND …`` takes these random shapes alone, ``--each 2``
+the first two of each kind and no parts of other people, ``--rigs`` and ``--steps`` some of those.
 """
 
 from __future__ import annotations
@@ -40,10 +41,11 @@ from turnscan.surface.fusion import merge
 DATA = Path(__file__).parents[2] / "shared" / "data" / "parts"
 TALL, WIDE = 70.0, 56.0
 """mm: so high and wide at most are the parts of other people made."""
+FIRST = 201
 SHAPES = (
-    *(("displaced-ball", seed) for seed in range(101, 108)),
-    *(("twisted-prism", seed) for seed in range(101, 107)),
-    *(("put-together", seed) for seed in range(101, 108)),
+    *(("displaced-ball", seed) for seed in range(FIRST, FIRST + 7)),
+    *(("twisted-prism", seed) for seed in range(FIRST, FIRST + 6)),
+    *(("put-together", seed) for seed in range(FIRST, FIRST + 7)),
 )
 RIGS, STEPS = ("paper", "modern"), (60, 160)
 HEAD = (
@@ -195,15 +197,19 @@ def row(wish: SimulationSpec, name: str, folder: Path) -> Row:
 
 
 def rows(
-    rigs: Sequence[str], steps: Sequence[int], folder: Path, only: Sequence[str] = ()
+    rigs: Sequence[str],
+    steps: Sequence[int],
+    folder: Path,
+    only: Sequence[str] = (),
+    each: int | None = None,
 ) -> Iterator[Row]:
-    """All shapes on each rig, or the random ones of some kinds."""
+    """All shapes on each rig, or the random ones of some kinds, the first of ``each``."""
     every = [
         (f"{name} {seed}", drawn(name, seed, folder))
         for name, seed in SHAPES
-        if not only or name in only
+        if (not only or name in only) and (each is None or seed < FIRST + each)
     ]
-    every += [] if only else others(folder)
+    every += [] if only or each is not None else others(folder)
     for rig, count, (name, path) in product(rigs, steps, every):
         wish = SimulationSpec(str(path), rig, lasers=2, steps=count)
         yield row(wish, f"{name}, {rig}", folder)
@@ -226,13 +232,16 @@ def run(
     into_pages: bool = False,
     keep: Path | None = None,
     only: Sequence[str] = (),
+    each: int | None = None,
+    rigs: Sequence[str] = RIGS,
+    steps: Sequence[int] = STEPS,
 ) -> None:
     """Print every row as it is measured, and what they come to."""
     print("\n".join(HEAD))
     found = list[Row]()
     with tempfile.TemporaryDirectory() as scratch:
-        rigs, steps = (RIGS[:1], STEPS[:1]) if quick else (RIGS, STEPS)
-        for one in rows(rigs, steps, keep or Path(scratch), only):
+        rigs, steps = (RIGS[:1], STEPS[:1]) if quick else (rigs, steps)
+        for one in rows(rigs, steps, keep or Path(scratch), only, each):
             print(one.line(), flush=True)
             found.append(one)
     print(said(found))
@@ -249,8 +258,11 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="put the table into the documents")
     kinds = sorted({name for name, _ in SHAPES})
     parser.add_argument("--only", choices=kinds, nargs="+", default=(), help="of these kinds")
+    parser.add_argument("--each", type=int, help="so many random shapes of each kind, no others")
+    parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
+    parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
     given = parser.parse_args()
-    run(given.quick, given.write, given.keep, given.only)
+    run(given.quick, given.write, given.keep, given.only, given.each, given.rigs, given.steps)
 
 
 if __name__ == "__main__":

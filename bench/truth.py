@@ -3,8 +3,8 @@
 ``python -m bench truth`` scans every part on both rigs, with one line and two, in coarse and in
 fine steps, merges it every way, and writes the table into docs/explain/accuracy.md between its
 marks; ``--quick`` takes the paper rig with 60 steps alone. ``python -m bench.truth --keep FOLDER``
-keeps the simulated scans there and finds them again, ``--calibrated`` measures with a rig
-calibrated from pictures.
+keeps the simulated scans there and finds them again, ``--rigs paper --steps 24 60`` takes some rigs
+and steps alone, ``--calibrated`` measures with a rig calibrated from pictures.
 """
 
 from __future__ import annotations
@@ -132,11 +132,17 @@ def written(page: str, text: str) -> str:
     return f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END, 1)[1]}"
 
 
-def run(quick: bool = False, keep: Path | None = None, calibrated: bool = False) -> None:
+def run(
+    quick: bool = False,
+    keep: Path | None = None,
+    calibrated: bool = False,
+    rigs: Sequence[str] = RIGS,
+    steps: Sequence[int] = STEPS,
+) -> None:
     """Print every row as it is measured, and write the table into the page."""
     found = []
     with tempfile.TemporaryDirectory() as scratch:
-        rigs, steps = (("paper",), (60,)) if quick else (RIGS, STEPS)
+        rigs, steps = (("paper",), (60,)) if quick else (rigs, steps)
         for one in rows(PARTS, rigs, steps, keep or Path(scratch), calibrated):
             print(" | ".join(one.cells()), flush=True)
             found.append(one)
@@ -149,8 +155,10 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="the paper rig with 60 steps")
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
     parser.add_argument("--calibrated", action="store_true", help="from a calibrated rig")
+    parser.add_argument("--rigs", choices=RIGS, nargs="+", default=RIGS, help="these rigs")
+    parser.add_argument("--steps", type=int, nargs="+", default=STEPS, help="these steps a turn")
     given = parser.parse_args()
-    run(given.quick, given.keep, given.calibrated)
+    run(given.quick, given.keep, given.calibrated, given.rigs, given.steps)
 
 
 if __name__ == "__main__":

@@ -112,7 +112,7 @@ def test_poses_without_an_overlap_are_refused():
     low, high = grid("knob", 1, high=18.0), grid("knob", 2, low=22.0)
     views = [seen("foot", low), seen("top", high)]
     with pytest.raises(
-        InputError, match=r"^top: (no place|fits|its overlap .* too plain: shifting)"
+        InputError, match=r"^top: (no place|fits|its overlap .* too little relief: shifting)"
     ):
         check(align(views, place(views)), by_shape=True)
 

@@ -194,7 +194,7 @@ def _smooth(walk: Floats, width: Floats) -> Bools:
     """(s, n) True where the profiles before and after tell the same of how the surface lies."""
     with np.errstate(invalid="ignore", divide="ignore"):
         differ = np.where(np.isnan(width), np.nan, np.abs(np.log(walk[0] / walk[1])))
-    known = differ[~np.isnan(differ)]
+    known = differ[np.isfinite(differ)]
     some = 1.5 * float(np.quantile(known, _SHARE)) if len(known) else 0.0
     return np.asarray(differ <= min(max(_SMOOTH, some), 2 * _SMOOTH))
 
