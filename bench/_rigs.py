@@ -91,8 +91,11 @@ def from_pictures(wish: SimulationSpec, views: tuple[int, int, int] = VIEWS) -> 
         turned = pool.map(lambda k: photograph(stand, (), start + k * step), range(stops))
         seen = [detect_board(picture, BOARD, f"free {i}") for i, picture in enumerate(dark)]
         striped = [
-            LaserPicture(view, *stripe_light(on, off))
-            for view, on, off in zip(seen[free:], lit, dark[free:], strict=True)
+            LaserPicture(view, light, widths=widths)
+            for view, (light, widths) in (
+                (view, stripe_light(on, off))
+                for view, on, off in zip(seen[free:], lit, dark[free:], strict=True)
+            )
         ]
         table = [
             TablePicture(detect_board(picture, BOARD, f"table {k}"), {}, f"table {k}", k)

@@ -35,7 +35,7 @@ def boards(count: int, tilt_deg: float, noise: float = 0.06) -> Boards:
         pixels = np.stack([here, v], axis=1)
         view = BoardView(BOARD, np.zeros((0, 2)), np.zeros(0, np.int32), (640, 480), f"{k}")
         stripe = StripeView("laser", pixels[::2], np.array([1.0, 0.0]))
-        out.append((LaserPicture(view, pixels, wide), stripe, pose))
+        out.append((LaserPicture(view, pixels, widths=wide), stripe, pose))
     return out
 
 

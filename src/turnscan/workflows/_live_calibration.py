@@ -28,6 +28,7 @@ from turnscan.calibrate import (
     laser_weights,
     parse_board,
     stripe_candidates,
+    stripe_light,
     white_margin,
 )
 from turnscan.errors import InputError
@@ -135,10 +136,10 @@ class LiveCalibration:
             with self._lock:
                 self._camera[number] = view
             return not view.failure
-        light = _light(shot, view, self._settings.orientation)
+        light, widths = _light(shot, view, self._settings.orientation)
         margin = None if view.failure else white_margin(shot.dark, view)
         with self._lock:
-            self._lasers[number] = shot.laser, LaserPicture(view, light, margin)
+            self._lasers[number] = shot.laser, LaserPicture(view, light, margin, widths)
         return bool(len(light))
 
     def forget_table(self) -> None:
@@ -221,20 +222,21 @@ class LiveCalibration:
         return TablePicture(markers, light, name, step)
 
 
-def _light(shot: Shot, view: BoardView, orientation: Orientation) -> Floats:
-    """(n, 2) px: the stripe's candidates of a picture; none where it misses the board."""
-    nothing: Floats = np.zeros((0, 2))
+def _light(shot: Shot, view: BoardView, orientation: Orientation) -> tuple[Floats, Floats]:
+    """The stripe's candidates (n, 2) px of a picture and their widths; none where it misses the
+    board."""
+    nothing: tuple[Floats, Floats] = np.zeros((0, 2)), np.zeros(0)
     if view.failure or shot.lit is None:
         return nothing
     weights = None
     if shot.lit.ndim == 3:
         excess = laser_weights(shot.lit, shot.dark, view.corners)
         weights = None if excess is None else np.eye(3)[int(excess.argmax())]
-    light = stripe_candidates(shot.lit, shot.dark, weights, orientation)
+    light, widths = stripe_light(shot.lit, shot.dark, weights, orientation)
     mask = np.zeros(shot.lit.shape[:2], np.uint8)
     cv2.fillConvexPoly(mask, cv2.convexHull(view.corners.round().astype(np.int32)), 1)
     u, v = light.round().astype(int).T
-    return light if np.count_nonzero(mask[v, u]) >= _FEWEST_LINES else nothing
+    return (light, widths) if np.count_nonzero(mask[v, u]) >= _FEWEST_LINES else nothing
 
 
 def _why_not(picture: TablePicture) -> str:
