@@ -56,7 +56,7 @@ def _found(electrons: Floats, centre: Floats, full: float | None, flag: StripeFl
 
 def clipped(sigma: float, run: int) -> Told:
     """Stripes clipped over ``run`` px: so bright that they are full that far from their middle."""
-    centre = 50.0 + SLANT * np.arange(ROWS)
+    centre = np.asarray(50.0 + SLANT * np.arange(ROWS), dtype=np.float64)
     peak = FULL * math.exp(0.5 * (0.5 * run / sigma) ** 2) if run else 0.5 * FULL
     return _found(light(centre, sigma, peak, 121), centre, FULL, StripeFlag.SATURATED)
 
@@ -64,7 +64,7 @@ def clipped(sigma: float, run: int) -> Told:
 def haloed(glow: float, sigma: float = 1.5, peak: float = 8000.0) -> Told:
     """Stripes with light that fades exponentially to one side, and speckle in every row."""
     rng = np.random.default_rng(6)
-    centre = 45.0 + SLANT * np.arange(ROWS)
+    centre = np.asarray(45.0 + SLANT * np.arange(ROWS), dtype=np.float64)
     # The halo is the stripe itself, carried to the right by an exponential's quantiles.
     carried = -LENGTH * np.log1p(-(np.arange(40) + 0.5) / 40)
     halo = np.mean([light(centre + far, sigma, peak, 121) for far in carried], axis=0)

@@ -29,9 +29,6 @@ _SEAM = 3
 one point is cleaned away at the edge, up to one spacing is left before it, and a cube needs all
 its corners."""
 
-_GUESS = 0.5
-"""Voxels that a surface may lie off its chords before what is between two profiles is a guess."""
-
 
 def merge(
     grids: Sequence[RangeGrid],
@@ -99,7 +96,7 @@ def merge(
     if along is not None:
         text += "; the spacing along profiles has no effect"
     findings.append(_merged_by(text, "grid|paste"))
-    most = max(_GUESS * size, 3 * sigma)
+    most = max(size, 3 * sigma)
     mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, most)
     mesh, lost = _witnessed(mesh, surfaces, size, most)
     return mesh, [*findings, *lost]
