@@ -116,7 +116,7 @@ def across(
     slide (2, s, n): the share of a turn's movement that is along the plane's normal; and side
     (2, s, n): 1 where the neighbour lies on the side of higher pixels, else −1.
     """
-    s, n, _ = points.shape
+    n = points.shape[1]
     walk, slide, side = out[0], out[1], out[2]
     normal = np.empty(3)
     for k in range(span[0], span[1]):
