@@ -20,7 +20,7 @@ from turnscan.calibrate import (
     figures,
     fit_sheet,
     parse_board,
-    stripe_candidates,
+    stripe_light,
     white_margin,
 )
 from turnscan.rig import Camera
@@ -58,7 +58,7 @@ def charuco_pairs() -> None:
 
 
 def _pair(camera, on, off, boards: list[Board], way) -> tuple[float, str]:  # type: ignore[no-untyped-def]
-    light = stripe_candidates(on, off, (1, 0, 0), way)
+    light = stripe_light(on, off, (1, 0, 0), way)[0]
     pictures = [LaserPicture(detect_board(off, b), light) for b in boards]
     try:
         fit = fit_sheet(camera, pictures, orientation=way)
@@ -76,7 +76,7 @@ def green_boards() -> None:
     pictures = []
     for path in list_pictures(SHARED / "laser-boards-green"):
         picture = read_picture(path)
-        light = stripe_candidates(picture, None, (0, 1, 0))
+        light = stripe_light(picture, None, (0, 1, 0))[0]
         view = detect_board(picture, board, path.name)
         pictures.append(LaserPicture(view, light, white_margin(picture, view)))
     settings = CalibrationSettings()

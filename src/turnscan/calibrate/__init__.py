@@ -13,7 +13,7 @@ from turnscan.calibrate._board import (
 )
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, TablePicture
 from turnscan.calibrate._findings import findings_of
-from turnscan.calibrate._light import laser_weights, stripe_candidates, stripe_light
+from turnscan.calibrate._light import laser_weights, stripe_light
 from turnscan.calibrate._limits import refuse_poor
 from turnscan.calibrate._margin import white_margin
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
@@ -73,7 +73,6 @@ __all__ = [
     "picture_fault",
     "refine",
     "refuse_poor",
-    "stripe_candidates",
     "stripe_light",
     "white_margin",
 ]

@@ -18,19 +18,6 @@ from turnscan.stripes import (
 _WINDOW = 17  # px: the stripe is narrower than half of this, squares and hands are wider
 
 
-def stripe_candidates(
-    lit: Image,
-    dark: Image | None = None,
-    weights: npt.ArrayLike | None = None,
-    orientation: Orientation = "vertical",
-) -> Floats:
-    """All places (n, 2) px in a picture where the stripe could be, up to five in a line.
-
-    See `stripe_light`, which tells their widths, too.
-    """
-    return stripe_light(lit, dark, weights, orientation)[0]
-
-
 def stripe_light(
     lit: Image,
     dark: Image | None = None,

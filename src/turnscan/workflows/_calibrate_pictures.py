@@ -19,7 +19,6 @@ from turnscan.calibrate import (
     detect_board,
     detect_markers,
     laser_weights,
-    stripe_candidates,
     stripe_light,
     white_margin,
 )
@@ -150,7 +149,7 @@ def table_pictures(
         clear = picture if off is None else off
         light = {}
         if laser is not None:
-            light[laser] = stripe_candidates(picture, off, weights, settings.orientation)
+            light[laser] = stripe_light(picture, off, weights, settings.orientation)[0]
         if settings.table_board is None:
             seen = detect_markers(clear, settings.dictionary)
             return TablePicture(seen, light, lit.name, step)

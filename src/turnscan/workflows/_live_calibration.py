@@ -27,7 +27,6 @@ from turnscan.calibrate import (
     findings_of,
     laser_weights,
     parse_board,
-    stripe_candidates,
     stripe_light,
     white_margin,
 )
@@ -214,7 +213,7 @@ class LiveCalibration:
         if shot.lit is not None:
             channel = _channel(shot.lit, shot.dark)
             way = self._settings.orientation
-            light[shot.laser] = stripe_candidates(shot.lit, shot.dark, channel, way)
+            light[shot.laser] = stripe_light(shot.lit, shot.dark, channel, way)[0]
         board, step = self._settings.table_board, float(shot.stop)
         if board is not None:
             return TablePicture(detect_board(shot.dark, board, name), light, name, step)
