@@ -107,3 +107,41 @@ def test_what_is_not_turned_is_refused_in_a_line(part: str) -> None:
     body, said = (ball, "more than one") if part == "ball" else (box, "not a turned part")
     with pytest.raises(InputError, match=said):
         turned_about(noisy(body, NOISE, 1))
+
+
+def test_the_wall_is_followed_beside_a_keyway() -> None:
+    shaft = turned(SHAFT, 0.6, 180)
+    X = shaft.vertices.copy()
+    r, angle = np.hypot(X[:, 0], X[:, 1]), np.arctan2(X[:, 1], X[:, 0])
+    key = (np.abs(angle) < 0.2) & (np.abs(r - 15) < 0.1)
+    X[key] *= [0.75, 0.75, 1.0]
+    found = turned_about(noisy(Mesh(X, shaft.faces), NOISE, 4))
+    outlines = [o for row in fit_outlines(wall_profile(found)[1]) for o in row]
+    upright = [
+        p
+        for o in outlines
+        for p in o.pieces
+        if isinstance(p, Line) and p.length > 5 and abs(p.end[0] - p.start[0]) < 0.02
+    ]
+    radii = sorted((p.start[0] + p.end[0]) / 2 for p in upright)
+    assert radii == pytest.approx([10, 15, 25], abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_neighbours_share_is_no_form_error(seed: int) -> None:
+    rod = turned([(20, 0), (20, 40)], 0.5, 240)
+    rng = np.random.default_rng(seed)
+    X = rod.vertices
+    row = np.rint(X[:, 2] * 100).astype(int)
+    own = np.empty(len(X))
+    for height in np.unique(row):
+        some = np.flatnonzero(row == height)
+        some = some[np.argsort(np.arctan2(X[some, 1], X[some, 0]))]
+        white = rng.normal(0.0, 0.02, len(some))
+        own[some] = sum(np.roll(white, k) for k in range(-3, 4)) / np.sqrt(7)
+    shared = Mesh(X + own[:, None] * X * [1, 1, 0] / 20, rod.faces)
+    found = turned_about(shared)
+    for r in roundness(found, list(np.linspace(-15, 15, 7))):
+        assert r.least_squares < r.noise + 4 * r.sigma
+        assert r.least_squares > r.noise - 4 * r.sigma
+    assert not thread(found, [o for w in fit_outlines(wall_profile(found)[1]) for o in w])

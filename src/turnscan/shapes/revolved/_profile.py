@@ -13,7 +13,8 @@ from turnscan.shapes._section import Chain, Cut, cross_section, half_plane_cut
 from turnscan.shapes.revolved._axis import Turned
 
 _ANGLES = 24
-"""Half-planes that are tried: the profile follows the one that shows most of the wall."""
+"""Half-planes that are tried: the profile follows the one that shows most of the wall, which one
+through a keyway does not."""
 _WINDOW = 1.5
 """Steps of the mesh along the wall, to both sides, whose points say where it is."""
 _ALIKE = float(np.cos(np.radians(30.0)))
@@ -42,13 +43,14 @@ def wall_profile(turned: Turned) -> tuple[Cut, tuple[Chain, ...]]:
 
     Raises InputError where no half-plane from the axis meets the wall.
     """
+    on = np.flatnonzero(turned.on)
+    tree = cKDTree(np.column_stack([turned.r[on], turned.z[on]]))
     cut, chains = max(
-        (_section(turned, k) for k in range(_ANGLES)), key=lambda o: sum(c.length for c in o[1])
+        (_section(turned, k) for k in range(_ANGLES)),
+        key=lambda o: sum(_on_wall(turned, c, tree) for c in o[1]),
     )
     if not chains:
         raise InputError("no half-plane from the axis meets the wall", hint="measure more of it")
-    on = np.flatnonzero(turned.on)
-    tree = cKDTree(np.column_stack([turned.r[on], turned.z[on]]))
     long = [c for c in chains if c.length >= _SHORT * chains[0].length]
     flat = replace(cut, name="profile of the wall", turned=True)
     made = [m for c in long if (m := _averaged(turned, c, on, tree)) is not None]
@@ -63,6 +65,13 @@ def _section(turned: Turned, k: int) -> tuple[Cut, list[Chain]]:
         return cut, cross_section(turned.mesh, cut)
     except InputError:
         return cut, []
+
+
+def _on_wall(turned: Turned, chain: Chain, tree: cKDTree) -> float:
+    """mm of a chain beside points that are on the surface of revolution."""
+    near = np.asarray(tree.query(chain.points)[0]) <= turned.spacing / 2 + 4 * turned.sigma
+    ways = np.linalg.norm(np.diff(chain.points, axis=0), axis=1)
+    return float(ways[near[1:] & near[:-1]].sum())
 
 
 def _averaged(turned: Turned, chain: Chain, on: np.ndarray, tree: cKDTree) -> Chain | None:

@@ -29,6 +29,8 @@ _STRAIGHT = float(np.radians(0.3))
 _PITCHES = 400
 _THREAD = 6.0
 """Standard deviations that the wave of a thread must have."""
+_RAYLEIGH = float(np.sqrt(2 * np.log(2)))
+"""Median length of a plane vector whose coordinates are Gaussian with a standard deviation of 1."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ def _round_at(turned: Turned, some: np.ndarray, height: float, hollow: bool) -> 
     if count < 12:
         return None
     at = (turned.angle[some] / (2 * np.pi) % 1.0) * count
-    mean, angle, noise = _cells(at.astype(np.int64) % count, off, count)
+    mean, angle, noise = _cells(at.astype(np.int64) % count, off, count, _row(turned, some))
     angle = (angle + 0.5) * (2 * np.pi / count)
     covered = len(mean) / count
     if covered < _COVERED:
@@ -147,15 +149,31 @@ def _round_at(turned: Turned, some: np.ndarray, height: float, hollow: bool) -> 
     )  # fmt: skip
 
 
-def _cells(cell: np.ndarray, value: Floats, most: int) -> tuple[Floats, np.ndarray, float]:
-    """Means of the cells that have points enough, which they are, and a mean's noise, mm."""
+def _row(turned: Turned, some: np.ndarray) -> np.ndarray:
+    """Number of the row of each point: as wide as the mesh along the axis."""
+    z = turned.z[some]
+    return np.asarray((z - z.min()) / turned.spacing, dtype=np.int64)
+
+
+def _cells(
+    cell: np.ndarray, value: Floats, most: int, row: np.ndarray
+) -> tuple[Floats, np.ndarray, float]:
+    """Means of the cells that have points enough, which they are, and a mean's noise, mm.
+
+    Points of one row lie between the same measured ones, so neighbours are off together: the noise
+    is told by how the means of rows scatter about their cell's.
+    """
     count = np.bincount(cell, minlength=most)
     good = count >= max(_CELL // 2, 3)
-    n = np.maximum(count, 1)
-    mean = np.bincount(cell, value, minlength=most) / n
-    square = np.bincount(cell, value**2, minlength=most) / n - mean**2
-    noise = float(np.sqrt(np.mean((square / np.maximum(n - 1, 1))[good]))) if good.any() else 0.0
-    return mean[good], np.flatnonzero(good), noise
+    mean = np.bincount(cell, value, minlength=most) / np.maximum(count, 1)
+    rows = int(row.max()) + 1
+    place = cell * rows + row
+    n = np.bincount(place, minlength=most * rows).reshape(most, rows)
+    off = np.bincount(place, value - mean[cell], minlength=most * rows).reshape(most, rows)
+    free = 1.0 - (n**2).sum(axis=1) / np.maximum(count, 1) ** 2  # Σ of squared sums about the mean
+    some = good & (free > 0)
+    square = (off**2).sum(axis=1)[some] / count[some] ** 2 / free[some]
+    return mean[good], np.flatnonzero(good), float(np.sqrt(square.mean())) if some.any() else 0.0
 
 
 def _of_noise(noise: float, n: int) -> tuple[float, float]:
@@ -212,8 +230,9 @@ def cylindricities(turned: Turned, outlines: Sequence[Outline]) -> list[Cylindri
         around = int(angle.size // (25 * across)) or 1
         rows = np.clip(((t + 0.5) * across).astype(np.int64), 0, across - 1)
         place = rows * around + (angle / (2 * np.pi) % 1.0 * around).astype(np.int64) % around
-        means, _, noise = _cells(place, r - A @ fit, across * around)
-        about = _cells(place, r - fit[0], across * around)[0]
+        row = _row(turned, some)
+        means, _, noise = _cells(place, r - A @ fit, across * around, row)
+        about = _cells(place, r - fit[0], across * around, row)[0]
         if len(means) < 12:
             continue
         wide, spread = _of_noise(noise, len(means))
@@ -231,7 +250,8 @@ def thread(turned: Turned, outlines: Sequence[Outline]) -> list[Thread]:
     """Waves that wind about straight pieces of the wall as a thread does, the strongest of each.
 
     The wave cos(2πz/p ∓ φ) is sought over pitches p from three steps of the mesh to a third of the
-    piece; rings without a pitch belong to the profile.
+    piece; rings without a pitch belong to the profile. What noise makes of it is told by the median
+    over all pitches, for the noise of neighbours is not independent.
     """
     out = []
     for line in _lines(outlines):
@@ -244,13 +264,17 @@ def thread(turned: Turned, outlines: Sequence[Outline]) -> list[Thread]:
         if long < 12 * turned.spacing:
             continue
         waves = np.linspace(3.0 / long, 1.0 / (3.0 * turned.spacing), _PITCHES)
-        best: tuple[float, float] = (0.0, 1.0)
-        for hand in (1.0, -1.0):
+        hands = np.repeat([1.0, -1.0], _PITCHES)
+        pitches = hands / np.tile(waves, 2)
+        sizes = np.empty(2 * _PITCHES)
+        for k, hand in enumerate((1.0, -1.0)):
             turn = np.exp(-1j * hand * angle) * off
-            for w in waves:
+            for j, w in enumerate(waves):
                 size = 2.0 * abs(complex(np.mean(turn * np.exp(2j * np.pi * w * z))))
-                best = max(best, (size, hand / w))
-        sigma = float(off.std()) * np.sqrt(2.0 / len(off))
-        if best[0] > _THREAD * sigma:
-            out.append(Thread(float(z.min()), float(z.max()), best[1], best[0], sigma))
+                sizes[k * _PITCHES + j] = size
+        best = int(np.argmax(sizes))
+        sigma = float(np.median(sizes)) / _RAYLEIGH
+        if sizes[best] > _THREAD * sigma:
+            low, high = float(z.min()), float(z.max())
+            out.append(Thread(low, high, float(pitches[best]), float(sizes[best]), sigma))
     return out
