@@ -3,27 +3,35 @@
 ``python -m bench shapes`` scans parts with the paper's rig, known exactly, at 1.8° (``--quick``:
 two of them); ``python -m bench shapes hexagon shaft`` some alone; ``--write`` puts the table into
 the page. ``python -m bench.shapes --rig modern --calibrated`` takes another rig, or one calibrated
-from pictures, and then the calibration's uncertainty counts, too.
+from pictures, and then the calibration's uncertainty counts, too; ``--seeds 20 --steps 24 shaft``
+scans a part so many times and tells how often its sizes keep their uncertainty; ``--keep FOLDER``
+keeps the scans there and finds them again.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from bench._page import DOCS, write
 from bench._rigs import known_rig
-from bench.accuracy import NEAR_EDGE, Case, scan
+from bench.accuracy import NEAR_EDGE
+from bench.surface_truth import scanned
 from turnscan.arrays import Floats
+from turnscan.detection import detect_scan
+from turnscan.gridding import to_grids
 from turnscan.mesh import Mesh
 from turnscan.meshing import source_of, to_mesh
-from turnscan.rig import Pose, rotation_from_vector
+from turnscan.rig import Pose, Rig, rig_from_json, rig_to_json, rotation_from_vector
+from turnscan.scan import Scan
 from turnscan.settings import Settings
 from turnscan.shapes import calibration_moves
 from turnscan.shapes.primitives import (
@@ -35,7 +43,7 @@ from turnscan.shapes.primitives import (
     sizes_between,
 )
 from turnscan.shapes.primitives._edges import normals_and_distances
-from turnscan.simulate import Part, bench, seconds_of
+from turnscan.simulate import Bench, Part, SimulationSpec
 
 PAGE = DOCS / "how-to" / "shapes.md"
 PARTS = ("hexagon", "shaft", "bracket", "grooves", "torus", "gear")
@@ -88,48 +96,127 @@ HEAD = (
 )
 
 
-def measured_part(name: str, rig: str, calibrated: bool, seed: int) -> list[str]:
-    """The lines of a part in the table, and what else there is to say of it, after a scan."""
-    case = Case(rig, name, STEPS, knowledge="calibrated" if calibrated else "exact")
-    wish = case.wish(seed)
-    made = bench(wish)
-    believed = known_rig(made, wish, case.knowledge) or made.rig
-    real = scan(made, seconds_of(wish), STEPS, believed)
-    grids = [real.grid]
-    mesh = to_mesh(grids, Settings(), rig=believed).mesh
-    moves = list(calibration_moves(mesh, source_of(grids, believed))) if calibrated else []
+@dataclass(frozen=True)
+class Task:
+    """How a part is scanned."""
+
+    part: str
+    rig: str = "paper"
+    calibrated: bool = False
+    """By simulated pictures of a board; else the rig is known exactly."""
+    seed: int = 1
+    steps: int = STEPS
+
+    @property
+    def wish(self) -> SimulationSpec:
+        """The bench to build."""
+        return SimulationSpec(self.part, self.rig, lasers=1, seed=self.seed, steps=self.steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A part that was scanned, and what was found on it."""
+
+    mesh: Mesh
+    shapes: ShapeSet
+    sizes: Sequence[ShapeSize]
+    spent: float
+    """Seconds of the processor."""
+    made: Bench
+    believed: Rig
+
+
+def found_on(task: Task, folder: Path) -> Found:
+    """Scan a part, or take the scan in the folder, and find its shapes."""
+    made, path = scanned(task.wish, folder)
+    believed = _believed(task, made, folder)
+    wanted = Settings()
+    with Scan.open(path) as kept:
+        seen = detect_scan(kept, believed, wanted.stripes)
+    grids = to_grids(seen, wanted).grids
+    mesh = to_mesh(grids, wanted, rig=believed).mesh
+    moves = list(calibration_moves(mesh, source_of(grids, believed))) if task.calibrated else []
     start = time.process_time()
     found = find_shapes(mesh, moves=moves)
     sizes = sizes_between(mesh, found)
-    spent = time.process_time() - start
-    body = made.scene.bodies[0]
-    true_frame = made.rig.T_camera_table.inverse() @ believed.T_camera_table
-    place = _aligned(mesh, found, body.part, body.T_table_part.inverse() @ true_frame)
-    lines = [line for t in TRUTHS[name] for line in _lines(name, t, sizes)]
-    return [*lines, *_edge_line(name, mesh, found, body.part, place), _rest(name, found, mesh,
-            body.part, place, spent)]  # fmt: skip
+    return Found(mesh, found, sizes, time.process_time() - start, made, believed)
+
+
+def _believed(task: Task, made: Bench, folder: Path) -> Rig:
+    """The rig to measure with; a calibrated one is kept beside the scans."""
+    if not task.calibrated:
+        return made.rig
+    path = folder / f"rig-{task.part}-{task.rig}-seed-{task.seed}.json"
+    if not path.exists():
+        path.write_text(rig_to_json(known_rig(made, task.wish, "calibrated") or made.rig))
+    return rig_from_json(path.read_text())
+
+
+def measured_part(task: Task, folder: Path) -> list[str]:
+    """The lines of a part in the table, and what else there is to say of it, after a scan."""
+    f = found_on(task, folder)
+    body = f.made.scene.bodies[0]
+    true_frame = f.made.rig.T_camera_table.inverse() @ f.believed.T_camera_table
+    base = body.T_table_part.inverse() @ true_frame
+    place = _aligned(f.mesh, f.shapes, body.part, base)
+    name = task.part
+    lines = [line for t in TRUTHS[name] for line in _lines(name, t, f.sizes)]
+    edges = _edge_line(name, f.mesh, f.shapes, body.part, place)
+    rest = _rest(name, f.shapes, f.mesh, body.part, place, f.spent)
+    return [*lines, *edges, rest]
+
+
+def repeated(task: Task, seeds: int, folder: Path) -> list[str]:
+    """Of many scans of a part, each size: its mean error, its scatter, and its E_n."""
+    offs = dict[str, list[tuple[float, float]]]()
+    for seed in range(1, seeds + 1):
+        f = found_on(replace(task, seed=seed), folder)
+        for t in TRUTHS[task.part]:
+            offs.setdefault(t.name, []).extend(_errors(t, f.sizes))
+    out = [
+        "| part | size | found | mean error µm | scatter µm | u µm | E_n < 1 |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for t in TRUTHS[task.part]:
+        off = np.array(offs[t.name]).reshape(-1, 2)
+        head = f"| {task.part} | {t.name} | {len(off)} of {seeds * t.times} "
+        if not len(off):
+            out.append(f"{head}| | | | |")
+            continue
+        e, u = 1e3 * off.T
+        kept = float(np.mean(np.abs(e) < 2 * u))
+        spread = f"{e.std(ddof=1):.1f}" if len(e) > 1 else ""
+        out.append(f"{head}| {e.mean():+.1f} | {spread} | {u.mean():.1f} | {kept:.0%} |")
+    return out
+
+
+def _errors(truth: Truth, sizes: Sequence[ShapeSize]) -> list[tuple[float, float]]:
+    """Error and standard uncertainty, mm or degrees, of the sizes nearest to a true one."""
+    unit = 180 / math.pi if "angle" in truth.kind else 1.0
+    near = sorted(
+        ((s.value * unit - truth.value, s.sigma * unit) for s in sizes if s.kind == truth.kind),
+        key=lambda o: abs(o[0]),
+    )
+    most = max(_ALIKE * truth.value, 0.5)
+    return [o for o in near if abs(o[0]) <= most][: truth.times]
 
 
 def _lines(name: str, truth: Truth, sizes: Sequence[ShapeSize]) -> list[str]:
     """A true size beside the measured ones nearest to it."""
     unit = 180 / math.pi if "angle" in truth.kind else 1.0
-    near = sorted(
-        (abs(s.value * unit - truth.value), s.value * unit, s.sigma * unit)
-        for s in sizes
-        if s.kind == truth.kind
-    )
-    near = [n for n in near if n[0] <= max(_ALIKE * truth.value, 0.5)][: truth.times]
+    near = _errors(truth, sizes)
     many = f" × {truth.times}" if truth.times > 1 else ""
     what = f"| {name} | {truth.name}{many} | {truth.value:g}{'°' if unit != 1 else ''}"
     if len(near) < truth.times:
         return [f"{what} | {len(near)} found | | | |"]
-    off, value, sigma = near[-1]  # the worst
+    off, sigma = near[-1]  # the worst
+    value = truth.value + off
     error = (
         f"{60 * (value - truth.value):+.2f}′"
         if unit != 1
         else f"{1e3 * (value - truth.value):+.1f}"
     )
-    return [f"{what} | {value:.4f} | {sigma:.4f} | {error} | {off / (2 * sigma):.2f} |"]
+    return [f"{what} | {value:.4f} | {sigma:.4f} | {error} | {abs(off) / (2 * sigma):.2f} |"]
 
 
 def _aligned(mesh: Mesh, found: ShapeSet, part: Part, base: Pose) -> Pose:
@@ -191,14 +278,16 @@ def _rest(name: str, found: ShapeSet, mesh: Mesh, part: Part, place: Pose, spent
 
 def run(parts: Sequence[str] = (), quick: bool = False, into_pages: bool = False) -> None:
     """Print the table of the paper's rig, known exactly."""
-    _table(parts or (PARTS[:2] if quick else PARTS), "paper", False, 1, into_pages)
+    tasks = [Task(name) for name in parts or (PARTS[:2] if quick else PARTS)]
+    with tempfile.TemporaryDirectory() as scratch:
+        _table(tasks, Path(scratch), into_pages)
 
 
-def _table(parts: Sequence[str], rig: str, calibrated: bool, seed: int, into_pages: bool) -> None:
+def _table(tasks: Sequence[Task], folder: Path, into_pages: bool) -> None:
     lines = list(HEAD)
     print("\n".join(lines), flush=True)
-    for name in parts:
-        more = measured_part(name, rig, calibrated, seed)
+    for task in tasks:
+        more = measured_part(task, folder)
         lines += more
         print("\n".join(more), flush=True)
     if into_pages:
@@ -206,14 +295,30 @@ def _table(parts: Sequence[str], rig: str, calibrated: bool, seed: int, into_pag
 
 
 def main() -> None:
-    """The same with another rig."""
+    """The same with another rig, kept scans, or many seeds."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--rig", default="paper")
     parser.add_argument("--calibrated", action="store_true", help="rig calibrated from pictures")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, help="scan each part so many times")
+    parser.add_argument("--steps", type=int, default=STEPS)
+    parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--write", action="store_true", help="put the table into the page")
     args = parser.parse_args()
-    _table(args.parts or PARTS, args.rig, args.calibrated, args.seed, False)
+    tasks = [
+        Task(name, args.rig, args.calibrated, args.seed, args.steps) for name in args.parts or PARTS
+    ]
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = args.keep or Path(scratch)
+        if args.seeds is None:
+            _table(tasks, folder, args.write)
+            return
+        for task in tasks:
+            lines = repeated(task, args.seeds, folder)
+            print("\n".join(lines), flush=True)
+            if args.write:
+                write(PAGE, "shapes-seeds", lines)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,96 @@
+"""A part of many faces, drawn as STEP, scanned in two poses and recovered: what comes back of it.
+
+``python -m bench.step_part PART.STEP`` simulates the part on the paper's rig in two poses, lying on
+its face and on its back, both leaning; joins them, finds shapes, and holds these against the faces
+of the drawing: found, missed, invented, and how far points lie off. ``--steps`` (200) for each
+turn; ``--rig``; ``--keep FOLDER`` keeps the scans there and finds them again; ``--free`` joins the
+poses by their own shape, not by the drawing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from bench.surface_truth import scanned
+from turnscan import workflows as w
+from turnscan.formats import export
+from turnscan.progress import no_progress
+from turnscan.shapes import deviation
+from turnscan.simulate import SimulationSpec
+from turnscan.workflows._aligning import labels_of
+from turnscan.workflows._compare import _own
+from turnscan.workflows._compared_features import matched
+from turnscan.workflows._nominal import Nominal, nominal
+
+POSES = ((0.0, (55.0, 20.0)), (180.0, (55.0, -20.0)))
+"""Degrees: how far the part is tipped over, then leans about x and y."""
+_SEEN = 60
+"""Measured vertices that a face must have to count as seen: those of the smallest plane."""
+
+
+def recovered(drawing: Path, rig: str, steps: int, folder: Path, free: bool) -> list[str]:
+    """The lines of the report."""
+    drawn = nominal(drawing, "mm", no_progress)
+    mesh = folder / f"{drawing.stem}-mm.stl"
+    mesh.write_bytes(export(drawn.mesh, ".stl"))
+    wishes = [
+        SimulationSpec(
+            str(mesh),
+            rig,
+            lasers=1,
+            seed=1 + k,
+            steps=steps,
+            tip=math.radians(tip),
+            lean=(math.radians(lean[0]), math.radians(lean[1])),
+        )
+        for k, (tip, lean) in enumerate(POSES)
+    ]
+    scans = [scanned(wish, folder)[1] for wish in wishes]
+    joined = w.join(scans, reference=None if free else drawing)
+    found = w.find_shapes(joined, as_measured=True)
+    moved = w.compare(joined, drawing, align="shape" if free else "none")
+    return _told(drawn, found, moved)
+
+
+def _told(drawn: Nominal, found: w.FoundShapes, moved: w.Comparison) -> list[str]:
+    label = labels_of(drawn, moved.every.face, moved.every.beyond)
+    match = matched(drawn, label, found.found, _own(found.mesh, found))
+    seen = np.bincount(label[label >= 0], minlength=len(drawn.shapes)) >= _SEEN
+    lines = ["| kind | drawn | seen | found | missed | invented |", "|---|---|---|---|---|---|"]
+    for kind in Counter(s.kind for s in (*drawn.shapes, *found.found.shapes)):
+        of = [k for k, s in enumerate(drawn.shapes) if s.kind == kind]
+        got = {match[k] for k, s in enumerate(found.found.shapes) if s.kind == kind and k in match}
+        alien = sum(s.kind == kind and k not in match for k, s in enumerate(found.found.shapes))
+        visible = sum(bool(seen[k]) for k in of)
+        lost = sum(bool(seen[k]) and k not in got for k in of)
+        lines.append(f"| {kind} | {len(of)} | {visible} | {len(got)} | {lost} | {alien} |")
+    d = deviation(moved.mesh.vertices, drawn.mesh)
+    return [
+        *lines,
+        f"measured points off the drawing: {1e3 * d.mean:+.1f} µm mean, {1e3 * d.rms:.1f} µm rms, "
+        f"95 % within {1e3 * d.quantile(0.95):.1f} µm",
+    ]
+
+
+def main() -> None:
+    """Print what comes back of a drawing."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("drawing", type=Path)
+    parser.add_argument("--rig", default="paper")
+    parser.add_argument("--steps", type=int, default=200)
+    parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
+    parser.add_argument("--free", action="store_true", help="join by shape, without the drawing")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = args.keep or Path(scratch)
+        print("\n".join(recovered(args.drawing, args.rig, args.steps, folder, args.free)))
+
+
+if __name__ == "__main__":
+    main()
