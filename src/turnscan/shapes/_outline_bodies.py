@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
 
 from turnscan.arrays import Bools, Floats
 from turnscan.shapes._outline_noise import Noise
@@ -195,6 +194,8 @@ def _together(chain: Chain, bodies: list[Body], noise: Noise) -> float:
     That is what counts for a line's place where residuals hang together; 0 where it is within
     chance, or where there are too few points to tell.
     """
+    from scipy.sparse import csr_array
+
     seen = due = blocks = 0.0
     for b in bodies:
         n = len(b.rows)

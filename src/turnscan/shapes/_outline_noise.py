@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
 
 from turnscan.arrays import Bools, Floats
 from turnscan.shapes._section import Chain
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 _HALF = 4
 """Points on either side of one, whose parabola says where it should lie."""
@@ -54,6 +57,8 @@ def chain_noise(chain: Chain, use: Bools) -> Noise:
 
     ``use`` (m,) tells which points were measured; there must be some.
     """
+    from scipy.sparse import csr_array, diags_array
+
     m = len(chain.points)
     vertices, column = np.unique(chain.ends, return_inverse=True)
     index = (np.repeat(np.arange(m), 2), column.ravel())
@@ -97,6 +102,8 @@ def _scatter(p: Floats, rows: csr_array) -> float:
 
 def _off(p: Floats, rows: csr_array, half: int, powers: int) -> Floats:
     """|Distance| of each point from a polynomial through its neighbours, per what ``rows`` say."""
+    from scipy.sparse import csr_array
+
     m, wide = len(p), 2 * half + 1
     window = np.arange(m - wide + 1)[:, None] + np.arange(wide)
     q = p[window]

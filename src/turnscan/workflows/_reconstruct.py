@@ -22,7 +22,6 @@ from turnscan.workflows._history import repairs, wanted_history
 from turnscan.workflows._kept_options import DEFAULT_SET, check_name, kept_options, store_options
 from turnscan.workflows._range_scans import join_scans, placed_scans
 from turnscan.workflows._reconstruct_options import ReconstructOptions
-from turnscan.workflows._refine import table_findings
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
 
@@ -138,7 +137,11 @@ def _of_scan(
     seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
     surfacing = progress.subrange(_DETECTION, 1, "building the surface")
     done = build(seen, settings, edits, surfacing)
-    remarks = (*below_stored(scan, settings.stripes.threshold), *table_findings(seen, done.grids))
+    remarks = below_stored(scan, settings.stripes.threshold)
+    if len(seen) > 1:  # one laser says nothing about the table
+        from turnscan.workflows._refine import table_findings
+
+        remarks += table_findings(seen, done.grids)
     done = replace(done, findings=(*done.findings, *remarks))
     return ReconstructResult(
         done, about(scan.path, rig, settings, done.edits), rig, options=options

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError
 from turnscan.shapes._section import Chain, Cut, cross_section, half_plane_cut
 from turnscan.shapes.revolved._axis import Turned
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _ANGLES = 24
 """Half-planes that are tried: the profile follows the one that shows most of the wall, which one
@@ -43,6 +46,8 @@ def wall_profile(turned: Turned) -> tuple[Cut, tuple[Chain, ...]]:
 
     Raises InputError where no half-plane from the axis meets the wall.
     """
+    from scipy.spatial import cKDTree
+
     on = np.flatnonzero(turned.on)
     tree = cKDTree(np.column_stack([turned.r[on], turned.z[on]]))
     cut, chains = max(

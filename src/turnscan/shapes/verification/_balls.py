@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
@@ -121,6 +120,8 @@ def ball_moves(survey: Survey, ball: Ball, some: Index) -> tuple[Floats, Floats]
 
 def _counts(survey: Survey, on: Index, away: Floats, centre: Floats, radius: float) -> np.ndarray:
     """(k,) True for the points ``on`` the ball that neither graze nor lie beside its holder."""
+    from scipy.spatial import cKDTree
+
     X = survey.points
     normal = (X[on] - centre) / np.maximum(away[on], 1e-9)[:, None]
     good = np.ones(len(on), dtype=np.bool_)
@@ -144,6 +145,8 @@ def _counts(survey: Survey, on: Index, away: Floats, centre: Floats, radius: flo
 
 def _sought(X: Floats, radius: float) -> tuple[Floats, float] | None:
     """Centre and radius of the ball of about that radius that most points lie on, or None."""
+    from scipy.spatial import cKDTree
+
     look = X[:: max(len(X) // _LOOK, 1)]
     if len(look) < _FEWEST:
         return None

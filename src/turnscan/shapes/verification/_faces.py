@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy import ndimage
-from scipy.spatial import cKDTree
 
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
@@ -190,6 +188,8 @@ def level_moves(survey: Survey, levels: Levels, some: Sequence[Index]) -> Floats
 
 def _sought(X: Floats, tolerance: float, dice: np.random.Generator) -> tuple[Floats, float] | None:
     """Normal and distance of the plane that most points lie on, from triples of neighbours."""
+    from scipy.spatial import cKDTree
+
     look = X[:: max(len(X) // _LOOK, 1)]
     reach = 0.12 * float(np.linalg.norm(np.ptp(look, axis=0)))
     tree = cKDTree(look)
@@ -219,6 +219,8 @@ def _sought(X: Floats, tolerance: float, dice: np.random.Generator) -> tuple[Flo
 
 def _inner(X: Floats, plane: Plane, margin: float) -> np.ndarray:
     """(n,) True for points of the largest patch, further than ``margin`` from its edges."""
+    from scipy import ndimage
+
     e1, e2 = _across(plane.normal)
     flat = np.stack([(X - plane.centre) @ e1, (X - plane.centre) @ e2], axis=1)
     low, size = flat.min(axis=0), np.ptp(flat, axis=0)
