@@ -112,8 +112,10 @@ format: setup ## let ruff put the sources in order, and Biome those of the front
 frontend-format: $(NODE_READY) ## let Biome put the front end in order
 	cd frontend && npm run --silent format
 
-bench: setup ## benchmarks, as ratios within one run
-	$(BIN)/python -m bench
+# A file for each machine and commit in build/bench; what became slower than its noise is named.
+SPEEDS := history stripes surface reconstruct scale acquire batch startup simulated_frames
+bench: setup ## speeds beside what is wanted of them, and what became slower since the last time
+	$(BIN)/python -m bench $(SPEEDS)
 
 # In an environment of its own: half a gigabyte of libraries, and a pytest plug-in that Open3D brings.
 bench-libraries: ## our own parts beside libraries that offer the same; writes the decision pages

@@ -15,6 +15,7 @@ channel by channel (red and blue less green), as differences from the pixel befo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -135,6 +136,8 @@ def find_runs(lines: Pixels, threshold: float, margin: int) -> tuple[Pixels, Pix
     (n,), first pixel and length of each run.
     """
     n, m = lines.shape
+    if lines.dtype.kind in "iu":  # the same pixels, compared as whole numbers
+        threshold = math.floor(threshold)
     place = np.flatnonzero(lines > threshold)
     line, column = np.divmod(place, m)
     first, after = np.maximum(column - margin, 0), np.minimum(column + margin + 1, m)
@@ -329,7 +332,7 @@ def _fill(lit: Image, dark: Image | None, own: bool) -> Pixels:
     bits = lit.dtype.newbyteorder("<")
     if dark is None:
         return _medians(lit).astype(bits)
-    added = _medians(signal_of(lit, dark, None)).astype(np.int64)
+    added = _medians(signal_of(_sample(lit), _sample(dark), None)).astype(np.int64)
     if not own:
         return added.astype(bits)
     off = _medians(dark).astype(np.int64)
@@ -338,9 +341,13 @@ def _fill(lit: Image, dark: Image | None, own: bool) -> Pixels:
 
 
 def _medians(picture: Pixels) -> Pixels:
-    planes = picture.reshape(picture.shape[0] * picture.shape[1], -1)
-    stride = max(1, len(planes) // SAMPLES) | 1
-    return np.asarray(np.median(planes[::stride], axis=0))
+    return np.asarray(np.median(_sample(picture)[:, 0], axis=0))
+
+
+def _sample(picture: Pixels) -> Pixels:
+    """(k, 1, C): some pixels of a picture, evenly spread; of a sample all."""
+    planes = picture.reshape(picture.shape[0] * picture.shape[1], 1, -1)
+    return np.asarray(planes[:: max(1, len(planes) // SAMPLES) | 1])
 
 
 def _ground(
