@@ -1,1 +1,5 @@
-"""Benchmarks that print ratios within one run, and figures on real data."""
+"""Benchmarks; ``python -m bench`` runs them."""
+
+from turnscan.threads import single_threaded_algebra
+
+single_threaded_algebra()

@@ -42,7 +42,8 @@ def cylinder(centre: tuple[float, float], radius: float, tilt_deg: float = 0.0) 
 
     def outside(p: Floats) -> Floats:
         d = p - [*centre, 0.0]
-        return np.linalg.norm(d - (d @ axis)[..., None] * axis, axis=-1) - radius
+        out: Floats = np.linalg.norm(d - (d @ axis)[..., None] * axis, axis=-1) - radius
+        return out
 
     return outside
 

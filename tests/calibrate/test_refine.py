@@ -104,13 +104,18 @@ def test_a_ruler_and_a_sphere_make_a_rig() -> None:
     assert known.covariance is not None
     dice = np.random.default_rng(4)
     sigma = np.sqrt(np.diag(known.covariance))
-    wrong = replace(known.perturbed(0.7 * sigma * dice.standard_normal(len(sigma))),
+    # Every number is wrong by the whole of its uncertainty: 5 mm or 2°.
+    wrong = replace(known.perturbed(sigma * dice.choice([-1.0, 1.0], len(sigma))),
                     covariance=known.covariance)  # fmt: skip
     sweeps = both(true, sphere((14.0, 3.0, 22.0), 18.0), STEPS, STEPS, 3, every=6)
     settings = replace(QUICK, radius=(18.0, 0.005))
     done = refine(wrong, sweeps, settings)
-    assert done.gap_before > 0.5
+    assert done.gap_before > 2.0
     assert done.gap_after < 1.2 * done.gap_noise < 0.05
+    assert "scale" not in done.held
+    some = both(true, sphere((14.0, 3.0, 22.0), 18.0), STEPS[::2], STEPS[::2], 3, every=12)
+    unknown = refine(wrong, some, RefineSettings(radius=(15.0, 7.5), rounds=3, queries=200))
+    assert "scale" in unknown.held
     # Another sphere, measured with the rig that came of it.
     other = both(true, sphere((-8.0, 10.0, 20.0), 12.0), STEPS, STEPS, 5, every=6)
     at = np.concatenate([s.points(done.rig, done.rig.camera.rays(s.pixels)) for s in other])

@@ -32,9 +32,10 @@ from turnscan.errors import DidNotConverge
 _HUBER = 2.5
 _ROUNDS = 60
 _SCALE_ROUNDS = 4
-_SETTLED = 1e-8  # relative change of the cost
+_SETTLED, _ROUGH = 1e-8, 1e-3  # relative change of the cost
 _LEAST_SCALE = 1e-6  # px
 _LEAST_FREEDOM = 1.0  # redundant parameters of the views, below which their scatter says nothing
+_LEAST_SHARE = 0.05  # of a parameter's variance: less left of it in the pulls says nothing of it
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,12 @@ def adjust(
     *,
     robust: bool = True,
     near: Fit[State] | None = None,
+    told: bool = False,
 ) -> Fit[State]:
     """Adjust ``state``; shared parameters where ``free`` (p,) is False keep their value.
 
-    ``near`` is a fit of nearly the same problem: its scales are taken to start with.
+    ``near`` is a fit of nearly the same problem: its scales are taken to start with. ``told``: the
+    noise is as large as the network says, and a state to begin with is all that is wanted.
 
     Raises Degenerate, naming the parameters, when the views leave a direction undetermined, and
     DidNotConverge when the steps do not settle.
@@ -90,10 +93,10 @@ def adjust(
     blocks = network.blocks(state)
     scales = dict.fromkeys((b.kind for b in blocks), 1.0)
     if near is None:
-        state, blocks = _minimise(network, state, free, scales, huber=None)
+        state, blocks = _minimise(network, state, free, scales, huber=None, rough=told)
     else:
         scales |= {k: v for k, v in near.scales.items() if k in scales}
-    for _ in range(_SCALE_ROUNDS):
+    for _ in range(0 if told else _SCALE_ROUNDS):
         before = dict(scales)
         system = build(network, blocks, free, scales, _HUBER if robust else None, 0.0)
         scales, _ = _scales(network, blocks, system, free, scales, robust)
@@ -109,7 +112,9 @@ def _minimise(
     free: Bools,
     scales: dict[str, float],
     huber: float | None,
+    rough: bool = False,
 ) -> tuple[State, list[Block]]:
+    """The state of least cost; ``rough``: one near it, as it is only to begin with."""
     damping = 1e-4
     blocks = network.blocks(state)
     for _ in range(_ROUNDS):
@@ -122,13 +127,15 @@ def _minimise(
             gain = system.cost - cost
             state, blocks = tried, try_blocks
             damping = max(damping * 0.1, 1e-12)
-            if gain <= _SETTLED * system.cost + 1e-18:
+            if gain <= (_ROUGH if rough else _SETTLED) * system.cost + 1e-18:
                 return state, blocks
         else:
             damping *= 30
             if damping > 1e10:
                 # No step in any direction gains: this is the minimum to rounding.
                 return state, blocks
+    if rough:
+        return state, blocks
     raise DidNotConverge(
         f"the bundle adjustment did not converge in {_ROUNDS} rounds",
         hint="check the worst views in the report and leave them out",
@@ -257,14 +264,14 @@ def _view_factor(
     """How much more the views' pulls on the shared parameters scatter than noise would make them.
 
     Residuals within one view have causes in common (a bent board, blur, a stripe with structure),
-    and then 300 stripe pixels are not 300 measurements. The scatter of the sum of each view's pull
-    (the "sandwich" estimate of Liang & Zeger, 1986), relative to what independent residuals give,
-    shows it; the median over the parameters is taken, and never less than 1.
+    and then 300 stripe pixels are not 300 measurements. The scatter of the sum g of each view's
+    pull (the "sandwich" estimate C Σ g gᵀ C of Liang & Zeger, 1986) shows it, relative to what
+    independent residuals give: where H is a view's own part of the equations, its pull has the
+    covariance H − H C H (the leverages of Bell & McCaffrey, 2002). The median over the parameters
+    is taken, and never less than 1.
 
-    Few views, or parameters that were known before, leave that estimate without redundancy. Then
-    the sum of pᵀ C p over the pulls p is compared with its expectation: where H is a view's own
-    part of the equations, its pull has the covariance H − H C H (the leverages of Bell & McCaffrey,
-    2002, of all parameters together).
+    Few views, or parameters that were known before, leave single parameters without redundancy.
+    Then the sum of gᵀ C g is compared with its expectation, all parameters together.
     """
     p = len(C)
     pulls: dict[int, Floats] = {}
@@ -278,15 +285,17 @@ def _view_factor(
         A = shared_columns(network, b, system, free)
         pulls[b.view] = pulls.get(b.view, np.zeros(p)) + A.T @ (w * b.residual)
         parts[b.view] = parts.get(b.view, np.zeros((p, p))) + (A.T * w) @ A
-    n = len(pulls)
     G = np.array(list(pulls.values()))
-    if prior or n < p + 5:
-        levers = [C @ H for H in parts.values()]
+    levers = [C @ H for H in parts.values()]
+    if prior or len(pulls) < p + 5:
         expected = sum(float(np.trace(L) - (L * L.T).sum()) for L in levers)
         if expected < _LEAST_FREEDOM:
             return 1.0
         found = float(np.einsum("ij,jk,ik->", G, C, G))
         return max(float(np.sqrt(found / expected)), 1.0)
-    meat = np.diag(C @ (G.T @ G) @ C) * n / (n - p)
-    ratio = float(np.sqrt(np.median(meat / np.diag(C))))
-    return max(ratio, 1.0)
+    meat = np.diag(C @ (G.T @ G) @ C)
+    independent = np.diag(sum((L @ C - L @ L @ C for L in levers), np.zeros((p, p))))
+    told = independent > _LEAST_SHARE * np.diag(C)
+    if not told.any():
+        return 1.0
+    return max(float(np.sqrt(np.median(meat[told] / independent[told]))), 1.0)

@@ -20,6 +20,7 @@ from turnscan.calibrate._surfaces import (
     SurfaceNetwork,
     Surfaces,
     Sweep,
+    doubt_of,
     gauge_of,
     motion_known,
     noise_of,
@@ -34,6 +35,9 @@ _SETTLED = 0.1
 """Standard deviations: less than this, and another round changes nothing."""
 _REACH_MM = 8.0
 """How far apart two surfaces may be at first."""
+_FINER, _NEAR, _ROUGH_ROUNDS = 0.3, 1.2, 20
+"""By how much finer surfaces are held against each other from round to round where the rig may be
+far off, and how many such rounds there are at most."""
 _FEWEST = 100
 """Places where two surfaces meet, below which nothing is said of a rig."""
 _NO_FIT, _LEAST_MM = 3.0, 0.01
@@ -56,7 +60,7 @@ class RefineSettings:
     radius: tuple[float, float] | None = None
     """Radius of a sphere that is the part, and its standard uncertainty, mm."""
     rounds: int = 12
-    """How often surfaces are held against each other, at most."""
+    """How often surfaces are held against each other, at most, once the rig is near the truth."""
     queries: int = 4000
     """Places of each surface that are looked at, at most."""
 
@@ -76,7 +80,7 @@ class Refined:
     estimated: dict[str, Measured]
     """Parameters that moved, by name; rig: how far, mm or rad; motion: their value, rad."""
     held: tuple[str, ...]
-    """What the scans say nothing of: it stays as it was known."""
+    """What the scans say nothing of: it stays as it was known; ``scale`` is that of all lengths."""
     dropped: tuple[str, ...]
     """Errors of the table that the scans do not ask for."""
     fit: Fit[Surfaces]
@@ -93,7 +97,9 @@ def refine(
     Each point of a sweep is held against the patch of every other sweep's points under it; what was
     known of the rig (its covariance) counts as observations, and what it does not doubt is held.
     Errors of the table (harmonics, play) are kept where Bayes' information criterion asks for them.
-    A sphere of known size gives the scale. ``tick`` is called after each round.
+    A sphere of known size gives the scale. Where the rig's uncertainty is of millimetres, a sphere
+    is what it takes: rounds that hardly weigh the gaps come first, in which what is known of the
+    rig leads. ``tick`` is called after each round but these.
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 
     Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
@@ -108,27 +114,41 @@ def refine(
         waves[: len(rig.motion.harmonics)] = rig.motion.harmonics
         motion = replace(rig.motion, harmonics=waves, covariance=None)
     state = Surfaces(replace(rig, covariance=None, motion=motion))
+    doubt = doubt_of(rig, many) if s.geometry else 0.0
     if s.radius is not None:
-        state = replace(state, spheres=(find_sphere(many, state.rig, s.radius),))
+        state = replace(state, spheres=(find_sphere(many, state.rig, s.radius, doubt),))
     free = _free(rig, state, many, s)
     fit: Fit[Surfaces] | None = None
     first = (float("nan"), float("nan"), 0)
-    reach = _REACH_MM
-    for k in range(s.rounds):
-        if k:
+    # A sphere needs no neighbours: while surfaces may lie anywhere, it alone is held against them.
+    far = doubt > _REACH_MM / 2
+    reach = 0.0 if s.radius is not None and far else max(_REACH_MM, 2 * doubt)
+    # Far from the truth a gap says little, and what is known of the rig keeps it from straying.
+    each = sum(len(sweep.pixels) for sweep in many) / max(free.sum(), 1)
+    coarse = doubt * float(np.sqrt(each)) if far else 0.0
+    fine = max(float(np.median(np.abs(noise_of(sweep, rig)))) for sweep in many)
+    exact = rough = 0
+    while exact < s.rounds and rough < _ROUGH_ROUNDS:
+        if fit is not None and not far:
             spheres = tuple(again(sphere, many, state.rig) for sphere in state.spheres)
             state = replace(state, spheres=spheres)
-        network = _network(rig, state, many, free, reach, s)
+        network = _network(rig, state, many, free, reach, s, coarse)
         now = _gap(network, state)
-        if k == 0:
+        if fit is None:
             first = now
-        fit = _adjusted(network, state, free, fit)
+        fit = _adjusted(network, state, free, fit, told=far)
         moved, state = _moved(state, fit), fit.state
         after = _gap(network, state)
         reach = min(max(6 * after[0], 4 * after[1]), _REACH_MM)
-        tick()
-        if moved < _SETTLED:
+        if moved < _SETTLED and not far:
             break
+        if far:
+            rough += 1
+        else:
+            exact += 1
+            tick()
+        coarse = _FINER * coarse if _FINER * coarse > fine else 0.0
+        far = far and (coarse > 0 or after[0] > _NEAR * after[1])
     assert fit is not None
     fit, free, dropped = _simplest(network, fit, free)
     last = _gap(network, fit.state)
@@ -142,11 +162,15 @@ def refine(
 
 
 def _adjusted(
-    network: SurfaceNetwork, state: Surfaces, free: Bools, near: Fit[Surfaces] | None
+    network: SurfaceNetwork,
+    state: Surfaces,
+    free: Bools,
+    near: Fit[Surfaces] | None,
+    told: bool,
 ) -> Fit[Surfaces]:
     try:
-        return adjust(network, state, free, near=near)
-    except DidNotConverge:
+        return adjust(network, state, free, near=None if told else near, told=told)
+    except (DidNotConverge, np.linalg.LinAlgError):
         raise DidNotConverge(
             "the surfaces come to no rest against each other",
             hint="begin with a rig nearer to the truth (measure again with a ruler), or with one "
@@ -202,8 +226,9 @@ def _network(
     free: Bools,
     reach: float,
     s: RefineSettings,
+    coarse: float = 0.0,
 ) -> SurfaceNetwork:
-    """What meets what in the present state."""
+    """What meets what in the present state; ``coarse`` mm is how little a gap says besides."""
     names = state.rig.parameter_names
     stages = {n.rpartition(".")[0] for n, f in zip(names, free, strict=False) if f}
     prior = prior_of(rig, state.rig, stages) if stages else None
@@ -224,7 +249,7 @@ def _network(
             theirs = np.einsum("mi,mki->mk", found.normal, noise[b][found.near])
             sigma = np.sqrt(own**2 + ((found.weights * theirs) ** 2).sum(axis=1))
             # A point that slides along its surface says nothing, but not with infinite weight.
-            sigma = np.maximum(sigma, 0.2 * float(np.median(sigma)))
+            sigma = np.hypot(np.maximum(sigma, 0.2 * float(np.median(sigma))), coarse)
             pairs.append(Pair(a, b, found, sigma))
     if not pairs and not state.spheres:
         raise Degenerate(
@@ -232,7 +257,10 @@ def _network(
             "turn, and where a part bends much from step to step no surface is known",
             hint="scan with two lasers, in smaller steps, or a body of known size",
         )
-    spheres = tuple(sphere_noise(sphere, at, noise) for sphere in state.spheres)
+    spheres = tuple(
+        tuple(np.hypot(own, coarse) for own in sphere_noise(sphere, at, noise))
+        for sphere in state.spheres
+    )
     return replace(network, pairs=tuple(pairs), sphere_sigma=spheres)
 
 
@@ -295,6 +323,14 @@ def _matters(fit: Fit[Surfaces], index: npt.NDArray[np.intp], values: Floats) ->
     return bool(len(every)) and float(np.sqrt(np.mean(every**2))) > _MATERIAL
 
 
+def _along_sight(rig: Rig, covariance: Floats | None = None) -> float:
+    """Standard uncertainty of the distance between camera and table, mm: all lengths go with it."""
+    C = rig.covariance if covariance is None else covariance
+    assert C is not None
+    way = rig.T_camera_table.translation / np.linalg.norm(rig.T_camera_table.translation)
+    return float(np.sqrt(way @ C[-3:, -3:] @ way))
+
+
 def _told(
     before: Rig,
     network: SurfaceNetwork,
@@ -326,6 +362,8 @@ def _told(
             n for n, s, o, f in zip(before.parameter_names, sigma, old, free, strict=False)
             if f and s > _TOLD * o
         ]  # fmt: skip
+        if part.size and _along_sight(state.rig, covariance) > _TOLD * _along_sight(before):
+            held.append("scale")
     if (
         "motion.backlash" in state.motion.names
         and not free[p + state.motion.names.index("motion.backlash")]

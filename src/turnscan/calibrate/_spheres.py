@@ -17,12 +17,16 @@ _OFF = 3.0
 """Times the usual distance: a point farther off lies on something else."""
 _LEAST = 0.3
 """Of the points of the scan: fewer on the sphere, and something else was scanned."""
-_ALIKE = 0.2
-"""Of the radius: one that differs by more is of something else."""
+_ALIKE, _SURE = 0.2, 3.0
+"""Of the radius, and of what is uncertain of it: one that differs by more is of something else."""
 
 
-def find_sphere(sweeps: Sequence[Sweep], rig: Rig, known: tuple[float, float]) -> Sphere:
+def find_sphere(
+    sweeps: Sequence[Sweep], rig: Rig, known: tuple[float, float], doubt: float = 0.0
+) -> Sphere:
     """The sphere that most of the points lie on; ``known`` is its radius with its uncertainty.
+
+    ``doubt`` mm is how far the rig may put a point beside its place: so far a radius may be off.
 
     Raises Degenerate where there is none of about that size.
     """
@@ -38,7 +42,8 @@ def find_sphere(sweeps: Sequence[Sweep], rig: Rig, known: tuple[float, float]) -
         if (inside == keep).all():
             break
         keep = inside
-    if keep.mean() < _LEAST or abs(radius / known[0] - 1) > _ALIKE:
+    alike = max(_ALIKE * known[0], _SURE * float(np.hypot(known[1], doubt)))
+    if keep.mean() < _LEAST or abs(radius - known[0]) > alike:
         raise Degenerate(
             f"the points lie on no sphere of {2 * known[0]:g} mm: one of {2 * radius:.1f} mm takes "
             f"{keep.mean():.0%} of them",

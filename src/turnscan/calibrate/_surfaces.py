@@ -24,7 +24,7 @@ SPHERE = "sphere"
 WEAK = np.radians(3.0)
 """Standard uncertainty of an unknown error of a table, rad."""
 _NUDGE_PX, _NUDGE = 0.25, 1e-6
-_MOST_LINES = 8
+_MOST_LINES, _SOME = 8, 200
 _STEEP_PX = 3.0
 """px per scan line: a stripe that goes aside by more ends there, or is seen at a grazing angle."""
 
@@ -303,6 +303,25 @@ def gauge_of(rig: Rig) -> Floats:
     out[0, p - 6 : p - 3] = axis
     out[1, p - 3 :] = axis
     return out
+
+
+def doubt_of(rig: Rig, sweeps: Sequence[Sweep]) -> float:
+    """How far, mm rms, the rig's uncertainty puts points beside their places; 0 without one."""
+    if rig.covariance is None:
+        return 0.0
+    far = 0.0
+    for sweep in sweeps:
+        some = np.unique(np.linspace(0, len(sweep.pixels) - 1, _SOME).astype(np.intp))
+        few = replace(sweep, pixels=sweep.pixels[some], sigma=sweep.sigma[some],
+                      step=sweep.step[some])  # fmt: skip
+        rays = rig.camera.rays(few.pixels)
+        at = few.points(rig, rays)
+        for k in np.flatnonzero(np.diag(rig.covariance)[CAMERA_SIZE:] > 0) + CAMERA_SIZE:
+            step = np.zeros(len(rig.covariance))
+            step[k] = np.sqrt(rig.covariance[k, k])
+            moved = few.points(rig.perturbed(step), rays) - at
+            far += float(np.mean((moved**2).sum(axis=1))) / len(sweeps)
+    return float(np.sqrt(far))
 
 
 def thinned(sweep: Sweep, rig: Rig) -> Sweep:

@@ -1,0 +1,77 @@
+"""A table that is eccentric and has play, told by two lasers without markers.
+
+The hexagon's stripes are cut by the true sheets and have the noise of the paper rig's pictures; the
+table goes there and back, as play between the two ways shows in no other scan.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from tests.calibrate.bodies import both, prism, two_lasers
+
+from bench.calibration._figures import Figure, at_most
+from turnscan.arrays import Floats
+from turnscan.calibrate import Refined, RefineSettings, Sweep, refine
+from turnscan.rig import Rig, TableMotion
+
+NOISE = 0.1
+"""px."""
+ECCENTRIC, PLAY = 1.0, 0.5
+"""Degrees."""
+STEPS = np.radians(np.arange(0.0, 360.0, 9.0))
+TOLD = np.concatenate([STEPS, STEPS[::-1]])
+CENTRE = np.array([5.0, 2.0])
+TRUTH = {"motion.cos1": 0.0, "motion.sin1": ECCENTRIC, "motion.backlash": PLAY}
+
+
+def figures(quick: bool) -> list[Figure]:
+    """Two lasers, there and back."""
+    seeds = range(2 if quick else 10)
+    rig = two_lasers()
+    motion = TableMotion(np.radians([[0.0, ECCENTRIC]]), 0.0, np.radians(PLAY))
+    before, after, off = [], [], []
+    for seed in seeds:
+        sweeps = _swept(rig, motion, seed)
+        done = refine(rig, sweeps, RefineSettings(geometry=False))
+        before.append(_off_parallel(rig, sweeps))
+        after.append(_off_parallel(done.rig, sweeps))
+        off.append(_pulls(done))
+    out = [
+        Figure("hexagon's sides off parallel before", "", f"{max(before):.2f}°"),
+        at_most("hexagon's sides off parallel", max(after), 0.1, "°"),
+    ]
+    for name in TRUTH:
+        z = np.array([pull.get(name, np.inf) for pull in off])
+        worst, rms = float(np.abs(z).max()), float(np.sqrt(np.mean(z**2)))
+        told = f"worst {worst:.2f}, rms {rms:.2f} of {len(z)}"
+        out.append(Figure(f"{name} off, in its sigma", "≤ 3", told, worst <= 3))
+    return out
+
+
+def _swept(rig: Rig, motion: TableMotion, seed: int) -> list[Sweep]:
+    hexagon = prism((CENTRE[0], CENTRE[1]), 40.0)
+    return both(rig, hexagon, TOLD, motion.angle(TOLD), seed, noise=NOISE, every=6)
+
+
+def _pulls(done: Refined) -> dict[str, float]:
+    return {
+        name: (done.estimated[name].value - np.radians(truth)) / done.estimated[name].sigma
+        for name, truth in TRUTH.items()
+        if name in done.estimated
+    }
+
+
+def _off_parallel(rig: Rig, sweeps: list[Sweep]) -> float:
+    """Degrees by which opposite sides are off parallel, at most."""
+    at: Floats = np.concatenate([s.points(rig, rig.camera.rays(s.pixels)) for s in sweeps])[:, :2]
+    turn = np.degrees(np.arctan2(*(at - CENTRE).T[::-1]))
+    leans = []
+    for k in range(6):
+        middle = np.degrees(0.2) + 60 * k
+        side = at[np.abs((turn - middle + 180) % 360 - 180) < 24]
+        across = np.linalg.svd(side - side.mean(axis=0), full_matrices=False)[2][1]
+        leans.append((np.degrees(np.arctan2(across[1], across[0])) - middle + 90) % 180 - 90)
+    return float(np.abs(np.array(leans[:3]) - leans[3:]).max())
+
+
+__all__ = ["figures"]

@@ -1,0 +1,107 @@
+"""From a ruler's numbers to a rig without a board: what two lasers see of a ball is one surface.
+
+The rig is the modern preset with both lasers; the stripes are cut by the true sheets and have the
+noise that its rendered pictures show (docs/explain/accuracy.md). Every number of the ruler is wrong
+by its whole standard uncertainty, 5 mm or 2°; the signs change from seed to seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from tests.calibrate.bodies import Body, both, doubted, sphere
+
+from bench.calibration._figures import Figure, at_most
+from turnscan.arrays import Floats
+from turnscan.calibrate import Refined, RefineSettings, Sweep, refine
+from turnscan.errors import CalibrationError
+from turnscan.rig import Rig
+from turnscan.shapes import fit_sphere
+from turnscan.simulate import SimulationSpec, bench
+
+NOISE = 0.385
+"""px: the modern rig's stripes, with speckle."""
+LENGTH, ANGLE = 5.0, 2.0
+"""mm and degrees by which the ruler is wrong."""
+STEPS = np.radians(np.arange(0.0, 360.0, 9.0))
+KNOWN, OTHER = 18.0, 12.0
+"""mm: radius of the ball that makes the rig, and of the one that it measures."""
+GIVEN, UNKNOWN, SHAPELESS = "one length given", "a ball of unknown size", "a part of unknown shape"
+WAYS = ((GIVEN, (KNOWN, 0.005)), (UNKNOWN, (15.0, 7.5)), (SHAPELESS, None))
+"""What is said of the ball: its radius and standard uncertainty, mm."""
+_EVERY = 12
+"""Lines of the picture, of which one is looked at."""
+
+
+def figures(quick: bool) -> list[Figure]:
+    """By what is said of the ball."""
+    seeds = range(2 if quick else 5)
+    true = bench(SimulationSpec("sphere", "modern", lasers=2)).rig
+    ball = sphere((14.0, 3.0, 22.0), KNOWN)
+    out = []
+    for way, size in WAYS:
+        done = [_refined(true, ball, seed, size) for seed in seeds]
+        out += _lines(true, done, way)
+    return out
+
+
+def wrong_rig(true: Rig, seed: int) -> Rig:
+    """The rig as a ruler knows it."""
+    known = doubted(true, LENGTH, ANGLE)
+    assert known.covariance is not None
+    sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(known.covariance))
+    off = sign * np.sqrt(np.diag(known.covariance))
+    return replace(known.perturbed(off), covariance=known.covariance)
+
+
+def _refined(true: Rig, ball: Body, seed: int, size: tuple[float, float] | None) -> Refined | None:
+    sweeps = both(true, ball, STEPS, STEPS, seed, noise=NOISE, every=_EVERY)
+    try:
+        return refine(wrong_rig(true, seed), sweeps, RefineSettings(radius=size))
+    except CalibrationError as e:
+        print(f"  seed {seed}: {e}", flush=True)
+        return None
+
+
+def _lines(true: Rig, done: list[Refined | None], way: str) -> list[Figure]:
+    good = [d for d in done if d is not None]
+    out = [
+        Figure(f"rigs found, {way}", "all", f"{len(good)} of {len(done)}", len(good) == len(done))
+    ]
+    if not good:
+        return out
+    before = max(d.gap_before for d in good)
+    gap = max(d.gap_after / d.gap_noise for d in good)
+    told = f"{gap:.2f} (surfaces at first up to {before:.1f} mm apart)"
+    out.append(Figure(f"overlap of two lasers, times the noise, {way}", "≤ 1.2", told, gap <= 1.2))
+    seen = [_measured(true, d.rig, seed) for seed, d in enumerate(good)]
+    form = max(f for _, f in seen)
+    out.append(at_most(f"another ball, 95 % of its form, {way}", form, 0.05, "mm"))
+    scale = max(abs(r / OTHER - 1) for r, _ in seen)
+    if way == GIVEN:
+        size = max((r - OTHER for r, _ in seen), key=abs)
+        out.append(Figure("its radius", "", f"{size:+.3f} mm"))
+    else:
+        said = sum("scale" in d.held for d in good)
+        told = f"{said} of {len(good)}, and it is {100 * scale:.0f} % off"
+        out.append(Figure(f"scale is said to be unknown, {way}", "all", told, said == len(good)))
+    return out
+
+
+def _measured(true: Rig, rig: Rig, seed: int) -> tuple[float, float]:
+    """Radius of another ball, and how far 95 % of its smoothed points are off roundness, mm.
+
+    Without noise: the form that the rig makes, not the speckle of a single point.
+    """
+    sweeps: list[Sweep] = both(
+        true, sphere((-8.0, 10.0, 20.0), OTHER), STEPS, STEPS, seed + 50, noise=0.0, every=_EVERY
+    )
+    clean = [replace(s, sigma=np.full(len(s.pixels), NOISE)) for s in sweeps]
+    at: Floats = np.concatenate([s.points(rig, rig.camera.rays(s.pixels)) for s in clean])
+    found = fit_sphere(at)
+    off = np.linalg.norm(at - found.centre, axis=1) - found.radius
+    return found.radius, float(2 * np.quantile(np.abs(off), 0.95))
+
+
+__all__ = ["figures"]
