@@ -291,7 +291,8 @@ def _table(tasks: Sequence[Task], folder: Path, into_pages: bool) -> None:
         lines += more
         print("\n".join(more), flush=True)
     if into_pages:
-        write(PAGE, "shapes", lines)
+        rig = tasks[0].rig
+        write(PAGE, "shapes" if rig == "paper" else f"shapes-{rig}", lines)
 
 
 def main() -> None:
