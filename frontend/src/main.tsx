@@ -1,13 +1,14 @@
 import { effect } from "@preact/signals";
 import { render } from "preact";
 import { link } from "./bus";
+import { wizard } from "./calibrate/room";
+import { startCalibration } from "./calibrate/state";
 import { fileCommands, onKey, roomCommands, roomList } from "./commands";
 import { startDeviation } from "./inspect/deviation";
 import { scanName, startPart } from "./part";
 import { startRepair } from "./repair/state";
 import { home, rooms } from "./rooms";
 import { startExport } from "./rooms/export";
-import { startCalibration } from "./scanner/calibrate";
 import { startLive } from "./scanner/live";
 import { startDemo } from "./start/demo";
 import { DropHint, startDrops } from "./start/drop";
@@ -23,6 +24,7 @@ import { openVerb, startVerbs, verbs } from "./verbs/state";
 
 function room() {
   if (place.value.room.startsWith("do-")) return verbRoom;
+  if (place.value.room === wizard.id) return wizard;
   const found = rooms.find(({ id }) => id === place.value.room);
   return found && (place.value.scan || !found.needsScan) ? found : home;
 }

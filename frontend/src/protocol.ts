@@ -51,6 +51,8 @@ export interface BeginCalibration {
   /** Height of the lowest corner of the board on the table. */
   lowest_mm?: number;
   orientation?: "vertical" | "horizontal";
+  /** What the two printed rulers of 100 mm measure. */
+  rulers_mm?: [number, number];
 }
 
 /** A scan in the bin. */
@@ -74,7 +76,10 @@ export interface BranchEntry {
   at: string;
 }
 
-/** A calibration in the making, each time a picture has been looked at. */
+/**
+ * A calibration in the making, each time a picture has been looked at. Array ``marked`` f32
+ * (n, 3): every corner of the board that was seen, u and v px, and the number of its view.
+ */
 export interface Calibration {
   kind: "calibration";
   board: string;
@@ -85,8 +90,31 @@ export interface Calibration {
   rows: number;
   /** Corners in each cell, row by row from the top left. */
   cells: number[];
+  width: number;
+  /** Of the pictures. */
+  height: number;
   /** What is still wanted, in words. */
   missing: string[];
+  /** What no pictures have determined yet. */
+  undetermined: string[];
+  /** Which pictures would help most: camera, table, or the name of a laser; empty for none. */
+  advice_stage: string;
+  /** The same in words; empty before it is known. */
+  advice: string;
+  verdict: CalibrationVerdict | null;
+}
+
+/** What a calibration came to. */
+export interface CalibrationVerdict {
+  /** No warnings; warnings, but worth a scan; not worth one, and not kept. */
+  verdict: "good" | "usable" | "refused";
+  text: string;
+  hint: string;
+  /** The rig file that was written; empty for none. */
+  rig: string;
+  /** The file of its report: at ``/api/files/{file}/page``. */
+  report: string | null;
+  findings: Remark[];
 }
 
 /** A picture of a calibration. */
@@ -99,6 +127,8 @@ export interface CalibrationView {
   /** Why it cannot be used; empty where it can. */
   failure: string;
   corners: number;
+  /** How far its corners are off in the last adjustment; None before one. */
+  rms_px: number | null;
 }
 
 /** End a job. */
@@ -553,6 +583,12 @@ export interface ListVerbs {
   kind: "list_verbs";
 }
 
+/** Answered by ``verifications``. */
+export interface ListVerifications {
+  id: number;
+  kind: "list_verifications";
+}
+
 /** POST ``/login``: the token from the link, for a cookie. */
 export interface LoginRequest {
   token: string;
@@ -564,9 +600,12 @@ export interface Look {
   kind: "look";
   on: boolean;
   lit?: string[];
-  seconds?: number;
+  /** Exposure; None takes what suits the devices. */
+  seconds?: number | null;
   gain?: number;
   orientation?: "vertical" | "horizontal";
+  /** Look for the board of the calibration in them. */
+  board?: boolean;
 }
 
 /** A measurement that is kept with the scan. */
@@ -898,7 +937,9 @@ export interface Scans {
 }
 
 /**
- * A live picture: arrays jpeg u8 (bytes), stripe f32 (lines), NaN where there is none.
+ * A live picture: arrays jpeg u8 (bytes); stripe, stripe_width and stripe_signal f32 (lines),
+ * px and grey levels, NaN where there is none; corners f32 (n, 2) of the calibration's board;
+ * histogram u32 of grey levels, from black to the largest possible value.
  *
  * Send ``ack`` with its number; with two unanswered the server sends no more.
  */
@@ -910,8 +951,16 @@ export interface Seen {
   orientation: "vertical" | "horizontal";
   lit: string[];
   step: number | null;
+  /** Of the calibration, where it was taken for it. */
+  view: number | null;
+  /** Why the calibration's board was not found, where it was looked for. */
+  failure: string;
   /** Share of the stripe's lines that are clipped. */
   saturated: number;
+  /** Focus measure: largest in focus, for one scene at any exposure. */
+  sharpness: number;
+  /** Share of the pixels at the largest possible value. */
+  clipped: number;
 }
 
 /** What was recognised in the pictures of one laser. */
@@ -1109,6 +1158,34 @@ export interface Verbs {
   verbs: VerbEntry[];
 }
 
+/** All runs with one artefact and one rig. */
+export interface VerificationRuns {
+  artefact: string;
+  /** Digest of the rig; empty where unknown. */
+  rig: string;
+  trends: VerificationTrend[];
+}
+
+/** One test value in all runs with an artefact and a rig, mm. */
+export interface VerificationTrend {
+  name: string;
+  /** ISO time, UTC. */
+  times: string[];
+  values: number[];
+  /** Expanded uncertainty (k = 2) of each by itself. */
+  noise: number[];
+  limit: number | null;
+  /** Whether the newest value drifts beyond the limit of its control chart. */
+  alarm: boolean;
+}
+
+/** The history of verifications of the folder, the newest last. */
+export interface Verifications {
+  kind: "verifications";
+  id: number;
+  histories: VerificationRuns[];
+}
+
 /** Vertices that moved: arrays ids u32 (k), positions f32 (k, 3). */
 export interface Verts {
   kind: "verts";
@@ -1141,6 +1218,7 @@ export type ServerMessage =
   | Found
   | Devices
   | Calibration
+  | Verifications
   | Seen
   | Points
   | Scanning;
@@ -1189,6 +1267,7 @@ export type ClientMessage =
   | Capture
   | ForgetView
   | FinishCalibration
+  | ListVerifications
   | StartScan
   | Resume
   | Pause

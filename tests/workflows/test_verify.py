@@ -20,7 +20,7 @@ from turnscan.formats import export
 from turnscan.mesh import Mesh
 from turnscan.scan import read_verifications
 from turnscan.simulate import part
-from turnscan.workflows import verify
+from turnscan.workflows import verification_history, verify
 
 BAR = """
 format = "turnscan-artefact"
@@ -199,3 +199,16 @@ def test_the_modern_rig_within_its_limits_and_its_moved_laser_found_by_the_third
             assert not alarms
     assert {"size of ball 1", "size of ball 2"} <= alarms
     assert not done.passed
+
+
+def test_a_history_is_read_by_artefact_and_rig(room: Path, tmp_path: Path) -> None:
+    history = tmp_path / "h.sqlite"
+    assert verification_history(history) == ()
+    for time, name in ((1e9, "0"), (2e9, "off")):
+        verify([room / f"{name}.ply"], room / "bar.toml", time=time, history=history)
+    (one,) = verification_history(history)
+    assert one.artefact == "bar"
+    assert one.rig_key == ""
+    assert len(one.trends) == 7
+    assert all(t.times == (1e9, 2e9) for t in one.trends)
+    assert all(len(t.values) == len(t.noise) == 2 for t in one.trends)

@@ -3,7 +3,7 @@ import { useRef } from "preact/hooks";
 import { demoJob, tryDemo } from "../start/demo";
 import { Bin, Gallery, when } from "../start/gallery";
 import { ask, connection, devices, go, hello, isOperator, scans } from "../state";
-import { Button, openSection } from "../ui/controls";
+import { Button } from "../ui/controls";
 import { Icon, type IconName } from "../ui/icons";
 import { invite } from "../ui/invite";
 import { whatIs } from "../verbs/schema";
@@ -152,10 +152,7 @@ function Ways({ choose }: { choose: () => void }) {
         icon="point"
         title="Calibrate"
         about="Camera, laser and turntable, with a board"
-        onClick={() => {
-          go("rig", null);
-          openSection("Calibration");
-        }}
+        onClick={() => go("calibrate", null)}
       />
     </nav>
   );

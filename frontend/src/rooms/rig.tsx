@@ -3,13 +3,13 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { kept } from "../kept";
 import type { FoundDevice } from "../protocol";
-import { CalibratePanel } from "../scanner/calibrate";
 import { findDevices, finding, found, isScanning, orientation } from "../scanner/live";
+import { forgetSharpest, Meters } from "../scanner/meters";
 import { RemarkLine, useLastJob } from "../scanner/remarks";
 import { StripeField } from "../scanner/stripe";
 import { LivePane } from "../scanner/views";
-import { ask, devices, isOperator } from "../state";
-import { Button, Check, NumberField, openSection, Section, TextField } from "../ui/controls";
+import { ask, devices, go, isOperator } from "../state";
+import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import type { Room } from "./room";
 
 const SIMULATED = "sim:cup?seed=7";
@@ -93,7 +93,7 @@ function FoundPanel() {
           label="Identifies the controller at every serial port; nothing moves or is lit"
           onClick={() => void findDevices(true)}
         >
-          Query the ports
+          Identify serial devices
         </Button>
       </div>
     </Section>
@@ -158,14 +158,18 @@ function LookPanel() {
           kind={now.looking ? undefined : "primary"}
           icon="camera"
           disabled={!ready || now.looking}
-          onClick={() => look(true)}
+          onClick={() => {
+            forgetSharpest();
+            look(true);
+          }}
         >
-          Look
+          Start live view
         </Button>
         <Button disabled={!now.looking} onClick={() => look(false)}>
-          End
+          Stop live view
         </Button>
       </div>
+      <Meters />
       <p class="quiet">Lasers are switched off automatically when this page is closed.</p>
     </Section>
   );
@@ -217,12 +221,36 @@ function DoctorPanel() {
   );
 }
 
+function RigPanel() {
+  const now = devices.value;
+  if (!now) return null;
+  const options = [
+    ["", now.rig ? now.rig_name || "the simulated rig's" : "none"] as const,
+    ...now.rigs.filter((name) => name !== now.rig_name).map((name) => [name, name] as const),
+  ];
+  return (
+    <Section title="Calibration" count={now.rig ? "known" : "none"}>
+      <SelectField
+        label="Rig in use"
+        value=""
+        options={options}
+        onChange={(name) => name && void ask({ kind: "use_rig", name })}
+      />
+      <Button icon="point" onClick={() => go("calibrate", null)}>
+        Calibrate …
+      </Button>
+    </Section>
+  );
+}
+
 function Rig() {
   return (
     <div class="room no-rail">
       <LivePane
         empty={
-          connected() ? "Press Look for live pictures." : "Connect devices, or the simulated rig already filled in."
+          connected()
+            ? "Start live view for pictures of the camera."
+            : "Connect devices, or the simulated rig already filled in."
         }
       />
       <aside class="inspector" aria-label="Rig">
@@ -231,7 +259,7 @@ function Rig() {
         <LookPanel />
         <TablePanel />
         <DoctorPanel />
-        <CalibratePanel />
+        <RigPanel />
       </aside>
     </div>
   );
@@ -242,5 +270,5 @@ export const rig: Room = {
   title: "Rig",
   needsScan: false,
   View: Rig,
-  commands: [{ title: "Calibrate …", group: "Rig", run: () => openSection("Calibration") }],
+  commands: [{ title: "Calibrate …", group: "Rig", run: () => go("calibrate", null) }],
 };

@@ -8,6 +8,11 @@ import type { ShownPicture } from "./picture";
 
 export interface LivePicture extends ShownPicture {
   header: Seen;
+  /** px rms of the light in each line of the stripe, and grey levels of it; NaN where there is none. */
+  width: Float32Array;
+  signal: Float32Array;
+  /** Pixels in equal bins from black to the largest possible value. */
+  histogram: Uint32Array;
 }
 
 /** Of the stripe in the picture. */
@@ -51,7 +56,15 @@ export function startLive(): void {
     createImageBitmap(jpeg)
       .then((image) => {
         picture.value?.image.close();
-        picture.value = { header, image, stripe: arrays.f32("stripe") };
+        picture.value = {
+          header,
+          image,
+          stripe: arrays.f32("stripe"),
+          corners: arrays.f32("corners"),
+          width: arrays.f32("stripe_width"),
+          signal: arrays.f32("stripe_signal"),
+          histogram: arrays.u32("histogram"),
+        };
       })
       .catch(() => {}) // a picture that cannot be shown is followed by another
       .finally(() => link.send({ kind: "ack", number: header.number }));

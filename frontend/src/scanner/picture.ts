@@ -9,10 +9,14 @@ export interface ShownPicture {
   image: ImageBitmap;
   /** Pixels across each line of the stripe; NaN where there is none. */
   stripe: Float32Array;
+  /** Corners of a calibration board, u and v px in turn. */
+  corners?: Float32Array;
 }
 
+const CORNER = "#7dff9a";
+
 export class LiveView extends PlaneView {
-  private shown: ShownPicture | null = null;
+  protected shown: ShownPicture | null = null;
 
   constructor(canvas: HTMLCanvasElement) {
     super(canvas, { equal: true, up: false });
@@ -49,6 +53,21 @@ export class LiveView extends PlaneView {
       if (Number.isNaN(across)) continue;
       const [x, y] = orientation === "vertical" ? this.toScreen(across, line) : this.toScreen(line, across);
       pen.fillRect(x - 0.75, y - 0.75, 1.5, 1.5);
+    }
+  }
+
+  /** A ring about each corner of a board. */
+  protected paintCorners(): void {
+    const { shown, pen } = this;
+    const corners = shown?.corners;
+    if (!corners) return;
+    pen.strokeStyle = CORNER;
+    pen.lineWidth = 1.5;
+    for (let k = 0; k < corners.length; k += 2) {
+      const [x, y] = this.toScreen(corners[k], corners[k + 1]);
+      pen.beginPath();
+      pen.arc(x, y, 4, 0, 2 * Math.PI);
+      pen.stroke();
     }
   }
 }

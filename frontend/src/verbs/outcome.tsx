@@ -101,6 +101,11 @@ function Done({ verb, job }: { verb: VerbEntry; job: JobState }) {
                 <Button kind="primary" onClick={() => go("repair", file)}>
                   Open {name}
                 </Button>
+              ) : name.endsWith(".html") ? (
+                <a class="button plain grow" href={`api/files/${file}/page`} target="_blank" rel="noreferrer">
+                  <Icon name="export" />
+                  Open {name}
+                </a>
               ) : (
                 <>
                   <a class="button plain grow" href={`api/files/${file}`} download={name}>

@@ -23,12 +23,12 @@ def png(picture: Image) -> bytes:
     return bytes(data)
 
 
-def jpeg(picture: Image) -> npt.NDArray[np.uint8] | None:
-    """A live picture as the bytes of a JPEG; None where it cannot be shown."""
+def jpeg(picture: Image, widest: int = _WIDEST) -> npt.NDArray[np.uint8] | None:
+    """A picture as the bytes of a JPEG, at most ``widest`` px wide; None for one without."""
     height, width = picture.shape[:2]
     shown = eight_bits(picture)
-    if width > _WIDEST:
-        size = (_WIDEST, round(height * _WIDEST / width))
+    if width > widest:
+        size = (widest, round(height * widest / width))
         shown = cv2.resize(shown, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
     page = shown if shown.ndim == 2 else shown[..., ::-1]
     done, data = cv2.imencode(".jpg", page, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -240,6 +240,11 @@ class Library:
         except ExportError:
             raise StorageFull("the file cannot be written", hint="check the disk") from None
 
+    @property
+    def history_file(self) -> Path:
+        """Where the verifications of the folder's scanner are kept."""
+        return self.folder / "verification.sqlite"
+
     def rigs(self) -> dict[str, Path]:
         """Files of the folder that may be rigs, by their plain names."""
         found = sorted(self.folder.glob("*.json"), key=lambda p: p.name.lower())[:_MOST_RIGS]

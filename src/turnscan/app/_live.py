@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnscan.app._encode_picture import jpeg
+from turnscan.app._envelope import Array
 from turnscan.app._hub import Hub
 from turnscan.app._protocol import Points, Seen
-from turnscan.arrays import Image
+from turnscan.arrays import Floats, Image
 from turnscan.errors import TurnscanError
-from turnscan.workflows import GrowingScan, Orientation, SeenStripe
+from turnscan.workflows import GrowingScan, Orientation, SeenStripe, picture_quality
 
 _WAITING = 32
 """Pictures of a scan that wait for their turn; older ones are not shown."""
@@ -31,6 +32,18 @@ class Taken:
     dark: Image | None
 
 
+@dataclass(frozen=True)
+class Board:
+    """What a live picture shows of the board of a calibration."""
+
+    corners: Floats
+    """(n, 2) px."""
+    failure: str
+    """Why there are none."""
+    view: int | None = None
+    """The picture's number in the calibration, where it is part of it."""
+
+
 def see(
     hub: Hub,
     number: int,
@@ -39,11 +52,13 @@ def see(
     stripe: SeenStripe | None,
     step: int | None = None,
     orientation: Orientation = "vertical",
+    board: Board | None = None,
 ) -> None:
-    """Tell everybody a picture, and the stripe found in it, in pixels of the whole picture."""
+    """Tell everybody a picture, and what was found in it, in pixels of the whole picture."""
     data = jpeg(picture)
     if data is None:
         return
+    quality = picture_quality(picture)
     message = Seen(
         number=number,
         width=picture.shape[1],
@@ -51,10 +66,24 @@ def see(
         orientation=orientation,
         lit=sorted(lit),
         step=step,
+        view=None if board is None else board.view,
+        failure="" if board is None else board.failure[:300],
         saturated=0.0 if stripe is None else stripe.saturated,
+        sharpness=quality.sharpness,
+        clipped=quality.clipped,
     )
-    place = np.zeros(0, np.float32) if stripe is None else stripe.position
-    hub.tell(message, {"jpeg": data, "stripe": place})
+    none = np.zeros(0, np.float32)
+    arrays: dict[str, Array] = {
+        "jpeg": data,
+        "stripe": none if stripe is None else stripe.position,
+        "stripe_width": none if stripe is None else stripe.width,
+        "stripe_signal": none if stripe is None else stripe.signal,
+        "corners": np.zeros((0, 2), np.float32)
+        if board is None
+        else board.corners.astype(np.float32),
+        "histogram": quality.histogram,
+    }
+    hub.tell(message, arrays)
 
 
 class Growing:

@@ -45,7 +45,10 @@ POST ``/api/scans`` (a scan file as the body, ``?name=``) adds a file; POST
 ``/api/scans/{scan}/exports`` with `ExportRequest` starts a job whose ``download`` is then at
 ``/api/downloads/{download}``. POST ``/api/files`` (any other file as the body, ``?name=``, and
 ``into=`` the set of an answer before) keeps a file, or what is in a zip, for verbs: `Received`; GET
-``/api/files/{file}`` is a file. Requests that change something need the header ``X-Turnscan: 1``.
+``/api/files/{file}`` is a file, ``/api/files/{file}/page`` a report as a page. GET
+``/api/calibration/{view}.jpg`` is a picture of the calibration, small; GET ``/api/target.pdf``
+(``?board=&paper=``) a board to print. Requests that change something need the header
+``X-Turnscan: 1``.
 """
 
 from __future__ import annotations
@@ -300,6 +303,45 @@ class CalibrationView(Model):
     failure: str
     """Why it cannot be used; empty where it can."""
     corners: Count
+    rms_px: float | None
+    """How far its corners are off in the last adjustment; None before one."""
+
+
+class CalibrationVerdict(Model):
+    """What a calibration came to."""
+
+    verdict: Literal["good", "usable", "refused"]
+    """No warnings; warnings, but worth a scan; not worth one, and not kept."""
+    text: str
+    hint: str
+    rig: str
+    """The rig file that was written; empty for none."""
+    report: Opaque | None
+    """The file of its report: at ``/api/files/{file}/page``."""
+    findings: list[Remark]
+
+
+class VerificationTrend(Model):
+    """One test value in all runs with an artefact and a rig, mm."""
+
+    name: str
+    times: list[str]
+    """ISO time, UTC."""
+    values: list[float]
+    noise: list[float]
+    """Expanded uncertainty (k = 2) of each by itself."""
+    limit: float | None
+    alarm: bool
+    """Whether the newest value drifts beyond the limit of its control chart."""
+
+
+class VerificationRuns(Model):
+    """All runs with one artefact and one rig."""
+
+    artefact: str
+    rig: str
+    """Digest of the rig; empty where unknown."""
+    trends: list[VerificationTrend]
 
 
 class FoundDevice(Model):
@@ -711,7 +753,8 @@ class Devices(Model):
 
 
 class Calibration(Model):
-    """A calibration in the making, each time a picture has been looked at."""
+    """A calibration in the making, each time a picture has been looked at. Array ``marked`` f32
+    (n, 3): every corner of the board that was seen, u and v px, and the number of its view."""
 
     kind: Literal["calibration"] = "calibration"
     board: str
@@ -722,12 +765,32 @@ class Calibration(Model):
     rows: Count
     cells: list[int]
     """Corners in each cell, row by row from the top left."""
+    width: Count
+    height: Count
+    """Of the pictures."""
     missing: list[str]
     """What is still wanted, in words."""
+    undetermined: list[str]
+    """What no pictures have determined yet."""
+    advice_stage: str
+    """Which pictures would help most: camera, table, or the name of a laser; empty for none."""
+    advice: str
+    """The same in words; empty before it is known."""
+    verdict: CalibrationVerdict | None
+
+
+class Verifications(Model):
+    """The history of verifications of the folder, the newest last."""
+
+    kind: Literal["verifications"] = "verifications"
+    id: Count
+    histories: list[VerificationRuns]
 
 
 class Seen(Model):
-    """A live picture: arrays jpeg u8 (bytes), stripe f32 (lines), NaN where there is none.
+    """A live picture: arrays jpeg u8 (bytes); stripe, stripe_width and stripe_signal f32 (lines),
+    px and grey levels, NaN where there is none; corners f32 (n, 2) of the calibration's board;
+    histogram u32 of grey levels, from black to the largest possible value.
 
     Send ``ack`` with its number; with two unanswered the server sends no more.
     """
@@ -739,8 +802,16 @@ class Seen(Model):
     orientation: Literal["vertical", "horizontal"]
     lit: list[str]
     step: Count | None
+    view: Count | None
+    """Of the calibration, where it was taken for it."""
+    failure: str
+    """Why the calibration's board was not found, where it was looked for."""
     saturated: float
     """Share of the stripe's lines that are clipped."""
+    sharpness: float
+    """Focus measure: largest in focus, for one scene at any exposure."""
+    clipped: float
+    """Share of the pixels at the largest possible value."""
 
 
 class Points(Model):
@@ -792,6 +863,7 @@ ServerMessage = Annotated[
     | Found
     | Devices
     | Calibration
+    | Verifications
     | Seen
     | Points
     | Scanning,

@@ -13,6 +13,7 @@ Stage = Literal["camera", "laser", "table"]
 Seconds = Annotated[float, Field(gt=0, le=60)]
 Angle = Annotated[float, Field(ge=-36000, le=36000)]
 """Degrees."""
+Ruler = Annotated[float, Field(gt=0, le=1000)]
 Limit = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
@@ -317,9 +318,12 @@ class Look(Request):
     kind: Literal["look"] = "look"
     on: bool
     lit: tuple[Name, ...] = ()
-    seconds: Seconds = 0.02
+    seconds: Seconds | None = None
+    """Exposure; None takes what suits the devices."""
     gain: Annotated[float, Field(gt=0, le=1000)] = 1.0
     orientation: Orientation = "vertical"
+    board: bool = False
+    """Look for the board of the calibration in them."""
 
 
 class Turn(Request):
@@ -357,6 +361,8 @@ class BeginCalibration(Request):
     lowest_mm: Annotated[float, Field(ge=-1000, le=1000)] = 0.0
     """Height of the lowest corner of the board on the table."""
     orientation: Orientation = "vertical"
+    rulers_mm: tuple[Ruler, Ruler] = (100.0, 100.0)
+    """What the two printed rulers of 100 mm measure."""
 
 
 class Capture(Request):
@@ -391,6 +397,12 @@ class FinishCalibration(Request):
 
     kind: Literal["calibrate_finish"] = "calibrate_finish"
     name: Name
+
+
+class ListVerifications(Request):
+    """Answered by ``verifications``."""
+
+    kind: Literal["list_verifications"] = "list_verifications"
 
 
 class ScanPlan(Model):
@@ -495,6 +507,7 @@ ClientMessage = Annotated[
     | Capture
     | ForgetView
     | FinishCalibration
+    | ListVerifications
     | StartScan
     | Resume
     | Pause

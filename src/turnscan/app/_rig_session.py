@@ -14,7 +14,8 @@ from turnscan.app import _requests as q
 from turnscan.app._hub import Client, Hub
 from turnscan.app._jobs import Job, Jobs, Result, remarks
 from turnscan.app._library import Library
-from turnscan.app._live import see
+from turnscan.app._live import Board, see
+from turnscan.arrays import Image
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.workflows import (
     DEFAULT_DEVICE,
@@ -67,6 +68,8 @@ class RigRoom:
         self._looking = threading.Event()
         self._looker: threading.Thread | None = None
         self._what = ""
+        self.find_board: Callable[[Image], Board] | None = None
+        """What finds the board of the calibration in a live picture; None before there is one."""
         self.busy = False
         """Whether a scan is running: then the state of the devices is sent each second."""
         self._closed = threading.Event()
@@ -218,9 +221,10 @@ class RigRoom:
                 with contextlib.closing(pictures):
                     for picture in pictures:
                         number += 1
-                        stripe = seen_stripe(picture, None, wish.orientation) if lit else None
-                        way = wish.orientation
-                        see(self._hub, number, picture, lit, stripe, orientation=way)
+                        way, find = wish.orientation, self.find_board if wish.board else None
+                        stripe = seen_stripe(picture, None, way) if lit else None
+                        board = None if find is None else find(picture)
+                        see(self._hub, number, picture, lit, stripe, None, way, board)
         except TurnscanError as e:
             if self._looking.is_set() or isinstance(e, SafetyError):  # not what a stop broke off
                 self._camera = p.DeviceState(state="failed", text=str(e)[:300])

@@ -27,7 +27,7 @@ from turnscan.app._request_guard import problem
 from turnscan.app._socket import socket
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError, ScanError
-from turnscan.workflows import duplicate_scan
+from turnscan.workflows import TARGET, artefact, duplicate_scan
 
 HERE = Path(__file__).parent
 STATIC, LOGIN = HERE / "static", HERE / "login"
@@ -35,6 +35,8 @@ ENVELOPE = "application/x-turnscan"
 UPLOADS = frozenset({"/api/scans", "/api/files"})
 """Paths whose bodies are files."""
 _FOREVER = "public, max-age=31536000, immutable"
+_REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+"""A report is of the folder, where anybody may have put it: it runs nothing."""
 _SQUEEZE = 1
 """Level of gzip: fast; meshes shrink to about a half."""
 
@@ -54,6 +56,9 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/api/scans", _add_scan(workshop), methods=["POST"]),
         Route("/api/files", _add_file(workshop), methods=["POST"]),
         Route("/api/files/{file}", _file_of(workshop), methods=["GET"]),
+        Route("/api/files/{file}/page", _page_of(workshop)),
+        Route("/api/calibration/{view:int}.jpg", _calibration_picture(workshop)),
+        Route("/api/target.pdf", _target),
         Route("/api/scans/{scan}/thumbnail.png", _thumbnail(workshop)),
         Route("/api/scans/{scan}/file", _scan_file(workshop)),
         Route("/api/scans/{scan}/mesh", _data(workshop, _mesh)),
@@ -167,6 +172,42 @@ def _file_of(workshop: Workshop) -> Endpoint:
         return FileResponse(item.path, filename=name, media_type="application/octet-stream")
 
     return download
+
+
+def _page_of(workshop: Workshop) -> Endpoint:
+    async def page(request: Request) -> Response:
+        try:
+            item = workshop.files.find(request.path_params["file"])
+        except InputError as e:
+            return problem(404, e.message, str(e.hint))
+        if item.path.suffix.lower() != ".html":
+            return problem(404, "not a report", "download it")
+        headers = {"Content-Security-Policy": _REPORT_POLICY}
+        return FileResponse(item.path, media_type="text/html", headers=headers)
+
+    return page
+
+
+def _calibration_picture(workshop: Workshop) -> Endpoint:
+    async def picture(request: Request) -> Response:
+        try:
+            data = workshop.calibration.picture(request.path_params["view"])
+        except InputError as e:
+            return problem(404, e.message, str(e.hint))
+        return Response(data, media_type="image/jpeg")
+
+    return picture
+
+
+async def _target(request: Request) -> Response:
+    """A board to print."""
+    query = request.query_params
+    made = await asyncio.to_thread(
+        artefact, "target", board=query.get("board", TARGET), paper=query.get("paper", "a4")
+    )
+    (name, data), *_ = made.items()
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(data, media_type="application/pdf", headers=headers)
 
 
 def _thumbnail(workshop: Workshop) -> Endpoint:

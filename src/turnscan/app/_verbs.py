@@ -34,6 +34,8 @@ class Given:
     outputs: Mapping[str, Sequence[Path]]
     table: Callable[[str], Path]
     """The table of values that has a name in the list."""
+    history: Path
+    """Of verifications."""
     progress: Progress
 
     def path(self, name: str) -> Path:
@@ -94,7 +96,7 @@ def run_verb(
         raise InputError(f"{verb.title} has no value {unknown[:80]!r}", hint="reload the page")
 
     def work(job: Job) -> Result:
-        given = Given(inputs, options, outputs, files.table, job.progress)
+        given = Given(inputs, options, outputs, files.table, library.history_file, job.progress)
         outcome = _RUNNERS[verb.name](given)
         if outputs.get("figures") and outcome.figures is not None:
             library.write(outputs["figures"][0], outcome.figures.encode())
@@ -319,7 +321,7 @@ def _verify(given: Given) -> Outcome:
     done = w.verify(
         given.paths("scans"), given.path("artefact"),
         time=time.time(), rig=None if rig is None else w.read_rig_file(rig),
-        limits=given.of(w.VerifyOptions).by_test, progress=given.progress,
+        limits=given.of(w.VerifyOptions).by_test, history=given.history, progress=given.progress,
     )  # fmt: skip
     figures = w.verification_json(done)
     for path in given.outputs["report"]:

@@ -14,7 +14,7 @@ from typing import Any
 from turnscan import __version__
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
-from turnscan.app._calibrate_session import CalibrateRoom
+from turnscan.app._calibrate_session import CalibrateRoom, verifications
 from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
 from turnscan.app._files import Files
@@ -131,6 +131,10 @@ class Workshop:
             q.Capture: (self._capture, True),
             q.ForgetView: (lambda call: self.calibration.forget(call.request.view), True),
             q.FinishCalibration: (self._finish_calibration, True),
+            q.ListVerifications: (
+                lambda call: verifications(call.id, self.library.history_file),
+                False,
+            ),
             q.StartScan: (self._scan, True),
             q.Resume: (self._resume, True),
             q.Pause: (lambda call: self.taking.pause(), True),

@@ -68,8 +68,20 @@ if TYPE_CHECKING:
     from turnscan.workflows._join import join
     from turnscan.workflows._join_options import JoinOptions, RangeScanOptions
     from turnscan.workflows._kept_options import kept_names, kept_options, options_of
-    from turnscan.workflows._live_calibration import CELL_COLUMNS, CELL_ROWS, LiveCalibration
-    from turnscan.workflows._live_look import GrowingScan, SeenStripe, seen_stripe
+    from turnscan.workflows._live_calibration import (
+        CELL_COLUMNS,
+        CELL_ROWS,
+        LiveCalibration,
+        LiveRig,
+        Verdict,
+    )
+    from turnscan.workflows._live_look import (
+        GrowingScan,
+        PictureQuality,
+        SeenStripe,
+        picture_quality,
+        seen_stripe,
+    )
     from turnscan.workflows._measure import Measured, measure
     from turnscan.workflows._measure_options import MeasureOptions
     from turnscan.workflows._opening import OpenScan, open_scan
@@ -141,8 +153,10 @@ if TYPE_CHECKING:
     from turnscan.workflows._verify import (
         Trend,
         Verification,
+        VerificationHistory,
         Verified,
         read_artefact,
+        verification_history,
         verification_json,
         verify,
     )
@@ -259,10 +273,14 @@ _MODULES = {
         "CELL_COLUMNS",
         "CELL_ROWS",
         "LiveCalibration",
+        "LiveRig",
+        "Verdict",
     ),
     "_live_look": (
         "GrowingScan",
+        "PictureQuality",
         "SeenStripe",
+        "picture_quality",
         "seen_stripe",
     ),
     "_stoppable": (
@@ -293,8 +311,10 @@ _MODULES = {
     "_verify": (
         "Trend",
         "Verification",
+        "VerificationHistory",
         "Verified",
         "read_artefact",
+        "verification_history",
         "verification_json",
         "verify",
     ),
@@ -363,6 +383,7 @@ __all__ = [
     "KnownRig",
     "ListedAngles",
     "LiveCalibration",
+    "LiveRig",
     "MarkerAngles",
     "MeasureOptions",
     "Measured",
@@ -373,6 +394,7 @@ __all__ = [
     "Outcome",
     "OutputFile",
     "Patience",
+    "PictureQuality",
     "PlacedFinding",
     "PlannedScan",
     "RangeScanOptions",
@@ -407,7 +429,9 @@ __all__ = [
     "Task",
     "Trend",
     "Verb",
+    "Verdict",
     "Verification",
+    "VerificationHistory",
     "Verified",
     "VerifyOptions",
     "about",
@@ -458,6 +482,7 @@ __all__ = [
     "parse_angles",
     "parse_theta",
     "photograph",
+    "picture_quality",
     "precompile",
     "preview_import",
     "published_design",
@@ -480,6 +505,7 @@ __all__ = [
     "table_of",
     "trend_picture",
     "unpack",
+    "verification_history",
     "verification_html",
     "verification_json",
     "verification_lines",

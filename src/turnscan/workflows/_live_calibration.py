@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -14,10 +14,15 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats, Image
 from turnscan.calibrate import (
+    Advice,
+    Board,
     BoardView,
+    Calibration,
     CalibrationSettings,
+    Charuco,
     LaserPicture,
     TablePicture,
+    advice_of,
     aruco_dictionary,
     calibrate_rig,
     coverage,
@@ -27,14 +32,16 @@ from turnscan.calibrate import (
     findings_of,
     laser_weights,
     parse_board,
+    refuse_poor,
     stripe_light,
     white_margin,
 )
-from turnscan.errors import InputError
+from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding
 from turnscan.rig import Rig, rig_to_json
 from turnscan.scanner import Shot
 from turnscan.stripes import Orientation
+from turnscan.workflows._calibrate_report import report_html
 
 CELL_COLUMNS, CELL_ROWS = 8, 6
 """Cells of the picture in which corners are counted."""
@@ -42,7 +49,13 @@ _WANTED = {"camera": 8, "laser": 5, "table": 8}
 """Pictures of each kind, and with each laser, that are worth a calibration."""
 _FEWEST_LINES = 20
 """Lines of the picture in which the board shows the stripe."""
+_RULER = 100.0
+"""mm: the rulers that are printed beside a target."""
+_PRINT_ERROR, _PRINT_SKEW = 0.05, 0.005
+"""Largest relative error of a print that is corrected, and largest difference of its two sides."""
 CalibrationStage = Literal["camera", "laser", "table"]
+Verdict = Literal["good", "usable", "refused"]
+"""No warnings; warnings, but worth a scan; not worth one."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +70,8 @@ class SeenView:
     failure: str
     """Why it cannot be used; empty where it can."""
     corners: int
+    rms_px: float | None = None
+    """How far its corners are off in the last adjustment; None before one."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +86,12 @@ class CalibrationState:
     """Corners in each of `CELL_ROWS` × `CELL_COLUMNS` cells, row by row."""
     missing: tuple[str, ...]
     """What is still wanted, in words."""
+    advice: Advice | None
+    """What is undetermined, and which pictures would help most; None before an adjustment."""
+    size: tuple[int, int]
+    """Width and height of the pictures, px."""
+    marked: Floats
+    """(n, 3): every corner of the board that was seen, u and v px, and the number of its view."""
 
 
 @dataclass(frozen=True)
@@ -84,28 +105,43 @@ class LiveRig:
     """How well it fits, in words."""
     findings: tuple[Finding, ...]
     """Those of the calibration, then every picture that was not used, and why."""
+    verdict: Verdict
+    refusal: CalibrationError | None
+    """Why it is not worth a scan."""
+    report: str
+    """HTML."""
 
 
 class LiveCalibration:
     """One calibration. All methods may be called from any thread."""
 
     def __init__(
-        self, board: str, table: str, lowest: float = 0.0, orientation: Orientation = "vertical"
+        self,
+        board: str,
+        table: str,
+        lowest: float = 0.0,
+        orientation: Orientation = "vertical",
+        rulers: tuple[float, float] = (_RULER, _RULER),
     ) -> None:
         """With these boards: ``board`` in the hand, ``table`` a board or markers on the table.
 
-        ``lowest``: mm, height of the lowest corner of the board on the table. Raises FormatError
-        for a board that is none.
+        ``lowest``: mm, height of the lowest corner of the board on the table. ``rulers``: what the
+        two printed rulers of 100 mm measure; the board is as much larger than its text says, and so
+        is the one on the table, where it is the same. Raises FormatError for a board that is none,
+        InputError for a print that cannot be used.
         """
-        self._board = parse_board(board)
+        self._board = printed_board(parse_board(board), rulers)
         kind, _, rest = table.partition(":")
         if kind == "markers":
             name, _, side = rest.partition(":")
             aruco_dictionary(name)
             settings = CalibrationSettings(name, _length(side), orientation=orientation)
         else:
+            same = table == board
             settings = CalibrationSettings(
-                table_board=parse_board(table), lowest=lowest, orientation=orientation
+                table_board=self._board if same else parse_board(table),
+                lowest=lowest,
+                orientation=orientation,
             )
         self._settings, self._text = settings, board
         self._lock = threading.RLock()
@@ -113,14 +149,22 @@ class LiveCalibration:
         self._lasers: dict[int, tuple[str, LaserPicture]] = {}
         self._table: dict[int, TablePicture] = {}
         self._next = 1
+        self._advice: Advice | None = None
+        self._rms: dict[str, float] = {}
+        """px, by the names of the views in the last adjustment."""
 
     @property
     def orientation(self) -> Orientation:
         """Of the stripe in the pictures."""
         return self._settings.orientation
 
-    def keep(self, stage: CalibrationStage, shot: Shot) -> bool:
-        """Look at a picture and keep what was found; whether it can be used."""
+    def seen(self, picture: Image) -> tuple[Floats, str]:
+        """(n, 2) px: corners of the board in a picture that is not kept; and why there are none."""
+        view = detect_board(picture, self._board)
+        return view.corners, view.failure
+
+    def keep(self, stage: CalibrationStage, shot: Shot) -> SeenView:
+        """Look at a picture, and keep what was found in it."""
         with self._lock:
             number = self._next
             self._next += 1
@@ -129,17 +173,32 @@ class LiveCalibration:
             turned = self._table_picture(shot, name)
             with self._lock:
                 self._table[number] = turned
-            return not _why_not(turned)
+            return self._of_table(number, turned)
         view = detect_board(shot.dark, self._board, name)
         if stage == "camera":
             with self._lock:
                 self._camera[number] = view
-            return not view.failure
-        light, widths = _light(shot, view, self._settings.orientation)
+            return self._of_camera(number, view)
         margin = None if view.failure else white_margin(shot.dark, view)
+        light, widths = _light(shot, view, self._settings.orientation)
+        lit = LaserPicture(view, light, margin, widths)
         with self._lock:
-            self._lasers[number] = shot.laser, LaserPicture(view, light, margin, widths)
-        return bool(len(light))
+            self._lasers[number] = shot.laser, lit
+        return self._of_laser(number, shot.laser, lit)
+
+    def corners_of(self, number: int) -> tuple[Floats, str]:
+        """(n, 2) px: corners of the board in a picture that was kept; and why there are none."""
+        with self._lock:
+            view = self._camera.get(number)
+            if number in self._lasers:
+                view = self._lasers[number][1].view
+            turned = self._table.get(number)
+        if view is not None:
+            return view.corners, view.failure
+        if turned is None:
+            raise InputError("no such picture")
+        corners: Floats = np.asarray(turned.seen.corners, float).reshape(-1, 2)
+        return corners, _why_not(turned)
 
     def forget_table(self) -> None:
         """Take all pictures of the table away: a new turn replaces them."""
@@ -158,55 +217,100 @@ class LiveCalibration:
     def state(self) -> CalibrationState:
         """How far it is."""
         with self._lock:
-            boards = [v for v in self._camera.values() if not v.failure]
-            boards += [pic.view for _, pic in self._lasers.values() if not pic.view.failure]
-            views = [
-                SeenView(k, "camera", "", v.name, v.failure, len(v.corners))
-                for k, v in self._camera.items()
-            ]
-            for k, (name, pic) in self._lasers.items():
-                why = pic.view.failure
-                if not why and not len(pic.candidates):
-                    why = f"no stripe of laser {name} on the board"
-                views.append(SeenView(k, "laser", name, pic.view.name, why, len(pic.view.corners)))
-            for k, t in self._table.items():
-                views.append(SeenView(k, "table", "", t.name, _why_not(t), len(t.seen.corners)))
-        size = boards[0].size if boards else (1, 1)
-        corners = [v.corners for v in boards]
+            boards = {k: v for k, v in self._camera.items() if not v.failure}
+            boards |= {k: p.view for k, (_, p) in self._lasers.items() if not p.view.failure}
+            views = [self._of_camera(k, v) for k, v in self._camera.items()]
+            views += [self._of_laser(k, name, pic) for k, (name, pic) in self._lasers.items()]
+            views += [self._of_table(k, t) for k, t in self._table.items()]
+            advice = self._advice
+        size = next(iter(boards.values())).size if boards else (1, 1)
+        corners = [v.corners for v in boards.values()]
+        marked = [np.insert(v.corners, 2, k, axis=1) for k, v in boards.items()]
         return CalibrationState(
             board=self._text,
             views=tuple(views),
             coverage=coverage(corners, *size) if boards else 0.0,
             cells=_cells(corners, size),
             missing=tuple(_missing(views)),
+            advice=advice,
+            size=size,
+            marked=np.concatenate([np.zeros((0, 3)), *marked]),
         )
 
-    def frozen(self) -> Callable[[Callable[[], None]], LiveRig]:
-        """The calibration of the pictures there are now; it calls what it is given now and then.
+    def consider(self, check: Callable[[], None]) -> None:
+        """Adjust what there is, for advice on what to take next; ``check`` is called now and then.
 
-        It raises CalibrationError where the pictures do not tell a rig, and what that raises.
+        Pictures that do not tell anything yet leave the advice to say so.
         """
+        try:
+            done = self._adjusted(check)
+        except CalibrationError as e:
+            with self._lock:
+                self._advice = Advice((), "camera", f"{e.message}: {e.hint}")
+            return
+        self._learn(done)
+
+    def _learn(self, done: Calibration) -> None:
+        with self._lock:
+            self._advice = advice_of(done.rig, done)
+            self._rms = {
+                name: float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+                for k, name in enumerate(done.views)
+                if (parts := [b.residual for b in done.fit.blocks if b.view == k])
+            }
+
+    def _adjusted(self, check: Callable[[], None]) -> Calibration:
         with self._lock:
             camera, table = list(self._camera.values()), list(self._table.values())
             names = dict.fromkeys(name for name, _ in self._lasers.values())
             lasers: dict[str, Sequence[LaserPicture]] = {
                 n: [picture for name, picture in self._lasers.values() if name == n] for n in names
             }
+        return calibrate_rig(camera, lasers, table, self._settings, lambda text: check())
 
-        def calibrated(check: Callable[[], None]) -> LiveRig:
-            done = calibrate_rig(camera, lasers, table, self._settings, lambda text: check())
-            found = figures(done)
-            unused = [
-                Finding("calibrate.not-used", "note", r.reason, f"{r.role}: {r.name}")
-                for r in done.rejected
-            ]
-            text = f"camera {found.camera_rms_px:.3f} px rms, coverage {100 * found.coverage:.0f} %"
-            for place, u in list(found.radius_k2_mm.items())[:1]:
-                text += f"; at {place} mm a radius ± {u:.2f} mm (k = 2)"
-            said = (*findings_of(done, found), *unused)
-            return LiveRig(done.rig, rig_to_json(done.rig), text, said)
+    def finish(self, check: Callable[[], None]) -> LiveRig:
+        """The calibration of the pictures there are now; ``check`` is called now and then.
 
-        return calibrated
+        Raises CalibrationError where the pictures do not tell a rig, and what ``check`` raises.
+        """
+        done = self._adjusted(check)
+        self._learn(done)
+        found = figures(done)
+        refusal: CalibrationError | None = None
+        try:
+            refuse_poor(done, found)
+        except CalibrationError as e:
+            refusal = e
+        unused = [
+            Finding("calibrate.not-used", "note", r.reason, f"{r.role}: {r.name}")
+            for r in done.rejected
+        ]
+        text = f"camera {found.camera_rms_px:.3f} px rms, coverage {100 * found.coverage:.0f} %"
+        for place, u in list(found.radius_k2_mm.items())[:1]:
+            text += f"; at {place} mm a radius ± {u:.2f} mm (k = 2)"
+        said = findings_of(done, found)
+        verdict: Verdict = "usable" if any(f.severity != "note" for f in said) else "good"
+        if refusal is not None or done.rig.lacking:
+            verdict = "refused"
+        page = report_html(done, found, advice_of(done.rig, done), said, {})
+        return LiveRig(
+            done.rig, rig_to_json(done.rig), text, (*said, *unused), verdict, refusal, page
+        )
+
+    def _of_camera(self, number: int, view: BoardView) -> SeenView:
+        rms = self._rms.get(view.name)
+        return SeenView(number, "camera", "", view.name, view.failure, len(view.corners), rms)
+
+    def _of_laser(self, number: int, laser: str, picture: LaserPicture) -> SeenView:
+        view, why = picture.view, picture.view.failure
+        if not why and not len(picture.candidates):
+            why = f"no stripe of laser {laser} on the board"
+        rms = self._rms.get(view.name)
+        return SeenView(number, "laser", laser, view.name, why, len(view.corners), rms)
+
+    def _of_table(self, number: int, picture: TablePicture) -> SeenView:
+        rms, n = self._rms.get(picture.name), len(picture.seen.corners)
+        return SeenView(number, "table", "", picture.name, _why_not(picture), n, rms)
 
     def _table_picture(self, shot: Shot, name: str) -> TablePicture:
         light: dict[str, Floats] = {}
@@ -219,6 +323,28 @@ class LiveCalibration:
             return TablePicture(detect_board(shot.dark, board, name), light, name, step)
         markers = detect_markers(shot.dark, self._settings.dictionary)
         return TablePicture(markers, light, name, step)
+
+
+def printed_board(board: Board, rulers: tuple[float, float]) -> Board:
+    """A board as it came out of the printer, by what its rulers of 100 mm measure there.
+
+    Raises InputError for a print that is far from its size, or not as large one way as the other.
+    """
+    across, down = (length / _RULER for length in rulers)
+    scale = (across + down) / 2
+    if abs(across - down) > _PRINT_SKEW * scale:
+        raise InputError(
+            f"the print is {rulers[0]:g} mm one way and {rulers[1]:g} mm the other, for 100 mm",
+            hint="print it again at 100 %, without fitting it to the page",
+        )
+    if abs(scale - 1) > _PRINT_ERROR:
+        raise InputError(
+            f"the printed rulers of 100 mm measure {rulers[0]:g} and {rulers[1]:g} mm",
+            hint="print it again at 100 %, without fitting it to the page",
+        )
+    if isinstance(board, Charuco):
+        return replace(board, square=board.square * scale, marker=board.marker * scale)
+    return replace(board, square=board.square * scale)
 
 
 def _light(shot: Shot, view: BoardView, orientation: Orientation) -> tuple[Floats, Floats]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -21,6 +22,38 @@ class SeenStripe:
     """px across the stripe, one for each line; NaN where there is none; empty for no stripe."""
     saturated: float
     """Share of its lines that are clipped."""
+    width: npt.NDArray[np.float32]
+    """px rms of the light in each line, as ``position``: smallest where it is in focus."""
+    signal: npt.NDArray[np.float32]
+    """Grey levels of each line above the background."""
+
+
+HISTOGRAM_BINS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class PictureQuality:
+    """What a live picture says of focus and exposure."""
+
+    sharpness: float
+    """Variance of the Laplacian over the squared mean grey level (Pech-Pacheco et al. 2000,
+    doi:10.1109/ICPR.2000.903548, here free of the exposure): largest in focus, for one scene."""
+    histogram: npt.NDArray[np.uint32]
+    """Pixels in each of `HISTOGRAM_BINS` equal bins from black to the largest possible value."""
+    clipped: float
+    """Share of the pixels at the largest possible value."""
+
+
+def picture_quality(picture: Image) -> PictureQuality:
+    """Judge a picture of any kind; of a colour picture, each pixel's brightest channel."""
+    flat = picture if picture.ndim == 2 else picture.max(axis=2)
+    top = 255 if flat.dtype == np.uint8 else 65535
+    counts, _ = np.histogram(flat, HISTOGRAM_BINS, (0, top + 1))
+    grey = flat.astype(np.float32)
+    bend = cv2.Laplacian(grey, cv2.CV_32F)
+    mean = max(float(grey.mean()), 1.0)
+    clipped = float(np.count_nonzero(flat == top) / flat.size)
+    return PictureQuality(float(bend.var()) / mean**2, counts.astype(np.uint32), clipped)
 
 
 def seen_stripe(
@@ -78,6 +111,12 @@ def _stripe(lit: Image, dark: Image | None, orientation: Orientation) -> Stripe:
 
 def _seen(stripe: Stripe) -> SeenStripe:
     if not stripe.found.any():
-        return SeenStripe(np.zeros(0, np.float32), 0.0)
+        none = np.zeros(0, np.float32)
+        return SeenStripe(none, 0.0, none, none)
     clipped = np.mean((stripe.flags[stripe.found] & int(StripeFlag.SATURATED)) != 0)
-    return SeenStripe(stripe.position.astype(np.float32), float(clipped))
+    return SeenStripe(
+        stripe.position.astype(np.float32),
+        float(clipped),
+        stripe.width.astype(np.float32),
+        stripe.amplitude.astype(np.float32),
+    )

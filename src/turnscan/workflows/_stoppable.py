@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from turnscan.arrays import Image
 from turnscan.devices import StopSwitch, burning, frame_deadline
-from turnscan.scanner import Opened
+from turnscan.scanner import USUAL_SECONDS, Opened
 from turnscan.workflows._device_options import DeviceOptions
 from turnscan.workflows._scan import opened_devices
 from turnscan.workflows._watched import WatchedLasers, watched
@@ -42,14 +42,21 @@ def stoppable_devices(options: DeviceOptions) -> Iterator[StoppableDevices]:
 
 
 def live_pictures(
-    devices: Opened, lit: frozenset[str], seconds: float, gain: float, wanted: Callable[[], bool]
+    devices: Opened,
+    lit: frozenset[str],
+    exposure: float | None,
+    gain: float,
+    wanted: Callable[[], bool],
 ) -> Generator[Image]:
     """Pictures with these lasers lit, for as long as they are ``wanted``; close it at the end.
+
+    ``exposure`` in s; None takes what suits the devices.
 
     The lasers burn while a picture is taken, and are dark when it is handed out, and at the end.
     Raises DeviceError and SafetyError.
     """
     hardware = devices.hardware
+    seconds = exposure or devices.seconds or USUAL_SECONDS
     try:
         exposed, _ = hardware.camera.configure(seconds, gain)
         wait = frame_deadline(exposed if math.isfinite(exposed) else seconds)

@@ -80,6 +80,17 @@ class Trend:
 
 
 @dataclass(frozen=True)
+class VerificationHistory:
+    """All runs with one artefact and one rig."""
+
+    artefact: str
+    """Its name."""
+    rig_key: str
+    """Digest of the rig; empty where unknown."""
+    trends: tuple[Trend, ...]
+
+
+@dataclass(frozen=True)
 class Verification:
     """The result of `verify`."""
 
@@ -163,7 +174,8 @@ def verify(
     trends = tuple[Trend, ...]()
     if history is not None:
         runs = [_run(body, time, key, scans) for key in dict.fromkeys(s.rig_key for s in scans)]
-        trends = _trends(body, sorted([*past, *runs], key=lambda r: r.time), scans[-1].rig_key)
+        every = sorted([*past, *runs], key=lambda r: r.time)
+        trends = _trends(_comparable(body, every, scans[-1].rig_key), body.scatter)
     said = _findings(body, scans, repeated, trends)
     if history is not None:
         for run in runs:
@@ -278,18 +290,40 @@ def _run(body: Artefact, time: float, key: str, scans: Sequence[Verified]) -> Ve
     return VerifiedRun(time, body.name, _artefact_key(body), key, __version__, tuple(figures))
 
 
-def _trends(body: Artefact, runs: Sequence[VerifiedRun], rig_key: str) -> tuple[Trend, ...]:
-    """Of each value, all that was measured with this artefact and this rig."""
+def verification_history(path: str | PathLike[str]) -> tuple[VerificationHistory, ...]:
+    """What a history file holds, by artefact and rig, the newest last; none where there is no file.
+
+    The scatter that drift is judged by is that of the history itself. Raises FormatError for a file
+    that is no history, ScanNewer, ScanCorrupt, ScanBusy and InputError as `verify`.
+    """
+    groups = dict[tuple[str, str], list[VerifiedRun]]()
+    for run in sorted(read_verifications(Path(path)), key=lambda r: r.time):
+        groups.setdefault((run.artefact_key, run.rig_key), []).append(run)
+    return tuple(
+        VerificationHistory(runs[-1].artefact, rig_key, _trends(runs, None))
+        for (_, rig_key), runs in sorted(groups.items(), key=lambda group: group[1][-1].time)
+    )
+
+
+def _comparable(
+    body: Artefact, runs: Sequence[VerifiedRun], rig_key: str
+) -> tuple[VerifiedRun, ...]:
+    """The runs with this artefact and this rig."""
+    key = _artefact_key(body)
+    return tuple(r for r in runs if r.artefact_key == key and r.rig_key == rig_key)
+
+
+def _trends(runs: Sequence[VerifiedRun], scatter: float | None) -> tuple[Trend, ...]:
+    """Of each value, all that was measured in these runs."""
     series = dict[str, list[tuple[float, VerifiedFigure]]]()
     for run in runs:
-        if run.artefact_key == _artefact_key(body) and run.rig_key == rig_key:
-            for f in run.figures:
-                series.setdefault(f.name, []).append((run.time, f))
+        for f in run.figures:
+            series.setdefault(f.name, []).append((run.time, f))
     made = []
     for name, all_of in series.items():
         values = tuple(f.value for _, f in all_of)
         noise = tuple(f.noise for _, f in all_of)
-        chart = drift(values, noise, body.scatter)
+        chart = drift(values, noise, scatter)
         times = tuple(t for t, _ in all_of)
         made.append(Trend(name, times, values, noise, all_of[-1][1].limit, chart))
     return tuple(made)

@@ -104,11 +104,11 @@ def test_a_camera_on_its_side_scans_and_its_pictures_lead_to_the_surface(new_pag
     connect(page, f"{BENCH}&steps=12&lying=yes&lasers=2")
     page.get_by_role("combobox", name="Stripe").select_option("lying")
     page.get_by_role("checkbox", name="Laser right").check()
-    page.get_by_role("button", name="Look", exact=True).click()
+    page.get_by_role("button", name="Start live view").click()
     # The cup is 240 columns high in a picture of 480: upright lines would find the platter's rim.
     seen = page.get_by_text(re.compile(r"480 × 640 · right lit · stripe in [23]\d\d lines"))
     seen.wait_for(timeout=WORKING)
-    page.get_by_role("button", name="End", exact=True).click()
+    page.get_by_role("button", name="Stop live view").click()
     page.get_by_role("button", name="Scan", exact=True).click()
     page.locator("summary", has_text="More").click()
     page.get_by_role("spinbutton", name="Texture image").fill("20")
