@@ -89,7 +89,7 @@ def _listed() -> list[tuple[str, str, str]]:
                 path = (before + route.path).replace(":int", "")
                 for name in ("scan", "download", "file"):
                     path = path.replace(f"{{{name}}}", "abcdefgh")
-                for name in ("grid", "step"):
+                for name in ("grid", "step", "view"):
                     path = path.replace(f"{{{name}}}", "0")
                 assert "{" not in path, f"the tests do not know a parameter of {path}"
                 out.extend(("http", m, path) for m in sorted((route.methods or set()) - {"HEAD"}))

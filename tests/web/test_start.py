@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,10 @@ import pytest
 from tests.web.running import Browser, Message, Running, small_scan
 from turnscan.app._gallery import Gallery
 from turnscan.app._library import Library
+from turnscan.app._routes import PassingFile
+from turnscan.errors import InputError
 from turnscan.scan import Scan
+from turnscan.workflows import name_file
 
 COMPILING = 300.0
 """Seconds that opening may take: on a new machine the kernels are compiled first."""
@@ -73,6 +77,7 @@ def test_a_scan_that_is_open_is_renamed_copied_binned_and_restored(
         assert back["kind"] == "done"
         last = browser.until("scans", lambda m: len(m["scans"]) == 3 and not m["binned"])
         assert names(last) == ["a_b 2", "a_b", "second"]
+        np.testing.assert_array_equal(pixels(http, last["scans"][0]["scan"]), surface)
         again = browser.ask("restore", binned=binned["binned"][0]["binned"])
         assert "no longer in the bin" in again["text"]
 
@@ -91,6 +96,7 @@ def test_a_download_of_an_open_scan_has_its_edits(
         with Scan.open(path) as copy, Scan.open(folder / "ball.turnscan") as held:
             assert len(copy.edits()) == len(held.edits()) == 1
         assert http.get("/api/scans/none-such/file").status_code == 404
+        assert not list(Path(server.workshop.downloads.place().parent).iterdir())
 
         # Edits are copied to another scan, those that are wanted.
         (folder / "other.turnscan").write_bytes(path.read_bytes())
@@ -118,8 +124,13 @@ def test_files_that_others_put_into_the_folder_are_listed_and_junk_can_go(
         assert http.get(f"/api/scans/{junk['scan']}/thumbnail.png").status_code == 404
         assert browser.ask("to_bin", scan=junk["scan"])["kind"] == "done"
         assert not (folder / "junk.turnscan").exists()
+        gallery = folder / ".turnscan-app" / "gallery"
+        gallery.mkdir(exist_ok=True)
+        for of in ("ball", "gone"):  # of a scan that is there, and of one that somebody deleted
+            (gallery / f"{of}.turnscan.json").write_text("{}")
         assert browser.ask("empty_bin")["kind"] == "done"
         assert browser.until("scans", lambda m: not m["binned"])["binned"] == []
+        assert [p.name for p in gallery.iterdir()] == ["ball.turnscan.json"]
         assert [p.name for p in folder.glob("**/*.turnscan") if p.is_file()] == ["ball.turnscan"]
 
 
@@ -144,3 +155,42 @@ def test_another_scan_of_the_same_name_has_its_own_picture(tmp_path: Path) -> No
     small_scan(path, "sim:sphere?seed=6", steps=2)
     assert library.glance(path)[1] != content
     assert gallery.thumbnail(path).startswith(b"\x89PNG")
+
+
+def test_an_edit_that_waited_while_its_scan_was_closed_says_so(server: Running) -> None:
+    with Browser(server) as browser:
+        scan = only(browser.hello)["scan"]
+        browser.open(scan)
+        server.workshop.opened(scan).session.close()
+        refused = browser.ask("measure", scan=scan, what="area")
+        assert refused["text"] == "this scan was closed meanwhile; nothing was changed"
+        assert refused["hint"] == "open it again"
+
+
+def test_a_download_that_is_broken_off_leaves_no_copy(tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    copy.write_bytes(b"x" * 1_000_000)
+
+    async def receive() -> dict[str, str]:
+        return {"type": "http.disconnect"}
+
+    async def send(message: object) -> None:
+        raise OSError("the browser hung up")
+
+    scope = {"type": "http", "method": "GET", "headers": []}
+    with pytest.raises(OSError, match="hung up"):
+        asyncio.run(PassingFile(copy)(scope, receive, send))
+    assert not copy.exists()
+
+
+def test_a_name_that_was_taken_meanwhile_is_not_written_over(tmp_path: Path) -> None:
+    part, path = tmp_path / "part", tmp_path / "ball.turnscan"
+    part.write_bytes(b"new")
+    path.write_bytes(b"old")
+    with pytest.raises(InputError, match="already exists"):
+        name_file(part, path)
+    assert path.read_bytes() == b"old"
+    path.unlink()
+    name_file(part, path)
+    assert path.read_bytes() == b"new"
+    assert not part.exists()

@@ -23,6 +23,7 @@ import {
   every,
   exposure,
   finish,
+  histories,
   lowest,
   markers,
   onTable,
@@ -66,8 +67,10 @@ function stateOf(one: Step): { dot: string; words: string } {
       return now ? { dot: "good", words: now.board.split(":")[0] } : { dot: "", words: "which board" };
     case "result":
       return verdict ? { dot: VERDICTS[verdict.verdict].dot, words: VERDICTS[verdict.verdict].short } : NOT_YET;
-    case "verify":
-      return NOT_YET;
+    case "verify": {
+      const runs = histories.value.at(-1)?.trends[0]?.times.length;
+      return runs ? { dot: "good", words: `${runs} run${runs > 1 ? "s" : ""}` } : NOT_YET;
+    }
     default: {
       const n = usable(one);
       return n ? { dot: wants(one) ? "busy" : "good", words: `${n} picture${n > 1 ? "s" : ""}` } : NOT_YET;
@@ -308,7 +311,7 @@ function ResultStep() {
 function Verdict({ of }: { of: CalibrationVerdict }) {
   const { dot, title } = VERDICTS[of.verdict];
   return (
-    <section class={`verdict ${dot}`} aria-label="Verdict" role="status">
+    <section class={`judgement ${dot}`} aria-label="Verdict" role="status">
       <h3>{title}</h3>
       <p>{of.text}</p>
       {of.hint && <p>{of.hint}</p>}

@@ -131,7 +131,7 @@ function Trend({ trend }: { trend: VerificationTrend }) {
   const high = Math.max(...edges, ...values.map((v, k) => v + noise[k]));
   const x = (k: number) => (last ? EDGE + (k * (WIDE - 2 * EDGE)) / last : WIDE / 2);
   const y = (v: number) => HIGH - EDGE - ((v - low) * (HIGH - 2 * EDGE)) / Math.max(high - low, 1e-9);
-  const said = `${(1000 * values[last]).toFixed(0)} ± ${(1000 * noise[last]).toFixed(0)} µm`;
+  const said = `${(1000 * values[last]).toFixed(0)} µm, noise ± ${(1000 * noise[last]).toFixed(0)} µm`;
   const exceeded = limit !== null && Math.abs(values[last]) > limit;
   return (
     <figure class={`trend ${alarm || exceeded ? "alarm" : ""}`}>

@@ -69,8 +69,7 @@ class Gallery:
         return frame_thumbnail(path)
 
     def _kept(self, path: Path) -> tuple[Path, Path]:
-        stem = self._own / "gallery" / path.name
-        return stem.with_name(f"{path.name}.png"), stem.with_name(f"{path.name}.json")
+        return _beside(self._own / "gallery" / path.name)
 
     # What is done with scans
 
@@ -108,6 +107,10 @@ class Gallery:
             with contextlib.suppress(OSError):
                 place.rmdir()
             raise
+        for kept in self._kept(path):  # what it looks like goes with it
+            with contextlib.suppress(OSError):
+                kept.replace(place / kept.name)
+        self._counts.pop(path, None)
 
     def binned(self) -> list[BinEntry]:
         """What is in the bin, the last first."""
@@ -131,14 +134,23 @@ class Gallery:
             raise InputError("this scan is no longer in the bin", hint="reload the list")
         target = self._library.free_path(held.stem)
         self._move(held, target)
+        for kept, shown in zip(_beside(held), self._kept(target), strict=True):
+            with contextlib.suppress(OSError):
+                kept.replace(shown)
         with contextlib.suppress(OSError):  # somebody else has emptied the bin meanwhile
             place.rmdir()
         self._library.name_of(target)
         return target
 
     def empty_bin(self) -> None:
-        """Delete for good what is in the bin."""
+        """Delete for good what is in the bin, and what is kept of scans that others took away."""
         shutil.rmtree(self._own / "bin", ignore_errors=True)
+        there = {kept.name for path in self._library.folder.glob(f"*{SUFFIX}") for kept in
+                 _beside(path)}  # fmt: skip
+        for kept in (self._own / "gallery").glob("*"):
+            if kept.name not in there:
+                with contextlib.suppress(OSError):
+                    kept.unlink()
 
     def _move(self, path: Path, target: Path) -> None:
         try:
@@ -147,3 +159,8 @@ class Gallery:
             raise InputError(
                 f"{path.stem} is being written", hint="wait until the scan has finished, or stop it"
             ) from None
+
+
+def _beside(path: Path) -> tuple[Path, Path]:
+    """The picture and the figures that are kept of a scan."""
+    return path.with_name(f"{path.name}.png"), path.with_name(f"{path.name}.json")

@@ -22,7 +22,7 @@ from turnscan.errors import (
     ScanError,
     StorageFull,
 )
-from turnscan.workflows import glance_at, open_scan
+from turnscan.workflows import glance_at, name_file, open_scan
 
 SUFFIX = ".turnscan"
 UPLOAD_BYTES = 2**30
@@ -213,9 +213,7 @@ class Library:
             if length is not None and taken != length:
                 raise InputError(f"{taken} of {length} bytes received", hint="send the file again")
             check(part)
-            if path.exists():
-                raise InputError(f"{path.name}: already exists", hint="choose another name")
-            part.rename(path)
+            name_file(part, path)
         except OSError as e:
             if isinstance(e, ScanError):
                 raise

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
-from starlette.background import BackgroundTask
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
+from starlette.types import Receive, Scope, Send
 
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
@@ -232,11 +232,19 @@ def _scan_file(workshop: Workshop) -> Endpoint:
         copy = workshop.downloads.place()
         # A plain copy of a file that is open lacks its last edits.
         await asyncio.to_thread(duplicate_scan, path, copy)
-        away = BackgroundTask(copy.unlink, missing_ok=True)
-        kind = "application/octet-stream"
-        return FileResponse(copy, filename=path.name, media_type=kind, background=away)
+        return PassingFile(copy, filename=path.name, media_type="application/octet-stream")
 
     return download
+
+
+class PassingFile(FileResponse):
+    """A file that is taken away when it was sent, and also where the browser hung up before."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            Path(self.path).unlink(missing_ok=True)
 
 
 def _data(workshop: Workshop, make: Callable[[OpenScan, Request], Answer]) -> Endpoint:

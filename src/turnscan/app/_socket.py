@@ -49,7 +49,8 @@ async def socket(websocket: WebSocket) -> None:
     if not workshop.hub.join(client):
         await websocket.close(_FULL, "too many browsers are connected")
         return
-    workshop.hub.tell(workshop.hello(client), to=client)
+    # The list of scans looks at every file of the folder: others are served meanwhile.
+    workshop.hub.tell(await asyncio.to_thread(workshop.hello, client), to=client)
     workshop.hub.tell_control()
     workshop.rig.tell(to=client)
     sending = asyncio.create_task(_send(websocket, client))

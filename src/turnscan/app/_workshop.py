@@ -84,6 +84,8 @@ class Workshop:
         """What `close` raised."""
         self._scans: dict[str, OpenScan] = {}
         self._opening: dict[str, Job] = {}
+        self._leaving: dict[str, threading.Event] = {}
+        """Documents that are closed to make room, until they are."""
         self._lock = threading.RLock()
         self._pool = ThreadPoolExecutor(8, "request")
         self.start = StartRoom(self.jobs, library, self._release, self.tell_results)
@@ -392,16 +394,23 @@ class Workshop:
             if name in self._scans:
                 return self._scans[name].opened(call.id)
             if name not in self._opening:
+                leaving = None
                 if len(self._scans) + len(self._opening) >= _OPEN_SCANS:
-                    self._close_one()
+                    leaving = self._one_to_close()
                 title = f"Opening {path.stem}"
                 self._opening[name] = self.jobs.start(
-                    "open", title, lambda job: self._load(job, name, path), name
+                    "open", title, lambda job: self._load(job, name, path, leaving), name
                 )
             return p.StartedJob(id=call.id, job=self._opening[name].id)
 
-    def _load(self, job: Job, name: str, path: Path) -> Result:
+    def _load(self, job: Job, name: str, path: Path, leaving: OpenScan | None) -> Result:
         try:
+            if leaving is not None:
+                self._make_room(leaving)
+            with self._lock:
+                closing = self._leaving.get(name)
+            if closing is not None:
+                closing.wait()  # a scan file has one writer
             scan = OpenScan(name, path, self.hub, job)
             with self._lock:
                 self._scans[name] = scan
@@ -413,12 +422,20 @@ class Workshop:
         self.tell_scans()
         return Result(f"{path.stem} is open", findings=scan.findings)
 
-    def _close_one(self) -> None:
-        """Close the document that has not been used for the longest."""
+    def _one_to_close(self) -> OpenScan:
+        """The document that has not been used for the longest; it is open no more."""
         name = min(self._scans, key=lambda n: self._scans[n].used, default=None)
         if name is None:
             raise Refusal("busy", "other scans are being opened", "wait until they are open")
-        self._put_back(self._scans.pop(name))
+        self._leaving[name] = threading.Event()
+        return self._scans.pop(name)
+
+    def _make_room(self, leaving: OpenScan) -> None:
+        try:
+            self._put_back(leaving)
+        finally:
+            with self._lock:
+                self._leaving.pop(leaving.name).set()
 
     def _release(self, name: str) -> None:
         """Close the document of a scan, where there is one. Raises Refusal while it is opened."""

@@ -52,7 +52,12 @@ if TYPE_CHECKING:
         write_atomically,
     )
     from turnscan.workflows._format_options import FormatOptions
-    from turnscan.workflows._gallery import duplicate_scan, frame_thumbnail, glance_at
+    from turnscan.workflows._gallery import (
+        duplicate_scan,
+        frame_thumbnail,
+        glance_at,
+        name_file,
+    )
     from turnscan.workflows._import_options import (
         AngleSource,
         EvenSteps,
@@ -206,7 +211,7 @@ _MODULES = {
     "_export": ("Exported", "export"),
     "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
     "_format_options": ("FormatOptions",),
-    "_gallery": ("duplicate_scan", "frame_thumbnail", "glance_at"),
+    "_gallery": ("duplicate_scan", "frame_thumbnail", "glance_at", "name_file"),
     "_import_options": (
         "AngleSource",
         "EvenSteps",
@@ -475,6 +480,7 @@ __all__ = [
     "lasers_in_words",
     "live_pictures",
     "measure",
+    "name_file",
     "open_scan",
     "opened_devices",
     "option_schemas",

@@ -203,6 +203,7 @@ class ScanSession:
         self.path, self._changed = path, changed
         self.used = time.monotonic()
         self._lock = threading.RLock()
+        self._closed = False
         self._looking = threading.Lock()
         self._found: tuple[int, Mesh, list[Hole]] | None = None
         self._said: tuple[int, tuple[Finding, ...]] | None = None
@@ -229,7 +230,18 @@ class ScanSession:
     def close(self) -> None:
         """Let the file go."""
         with self._lock:
+            self._closed = True
             self.scan.close()
+
+    @contextlib.contextmanager
+    def _open(self) -> Iterator[None]:
+        """The scan, for one alone. Raises InputError where it was closed while one waited."""
+        with self._lock:
+            if self._closed:
+                raise InputError(
+                    "this scan was closed meanwhile; nothing was changed", hint="open it again"
+                )
+            yield
 
     def touch(self) -> None:
         """It is in use."""
@@ -281,7 +293,7 @@ class ScanSession:
         check_name(name)
         if name == DEFAULT_SET:
             raise InputError(f"{name!r}: the set in use", hint="choose another name")
-        with self._lock:
+        with self._open():
             keep_options(self.scan, self.now.options, name)
 
     def surface(self) -> tuple[SessionState, Arrays]:
@@ -360,14 +372,14 @@ class ScanSession:
         Raises `Stale` where the surface is not that of revision ``base`` any more, InputError,
         Cancelled.
         """
-        with self._lock:
+        with self._open():
             self._keep(*self._tried(base, value, faces, work), work)
 
     def preview(
         self, base: int, value: Mapping[str, Any], faces: Mapping[str, npt.NDArray[Any]], work: Work
     ) -> ShownPreview:
         """What an edit would do; nothing is kept. Raises as `make`."""
-        with self._lock:
+        with self._open():
             before = self.now.document.body
             document, change = self._tried(base, value, faces, work)
         work.commit()
@@ -382,7 +394,7 @@ class ScanSession:
         work: Work,
     ) -> None:
         """Measure, and keep it in the history. Raises InputError where it cannot be measured."""
-        with self._lock:
+        with self._open():
             document = self.now.document
             region = _region(document.body, faces)
             document, change = document.add(measure_of(what, places, region))
@@ -392,7 +404,7 @@ class ScanSession:
 
     def forget_measure(self, number: int, work: Work) -> None:
         """Switch a measurement off. Raises InputError where no measurement has this number."""
-        with self._lock:
+        with self._open():
             if number not in [m.edit for m in self.now.measures]:
                 raise InputError("no such measurement")
             self._keep(*self.now.document.switch(number, False), work)
@@ -411,7 +423,7 @@ class ScanSession:
         InputError where no measurement has this number.
         """
         wanted = edit.Specify(number, name, nominal, lower, upper)
-        with self._lock:
+        with self._open():
             if wanted.measure not in [m.edit for m in self.now.measures]:
                 raise InputError("no such measurement")
             self._keep(*self.now.document.add(wanted), work)
@@ -421,7 +433,7 @@ class ScanSession:
 
         They are of the surface as it is until it changes; the history keeps them as they were.
         """
-        with self._lock:
+        with self._open():
             state = self.now
             if not any(m.outdated for m in state.measures):
                 return False
@@ -457,7 +469,7 @@ class ScanSession:
         self._step(lambda history: history.switch(id, on), work)
 
     def _step(self, action: Callable[[edit.History], edit.Action], work: Work) -> None:
-        with self._lock:
+        with self._open():
             self._keep(*self._after(action(self.now.document.history), work.progress), work)
 
     def _after(self, action: edit.Action, progress: Progress) -> tuple[edit.Document, edit.Change]:

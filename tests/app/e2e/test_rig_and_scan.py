@@ -200,7 +200,7 @@ def verifies(page: Page, hand: Wizard, picture: Callable[[Any, str], None], path
     history = page.get_by_role("region", name="Verifications with ball of 40")
     size = history.get_by_role("img", name="size")
     size.wait_for(timeout=WORKING)
-    found = re.search(r"1 runs, last (-?\d+) ± (\d+) µm", size.get_attribute("aria-label"))
+    found = re.search(r"1 runs, last (-?\d+) µm, noise ± \d+ µm", size.get_attribute("aria-label"))
     assert found
     assert abs(int(found[1])) < 1000
     picture(page, "calibrate-verify")
