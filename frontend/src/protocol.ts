@@ -106,7 +106,6 @@ export interface Calibration {
 
 /** What a calibration came to. */
 export interface CalibrationVerdict {
-  /** No warnings; warnings, but worth a scan; not worth one, and not kept. */
   verdict: "good" | "usable" | "refused";
   text: string;
   hint: string;

@@ -33,7 +33,7 @@ MOST_NAMES = {
     "stripes": 28,
     "surface": 4,
     "testing": 6,
-    "workflows": 181,  # with the gallery of scans, the preview of an import, and turned parts
+    "workflows": 184,  # with a gallery of scans, previews of imports, turned parts, live views
 }
 """Public names of each room at most. A room that needs more raises this and says why."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from turnscan.app._library import Library
 from turnscan.app._routes import PassingFile
 from turnscan.errors import InputError
 from turnscan.scan import Scan
-from turnscan.workflows import name_file
 
 COMPILING = 300.0
 """Seconds that opening may take: on a new machine the kernels are compiled first."""
@@ -183,14 +183,22 @@ def test_a_download_that_is_broken_off_leaves_no_copy(tmp_path: Path) -> None:
     assert not copy.exists()
 
 
-def test_a_name_that_was_taken_meanwhile_is_not_written_over(tmp_path: Path) -> None:
-    part, path = tmp_path / "part", tmp_path / "ball.turnscan"
-    part.write_bytes(b"new")
-    path.write_bytes(b"old")
-    with pytest.raises(InputError, match="already exists"):
-        name_file(part, path)
-    assert path.read_bytes() == b"old"
+def test_a_name_that_was_taken_meanwhile_is_not_written_over(folder: Path) -> None:
+    library = Library(folder)
+    path = folder / "late.turnscan"
+
+    async def body() -> AsyncIterator[bytes]:
+        yield b"new"
+        path.write_bytes(b"somebody else's")
+
+    with pytest.raises(InputError, match=r"^late\.turnscan: already exists"):
+        asyncio.run(library.receive(path, body(), 3))
+    assert path.read_bytes() == b"somebody else's"
     path.unlink()
-    name_file(part, path)
+
+    async def again() -> AsyncIterator[bytes]:
+        yield b"new"
+
+    asyncio.run(library.receive(path, again(), 3))
     assert path.read_bytes() == b"new"
-    assert not part.exists()
+    assert not [p for p in folder.iterdir() if p.name.startswith(".") and p.is_file()]

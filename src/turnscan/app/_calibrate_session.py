@@ -24,7 +24,6 @@ from turnscan.workflows import (
     LiveCalibration,
     LiveRig,
     Shot,
-    Verdict,
     photograph,
     seen_stripe,
     verification_history,
@@ -175,7 +174,7 @@ class CalibrateRoom:
 
     def _judge(
         self,
-        verdict: Verdict,
+        verdict: p.Verdict,
         text: str,
         hint: str,
         rig: str = "",

@@ -22,7 +22,7 @@ from turnscan.errors import (
     ScanError,
     StorageFull,
 )
-from turnscan.workflows import glance_at, name_file, open_scan
+from turnscan.workflows import duplicate_scan, glance_at, open_scan
 
 SUFFIX = ".turnscan"
 UPLOAD_BYTES = 2**30
@@ -213,7 +213,12 @@ class Library:
             if length is not None and taken != length:
                 raise InputError(f"{taken} of {length} bytes received", hint="send the file again")
             check(part)
-            name_file(part, path)
+            try:
+                duplicate_scan(part, path, keep=False)  # never over what got the name meanwhile
+            except InputError:
+                raise InputError(
+                    f"{path.name}: already exists", hint="choose another name"
+                ) from None
         except OSError as e:
             if isinstance(e, ScanError):
                 raise

@@ -307,11 +307,14 @@ class CalibrationView(Model):
     """How far its corners are off in the last adjustment; None before one."""
 
 
+Verdict = Literal["good", "usable", "refused"]
+"""No warnings; warnings, but worth a scan; not worth one, and not kept."""
+
+
 class CalibrationVerdict(Model):
     """What a calibration came to."""
 
-    verdict: Literal["good", "usable", "refused"]
-    """No warnings; warnings, but worth a scan; not worth one, and not kept."""
+    verdict: Verdict
     text: str
     hint: str
     rig: str

@@ -238,7 +238,7 @@ def _scan_file(workshop: Workshop) -> Endpoint:
 
 
 class PassingFile(FileResponse):
-    """A file that is taken away when it was sent, and also where the browser hung up before."""
+    """A temporary file, removed when it was sent, and also where the browser hung up before."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:

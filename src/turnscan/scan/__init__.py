@@ -3,7 +3,6 @@
 from turnscan.json_text import strict_json
 from turnscan.scan._codec import packed_size
 from turnscan.scan._copy import copy_scan
-from turnscan.scan._database import put_in_place
 from turnscan.scan._file import Scan
 from turnscan.scan._fit import lit_in, rig_for
 from turnscan.scan._header import is_scan
@@ -48,7 +47,6 @@ __all__ = [
     "numbers_apart",
     "packed_size",
     "picture_numbers",
-    "put_in_place",
     "read_picture",
     "read_verifications",
     "read_video",

@@ -10,7 +10,7 @@ from turnscan.scanner._photograph import (
     Shot,
     photograph,
 )
-from turnscan.scanner._prepare import USUAL_SECONDS, ScanRequest, laser_colour, prepare, stops_of
+from turnscan.scanner._prepare import ScanRequest, laser_colour, prepare, stops_of
 from turnscan.scanner._resume import (
     acquisition_of,
     check_space,
@@ -23,7 +23,6 @@ from turnscan.scanner._verified import verification_findings
 __all__ = [
     "LONGEST_PAUSE",
     "MOST_PICTURES",
-    "USUAL_SECONDS",
     "Addresses",
     "Diagnosis",
     "Opened",

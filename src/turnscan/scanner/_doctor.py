@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from turnscan.findings import Finding
 from turnscan.scanner._examine import CameraFacts, Examination, LaserFacts
 from turnscan.scanner._open import Opened
-from turnscan.scanner._prepare import USUAL_SECONDS
 
 _LIES = 0.02
 _FLICKER = 0.005
@@ -51,7 +50,7 @@ def examine(
     ``seconds`` None takes the bench's own exposure. The lasers are dark when this returns, however
     it does. Raises DeviceError and SafetyError as the devices do.
     """
-    exposure = seconds or bench.seconds or USUAL_SECONDS
+    exposure = seconds or bench.exposure
     look = Examination(bench.hardware, exposure, gain)
     with look.shooter.dark_at_the_end():
         camera = look.camera()

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from turnscan.scanner._examine import Examination
 from turnscan.scanner._open import Opened
-from turnscan.scanner._prepare import USUAL_SECONDS
 
 _FEW = 0.05
 """Share of the lines with a stripe below which a laser was not seen."""
@@ -30,7 +29,7 @@ def which_laser(bench: Opened, seconds: float | None = None, gain: float = 1.0) 
     that is alone could be either. All is dark when this returns, however it does. Raises
     DeviceError and SafetyError as the devices do.
     """
-    look = Examination(bench.hardware, seconds or bench.seconds or USUAL_SECONDS, gain)
+    look = Examination(bench.hardware, seconds or bench.exposure, gain)
     with look.shooter.dark_at_the_end():
         facts = [look.laser(name) for name in bench.hardware.lasers.names]
     columns = {f.name: f.column for f in facts if f.found >= _FEW}

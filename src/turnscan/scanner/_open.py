@@ -11,6 +11,9 @@ from turnscan.devices import Steady, open_camera, open_devices, open_turntable
 from turnscan.errors import InputError
 from turnscan.rig import Rig
 
+_USUAL_SECONDS = 0.02
+"""Of an exposure, where nothing else is known."""
+
 
 @dataclass(frozen=True)
 class Addresses:
@@ -29,11 +32,16 @@ class Opened:
     at: Addresses
     hardware: Hardware
     seconds: float | None = None
-    """The exposure that suits it."""
+    """The exposure that suits it, where that is known."""
     steps: int | None = None
     """Of a turn."""
     rig: Rig | None = None
     """The true one."""
+
+    @property
+    def exposure(self) -> float:
+        """s, where nobody says otherwise."""
+        return self.seconds or _USUAL_SECONDS
 
 
 @contextmanager

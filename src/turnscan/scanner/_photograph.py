@@ -12,7 +12,7 @@ from turnscan.arrays import Image
 from turnscan.errors import InputError
 from turnscan.scanner._examine import Examination
 from turnscan.scanner._open import Opened
-from turnscan.scanner._prepare import SETTLE, USUAL_SECONDS, stops_of
+from turnscan.scanner._prepare import SETTLE, stops_of
 
 MOST_PICTURES = 400
 LONGEST_PAUSE = 60.0
@@ -78,7 +78,7 @@ def photograph(
     if unknown:
         there = ", ".join(bench.hardware.lasers.names)
         raise InputError(f"no laser {min(unknown)!r}", hint=f"there is {there}")
-    seconds = series.seconds or bench.seconds or USUAL_SECONDS
+    seconds = series.seconds or bench.exposure
     for stop, angle in enumerate(series.angles_deg()):
         if series.every:
             wait(series.every)

@@ -33,8 +33,6 @@ from turnscan.stripes import Orientation
 
 USUAL_STEPS = 400
 """Of a turn, where neither a person nor a simulated rig says otherwise."""
-USUAL_SECONDS = 0.02
-"""Of an exposure, likewise."""
 SETTLE = 0.1
 """s from rest to picture, likewise."""
 _FIRST_MOVE = 120.0
@@ -164,10 +162,7 @@ def plan_of(request: ScanRequest, bench: Opened) -> Plan:
         step_deg=step,
         stops=stops,
         lasers=names,
-        exposures=tuple(
-            Exposure(s, request.gain)
-            for s in request.exposures or (bench.seconds or USUAL_SECONDS,)
-        ),
+        exposures=tuple(Exposure(s, request.gain) for s in request.exposures or (bench.exposure,)),
         start_deg=request.range_deg[0],
         passes=request.passes,
         together=request.together,

@@ -56,7 +56,6 @@ if TYPE_CHECKING:
         duplicate_scan,
         frame_thumbnail,
         glance_at,
-        name_file,
     )
     from turnscan.workflows._import_options import (
         AngleSource,
@@ -78,11 +77,9 @@ if TYPE_CHECKING:
         CELL_ROWS,
         LiveCalibration,
         LiveRig,
-        Verdict,
     )
     from turnscan.workflows._live_look import (
         GrowingScan,
-        PictureQuality,
         SeenStripe,
         picture_quality,
         seen_stripe,
@@ -158,7 +155,6 @@ if TYPE_CHECKING:
     from turnscan.workflows._verify import (
         Trend,
         Verification,
-        VerificationHistory,
         Verified,
         read_artefact,
         verification_history,
@@ -211,7 +207,7 @@ _MODULES = {
     "_export": ("Exported", "export"),
     "_files": ("check_apart", "check_output", "check_writable", "write_atomically"),
     "_format_options": ("FormatOptions",),
-    "_gallery": ("duplicate_scan", "frame_thumbnail", "glance_at", "name_file"),
+    "_gallery": ("duplicate_scan", "frame_thumbnail", "glance_at"),
     "_import_options": (
         "AngleSource",
         "EvenSteps",
@@ -279,11 +275,9 @@ _MODULES = {
         "CELL_ROWS",
         "LiveCalibration",
         "LiveRig",
-        "Verdict",
     ),
     "_live_look": (
         "GrowingScan",
-        "PictureQuality",
         "SeenStripe",
         "picture_quality",
         "seen_stripe",
@@ -316,7 +310,6 @@ _MODULES = {
     "_verify": (
         "Trend",
         "Verification",
-        "VerificationHistory",
         "Verified",
         "read_artefact",
         "verification_history",
@@ -399,7 +392,6 @@ __all__ = [
     "Outcome",
     "OutputFile",
     "Patience",
-    "PictureQuality",
     "PlacedFinding",
     "PlannedScan",
     "RangeScanOptions",
@@ -434,9 +426,7 @@ __all__ = [
     "Task",
     "Trend",
     "Verb",
-    "Verdict",
     "Verification",
-    "VerificationHistory",
     "Verified",
     "VerifyOptions",
     "about",
@@ -480,7 +470,6 @@ __all__ = [
     "lasers_in_words",
     "live_pictures",
     "measure",
-    "name_file",
     "open_scan",
     "opened_devices",
     "option_schemas",

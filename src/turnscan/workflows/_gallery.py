@@ -7,9 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from turnscan.errors import InputError, TurnscanError
+from turnscan.errors import TurnscanError
 from turnscan.picture import brightened, png, shrunk
-from turnscan.scan import Scan, copy_scan, put_in_place
+from turnscan.scan import Scan, copy_scan
 from turnscan.workflows._scan import left_in
 
 THUMBNAIL = (320, 240)
@@ -40,15 +40,6 @@ def glance_at(path: Path) -> ScanGlance:
     except TurnscanError:
         return ScanGlance(0, "")
     return ScanGlance(missing, hashlib.sha256(said.encode()).hexdigest()[:16])
-
-
-def name_file(part: Path, path: Path) -> None:
-    """Give a file that is whole its name. Raises InputError where that is taken, OSError."""
-    try:
-        put_in_place(part, path)
-    except InputError:
-        raise InputError(f"{path.name}: already exists", hint="choose another name") from None
-    part.unlink(missing_ok=True)
 
 
 def frame_thumbnail(path: Path) -> bytes:

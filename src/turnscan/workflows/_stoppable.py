@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from turnscan.arrays import Image
 from turnscan.devices import StopSwitch, burning, frame_deadline
-from turnscan.scanner import USUAL_SECONDS, Opened
+from turnscan.scanner import Opened
 from turnscan.workflows._device_options import DeviceOptions
 from turnscan.workflows._scan import opened_devices
 from turnscan.workflows._watched import WatchedLasers, watched
@@ -56,7 +56,7 @@ def live_pictures(
     Raises DeviceError and SafetyError.
     """
     hardware = devices.hardware
-    seconds = exposure or devices.seconds or USUAL_SECONDS
+    seconds = exposure or devices.exposure
     try:
         exposed, _ = hardware.camera.configure(seconds, gain)
         wait = frame_deadline(exposed if math.isfinite(exposed) else seconds)
