@@ -12,7 +12,7 @@ from turnscan.errors import InputError
 from turnscan.rig import Rig
 
 _USUAL_SECONDS = 0.02
-"""Of an exposure, where nothing else is known."""
+"""Of an exposure, by default."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Opened:
 
     @property
     def exposure(self) -> float:
-        """s, where nobody says otherwise."""
+        """s, by default."""
         return self.seconds or _USUAL_SECONDS
 
 
