@@ -17,7 +17,7 @@ from tests.calibrate.bodies import prism, swept, two_lasers
 from tests.calibrate.world import true_layout, true_rig
 from turnscan.calibrate import angle_model, parse_board
 from turnscan.errors import InputError
-from turnscan.rig import Rig
+from turnscan.rig import Rig, rig_from_json, rig_to_json
 from turnscan.scan import Scan
 from turnscan.scanner import Shot
 from turnscan.workflows import (
@@ -29,6 +29,7 @@ from turnscan.workflows import (
     capture,
     import_pictures,
     preview_import,
+    refine,
 )
 from turnscan.workflows._capture import Album
 from turnscan.workflows._reconstruct import below_stored
@@ -134,6 +135,18 @@ def test_markers_contradict_steps_of_another_sign_or_size(
 def test_right_steps_pass_the_markers(tmp_path: Path, turning: str) -> None:
     out = tmp_path / "a.turnscan"
     assert import_pictures(turning, out, EvenSteps(STEP), rig=rig_with_markers()).frames == 10
+
+
+def test_a_scan_counts_once_for_a_rig(tmp_path: Path, turning: str) -> None:
+    scan, out = tmp_path / "a.turnscan", tmp_path / "better.json"
+    import_pictures(turning, scan, EvenSteps(STEP), rig=rig_with_markers())
+    with Scan.open(scan) as opened:
+        seen = opened.digest
+    again = rig_from_json(rig_to_json(replace(rig_with_markers(), evidence=("0123", seen))))
+    assert again.evidence == ("0123", seen)
+    with pytest.raises(InputError, match="it would count twice"):
+        refine(scan, out, rig=again)
+    assert not out.exists()
 
 
 def test_two_lasers_contradict_steps_of_another_sign(

@@ -78,6 +78,7 @@ class _RigFile(_Strict):
     markers: tuple[_MarkerFile, ...] = ()
     covariance: tuple[tuple[float, ...], ...] | None = None
     motion: _MotionFile | None = None
+    evidence: tuple[str, ...] = ()
 
 
 def rig_to_json(rig: Rig) -> str:
@@ -115,6 +116,7 @@ def rig_to_json(rig: Rig) -> str:
         ],
         "covariance": None if rig.covariance is None else rig.covariance.tolist(),
         **({} if rig.motion is None else {"motion": _motion_text(rig.motion)}),
+        **({"evidence": list(rig.evidence)} if rig.evidence else {}),
     }
     return json.dumps(body, indent=1, allow_nan=False)
 
@@ -159,6 +161,7 @@ def _build(f: _RigFile) -> Rig:
         markers=tuple(Marker(**m.model_dump()) for m in f.markers),
         covariance=None if f.covariance is None else _square(f.covariance),
         motion=None if f.motion is None else _motion(f.motion),
+        evidence=f.evidence,
     )
 
 

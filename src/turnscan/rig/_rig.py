@@ -56,6 +56,8 @@ class Rig:
     """False before the axis is calibrated: ``T_camera_table`` then says nothing."""
     motion: TableMotion | None = None
     """The table's own errors, where nothing measured its angle; None where none are known."""
+    evidence: tuple[str, ...] = ()
+    """Digests of the scans that refined it, none of which may count again."""
 
     def __post_init__(self) -> None:
         names = [s.name for s in self.sheets]

@@ -115,7 +115,7 @@ def refine(
     Raises
     ------
     InputError
-        Where no such file, or scan and rig do not fit.
+        Where no such file, or scan and rig do not fit, or this scan refined the rig before.
     CalibrationError
         Degenerate where no surfaces overlap, DidNotConverge.
 
@@ -132,6 +132,12 @@ def refine(
     begin = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
     with Scan.open(path) as opened:
         begin = rig_for(opened, begin)
+        evidence = opened.digest
+        if evidence in begin.evidence:
+            raise InputError(
+                f"{path}: this rig was refined by this scan before, and it would count twice",
+                hint="begin with the rig as it was before, or take another scan",
+            )
         settings = kept_options(opened).settings(begin, opened)
         looks = sum(len(lit_in(n, begin)) * len(opened.steps(n)) for n in opened.plan.lasers)
         tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
@@ -144,6 +150,7 @@ def refine(
     limits = RefineSettings(wanted.camera, not wanted.table_only, radius)
     step = progress.subrange(_DETECTION, 1, "fitting the surfaces").counter(limits.rounds)
     done = adjust_rig(begin, sweeps, limits, step)
+    done = replace(done, rig=replace(done.rig, evidence=(*begin.evidence, evidence)))
     write_atomically(output, rig_to_json(done.rig).encode())
     return RefinedRig(output, done)
 
