@@ -34,7 +34,6 @@ else:
     from turnscan.workflows import (
         CalibrateOptions,
         CalibrationPictures,
-        DesignOptions,
         EvenSteps,
         ImportOptions,
         ListedAngles,
@@ -76,7 +75,7 @@ _ROOMS = {
     "rig": ("Rig",),
     "stripes": ("Stripe",),
     "workflows": (
-        *("CalibrateOptions", "CalibrationPictures", "DesignOptions", "EvenSteps"),
+        *("CalibrateOptions", "CalibrationPictures", "EvenSteps"),
         *("ImportOptions", "ListedAngles", "MarkerAngles", "MeasureOptions", "OpenScan"),
         *("ReconstructOptions", "ReconstructResult", "SimulateOptions"),
         *("batch", "calibrate", "check", "find_shapes"),
@@ -90,7 +89,6 @@ _HOMES = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [
     "CalibrateOptions",
     "CalibrationPictures",
-    "DesignOptions",
     "EvenSteps",
     "ExportOptions",
     "Finding",

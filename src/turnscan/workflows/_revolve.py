@@ -206,6 +206,12 @@ def revolve(
     changes
         Options to change by name, as in ``tolerance=0.05``.
 
+    Returns
+    -------
+    RevolvedPart
+        The axis, the profile, roundness, cylindricity and windings, with their uncertainties; it
+        writes drawings, the revolved solid and reports.
+
     Raises
     ------
     InputError
