@@ -182,3 +182,16 @@ def test_play_is_taken_up_once_and_again_on_the_way_back() -> None:
     assert np.degrees(waves.angle(np.radians([90.0]))) == pytest.approx([91.0])
     turn = np.linspace(0, 2 * np.pi, 100, endpoint=False)
     assert waves.sigma(turn).max() == pytest.approx(1e-3, rel=1e-2)
+
+
+def test_a_start_off_by_play_is_as_uncertain_as_it_says() -> None:
+    """Gaps share their points' noise, and every point counts once."""
+    rig, motion = two_lasers(), eccentric(1.5)
+    pulls = []
+    for seed in range(1, 5):
+        sweeps = both(rig, prism((5.0, 2.0), 40.0), STEPS, motion.angle(STEPS), seed, every=8)
+        found = refine(rig, sweeps, replace(QUICK, queries=600)).estimated
+        for name, truth in (("motion.start", 1.5), ("motion.sin1", 1.0)):
+            pulls.append((found[name].value - np.radians(truth)) / found[name].sigma)
+    # Eight numbers: their rms is known to a quarter.
+    assert 0.4 < np.sqrt(np.mean(np.square(pulls))) < 1.6

@@ -29,7 +29,7 @@ from turnscan.calibrate._normal import (
 )
 from turnscan.errors import DidNotConverge
 
-_HUBER = 2.5
+HUBER = 2.5
 _ROUNDS = 60
 _SCALE_ROUNDS = 4
 _SETTLED, _ROUGH = 1e-8, 1e-3  # relative change of the cost
@@ -98,9 +98,9 @@ def adjust(
         scales |= {k: v for k, v in near.scales.items() if k in scales}
     for _ in range(0 if told else _SCALE_ROUNDS):
         before = dict(scales)
-        system = build(network, blocks, free, scales, _HUBER if robust else None, 0.0)
+        system = build(network, blocks, free, scales, HUBER if robust else None, 0.0)
         scales, _ = _scales(network, blocks, system, free, scales, robust)
-        state, blocks = _minimise(network, state, free, scales, _HUBER if robust else None)
+        state, blocks = _minimise(network, state, free, scales, HUBER if robust else None)
         if all(abs(scales[k] / before[k] - 1) < 0.02 for k in scales):
             break
     return _finish(network, state, blocks, free, scales, robust)
@@ -162,7 +162,7 @@ def _shares(
     C = inverse_of(system.reduced, free_name(network, free))
     paid = []
     for b in blocks:
-        w = weight(b, scales, _HUBER if robust else None)
+        w = weight(b, scales, HUBER if robust else None)
         A = shared_columns(network, b, system, free)
         if b.view >= 0 and network.own_sizes[b.view]:
             inv = system.inverses[b.view]
@@ -188,7 +188,7 @@ def _scales(
         squares = count = 0.0
         for b, k in zip(blocks, paid, strict=True):
             if b.kind == kind:
-                w = weight(b, scales, _HUBER if robust else None)
+                w = weight(b, scales, HUBER if robust else None)
                 squares += float(w @ b.residual**2)
                 count += float(w.sum()) * scales[kind] ** 2 - k
         dof[kind] = count
@@ -205,7 +205,7 @@ def _finish(
     scales: dict[str, float],
     robust: bool,
 ) -> Fit[State]:
-    huber = _HUBER if robust else None
+    huber = HUBER if robust else None
     system = build(network, blocks, free, scales, huber, 0.0)
     C, _ = _shares(network, blocks, system, free, scales, robust)
     _, dof = _scales(network, blocks, system, free, scales, robust)

@@ -13,6 +13,7 @@ from turnscan.calibrate._adjust import Fit, adjust
 from turnscan.calibrate._patches import patches_under
 from turnscan.calibrate._prior import moved_by, prior_of
 from turnscan.calibrate._quality import Measured
+from turnscan.calibrate._shared import with_shared_noise
 from turnscan.calibrate._spheres import again, find_sphere, sphere_noise
 from turnscan.calibrate._surfaces import (
     WEAK,
@@ -24,6 +25,7 @@ from turnscan.calibrate._surfaces import (
     gauge_of,
     motion_known,
     noise_of,
+    not_below,
     thinned,
 )
 from turnscan.errors import Degenerate, DidNotConverge
@@ -150,7 +152,7 @@ def refine(
         coarse = _FINER * coarse if _FINER * coarse > fine else 0.0
         far = far and (coarse > 0 or after[0] > _NEAR * after[1])
     assert fit is not None
-    fit, free, dropped = _simplest(network, fit, free)
+    fit, free, dropped = _simplest(network, with_shared_noise(network, fit, free), free)
     last = _gap(network, fit.state)
     if last[0] > _NO_FIT * max(last[1], _LEAST_MM):
         raise Degenerate(
@@ -246,22 +248,20 @@ def _network(
             if len(found.query) < _FEWEST:
                 continue
             own = np.einsum("mi,mi->m", found.normal, noise[a][found.query])
-            theirs = np.einsum("mi,mki->mk", found.normal, noise[b][found.near])
-            sigma = np.sqrt(own**2 + ((found.weights * theirs) ** 2).sum(axis=1))
-            # A point that slides along its surface says nothing, but not with infinite weight.
-            sigma = np.hypot(np.maximum(sigma, 0.2 * float(np.median(sigma))), coarse)
-            pairs.append(Pair(a, b, found, sigma))
+            theirs = -found.weights * np.einsum("mi,mki->mk", found.normal, noise[b][found.near])
+            sigma = np.hypot(not_below(np.sqrt(own**2 + (theirs**2).sum(axis=1))), coarse)
+            pairs.append(Pair(a, b, found, own, theirs, sigma))
     if not pairs and not state.spheres:
         raise Degenerate(
             "no two surfaces overlap where they are smooth: one laser sees each place once in a "
             "turn, and where a part bends much from step to step no surface is known",
             hint="scan with two lasers, in smaller steps, or a body of known size",
         )
-    spheres = tuple(
-        tuple(np.hypot(own, coarse) for own in sphere_noise(sphere, at, noise))
-        for sphere in state.spheres
+    spheres = tuple(sphere_noise(sphere, at, noise) for sphere in state.spheres)
+    sigmas = tuple(
+        tuple(np.hypot(not_below(np.abs(own)), coarse) for own in one) for one in spheres
     )
-    return replace(network, pairs=tuple(pairs), sphere_sigma=spheres)
+    return replace(network, pairs=tuple(pairs), sphere_noise=spheres, sphere_sigma=sigmas)
 
 
 def _gap(network: SurfaceNetwork, state: Surfaces) -> tuple[float, float, int]:
@@ -311,6 +311,7 @@ def _simplest(
             zero[index - p] = 0.0
             rig = replace(fit.state.rig, motion=TableMotion.of(zero))
             fit = adjust(network, replace(fit.state, rig=rig), free, near=fit)
+            fit = with_shared_noise(network, fit, free)
             dropped += group
     return fit, free, tuple(dropped)
 

@@ -70,9 +70,7 @@ def sphere_noise(sphere: Sphere, at: list[Floats], noise: list[Floats]) -> tuple
     for where, moved, which in zip(at, noise, sphere.points, strict=True):
         arm = where[which] - sphere.centre
         unit = arm / np.linalg.norm(arm, axis=1)[:, None]
-        sigma = np.abs(np.einsum("mi,mi->m", unit, moved[which]))
-        least = 0.2 * float(np.median(sigma)) if len(sigma) else 0.0
-        out.append(np.maximum(sigma, least))
+        out.append(np.einsum("mi,mi->m", unit, moved[which]))
     return tuple(out)
 
 

@@ -20,9 +20,10 @@ PRIOR_MOTION, PRIOR_SIZE, PRIOR_RIG = "prior motion", "prior size", "prior rig"
 PRIOR_GAUGE = "prior gauge"
 _GAUGE = 1e-3
 """mm and rad: how well a height above the platter and an angle zero that no surface shows stay."""
-SPHERE = "sphere"
 WEAK = np.radians(3.0)
 """Standard uncertainty of an unknown error of a table, rad."""
+_LEAST_SIGMA = 0.2
+"""Of the usual one."""
 _NUDGE_PX, _NUDGE = 0.25, 1e-6
 _MOST_LINES, _SOME = 8, 200
 _STEEP_PX = 3.0
@@ -98,8 +99,12 @@ class Pair:
     asked: int
     others: int
     patches: Patches
+    by_own: Floats
+    """(m,) mm: what one standard deviation of the point's own noise makes of its gap."""
+    by_others: Floats
+    """(m, k) mm: that of each point of the patch."""
     sigma: Floats
-    """(m,) mm: what stripe noise makes of the gaps."""
+    """(m,) mm: what all of them make of it."""
 
     @property
     def kind(self) -> str:
@@ -119,8 +124,11 @@ class SurfaceNetwork:
     prior: RigPrior | None = None
     known_motion: TableMotion | None = None
     """The table's errors as they were known, with their covariance."""
+    sphere_noise: tuple[tuple[Floats, ...], ...] = field(default=())
+    """Per sphere and sweep: what one standard deviation of its points' noise makes of their
+    distance, mm."""
     sphere_sigma: tuple[tuple[Floats, ...], ...] = field(default=())
-    """Per sphere and sweep: standard uncertainty of its points' distance, mm."""
+    """Per sphere and sweep: standard uncertainty of that distance, mm."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -249,7 +257,7 @@ class SurfaceNetwork:
             sigma = self.sphere_sigma[k][i]
             away = (length - sphere.radius) / sigma
             step = self.sweeps[i].step[which]
-            out += self._by_step(i, step, f"{SPHERE} {k + 1}", -away, common / sigma[:, None])
+            out += self._by_step(i, step, sphere_kind(k), -away, common / sigma[:, None])
         if sphere.known is not None:
             radius, sigma_r = sphere.known
             common = self._zeros(1)
@@ -277,6 +285,16 @@ class SurfaceNetwork:
             off = -gauge @ moved_by(self.prior.rig, state.rig)
             out.append(Block(-1, PRIOR_GAUGE, off, common, np.zeros((2, 0))))
         return out
+
+
+def sphere_kind(sphere: int) -> str:
+    """The kind of the residuals of points on a sphere."""
+    return f"sphere {sphere + 1}"
+
+
+def not_below(sigma: Floats) -> Floats:
+    """A point that slides along its surface says nothing, but not with infinite weight."""
+    return np.maximum(sigma, _LEAST_SIGMA * float(np.median(sigma))) if len(sigma) else sigma
 
 
 def motion_known(names: Sequence[str], known: TableMotion | None) -> tuple[Floats, Floats]:
