@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import turnscan as ts
 from tests.shapes.solids import noisy, prism
 from turnscan.cli import main, turnscan
-from turnscan.formats import write_ply
+from turnscan.formats import write_ply, write_stl
 from turnscan.mesh import Mesh
 from turnscan.workflows import read_mesh_file
 
@@ -62,6 +62,11 @@ def test_a_block_is_told_coloured_and_reported(part: Path, tmp_path: Path) -> No
     for row in sides:
         off = min(abs(float(row["value"]) - true) for true in (30, 40))
         assert off < 2 * float(row["expanded uncertainty k=2"]) < 0.02
+    for row in rows:
+        if row["quantity"] == "angle":  # square by adoption, so told as it was measured
+            u = float(row["standard uncertainty"])
+            assert abs(float(row["value"]) - 90) < 4 * u
+            assert u > 1e-3
     said = _run("shapes", part, "--report", data, "--json", "--as-measured")
     figures = json.loads(said)
     assert figures == {k: v for k, v in json.loads(data.read_text()).items() if k != "findings"}
@@ -69,6 +74,21 @@ def test_a_block_is_told_coloured_and_reported(part: Path, tmp_path: Path) -> No
     assert [s["kind"] for s in figures["shapes"]] == 4 * ["plane"]
     found = ts.find_shapes(part, as_measured=True)
     assert found.figures() == figures
+
+
+def test_what_is_not_known_is_no_number_in_a_file(tmp_path: Path) -> None:
+    cube = np.array([(x, y, z) for x in (0, 9) for y in (0, 9) for z in (0, 9)], dtype=float)
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([f for a, b, c, d in sides for f in ((a, b, c), (a, c, d))])
+    part, data, table = (tmp_path / n for n in ("cube.stl", "r.json", "r.csv"))
+    part.write_bytes(write_stl(Mesh(cube, faces)))  # knows no sigma
+    found = ts.measure(part, sizes=True)
+    found.save_report(data)
+    found.save_report(table)
+    (whole,) = [d for d in json.loads(data.read_text())["dimensions"] if d["quantity"] == "volume"]
+    assert whole["value"] == pytest.approx(729)
+    assert whole["standard_uncertainty"] is None
+    assert "nan" not in (data.read_text() + table.read_text()).lower()
 
 
 def _fails(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *args: object):

@@ -16,7 +16,7 @@ from turnscan.mesh import vertex_normals
 from turnscan.workflows import _document as doc
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._shapes import FREEFORM, FoundShapes
-from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv
+from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv, finite
 
 _MARKED = ((213, 94, 0), (0, 114, 178))
 """Of the shapes of a feature: vermilion and blue, told apart with every common colour blindness."""
@@ -64,10 +64,10 @@ def _figures(d: Dimension) -> dict[str, Any]:
         "feature": d.feature,
         "shapes": [k + 1 for k in d.shapes],
         "quantity": d.quantity,
-        "value": float(d.value),
+        "value": finite(d.value),
         "unit": d.unit,
-        "standard_uncertainty": float(d.sigma),
-        "expanded_uncertainty": float(COVERAGE * d.sigma),
+        "standard_uncertainty": finite(d.sigma),
+        "expanded_uncertainty": finite(COVERAGE * d.sigma),
         "rests_on": d.rests_on,
     }
 

@@ -76,8 +76,14 @@ def _named(found: ShapeSet, own: Sequence[int]) -> str:
     return " to ".join(f"{'hollow ' if s.hollow else ''}{s.kind} {k + 1}" for k, s in shapes)
 
 
+def finite(value: float) -> float | None:
+    """A figure for a file; None where it is not known, for JSON has no NaN."""
+    return float(value) if np.isfinite(value) else None
+
+
 def dimensions_csv(rows: Sequence[Dimension]) -> str:
-    """The table as CSV (RFC 4180), unrounded, with standard and expanded (k = 2) uncertainties."""
+    """The table as CSV (RFC 4180), unrounded, with standard and expanded (k = 2) uncertainties;
+    what is not known is left empty."""
     out = io.StringIO()
     writer = csv.writer(out)
     writer.writerow(
@@ -86,8 +92,8 @@ def dimensions_csv(rows: Sequence[Dimension]) -> str:
     )  # fmt: skip
     for d in rows:
         writer.writerow(
-            [d.feature, d.quantity, repr(float(d.value)), d.unit, repr(float(d.sigma)),
-             repr(float(COVERAGE * d.sigma)), d.rests_on]
+            [d.feature, d.quantity, finite(d.value), d.unit, finite(d.sigma),
+             finite(COVERAGE * d.sigma), d.rests_on]
         )  # fmt: skip
     return out.getvalue()
 

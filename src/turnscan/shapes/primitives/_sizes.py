@@ -20,6 +20,8 @@ SizeKind = Literal[
 _LOOK = float(np.radians(3.0))
 _CLEAR = 3.0
 """Standard uncertainties from which on the direction of a distance is known."""
+_FIXED = 0.01
+"""Of the standard uncertainty before relations: an angle that is known so well is fixed by them."""
 _EDGES = 4
 """Sides of faces between two shapes that make them neighbours."""
 
@@ -77,7 +79,7 @@ def _between(found: ShapeSet, i: int, j: int, meet: bool) -> ShapeSize | None:
     if a.kind == b.kind == "plane":
         if dot > np.cos(_LOOK):
             return _size(found, "distance", i, j, _between_planes)
-        return _size(found, "angle", i, j, _angle) if meet else None
+        return _plane_angle(found, i, j) if meet else None
     if "plane" in (a.kind, b.kind):
         if dot > np.sin(_LOOK):
             return None
@@ -94,6 +96,16 @@ def _size(
     slope = _slope(q, lambda a, b: np.array([of(a, b)]))[0]
     variance = float(slope @ _joint(found.covariance, i, j) @ slope)
     return ShapeSize(kind, i, j, of(*q), float(np.sqrt(max(variance, 0.0))))
+
+
+def _plane_angle(found: ShapeSet, i: int, j: int) -> ShapeSize:
+    """The angle of two planes; where relations leave nothing unknown of it, that before them, for
+    a square that was adopted is no measured angle."""
+    q = (found.measured[i].numbers, found.measured[j].numbers)
+    slope = _slope(q, lambda a, b: np.array([_angle(a, b)]))[0]
+    own = float(np.sqrt(max(float(slope @ _joint(found.own_covariance, i, j) @ slope), 0.0)))
+    size = _size(found, "angle", i, j, _angle)
+    return size if size.sigma > _FIXED * own else ShapeSize("angle", i, j, _angle(*q), own)
 
 
 def _axis_distance(found: ShapeSet, i: int, j: int) -> ShapeSize:
