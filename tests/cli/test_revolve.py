@@ -6,14 +6,18 @@ import json
 from pathlib import Path
 
 import ezdxf
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from tests.needs import needs
 from tests.shapes.solids import noisy, turned
+from turnscan import workflows
 from turnscan.cli import turnscan
 from turnscan.drawings import read_step
+from turnscan.errors import ExportError
 from turnscan.formats import export
+from turnscan.mesh import Mesh
 
 CUP = [(0.5, 4), (18, 4), (20, 50), (24, 50), (22, 0)]
 
@@ -47,6 +51,31 @@ def test_a_cup_becomes_a_drawing_a_solid_and_a_report(cup: Path) -> None:
     figures = json.loads(told.stdout)
     assert {r["hollow"] for r in figures["roundness"]} == {False, True}
     assert all(abs(r["height"] - 20) < 1e-6 for r in figures["roundness"])
+
+
+def test_a_ring_and_a_plate_become_what_they_are_or_nothing(tmp_path: Path) -> None:
+    needs("OpenCASCADE")
+    t = np.linspace(0, 2 * np.pi, 61)
+    strip = turned([(20 + 4 * np.cos(a), 4 * np.sin(a)) for a in t], 0.42, 160)
+    last = len(strip.vertices) - 160
+    ring = noisy(Mesh(strip.vertices[:last], strip.faces % last), 0.005, 1)
+    plate = noisy(turned([(60, 0), (60, 3), (0.5, 3)], 1.5, 90), 0.01, 1)
+    made, drawn, data = (tmp_path / n for n in ("ring.step", "plate.step", "plate.json"))
+    found = workflows.revolve(_written(tmp_path / "ring.ply", ring))
+    found.save(made)
+    part = read_step(made.read_bytes())
+    assert part.volume == pytest.approx(2 * np.pi**2 * 20 * 4**2, rel=0.02)
+    flat = workflows.revolve(_written(tmp_path / "plate.ply", plate))
+    with pytest.raises(ExportError, match="encloses nothing"):
+        flat.save(drawn)
+    assert not drawn.exists()
+    flat.save_report(data)
+    assert "NaN" not in data.read_text()
+
+
+def _written(path: Path, mesh: Mesh) -> Path:
+    path.write_bytes(export(mesh, ".ply"))
+    return path
 
 
 def test_what_cannot_be_is_one_line(cup: Path) -> None:

@@ -11,6 +11,7 @@ from turnscan.errors import InputError
 from turnscan.mesh import Mesh
 from turnscan.shapes import Line, fit_outlines
 from turnscan.shapes.revolved import (
+    axis_counted,
     cylindricities,
     roundness,
     thread,
@@ -145,3 +146,42 @@ def test_noise_that_neighbours_share_is_no_form_error(seed: int) -> None:
         assert r.least_squares < r.noise + 4 * r.sigma
         assert r.least_squares > r.noise - 4 * r.sigma
     assert not thread(found, [o for w in fit_outlines(wall_profile(found)[1]) for o in w])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sizes_of_a_wall_that_is_seen_in_part_are_known_as_well_as_the_axis(seed: int) -> None:
+    whole = noisy(turned([(22, 0), (24, 50)], 1.2, 90), 0.01, seed)
+    kept = np.abs(np.arctan2(whole.vertices[:, 1], whole.vertices[:, 0])) < 0.6
+    faces = whole.faces[kept[whole.faces].all(axis=1)]
+    for part, least in ((Mesh(whole.vertices, faces), 0.02), (whole, 0.0)):
+        found = turned_about(part)
+        (row,) = fit_outlines(wall_profile(found)[1])
+        before = max((p for p in row[0].pieces if isinstance(p, Line)), key=lambda p: p.length)
+        after = axis_counted(row[0], found).pieces
+        line = max((p for p in after if isinstance(p, Line)), key=lambda p: p.length)
+        lean = np.degrees(np.arctan2(*(line.end - line.start)))
+        sigma = np.degrees(line.angle_sigma)
+        assert least < sigma < 0.1
+        assert lean == pytest.approx(np.degrees(np.arctan2(2, 50)), abs=4 * sigma)
+        r, z = (line.start + line.end) / 2
+        assert r == pytest.approx(22 + 2 * (z - found.z.min()) / 50, abs=5 * line.sigma)
+        if part is whole:
+            assert line.sigma < 1.2 * before.sigma, "a whole turn does not move with the axis"
+
+
+def test_a_ring_stays_a_ring() -> None:
+    t = np.linspace(0, 2 * np.pi, 41)
+    open_at = turned([(20 + 4 * np.cos(a), 4 * np.sin(a)) for a in t], 1.0, 120)
+    last = len(open_at.vertices) - 120
+    ring = Mesh(open_at.vertices[:last], open_at.faces % last)
+    _, chains = wall_profile(turned_about(noisy(ring, 0.005, 3)))
+    assert [c.closed for c in chains] == [True]
+    (outline,) = fit_outlines(chains)[0]
+    assert outline.closed
+
+
+def test_too_few_points_have_no_noise_to_compare_with() -> None:
+    rod = turned([(20, 0), (20, 40)], 2.0, 240)
+    for r in roundness(turned_about(noisy(rod, 0.01, 1)), [-19.9, 0.0]):
+        assert np.isnan(r.noise) or r.noise > 0
+        assert r.radius == pytest.approx(20, abs=5 * r.radius_sigma)

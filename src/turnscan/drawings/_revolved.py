@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -35,6 +36,8 @@ def revolved_solid(outlines: Sequence[Outline], point: Floats, basis: Floats) ->
     from OCP.ShapeFix import ShapeFix_Solid
     from OCP.TopoDS import TopoDS
 
+    if not outlines:
+        raise _unsound("nothing of it was fitted")
     loop, added = _closed(outlines)
     wire = BRepBuilderAPI_MakeWire()
     for first, last, piece in loop:
@@ -110,13 +113,22 @@ def _steps(outline: Outline, begin: Floats | None) -> list[Step]:
     if begin is not None and float(np.linalg.norm(first - begin)) > _ON:
         out.append((begin, first, None))
     at = first
-    for k, piece in enumerate(outline.pieces):
-        last = outline.closed and k == len(outline.pieces) - 1
+    pieces = [half for p in outline.pieces for half in _halved(p)]
+    for k, piece in enumerate(pieces):
+        last = outline.closed and k == len(pieces) - 1
         end = first if last else piece.end
         if float(np.linalg.norm(end - at)) > _ON or isinstance(piece, Arc):
             out.append((at, end, piece))
         at = end
     return out
+
+
+def _halved(piece: Piece) -> list[Piece]:
+    """A full circle as two arcs, for an edge needs two ends."""
+    if not (isinstance(piece, Arc) and piece.full):
+        return [piece]
+    half = piece.sweep / 2
+    return [replace(piece, sweep=half), replace(piece, begin=piece.begin + half, sweep=half)]
 
 
 def _edge(first: Floats, last: Floats, piece: Piece | None, point: Floats, basis: Floats) -> Any:
@@ -128,22 +140,14 @@ def _edge(first: Floats, last: Floats, piece: Piece | None, point: Floats, basis
     def placed(p: Floats) -> Any:
         return gp_Pnt(*map(float, point + p[0] * basis[0] + p[1] * basis[2]))
 
-    if isinstance(piece, Arc) and not piece.full:
-        middle = (
-            piece.sampled(piece.radius)[0] * 0
-            + piece.centre
-            + piece.radius
-            * np.array(
-                [np.cos(piece.begin + piece.sweep / 2), np.sin(piece.begin + piece.sweep / 2)]
-            )
-        )
+    if isinstance(piece, Arc):
+        half = piece.begin + piece.sweep / 2
+        middle = piece.centre + piece.radius * np.array([np.cos(half), np.sin(half)])
         arc = GC_MakeArcOfCircle(placed(first), placed(middle), placed(last))
         if arc.IsDone():
             return BRepBuilderAPI_MakeEdge(arc.Value()).Edge()
     if isinstance(piece, Spline):
         return _spline(first, last, piece, placed)
-    if isinstance(piece, Arc) and piece.full:
-        raise _unsound("a full circle in it leaves nothing to go on from")
     return BRepBuilderAPI_MakeEdge(placed(first), placed(last)).Edge()
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -32,6 +30,7 @@ from turnscan.shapes.revolved import (
     Roundness,
     Thread,
     Turned,
+    axis_counted,
     cylindricities,
     roundness,
     thread,
@@ -47,7 +46,7 @@ from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
 from turnscan.workflows._sections import section_file
 from turnscan.workflows._shapes_step import is_step
-from turnscan.workflows._shapes_table import COVERAGE, Dimension
+from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv, finite
 
 _HEIGHTS = 10
 _MOSTLY = 0.9
@@ -55,6 +54,10 @@ _MOSTLY = 0.9
 _PLACES = 5
 """Of the profile that a piece must have for its size to be told: shorter ones are edges."""
 _EXACT = 1e-6
+_FACETS = 0.1
+"""Of the points' scatter: how far facets are off the solid that points are compared with."""
+_OFF = 4.0
+"""Tolerances of the profile that the points may be off its solid, rms; more is warned of."""
 _SURE = 4.0
 """Standard deviations by which a form must be more than noise alone gives, to be shown."""
 
@@ -95,7 +98,10 @@ class RevolvedPart:
             "roundness": [self._risen(r) for r in self.rounds],
             "cylindricity": [self._risen(c) for c in self.cylinders],
             "threads": [self._risen(s) for s in self.threads],
-            "dimensions": [asdict(d) for d in self.dimensions],
+            "dimensions": [
+                {**asdict(d), "value": finite(d.value), "sigma": finite(d.sigma)}
+                for d in self.dimensions
+            ],
             "profile": section_report([self.section], self.about),
         }
 
@@ -105,7 +111,7 @@ class RevolvedPart:
         for key in ("height", "low", "high"):
             if key in body:
                 body[key] = body[key] - self.foot
-        return {k: v if isinstance(v, bool | int) else float(v) for k, v in body.items()}
+        return {k: v if isinstance(v, bool | int) else finite(v) for k, v in body.items()}
 
     def __str__(self) -> str:
         return "\n".join(_in_words(self))
@@ -126,15 +132,25 @@ class RevolvedPart:
         solid, added = revolved_solid(self.section.fitted, axis.point, axis.basis)
         about = {"source": Path(self.name).name, **self.about}
         data = write_step(solid, Path(self.name).stem or "part", about)
-        part = read_step(data)
+        t = self.turned
+        facets = max(
+            _FACETS * t.sigma, 1e-5 * float(np.linalg.norm(np.ptp(t.mesh.vertices, axis=0)))
+        )
+        part = read_step(data, facets)
         if part.solids != 1 or not part.valid or abs(part.volume / solid.volume - 1) > _EXACT:
             raise ExportError("the STEP does not read back the same", hint="write a .dxf")
-        t = self.turned
+        if 2 * part.volume < t.sigma * part.mesh.area_of():
+            raise ExportError(
+                "the profile cannot be revolved to a solid: it encloses nothing, for it ends at "
+                "the height where it begins",
+                hint="measure more of the wall, or write the profile as .dxf",
+            )
         own = t.mesh.vertices[t.on] @ axis.basis + axis.point
         off = deviation(own, part.mesh)
         closing = f"; {added} straight lines of its profile were not measured" if added else ""
+        far = off.rms > _OFF * max(t.sigma, self.section.fitted[0].tolerance)
         return data, Finding(
-            "revolve.solid", "note",
+            "revolve.solid", "warning" if far else "note",
             f"a valid solid of {solid.faces} faces, {solid.volume:.1f} mm³{closing}; measured "
             f"points lie {off.rms:.4f} mm (rms) off it, 95 % of them within "
             f"{off.quantile(0.95):.4f} mm",
@@ -170,7 +186,7 @@ class RevolvedPart:
         title = f"{Path(self.name).name}, revolved"
         match path.suffix.lower():
             case ".csv":
-                data = _csv(self.dimensions)
+                data = dimensions_csv(self.dimensions)
             case ".json":
                 body = {**self.figures(), "findings": [record(f) for f in self.findings]}
                 data = json.dumps(body, indent=1, ensure_ascii=False)
@@ -236,7 +252,8 @@ def revolve(
         moves = [*calibration_moves(loaded.mesh, known), *known.moves]
     turned = turned_about(loaded.mesh, moves)
     cut, chains = wall_profile(turned)
-    rows = fit_outlines(chains, wanted.tolerance)
+    fitted = fit_outlines(chains, wanted.tolerance)
+    rows = [[axis_counted(o, turned) for o in row] for row in fitted]
     outlines = [o for row in rows for o in row]
     return RevolvedPart(
         loaded.name,
@@ -314,10 +331,15 @@ def _of_profile(part: RevolvedPart) -> list[Dimension]:
                 elif abs(lean) < 89.0:
                     sigma = 2 * float(np.rad2deg(p.angle_sigma))
                     out.append(Dimension(where, "cone angle", 2 * abs(lean), sigma, "deg", rests))
-            elif isinstance(p, Arc):
+            elif isinstance(p, Arc) and _bow(p) > part.turned.sigma:
                 where = f"arc at {p.centre[1] - part.foot:.2f} mm"
                 out.append(Dimension(where, "radius", p.radius, p.radius_sigma, "mm", rests))
     return out
+
+
+def _bow(arc: Arc) -> float:
+    """mm that the middle of an arc is off its chord; one that noise would hide has no radius."""
+    return arc.radius * (1.0 - float(np.cos(min(abs(arc.sweep) / 2, np.pi))))
 
 
 def _of_rounds(part: RevolvedPart) -> list[Dimension]:
@@ -346,23 +368,10 @@ def _of_rounds(part: RevolvedPart) -> list[Dimension]:
 
 
 def _noise(value: float, noise: float, sigma: float) -> str:
+    if not np.isfinite(noise):
+        return "too few points to tell their noise, so none is shown"
     shown = "" if value > noise + _SURE * sigma else ", so none is shown"
     return f"noise alone gives {noise:.2g} mm{shown}"
-
-
-def _csv(rows: list[Dimension]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out)
-    writer.writerow(
-        ["feature", "quantity", "value", "unit", "standard uncertainty", "expanded uncertainty k=2",
-         "rests on"]
-    )  # fmt: skip
-    for d in rows:
-        writer.writerow(
-            [d.feature, d.quantity, repr(float(d.value)), d.unit, repr(float(d.sigma)),
-             repr(float(COVERAGE * d.sigma)), d.rests_on]
-        )  # fmt: skip
-    return out.getvalue()
 
 
 def _blocks(part: RevolvedPart) -> list[doc.Block]:

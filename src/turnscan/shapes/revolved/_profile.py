@@ -97,7 +97,11 @@ def _averaged(turned: Turned, chain: Chain, on: np.ndarray, tree: cKDTree) -> Ch
     index = _kept(points, np.isfinite(sigma), turned.spacing)
     if len(index) < _LEAST:
         return None
-    closed = chain.closed and len(index) == len(p)
+    closed = chain.closed
+    if closed and float(np.linalg.norm(points[index[-1]] - points[index[0]])) < _CLOSE * (
+        turned.spacing
+    ):
+        index = index[:-1]
     points, sigma = _with_corners(points[index], sigma[index], turned.spacing)
     at = np.concatenate([points, points[:1]]) if closed else points
     gaps = np.linalg.norm(np.diff(at, axis=0), axis=1) > _GAP * turned.spacing

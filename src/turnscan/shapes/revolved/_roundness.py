@@ -51,9 +51,10 @@ class Roundness:
     eccentricity: float
     eccentricity_sigma: float
     noise: float
-    """Width that the noise of the points makes of a perfect circle, on average."""
+    """Width that the noise of the points makes of a perfect circle, on average; NaN where the
+    points do not tell their noise."""
     sigma: float
-    """Standard uncertainty that this noise leaves in the widths."""
+    """Standard uncertainty that this noise leaves in the widths; NaN as well."""
     cells: int
     covered: float
     """Share of the turn."""
@@ -137,7 +138,7 @@ def _round_at(turned: Turned, some: np.ndarray, height: float, hollow: bool) -> 
     A = np.column_stack([np.ones(len(mean)), np.cos(angle), np.sin(angle)])
     fit = np.linalg.lstsq(A, mean, rcond=None)[0]
     rest = mean - A @ fit
-    inverse = np.linalg.inv(A.T @ A) * max(noise, float(rest.std(ddof=3))) ** 2
+    inverse = np.linalg.inv(A.T @ A) * float(np.fmax(noise, rest.std(ddof=3))) ** 2
     wide, spread = _of_noise(noise, len(mean))
     wall = np.column_stack([np.ones(len(some)), turned.z[some] - height])
     level = float(np.linalg.lstsq(wall, turned.r[some] - off, rcond=None)[0][0])
@@ -158,7 +159,8 @@ def _row(turned: Turned, some: np.ndarray) -> np.ndarray:
 def _cells(
     cell: np.ndarray, value: Floats, most: int, row: np.ndarray
 ) -> tuple[Floats, np.ndarray, float]:
-    """Means of the cells that have points enough, which they are, and a mean's noise, mm.
+    """Means of the cells that have points enough, which they are, and a mean's noise, mm: NaN where
+    no cell has points of two rows.
 
     Points of one row lie between the same measured ones, so neighbours are off together: the noise
     is told by how the means of rows scatter about their cell's.
@@ -173,7 +175,7 @@ def _cells(
     free = 1.0 - (n**2).sum(axis=1) / np.maximum(count, 1) ** 2  # Σ of squared sums about the mean
     some = good & (free > 0)
     square = (off**2).sum(axis=1)[some] / count[some] ** 2 / free[some]
-    return mean[good], np.flatnonzero(good), float(np.sqrt(square.mean())) if some.any() else 0.0
+    return mean[good], np.flatnonzero(good), float(np.sqrt(square.mean())) if some.any() else np.nan
 
 
 def _of_noise(noise: float, n: int) -> tuple[float, float]:
@@ -236,7 +238,7 @@ def cylindricities(turned: Turned, outlines: Sequence[Outline]) -> list[Cylindri
         if len(means) < 12:
             continue
         wide, spread = _of_noise(noise, len(means))
-        sigma = max(noise, float(means.std())) / np.sqrt(len(means))
+        sigma = float(np.fmax(noise, means.std())) / np.sqrt(len(means))
         out.append(
             Cylindricity(
                 float(z.min()), float(z.max()), bool(turned.normal[some[0], 0] < 0), float(fit[0]),

@@ -1,0 +1,91 @@
+"""What the axis leaves unknown of a profile: its wall is where it is only as the axis is.
+
+Where a wall is seen all round, a moved axis blurs its profile and does not move it; where it is
+seen in part, the profile moves with the axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats
+from turnscan.shapes._outline_curves import Arc, Line, Outline, Piece
+from turnscan.shapes.revolved._axis import Turned
+
+_LEAST = 3
+"""Points beside a piece that say how it moves."""
+
+
+def axis_counted(outline: Outline, turned: Turned) -> Outline:
+    """The outline, the standard uncertainties of its pieces and its box with the axis' share.
+
+    Sizes between two pieces stay as they are, for both move alike.
+    """
+    pieces = tuple(_counted(p, turned) for p in outline.pieces)
+    box = outline.box_sigma.copy()
+    for axis, of in enumerate((turned.r, turned.z)):
+        for k in range(2):
+            some = turned.on & (np.abs(of - outline.box[k, axis]) <= turned.spacing)
+            if int(some.sum()) >= _LEAST:
+                moves = _moves(turned, some, np.eye(2)[axis]).mean(axis=0)
+                box[k, axis] = np.hypot(box[k, axis], _sigma(turned, moves))
+    return replace(outline, pieces=pieces, box_sigma=box)
+
+
+def _counted(piece: Piece, turned: Turned) -> Piece:
+    at = np.column_stack([turned.r, turned.z])
+    beside = np.abs(piece.distances(at)) <= turned.spacing / 2 + 6 * turned.sigma
+    some = turned.on & beside & _within(piece, at, turned.spacing)
+    if int(some.sum()) < _LEAST:
+        return piece
+    if isinstance(piece, Line):
+        d = (piece.end - piece.start) / max(piece.length, 1e-300)
+        moves = _moves(turned, some, np.array([d[1], -d[0]]))
+        along = at[some] @ d
+        along -= (piece.start + piece.end) @ d / 2
+        place, turn = _fitted(np.column_stack([np.ones(len(along)), along]), moves)
+        return replace(
+            piece,
+            sigma=float(np.hypot(piece.sigma, _sigma(turned, place))),
+            angle_sigma=float(np.hypot(piece.angle_sigma, _sigma(turned, turn))),
+        )
+    if isinstance(piece, Arc):
+        out = (at[some] - piece.centre) / piece.radius
+        out /= np.maximum(np.linalg.norm(out, axis=1), 1e-12)[:, None]
+        moves = _moves(turned, some, out)
+        radius, *centre = _fitted(np.column_stack([np.ones(len(out)), out]), moves)
+        own = [_sigma(turned, c) for c in centre]
+        return replace(
+            piece,
+            radius_sigma=float(np.hypot(piece.radius_sigma, _sigma(turned, radius))),
+            centre_sigma=np.hypot(piece.centre_sigma, own),
+        )
+    moves = _moves(turned, some, turned.normal[some]).mean(axis=0)
+    return replace(piece, sigma=float(np.hypot(piece.sigma, _sigma(turned, moves))))
+
+
+def _within(piece: Piece, at: Floats, spacing: float) -> Bools:
+    """(v,) which points are beside the piece itself, not beside what it would go on to."""
+    way = piece.sampled(spacing / 4)
+    low, high = way.min(axis=0) - spacing / 2, way.max(axis=0) + spacing / 2
+    return np.asarray(((at >= low) & (at <= high)).all(axis=1))
+
+
+def _moves(turned: Turned, some: Bools, out: Floats) -> Floats:
+    """(n, 4) how far points move along ``out`` (2,) or (n, 2) of the half-plane, when the axis
+    tilts and shifts as its covariance counts it."""
+    c, s = np.cos(turned.angle[some]), np.sin(turned.angle[some])
+    r, z = turned.r[some], turned.z[some]
+    mr, mz = np.broadcast_to(out, (len(r), 2)).T
+    return np.column_stack([-mr * z * c + mz * r * c, -mr * z * s + mz * r * s, -mr * c, -mr * s])
+
+
+def _fitted(A: Floats, moves: Floats) -> Floats:
+    """(k, 4) what the parameters of a piece do."""
+    return np.asarray(np.linalg.lstsq(A, moves, rcond=1e-9)[0])
+
+
+def _sigma(turned: Turned, moves: Floats) -> float:
+    return float(np.sqrt(moves @ turned.axis.covariance @ moves))
