@@ -31,20 +31,29 @@ def _tangents(points: Floats, k: int, j: int, least: float, out: Floats) -> int:
 
 
 @njit(cache=True, nogil=True)
-def shares(points: Floats, moves: Floats, arc: Floats, least: float, closed: bool) -> Floats:
-    """(s, n) cosine of the angle between the unit vectors ``moves`` (s, n, 3) and the normal.
+def shares(
+    points: Floats,
+    moves: Floats,
+    arc: Floats,
+    least: float,
+    closed: bool,
+    span: tuple[int, int],
+    out: Floats,
+) -> None:
+    """Write the cosines (s, n) between the unit vectors ``moves`` (s, n, 3) and the normal.
 
     The tangents lead to the nearest points of the same profile, and of the same line, that lie
     ``least`` mm off or more: shorter ones are noise. ``arc`` (s, n) mm is the usual way to the next
     step. Up and down, before and after have normals of their own; the largest of the four counts,
     so that an edge claims no more than the worse of its two surfaces. 1 where nothing is known.
+    Steps from the first to before the second of ``span`` are written.
     """
-    s, n, _ = points.shape
-    out = np.ones((s, n))
+    n = points.shape[1]
     ups = np.empty((2, 3))
     normal = np.empty(3)
-    for k in range(s):
+    for k in range(span[0], span[1]):
         for j in range(n):
+            out[k, j] = 1.0
             if np.isnan(points[k, j, 0]):
                 continue
             lines = _tangents(points, k, j, least, ups)
@@ -64,4 +73,3 @@ def shares(points: Floats, moves: Floats, arc: Floats, least: float, closed: boo
                         best = max(best, abs((normal * moves[k, j]).sum()) / size)
             if best >= 0.0:
                 out[k, j] = best
-    return out

@@ -7,6 +7,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.points._grid import RangeGrid
 from turnscan.rig import rotation_z
+from turnscan.threads import in_parts
 
 _STEADY = 8.0
 """Usual sigma that a tangent is long, at least."""
@@ -42,8 +43,13 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     arc = np.maximum(arc, 0.25 * float(np.median(arc[found])))
     known = grid.sigma[found]
     least = _STEADY * float(np.nanmedian(known)) if np.isfinite(known).any() else 0.0
-    shares = kernels.shares(grid.points, moves, arc, max(least, 1e-9), grid.closed)
-    return np.asarray(grid.sigma * np.maximum(shares, _LEAST))
+    share, far = np.empty(found.shape), max(least, 1e-9)
+
+    def part(first: int, end: int) -> None:
+        kernels.shares(grid.points, moves, arc, far, grid.closed, (first, end), share)
+
+    in_parts(part, len(found))
+    return np.asarray(grid.sigma * np.maximum(share, _LEAST))
 
 
 def _sheet_normals(grid: RangeGrid) -> Floats | None:
