@@ -2,8 +2,8 @@
 
 ``--help`` lists them. A benchmark is a module here with a function ``run()`` that prints its
 figures. Some take ``quick``: it is asked for with ``--quick``, and where all of them run. Some have
-``PARTS``: those named after the benchmark run alone; where it is None, any words are handed on.
-Some write their figures into the documents with ``--write``.
+``PARTS``: those named after the benchmark run alone; where it is None, any words are handed on that
+are no benchmarks. Some write their figures into the documents with ``--write``.
 """
 
 from __future__ import annotations
@@ -38,6 +38,25 @@ def listed(names: list[str]) -> str:
     )
 
 
+def asked_for(words: list[str], names: list[str]) -> dict[str, list[str]]:
+    """The benchmarks that are named, each with the words that are handed on to it: the name of
+    another begins that one. Raises ValueError for a word that is none of them."""
+    wanted = dict[str, list[str]]()
+    parts: tuple[str, ...] | None = ()
+    for word in words:
+        if parts and word in parts:
+            wanted[list(wanted)[-1]].append(word)
+        elif word in names:
+            wanted[word] = []
+            parts = getattr(importlib.import_module(f"bench.{word}"), "PARTS", ())
+        elif parts is None:
+            wanted[list(wanted)[-1]].append(word)
+        else:
+            there = ", ".join((*names, *parts))
+            raise ValueError(f"no benchmark {word} → there are {there}")
+    return wanted
+
+
 def main(words: list[str]) -> int:
     """Run the benchmarks; returns the exit code."""
     there = [m.name for m in pkgutil.iter_modules([str(FOLDER)])]
@@ -50,20 +69,11 @@ def main(words: list[str]) -> int:
     if unknown:
         print(f"no option {' '.join(sorted(unknown))} → see --help", file=sys.stderr)
         return 2
-    wanted = dict[str, list[str]]()
-    parts: tuple[str, ...] | None = ()
-    for word in named:
-        if parts is None or word in parts:
-            wanted[list(wanted)[-1]].append(word)
-        elif word in names:
-            wanted[word] = []
-            parts = getattr(importlib.import_module(f"bench.{word}"), "PARTS", ())
-        else:
-            print(
-                f"no benchmark {word} → there are {', '.join((*names, *(parts or ())))}",
-                file=sys.stderr,
-            )
-            return 2
+    try:
+        wanted = asked_for(named, names)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 2
     quick = "--quick" in words or not wanted
     for name in wanted or names:
         module = importlib.import_module(f"bench.{name}")
