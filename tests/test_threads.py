@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
+from turnscan import compiled
+from turnscan.errors import ExportError
 from turnscan.mesh import _crossing_kernels, _topology_kernels
 from turnscan.points import _wholeness_kernels
 from turnscan.surface import _grid_kernels
@@ -30,3 +35,27 @@ def test_surfaces_are_compiled_beforehand() -> None:
         _topology_kernels.opposite_half_edges, _patch_kernels.relax,
     ):  # fmt: skip
         assert kernel.signatures, kernel  # type: ignore[attr-defined]
+
+
+def test_a_script_that_guards_nothing_may_compile() -> None:
+    # From the standard input there is no file that another process could run again.
+    script = (
+        "from turnscan.workflows import _precompile as p\n"
+        "p._PARTS = {'surfaces': None}\n"
+        "p.precompile()\n"
+        "print('once')\n"
+    )
+    done = subprocess.run([sys.executable, "-"], input=script, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "once\n", "")
+
+
+def test_a_part_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_precompile, "_PARTS", ("nothing",))
+    with pytest.raises(ExportError, match="compiling failed: KeyError: 'nothing'"):
+        _precompile.precompile()
+
+
+def test_without_a_folder_nothing_is_compiled_in_vain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled, "_base", lambda: None)
+    with pytest.raises(ExportError, match="machine code can be kept in no folder"):
+        _precompile.precompile()

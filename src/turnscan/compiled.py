@@ -76,6 +76,11 @@ def _typed_call(dispatcher: Any, args: Iterable[Any], kws: Mapping[str, Any]) ->
     return call(dispatcher, tuple(unliteral(given) for given in args), plain)
 
 
+def kept_in() -> Path | None:
+    """The folder that machine code is kept in; None where none can be written."""
+    return _base()
+
+
 @functools.cache
 def _folder(module: Path) -> Path | None:
     """Where the machine code of a module's kernels lies, made and empty if it is new."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import subprocess
+import sys
 import tempfile
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 
 from turnscan import points
+from turnscan.compiled import kept_in
 from turnscan.detection import Detection, View
+from turnscan.errors import ExportError
 from turnscan.formats import export
 from turnscan.gridding import to_grids
 from turnscan.meshing import to_mesh
@@ -42,12 +45,53 @@ def precompile(progress: Progress = no_progress) -> None:
     ----------
     progress
         Told when one of the two is done; it may cancel between them.
+
+    Raises
+    ------
+    ExportError
+        Where machine code can be kept in no folder, or one of the two processes failed.
     """
-    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
-        jobs = [pool.submit(_pictures), pool.submit(_surfaces)]
-        for done, job in enumerate(as_completed(jobs), 1):
-            job.result()
+    if kept_in() is None:
+        raise ExportError(
+            "machine code can be kept in no folder, beside turnscan or in the user's cache",
+            hint="name a folder that can be written in the environment variable NUMBA_CACHE_DIR",
+        )
+    with ExitStack() as stack:
+        # Of its own, as a pool of processes would run a caller's script again.
+        jobs = [stack.enter_context(_Job(part)) for part in _PARTS]
+        for done, job in enumerate(jobs, 1):
+            job.wait()
             progress(done / len(jobs), "compiling")
+
+
+class _Job:
+    """A process that compiles one part; it ends with the block."""
+
+    def __init__(self, part: str) -> None:
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 (closed in __exit__)
+        # Away from the terminal, whose interruption is this process's to handle.
+        self._process = subprocess.Popen(  # noqa: S603 (our own module, no shell)
+            [sys.executable, "-m", __name__, part],
+            stdin=subprocess.DEVNULL, stdout=self._said, stderr=self._said, start_new_session=True,
+        )  # fmt: skip
+
+    def __enter__(self) -> _Job:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._said.close()
+
+    def wait(self) -> None:
+        """Until it is done; raises ExportError with its last line where it failed."""
+        if self._process.wait():
+            self._said.seek(0)
+            lines = self._said.read().decode(errors="replace").strip().splitlines()
+            raise ExportError(
+                f"compiling failed: {lines[-1] if lines else 'its process was ended'}",
+                hint="run it again; what is compiled already takes no time",
+            )
 
 
 def _pictures() -> None:
@@ -91,3 +135,9 @@ def _column(rig: Rig, laser: str) -> Stripes:
     stripe = Stripe(position, all_along(0.05), all_along(120.0), all_along(2.0), flags)
     angles = np.linspace(0.0, 2 * np.pi, _STEPS, endpoint=False)
     return Stripes(laser, tuple(range(_STEPS)), angles, (stripe,) * _STEPS)
+
+
+_PARTS = {"pictures": _pictures, "surfaces": _surfaces}
+
+if __name__ == "__main__":
+    _PARTS[sys.argv[1]]()
