@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
-from turnscan.shapes import Line, fit_outlines
+from turnscan.shapes import Arc, Line, fit_outlines
 from turnscan.shapes.revolved import (
     axis_counted,
     cylindricities,
@@ -169,15 +169,18 @@ def test_sizes_of_a_wall_that_is_seen_in_part_are_known_as_well_as_the_axis(seed
             assert line.sigma < 1.2 * before.sigma, "a whole turn does not move with the axis"
 
 
-def test_a_ring_stays_a_ring() -> None:
-    t = np.linspace(0, 2 * np.pi, 41)
-    open_at = turned([(20 + 4 * np.cos(a), 4 * np.sin(a)) for a in t], 1.0, 120)
-    last = len(open_at.vertices) - 120
+def test_a_ring_stays_a_ring_as_round_as_it_is() -> None:
+    t = np.linspace(0, 2 * np.pi, 61)
+    open_at = turned([(20 + 4 * np.cos(a), 4 * np.sin(a)) for a in t], 0.42, 160)
+    last = len(open_at.vertices) - 160
     ring = Mesh(open_at.vertices[:last], open_at.faces % last)
     _, chains = wall_profile(turned_about(noisy(ring, 0.005, 3)))
     assert [c.closed for c in chains] == [True]
     (outline,) = fit_outlines(chains)[0]
     assert outline.closed
+    (arc,) = outline.pieces
+    assert isinstance(arc, Arc)
+    assert arc.radius == pytest.approx(4, abs=0.02), "means over a bend do not flatten it"
 
 
 def test_too_few_points_have_no_noise_to_compare_with() -> None:

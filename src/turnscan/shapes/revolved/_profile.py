@@ -26,6 +26,8 @@ _SECTORS = 8
 """All round: the scatter of their means is what the mean profile is known by."""
 _LEAST = 8
 """Points that a place of the profile must have, and angles in which it must be seen."""
+_BENT = 5.0
+"""Standard deviations by which a wall is bent within the window, for its bend to be fitted, too."""
 _BESIDE = 0.1
 """Of the window: how far the wall may end before a place on it."""
 _BEND, _AHEAD = float(np.cos(np.radians(20.0))), 3.0
@@ -172,9 +174,7 @@ def _mean_at(
     if min(float(along.max()), -float(along.min())) < -_BESIDE * window:
         return None  # beyond the end of the wall
     sector = ((turned.angle[some][keep] / (2 * np.pi) % 1.0) * _SECTORS).astype(np.int64) % _SECTORS
-    A = np.column_stack([np.ones(len(off)), along])
-    (mean, slope), *_ = np.linalg.lstsq(A, off, rcond=1e-9)
-    rest = off - mean - slope * along
+    (mean, *_), rest = _fitted(along, off)
     count = np.bincount(sector, minlength=_SECTORS)
     seen = count >= 2
     if int(seen.sum()) < 2:
@@ -184,6 +184,21 @@ def _mean_at(
     if abs(mean) > window:
         return None
     return float(mean), max(sigma, float(rest.std()) / np.sqrt(len(rest)))
+
+
+def _fitted(along: Floats, off: Floats) -> tuple[Floats, Floats]:
+    """Coefficients of a straight wall, or of a bent one where its bend is more than its points'
+    noise; and what is left of the points."""
+    A = np.column_stack([np.ones(len(off)), along, along**2])
+    line = np.linalg.lstsq(A[:, :2], off, rcond=1e-9)[0]
+    straight = off - A[:, :2] @ line
+    bent = np.linalg.lstsq(A, off, rcond=1e-9)[0]
+    rest = off - A @ bent
+    gain = float(straight @ straight - rest @ rest)
+    noise = float(rest @ rest) / max(len(off) - 3, 1)
+    if len(np.unique(np.sign(along))) > 1 and gain > _BENT**2 * noise:
+        return np.asarray(bent), np.asarray(rest)
+    return np.asarray(line), np.asarray(straight)
 
 
 def _kept(points: Floats, known: Bools, spacing: float) -> np.ndarray:
