@@ -188,3 +188,13 @@ def test_too_few_points_have_no_noise_to_compare_with() -> None:
     for r in roundness(turned_about(noisy(rod, 0.01, 1)), [-19.9, 0.0]):
         assert np.isnan(r.noise) or r.noise > 0
         assert r.radius == pytest.approx(20, abs=5 * r.radius_sigma)
+
+
+def test_a_low_wall_between_edges_is_not_better_known_than_it_is() -> None:
+    found = turned_about(noisy(turned([(30, 0), (30, 3), (0.5, 3)], 1.5, 200), 0.01, 1))
+    foot = float(found.z.min())
+    rounds = roundness(found, [foot + 0.2, foot + 1.0, foot + 2.0])
+    assert len(rounds) == 3
+    for r in rounds:
+        assert r.radius == pytest.approx(30, abs=4 * r.radius_sigma)
+        assert r.radius_sigma < 0.1

@@ -42,6 +42,8 @@ class Roundness:
     hollow: bool
     radius: float
     radius_sigma: float
+    """Counts how far it is from that without a mean profile: a wall hardly higher than two steps of
+    the mesh has none that its edges do not bend."""
     least_squares: float
     """Width of the zone about the least-squares circle that holds the means of cells."""
     minimum_zone: float
@@ -142,8 +144,12 @@ def _round_at(turned: Turned, some: np.ndarray, height: float, hollow: bool) -> 
     wide, spread = _of_noise(noise, len(mean))
     wall = np.column_stack([np.ones(len(some)), turned.z[some] - height])
     level = float(np.linalg.lstsq(wall, turned.r[some] - off, rcond=None)[0][0])
+    around = turned.angle[some]
+    plain = np.column_stack([wall, np.cos(around), np.sin(around)])
+    other = float(np.linalg.lstsq(plain, turned.r[some], rcond=None)[0][0])
+    radius = level + float(fit[0])
     return Roundness(
-        height, hollow, level + float(fit[0]), float(np.sqrt(inverse[0, 0])),
+        height, hollow, radius, float(np.hypot(np.sqrt(inverse[0, 0]), radius - other)),
         float(np.ptp(rest)), _minimum_zone(A, mean), float(np.ptp(mean)),
         float(np.hypot(fit[1], fit[2])), float(np.sqrt(np.linalg.eigvalsh(inverse[1:, 1:])[-1])),
         wide, spread, len(mean), covered,
