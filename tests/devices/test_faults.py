@@ -84,12 +84,15 @@ class Scan:
         device.move_to(device.angle, 5.0)
 
     def go_on(self) -> int:
-        """A step with which nothing is wrong; how often a busy machine did not answer in time."""
+        """A step with which nothing is wrong; how often a busy machine did not answer in time.
+
+        Half of an answer that a reboot cut off may come so late that the next order gets it.
+        """
         for late in range(3):
             try:
                 self.step()
                 return late
-            except DeviceTimeout:
+            except (DeviceTimeout, DeviceGarbled):
                 self.recover()
         raise AssertionError("it does not go on")
 

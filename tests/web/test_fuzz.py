@@ -101,7 +101,7 @@ def test_no_request_is_a_mistake(
     monkeypatch.setattr("turnscan.app._start_session.FILE_MANAGER", "true")
     told = _Told(workshop)
     scan = next(iter(workshop.library.paths()))
-    workshop._load(Job(workshop.hub, "open", "", scan), scan, workshop.library.path(scan))
+    workshop._load(Job(workshop.hub, "open", "", scan), scan, workshop.library.path(scan), None)
     opened = workshop.opened(scan)
     laser = opened.now.grids[0].laser
     valid, slowest = 0, 0.0

@@ -122,7 +122,7 @@ def test_stop_is_above_any_dialog_and_a_frozen_server_is_told(new_page, server, 
     page.get_by_text("server online").wait_for()
     page.keyboard.press("Control+k")
     page.get_by_role("dialog").wait_for()
-    page.get_by_role("button", name="STOP").click()
+    page.get_by_role("button", name="STOP", exact=True).click()
     page.get_by_text("Stopped: lasers dark").wait_for()
     assert page.get_by_role("dialog").is_visible()
     server.process.send_signal(signal.SIGSTOP)
