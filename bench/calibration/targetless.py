@@ -14,7 +14,7 @@ from tests.calibrate.bodies import Body, both, doubted, sphere
 
 from bench.calibration._figures import Figure, at_most
 from turnscan.arrays import Floats
-from turnscan.calibrate import Refined, RefineSettings, Sweep, refine
+from turnscan.calibrate import Balls, Refined, RefineSettings, Sweep, refine
 from turnscan.errors import CalibrationError
 from turnscan.rig import Rig
 from turnscan.shapes import fit_sphere
@@ -58,7 +58,8 @@ def wrong_rig(true: Rig, seed: int) -> Rig:
 def _refined(true: Rig, ball: Body, seed: int, size: tuple[float, float] | None) -> Refined | None:
     sweeps = both(true, ball, STEPS, STEPS, seed, noise=NOISE, every=_EVERY)
     try:
-        return refine(wrong_rig(true, seed), sweeps, RefineSettings(radius=size))
+        body = None if size is None else (Balls(), (size,))
+        return refine(wrong_rig(true, seed), sweeps, RefineSettings(body=body))
     except CalibrationError as e:
         print(f"  seed {seed}: {e}", flush=True)
         return None

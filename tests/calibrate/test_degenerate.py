@@ -13,6 +13,7 @@ from tests.calibrate.bodies import both, prism, two_lasers
 from tests.calibrate.world import CAMERA, SHAPE, World, true_layout, true_rig
 from turnscan.arrays import Floats
 from turnscan.calibrate import (
+    Balls,
     BoardView,
     Calibration,
     CalibrationSettings,
@@ -119,8 +120,8 @@ _LASER_SAME = "laser 'laser': the stripe was seen on .* always at nearly the sam
 def refined(lasers: int, radius: float | None = None) -> Refined:
     rig = two_lasers(lasers=lasers)
     sweeps = both(rig, prism((5.0, 2.0), 40.0), STEPS, STEPS, 1, every=12)
-    size = None if radius is None else (radius, 0.01)
-    return refine(rig, sweeps, RefineSettings(queries=500, radius=size))
+    size = None if radius is None else (Balls(), ((radius, 0.01),))
+    return refine(rig, sweeps, RefineSettings(queries=500, body=size))
 
 
 def unlit() -> list[LaserPicture]:

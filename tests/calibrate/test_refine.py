@@ -7,8 +7,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.calibrate.bodies import (
+    Body,
     both,
     cylinder,
     doubted,
@@ -17,9 +20,18 @@ from tests.calibrate.bodies import (
     two_lasers,
 )
 from turnscan.arrays import Floats
-from turnscan.calibrate import Refined, RefineSettings, refine
+from turnscan.calibrate import Balls, Refined, RefineSettings, Round, refine
+from turnscan.calibrate._bodies import Body as FittedBody
+from turnscan.calibrate._bodies import Form, Known
 from turnscan.errors import Degenerate
-from turnscan.rig import Rig, TableMotion, rig_from_json, rig_to_json
+from turnscan.rig import (
+    Pose,
+    Rig,
+    TableMotion,
+    rig_from_json,
+    rig_to_json,
+    rotation_from_vector,
+)
 
 STEPS = np.radians(np.arange(0.0, 360.0, 9.0))
 QUICK = RefineSettings(queries=1000)
@@ -98,23 +110,30 @@ def test_a_good_table_gets_no_errors() -> None:
     assert "motion.backlash" in done.held
 
 
-def test_a_ruler_and_a_sphere_make_a_rig() -> None:
-    true = two_lasers()
+def ruled(true: Rig, share: float = 1.0) -> Rig:
+    """The rig as a ruler knows it: every number is wrong by that share of its uncertainty, 5 mm or
+    2°."""
     known = doubted(true)
     assert known.covariance is not None
-    dice = np.random.default_rng(4)
     sigma = np.sqrt(np.diag(known.covariance))
-    # Every number is wrong by the whole of its uncertainty: 5 mm or 2°.
-    wrong = replace(known.perturbed(sigma * dice.choice([-1.0, 1.0], len(sigma))),
-                    covariance=known.covariance)  # fmt: skip
+    sign = np.random.default_rng(4).choice([-1.0, 1.0], len(sigma))
+    return replace(known.perturbed(share * sigma * sign), covariance=known.covariance)
+
+
+def test_a_ruler_and_a_sphere_make_a_rig() -> None:
+    true = two_lasers()
+    known, wrong = doubted(true), ruled(true)
+    assert known.covariance is not None
     sweeps = both(true, sphere((14.0, 3.0, 22.0), 18.0), STEPS, STEPS, 3, every=6)
-    settings = replace(QUICK, radius=(18.0, 0.005))
+    settings = replace(QUICK, body=(Balls(), ((18.0, 0.005),)))
     done = refine(wrong, sweeps, settings)
     assert done.gap_before > 2.0
     assert done.gap_after < 1.2 * done.gap_noise < 0.05
     assert "scale" not in done.held
     some = both(true, sphere((14.0, 3.0, 22.0), 18.0), STEPS[::2], STEPS[::2], 3, every=12)
-    unknown = refine(wrong, some, RefineSettings(radius=(15.0, 7.5), rounds=3, queries=200))
+    unknown = refine(
+        wrong, some, RefineSettings(body=(Balls(), ((15.0, 7.5),)), rounds=3, queries=200)
+    )
     assert "scale" in unknown.held
     # Another sphere, measured with the rig that came of it.
     other = both(true, sphere((-8.0, 10.0, 20.0), 12.0), STEPS, STEPS, 5, every=6)
@@ -147,10 +166,10 @@ def test_a_sphere_of_another_size_is_refused() -> None:
     rig = two_lasers()
     sweeps = both(rig, prism((5.0, 2.0), 40.0), STEPS, STEPS, 2, every=8)
     with pytest.raises(Degenerate, match="no sphere of 80 mm"):
-        refine(rig, sweeps, replace(QUICK, radius=(40.0, 0.01)))
+        refine(rig, sweeps, replace(QUICK, body=(Balls(), ((40.0, 0.01),))))
     # A band of a hexagon is not far from a sphere of this size, and is none.
     with pytest.raises(Degenerate, match="the surfaces stay"):
-        refine(rig, sweeps, replace(QUICK, radius=(29.0, 0.01), rounds=2))
+        refine(rig, sweeps, replace(QUICK, body=(Balls(), ((29.0, 0.01),)), rounds=2))
 
 
 def test_a_round_part_about_the_axis_tells_nothing_of_the_table() -> None:
@@ -182,6 +201,75 @@ def test_play_is_taken_up_once_and_again_on_the_way_back() -> None:
     assert np.degrees(waves.angle(np.radians([90.0]))) == pytest.approx([91.0])
     turn = np.linspace(0, 2 * np.pi, 100, endpoint=False)
     assert waves.sigma(turn).max() == pytest.approx(1e-3, rel=1e-2)
+
+
+LOW = np.array([-16.0, 4.0, 14.0])
+ALONG = np.array([0.8, 0.1, 0.59]) / np.linalg.norm([0.8, 0.1, 0.59])
+
+
+def bar(points: Floats) -> Floats:
+    """Two balls of 20 mm, 38 mm apart, the second one higher."""
+    ends = (LOW, LOW + 38.0 * ALONG)
+    away = [np.linalg.norm(points - c, axis=-1) - 10.0 for c in ends]
+    return np.minimum(*away)
+
+
+def cone(points: Floats) -> Floats:
+    lean = np.radians(8.0)
+    axis = np.array([np.sin(lean), 0.0, np.cos(lean)])
+    d = points - [6.0, 2.0, 0.0]
+    z = d @ axis
+    r = np.linalg.norm(d - z[..., None] * axis, axis=-1)
+    return np.asarray(r - (20.0 - z * np.tan(np.radians(12.0))))
+
+
+@pytest.mark.parametrize(
+    ("body", "form", "known", "scale", "share"),
+    [
+        (bar, Balls(2), ((10.0, 0.005), (10.0, 0.005), (38.0, 0.003)), True, 0.7),
+        (cylinder((9.0, 2.0), 14.0, 20.0), Round(), ((14.0, 0.005),), True, 1.0),
+        (cone, Round(conical=True), (None, (np.radians(12.0), 1e-4)), False, 1.0),
+    ],
+    ids=["ball bar", "tilted cylinder", "cone"],
+)
+def test_a_ruler_and_a_body_anywhere_make_a_rig(
+    body: Body, form: Form, known: tuple[Known | None, ...], scale: bool, share: float
+) -> None:
+    true = two_lasers()
+    done = refine(ruled(true, share), both(true, body, STEPS, STEPS, 3, every=10),
+                  replace(QUICK, queries=600, body=(form, known)))  # fmt: skip
+    assert done.gap_after < 1.2 * done.gap_noise < 0.05
+    other = both(true, sphere((-8.0, 10.0, 20.0), 12.0), STEPS, STEPS, 5, every=8)
+    at = np.concatenate([s.points(done.rig, done.rig.camera.rays(s.pixels)) for s in other])
+    radius, rms = _sphere(at)
+    assert rms < 0.05
+    # Lengths follow where a length is known; a cone has an angle and no length.
+    assert (abs(radius - 12.0) < 0.03) == scale
+    assert ("scale" in done.held) != scale
+
+
+@given(st.integers(0, 3), st.integers(0, 1000))
+@settings(max_examples=30, deadline=None)
+def test_distances_from_bodies_change_as_they_say(kind: int, seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    form: Form = (Balls(), Balls(2), Round(), Round(conical=True))[kind]
+    sizes = {
+        0: [10.0], 1: [10.0, 8.0, 40.0], 2: [12.0], 3: [12.0, 0.2],
+    }[kind]  # fmt: skip
+    pose = Pose(rotation_from_vector(dice.normal(0, 1, 3)), dice.normal(0, 20, 3))
+    one = FittedBody(form, pose, np.array(sizes), (None,) * len(sizes))
+    points = dice.normal(0, 25, (40, 3))
+    away, unit, by = one.distance(points)
+    h = 1e-6
+    for k in range(by.shape[1]):
+        step = np.zeros(by.shape[1])
+        step[k] = h
+        ends = [one.moved(s * step).distance(points)[0] for s in (1.0, -1.0)]
+        smooth = np.abs(ends[0] - away) < 1e-3  # not between two balls
+        assert ((ends[0] - ends[1]) / (2 * h))[smooth] == pytest.approx(by[smooth, k], abs=2e-4)
+    for axis in np.eye(3):
+        ends = [one.distance(points + s * h * axis)[0] for s in (1.0, -1.0)]
+        assert (ends[0] - ends[1]) / (2 * h) == pytest.approx(unit @ axis, abs=2e-4)
 
 
 def test_a_start_off_by_play_is_as_uncertain_as_it_says() -> None:

@@ -17,7 +17,7 @@ EXEMPT = {
 MOST_NAMES = {
     "acquire": 35,
     "app": 4,
-    "calibrate": 40,
+    "calibrate": 42,
     "devices": 25,
     "drawings": 15,  # with the solid that a profile sweeps
     "edit": 76,

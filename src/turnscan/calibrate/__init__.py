@@ -11,6 +11,7 @@ from turnscan.calibrate._board import (
     other_chessboard,
     parse_board,
 )
+from turnscan.calibrate._bodies import Balls, Round
 from turnscan.calibrate._evidence import CalibrationSettings, LaserPicture, TablePicture
 from turnscan.calibrate._findings import findings_of
 from turnscan.calibrate._light import laser_weights, stripe_light
@@ -36,6 +37,7 @@ from turnscan.calibrate._turning import Outline, contradicted_step, outlines_of
 
 __all__ = [
     "Advice",
+    "Balls",
     "Board",
     "BoardView",
     "Calibration",
@@ -50,6 +52,7 @@ __all__ = [
     "Outline",
     "RefineSettings",
     "Refined",
+    "Round",
     "Sweep",
     "TablePicture",
     "advice_of",

@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._adjust import Fit, adjust
+from turnscan.calibrate._bodies import Body, Form, Known
+from turnscan.calibrate._bodies_found import again, find_body, refuse_ends
 from turnscan.calibrate._patches import patches_under
 from turnscan.calibrate._prior import moved_by, prior_of
 from turnscan.calibrate._quality import Measured
 from turnscan.calibrate._shared import with_shared_noise
-from turnscan.calibrate._spheres import again, find_sphere, sphere_noise
 from turnscan.calibrate._surfaces import (
     WEAK,
     Pair,
@@ -53,14 +54,15 @@ have on tilted surfaces."""
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """What may move, and what is known of spheres in the scan."""
+    """What may move, and what is known of the part."""
 
     camera: bool = False
     """Whether the camera may move, too, within its uncertainty."""
     geometry: bool = True
     """Whether sheets and axis may move within their uncertainty."""
-    radius: tuple[float, float] | None = None
-    """Radius of a sphere that is the part, and its standard uncertainty, mm."""
+    body: tuple[Form, tuple[Known | None, ...]] | None = None
+    """What the part is, and its sizes with their standard uncertainties, mm and rad; None for one
+    that is free."""
     rounds: int = 12
     """How often surfaces are held against each other, at most, once the rig is near the truth."""
     queries: int = 4000
@@ -80,7 +82,8 @@ class Refined:
     places: int
     """Where surfaces met."""
     estimated: dict[str, Measured]
-    """Parameters that moved, by name; rig: how far, mm or rad; motion: their value, rad."""
+    """Parameters that moved, by name; rig: how far, mm or rad; motion and sizes of bodies: their
+    value, rad or mm."""
     held: tuple[str, ...]
     """What the scans say nothing of: it stays as it was known; ``scale`` is that of all lengths."""
     dropped: tuple[str, ...]
@@ -99,9 +102,10 @@ def refine(
     Each point of a sweep is held against the patch of every other sweep's points under it; what was
     known of the rig (its covariance) counts as observations, and what it does not doubt is held.
     Errors of the table (harmonics, play) are kept where Bayes' information criterion asks for them.
-    A sphere of known size gives the scale. Where the rig's uncertainty is of millimetres, a sphere
-    is what it takes: rounds that hardly weigh the gaps come first, in which what is known of the
-    rig leads. ``tick`` is called after each round but these.
+    A body of known form counts like a surface that is known, and known sizes of it give the scale.
+    Where the rig's uncertainty is of millimetres, such a body is what it takes: rounds that hardly
+    weigh the gaps come first, in which what is known of the rig leads. ``tick`` is called after
+    each round but these.
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 
     Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
@@ -117,14 +121,14 @@ def refine(
         motion = replace(rig.motion, harmonics=waves, covariance=None)
     state = Surfaces(replace(rig, covariance=None, motion=motion))
     doubt = doubt_of(rig, many) if s.geometry else 0.0
-    if s.radius is not None:
-        state = replace(state, spheres=(find_sphere(many, state.rig, s.radius, doubt),))
+    if s.body is not None:
+        state = replace(state, bodies=(find_body(*s.body, many, state.rig, doubt),))
     free = _free(rig, state, many, s)
     fit: Fit[Surfaces] | None = None
     first = (float("nan"), float("nan"), 0)
-    # A sphere needs no neighbours: while surfaces may lie anywhere, it alone is held against them.
+    # A body needs no neighbours: while surfaces may lie anywhere, it alone is held against them.
     far = doubt > _REACH_MM / 2
-    reach = 0.0 if s.radius is not None and far else max(_REACH_MM, 2 * doubt)
+    reach = 0.0 if s.body is not None and far else max(_REACH_MM, 2 * doubt)
     # Far from the truth a gap says little, and what is known of the rig keeps it from straying.
     each = sum(len(sweep.pixels) for sweep in many) / max(free.sum(), 1)
     coarse = doubt * float(np.sqrt(each)) if far else 0.0
@@ -132,8 +136,8 @@ def refine(
     exact = rough = 0
     while exact < s.rounds and rough < _ROUGH_ROUNDS:
         if fit is not None and not far:
-            spheres = tuple(again(sphere, many, state.rig) for sphere in state.spheres)
-            state = replace(state, spheres=spheres)
+            at = [sweep.points(state.rig, state.rig.camera.rays(sweep.pixels)) for sweep in many]
+            state = replace(state, bodies=tuple(again(body, at) for body in state.bodies))
         network = _network(rig, state, many, free, reach, s, coarse)
         now = _gap(network, state)
         if fit is None:
@@ -152,6 +156,8 @@ def refine(
         coarse = _FINER * coarse if _FINER * coarse > fine else 0.0
         far = far and (coarse > 0 or after[0] > _NEAR * after[1])
     assert fit is not None
+    for body in fit.state.bodies:
+        refuse_ends(body, sum(len(sweep.pixels) for sweep in many))
     fit, free, dropped = _simplest(network, with_shared_noise(network, fit, free), free)
     last = _gap(network, fit.state)
     if last[0] > _NO_FIT * max(last[1], _LEAST_MM):
@@ -197,11 +203,20 @@ def _moved(before: Surfaces, fit: Fit[Surfaces]) -> float:
     after = fit.state
     off = np.concatenate(
         [moved_by(before.rig, after.rig), after.motion.values - before.motion.values,
-         *([*(a.centre - b.centre), a.radius - b.radius]
-           for a, b in zip(after.spheres, before.spheres, strict=True))]
+         *(_body_moved(a, b) for a, b in zip(after.bodies, before.bodies, strict=True))]
     )  # fmt: skip
     sigma = np.sqrt(np.diag(fit.covariance))
     return float(np.max(np.abs(off[sigma > 0]) / sigma[sigma > 0], initial=0.0))
+
+
+def _body_moved(now: Body, before: Body) -> Floats:
+    """(q,) by which one body leads to the other, to first order."""
+    m = now.form.moves.shape[1]
+    turn = before.pose.rotation.T @ now.pose.rotation
+    small = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    shift = before.pose.rotation.T @ (now.pose.translation - before.pose.translation)
+    motion = now.form.moves.T @ np.concatenate([small / 2, shift])
+    return np.concatenate([motion[:m], now.sizes - before.sizes])
 
 
 def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings) -> Bools:
@@ -251,17 +266,23 @@ def _network(
             theirs = -found.weights * np.einsum("mi,mki->mk", found.normal, noise[b][found.near])
             sigma = np.hypot(not_below(np.sqrt(own**2 + (theirs**2).sum(axis=1))), coarse)
             pairs.append(Pair(a, b, found, own, theirs, sigma))
-    if not pairs and not state.spheres:
+    if not pairs and not state.bodies:
         raise Degenerate(
             "no two surfaces overlap where they are smooth: one laser sees each place once in a "
             "turn, and where a part bends much from step to step no surface is known",
             hint="scan with two lasers, in smaller steps, or a body of known size",
         )
-    spheres = tuple(sphere_noise(sphere, at, noise) for sphere in state.spheres)
-    sigmas = tuple(
-        tuple(np.hypot(not_below(np.abs(own)), coarse) for own in one) for one in spheres
+    on_bodies = tuple(
+        tuple(
+            np.einsum("mi,mi->m", body.distance(where[which])[1], moved[which])
+            for where, moved, which in zip(at, noise, body.points, strict=True)
+        )
+        for body in state.bodies
     )
-    return replace(network, pairs=tuple(pairs), sphere_noise=spheres, sphere_sigma=sigmas)
+    sigmas = tuple(
+        tuple(np.hypot(not_below(np.abs(own)), coarse) for own in one) for one in on_bodies
+    )
+    return replace(network, pairs=tuple(pairs), body_noise=on_bodies, body_sigma=sigmas)
 
 
 def _gap(network: SurfaceNetwork, state: Surfaces) -> tuple[float, float, int]:
@@ -269,9 +290,9 @@ def _gap(network: SurfaceNetwork, state: Surfaces) -> tuple[float, float, int]:
     at = network.places(state.rig)
     gaps = [p.patches.gaps(at[p.asked], at[p.others]) for p in network.pairs]
     sigma = [p.sigma for p in network.pairs]
-    for sphere, own in zip(state.spheres, network.sphere_sigma, strict=True):
-        for i, which in enumerate(sphere.points):
-            gaps.append(np.linalg.norm(at[i][which] - sphere.centre, axis=1) - sphere.radius)
+    for body, own in zip(state.bodies, network.body_sigma, strict=True):
+        for i, which in enumerate(body.points):
+            gaps.append(body.distance(at[i][which])[0])
             sigma.append(own[i])
     all_gaps, all_sigma = np.abs(np.concatenate(gaps)), np.concatenate(sigma)
     near = all_gaps <= np.quantile(all_gaps, 0.99)
@@ -310,7 +331,7 @@ def _simplest(
             zero = fit.state.motion.values.copy()
             zero[index - p] = 0.0
             rig = replace(fit.state.rig, motion=TableMotion.of(zero))
-            fit = adjust(network, replace(fit.state, rig=rig), free, near=fit)
+            fit = _adjusted(network, replace(fit.state, rig=rig), free, fit, told=False)
             fit = with_shared_noise(network, fit, free)
             dropped += group
     return fit, free, tuple(dropped)
@@ -346,7 +367,7 @@ def _told(
     sigma = np.sqrt(np.diag(fit.covariance))
     moved = np.concatenate(
         [moved_by(replace(before, motion=None), state.rig), state.motion.values,
-         *([*s.centre, s.radius] for s in state.spheres)]
+         *([*np.zeros(b.form.moves.shape[1]), *b.sizes] for b in state.bodies)]
     )  # fmt: skip
     held = []
     covariance = None
@@ -381,6 +402,6 @@ def _told(
     estimated = {
         n: Measured(float(v), float(s))
         for n, v, s, f in zip(network.names, moved, sigma, free, strict=True)
-        if f
+        if f and ".place" not in n
     }
     return Refined(rig, gap_before, last[0], last[1], last[2], estimated, tuple(held), dropped, fit)

@@ -9,7 +9,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.calibrate._adjust import HUBER, Fit
 from turnscan.calibrate._normal import Block, free_name, inverse_of, weight
-from turnscan.calibrate._surfaces import SurfaceNetwork, Surfaces, sphere_kind
+from turnscan.calibrate._surfaces import SurfaceNetwork, Surfaces, body_kind
 
 
 def with_shared_noise(network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools) -> Fit[Surfaces]:
@@ -40,13 +40,13 @@ def with_shared_noise(network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools) 
         for k in range(pair.by_others.shape[1]):
             theirs = pull * pair.by_others[order, k, None]
             np.add.at(pulls[pair.others], pair.patches.near[order, k], theirs)
-    for k, sphere in enumerate(fit.state.spheres):
-        mine, at = _pulls(fit, rows[sphere_kind(k)], free), 0
-        for i, which in enumerate(sphere.points):
+    for k, body in enumerate(fit.state.bodies):
+        mine, at = _pulls(fit, rows[body_kind(k)], free), 0
+        for i, which in enumerate(body.points):
             order = _order(network.sweeps[i].step[which])
             own = mine[at : at + len(which)]
             at += len(which)
-            by = network.sphere_noise[k][i][order] / network.sphere_sigma[k][i][order]
+            by = network.body_noise[k][i][order] / network.body_sigma[k][i][order]
             np.add.at(pulls[i], which[order], own * by[:, None])
     shared = sum((g.T @ g for g in pulls), np.zeros((p, p)))
     back = inverse_of(normal + before, free_name(network, free))

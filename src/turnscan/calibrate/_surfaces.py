@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, frozen
+from turnscan.calibrate._bodies import Body
 from turnscan.calibrate._normal import Block
 from turnscan.calibrate._patches import Patches
 from turnscan.calibrate._prior import RigPrior, moved_by
@@ -20,6 +21,9 @@ PRIOR_MOTION, PRIOR_SIZE, PRIOR_RIG = "prior motion", "prior size", "prior rig"
 PRIOR_GAUGE = "prior gauge"
 _GAUGE = 1e-3
 """mm and rad: how well a height above the platter and an angle zero that no surface shows stay."""
+PRIOR_PLACE = "prior place"
+_ANYWHERE = 1e3
+"""mm and rad: a body stands anywhere, but one that is round stays turned as it is."""
 WEAK = np.radians(3.0)
 """Standard uncertainty of an unknown error of a table, rad."""
 _LEAST_SIGMA = 0.2
@@ -66,24 +70,11 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class Sphere:
-    """A sphere in the scan, with the size that is known of it."""
-
-    centre: Floats
-    """(3,) mm, object's frame."""
-    radius: float
-    points: tuple[npt.NDArray[np.intp], ...]
-    """Per sweep: which of its points lie on it."""
-    known: tuple[float, float] | None = None
-    """Radius and its standard uncertainty, mm; None where it is not known."""
-
-
-@dataclass(frozen=True)
 class Surfaces:
-    """What is adjusted: the rig with its motion, and the spheres."""
+    """What is adjusted: the rig with its motion, and the bodies."""
 
     rig: Rig
-    spheres: tuple[Sphere, ...] = ()
+    bodies: tuple[Body, ...] = ()
 
     @property
     def motion(self) -> TableMotion:
@@ -114,7 +105,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class SurfaceNetwork:
-    """The observations: gaps between surfaces, distances from spheres, and what was known."""
+    """The observations: gaps between surfaces, distances from bodies, and what was known."""
 
     sweeps: tuple[Sweep, ...]
     pairs: tuple[Pair, ...]
@@ -124,21 +115,17 @@ class SurfaceNetwork:
     prior: RigPrior | None = None
     known_motion: TableMotion | None = None
     """The table's errors as they were known, with their covariance."""
-    sphere_noise: tuple[tuple[Floats, ...], ...] = field(default=())
-    """Per sphere and sweep: what one standard deviation of its points' noise makes of their
+    body_noise: tuple[tuple[Floats, ...], ...] = field(default=())
+    """Per body and sweep: what one standard deviation of its points' noise makes of their
     distance, mm."""
-    sphere_sigma: tuple[tuple[Floats, ...], ...] = field(default=())
-    """Per sphere and sweep: standard uncertainty of that distance, mm."""
+    body_sigma: tuple[tuple[Floats, ...], ...] = field(default=())
+    """Per body and sweep: standard uncertainty of that distance, mm."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of the rig, of the table's motion, of the spheres."""
-        spheres = (
-            f"sphere{k + 1}.{n}"
-            for k in range(len(self.state.spheres))
-            for n in ("x", "y", "z", "radius")
-        )
-        return (*self.state.rig.parameter_names, *self.state.motion.names, *spheres)
+        """Of the rig, of the table's motion, of the bodies."""
+        bodies = (n for body in self.state.bodies for n in body.names)
+        return (*self.state.rig.parameter_names, *self.state.motion.names, *bodies)
 
     @cached_property
     def _first(self) -> Ints:
@@ -158,12 +145,16 @@ class SurfaceNetwork:
         rig = replace(
             rig, T_camera_table=Pose(u @ vt, rig.T_camera_table.translation), motion=motion
         )
-        rest = common[p + q :].reshape(-1, 4)
-        spheres = tuple(
-            replace(s, centre=s.centre + d[:3], radius=s.radius + float(d[3]))
-            for s, d in zip(state.spheres, rest, strict=True)
+        bodies = tuple(
+            body.moved(common[part]) for body, part in zip(state.bodies, self._columns, strict=True)
         )
-        return Surfaces(rig, spheres)
+        return Surfaces(rig, bodies)
+
+    @cached_property
+    def _columns(self) -> list[slice]:
+        """Which parameters are those of each body."""
+        cuts = self._own + np.cumsum([0, *(len(b.names) for b in self.state.bodies)])
+        return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
     def places(self, rig: Rig) -> list[Floats]:
         """The points (n, 3) of every sweep, mm in the object's frame."""
@@ -180,7 +171,11 @@ class SurfaceNetwork:
         return [self.state.rig.camera.rays(s.pixels) for s in self.sweeps]
 
     def blocks(self, state: Surfaces) -> list[Block]:
-        """Residuals in standard deviations of the stripe's noise, and derivatives."""
+        """Residuals in standard deviations of the stripe's noise, and derivatives.
+
+        That noise is one of pixels: it grows and shrinks with the scene, or else gaps that are
+        noise would be made smaller by making everything smaller.
+        """
         at = self.places(state.rig)
         slopes = self._slopes(state)
         out = []
@@ -193,9 +188,23 @@ class SurfaceNetwork:
             common[:, np.flatnonzero(self.active[: self._own])] = by / pair.sigma[:, None]
             step = self.sweeps[pair.asked].step[pair.patches.query]
             out += self._by_step(pair.asked, step, pair.kind, -gaps / pair.sigma, common)
-        for k, sphere in enumerate(state.spheres):
-            out += self._on_sphere(k, sphere, at, slopes)
-        return out + self._priors(state)
+        for k, body in enumerate(state.bodies):
+            out += self._on_body(k, body, at, slopes)
+        return [self._scaled(b, state.rig) for b in out] + self._priors(state)
+
+    def _scaled(self, block: Block, rig: Rig) -> Block:
+        """A block by the distance of the table from the camera, relative to where it was."""
+        if block.view < 0:
+            return block
+        t = rig.T_camera_table.translation
+        size = float(np.linalg.norm(t) / np.linalg.norm(self.state.rig.T_camera_table.translation))
+        p = len(rig.parameter_names)
+        common = block.common / size
+        residual = block.residual / size
+        # The prediction is minus the residual, and of that 1/size changes with the shift.
+        shift = np.flatnonzero(self.active[p - 3 : p]) + p - 3
+        common[:, shift] += np.outer(residual, (t / (t @ t))[shift - p + 3])
+        return replace(block, residual=residual, common=common)
 
     @cached_property
     def _own(self) -> int:
@@ -240,30 +249,30 @@ class SurfaceNetwork:
                 out.append(Block(view, kind, residual[rows], common[rows], none))
         return out
 
-    def _on_sphere(
-        self, k: int, sphere: Sphere, at: list[Floats], slopes: list[list[Floats]]
+    def _on_body(
+        self, k: int, body: Body, at: list[Floats], slopes: list[list[Floats]]
     ) -> list[Block]:
-        out = []
-        column = self._own + 4 * k
-        for i, which in enumerate(sphere.points):
-            arm = at[i][which] - sphere.centre
-            length = np.linalg.norm(arm, axis=1)
-            unit = arm / length[:, None]
+        out, columns = [], self._columns[k]
+        for i, which in enumerate(body.points):
+            away, unit, by = body.distance(at[i][which])
             common = self._zeros(len(which))
             for c, s in zip(np.flatnonzero(self.active[: self._own]), slopes, strict=True):
                 common[:, c] = np.einsum("mi,mi->m", unit, s[i][which])
-            common[:, column : column + 3] = -unit
-            common[:, column + 3] = -1.0
-            sigma = self.sphere_sigma[k][i]
-            away = (length - sphere.radius) / sigma
+            common[:, columns] = by
+            sigma = self.body_sigma[k][i]
             step = self.sweeps[i].step[which]
-            out += self._by_step(i, step, sphere_kind(k), -away, common / sigma[:, None])
-        if sphere.known is not None:
-            radius, sigma_r = sphere.known
-            common = self._zeros(1)
-            common[0, column + 3] = 1 / sigma_r
-            off = np.array([(radius - sphere.radius) / sigma_r])
-            out.append(Block(-1, PRIOR_SIZE, off, common, np.zeros((1, 0))))
+            out += self._by_step(i, step, body_kind(k), -away / sigma, common / sigma[:, None])
+        last = columns.stop - len(body.sizes)
+        for j, (size, known) in enumerate(zip(body.sizes, body.known, strict=True)):
+            if known is not None:
+                common = self._zeros(1)
+                common[0, last + j] = 1 / known[1]
+                off = np.array([(known[0] - size) / known[1]])
+                out.append(Block(-1, PRIOR_SIZE, off, common, np.zeros((1, 0))))
+        places = columns.stop - columns.start - len(body.sizes)
+        common = self._zeros(places)
+        common[np.arange(places), columns.start + np.arange(places)] = 1 / _ANYWHERE
+        out.append(Block(-1, PRIOR_PLACE, np.zeros(places), common, np.zeros((places, 0))))
         return out
 
     def _priors(self, state: Surfaces) -> list[Block]:
@@ -287,9 +296,9 @@ class SurfaceNetwork:
         return out
 
 
-def sphere_kind(sphere: int) -> str:
-    """The kind of the residuals of points on a sphere."""
-    return f"sphere {sphere + 1}"
+def body_kind(body: int) -> str:
+    """The kind of the residuals of points on a body."""
+    return f"body {body + 1}"
 
 
 def not_below(sigma: Floats) -> Floats:

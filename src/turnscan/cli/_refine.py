@@ -19,21 +19,30 @@ _path = click.Path(path_type=Path)
     "--rig", type=_path, help="rig.json, or what a ruler says (.toml).  [default: the scan's]"
 )
 @flags_of(workflows.RefineOptions)
+@click.option(
+    "--artefact",
+    type=_path,
+    help="File of the sphere or ball bar that is the part, TOML or JSON, as verify takes it.",
+)
 @click.option("-o", "--output", required=True, type=_path, help="rig.json to write.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def verb(
     scan: Path,
     rig: Path | None,
     options: workflows.RefineOptions,
+    artefact: Path | None,
     output: Path,
     as_json: bool,
 ) -> None:
-    """Improve a rig by SCAN, of any part seen by two lasers or in two turns, or of a sphere.
+    """Improve a rig by SCAN, of any part seen by two lasers or in two turns, or of a known body.
 
     What two lasers see of one part is one surface: laser sheets and axis move within their
     uncertainty, and errors of the table (eccentric drive, play) are estimated where the scan
-    demands them. What it says nothing of stays as it was, and is named.
+    demands them. A body of known form, wherever it stands, must come out as it is, and its known
+    lengths give the scale. What the scan says nothing of stays as it was, and is named.
     """
     with progress_bar() as progress:
-        done = workflows.refine(scan, output, options, rig=rig, progress=progress)
+        done = workflows.refine(
+            scan, output, options, rig=rig, artefact=artefact, progress=progress
+        )
     click.echo(done.figures() if as_json else str(done))

@@ -28,6 +28,7 @@ from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output, write_atomically
 from turnscan.workflows._kept_options import kept_options
 from turnscan.workflows._reading import read_rig_file
+from turnscan.workflows._refine_body import body_of
 from turnscan.workflows._refine_options import RefineOptions
 
 _DETECTION = 0.6
@@ -82,14 +83,16 @@ def refine(
     options: RefineOptions | None = None,
     *,
     rig: Rig | str | PathLike[str] | None = None,
+    artefact: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
     **changes: Any,
 ) -> RefinedRig:
-    """Improve a rig by a scan of any part, from two lasers or turns, or of a sphere.
+    """Improve a rig by a scan of any part, from two lasers or turns, or of a known body.
 
     What two lasers see of one part is one surface: sheets and axis move within their uncertainty,
     and the table's own errors (harmonics of its turn, play) are estimated where the scan demands
-    them, until the surfaces agree. A sphere of known diameter also gives the scale.
+    them, until the surfaces agree. A body whose form is known (sphere, ball bar, tilted cylinder or
+    cone) must come out as it is, wherever it stands; its known lengths give the scale.
 
     Parameters
     ----------
@@ -102,6 +105,8 @@ def refine(
     rig
         The rig to begin with; None takes the one in the scan. A rig without uncertainties keeps
         sheets and axis as they are.
+    artefact
+        The file of the sphere or ball bar that is the part, as `verify` takes it.
     progress
         Told how far it is; it may cancel.
     changes
@@ -129,6 +134,7 @@ def refine(
     if not path.is_file():
         raise InputError(f"{path}: no such file", hint="check the name")
     check_output(output, (".json",), [path])
+    body = body_of(wanted, artefact)
     begin = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
     with Scan.open(path) as opened:
         begin = rig_for(opened, begin)
@@ -145,9 +151,7 @@ def refine(
         still = replace(begin, motion=None)
         seen = detect_scan(opened, still, settings.stripes, settings.volume, tick)
     sweeps = sweeps_of(seen, settings)
-    sphere = wanted.sphere
-    radius = None if sphere is None else (sphere / 2, wanted.sphere_sigma / 2)
-    limits = RefineSettings(wanted.camera, not wanted.table_only, radius)
+    limits = RefineSettings(wanted.camera, not wanted.table_only, body)
     step = progress.subrange(_DETECTION, 1, "fitting the surfaces").counter(limits.rounds)
     done = adjust_rig(begin, sweeps, limits, step)
     done = replace(done, rig=replace(done.rig, evidence=(*begin.evidence, evidence)))
@@ -220,7 +224,7 @@ def table_findings(seen: Sequence[Detection], grids: Sequence[RangeGrid]) -> lis
 
 
 def _worded(name: str, m: Measured) -> str:
-    angle = name.startswith("motion.") or ".turn_" in name
+    angle = name.startswith("motion.") or ".turn_" in name or name.endswith("angle")
     unit = "°" if angle else " mm"
     value, sigma = (math.degrees(m.value), math.degrees(m.sigma)) if angle else (m.value, m.sigma)
     return f"{value:+.4f} ± {sigma:.4f}{unit}"

@@ -17,8 +17,14 @@ class RefineOptions(Checked):
         least=0, above=True,
     )  # fmt: skip
     sphere_sigma: float = option(
-        0.01, "number", "Standard uncertainty of that diameter, mm.", least=0, above=True
-    )
+        0.01, "number", "Standard uncertainty of the diameter that is given, mm.",
+        least=0, above=True,
+    )  # fmt: skip
+    body: str | None = option(
+        None, "text",
+        "Another form that is the part, tilted: cylinder, cone, or a sphere of unknown size; with "
+        "a diameter (cylinder:40.02) or half angle (cone:15) that is known.",
+    )  # fmt: skip
     camera: bool = option(False, "switch", "Let the camera move, too, within its uncertainty.")
     table_only: bool = option(
         False, "switch", "Hold laser sheets and axis; estimate the table's errors alone."

@@ -1,0 +1,69 @@
+"""What the part of a refinement is said to be, and what is no body to refine a rig by."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from turnscan.calibrate import Balls, Round
+from turnscan.errors import InputError
+from turnscan.workflows import RefineOptions, refine
+from turnscan.workflows._refine_body import Form, Known, body_of
+
+HEAD = 'format = "turnscan-artefact"\nversion = 1\nname = "it"\nmeasured = "exact"\nform_mm = 0.0\n'
+BAR = (
+    HEAD
+    + """kind = "ball-bar"
+diameters_mm = [20.002, 20.004]
+diameters_U_mm = 0.002
+distance_mm = 80.012
+distance_U_mm = 0.004
+"""
+)
+BLOCK = HEAD + 'kind = "step-block"\nheights_mm = [5.0, 10.0]\nheights_U_mm = 0.001\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "form", "known"),
+    [
+        ("sphere", Balls(), (None,)),
+        ("cylinder:40", Round(), ((20.0, 0.005),)),
+        ("cone", Round(conical=True), (None, None)),
+        ("cone:15", Round(conical=True), (None, (math.radians(15), math.radians(0.01)))),
+    ],
+)
+def test_a_form_is_read_with_its_size(
+    text: str, form: Form, known: tuple[Known | None, ...]
+) -> None:
+    assert body_of(RefineOptions(body=text), None) == (form, known)
+
+
+@pytest.mark.parametrize("text", ["cube", "cylinder:wide", "cone:95", "cylinder:-4", "sphere:nan"])
+def test_what_is_no_form_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="not a form with its size"):
+        body_of(RefineOptions(body=text), None)
+
+
+def test_a_ball_bar_counts_as_it_was_measured(tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(BAR)
+    found = body_of(RefineOptions(), path)
+    assert found is not None
+    assert found[0] == Balls(2)
+    lengths = [one for one in found[1] if one is not None]
+    assert [value for value, _ in lengths] == pytest.approx([10.001, 10.002, 80.012])
+    assert [sigma for _, sigma in lengths] == pytest.approx([0.0005, 0.0005, 0.002])
+
+
+def test_a_block_and_a_part_described_twice_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "block.toml"
+    path.write_text(BLOCK)
+    with pytest.raises(InputError, match="no rig is refined by a step-block"):
+        body_of(RefineOptions(), path)
+    scan = tmp_path / "part.turnscan"
+    scan.write_bytes(b"")
+    with pytest.raises(InputError, match="described twice"):
+        refine(scan, tmp_path / "rig.json", sphere=36.0, body="cone")
+    assert not (tmp_path / "rig.json").exists()
