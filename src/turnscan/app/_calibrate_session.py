@@ -50,32 +50,32 @@ class CalibrateRoom:
         """JPEG, by the number of the view."""
         self._shown = 0
 
-    def begin(self, wish: q.BeginCalibration) -> None:
+    def begin(self, request: q.BeginCalibration) -> None:
         """Start again, with these boards. Raises FormatError for a board that is none, InputError
         for a print of it that cannot be used."""
         self._live = live = LiveCalibration(
-            wish.board, wish.table, wish.lowest_mm, wish.orientation, wish.rulers_mm
+            request.board, request.table, request.lowest_mm, request.orientation, request.rulers_mm
         )
         self._verdict = None
         self._pictures.clear()
         self._rig.find_board = lambda picture: Board(*live.seen(picture))
         self.tell()
 
-    def capture(self, wish: q.Capture) -> Job:
+    def capture(self, request: q.Capture) -> Job:
         """Take pictures, and look at each as it comes, as a job; those of the table replace others.
 
         Afterwards all there is is adjusted, for advice on what to take next. Raises InputError
         where there is no calibration, or the pictures cannot be.
         """
         live = self._begun()
-        ends = wish.range_deg
+        ends = request.range_deg
         options = CaptureOptions(
-            stage=wish.stage,
-            count=wish.count,
+            stage=request.stage,
+            count=request.count,
             range_deg=None if ends is None else f"{ends[0]:.4f}:{ends[1]:.4f}",
-            every=wish.every,
-            laser_name=wish.laser,
-            exposure=wish.seconds,
+            every=request.every,
+            laser_name=request.laser,
+            exposure=request.seconds,
         )
         series = options.series(self._rig.connected.hardware.lasers.names)
         self._rig.look_off()
@@ -86,12 +86,12 @@ class CalibrateRoom:
             good = 0
             what = "calibration pictures are being taken"
             with self._rig.using(what, job) as bench:
-                if wish.stage == "table":
+                if request.stage == "table":
                     live.forget_table()
 
                 def keep(shot: Shot) -> None:
                     nonlocal good
-                    view = live.keep(wish.stage, shot)
+                    view = live.keep(request.stage, shot)
                     good += not view.failure
                     self._show(shot, live, view.number)
                     self.tell()
@@ -102,7 +102,7 @@ class CalibrateRoom:
             self.tell()
             return Result(f"{good} of {shots} pictures can be used")
 
-        return self._jobs.start("calibrate", _TITLES[wish.stage], work)
+        return self._jobs.start("calibrate", _TITLES[request.stage], work)
 
     def _show(self, shot: Shot, live: LiveCalibration, view: int) -> None:
         """Tell everybody the picture that was just taken, and keep it small."""
@@ -134,14 +134,14 @@ class CalibrateRoom:
         self._pictures.pop(view, None)
         self.tell()
 
-    def finish(self, wish: q.FinishCalibration) -> Job:
+    def finish(self, request: q.FinishCalibration) -> Job:
         """Calibrate, keep the rig as a file of the folder, and use it from now on, as a job.
 
         The report is kept beside it, also where the rig is not worth being kept.
         """
         live = self._begun()
-        path = self._library.new_file(wish.name, ".json")
-        page = self._library.new_file(f"{wish.name.removesuffix('.json')}-report", ".html")
+        path = self._library.new_file(request.name, ".json")
+        page = self._library.new_file(f"{request.name.removesuffix('.json')}-report", ".html")
 
         def work(job: Job) -> Result:
             try:

@@ -16,7 +16,7 @@ _FEWEST = 4
 _UNLIKE = 1.2
 """Squares of two slopes differ by this much where they can tell thickness from blur."""
 _SURE = 0.25
-"""Uncertainty of the thickness, as a part, above which it is not told."""
+"""Relative uncertainty of the thickness above which none is stated."""
 
 
 def sheet_thickness(

@@ -19,7 +19,7 @@ from turnscan.workflows._shapes import FREEFORM, FoundShapes
 from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv, finite
 
 _MARKED = ((213, 94, 0), (0, 114, 178))
-"""Of the shapes of a feature: vermilion and blue, told apart with every common colour blindness."""
+"""Of the shapes of a feature: vermilion and blue, distinct for every common colour blindness."""
 _MOST = 60
 """Features that have a picture; a part with more has them in the table alone."""
 _SIZE = (360, 270)

@@ -52,7 +52,7 @@ _HEIGHTS = 10
 _MOSTLY = 0.9
 """Share of the points on the surface of revolution below which it is said."""
 _PLACES = 5
-"""Of the profile that a piece must have for its size to be told: shorter ones are edges."""
+"""Places of the profile that a piece needs before its size is stated: shorter pieces are edges."""
 _EXACT = 1e-6
 _FACETS = 0.1
 """Of the points' scatter: how far facets are off the solid that points are compared with."""

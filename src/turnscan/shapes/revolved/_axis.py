@@ -34,7 +34,7 @@ _SHARP, _ENOUGH = 0.5, 12
 _LEAST = 3
 """Points of a cell that count."""
 _WAYS = 12
-"""Directions of the normal that cells of one place are told apart by."""
+"""Directions of the normal into which the cells of one place are divided."""
 _FAR = 4.0
 """Robust standard deviations beyond which a point is not on the surface: a handle, a keyway."""
 _OPEN = 0.04
