@@ -22,9 +22,8 @@ from turnscan.drawings import (
 )
 from turnscan.errors import ExportError, InputError
 from turnscan.findings import Finding, record
-from turnscan.meshing import source_of
 from turnscan.progress import Progress, no_progress
-from turnscan.shapes import Arc, FittedSection, Line, calibration_moves, deviation, fit_outlines
+from turnscan.shapes import Arc, FittedSection, Line, deviation, fit_outlines
 from turnscan.shapes.revolved import (
     Cylindricity,
     Roundness,
@@ -40,9 +39,8 @@ from turnscan.shapes.revolved import (
 from turnscan.workflows import _document as doc
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_apart, check_output, write_atomically
-from turnscan.workflows._loading import Source, load
-from turnscan.workflows._reconstruct import reconstruct
-from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._loading import Source
+from turnscan.workflows._measured_surface import measured_surface
 from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
 from turnscan.workflows._sections import section_file
 from turnscan.workflows._shapes_step import is_step
@@ -240,16 +238,7 @@ def revolve(
     'profile of the wall'
     """
     wanted = chosen(RevolveOptions, options, changes)
-    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".turnscan":
-        source = reconstruct(source, progress=progress)
-    loaded = load(source, progress=progress)
-    if not len(loaded.mesh.faces):
-        raise InputError(f"{loaded.name}: no faces", hint="a turned part is measured on a mesh")
-    moves = []
-    if isinstance(source, ReconstructResult):
-        done = source.reconstruction
-        known = done.source or source_of(done.grids, source.rig)
-        moves = [*calibration_moves(loaded.mesh, known), *known.moves]
+    loaded, moves = measured_surface(source, "a turned part is measured on a mesh", progress)
     turned = turned_about(loaded.mesh, moves)
     cut, chains = wall_profile(turned)
     fitted = fit_outlines(chains, wanted.tolerance)

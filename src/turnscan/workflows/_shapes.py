@@ -15,9 +15,7 @@ from turnscan.drawings import with_sigma
 from turnscan.errors import InputError
 from turnscan.findings import Finding, record
 from turnscan.mesh import Mesh
-from turnscan.meshing import source_of
 from turnscan.progress import Progress, no_progress
-from turnscan.shapes import calibration_moves
 from turnscan.shapes.primitives import (
     Edge,
     FormError,
@@ -35,9 +33,8 @@ from turnscan.shapes.primitives import find_shapes as find_in_mesh
 from turnscan.workflows import _document as doc
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import write_atomically
-from turnscan.workflows._loading import Source, load
-from turnscan.workflows._reconstruct import reconstruct
-from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._loading import Source
+from turnscan.workflows._measured_surface import measured_surface
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
 from turnscan.workflows._shapes_step import StepFile, is_step, step_of
@@ -194,16 +191,7 @@ def find_shapes(
     True
     """
     wanted = chosen(ShapesOptions, options, changes)
-    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".turnscan":
-        source = reconstruct(source, progress=progress)
-    loaded = load(source, progress=progress)
-    if not len(loaded.mesh.faces):
-        raise InputError(f"{loaded.name}: no faces", hint="shapes are found on a mesh")
-    moves = []
-    if isinstance(source, ReconstructResult):
-        done = source.reconstruction
-        known = done.source or source_of(done.grids, source.rig)
-        moves = [*calibration_moves(loaded.mesh, known), *known.moves]
+    loaded, moves = measured_surface(source, "shapes are found on a mesh", progress)
     found = find_in_mesh(
         loaded.mesh,
         tolerance=wanted.tolerance,

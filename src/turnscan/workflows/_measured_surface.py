@@ -1,0 +1,34 @@
+"""A surface that is to be measured, and how its calibration's doubt moves it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from turnscan.arrays import Floats
+from turnscan.errors import InputError
+from turnscan.meshing import source_of
+from turnscan.progress import Progress
+from turnscan.shapes import calibration_moves
+from turnscan.workflows._loading import Loaded, Source, load
+from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._result import ReconstructResult
+
+
+def measured_surface(source: Source, why: str, progress: Progress) -> tuple[Loaded, list[Floats]]:
+    """The surface, and how its vertices (v, 3) mm move with one standard deviation of each cause.
+
+    A scan is reconstructed with its own settings; of a mesh no common cause is known. ``why`` a
+    surface is needed is the hint of the error.
+
+    Raises InputError where it has no face; else as `load` and `reconstruct`.
+    """
+    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".turnscan":
+        source = reconstruct(source, progress=progress)
+    loaded = load(source, progress=progress)
+    if not len(loaded.mesh.faces):
+        raise InputError(f"{loaded.name}: no faces", hint=why)
+    if not isinstance(source, ReconstructResult):
+        return loaded, []
+    done = source.reconstruction
+    known = done.source or source_of(done.grids, source.rig)
+    return loaded, [*calibration_moves(loaded.mesh, known), *known.moves]
