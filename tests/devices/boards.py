@@ -63,11 +63,11 @@ class NearLink:
     def __init__(self, dialect: str, board: Firmware) -> None:
         self.dialect, self.board = dialect, board
         self.written: list[bytes] = []
-        self.flying = self.most_flying = 0
+        self.flying = self.most_flying = self.darks = 0
         self.silent: Callable[[float], None] = lambda seconds: None
         """Told of each wait in vain, which takes no time here."""
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes, darks: int | None = None) -> None:
         self.written.append(data)
         if data.endswith((b"\n", b"\r")):
             self.flying += 1

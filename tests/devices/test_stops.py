@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from tests.devices.boards import PATIENT, plugged
+from turnscan.devices._guard_client import Interrupted
 from turnscan.errors import DeviceAlarm, TurnscanError
 
 
@@ -36,6 +37,45 @@ def test_a_hold_that_comes_behind_the_reset(dialect: str) -> None:
         device._held = True
         device.move_to(math.radians(20.0), 10.0)
         assert device.alarm == ""
+
+
+@pytest.mark.parametrize("dialect", ["grbl", "horus"])
+def test_a_dark_between_the_modes_and_the_move(dialect: str) -> None:
+    """The reset forgets the zero that the move is counted from: it is not sent any more."""
+    with plugged(dialect, deadlines=PATIENT) as (device, socket):
+        device.move_to(math.radians(200.0), 10.0)
+        claim, stood = device._claim, socket.firmware.turned
+
+        def late() -> None:
+            claim()
+            device.off()
+
+        device._claim = late
+        with pytest.raises(Interrupted):
+            device.move_to(math.radians(210.0), 10.0)
+        device._claim = claim
+        assert socket.firmware.turned == stood
+        assert device.alarm == ""
+        assert device.move_to(math.radians(220.0), 10.0) == pytest.approx(math.radians(220.0), 0.01)
+        assert socket.firmware.turns == pytest.approx(220.0 / 360.0, abs=1e-3)
+
+
+def test_a_dark_between_a_move_and_the_question_for_its_end() -> None:
+    """A board that was reset has ended nothing: its answer would say that the table is there."""
+    with plugged("grbl", deadlines=PATIENT) as (device, socket):
+        finish = device._finish
+
+        def late(end: float) -> None:
+            device.off()
+            finish(end)
+
+        device._finish = late
+        with pytest.raises(Interrupted):
+            device.move_to(math.radians(200.0), 10.0)
+        device._finish = finish
+        assert device.alarm == ""
+        device.move_to(math.radians(20.0), 10.0)
+        assert socket.firmware.turns == pytest.approx(20.0 / 360.0, abs=1e-3)
 
 
 def work(device: Any, over: threading.Event) -> None:

@@ -73,6 +73,9 @@ class Board(ABC):
         self._stop = threading.Event()
         self._unsettled = self._held = False
         self._offs = 0
+        self._settled = link.darks
+        """Darks of the link before the modes of the board were set: a move is sent only where there
+        was none since, as a board that was reset would count it from another zero."""
         self._lit: frozenset[str] = frozenset()
         self._lost: TurnscanError | None = None
         self._remembers = False
@@ -321,7 +324,7 @@ class Board(ABC):
             try:
                 offs += self._end_hold()
                 if self._unsettled:
-                    self._unsettled = False
+                    self._settled, self._unsettled = self._link.darks, False
                     self._lines.clear()
                     self._settle()
                 self._lines.expect_nothing()
@@ -484,13 +487,16 @@ class Board(ABC):
         *,
         each: Callable[[Sentence], None] | None = None,
         until: Kind = Kind.OK,
+        darks: int | None = None,
     ) -> Sentence:
         """Send a line and read to its answer; settings, messages, numbers go to ``each``.
+
+        ``darks``: see `Link.write`.
 
         Raises DeviceTimeout, DeviceGarbled, DeviceRefused, DeviceAlarm, DeviceRestarted.
         """
         self._lines.expect_nothing()
-        self._link.write(text.encode("ascii"))
+        self._link.write(text.encode("ascii"), darks)
         end = time.monotonic() + self._d.acknowledge if end is None else end
         what = repr(text.strip())
         while True:

@@ -105,7 +105,7 @@ class GrblBoard(Board):
         x = self._steps.degrees_of(unit - self._zeroed)
         distance = self._degrees(unit - self._unit)
         expected = travel_time(distance, self._rate / 60, self._acceleration)
-        self._ask(f"G1 X{decimal(x, 5)} F{self._rate:.0f}\n")
+        self._ask(f"G1 X{decimal(x, 5)} F{self._rate:.0f}\n", darks=self._settled)
         self._finish(self._move_end(expected, end))
         count = self._count()
         if abs(count + self._left.base - unit) > self._tolerance():
@@ -114,7 +114,7 @@ class GrblBoard(Board):
     def _finish(self, end: float) -> None:
         """Wait for the planner to run empty; raises DeviceRefused once `stop` was called."""
         self._lines.expect_nothing()
-        self._link.write(b"G4 P0\n")
+        self._link.write(b"G4 P0\n", self._settled)
         while (data := self._lines.poll(0.02, end, "'G4 P0'")) is None:
             if self._stop.is_set():
                 raise DeviceRefused(f"{self.setup.port}: stopped")

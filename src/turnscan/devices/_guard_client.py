@@ -70,8 +70,13 @@ class Interrupted(DeviceAlarm):
 class Link(Protocol):
     """Bytes in, bytes out, and the two things that only a guard may do."""
 
-    def write(self, data: bytes) -> None:
-        """Send; returns at once."""
+    @property
+    def darks(self) -> int:
+        """Grows with each dark; what a board had been told before one it may have forgotten."""
+        ...
+
+    def write(self, data: bytes, darks: int | None = None) -> None:
+        """Send; returns at once. Raises Interrupted where there was a dark since ``darks``."""
         ...
 
     def read(self, timeout: float) -> bytes:
@@ -201,13 +206,18 @@ class GuardedLink:
             )
         raise LaserStateUnknown(f"{port}: the controller did not confirm lasers off", hint=CUT)
 
-    def write(self, data: bytes) -> None:
-        """Send. Raises DeviceDisconnected, SafetyError where the guard has ended."""
+    @property
+    def darks(self) -> int:
+        """See `Link`."""
+        return self._darks
+
+    def write(self, data: bytes, darks: int | None = None) -> None:
+        """See `Link`. Raises DeviceDisconnected, SafetyError where the guard has ended."""
         self._check_barred()
         if data != b"!":  # it may come from another thread than the one that waits for an answer
             self._darks_before = self._darks
         for at in range(0, len(data), _PART):
-            self._frame(b"W", data[at : at + _PART])
+            self._frame(b"W", data[at : at + _PART], darks)
 
     def read(self, timeout: float) -> bytes:
         """What has come since.
@@ -332,22 +342,33 @@ class GuardedLink:
         if self._barred is not None:
             raise self._barred
 
-    def _frame(self, kind: bytes, payload: bytes = b"") -> None:
-        """The lock keeps frames in one order; who waits for a guard that hangs sees it killed."""
+    def _frame(self, kind: bytes, payload: bytes = b"", darks: int | None = None) -> None:
+        """The lock keeps frames in one order; who waits for a guard that hangs sees it killed.
+
+        A dark counts once more here: what was written between its request and its frame came before
+        it. ``darks``: how many there were when what is sent was right; raises Interrupted.
+        """
         if not self._closing.is_set() or kind != b"Q":
             self._check()
         if not self._pipe.acquire(timeout=1.0):
             raise SafetyError(f"{self.settings.port}: the laser guard does not accept requests")
         try:
+            self._darks += kind == b"D"
+            if darks is not None and darks != self._darks:
+                raise Interrupted(self.settings.port)
+            self._send(_guard.pack(kind, payload))
+        finally:
+            self._pipe.release()
+
+    def _send(self, frame: bytes) -> None:
+        try:
             if self._guard.stdin is not None:
-                self._guard.stdin.write(_guard.pack(kind, payload))
+                self._guard.stdin.write(frame)
         except (OSError, ValueError):
             self._ended.wait(1.0)  # then it is known how, and what became of the lasers
             raise self._failure or SafetyError(
                 f"{self.settings.port}: the laser guard has ended", hint="start again"
             ) from None
-        finally:
-            self._pipe.release()
 
     def _ask(self, kind: bytes, payload: bytes) -> tuple[int, bytes, bytes]:
         seq = next(self._numbers)

@@ -97,7 +97,7 @@ class HorusBoard(Board):
         expected = travel_time(distance, self._speed, self._acceleration)
         self._lines.expect_nothing()
         self._asked_to_move = True
-        self._link.write(f"G1X{degrees}\r\n".encode())
+        self._link.write(f"G1X{degrees}\r\n".encode(), self._settled)
         move_end = self._move_end(expected, end)
         while (line := self._lines.poll(0.02, move_end, f"'G1X{degrees}'")) is None:
             if self._stop.is_set() and not self._whole:
