@@ -193,9 +193,9 @@ class Board(ABC):
             self._unlock()
             self._claim()
             self._zero()
-            self._lost, self._unsettled, self._remembers = None, False, True
+            self._lost, self._remembers = None, True
             self._note(replace(self._left, fresh=False))
-            self._settle()
+            self._set_modes()
 
     def look_over(self) -> bool:
         """End the alarm after a person has inspected the machine. Whether `angle` was kept."""
@@ -203,8 +203,8 @@ class Board(ABC):
             self._end_hold()
             self._lines.clear()
             self._unlock()
-            self._lost, self._unsettled = None, False
-            self._settle()
+            self._lost = None
+            self._set_modes()
         return self._remembers
 
     def close(self) -> None:
@@ -324,9 +324,8 @@ class Board(ABC):
             try:
                 offs += self._end_hold()
                 if self._unsettled:
-                    self._settled, self._unsettled = self._link.darks, False
                     self._lines.clear()
-                    self._settle()
+                    self._set_modes()
                 self._lines.expect_nothing()
                 yield
             except BaseException as e:
@@ -336,6 +335,11 @@ class Board(ABC):
                 if isinstance(e, _NEEDS_A_PERSON) and not interrupted:
                     self._lose(e)
                 raise
+
+    def _set_modes(self) -> None:
+        """Again after a dark; another one that comes meanwhile makes it necessary once more."""
+        self._settled, self._unsettled = self._link.darks, False
+        self._settle()
 
     def _interrupted(self, error: BaseException, offs: int) -> bool:
         """Whether an error says no more than that another thread put the lasers out, or stopped.
