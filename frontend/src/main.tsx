@@ -20,6 +20,7 @@ import { KeySheet, Notices, Palette, StatusLine } from "./ui/frame";
 import { InviteDialog } from "./ui/invite";
 import { Alarm, StopButton, TopBar } from "./ui/topbar";
 import { verbRoom } from "./verbs/form";
+import { startPoints } from "./verbs/points";
 import { openVerb, startVerbs, verbs } from "./verbs/state";
 
 function room() {
@@ -62,6 +63,7 @@ startExport();
 startDeviation();
 startVerbs();
 startDemo();
+startPoints();
 roomList.value = rooms;
 effect(() => {
   roomCommands.value = room().commands;

@@ -139,7 +139,7 @@ async function takeMesh(scan: string): Promise<void> {
     revision = header.revision;
     epoch = header.epoch;
     lasers.value = header.lasers;
-    mesh.value = new MeshModel({ ...vertexArrays(arrays, ""), alive: arrays.u8("alive") });
+    mesh.value = modelOf(arrays);
     changed(null);
   } catch (error) {
     complain(error);
@@ -151,6 +151,11 @@ async function takeMesh(scan: string): Promise<void> {
 function changed(parts: readonly Part[] | null): void {
   shape.value += 1;
   for (const listener of meshListeners) listener(parts);
+}
+
+/** The mesh that an answer of the server holds. */
+export function modelOf(arrays: Arrays): MeshModel {
+  return new MeshModel({ ...vertexArrays(arrays, ""), alive: arrays.u8("alive") });
 }
 
 function vertexArrays(arrays: Arrays, prefix: string): Omit<MeshArrays, "alive"> {

@@ -220,6 +220,13 @@ export interface DeviationShown {
   rms: number;
   p95: number;
   worst: number;
+  /** How the surface was brought onto the reference, in words. */
+  alignment: string;
+  findings: Remark[];
+  features: FeatureShown[];
+  checks: SizeCheck[];
+  /** Whether all tolerances are kept; empty without any. */
+  verdict: "pass" | "fail" | "undecided" | "";
 }
 
 /** A camera or a turntable. */
@@ -303,6 +310,16 @@ export interface ExportRequest {
   ascii?: boolean;
 }
 
+/** A feature of a reference, and how what was measured of it lies to it, mm. */
+export interface FeatureShown {
+  number: number;
+  /** In words. */
+  nominal: string;
+  points: number;
+  mean: number;
+  rms: number;
+}
+
 /** What the surface is like now. */
 export interface Figures {
   vertices: number;
@@ -329,6 +346,13 @@ export interface FileEntry {
   sent: boolean;
   /** Verbs that take it. */
   takers: string[];
+}
+
+/** Of ``/api/files/{file}/mesh``; its own colours are the array colour u8 (v, 3). */
+export interface FileMeshHeader {
+  /** What the numbers in the array laser stand for. */
+  lasers: string[];
+  unit: "mm";
 }
 
 /** The files that verbs take; to everybody where they have changed. */
@@ -536,6 +560,7 @@ export interface JobState {
   options: RemedyOption[];
   download: string | null;
   files: ResultFile[];
+  tables: ResultTable[];
   findings: Remark[];
 }
 
@@ -842,6 +867,13 @@ export interface ResultFile {
   scan: boolean;
 }
 
+/** What a verb found out, as a table. */
+export interface ResultTable {
+  title: string;
+  head: string[];
+  rows: string[][];
+}
+
 /** Take what an interrupted scan is missing, with the devices that are connected: a job. */
 export interface Resume {
   id: number;
@@ -995,7 +1027,7 @@ export interface SettingsSet {
   options: Record<string, unknown>;
 }
 
-/** Compare with a mesh or a scan that is in the same frame: answered by ``deviation``. */
+/** Compare with a mesh, a CAD part or a scan: answered by ``deviation``. */
 export interface ShowDeviation {
   id: number;
   kind: "show_deviation";
@@ -1004,12 +1036,36 @@ export interface ShowDeviation {
   reference: string;
   /** Of the reference. */
   unit?: "mm" | "cm" | "m" | "inch";
+  align?: "none" | "shape" | "datums";
+  /** Numbers of features of the reference, in the order of precedence. */
+  datums?: number[];
+  /** Whether its features and their sizes are told. */
+  features?: boolean;
+  /** A file of the list. */
+  tolerance_table?: string | null;
 }
 
 /** Open the folder of the scans in the file manager of the server's computer. */
 export interface ShowFolder {
   id: number;
   kind: "show_folder";
+}
+
+/** A size of features of a reference, or the profile of one; mm, or degrees. */
+export interface SizeCheck {
+  features: number[];
+  quantity: string;
+  nominal: number;
+  measured: number;
+  /** k = 2. */
+  uncertainty: number | null;
+  unit: string;
+  /** As the table has it; empty where it says nothing. */
+  tolerance: string;
+  /** Of the deviation from nominal. */
+  limits: [number, number] | null;
+  /** By ISO 14253-1. */
+  verdict: "pass" | "fail" | "undecided" | "";
 }
 
 /**

@@ -4,6 +4,7 @@ import { link } from "./bus";
 import { cursor, history, holes, loading, type Mark, mark, mesh, profile, shownRevision } from "./part";
 import { onPage } from "./repair/panes";
 import { connection } from "./state";
+import { ownViews } from "./verbs/ownview";
 import { currentViewport } from "./viewport/place";
 
 export interface Readable {
@@ -32,6 +33,8 @@ export interface Readable {
   readonly camera: { azimuth: number; elevation: number; distance: number; target: readonly number[] } | null;
   /** Where a point of the part is in the window, CSS pixels. */
   place(point: [number, number, number]): { x: number; y: number } | null;
+  /** The same in a view of its own, by its label. */
+  placeIn(label: string, point: [number, number, number]): { x: number; y: number } | null;
   /** Where a step and a line of the grid on the page are in the window, CSS pixels. */
   cell(step: number, line: number): { x: number; y: number } | null;
 }
@@ -104,6 +107,9 @@ export function expose(): void {
     },
     place(point) {
       return currentViewport()?.windowPlace(point) ?? null;
+    },
+    placeIn(label, point) {
+      return ownViews.get(label)?.windowPlace(point) ?? null;
     },
     cell(step, line) {
       return onPage.grid?.cell(step, line) ?? null;

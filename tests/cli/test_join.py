@@ -9,30 +9,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tests.analytic import full_turn, with_noise
-from tests.poses.scenes import STANDS, STEPS, rig_for, stripes
+from tests.poses.scenes import STANDS, write_scan
 from turnscan.cli import turnscan
 from turnscan.errors import InputError
 from turnscan.formats import read_mesh
-from turnscan.scan import Frame, Scan, ScanPlan
+from turnscan.scan import Scan
 from turnscan.workflows import ReconstructOptions
 from turnscan.workflows._kept_options import keep_options
 
 NAMES = {"up": "knob", "down": "knob lying"}
 PICKS = np.array([[26.0, 12, 20], [-20, 14, 40], [0, -16, 5], [14, 8, 55]])
-
-
-def write_scan(path, name, seed):
-    plan = ScanPlan(320, 240, "uint8", 1, ("L0",), STEPS, 12.0)
-    u, angles = np.arange(320), full_turn(STEPS)
-    rng = np.random.default_rng(seed)
-    with Scan.create(path, plan, rig_for(name)) as scan:
-        for k, stripe in enumerate(with_noise(stripes(name), 0.05, seed)):
-            at = np.nan_to_num(stripe.position, nan=-1e3)[:, None]
-            light = 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2) + rng.normal(12, 1.0, (240, 320))
-            dark = rng.normal(12, 1.0, (240, 320))
-            as_u8 = [np.clip(np.rint(p), 0, 255).astype(np.uint8) for p in (light, dark)]
-            scan.add(Frame(k, "L0", *as_u8, commanded=float(angles[k])))
 
 
 @pytest.fixture(scope="module")

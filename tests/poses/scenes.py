@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape, spher
 from turnscan.points import RangeGrid, Volume, build_grid, clip, drop_specks
 from turnscan.poses import View, view
 from turnscan.rig import Pose, Rig, rotation_about
+from turnscan.scan import Frame, Scan, ScanPlan
 from turnscan.stripes import Stripe
 from turnscan.surface.clean import clean
 from turnscan.surface.fusion import range_surfaces
@@ -93,3 +95,17 @@ def truth(a: str, b: str) -> Pose:
 def apart(a: Pose, b: Pose, v: View) -> float:
     """mm rms between the points of a view in two poses."""
     return float(np.sqrt(((a.apply(v.points) - b.apply(v.points)) ** 2).sum(axis=1).mean()))
+
+
+def write_scan(path: Path, name: str, seed: int) -> None:
+    """A turn of a part as it stands, as a scan file."""
+    plan = ScanPlan(320, 240, "uint8", 1, ("L0",), STEPS, 12.0)
+    u, angles = np.arange(320), full_turn(STEPS)
+    rng = np.random.default_rng(seed)
+    with Scan.create(path, plan, rig_for(name)) as scan:
+        for k, stripe in enumerate(with_noise(stripes(name), 0.05, seed)):
+            at = np.nan_to_num(stripe.position, nan=-1e3)[:, None]
+            light = 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2) + rng.normal(12, 1.0, (240, 320))
+            dark = rng.normal(12, 1.0, (240, 320))
+            as_u8 = [np.clip(np.rint(p), 0, 255).astype(np.uint8) for p in (light, dark)]
+            scan.add(Frame(k, "L0", *as_u8, commanded=float(angles[k])))

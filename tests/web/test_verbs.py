@@ -17,7 +17,8 @@ from PIL import Image as Pillow
 
 from tests.web.running import Browser, Message, serving
 from tests.web.uploads import box, zipped
-from turnscan.formats import export
+from turnscan.app._envelope import unpack
+from turnscan.formats import export, read_mesh
 from turnscan.scan import Scan
 from turnscan.workflows import VERBS, Incoming
 
@@ -203,6 +204,19 @@ def test_range_scans_become_a_surface_and_poses_are_joined(desk: Desk) -> None:
     assert json.loads(desk.content(report))["source"] == "hills.conf"
     joined = desk.done("join", "joined", sources=[placed], outputs=[".stl"])
     assert names(joined["files"]) == {"joined.stl"}
+    _, overlaps = joined["tables"]
+    assert (overlaps["title"], overlaps["head"][2]) == ("Overlaps", "places")
+    assert int(overlaps["rows"][0][2]) > 100
+    (surface,) = joined["files"]
+    answer = desk.http.get(f"/api/files/{surface['file']}/mesh")
+    assert answer.status_code == 200
+    _, arrays = unpack(answer.content)
+    np.testing.assert_array_equal(
+        arrays["faces"], read_mesh(desk.content(surface), ".stl").faces.astype(np.uint32)
+    )
+    table = next(f for f in done["files"] if f["name"].endswith(".json"))
+    assert desk.http.get(f"/api/files/{table['file']}/mesh").status_code == 400
+    assert desk.http.get("/api/files/nothing/mesh").status_code == 400
     alone = desk.ask("join", "alone", sources=[f for f in sent if f != placed][:1])
     assert "only one pose" in alone["text"]
 
@@ -216,6 +230,8 @@ def test_meshes_are_compared_cut_checked_measured_and_converted(desk: Desk, plac
     figures = json.loads((place / "apart-figures.json").read_text())
     assert figures["max_mm"] == pytest.approx(0.1, abs=1e-5)
     assert "within 0.2 mm: precision 100.00%" in done["text"]
+    (agreement,) = done["tables"]
+    assert agreement["rows"][0][:2] == ["0.2", "100.00%"]
     cut = desk.done("section", "cut", part=one, plane=["z=5"], outputs=[".dxf", ".svg"])
     assert names(cut["files"]) == {"cut.dxf", "cut.svg"}
     assert b"SECTION" in desk.content(cut["files"][0])

@@ -2,7 +2,8 @@
 import type { MeshModel } from "./model";
 
 export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured", "deviation"] as const;
-export type Colouring = (typeof COLOURINGS)[number];
+/** `own` are the colours that the file of a mesh holds. */
+export type Colouring = (typeof COLOURINGS)[number] | "own";
 
 type Rgb = readonly [number, number, number];
 
@@ -98,6 +99,8 @@ export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
       const x = valueAt(mesh, by, v);
       const t = (255 * (x - range.low)) / (range.high - range.low || 1);
       colour = Number.isNaN(x) ? UNMEASURED : table[Math.max(0, Math.min(255, Math.round(t)))];
+    } else if (by === "own" && mesh.colour) {
+      colour = [mesh.colour[3 * v], mesh.colour[3 * v + 1], mesh.colour[3 * v + 2]];
     } else if (by === "laser") {
       colour = mesh.laser[v] < 0 ? UNMEASURED : PALETTE[mesh.laser[v] % PALETTE.length];
     }

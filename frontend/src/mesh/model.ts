@@ -42,6 +42,8 @@ export class MeshModel {
   laser: Int32Array;
   step: Int32Array;
   line: Int32Array;
+  /** (3v) the colours that the file of a mesh holds. */
+  colour: Uint8Array | null = null;
   /** (v) mm from a reference, NaN where unknown; null where none was compared with. */
   deviation: Float32Array | null = null;
   /** mm at the ends of the map of deviations; null: as the deviations are. */

@@ -5,6 +5,7 @@ import { go, isOperator } from "../state";
 import { Button, Section, TextField } from "../ui/controls";
 import { Field, fieldId } from "./fields";
 import { Outcome } from "./outcome";
+import { PickPoints } from "./points";
 import { ImportPreview } from "./preview";
 import { type Property, troubles } from "./schema";
 import { change, type Form, formOf, resultName, run, runOf, schemaOf, sending, verbHere } from "./state";
@@ -58,6 +59,7 @@ function VerbForm({ verb }: { verb: VerbEntry }) {
       </header>
       <Section title="Files to read">{fields(all.filter(([, { role }]) => role === "input"))}</Section>
       {verb.verb === "import" && <ImportPreview verb={verb} />}
+      {verb.verb === "join" && <PickPoints verb={verb} />}
       {[...groups].map(([group, some]) => (
         <Section
           key={group}

@@ -6,6 +6,7 @@ import { Button } from "../ui/controls";
 import { left } from "../ui/frame";
 import { Icon } from "../ui/icons";
 import { goTo } from "./fields";
+import { isMesh, ResultSurface, Tables } from "./result";
 import { filledIn, labelOf } from "./schema";
 import { change, type Failure, formOf, openVerb, runOf, schemaOf, verbs } from "./state";
 
@@ -91,6 +92,7 @@ function Finding({ verb, finding }: { verb: VerbEntry; finding: Remark }) {
 }
 
 function Done({ verb, job }: { verb: VerbEntry; job: JobState }) {
+  const surface = job.files.find(({ name }) => isMesh(name));
   return (
     <div class="outcome">
       {job.files.length > 0 && (
@@ -125,7 +127,9 @@ function Done({ verb, job }: { verb: VerbEntry; job: JobState }) {
           ))}
         </ul>
       )}
+      {surface && <ResultSurface key={surface.file} {...surface} open={verb.verb === "join"} />}
       {job.text && <pre class="figures">{job.text}</pre>}
+      <Tables of={job.tables ?? []} />
       {job.findings.length > 0 && (
         <ul class="findings" aria-label="Findings">
           {job.findings.map((finding) => (

@@ -86,13 +86,19 @@ function free(name: string): string {
   return now;
 }
 
+/** What other parts of the page put into the values of a verb when it runs; null for not to run. */
+export const additions = new Map<string, (values: Values) => Promise<Values | null>>();
+
 export async function run(verb: VerbEntry): Promise<void> {
   const form = formOf(verb);
   const schema = schemaOf(verb);
   change(verb, { tried: true, refused: null, job: null });
   if (Object.keys(troubles(schema, form.values)).length) return;
   try {
-    const values = chosen(schema, form.values);
+    const added = additions.get(verb.verb);
+    const whole = added ? await added(form.values) : form.values;
+    if (!whole) return;
+    const values = chosen(schema, whole);
     const { header } = await link.request({ kind: "run_verb", verb: verb.verb, name: resultName(verb), values });
     if (header.kind === "started") change(verb, { job: header.job });
   } catch (error) {

@@ -10,9 +10,9 @@ from turnscan.workflows import SurfaceFigures, SurfacePatch
 
 _TYPES = {
     "alive": "u1", "amplitude": "<f4", "angles": "<f4", "candidate_amplitude": "<f4",
-    "candidate_points": "<f4", "candidates": "<f4", "cause": "u1", "chosen": "i1", "dead": "<u4",
-    "distance": "<f4", "edited": "u1", "faces": "<u4", "flags": "<u2", "ids": "<u4",
-    "laser": "<i4", "line": "<i4",
+    "candidate_points": "<f4", "candidates": "<f4", "cause": "u1", "chosen": "i1",
+    "colour": "u1", "dead": "<u4", "distance": "<f4", "edited": "u1",
+    "faces": "<u4", "flags": "<u2", "ids": "<u4", "laser": "<i4", "line": "<i4",
     "measured": "u1", "off": "u1", "points": "<f4", "position": "<f4", "positions": "<f4",
     "sigma": "<f4", "step": "<i4", "steps": "<i4",
 }  # fmt: skip

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from turnscan.app._hub import Hub
-from turnscan.app._protocol import JobState, Remark, RemedyOption, ResultFile
+from turnscan.app._protocol import JobState, Remark, RemedyOption, ResultFile, ResultTable
 from turnscan.errors import SafetyError, TurnscanError
 from turnscan.findings import Finding
 from turnscan.progress import Cancelled, Progress
@@ -38,6 +38,7 @@ class Result:
     download: str | None = None
     findings: Sequence[Finding] = ()
     files: Sequence[ResultFile] = ()
+    tables: Sequence[ResultTable] = ()
 
 
 class Job:
@@ -137,6 +138,7 @@ class Job:
                 done=self._done, total=self._total, seconds_left=None if left is None
                 else max(left, 0.0), text=result.text, hint=hint, options=list(options),
                 download=result.download, files=list(result.files),
+                tables=list(result.tables),
                 findings=remarks(result.findings),
             )
         )  # fmt: skip

@@ -241,14 +241,18 @@ class OpenScan:
         return p.Measures(id=id, scan=self.name, measures=_measures(self.now))
 
     def deviation(
-        self, id: int, reference: Item, unit: str, job: Job
+        self, wish: q.ShowDeviation, reference: Item, table: Path | None, job: Job
     ) -> tuple[p.DeviationShown, dict[str, Array]]:
         """How far the surface lies from a reference. Raises InputError where it says nothing."""
-        options = CompareOptions(reference_unit=unit, samples=1000)
-        state, shown = self.session.deviation(reference.path, options, job.progress)
-        d = shown.comparison.deviation
+        options = CompareOptions(
+            reference_unit=wish.unit, samples=1000, align=wish.align, datums=wish.datums,
+            features=wish.features,
+        )  # fmt: skip
+        state, shown = self.session.deviation(reference.path, options, table, job.progress)
+        found = shown.comparison
+        d = found.deviation
         answer = p.DeviationShown(
-            id=id,
+            id=wish.id,
             scan=self.name,
             revision=state.revision,
             reference=reference.name,
@@ -257,6 +261,16 @@ class OpenScan:
             rms=d.rms,
             p95=d.quantile(0.95),
             worst=d.quantile(1.0),
+            alignment=found.placement.text,
+            findings=remarks([f for f in found.findings if f.code.startswith("compare.")]),
+            features=[
+                p.FeatureShown(
+                    number=f.number, nominal=f.nominal, points=f.points, mean=f.mean, rms=f.rms
+                )
+                for f in found.features
+            ],
+            checks=[_check(c) for c in found.figures().get("checks", ())],
+            verdict=found.verdict,
         )
         return answer, encoded({"distance": shown.distance})
 
@@ -380,6 +394,21 @@ def _measures(state: SessionState) -> list[p.Measure]:
         )
         for m in state.measures
     ]
+
+
+def _check(of: Mapping[str, Any]) -> p.SizeCheck:
+    sigma = of["sigma"]
+    return p.SizeCheck(
+        features=of["features"],
+        quantity=of["quantity"],
+        nominal=of["nominal"],
+        measured=of["measured"],
+        uncertainty=2.0 * sigma if math.isfinite(sigma) else None,
+        unit="°" if of["unit"] == "deg" else of["unit"],
+        tolerance=of["tolerance"] or "",
+        limits=of["limits"],
+        verdict=of["verdict"] or "",
+    )
 
 
 def _number(measure: str) -> int:

@@ -126,6 +126,14 @@ class ResultFile(Model):
     """Whether it is a scan, to be opened as such; others are at ``/api/files/{file}``."""
 
 
+class ResultTable(Model):
+    """What a verb found out, as a table."""
+
+    title: str
+    head: list[str]
+    rows: list[list[str]]
+
+
 class VerbEntry(Model):
     """A verb that the server runs: ``run_verb``."""
 
@@ -261,6 +269,35 @@ class Measure(Model):
     """The surface was changed since it was measured."""
 
 
+class FeatureShown(Model):
+    """A feature of a reference, and how what was measured of it lies to it, mm."""
+
+    number: Count
+    nominal: str
+    """In words."""
+    points: Count
+    mean: float
+    rms: float
+
+
+class SizeCheck(Model):
+    """A size of features of a reference, or the profile of one; mm, or degrees."""
+
+    features: list[Count]
+    quantity: str
+    nominal: float
+    measured: float
+    uncertainty: float | None
+    """k = 2."""
+    unit: str
+    tolerance: str
+    """As the table has it; empty where it says nothing."""
+    limits: tuple[float, float] | None
+    """Of the deviation from nominal."""
+    verdict: Literal["pass", "fail", "undecided", ""]
+    """By ISO 14253-1."""
+
+
 class Figures(Model):
     """What the surface is like now."""
 
@@ -379,6 +416,14 @@ class MeshHeader(Model):
     unit: Literal["mm"] = "mm"
 
 
+class FileMeshHeader(Model):
+    """Of ``/api/files/{file}/mesh``; its own colours are the array colour u8 (v, 3)."""
+
+    lasers: list[str]
+    """What the numbers in the array laser stand for."""
+    unit: Literal["mm"] = "mm"
+
+
 class GridHeader(Model):
     """Of ``grid``."""
 
@@ -475,6 +520,7 @@ class JobState(Model):
     """Where it failed: what the error is about, first, and what the hint names."""
     download: Opaque | None
     files: list[ResultFile]
+    tables: list[ResultTable] = []
     findings: list[Remark]
 
 
@@ -725,6 +771,13 @@ class DeviationShown(Model):
     rms: float
     p95: float
     worst: float
+    alignment: str
+    """How the surface was brought onto the reference, in words."""
+    findings: list[Remark]
+    features: list[FeatureShown]
+    checks: list[SizeCheck]
+    verdict: Literal["pass", "fail", "undecided", ""]
+    """Whether all tolerances are kept; empty without any."""
 
 
 class Found(Model):
@@ -875,5 +928,5 @@ ServerMessage = Annotated[
 
 
 ANSWERS: TypeAdapter[ServerMessage] = TypeAdapter(ServerMessage)
-HEADERS = (MeshHeader, GridHeader, ProfileHeader)
+HEADERS = (MeshHeader, FileMeshHeader, GridHeader, ProfileHeader)
 """Models that no message holds."""

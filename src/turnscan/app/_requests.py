@@ -280,7 +280,7 @@ class MeasureAgain(Request):
 
 
 class ShowDeviation(Request):
-    """Compare with a mesh or a scan that is in the same frame: answered by ``deviation``."""
+    """Compare with a mesh, a CAD part or a scan: answered by ``deviation``."""
 
     kind: Literal["show_deviation"] = "show_deviation"
     scan: Opaque
@@ -288,6 +288,13 @@ class ShowDeviation(Request):
     """A file of the list, or a scan."""
     unit: Literal["mm", "cm", "m", "inch"] = "mm"
     """Of the reference."""
+    align: Literal["none", "shape", "datums"] = "none"
+    datums: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(max_length=6)] = ()
+    """Numbers of features of the reference, in the order of precedence."""
+    features: bool = False
+    """Whether its features and their sizes are told."""
+    tolerance_table: Opaque | None = None
+    """A file of the list."""
 
 
 class FindDevices(Request):

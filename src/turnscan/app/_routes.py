@@ -20,6 +20,7 @@ from starlette.types import Receive, Scope, Send
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
 from turnscan.app._auth import Keys
+from turnscan.app._encode_arrays import encoded
 from turnscan.app._envelope import Array, pack
 from turnscan.app._export import export_job
 from turnscan.app._open_scan import OpenScan
@@ -27,7 +28,7 @@ from turnscan.app._request_guard import problem
 from turnscan.app._socket import socket
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError, ScanError
-from turnscan.workflows import TARGET, artefact, duplicate_scan
+from turnscan.workflows import TARGET, artefact, duplicate_scan, mesh_file_arrays
 
 HERE = Path(__file__).parent
 STATIC, LOGIN = HERE / "static", HERE / "login"
@@ -57,6 +58,7 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/api/files", _add_file(workshop), methods=["POST"]),
         Route("/api/files/{file}", _file_of(workshop), methods=["GET"]),
         Route("/api/files/{file}/page", _page_of(workshop)),
+        Route("/api/files/{file}/mesh", _mesh_of(workshop)),
         Route("/api/calibration/{view:int}.jpg", _calibration_picture(workshop)),
         Route("/api/target.pdf", _target),
         Route("/api/scans/{scan}/thumbnail.png", _thumbnail(workshop)),
@@ -186,6 +188,25 @@ def _page_of(workshop: Workshop) -> Endpoint:
         return FileResponse(item.path, media_type="text/html", headers=headers)
 
     return page
+
+
+def _mesh_of(workshop: Workshop) -> Endpoint:
+    """The surface in a file of the folder, for looking at it."""
+
+    async def mesh(request: Request) -> Response:
+        item = workshop.files.find(request.path_params["file"])
+        if "mesh" not in item.kinds:
+            raise InputError(f"{item.name}: not a mesh", hint="choose a mesh file")
+
+        def build() -> bytes:
+            lasers, arrays = mesh_file_arrays(item.path)
+            header = p.FileMeshHeader(lasers=list(lasers))
+            return gzip.compress(pack(header.model_dump(mode="json"), encoded(arrays)), _SQUEEZE)
+
+        body = await asyncio.to_thread(build)
+        return Response(body, media_type=ENVELOPE, headers={"Content-Encoding": "gzip"})
+
+    return mesh
 
 
 def _calibration_picture(workshop: Workshop) -> Endpoint:

@@ -14,7 +14,7 @@ from turnscan.app import _requests as q
 from turnscan.app._files import Files, Item
 from turnscan.app._jobs import Job, Jobs, Result
 from turnscan.app._library import SUFFIX, Library
-from turnscan.app._protocol import ResultFile, VerbEntry, Verbs
+from turnscan.app._protocol import ResultFile, ResultTable, VerbEntry, Verbs
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress
@@ -64,6 +64,7 @@ class Outcome:
     findings: Sequence[Finding] = ()
     figures: str | None = None
     """JSON."""
+    tables: Sequence[w.ReportTable] = ()
 
 
 def list_verbs(number: int) -> Verbs:
@@ -106,9 +107,16 @@ def run_verb(
             for p in written
         ]
         told()
-        return Result(library.hide(outcome.text), None, list(outcome.findings), listed)
+        tables = [_table(t) for t in outcome.tables]
+        text = library.hide(outcome.text)
+        return Result(text, None, list(outcome.findings), listed, tables)
 
     return jobs.start("verb", f"{verb.title}: {request.name}", work)
+
+
+def _table(of: w.ReportTable) -> ResultTable:
+    rows = [[str(cell) for cell in row] for row in of.rows]
+    return ResultTable(title=of.title, head=list(of.head), rows=rows)
 
 
 def input_files(wanted: w.InputFile, value: object, files: Files) -> list[Item]:
@@ -223,7 +231,7 @@ def _surface(result: w.ReconstructResult, given: Given) -> Outcome:
     lines = result.summary()
     if result.failed:
         lines = ["There is no surface: see the findings.", *lines]
-    return Outcome("\n".join(lines), [*result.findings, *remarks])
+    return Outcome("\n".join(lines), [*result.findings, *remarks], tables=result.tables)
 
 
 def _range_scans(given: Given) -> Outcome:
@@ -280,7 +288,8 @@ def _compare(given: Given) -> Outcome:
     for path in given.outputs["report"]:
         found.save_report(path, options.limit)
     figures = json.dumps(found.figures(), indent=1)
-    return Outcome(str(found), [*found.findings, *remarks], figures)
+    text = "\n".join(found.summary())
+    return Outcome(text, [*found.findings, *remarks], figures, found.tables)
 
 
 def _measure(given: Given) -> Outcome:
@@ -289,7 +298,8 @@ def _measure(given: Given) -> Outcome:
     found = w.measure(given.path("file"), options, progress=given.progress)
     for path in reports:
         found.save_report(path)
-    return Outcome(str(found), found.findings, json.dumps(found.figures, indent=1))
+    figures = json.dumps(found.figures, indent=1)
+    return Outcome("\n".join(found.summary()), found.findings, figures, found.tables)
 
 
 def _shapes(given: Given) -> Outcome:

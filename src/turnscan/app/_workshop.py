@@ -302,8 +302,9 @@ class Workshop:
     def _show_deviation(self, call: Call) -> Answer:
         r: q.ShowDeviation = call.request
         reference = self.files.find(r.reference)
+        table = None if r.tolerance_table is None else self.files.find(r.tolerance_table).path
         with self._editing(call, f"Comparing with {reference.name}") as (scan, job):
-            return scan.deviation(call.id, reference, r.unit, job)
+            return scan.deviation(r, reference, table, job)
 
     def _operator_may_light(self) -> bool:
         operator = self.hub.operator

@@ -93,7 +93,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._reconstruct_options import ReconstructOptions
     from turnscan.workflows._refine import RefinedRig, refine
     from turnscan.workflows._refine_options import RefineOptions
-    from turnscan.workflows._report import about
+    from turnscan.workflows._report import ReportTable, about
     from turnscan.workflows._result import ReconstructResult
     from turnscan.workflows._revolve import RevolvedPart, revolve
     from turnscan.workflows._revolve_options import REVOLVE_SUFFIXES, RevolveOptions
@@ -130,7 +130,7 @@ if TYPE_CHECKING:
         hole_in_words,
     )
     from turnscan.workflows._session_grid import CAUSE_TEXTS
-    from turnscan.workflows._session_mesh import SurfacePatch
+    from turnscan.workflows._session_mesh import SurfacePatch, mesh_file_arrays
     from turnscan.workflows._shapes import FoundShapes, find_shapes
     from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
     from turnscan.workflows._shapes_step import check_step
@@ -232,7 +232,7 @@ _MODULES = {
     "_reconstruct_options": ("ReconstructOptions",),
     "_refine": ("RefinedRig", "refine"),
     "_refine_options": ("RefineOptions",),
-    "_report": ("about",),
+    "_report": ("ReportTable", "about"),
     "_result": ("ReconstructResult",),
     "_saving": ("ExportOptions", "audited", "save"),
     "_scan": (
@@ -269,7 +269,7 @@ _MODULES = {
         "hole_in_words",
     ),
     "_session_grid": ("CAUSE_TEXTS",),
-    "_session_mesh": ("SurfacePatch",),
+    "_session_mesh": ("SurfacePatch", "mesh_file_arrays"),
     "_live_calibration": (
         "CELL_COLUMNS",
         "CELL_ROWS",
@@ -400,6 +400,7 @@ __all__ = [
     "ReconstructResult",
     "RefineOptions",
     "RefinedRig",
+    "ReportTable",
     "RevolveOptions",
     "RevolvedPart",
     "ScanControl",
@@ -470,6 +471,7 @@ __all__ = [
     "lasers_in_words",
     "live_pictures",
     "measure",
+    "mesh_file_arrays",
     "open_scan",
     "opened_devices",
     "option_schemas",

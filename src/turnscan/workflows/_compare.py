@@ -37,6 +37,7 @@ from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source, load
 from turnscan.workflows._nominal import Nominal, nominal, with_features
 from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._report import ReportTable
 from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes import FoundShapes, find_shapes
@@ -61,6 +62,8 @@ class Comparison:
     """How the surface was brought into that frame."""
     names: tuple[str, str]
     """Of the measured surface and of the reference."""
+    drawn: Mesh
+    """The reference."""
     features: tuple[Feature, ...] = ()
     """Those of the reference that were measured, where they were asked for."""
     checks: tuple[Check, ...] = ()
@@ -112,7 +115,15 @@ class Comparison:
             out["verdict"] = self.verdict or None
         return out
 
-    def __str__(self) -> str:
+    @property
+    def tables(self) -> list[ReportTable]:
+        """How the surfaces agree, and features and sizes where they were asked for."""
+        from turnscan.workflows._compared_report import compared_tables
+
+        return compared_tables(self)
+
+    def summary(self) -> list[str]:
+        """How they were aligned, how they agree, and whether tolerances are kept, a line each."""
         d = self.deviation
         lines = [
             self.placement.text,
@@ -125,13 +136,17 @@ class Comparison:
             f"{a.completeness:.2%}, F-score {a.f_score:.4f}"
             for a in self.agreements
         ]
-        lines += [
+        return [*lines, *([f"tolerances: {self.verdict}"] if self.verdict else [])]
+
+    def __str__(self) -> str:
+        features = [
             f"{f.number}: {f.nominal}: mean {f.mean:+.4f} mm, rms {f.rms:.4f} mm over {f.points} "
             "points"
             for f in self.features
         ]
-        lines += map(str, self.checks)
-        return "\n".join([*lines, *([f"tolerances: {self.verdict}"] if self.verdict else [])])
+        lines = self.summary()
+        end = len(lines) - bool(self.verdict)
+        return "\n".join([*lines[:end], *features, *map(str, self.checks), *lines[end:]])
 
     def coloured(self, limit: float | None = None) -> Mesh:
         """The measured surface coloured by its deviation; ``limit`` ends the scale, in mm."""
@@ -245,7 +260,7 @@ def compare(
     agreements = tuple(Agreement(t, out.within(t), back.within(t)) for t in wanted.tolerances)
     names = (got.name, drawn.name)
     findings = (*got.findings, *drawn.findings, *placement.findings)
-    plain = Comparison(mesh, every, out, agreements, findings, placement, names)
+    plain = Comparison(mesh, every, out, agreements, findings, placement, names, drawn.mesh)
     if not table:
         return plain
     source = measured if isinstance(measured, ReconstructResult) else got.mesh

@@ -17,6 +17,7 @@ from turnscan.workflows._aligning import Placement
 from turnscan.workflows._compared_features import Agreement, Check, Feature
 from turnscan.workflows._deviation_map import deviation_figure
 from turnscan.workflows._files import write_atomically
+from turnscan.workflows._report import ReportTable
 from turnscan.workflows._shapes_table import COVERAGE
 from turnscan.workflows._tolerances import Verdict
 
@@ -82,9 +83,49 @@ def _csv(found: Compared) -> str:
     return out.getvalue()
 
 
+def compared_tables(found: Compared) -> list[ReportTable]:
+    """How the surfaces agree, the features of the reference, and sizes with their verdicts."""
+    figures = found.figures()
+    out = [
+        ReportTable(
+            "Agreement",
+            ["tolerance, mm", "precision", "completeness", "F-score"],
+            [
+                [f"{a.tolerance:g}", f"{a.precision:.2%}", f"{a.completeness:.2%}",
+                 f"{a.f_score:.4f}"]
+                for a in found.agreements
+            ],
+            "tolerances",
+            figures["tolerances"],
+        )
+    ]  # fmt: skip
+    if not found.features:
+        return out
+    features = ReportTable(
+        "Features of the reference",
+        ["", "drawn as", "points", "mean, mm", "rms, mm", "95 % within, mm"],
+        [
+            [f.number, f.nominal, f.points, f"{f.mean:+.4f}", f"{f.rms:.4f}", f"{f.p95:.4f}"]
+            for f in found.features
+        ],
+        "features",
+        figures["features"],
+    )
+    checks = ReportTable(
+        "Sizes and profiles",
+        ["feature", "quantity", "nominal", "measured ±", "off", "", "tolerance", "limits",
+         "verdict"],
+        [_row(c) for c in found.checks],
+        "checks",
+        figures["checks"],
+    )  # fmt: skip
+    return [*out, features, checks]
+
+
 def _blocks(found: Compared, limit: float | None) -> list[doc.Block]:
     d = found.deviation
     measured, reference = (Path(name).name for name in found.names)
+    agreement, *of_features = compared_tables(found)
     parts: list[doc.Block] = [
         doc.Paragraph(f"{measured} against {reference}: {found.placement.text}."),
         *([doc.Paragraph(f"Tolerances: {found.verdict}.")] if found.verdict else []),
@@ -99,37 +140,18 @@ def _blocks(found: Compared, limit: float | None) -> list[doc.Block]:
                  f"{d.quantile(1.0):.4f}"]
             ],
         ),
-        doc.Table(
-            ["tolerance, mm", "precision", "completeness", "F-score"],
-            [
-                [f"{a.tolerance:g}", f"{a.precision:.2%}", f"{a.completeness:.2%}",
-                 f"{a.f_score:.4f}"]
-                for a in found.agreements
-            ],
-        ),
+        doc.Table(agreement.head, agreement.rows),
     ]  # fmt: skip
-    if found.features:
-        parts += [
-            doc.Heading("Features of the reference"),
-            doc.Table(
-                ["", "drawn as", "points", "mean, mm", "rms, mm", "95 % within, mm"],
-                [
-                    [f.number, f.nominal, f.points, f"{f.mean:+.4f}", f"{f.rms:.4f}",
-                     f"{f.p95:.4f}"]
-                    for f in found.features
-                ],
-            ),
-            doc.Heading("Sizes and profiles"),
-            doc.Paragraph(
-                "± is one standard uncertainty. A tolerance is kept (pass) or not (fail) where two "
-                "standard uncertainties leave no doubt (ISO 14253-1), else it is undecided."
-            ),
-            doc.Table(
-                ["feature", "quantity", "nominal", "measured ±", "off", "", "tolerance", "limits",
-                 "verdict"],
-                [_row(c) for c in found.checks],
-            ),
-        ]  # fmt: skip
+    for table in of_features:
+        parts.append(doc.Heading(table.title))
+        if table.key == "checks":
+            parts.append(
+                doc.Paragraph(
+                    "± is one standard uncertainty. A tolerance is kept (pass) or not (fail) where "
+                    "two standard uncertainties leave no doubt (ISO 14253-1), else it is undecided."
+                )
+            )
+        parts.append(doc.Table(table.head, table.rows))
     return [*parts, doc.Heading("Findings"), doc.Findings(found.findings)]
 
 

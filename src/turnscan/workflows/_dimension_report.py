@@ -15,6 +15,7 @@ from turnscan.findings import Finding, record
 from turnscan.mesh import vertex_normals
 from turnscan.workflows import _document as doc
 from turnscan.workflows._files import write_atomically
+from turnscan.workflows._report import ReportTable
 from turnscan.workflows._shapes import FREEFORM, FoundShapes
 from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv, finite
 
@@ -59,6 +60,13 @@ def write_dimensions(
             write_atomically(path, page.encode())
 
 
+def dimension_table(rows: Sequence[Dimension]) -> ReportTable:
+    """Every size with its uncertainty."""
+    return ReportTable(
+        "All dimensions", _HEAD, [_row(d) for d in rows], "dimensions", [_figures(d) for d in rows]
+    )
+
+
 def _figures(d: Dimension) -> dict[str, Any]:
     return {
         "feature": d.feature,
@@ -75,7 +83,7 @@ def _figures(d: Dimension) -> dict[str, Any]:
 def _blocks(
     found: FoundShapes, rows: Sequence[Dimension], findings: Sequence[Finding]
 ) -> list[doc.Block]:
-    f = found.found
+    f, every = found.found, dimension_table(rows)
     out: list[doc.Block] = [
         doc.Paragraph(
             f"{len(f.shapes)} shapes lie under {f.coverage:.1%} of the measured surface; the rest "
@@ -87,8 +95,8 @@ def _blocks(
             found.coloured().show(size=(640, 480)).pixels,
             "The part by shape; grey is freeform or not measured.",
         ),
-        doc.Heading("All dimensions"),
-        doc.Table(_HEAD, [_row(d) for d in rows]),
+        doc.Heading(every.title),
+        doc.Table(every.head, every.rows),
     ]
     features = dict.fromkeys(d.shapes for d in rows if d.shapes)
     if not features:

@@ -32,7 +32,7 @@ from turnscan.surface.fusion import range_surfaces
 from turnscan.workflows._aligning import reference_view
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._history import history_of
-from turnscan.workflows._joined_report import joined_sections
+from turnscan.workflows._joined_report import joined_tables
 from turnscan.workflows._kept_options import kept_options
 from turnscan.workflows._landmarks import read_landmarks
 from turnscan.workflows._loading import load
@@ -142,7 +142,7 @@ def join(
         "joined": dict(wanted.changed()),
         "poses": {s.name: dict((s.options or wanted).changed()) for s in read},
     }
-    return ReconstructResult(done, told, tables=joined_sections(found), options=wanted)
+    return ReconstructResult(done, told, tables=joined_tables(found), options=wanted)
 
 
 @dataclass(frozen=True)

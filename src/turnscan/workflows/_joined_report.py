@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from turnscan.poses import Alignment
-from turnscan.workflows._report import Section
+from turnscan.workflows._report import ReportTable
 
 
-def joined_sections(found: Alignment) -> list[Section]:
+def joined_tables(found: Alignment) -> list[ReportTable]:
     """Tables of where the poses lie, and how they agree."""
     placed_at: list[dict[str, Any]] = []
     for i, (name, pose, fit) in enumerate(zip(found.names, found.poses, found.fits, strict=True)):
@@ -39,14 +39,14 @@ def joined_sections(found: Alignment) -> list[Section]:
         for m in found.meetings
     ]
     return [
-        Section(
+        ReportTable(
             "Poses",
             ["pose", "turn, sigma °", "shift, sigma mm", "on the others", "not determined"],
             where,
             "poses",
             placed_at,
         ),
-        Section(
+        ReportTable(
             "Overlaps",
             ["first", "second", "places", "mean, mm", "rms, mm", "rms, sigma"],
             apart,

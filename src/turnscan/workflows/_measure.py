@@ -27,10 +27,11 @@ from turnscan.shapes import (
     volume_sigma,
 )
 from turnscan.workflows._declare import chosen
-from turnscan.workflows._dimension_report import write_dimensions
+from turnscan.workflows._dimension_report import dimension_table, write_dimensions
 from turnscan.workflows._loading import Source, load
 from turnscan.workflows._measure_options import MeasureOptions
 from turnscan.workflows._reconstruct import reconstruct
+from turnscan.workflows._report import ReportTable
 from turnscan.workflows._shapes import FoundShapes, find_shapes
 from turnscan.workflows._shapes_table import Dimension
 
@@ -51,8 +52,19 @@ class Measured:
     shapes: FoundShapes | None = None
     """What every size was found from, where they were asked for."""
 
+    @property
+    def tables(self) -> list[ReportTable]:
+        """Every size; none where sizes were not asked for."""
+        if self.shapes is None:
+            return []
+        return [dimension_table(self.dimensions)]
+
+    def summary(self) -> list[str]:
+        """Size, volume, and the shapes that were asked for, a line each."""
+        return _lines(self.figures)
+
     def __str__(self) -> str:
-        lines = _lines(self.figures)
+        lines = self.summary()
         for d in self.shapes.dimensions if self.shapes else ():
             value = with_sigma(d.value, d.sigma)
             lines.append(f"{d.feature}: {d.quantity} {value} {d.unit}, {d.rests_on}")

@@ -140,7 +140,7 @@ def known(figures: Mapping[str, float | None]) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportTable:
     """A table of a report, and the same for a JSON file."""
 
     title: str
@@ -155,7 +155,7 @@ def write_report(
     told: Mapping[str, object],
     done: Reconstruction,
     rig: Rig | None,
-    sections: Sequence[Section],
+    sections: Sequence[ReportTable],
 ) -> None:
     """The report, as JSON or as one HTML page with pictures of the surface."""
     if path.suffix.lower() == ".json":

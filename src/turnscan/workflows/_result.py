@@ -23,7 +23,7 @@ from turnscan.points import RangeGrid, cloud, profiles
 from turnscan.rig import Rig
 from turnscan.surface.holes import Hole
 from turnscan.workflows._reconstruct_options import ReconstructOptions
-from turnscan.workflows._report import Section, figures, known, summary, volume_of, write_report
+from turnscan.workflows._report import ReportTable, figures, known, summary, volume_of, write_report
 from turnscan.workflows._saving import save
 from turnscan.workflows._sections import Sections, cuts_of, sections_of
 
@@ -52,7 +52,7 @@ class ReconstructResult:
     """Where it comes from: version, source, rig, parameters, edits; embedded in files."""
     rig: Rig | None = None
     """The rig that measured it; None for range scans of other scanners and for joined poses."""
-    tables: Sequence[Section] = ()
+    tables: Sequence[ReportTable] = ()
     """Tables of the report that concern this result alone."""
     options: ReconstructOptions = field(default_factory=ReconstructOptions)
     """What it was made with."""

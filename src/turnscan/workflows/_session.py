@@ -442,11 +442,19 @@ class ScanSession:
             return True
 
     def deviation(
-        self, reference: Path, options: CompareOptions, progress: Progress
+        self,
+        reference: Path,
+        options: CompareOptions,
+        tolerance_table: Path | None,
+        progress: Progress,
     ) -> tuple[SessionState, ShownDeviation]:
         """How far the surface lies from a mesh or scan. Raises as `shown_deviation`."""
         state = self.now
-        return state, shown_deviation(state.document.body, reference, options, progress)
+        found = shown_deviation(
+            state.document.body, lambda: self.result(state, progress.subrange(0, 0.3)), reference,
+            options, tolerance_table, progress.subrange(0.3, 1),
+        )  # fmt: skip
+        return state, found
 
     def undo(self, work: Work) -> None:
         """One edit back. Raises InputError where there is none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +12,10 @@ from turnscan import edit
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.progress import Progress
+from turnscan.shapes import deviation
 from turnscan.workflows._compare import Comparison, compare
 from turnscan.workflows._compare_options import CompareOptions
+from turnscan.workflows._result import ReconstructResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,21 +29,34 @@ class ShownDeviation:
 
 
 def shown_deviation(
-    body: edit.Body, reference: Path, options: CompareOptions, progress: Progress
+    body: edit.Body,
+    result: Callable[[], ReconstructResult],
+    reference: Path,
+    options: CompareOptions,
+    tolerance_table: Path | None,
+    progress: Progress,
 ) -> ShownDeviation:
-    """Compare what was measured of a body with a reference in the same frame.
+    """Compare what was measured of a body with a reference.
 
-    Raises InputError where there is nothing to compare, and as `compare`.
+    Features and their sizes are those of the ``result``, which knows what its calibration leaves
+    open. Raises InputError where there is nothing to compare, and as `compare`.
     """
     part = edit.Compact.of(body, body.measured)
     if not len(part.mesh.faces):
         raise InputError("nothing of this surface was measured")
-    found = compare(part.mesh, reference, options, progress=progress)
-    if not len(found.deviation.distance):
+    by_feature = options.features or tolerance_table is not None
+    found = compare(
+        result() if by_feature else part.mesh, reference, options,
+        tolerance_table=tolerance_table, progress=progress,
+    )  # fmt: skip
+    every = found.every
+    if by_feature:  # vertices of the result are others
+        every = deviation(found.placement.pose.apply(part.mesh.vertices), found.drawn)
+    if every.beyond.all():
         raise InputError(
             "the reference says nothing about this surface",
-            hint="check that both are in one frame: compare with alignment first",
+            hint="bring them together: align by shape",
         )
     distance = np.full(len(body.mesh.vertices), np.nan)
-    distance[part.vertex_ids] = np.where(found.every.beyond, np.nan, found.every.distance)
+    distance[part.vertex_ids] = np.where(every.beyond, np.nan, every.distance)
     return ShownDeviation(distance, found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +13,9 @@ import numpy.typing as npt
 
 from turnscan import edit
 from turnscan.arrays import Bools, Floats, Ints
+from turnscan.errors import InputError
 from turnscan.mesh import Mesh, Provenance
+from turnscan.workflows._loading import load
 
 Arrays = dict[str, npt.NDArray[Any]]
 
@@ -45,6 +48,22 @@ def surface_arrays(body: edit.Body) -> Arrays:
         **_surface(mesh.vertices, mesh.faces, body.measured, mesh.provenance),
         "alive": body.alive,
     }
+
+
+def mesh_file_arrays(path: Path) -> tuple[tuple[str, ...], Arrays]:
+    """The surface in a mesh file (mm), and the lasers that its points name.
+
+    Arrays as `surface_arrays` has them, and ``colour`` (v, 3) where the file holds colours. Raises
+    InputError, FormatError where there is no surface in it.
+    """
+    loaded = load(path)
+    mesh = loaded.mesh
+    if not len(mesh.faces):
+        raise InputError(f"{loaded.name}: no faces", hint="choose a mesh file")
+    arrays = surface_arrays(edit.Body.of(mesh))
+    if mesh.colour is not None:
+        arrays["colour"] = mesh.colour
+    return () if mesh.provenance is None else tuple(mesh.provenance.lasers), arrays
 
 
 def surface_patches(patches: Sequence[edit.Patch]) -> list[SurfacePatch]:

@@ -1,0 +1,235 @@
+/** Points picked by hand in several poses of a part, by which they are joined. */
+import { signal } from "@preact/signals";
+import { useEffect, useState } from "preact/hooks";
+import { link, on } from "../bus";
+import { getArrays, RefusedError } from "../link";
+import type { MeshModel } from "../mesh/model";
+import { modelOf } from "../part";
+import type { MeshHeader, VerbEntry } from "../protocol";
+import { complain, scans } from "../state";
+import { Button, Section, SelectField, TextField } from "../ui/controls";
+import type { Vec } from "../viewport/camera";
+import type { Item } from "../viewport/overlay";
+import { OwnView } from "./ownview";
+import type { Values } from "./schema";
+import { additions, formOf, send } from "./state";
+
+/** One point of the part: where it is in each pose, mm. */
+export type Picked = ReadonlyMap<string, Vec>;
+
+const NEEDED = 3;
+const INK = "#f0691e";
+const DIGITS = 3;
+const picked = signal<readonly Picked[]>([]);
+const shown = signal(false);
+/** What was sent last, so that the same points are not sent twice. */
+let sent: { csv: string; file: string } | null = null;
+
+const nameOf = (scan: string) => scans.value.find((one) => one.scan === scan)?.name ?? "";
+const posesOf = (values: Values) =>
+  ((values.sources ?? []) as string[]).filter((file) => scans.value.some(({ scan }) => scan === file));
+
+/** The points with a place more: it belongs to the first that has none in this pose. */
+export function withPlace(points: readonly Picked[], pose: string, at: Vec): readonly Picked[] {
+  const row = points.findIndex((one) => !one.has(pose));
+  if (row < 0) return [...points, new Map([[pose, at]])];
+  return points.map((one, k) => (k === row ? new Map(one).set(pose, at) : one));
+}
+
+/** Points that are known in two poses or more, as a table: `point,pose,x,y,z`. */
+export function csvOf(points: readonly Picked[], poses: readonly (readonly [string, string])[]): string {
+  const quoted = (text: string) => (/[",]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  const rows = points.flatMap((one, k) => {
+    const places = poses.flatMap(([pose, name]) => (one.has(pose) ? [[name, one.get(pose)!] as const] : []));
+    if (places.length < 2) return [];
+    return places.map(([name, at]) => [k + 1, quoted(name), ...at.map((x) => x.toFixed(DIGITS))].join(","));
+  });
+  return rows.length ? ["point,pose,x,y,z", ...rows, ""].join("\n") : "";
+}
+
+/** What the points become when the poses are joined: a table that is sent; null where it cannot be. */
+async function withPoints(values: Values): Promise<Values | null> {
+  const csv = csvOf(
+    picked.value,
+    posesOf(values).map((pose) => [pose, nameOf(pose)] as const),
+  );
+  if (!csv || values.points) return values;
+  if (sent?.csv !== csv) {
+    const [file] = await send([new File([csv], "picked points.csv")]);
+    if (!file) return null;
+    sent = { csv, file };
+  }
+  return { ...values, points: sent.file };
+}
+
+/** Give picked points to each joining: once. */
+export function startPoints(): void {
+  additions.set("join", withPoints);
+}
+
+/** Open a scan on the server, and wait until it is. */
+function openPose(scan: string): Promise<void> {
+  return new Promise((done, fail) => {
+    const stops = [
+      on("opened", (message) => message.scan === scan && end()),
+      on("job", (message) => {
+        if (message.what !== "open" || message.scan !== scan) return;
+        if (message.state === "failed" || message.state === "cancelled")
+          end(new RefusedError(message.state, message.text, message.hint));
+      }),
+    ];
+    const end = (error?: Error) => {
+      for (const stop of stops) stop();
+      if (error) fail(error);
+      else done();
+    };
+    link.request({ kind: "open", scan }).then(({ header }) => header.kind === "opened" && end(), end);
+  });
+}
+
+function Pose({ scan, choice }: { scan: string; choice: readonly string[] }) {
+  const [mesh, set] = useState<MeshModel | null>(null);
+  const [failed, say] = useState("");
+  useEffect(() => {
+    let left = false;
+    set(null);
+    say("");
+    openPose(scan)
+      .then(() => getArrays<MeshHeader>(`api/scans/${scan}/mesh`))
+      .then(({ arrays }) => left || set(modelOf(arrays)))
+      .catch((error: Error) => {
+        if (left) return;
+        say(error.message);
+        complain(error);
+      });
+    return () => {
+      left = true;
+    };
+  }, [scan]);
+  const items = picked.value.flatMap((one, k): Item[] => {
+    const at = one.get(scan);
+    return at ? [{ kind: "point", at, colour: INK, label: String(k + 1) }] : [];
+  });
+  return (
+    <div class="pane">
+      <header>
+        {choice.length > 1 ? (
+          <SelectField
+            bare
+            label="Other pose"
+            value={scan}
+            options={choice.map((one) => [one, nameOf(one)] as const)}
+            onChange={(one) => (other.value = one)}
+          />
+        ) : (
+          <h2>{nameOf(scan)}</h2>
+        )}
+        <span class="about">{failed || (mesh ? `click point ${next(scan)}` : "Opening …")}</span>
+      </header>
+      <OwnView
+        label={`Pose ${nameOf(scan)}`}
+        mesh={mesh}
+        items={items}
+        onPick={(at) => (picked.value = withPlace(picked.value, scan, at))}
+      />
+    </div>
+  );
+}
+
+/** Which of several other poses is shown beside the first. */
+const other = signal("");
+
+function next(scan: string): number {
+  const row = picked.value.findIndex((one) => !one.has(scan));
+  return (row < 0 ? picked.value.length : row) + 1;
+}
+
+const written = (at: Vec | undefined) => at?.map((x) => x.toFixed(DIGITS)).join(", ") ?? "";
+
+/** A place as it is typed: three numbers; null for anything else. */
+export function readPlace(text: string): Vec | null {
+  const numbers = text
+    .split(/[\s,;]+/)
+    .filter(Boolean)
+    .map(Number);
+  return numbers.length === 3 && numbers.every(Number.isFinite) ? (numbers as Vec) : null;
+}
+
+function setPlace(row: number, pose: string, text: string): void {
+  const at = readPlace(text);
+  picked.value = picked.value.map((one, k) => {
+    if (k !== row || (text && !at)) return one;
+    const changed = new Map(one);
+    if (at) changed.set(pose, at);
+    else changed.delete(pose);
+    return changed;
+  });
+}
+
+function PointRows({ poses }: { poses: readonly string[] }) {
+  return (
+    <ul class="list whole points" aria-label="Picked points">
+      {picked.value.map((one, row) => (
+        <li key={row}>
+          <strong class="num">{row + 1}</strong>
+          {poses.map((pose) => (
+            <TextField
+              key={pose}
+              label={nameOf(pose)}
+              value={written(one.get(pose))}
+              unit="mm"
+              placeholder="x, y, z"
+              onChange={(text) => setPlace(row, pose, text)}
+            />
+          ))}
+          <Button
+            kind="plain"
+            small
+            icon="trash"
+            label={`Delete point ${row + 1}`}
+            onClick={() => (picked.value = picked.value.filter((_, k) => k !== row))}
+          />
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+/** Two poses side by side, in which the same points are clicked. */
+export function PickPoints({ verb }: { verb: VerbEntry }) {
+  const { values } = formOf(verb);
+  const poses = posesOf(values);
+  if (poses.length < 2) return null;
+  const [first, ...others] = poses;
+  const second = others.includes(other.value) ? other.value : others[0];
+  const whole = picked.value.filter((one) => poses.filter((pose) => one.has(pose)).length > 1).length;
+  return (
+    <Section title="Picked points" count={whole}>
+      <p class="quiet">
+        {whole
+          ? `Joined by ${whole} picked ${whole === 1 ? "point" : "points"}${whole < NEEDED ? `; at least ${NEEDED} are needed` : ""}, then by shape.`
+          : `Joined by shape alone. Where that fails, pick ${NEEDED} points or more that can be seen in both poses.`}
+      </p>
+      {values.points ? (
+        <p class="remark warning">A table of points is chosen above: it is used, and what is picked here is not.</p>
+      ) : null}
+      {shown.value ? (
+        <>
+          <div class="poses">
+            <Pose scan={first} choice={[]} />
+            <Pose scan={second} choice={others} />
+          </div>
+          <PointRows poses={poses} />
+          <span class="row">
+            <Button onClick={() => (picked.value = [...picked.value, new Map()])}>Type in a point</Button>
+            <Button disabled={!picked.value.length} onClick={() => (picked.value = [])}>
+              Delete all points
+            </Button>
+          </span>
+        </>
+      ) : (
+        <Button onClick={() => (shown.value = true)}>Pick points in both poses</Button>
+      )}
+    </Section>
+  );
+}

@@ -1,0 +1,35 @@
+import { expect, test } from "vitest";
+import { csvOf, type Picked, readPlace, withPlace } from "../src/verbs/points";
+
+const POSES = [
+  ["a", "up"],
+  ["b", "lying, turned"],
+] as const;
+
+test("a click belongs to the first point that its pose has not", () => {
+  let points: readonly Picked[] = [];
+  points = withPlace(points, "a", [1, 0, 0]);
+  points = withPlace(points, "a", [2, 0, 0]);
+  points = withPlace(points, "b", [3, 0, 0]);
+  expect(points).toHaveLength(2);
+  expect(points[0].get("b")).toEqual([3, 0, 0]);
+  expect(points[1].has("b")).toBe(false);
+});
+
+test("points known in one pose alone are left out, and names with commas are quoted", () => {
+  const points: readonly Picked[] = [
+    new Map([["a", [1, 2, 3]]]),
+    new Map([
+      ["a", [1, 2, 3]],
+      ["b", [-0.5, 1e-9, 7.12345]],
+    ]),
+  ] as Picked[];
+  expect(csvOf(points, POSES)).toBe('point,pose,x,y,z\n2,up,1.000,2.000,3.000\n2,"lying, turned",-0.500,0.000,7.123\n');
+  expect(csvOf(points.slice(0, 1), POSES)).toBe("");
+  expect(csvOf(points, POSES.slice(0, 1))).toBe("");
+});
+
+test("a place is three numbers", () => {
+  expect(readPlace("1, -2.5; 3e1")).toEqual([1, -2.5, 30]);
+  for (const text of ["", "1 2", "1 2 3 4", "1, x, 3"]) expect(readPlace(text)).toBeNull();
+});
