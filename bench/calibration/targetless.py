@@ -1,4 +1,4 @@
-"""From a ruler's numbers to a rig without a board: what two lasers see of a ball is one surface.
+"""From a ruler's numbers to a rig without a board: what two lasers see of a part is one surface.
 
 The rig is the modern preset with both lasers; the stripes are cut by the true sheets and have the
 noise that its rendered pictures show (docs/explain/accuracy.md). Every number of the ruler is wrong
@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from tests.calibrate.bodies import Body, both, doubted, sphere
+from tests.calibrate.bodies import Body, both, doubted, prism, sphere
 
 from bench.calibration._figures import Figure, at_most
 from turnscan.arrays import Floats
@@ -28,20 +28,21 @@ STEPS = np.radians(np.arange(0.0, 360.0, 9.0))
 KNOWN, OTHER = 18.0, 12.0
 """mm: radius of the ball that makes the rig, and of the one that it measures."""
 GIVEN, UNKNOWN, SHAPELESS = "one length given", "a ball of unknown size", "a part of unknown shape"
-WAYS = ((GIVEN, (KNOWN, 0.005)), (UNKNOWN, (15.0, 7.5)), (SHAPELESS, None))
-"""What is said of the ball: its radius and standard uncertainty, mm."""
+BALL, HEXAGON = sphere((14.0, 3.0, 22.0), KNOWN), prism((5.0, 2.0), 40.0, 6, 5.0)
+WAYS = ((GIVEN, BALL, ((KNOWN, 0.005),)), (UNKNOWN, BALL, (None,)), (SHAPELESS, HEXAGON, None))
+"""The part, and what is said of it: the ball's radius with its standard uncertainty, mm, or that it
+is a ball; of the leaning hexagon nothing."""
 _EVERY = 12
 """Lines of the picture, of which one is looked at."""
 
 
 def figures(quick: bool) -> list[Figure]:
-    """By what is said of the ball."""
+    """By what is said of the part."""
     seeds = range(2 if quick else 5)
     true = bench(SimulationSpec("sphere", "modern", lasers=2)).rig
-    ball = sphere((14.0, 3.0, 22.0), KNOWN)
     out = []
-    for way, size in WAYS:
-        done = [_refined(true, ball, seed, size) for seed in seeds]
+    for way, part, sizes in WAYS:
+        done = [_refined(true, part, seed, sizes) for seed in seeds]
         out += _lines(true, done, way)
     return out
 
@@ -55,10 +56,12 @@ def wrong_rig(true: Rig, seed: int) -> Rig:
     return replace(known.perturbed(off), covariance=known.covariance)
 
 
-def _refined(true: Rig, ball: Body, seed: int, size: tuple[float, float] | None) -> Refined | None:
-    sweeps = both(true, ball, STEPS, STEPS, seed, noise=NOISE, every=_EVERY)
+def _refined(
+    true: Rig, part: Body, seed: int, sizes: tuple[tuple[float, float] | None, ...] | None
+) -> Refined | None:
+    sweeps = both(true, part, STEPS, STEPS, seed, noise=NOISE, every=_EVERY)
     try:
-        body = None if size is None else (Balls(), (size,))
+        body = None if sizes is None else (Balls(), sizes)
         return refine(wrong_rig(true, seed), sweeps, RefineSettings(body=body))
     except CalibrationError as e:
         print(f"  seed {seed}: {e}", flush=True)

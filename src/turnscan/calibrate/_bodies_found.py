@@ -103,7 +103,7 @@ def _inside(away: Floats) -> Bools:
 def _found(form: Form, points: Floats, known: Sequence[Known | None]) -> tuple[Body, Bools]:
     """The body as one sweep sees it, and which of its points (n, 3) lie on it."""
     some = points[np.unique(np.linspace(0, len(points) - 1, _FEW).astype(np.intp))]
-    body = _balls(form, some, known) if isinstance(form, Balls) else _round(form, some, known)
+    body = _begin(form, some, known)
     keep = _inside(body.distance(some)[0])
     for _ in range(_ROUNDS):
         before = keep
@@ -138,6 +138,19 @@ def _sphere(points: Floats) -> tuple[Floats, float]:
     solved = np.linalg.lstsq(design, (P**2).sum(axis=1), rcond=None)[0]
     centre = solved[:3]
     return centre + middle, float(np.sqrt(max(solved[3] + centre @ centre, 0.0)))
+
+
+def _begin(form: Form, points: Floats, known: Sequence[Known | None]) -> Body:
+    if isinstance(form, Balls):
+        return _balls(form, points, known)
+    if isinstance(form, Round):
+        return _round(form, points, known)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    away = points - middle
+    length = np.linalg.norm(away, axis=1)
+    basis, _ = form.powers(away / length[:, None])
+    sizes = np.linalg.lstsq(basis, length, rcond=1e-6)[0]
+    return Body(form, Pose(np.eye(3), middle), sizes, tuple(known))
 
 
 def _balls(form: Balls, points: Floats, known: Sequence[Known | None]) -> Body:

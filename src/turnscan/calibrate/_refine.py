@@ -2,47 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
-from turnscan.calibrate._adjust import Fit, adjust
-from turnscan.calibrate._bodies import Body, Form, Known
+from turnscan.calibrate._adjust import Fit
+from turnscan.calibrate._approach import approach
+from turnscan.calibrate._bodies import Body, Form, Known, Smooth
 from turnscan.calibrate._bodies_found import again, find_body, refuse_ends
-from turnscan.calibrate._patches import patches_under
-from turnscan.calibrate._prior import moved_by, prior_of
+from turnscan.calibrate._gaps import adjusted, gap_of, network_of
+from turnscan.calibrate._prior import moved_by
 from turnscan.calibrate._quality import Measured
 from turnscan.calibrate._shared import with_shared_noise
 from turnscan.calibrate._surfaces import (
     WEAK,
-    Pair,
     SurfaceNetwork,
     Surfaces,
     Sweep,
     doubt_of,
     gauge_of,
     motion_known,
-    noise_of,
-    not_below,
     thinned,
 )
-from turnscan.errors import Degenerate, DidNotConverge
+from turnscan.errors import Degenerate
+from turnscan.progress import Progress, no_progress
 from turnscan.rig import Rig, TableMotion
 
 ORDERS = 3
 """Largest number of waves per turn in the model of the table's motion."""
 _SETTLED = 0.1
 """Standard deviations: less than this, and another round changes nothing."""
-_REACH_MM = 8.0
-"""How far apart two surfaces may be at first."""
-_FINER, _NEAR, _ROUGH_ROUNDS = 0.3, 1.2, 20
-"""By how much finer surfaces are held against each other from round to round where the rig may be
-far off, and how many such rounds there are at most."""
-_FEWEST = 100
-"""Places where two surfaces meet, below which nothing is said of a rig."""
+_REACH_MM, _FAR_MM = 8.0, 4.0
+"""How far apart two surfaces may be at first, and how far a rig may put a point beside its place
+before that has to be made less."""
+_FINER = 0.3
+"""By how much finer surfaces are held against each other from round to round."""
+_ANY = (0.0, 1e3)
+"""mm: what is known of the sizes of a part of unknown shape."""
+_APPROACH = 0.5
+"""Of the work, where the rig may be far off at first."""
 _NO_FIT, _LEAST_MM = 3.0, 0.01
 """Times the noise, and mm of noise at least: surfaces farther apart have another cause."""
 _TOLD = 0.5
@@ -95,7 +96,7 @@ def refine(
     rig: Rig,
     sweeps: Sequence[Sweep],
     settings: RefineSettings | None = None,
-    tick: Callable[[], None] = lambda: None,
+    progress: Progress = no_progress,
 ) -> Refined:
     """Adjust table motion, sheets and axis until all surfaces of a part agree.
 
@@ -103,9 +104,8 @@ def refine(
     known of the rig (its covariance) counts as observations, and what it does not doubt is held.
     Errors of the table (harmonics, play) are kept where Bayes' information criterion asks for them.
     A body of known form counts like a surface that is known, and known sizes of it give the scale.
-    Where the rig's uncertainty is of millimetres, such a body is what it takes: rounds that hardly
-    weigh the gaps come first, in which what is known of the rig leads. ``tick`` is called after
-    each round but these.
+    Where the rig's uncertainty is of millimetres, the body alone is what the points are held
+    against first (`turnscan.calibrate._approach`); without one, a smooth body of any shape.
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 
     Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
@@ -113,77 +113,115 @@ def refine(
     """
     s = settings or RefineSettings()
     many = tuple(thinned(sweep, rig) for sweep in sweeps)
-    moving = any(sweep.moved for sweep in many)
-    motion = TableMotion(np.zeros((ORDERS if moving else 0, 2)))
-    if rig.motion is not None:
-        waves = np.zeros((max(ORDERS, len(rig.motion.harmonics)), 2))
-        waves[: len(rig.motion.harmonics)] = rig.motion.harmonics
-        motion = replace(rig.motion, harmonics=waves, covariance=None)
-    state = Surfaces(replace(rig, covariance=None, motion=motion))
+    begin = Surfaces(replace(rig, covariance=None, motion=_motion(rig, many)))
     doubt = doubt_of(rig, many) if s.geometry else 0.0
-    if s.body is not None:
-        state = replace(state, bodies=(find_body(*s.body, many, state.rig, doubt),))
+    state, rough = _begun(rig, begin, many, s, doubt, progress.subrange(0, _APPROACH))
     free = _free(rig, state, many, s)
-    fit: Fit[Surfaces] | None = None
-    first = (float("nan"), float("nan"), 0)
-    # A body needs no neighbours: while surfaces may lie anywhere, it alone is held against them.
-    far = doubt > _REACH_MM / 2
-    reach = 0.0 if s.body is not None and far else max(_REACH_MM, 2 * doubt)
-    # Far from the truth a gap says little, and what is known of the rig keeps it from straying.
-    each = sum(len(sweep.pixels) for sweep in many) / max(free.sum(), 1)
-    coarse = doubt * float(np.sqrt(each)) if far else 0.0
-    fine = max(float(np.median(np.abs(noise_of(sweep, rig)))) for sweep in many)
-    exact = rough = 0
-    while exact < s.rounds and rough < _ROUGH_ROUNDS:
-        if fit is not None and not far:
-            at = [sweep.points(state.rig, state.rig.camera.rays(sweep.pixels)) for sweep in many]
-            state = replace(state, bodies=tuple(again(body, at) for body in state.bodies))
-        network = _network(rig, state, many, free, reach, s, coarse)
-        now = _gap(network, state)
-        if fit is None:
-            first = now
-        fit = _adjusted(network, state, free, fit, told=far)
-        moved, state = _moved(state, fit), fit.state
-        after = _gap(network, state)
-        reach = min(max(6 * after[0], 4 * after[1]), _REACH_MM)
-        if moved < _SETTLED and not far:
-            break
-        if far:
-            rough += 1
-        else:
-            exact += 1
-            tick()
-        coarse = _FINER * coarse if _FINER * coarse > fine else 0.0
-        far = far and (coarse > 0 or after[0] > _NEAR * after[1])
-    assert fit is not None
+    part = progress.subrange(_APPROACH if doubt > _FAR_MM else 0.0, 1.0)
+    network, fit = _settled(rig, state, many, free, s, rough, part)
+    before = _gap_before(rig, begin, network, fit.state, s, doubt)
     for body in fit.state.bodies:
         refuse_ends(body, sum(len(sweep.pixels) for sweep in many))
     fit, free, dropped = _simplest(network, with_shared_noise(network, fit, free), free)
-    last = _gap(network, fit.state)
+    last = gap_of(network, fit.state)
     if last[0] > _NO_FIT * max(last[1], _LEAST_MM):
         raise Degenerate(
             f"the surfaces stay {last[0]:.3f} mm apart where the stripe's noise makes "
             f"{last[1]:.3f} mm: no rig near this one explains the scan",
             hint="did the part move, is it the body that was named, and is the rig the right one?",
         )
-    return _told(rig, network, fit, free, dropped, first[0], last)
+    return _told(rig, network, fit, free, dropped, before, last)
 
 
-def _adjusted(
-    network: SurfaceNetwork,
+def _motion(rig: Rig, sweeps: Sequence[Sweep]) -> TableMotion:
+    """The table's errors as they are known, with room for all orders."""
+    if rig.motion is None:
+        moving = any(sweep.moved for sweep in sweeps)
+        return TableMotion(np.zeros((ORDERS if moving else 0, 2)))
+    waves = np.zeros((max(ORDERS, len(rig.motion.harmonics)), 2))
+    waves[: len(rig.motion.harmonics)] = rig.motion.harmonics
+    return replace(rig.motion, harmonics=waves, covariance=None)
+
+
+def _begun(
+    rig: Rig,
+    begin: Surfaces,
+    sweeps: tuple[Sweep, ...],
+    s: RefineSettings,
+    doubt: float,
+    progress: Progress,
+) -> tuple[Surfaces, float]:
+    """A state near the truth with its bodies, and how far surfaces are apart there, mm; 0 where
+    that is not known."""
+    if doubt <= _FAR_MM:
+        if s.body is None:
+            return begin, 0.0
+        return replace(begin, bodies=(find_body(*s.body, sweeps, rig, doubt),)), 0.0
+    free = _free(rig, begin, sweeps, s)
+    if s.body is not None:
+        near, _ = approach(rig, begin, sweeps, free, s.body, doubt, progress)
+        return replace(near, bodies=tuple(_anew(b, near, sweeps) for b in near.bodies)), 0.0
+    form = Smooth()
+    anything = (form, (_ANY,) * len(form.size_names))
+    near, gap = approach(rig, begin, sweeps, free, anything, doubt, progress)
+    return replace(near, bodies=()), gap
+
+
+def _anew(body: Body, state: Surfaces, sweeps: Sequence[Sweep]) -> Body:
+    return again(body, [sweep.points(state.rig, state.rig.camera.rays(sweep.pixels))
+                        for sweep in sweeps])  # fmt: skip
+
+
+def _settled(
+    rig: Rig,
     state: Surfaces,
+    sweeps: tuple[Sweep, ...],
     free: Bools,
-    near: Fit[Surfaces] | None,
-    told: bool,
-) -> Fit[Surfaces]:
-    try:
-        return adjust(network, state, free, near=None if told else near, told=told)
-    except (DidNotConverge, np.linalg.LinAlgError):
-        raise DidNotConverge(
-            "the surfaces come to no rest against each other",
-            hint="begin with a rig nearer to the truth (measure again with a ruler), or with one "
-            "whose uncertainties say how far it may be off",
-        ) from None
+    s: RefineSettings,
+    rough: float,
+    progress: Progress,
+) -> tuple[SurfaceNetwork, Fit[Surfaces]]:
+    """Surfaces held against each other, round after round, until none moves any more.
+
+    Where they are ``rough`` mm apart at first, gaps weigh no more than that at first.
+    """
+    fit: Fit[Surfaces] | None = None
+    reach = _REACH_MM
+    for k in range(s.rounds):
+        if fit is not None:
+            state = replace(state, bodies=tuple(_anew(b, state, sweeps) for b in state.bodies))
+        network = network_of(rig, state, sweeps, free, reach, s.queries, rough)
+        fit = adjusted(network, state, free, fit, told=rough > 0)
+        moved, state = _moved(state, fit), fit.state
+        gap, noise, _ = gap_of(network, state)
+        reach = min(max(6 * gap, 4 * noise), _REACH_MM)
+        progress((k + 1) / s.rounds)
+        if moved < _SETTLED and not rough:
+            break
+        rough = _FINER * rough if _FINER * rough > noise else 0.0
+    assert fit is not None
+    return network, fit
+
+
+def _gap_before(
+    rig: Rig,
+    begin: Surfaces,
+    network: SurfaceNetwork,
+    end: Surfaces,
+    s: RefineSettings,
+    doubt: float,
+) -> float:
+    """mm rms by which the surfaces were apart; of a body that the rig was too far off to show, the
+    distance from where it is."""
+    free = np.zeros_like(network.active)
+    at = replace(end, rig=begin.rig)
+    if s.body is not None:
+        try:
+            at = replace(begin, bodies=(find_body(*s.body, network.sweeps, begin.rig, doubt),))
+        except Degenerate:
+            return gap_of(network, at)[0]
+    reach = max(_REACH_MM, 2 * doubt)
+    return gap_of(network_of(rig, at, network.sweeps, free, reach, s.queries), at)[0]
 
 
 def _with_what_was_known(told: Floats, before: Rig, state: Surfaces, free: Bools) -> Floats:
@@ -236,70 +274,6 @@ def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings)
     return free
 
 
-def _network(
-    rig: Rig,
-    state: Surfaces,
-    sweeps: tuple[Sweep, ...],
-    free: Bools,
-    reach: float,
-    s: RefineSettings,
-    coarse: float = 0.0,
-) -> SurfaceNetwork:
-    """What meets what in the present state; ``coarse`` mm is how little a gap says besides."""
-    names = state.rig.parameter_names
-    stages = {n.rpartition(".")[0] for n, f in zip(names, free, strict=False) if f}
-    prior = prior_of(rig, state.rig, stages) if stages else None
-    network = SurfaceNetwork(sweeps, (), state, free, prior, rig.motion)
-    at = network.places(state.rig)
-    noise = [noise_of(sweep, state.rig) for sweep in sweeps]
-    pairs = []
-    for a in range(len(sweeps)):
-        for b in range(len(sweeps)):
-            if a == b:
-                continue
-            some = np.unique(np.linspace(0, len(at[a]) - 1, s.queries).astype(np.intp))
-            found = patches_under(at[a][some], at[b], noise[b], reach)
-            found = replace(found, query=some[found.query])
-            if len(found.query) < _FEWEST:
-                continue
-            own = np.einsum("mi,mi->m", found.normal, noise[a][found.query])
-            theirs = -found.weights * np.einsum("mi,mki->mk", found.normal, noise[b][found.near])
-            sigma = np.hypot(not_below(np.sqrt(own**2 + (theirs**2).sum(axis=1))), coarse)
-            pairs.append(Pair(a, b, found, own, theirs, sigma))
-    if not pairs and not state.bodies:
-        raise Degenerate(
-            "no two surfaces overlap where they are smooth: one laser sees each place once in a "
-            "turn, and where a part bends much from step to step no surface is known",
-            hint="scan with two lasers, in smaller steps, or a body of known size",
-        )
-    on_bodies = tuple(
-        tuple(
-            np.einsum("mi,mi->m", body.distance(where[which])[1], moved[which])
-            for where, moved, which in zip(at, noise, body.points, strict=True)
-        )
-        for body in state.bodies
-    )
-    sigmas = tuple(
-        tuple(np.hypot(not_below(np.abs(own)), coarse) for own in one) for one in on_bodies
-    )
-    return replace(network, pairs=tuple(pairs), body_noise=on_bodies, body_sigma=sigmas)
-
-
-def _gap(network: SurfaceNetwork, state: Surfaces) -> tuple[float, float, int]:
-    """rms of the gaps (without the farthest hundredth), rms of their noise, number of places."""
-    at = network.places(state.rig)
-    gaps = [p.patches.gaps(at[p.asked], at[p.others]) for p in network.pairs]
-    sigma = [p.sigma for p in network.pairs]
-    for body, own in zip(state.bodies, network.body_sigma, strict=True):
-        for i, which in enumerate(body.points):
-            gaps.append(body.distance(at[i][which])[0])
-            sigma.append(own[i])
-    all_gaps, all_sigma = np.abs(np.concatenate(gaps)), np.concatenate(sigma)
-    near = all_gaps <= np.quantile(all_gaps, 0.99)
-    rms = float(np.sqrt(np.mean(all_gaps[near] ** 2)))
-    return rms, float(np.sqrt(np.mean(all_sigma[near] ** 2))), len(all_gaps)
-
-
 def _simplest(
     network: SurfaceNetwork, fit: Fit[Surfaces], free: Bools
 ) -> tuple[Fit[Surfaces], Bools, tuple[str, ...]]:
@@ -331,7 +305,7 @@ def _simplest(
             zero = fit.state.motion.values.copy()
             zero[index - p] = 0.0
             rig = replace(fit.state.rig, motion=TableMotion.of(zero))
-            fit = _adjusted(network, replace(fit.state, rig=rig), free, fit, told=False)
+            fit = adjusted(network, replace(fit.state, rig=rig), free, fit, told=False)
             fit = with_shared_noise(network, fit, free)
             dropped += group
     return fit, free, tuple(dropped)

@@ -58,6 +58,11 @@ class RefinedRig:
             lines.append(f"not asked for by the scan: {', '.join(r.dropped)}")
         if r.held:
             lines.append(f"the scan says little or nothing of: {', '.join(r.held)}")
+        if "scale" in r.held:
+            lines.append(
+                "shapes and angles are right up to scale: all lengths may be off by one factor, "
+                "until one length of the part is given"
+            )
         return "\n".join([*lines, f"{self.path}: written"])
 
     def figures(self) -> str:
@@ -152,8 +157,8 @@ def refine(
         seen = detect_scan(opened, still, settings.stripes, settings.volume, tick)
     sweeps = sweeps_of(seen, settings)
     limits = RefineSettings(wanted.camera, not wanted.table_only, body)
-    step = progress.subrange(_DETECTION, 1, "fitting the surfaces").counter(limits.rounds)
-    done = adjust_rig(begin, sweeps, limits, step)
+    part = progress.subrange(_DETECTION, 1, "fitting the surfaces")
+    done = adjust_rig(begin, sweeps, limits, part)
     done = replace(done, rig=replace(done.rig, evidence=(*begin.evidence, evidence)))
     write_atomically(output, rig_to_json(done.rig).encode())
     return RefinedRig(output, done)
