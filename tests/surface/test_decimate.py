@@ -18,7 +18,7 @@ from turnscan.progress import Progress
 from turnscan.shapes import deviation, sample_surface
 from turnscan.surface import mesh_grid
 from turnscan.surface.decimation import _collapse_kernels as kernels
-from turnscan.surface.decimation import decimate
+from turnscan.surface.decimation import decimate, dissolve
 from turnscan.surface.decimation._decimate import _net
 from turnscan.surface.holes import close
 
@@ -208,3 +208,26 @@ def test_it_ends_where_who_is_told_wants_that(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(TimeoutError):
         decimate(column(), tolerance=TOLERANCE, progress=Progress(end))
     assert [share > 0.5 for share in heard].count(True) == 1
+
+
+def test_dissolved_vertices_go_and_all_others_stay_in_place() -> None:
+    mesh = column(seed=4)
+    which = np.random.default_rng(5).random(len(mesh.vertices)) < 0.3
+    less, left = dissolve(mesh, which)
+    check_sound(less)
+    assert euler(less) == euler(mesh)
+    stays = {tuple(v) for v in mesh.vertices[~which].tolist()}
+    now = {tuple(v) for v in less.vertices.tolist()}
+    assert stays <= now
+    # Few are hemmed in by what may not turn over, and those are named.
+    assert left.sum() == len(now - stays)
+    assert left.sum() < 0.05 * which.sum()
+    assert apart(mesh, less) < 1.0, "faces grow, the surface stays"
+
+
+def test_where_nothing_is_dissolved_nothing_changes() -> None:
+    mesh = column(seed=4)
+    less, left = dissolve(mesh, np.zeros(len(mesh.vertices), dtype=np.bool_))
+    assert not left.any()
+    assert np.array_equal(less.faces, mesh.faces)
+    assert np.array_equal(less.vertices, mesh.vertices)

@@ -19,6 +19,8 @@ from turnscan.remedy import Option, Remedy
 
 _HELD = 2 / 3
 """Part of the tolerance to which the places compared are held; what lies between may be more."""
+_LAST = 1e12
+"""mm², a cost above all that quadrics give."""
 _AT_A_TIME = 10_000
 """Vertices looked at from one word about the progress to the next."""
 _FEWEST = 4
@@ -63,6 +65,24 @@ def decimate(
     _collapse(net, faces or 0, progress)
     kept = net.faces[:, 0] >= 0
     return submesh(replace(mesh, faces=np.where(kept[:, None], net.faces, 0)), kept)
+
+
+def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
+    """The mesh without the vertices ``which`` (v,) that can move into a neighbour, and (w,) which
+    of those that are left could not.
+
+    All others stay where they are, with longer faces between them. The rules are `decimate`'s: no
+    face turns over, borders move along themselves only, and the surface hangs together as it did.
+    """
+    net = _net(mesh, np.inf)
+    # Into one that stays, wherever that goes: one that many have moved into goes nowhere.
+    net = net._replace(locked=net.locked | ~which, own=np.where(which, _LAST, 0.0))
+    _collapse(net, 0, no_progress)
+    kept = net.faces[:, 0] >= 0
+    left = np.zeros(len(which), dtype=np.bool_)
+    left[net.faces[kept]] = True
+    faces = np.where(kept[:, None], net.faces, 0)
+    return submesh(replace(mesh, faces=faces), kept), which[left]
 
 
 def _net(mesh: Mesh, tolerance: float) -> Any:

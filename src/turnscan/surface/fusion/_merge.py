@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
@@ -15,13 +16,14 @@ from turnscan.mesh._parts import submesh
 from turnscan.points import Along, RangeGrid
 from turnscan.remedy import Option, Remedy
 from turnscan.surface._grid_mesh import TearLimits
+from turnscan.surface.decimation import dissolve
 from turnscan.surface.fusion._carve import carved
 from turnscan.surface.fusion._combine import paste
 from turnscan.surface.fusion._overlap import apart_findings, overlap_findings, overlaps
 from turnscan.surface.fusion._polar import merge_polar, polar_grid
 from turnscan.surface.fusion._range_surface import RangeSurface, range_surfaces, rise, spacing
 from turnscan.surface.fusion._tsdf import fuse
-from turnscan.surface.fusion._witness import borne_out
+from turnscan.surface.fusion._witness import witnessed
 
 MergeMethod = Literal["auto", "grid", "tsdf", "paste"]
 _SEAM = 3
@@ -98,7 +100,7 @@ def merge(
     findings.append(_merged_by(text, "grid|paste"))
     most = max(size, 3 * sigma)
     mesh = fuse(surfaces, size, ramp, _SEAM if sewn else 0, most)
-    mesh, lost = _witnessed(mesh, surfaces, size, most)
+    mesh, lost = _confirmed(mesh, surfaces, size, most)
     return mesh, [*findings, *lost]
 
 
@@ -109,30 +111,51 @@ def _merged_by(text: str, others: str) -> Finding:
     )
 
 
-def _witnessed(
+def _confirmed(
     mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: float
 ) -> tuple[Mesh, list[Finding]]:
-    """The mesh without the faces at vertices that no measured surface confirms.
+    """The mesh without the vertices that no measured surface confirms, or that are guessed.
 
-    What is confirmed from afar alone is known no better than that. Faces that close a seam are not
-    measured, and need no witness.
+    What was guessed between profiles is spanned by faces between the vertices that are left; where
+    that does not go, as beyond the end of a profile, its faces go. What is confirmed from
+    afar alone is known no better than that. Faces that close a seam are not measured, and need no
+    witness.
     """
-    good, known = borne_out(mesh, surfaces, voxel, most)
+    told = witnessed(mesh, surfaces, voxel, most)
+    good, guessed = told.confirmed, told.guessed
     p = mesh.provenance
     if p is not None:
-        sigma = np.where(good & ~np.isnan(p.sigma), known, p.sigma)
+        sigma = np.where(good & ~np.isnan(p.sigma), told.sigma, p.sigma)
         mesh = replace(mesh, provenance=replace(p, sigma=sigma))
     if mesh.measured is not None:
         made = np.zeros(len(mesh.vertices), dtype=np.bool_)
         made[mesh.faces[~mesh.measured]] = True
-        good |= made
-    if good.all():
-        return mesh, []
-    text = f"{int((~good).sum())} vertices far from every measured surface are removed"
-    x, y, z = np.median(mesh.vertices[~good], axis=0)
-    where = f"about ({x:.0f}, {y:.0f}, {z:.0f}) mm"
-    kept = submesh(mesh, np.asarray(good[mesh.faces].all(axis=1)))
-    return kept, [Finding("surface.unmeasured", "note", text, where)]
+        good, guessed = good | made, guessed & ~made
+    out = list[Finding]()
+    if not good.all():
+        text = f"{int((~good).sum())} vertices far from every measured surface are removed"
+        out.append(Finding("surface.unmeasured", "note", text, _about(mesh.vertices[~good])))
+        mesh, guessed = _without(mesh, ~good, guessed)
+    if guessed.any():
+        mesh, guessed = dissolve(mesh, guessed)
+    if guessed.any():
+        text = f"{int(guessed.sum())} vertices between profiles, or beyond their ends, are removed"
+        out.append(Finding("surface.guessed", "note", text, _about(mesh.vertices[guessed])))
+        mesh, _ = _without(mesh, guessed, guessed)
+    return mesh, out
+
+
+def _about(X: Floats) -> str:
+    x, y, z = np.median(X, axis=0)
+    return f"about ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+
+
+def _without(mesh: Mesh, which: Bools, marks: Bools) -> tuple[Mesh, Bools]:
+    """The mesh without the faces at vertices (v,), and the ``marks`` of the vertices left."""
+    keep = np.asarray(~which[mesh.faces].any(axis=1))
+    used = np.zeros(len(which), dtype=np.bool_)
+    used[mesh.faces[keep]] = True
+    return submesh(mesh, keep), marks[used]
 
 
 def _steps(grids: Sequence[RangeGrid]) -> int:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh
 from turnscan.surface.fusion._range_surface import RangeSurface
 
@@ -16,40 +17,84 @@ _ROUNDED = 0.1
 """Voxels by which a merge rounds its vertices, and carries them on over a border."""
 
 
-def borne_out(
-    mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: float
-) -> tuple[Bools, Floats]:
-    """(v,) True for the vertices of a merged mesh that a measured surface passes by, and (v,) mm
-    the sigma that they have by that: no less than how far from the nearest such one they lie
-    beyond what is explained, and with how far the merge itself put them beside all of them.
+_CLOSE = 0.5
+"""Voxels from a measured vertex within which a merged one stands on it …"""
+_CHORD = 1.5
+"""… usual sigma by which one that stands further away may lie off what was measured …"""
+_VAGUE = 3.0
+"""… and that it may have itself."""
+_BESIDE = 2.0
+"""Usual sigma that any may lie off every measured surface."""
 
-    It passes by no further off than three combined sigma, ``most`` mm of them at most, and what is
-    explained: what the surface may do between its profiles there, and a tenth of ``voxel`` mm,
-    which the merge itself rounds off.
+
+class Witness(NamedTuple):
+    """What the measured surfaces say of the vertices of a merged mesh."""
+
+    confirmed: Bools
+    """(v,) True where one of them passes by."""
+    sigma: Floats
+    """(v,) mm: of those that are confirmed."""
+    guessed: Bools
+    """(v,) True where no measured vertex is near, and the surface may lie elsewhere: between
+    profiles, or beyond the end of one."""
+
+
+def witnessed(mesh: Mesh, surfaces: Sequence[RangeSurface], voxel: float, most: float) -> Witness:
+    """What the measured surfaces say of a merged mesh's vertices.
+
+    A surface passes by no further off than three combined sigma, ``most`` mm of them at most, and
+    what is explained: what the surface may do between its profiles there, and a tenth of ``voxel``
+    mm, which the merge itself rounds off. Sigma is no less than how far from the nearest such
+    surface a vertex lies beyond what is explained, and takes in how far the merge put it beside
+    all of them. Guessed is a vertex that lies two usual sigma beside every surface; and, further
+    than half a voxel from all points that were measured, one that lies one and a half beside them,
+    what they may do between their profiles included, or that has a sigma of three.
     """
     import igl
 
     p = mesh.provenance
     own = np.zeros(len(mesh.vertices)) if p is None else np.nan_to_num(p.sigma)
+    usual = float(np.median(np.concatenate([s.sigma for s in surfaces])))
     out = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    away, least = np.full((2, len(mesh.vertices)), np.inf)
+    away, least, doubt, reach = np.full((4, len(mesh.vertices)), np.inf)
     for s in surfaces:
         # What one surface confirms only from afar, another may confirm from nearby.
-        asked = np.flatnonzero(~out | (away > own) | (least > own))
+        far = (doubt > _CHORD * usual) & (reach > _CLOSE * voxel) | (own > _VAGUE * usual)
+        asked = np.flatnonzero(~out | (away > own) | (least > own) | far)
         if not len(asked) or not len(s.mesh.faces):
             continue
-        squared, face, _ = igl.point_mesh_squared_distance(
-            np.array(mesh.vertices[asked]), np.array(s.mesh.vertices), s.mesh.faces.astype(np.int64)
+        X = np.array(mesh.vertices[asked])
+        squared, face, foot = igl.point_mesh_squared_distance(
+            X, np.array(s.mesh.vertices), s.mesh.faces.astype(np.int64)
         )
         corners = s.mesh.faces[face]
+        between = s.between()[corners].max(axis=1)
         noise = np.hypot(own[asked], s.sigma[corners].mean(axis=1))
-        explained = s.between()[corners].max(axis=1) + _ROUNDED * voxel
+        explained = between + _ROUNDED * voxel
         off = np.sqrt(squared)
         near = off <= np.minimum(_SIGMAS * noise, most) + explained
         out[asked[near]] = True
         beyond = np.maximum(off - explained, 0.0)[near]
         away[asked[near]] = np.minimum(away[asked[near]], beyond)
         least[asked] = np.minimum(least[asked], off)
+        ends = s.mesh.vertices[corners]
+        chord = between * _half_way(foot, ends, s.ranks[corners])
+        doubt[asked] = np.minimum(doubt[asked], chord + off)
+        closest = np.linalg.norm(ends - X[:, None], axis=2).min(axis=1)
+        reach[asked] = np.minimum(reach[asked], closest)
     # The mean of several lies its sigma beside each of them.
     beside = np.sqrt(np.maximum(least**2 - own**2, 0.0))
-    return out, np.maximum(np.hypot(own, beside), away)
+    vague = (doubt > _CHORD * usual) | (own > _VAGUE * usual)
+    guessed = vague & (reach > _CLOSE * voxel) | (least > _BESIDE * usual)
+    return Witness(out, np.maximum(np.hypot(own, beside), away), guessed)
+
+
+def _half_way(places: Floats, ends: Floats, ranks: Ints) -> Floats:
+    """(m,) how much of what a surface may do between two profiles counts at ``places`` (m, 3) in
+    faces (m, 3, 3) with vertices on the profiles ``ranks`` (m, 3): 0 on them, 1 half-way."""
+    import igl
+
+    a, b, c = (np.ascontiguousarray(ends[:, k]) for k in range(3))
+    share = igl.barycentric_coordinates(np.ascontiguousarray(places), a, b, c)
+    part = np.clip((share * (ranks == ranks[:, :1])).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.nan_to_num(4.0 * part * (1.0 - part)))
