@@ -13,6 +13,7 @@ from typing import Any
 
 import httpx
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from turnscan.acquire import look, run, turn_of
 from turnscan.app import Library, Workshop
@@ -86,7 +87,7 @@ class Browser:
         self._stack = contextlib.ExitStack()
         link = connect(
             f"ws://127.0.0.1:{server.port}/ws",
-            origin=server.base,  # type: ignore[arg-type]
+            origin=Origin(server.base),
             additional_headers={"Cookie": self.cookie},
             max_size=None,
         )
