@@ -1,7 +1,7 @@
 """Draws the pictures of simulated benches for the docs: `python docs/make_pictures.py [NAME …]`.
 
 Names: galvanometer, two_lines, shadows, panned, off_centre, demo, fills, report, poses, section,
-verification; without one, all (fifteen minutes).
+views, verification; without one, all (fifteen minutes).
 """
 
 from __future__ import annotations
@@ -370,6 +370,25 @@ def section() -> None:
     save(draw_section(cut, "plate.ply"), "section")
 
 
+def views() -> None:
+    """A head from the side, and its surface unrolled: two sheets of ``turnscan section``."""
+    from turnscan.drawings import draw_section
+    from turnscan.shapes import fit_section, silhouette_cut, unrolled_cut
+
+    true = part("head").mesh
+    rng = np.random.default_rng(1)
+    n = len(true.vertices)
+    none = np.zeros(n, np.int32)
+    known = Provenance(np.full(n, 0.03), none, none, none, ("laser",))
+    head = Mesh(true.vertices + rng.normal(0, 0.03, (n, 3)), true.faces, known)
+    sheets = []
+    for cut in (silhouette_cut([0, 1, 0], "silhouette from y"), unrolled_cut()):
+        data = io.BytesIO()
+        draw_section(fit_section(head, cut), "head").savefig(data, dpi=110)
+        sheets.append(Pillow.open(data).convert("RGB"))
+    strip([(sheets[0], sheets[1])], 1400).save(HERE / "views.png", optimize=True)
+
+
 def dense(corners: Floats, step: float) -> Floats:
     """Points every ``step`` mm round a closed polygon."""
     rows = []
@@ -420,6 +439,7 @@ DRAWN: dict[str, Callable[[], None]] = {
         report,
         poses,
         section,
+        views,
         verification,
     )
 }

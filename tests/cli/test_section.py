@@ -71,6 +71,8 @@ def test_r12_is_written_on_demand(part: Path, tmp_path: Path) -> None:
         (["--plane", "q=3"], "--plane q=3: not a plane"),
         (["--plane", "1,2,3"], "--plane 1,2,3: not a plane"),
         (["--plane", "0,0,0,1"], "a plane with the normal"),
+        (["--silhouette", "q"], "--silhouette q: not a direction"),
+        (["--silhouette", "0,0,0"], "--silhouette 0,0,0: not a direction"),
         (["--plane", "z=0:10:0"], "--plane z=0:10:0: not a plane"),
         (["--plane", "z=0:20:0.001"], "at most 100"),
         (["--plane", "z=inf"], "not finite"),

@@ -77,7 +77,16 @@ def test_a_dxf_has_lines_arcs_circles_and_splines_on_named_layers(
     measured = space.query(f'{kind}[layer=="TURNSCAN_SECTION_MEASURED_MM"]')
     assert len(measured) == 3
     assert all(e.is_closed if version == "R12" else e.closed for e in measured)
-    texts = [e.dxf.text for e in space.query("TEXT")]
+    dimensions = space.query("DIMENSION")
+    assert bool(dimensions) == (version == "R2010")
+    for e in dimensions:
+        # What a CAD program measures between the places is what the text says.
+        assert abs(e.get_measurement() - e.dxf.actual_measurement) < 1e-9
+        number = re.search(r"[\d.]+", re.sub("%%.", "", e.dxf.text))
+        assert number is not None
+        assert abs(float(number[0]) - e.dxf.actual_measurement) < 0.06
+        assert list(e.virtual_entities())
+    texts = [e.dxf.text for e in space.query("TEXT DIMENSION")]
     assert any("%%c16.0" in t or "%%c15.9" in t for t in texts), texts
     assert any(t.startswith(("R4.0", "R3.9")) for t in texts), texts
     assert data == write_section_dxf(_sections(), version, {"source": "part.ply"})

@@ -270,7 +270,7 @@ def _export(given: Given) -> Outcome:
 
 def _section(given: Given) -> Outcome:
     options = given.of(w.SectionOptions)
-    cuts = w.cuts_of(options.plane, options.half_plane_deg)
+    cuts = w.cuts_of(options.plane, options.half_plane_deg, options.silhouette, options.unrolled)
     found = w.section(given.path("part"), cuts, options.tolerance, given.progress)
     found.save(*given.outputs["outputs"], version=options.dxf_version)
     return Outcome(str(found))

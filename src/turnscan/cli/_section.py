@@ -40,7 +40,9 @@ def verb(
     workflows.check_apart(outputs)
     for path in outputs:
         workflows.check_output(path, workflows.SECTION_SUFFIXES, inputs=[part])
-    cuts = workflows.cuts_of(options.plane, options.half_plane_deg)
+    cuts = workflows.cuts_of(
+        options.plane, options.half_plane_deg, options.silhouette, options.unrolled
+    )
     with progress_bar() as bar:
         sections = workflows.section(part, cuts, options.tolerance, bar)
     sections.save(*outputs, version=options.dxf_version)

@@ -1,8 +1,10 @@
-"""Dimensions of a section as strokes, arrowheads and texts, in the drawing's own mm."""
+"""Dimensions of a section: what each measures, its strokes, arrowheads and text, in drawing mm."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -32,42 +34,79 @@ class Label:
     """Radians from the drawing's x; never upside down."""
 
 
+@dataclass(frozen=True)
+class Dimension:
+    """One dimension as CAD knows it, and what is drawn for it."""
+
+    kind: Literal["linear", "radius", "diameter"]
+    places: Floats
+    """Linear: (3, 2) mm, the two places it goes between and one on the dimension line; radius: (2,
+    2), the centre and a place on the arc; diameter: (2, 2), opposite places."""
+    value: float
+    """mm, unrounded."""
+    label: Label
+    strokes: tuple[Floats, ...]
+    """(n, 2) mm each."""
+    arrows: tuple[Floats, ...]
+    """(3, 2) mm each: vertices of filled triangles, the tip first."""
+
+
 @dataclass
 class Marks:
     """What dimensions draw; ``height`` mm is that of their letters."""
 
     height: float
-    strokes: list[Floats] = field(default_factory=list)
-    """(n, 2) mm each."""
-    arrows: list[Floats] = field(default_factory=list)
-    """(3, 2) mm each: vertices of filled triangles, the tip first."""
-    labels: list[Label] = field(default_factory=list)
+    dimensions: list[Dimension] = field(default_factory=list)
+    loose: list[Floats] = field(default_factory=list)
+    """(n, 2) mm each: strokes that belong to no dimension."""
+    notes: list[Label] = field(default_factory=list)
+    """Texts that belong to no dimension."""
     left_out: int = 0
     """Sizes for which there was no room."""
     _taken: list[tuple[Floats, float]] = field(default_factory=list)
 
-    def label(self, at: Floats, text: str, angle: float, must: bool = False) -> bool:
-        """Put a text where none stands yet; ``must`` puts it anyway."""
+    @property
+    def strokes(self) -> list[Floats]:
+        """(n, 2) mm each: all strokes."""
+        return [*self.loose, *(s for d in self.dimensions for s in d.strokes)]
+
+    @property
+    def arrows(self) -> list[Floats]:
+        """(3, 2) mm each: all arrowheads."""
+        return [a for d in self.dimensions for a in d.arrows]
+
+    @property
+    def labels(self) -> list[Label]:
+        """All texts."""
+        return [*self.notes, *(d.label for d in self.dimensions)]
+
+    def label(self, at: Floats, text: str, angle: float, must: bool = False) -> Label | None:
+        """A text where none stands yet; ``must`` puts it anyway."""
         angle = (angle + np.pi / 2 - _UPRIGHT) % np.pi - np.pi / 2 + _UPRIGHT
         half = len(text) * _SLIM * self.height / 2
         along = np.array([np.cos(angle), np.sin(angle)])
         spots = at + np.linspace(-half, half, max(len(text), 2))[:, None] * along
         for spot, r in self._taken:
             if (np.linalg.norm(spots - spot, axis=1) < r + 0.8 * self.height).any() and not must:
-                return False
+                return None
         self._taken += [(s, 0.7 * self.height) for s in spots]
-        self.labels.append(Label(at, text, float(angle)))
-        return True
+        return Label(at, text, float(angle))
+
+    def note(self, at: Floats, text: str, angle: float) -> bool:
+        """Put a text that belongs to no dimension, where none stands yet."""
+        label = self.label(at, text, angle)
+        self.notes += [label] if label else []
+        return label is not None
 
     def keep_off(self, points: Floats) -> None:
         """Let no text stand on these points (n, 2)."""
         self._taken += [(p, 0.0) for p in points]
 
-    def arrow(self, tip: Floats, direction: Floats) -> None:
-        """An arrowhead at ``tip`` that points in a direction (unit)."""
+    def arrow(self, tip: Floats, direction: Floats) -> Floats:
+        """(3, 2) mm: an arrowhead at ``tip`` that points in a direction (unit)."""
         back = tip - 1.1 * self.height * direction
         side = 0.18 * self.height * np.array([-direction[1], direction[0]])
-        self.arrows.append(np.stack([tip, back + side, back - side]))
+        return np.stack([tip, back + side, back - side])
 
 
 def with_sigma(value: float, sigma: float) -> str:
@@ -94,13 +133,15 @@ def dimensions(section: FittedSection, height: float) -> Marks:
     if isinstance(only, Arc) and only.full:
         _round(marks, only)
         return marks
+    across = np.stack([low, low + [width, 0]])
     if section.cut.turned:
         wide = "⌀" + with_sigma(2 * width, 2 * sigma[0])
         _centre_line(marks, box)
+        _between(marks, across, np.array([0.0, -gap]), wide, _mirrored(across[1]))
     else:
-        wide = with_sigma(width, sigma[0])
-    _between(marks, low, low + [width, 0], np.array([0.0, -gap]), wide)
-    _between(marks, low + [0, tall], low, np.array([-gap, 0.0]), with_sigma(tall, sigma[1]))
+        _between(marks, across, np.array([0.0, -gap]), with_sigma(width, sigma[0]))
+    upright = np.stack([low + [0, tall], low])
+    _between(marks, upright, np.array([-gap, 0.0]), with_sigma(tall, sigma[1]))
     for outline in sorted(section.fitted, key=lambda o: -sum(p.length for p in o.pieces)):
         _distances(marks, outline, (width, tall))
     for outline in section.fitted:
@@ -127,23 +168,48 @@ def _spread(points: Floats, step: float) -> Floats:
     return np.asarray(every[first])
 
 
-def _between(marks: Marks, a: Floats, b: Floats, away: Floats, text: str) -> None:
-    """A dimension line from a to b, moved ``away``, with extension lines and a text on it."""
+def _mirrored(at: Floats) -> Floats:
+    """(2, 2) mm: a place of a turned part on the other side of the axis, and itself."""
+    return np.stack([at * [-1.0, 1.0], at])
+
+
+def _between(
+    marks: Marks, ends: Floats, away: Floats, text: str, measured: Floats | None = None
+) -> None:
+    """A dimension line between two ends (2, 2), moved ``away``, with extension lines and a text.
+
+    ``measured`` (2, 2) mm is what it goes between, where only a part of that is drawn.
+    """
     h = marks.height
     out = away / np.linalg.norm(away)
-    for p in (a, b):
-        marks.strokes.append(np.stack([p + 0.4 * h * out, p + away + 0.5 * h * out]))
-    p, q = a + away, b + away
+    strokes = [np.stack([p + 0.4 * h * out, p + away + 0.5 * h * out]) for p in ends]
+    p, q = ends + away
     along = (q - p) / max(float(np.linalg.norm(q - p)), 1e-300)
     inside = float(np.linalg.norm(q - p)) > 3 * h
     if inside:
-        marks.strokes.append(np.stack([p, q]))
+        strokes.append(np.stack([p, q]))
     else:
-        marks.strokes += [np.stack([p - 3 * h * along, p]), np.stack([q, q + 3 * h * along])]
+        strokes += [np.stack([p - 3 * h * along, p]), np.stack([q, q + 3 * h * along])]
     marks.keep_off(_spread(np.stack([p, q]), marks.height))
-    marks.arrow(p, -along if inside else along)
-    marks.arrow(q, along if inside else -along)
-    marks.label((p + q) / 2 + 0.9 * h * out, text, np.arctan2(along[1], along[0]), must=True)
+    arrows = (
+        marks.arrow(p, -along if inside else along), marks.arrow(q, along if inside else -along)
+    )  # fmt: skip
+    at = (p + q) / 2 + 0.9 * h * out
+    label = marks.label(at, text, np.arctan2(along[1], along[0]), must=True)
+    assert label is not None
+    _linear(marks, ends if measured is None else measured, q, label, strokes, arrows)
+
+
+def _linear(
+    marks: Marks, ends: Floats, on: Floats, label: Label, strokes: Sequence[Floats],
+    arrows: Sequence[Floats] = (),
+) -> None:  # fmt: skip
+    """Add a dimension between two ends (2, 2), its line through ``on``."""
+    value = float(np.linalg.norm(ends[1] - ends[0]))
+    places = np.stack([*ends, on])
+    marks.dimensions.append(
+        Dimension("linear", places, value, label, tuple(strokes), tuple(arrows))
+    )
 
 
 def _distances(marks: Marks, outline: Outline, overall: tuple[float, float]) -> None:
@@ -167,10 +233,9 @@ def _distance(marks: Marks, size: Size, along: Floats) -> bool:
     for share in (0.32, 0.68, 0.5, 0.2, 0.8):
         at = a + share * (b - a) + 0.9 * marks.height * side
         text = with_sigma(size.value, size.sigma)
-        if marks.label(at, text, np.arctan2(along[1], along[0])):
-            marks.strokes.append(np.stack([a, b]))
-            marks.arrow(a, -along)
-            marks.arrow(b, along)
+        if label := marks.label(at, text, np.arctan2(along[1], along[0])):
+            arrows = (marks.arrow(a, -along), marks.arrow(b, along))
+            _linear(marks, size.places, b, label, [np.stack([a, b])], arrows)
             return True
     return False
 
@@ -196,11 +261,20 @@ def _round(marks: Marks, arc: Arc) -> None:
             elbow = on + way * far * h * out
             side = 1.0 if way * out[0] >= 0 else -1.0
             at = elbow + np.array([side * (half + 0.8 * h), 0.0])
-            if marks.label(at, text, 0.0):
-                marks.strokes.append(np.stack([on, elbow, elbow + [side * 0.6 * h, 0.0]]))
-                marks.arrow(on, -way * out)
+            if label := marks.label(at, text, 0.0):
+                leader = np.stack([on, elbow, elbow + [side * 0.6 * h, 0.0]])
+                marks.dimensions.append(_round_dimension(arc, on, label, leader,
+                                                         marks.arrow(on, -way * out)))  # fmt: skip
                 return
     marks.left_out += 1
+
+
+def _round_dimension(
+    arc: Arc, on: Floats, label: Label, leader: Floats, arrow: Floats
+) -> Dimension:
+    first, value = (2 * arc.centre - on, 2 * arc.radius) if arc.full else (arc.centre, arc.radius)
+    kind: Literal["radius", "diameter"] = "diameter" if arc.full else "radius"
+    return Dimension(kind, np.stack([first, on]), value, label, (leader,), (arrow,))
 
 
 def _centre_line(marks: Marks, box: Floats) -> None:
@@ -210,7 +284,7 @@ def _centre_line(marks: Marks, box: Floats) -> None:
     long = True
     while y < end:
         until = min(y + (4.0 if long else 0.4) * h, end)
-        marks.strokes.append(np.array([[0.0, y], [0.0, until]]))
+        marks.loose.append(np.array([[0.0, y], [0.0, until]]))
         y, long = until + 0.6 * h, not long
 
 
@@ -229,11 +303,11 @@ def _diameters(marks: Marks, outline: Outline) -> None:
         side = -1.0 if radius > 2 * half + 3 * h else 1.0
         for share in (0.5, 0.3, 0.7, 0.15, 0.85):
             on = line.start + share * (line.end - line.start)
-            if marks.label(on + [side * (half + 3.0 * h), 0.0], text, 0.0):
+            if label := marks.label(on + [side * (half + 3.0 * h), 0.0], text, 0.0):
                 leader = np.stack([on, on + [side * 2.6 * h, 0.0]])
-                marks.strokes.append(leader)
                 marks.keep_off(_spread(leader, h))
-                marks.arrow(on, np.array([-side, 0.0]))
+                arrow = marks.arrow(on, np.array([-side, 0.0]))
+                _linear(marks, _mirrored(np.array([radius, on[1]])), on, label, [leader], [arrow])
                 break
         else:
             marks.left_out += 1
@@ -251,6 +325,9 @@ def _lengths(marks: Marks, outline: Outline, overall: tuple[float, float]) -> No
         out = np.array([along[1], -along[0]])
         middle, angle = (line.start + line.end) / 2, np.arctan2(along[1], along[0])
         places = [middle + way * 1.3 * marks.height * out for way in (1.0, -1.0)]
-        drawn = len(lines) <= _MOST_LENGTHS and roomy
-        if not (drawn and any(marks.label(at, text, angle) for at in places)):
+        places = places if roomy and len(lines) <= _MOST_LENGTHS else []
+        tries = (label for at in places if (label := marks.label(at, text, angle)))
+        if label := next(tries, None):
+            _linear(marks, np.stack([line.start, line.end]), line.end, label, [])
+        else:
             marks.left_out += 1

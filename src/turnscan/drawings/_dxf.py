@@ -9,19 +9,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.drawings._dimensions import Marks, dimensions
+from turnscan.drawings._dimensions import Dimension, Marks
+from turnscan.drawings._relief import marks_of
 from turnscan.formats._dxf_frame import new_document, text_of
 from turnscan.formats._options import DxfVersion
 from turnscan.formats._text import decimals_for
 from turnscan.shapes import Arc, Chain, FittedSection, Line, Piece
 
 if TYPE_CHECKING:
-    from ezdxf.layouts.layout import Modelspace
+    from ezdxf.document import Drawing
+    from ezdxf.graphicsfactory import CreatorInterface as GraphicsFactory
 
 MEASURED, FITTED, FILLED, DIMENSIONS = (
     f"TURNSCAN_SECTION_{word}_MM" for word in ("MEASURED", "FITTED", "FILLED", "DIMENSIONS")
 )
 _COLOURS = {MEASURED: 8, FITTED: 7, FILLED: 30, DIMENSIONS: 5}
+_ON_DIMENSIONS = {"layer": DIMENSIONS}
+STYLE = "TURNSCAN"
+"""Name of the style of the dimensions."""
+_TYPES = {"linear": 1, "diameter": 3, "radius": 4}
+_OWN_BLOCK, _TEXT_PLACED = 32, 128
+"""Group 70 of a DIMENSION: its kind, that its block is its own, that its text stands as placed."""
 _CODES = {"⌀": "%%c", "±": "%%p", "°": "%%d"}
 _LETTERS = 1.0 / 40
 """Height of the letters as a part of the longest side of the largest section."""
@@ -55,8 +63,10 @@ def write_section_dxf(
     """Return a DXF file of sections side by side, mm, the same for the same sections.
 
     Layers: what was measured as polylines; lines, arcs and splines fitted to it; the filled faces,
-    and links between pieces that do not meet; dimensions. R12 has no SPLINE: there a spline is a
-    polyline. Raises ExportError where a coordinate is beyond what can be written.
+    and links between pieces that do not meet; dimensions. R2010 has them as DIMENSION entities,
+    each with its block; R12 as lines and texts. R12 has no SPLINE: there a spline is a polyline.
+    Lines of equal radius of an unrolled surface lie at that height.
+    Raises ExportError where a coordinate is beyond what can be written.
     """
     height = letters(sections)
     places = placements(sections)
@@ -67,38 +77,47 @@ def write_section_dxf(
     bounds = np.column_stack([np.stack([low, high]), np.zeros(2)])
     decimals_for(bounds)
     document, notes = new_document(version, _COLOURS, bounds, about)
-    body = _Body(document.modelspace(), version)
+    if version != "R12":
+        _style(document, height)
+    body = _Body(document, version)
     for section, at in zip(sections, places, strict=True):
         body.place = at
-        for chain in section.chains:
-            body.chain(chain)
+        for k, chain in enumerate(section.chains):
+            body.chain(chain, 0.0 if section.relief is None else float(section.relief.levels[k]))
         for outline in section.fitted:
             for piece in outline.pieces:
                 body.piece(piece, outline.tolerance)
-        body.marks(dimensions(section, height))
+        body.marks(marks_of(section, height))
         left = section.box[0] - np.array([0.0, 7.5 * height])
-        body.text(section.cut.name, left, height * 1.2, 0.0, middle=False)
+        body.text(section.cut.name, left, height * 1.2)
     return text_of(document, notes).encode("utf-8" if version != "R12" else "cp1252", "replace")
 
 
 class _Body:
     """Adds entities, moved by ``place``."""
 
-    def __init__(self, space: Modelspace, version: DxfVersion) -> None:
-        self._space = space
+    def __init__(self, document: Drawing, version: DxfVersion) -> None:
+        self._space = document.modelspace()
+        self._blocks = document.blocks
         self._modern = version != "R12"
         self.place = np.zeros(2)
 
-    def chain(self, chain: Chain) -> None:
+    def chain(self, chain: Chain, level: float) -> None:
         for filled, layer in ((False, MEASURED), (True, FILLED)):
             for run in chain.runs(filled):
                 whole = len(run) > 2 and run[0] == run[-1]
-                self.polyline(chain.points[run[:-1] if whole else run], layer, whole)
+                self.polyline(chain.points[run[:-1] if whole else run], layer, whole, level)
 
-    def polyline(self, points: Floats, layer: str, closed: bool) -> None:
+    def polyline(self, points: Floats, layer: str, closed: bool, level: float = 0.0) -> None:
+        """A polyline at the height ``level`` over the drawing."""
         rows = [tuple(map(float, p + self.place)) for p in points]
-        add = self._space.add_lwpolyline if self._modern else self._space.add_polyline2d
-        add(rows, close=closed, dxfattribs={"layer": layer})
+        attributes: dict[str, object] = {"layer": layer}
+        if self._modern:
+            attributes |= {"elevation": level} if level else {}
+            self._space.add_lwpolyline(rows, close=closed, dxfattribs=attributes)
+            return
+        attributes |= {"elevation": (0.0, 0.0, level)} if level else {}
+        self._space.add_polyline2d(rows, close=closed, dxfattribs=attributes)
 
     def piece(self, piece: Piece, tolerance: float) -> None:
         layer = {"layer": FITTED}
@@ -121,24 +140,75 @@ class _Body:
             self.polyline(piece.sampled(_STEP * tolerance), FITTED, False)
 
     def marks(self, marks: Marks) -> None:
-        layer = {"layer": DIMENSIONS}
-        for stroke in marks.strokes:
-            for a, b in pairwise(stroke):
-                self._space.add_line(self._at(a), self._at(b), dxfattribs=layer)
-        for arrow in marks.arrows:
-            self._space.add_solid([self._at(p) for p in arrow], dxfattribs=layer)
-        for label in marks.labels:
-            self.text(label.text, label.at, marks.height, label.angle, middle=True)
+        """DIMENSION entities with a block each that draws them; in R12 what they draw, alone."""
+        for stroke in marks.loose:
+            self._stroke(self._space, stroke)
+        for note in marks.notes:
+            self._put(self._space, note.text, note.at, marks.height, note.angle, middle=True)
+        for one in marks.dimensions:
+            if self._modern:
+                self._dimension(one, marks.height)
+            else:
+                self._picture(self._space, one, marks.height)
 
-    def text(self, text: str, at: Floats, height: float, angle: float, middle: bool) -> None:
+    def _picture(self, space: GraphicsFactory, one: Dimension, height: float) -> None:
+        for stroke in one.strokes:
+            self._stroke(space, stroke)
+        for arrow in one.arrows:
+            space.add_solid([self._at(p) for p in arrow], dxfattribs=_ON_DIMENSIONS)
+        label = one.label
+        self._put(space, label.text, label.at, height, label.angle, middle=True)
+
+    def _stroke(self, space: GraphicsFactory, stroke: Floats) -> None:
+        for a, b in pairwise(stroke):
+            space.add_line(self._at(a), self._at(b), dxfattribs=_ON_DIMENSIONS)
+
+    def _dimension(self, one: Dimension, height: float) -> None:
+        block = self._blocks.new_anonymous_block("D")
+        self._picture(block, one, height)
+        first, last = self._at(one.places[0]), self._at(one.places[1])
+        attributes: dict[str, object] = {
+            **_ON_DIMENSIONS, "geometry": block.name, "dimstyle": STYLE,
+            "text": _coded(one.label.text), "text_midpoint": self._at(one.label.at),
+            "dimtype": _TYPES[one.kind] | _OWN_BLOCK | _TEXT_PLACED,
+            "actual_measurement": one.value,
+        }  # fmt: skip
+        if one.kind == "linear":
+            on = self._at(one.places[2])
+            attributes |= {"defpoint": on, "defpoint2": first, "defpoint3": last}
+        else:
+            attributes |= {"defpoint": first, "defpoint4": last}
+        self._space.new_entity("DIMENSION", attributes)
+
+    def text(self, text: str, at: Floats, height: float) -> None:
+        """A text that begins at a place."""
+        self._put(self._space, text, at, height, 0.0, middle=False)
+
+    def _put(
+        self, space: GraphicsFactory, text: str, at: Floats, height: float, angle: float,
+        middle: bool,
+    ) -> None:  # fmt: skip
         from ezdxf.enums import TextEntityAlignment as Align
 
-        for letter, code in _CODES.items():
-            text = text.replace(letter, code)
-        attributes = {"layer": DIMENSIONS, "height": height, "rotation": float(np.rad2deg(angle))}
-        made = self._space.add_text(text, dxfattribs=attributes)
+        attributes = {**_ON_DIMENSIONS, "height": height, "rotation": float(np.rad2deg(angle))}
+        made = space.add_text(_coded(text), dxfattribs=attributes)
         made.set_placement(self._at(at), align=Align.MIDDLE_CENTER if middle else Align.LEFT)
 
     def _at(self, point: Floats) -> tuple[float, float, float]:
         x, y = point + self.place
         return float(x), float(y), 0.0
+
+
+def _coded(text: str) -> str:
+    """A text as DXF has it: ⌀, ± and ° are codes."""
+    for letter, code in _CODES.items():
+        text = text.replace(letter, code)
+    return text
+
+
+def _style(document: Drawing, height: float) -> None:
+    """The style of the dimensions, for a program that draws one anew."""
+    style = document.dimstyles.new(STYLE)
+    style.dxf.dimtxt = style.dxf.dimasz = height
+    style.dxf.dimexo, style.dxf.dimexe, style.dxf.dimgap = 0.4 * height, 0.5 * height, 0.4 * height
+    style.dxf.dimtad, style.dxf.dimdec, style.dxf.dimtxsty = 1, 4, "Standard"

@@ -12,7 +12,7 @@ from turnscan import __version__
 from turnscan.arrays import Floats
 from turnscan.drawings._dxf import placements
 from turnscan.drawings._sheet import counts
-from turnscan.shapes import Arc, Chain, FittedSection, Line, Outline, Piece, Size
+from turnscan.shapes import Arc, Chain, FittedSection, Line, Outline, Piece, Relief, Size
 
 
 def section_report(
@@ -51,6 +51,7 @@ def _section(section: FittedSection, at: Floats) -> dict[str, Any]:
         "right": cut.right.tolist(),
         "up": cut.up.tolist(),
         "half_plane": cut.half,
+        "view": cut.view,
         "drawn_at_mm": at.tolist(),
         "box_mm": box.tolist(),
         "width_mm": float(box[1, 0] - box[0, 0]),
@@ -60,6 +61,17 @@ def _section(section: FittedSection, at: Floats) -> dict[str, Any]:
         "found": counts(section),
         "polylines": [_chain(c) for c in section.chains],
         "outlines": [_outline(o) for o in section.fitted],
+        **({} if section.relief is None else {"relief": _relief(section.relief)}),
+    }
+
+
+def _relief(relief: Relief) -> dict[str, Any]:
+    return {
+        "radius_of_drawing_mm": relief.radius,
+        "noise_mm": _number(relief.noise),
+        "level_step_mm": relief.step,
+        "levels_of_polylines_mm": relief.levels.tolist(),
+        "r_mm": [_numbers(row) for row in relief.r.round(6)],
     }
 
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.drawings._dimensions import Label, Marks, dimensions
-from turnscan.shapes import Arc, FittedSection, Line, Piece, Spline
+from turnscan.drawings._dimensions import Label, Marks
+from turnscan.drawings._relief import (
+    marks_of,
+    relief_in_words,
+    relief_picture,
+    relief_range,
+    relief_scale,
+)
+from turnscan.shapes import Arc, FittedSection, Line, Piece, Relief, Spline
 
 WIDTH, HEIGHT = 297.0, 210.0
 """A4, landscape."""
@@ -60,12 +67,24 @@ class Text:
     pen: Pen = "frame"
 
 
+Item: TypeAlias = "Map | Stroke | Curve | Text"
+
+
+@dataclass(frozen=True)
+class Map:
+    """A picture on the sheet, between its upper left and its lower right corner."""
+
+    png: bytes
+    box: Floats
+    """(2, 2) mm."""
+
+
 @dataclass(frozen=True)
 class Sheet:
     """One page."""
 
     name: str
-    items: tuple[Stroke | Curve | Text, ...]
+    items: tuple[Item, ...]
     fills: tuple[Floats, ...]
     """(3, 2) mm each: arrowheads."""
 
@@ -90,9 +109,12 @@ def _sheet(section: FittedSection, title: str, number: str) -> Sheet:
     def place(points: Floats) -> Floats:
         return np.asarray(points * flip * scale + shift)
 
-    items: list[Stroke | Curve | Text] = []
+    items: list[Item] = []
+    if section.relief is not None:
+        items += _map(section.relief, place)
     for chain in section.chains:
-        pens: tuple[tuple[bool, Pen], ...] = ((False, "measured"), (True, "filled"))
+        drawn: Pen = "measured" if section.relief is None else "frame"
+        pens: tuple[tuple[bool, Pen], ...] = ((False, drawn), (True, "filled"))
         for filled, pen in pens:
             for run in chain.runs(filled):
                 items.append(Stroke(place(chain.points[run]), pen))
@@ -100,11 +122,25 @@ def _sheet(section: FittedSection, title: str, number: str) -> Sheet:
         for piece in outline.pieces:
             pen = "filled" if isinstance(piece, Line) and piece.link else "fitted"
             items.append(Curve(_placed(piece, scale, shift), pen))
-    marks = dimensions(section, LETTERS / scale)
+    marks = marks_of(section, LETTERS / scale)
     items += [Stroke(place(s), "dimensions") for s in marks.strokes]
     items += [_label(t, place(t.at)) for t in marks.labels]
     items += _foot(section, title, number, scale, marks)
     return Sheet(section.cut.name, tuple(items), tuple(place(a) for a in marks.arrows))
+
+
+def _map(relief: Relief, place: Callable[[Floats], Floats]) -> list[Item]:
+    """The map of the radius, and what its colours mean."""
+    (x0, y0), (x1, y1) = relief.box
+    low, high = relief_range(relief)
+    top = HEIGHT - _MARGIN - _FOOT + 4
+    bar = np.array([[WIDTH / 2 - 30, top - 5.0], [WIDTH / 2 + 30, top - 2.0]])
+    return [
+        Map(relief_picture(relief), place(np.array([[x0, y1], [x1, y0]]))),
+        Map(relief_scale(relief), bar),
+        Text(bar[0] + [-32.0, 2.6], f"r = {low:.3f} mm", LETTERS, pen="dimensions"),
+        Text(bar[0] + [62.0, 2.6], f"{high:.3f} mm", LETTERS, pen="dimensions"),
+    ]
 
 
 def _label(label: Label, at: Floats) -> Text:
@@ -127,15 +163,15 @@ def _placed(piece: Piece, scale: float, shift: Floats) -> Piece:
 
 def _foot(
     section: FittedSection, title: str, number: str, scale: float, marks: Marks
-) -> list[Stroke | Curve | Text]:
+) -> list[Item]:
     top, left, right = HEIGHT - _MARGIN - _FOOT + 4, _MARGIN, WIDTH - _MARGIN
     frame = np.array([[left, _MARGIN], [right, _MARGIN], [right, HEIGHT - _MARGIN],
                       [left, HEIGHT - _MARGIN]])  # fmt: skip
     ratio = f"{scale:g} : 1" if scale >= 1 else f"1 : {1 / scale:.4g}"
-    items: list[Stroke | Curve | Text] = [
+    items: list[Item] = [
         Stroke(frame, "frame", True),
         Stroke(np.array([[left, top], [right, top]]), "frame"),
-        Text(np.array([left + 4, top + 7]), f"{title}, section {section.cut.name}", 4.0),
+        Text(np.array([left + 4, top + 7]), f"{title}, {_called(section)}", 4.0),
         Text(np.array([left + 4, top + 12.5]), _words(section), 2.3),
         Text(np.array([left + 4, top + 17]), _left_out(marks), 2.3),
         Text(np.array([right - 62, top + 7]), f"scale {ratio}   {number}", 3.0),
@@ -151,8 +187,19 @@ def _foot(
     return items
 
 
+def _called(section: FittedSection) -> str:
+    name = section.cut.name
+    return f"section {name}" if section.cut.view == "section" else name
+
+
 def _words(section: FittedSection) -> str:
+    if section.relief is not None:
+        return f"seen from outside; {relief_in_words(section.relief)}"
     text = "mm; ± standard uncertainty (k = 1) from the noise of the points"
+    if section.cut.view == "silhouette":
+        text = (
+            "mm; outline of the outermost points; ± standard uncertainty (k = 1) with their noise"
+        )
     if not section.fitted:
         return f"{text}; nothing fitted"
     outline = max(section.fitted, key=lambda o: sum(p.length for p in o.pieces))
@@ -179,5 +226,8 @@ def counts(section: FittedSection) -> dict[str, int]:
 
 
 def _left_out(marks: Marks) -> str:
-    text = "grey: measured, black: fitted, orange: filled, not measured"
+    if marks.dimensions or not marks.notes:
+        text = "grey: measured, black: fitted, orange: filled, not measured"
+    else:
+        text = "lines of equal radius as measured, orange: filled, not measured"
     return f"{text}; {marks.left_out} more sizes in the JSON report" if marks.left_out else text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.drawings._sheet import HEIGHT, PENS, WIDTH, Curve, Sheet, Stroke, Text, sheets
+from turnscan.drawings._sheet import HEIGHT, PENS, WIDTH, Curve, Map, Sheet, Stroke, Text, sheets
 from turnscan.formats._text import about_lines
 from turnscan.shapes import Arc, FittedSection, Line
 
@@ -52,8 +53,8 @@ def write_section_svg(
 def _page(page: Sheet) -> str:
     rows = []
     for item in page.items:
-        if isinstance(item, Text):
-            rows.append(_text(item))
+        if isinstance(item, Text | Map):
+            rows.append(_text(item) if isinstance(item, Text) else _map(item))
             continue
         colour, width = PENS[item.pen]
         path = _stroke(item) if isinstance(item, Stroke) else _curve(item)
@@ -62,6 +63,15 @@ def _page(page: Sheet) -> str:
     colour = PENS["dimensions"][0]
     rows += [f'<path fill="{colour}" d="{_path(a)}Z"/>' for a in page.fills]
     return "\n".join(rows) + "\n"
+
+
+def _map(item: Map) -> str:
+    (x, y), (width, height) = item.box[0], item.box[1] - item.box[0]
+    data = base64.b64encode(item.png).decode("ascii")
+    return (
+        f'<image x="{x:.4f}" y="{y:.4f}" width="{width:.4f}" height="{height:.4f}" '
+        f'preserveAspectRatio="none" href="data:image/png;base64,{data}"/>'
+    )
 
 
 def _xy(point: Floats) -> str:
@@ -127,17 +137,24 @@ def _figure(page: Sheet) -> Figure:
     figure = Figure(figsize=(WIDTH / 25.4, HEIGHT / 25.4))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
+    _draw(axes, page)
     axes.set_xlim(0, WIDTH)
     axes.set_ylim(HEIGHT, 0)
-    _draw(axes, page)
     return figure
 
 
 def _draw(axes: object, page: Sheet) -> None:
     from matplotlib.axes import Axes
+    from PIL import Image
 
     assert isinstance(axes, Axes)
     for item in page.items:
+        if isinstance(item, Map):
+            (left, top), (right, bottom) = item.box
+            pixels = np.asarray(Image.open(io.BytesIO(item.png)))
+            edges = (left, right, bottom, top)
+            axes.imshow(pixels, extent=edges, aspect="auto", interpolation="nearest")
+            continue
         colour, width = PENS[item.pen]
         if isinstance(item, Text):
             axes.text(

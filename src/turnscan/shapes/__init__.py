@@ -20,9 +20,18 @@ from turnscan.shapes._measure import (
 from turnscan.shapes._outline_curves import Arc, Line, Outline, Piece, Size, Spline
 from turnscan.shapes._outline_fit import fit_outlines
 from turnscan.shapes._planes import PlaneAngle, PlaneRegion, find_planes, plane_angles
-from turnscan.shapes._section import Chain, Cut, cross_section, half_plane_cut, plane_cut
+from turnscan.shapes._section import (
+    Chain,
+    Cut,
+    cross_section,
+    half_plane_cut,
+    plane_cut,
+    silhouette_cut,
+    unrolled_cut,
+)
 from turnscan.shapes._section_fit import FittedSection, fit_section
 from turnscan.shapes._shared import Source, View, calibration_moves
+from turnscan.shapes._unrolled import Relief
 from turnscan.shapes._volume import mean_curvature, volume_figures, volume_in_words, volume_sigma
 
 __all__ = [
@@ -37,6 +46,7 @@ __all__ = [
     "Piece",
     "PlaneAngle",
     "PlaneRegion",
+    "Relief",
     "Size",
     "Source",
     "Sphere",
@@ -66,7 +76,9 @@ __all__ = [
     "region_diameter",
     "sample_surface",
     "section_diameter",
+    "silhouette_cut",
     "to_plane",
+    "unrolled_cut",
     "volume",
     "volume_figures",
     "volume_in_words",

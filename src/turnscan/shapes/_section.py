@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,9 @@ class Cut:
     """Only what has p·right ≥ 0: one side of the axis."""
     turned: bool = False
     """The profile of a turned part, alike at all angles: what stands at x has the diameter 2x."""
+    view: Literal["section", "silhouette", "unrolled"] = "section"
+    """Whether the plane cuts the part, shows its outline as the viewer sees it, or whether x is the
+    angle about the z axis."""
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -83,6 +87,23 @@ def half_plane_cut(angle: float, name: str = "") -> Cut:
     right = np.array([np.cos(angle), np.sin(angle), 0.0])
     text = name or f"half-plane at {np.rad2deg(angle):.6g}°"
     return Cut(text, right, np.array([0.0, 0.0, 1.0]), 0.0, half=True)
+
+
+def silhouette_cut(direction: npt.ArrayLike, name: str = "") -> Cut:
+    """The outline of the part for a viewer far away in ``direction`` (3,), drawn as `plane_cut`.
+
+    Raises InputError for a direction that is none.
+    """
+    flat = plane_cut(direction, 0.0, "silhouette")
+    n = flat.normal
+    text = name or f"silhouette from {n[0]:.6g}, {n[1]:.6g}, {n[2]:.6g}"
+    return replace(flat, name=text, view="silhouette")
+
+
+def unrolled_cut() -> Cut:
+    """The surface unrolled about the z axis: x is the angle times the median radius, y is z."""
+    return Cut("unrolled about z", np.array([1.0, 0, 0]), np.array([0.0, 0, 1]), 0.0,
+               view="unrolled")  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,11 +195,17 @@ def cross_section(mesh: Mesh, cut: Cut) -> list[Chain]:
         raise InputError(
             "the mesh has no faces to cut", hint="give a surface, not a cloud of points"
         )
-    segments = _segments(mesh, cut)
-    chains = [c for walk in _walks(segments.nodes) if (c := _chain(walk, segments)) is not None]
+    chains = crossed(mesh, cut)
     if not chains:
         raise InputError(f"section {cut.name} misses the part: {_where(mesh, cut)}",
                          hint="move it so that it cuts the part")  # fmt: skip
+    return chains
+
+
+def crossed(mesh: Mesh, cut: Cut) -> list[Chain]:
+    """As `cross_section`, and none where the cut misses the mesh."""
+    segments = _segments(mesh, cut)
+    chains = [c for walk in _walks(segments.nodes) if (c := _chain(walk, segments)) is not None]
     return sorted(chains, key=lambda c: -c.length)
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.errors import InputError
 from turnscan.mesh import Mesh
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_fit import fit_outlines
 from turnscan.shapes._section import Chain, Cut, cross_section
+from turnscan.shapes._silhouette import outermost, silhouette
+from turnscan.shapes._unrolled import Relief, unrolled
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class FittedSection:
     """The polylines as they were measured, the longest first."""
     outlines: tuple[tuple[Outline, ...], ...]
     """For each chain the outlines of its measured stretches."""
+    relief: Relief | None = None
+    """Of an unrolled surface, whose chains have one radius each."""
 
     @property
     def fitted(self) -> list[Outline]:
@@ -35,6 +39,8 @@ class FittedSection:
 
         That of a turned part begins at its axis, x = 0.
         """
+        if self.relief is not None:
+            return self.relief.box
         boxes = [o.box for o in self.fitted]
         boxes = boxes or [
             np.stack([c.points.min(axis=0), c.points.max(axis=0)]) for c in self.chains
@@ -59,8 +65,20 @@ class FittedSection:
 def fit_section(mesh: Mesh, cut: Cut, tolerance: float | None = None) -> FittedSection:
     """Cut a mesh and fit lines, arcs and splines to the section (`cross_section`, `fit_outlines`).
 
-    ``tolerance`` mm, or None for what the noise allows. Raises InputError as they do.
+    ``tolerance`` mm, or None for what the noise allows. The outline of a silhouette is that of the
+    outermost points, which its uncertainties hold (`outermost`). To an unrolled surface nothing is
+    fitted. Raises InputError as they do.
     """
-    chains: Sequence[Chain] = cross_section(mesh, cut)
-    outlines = fit_outlines(chains, tolerance)
-    return FittedSection(cut, tuple(chains), tuple(tuple(row) for row in outlines))
+    if cut.view == "unrolled":
+        chains, relief = unrolled(mesh)
+        return FittedSection(cut, tuple(chains), ((),) * len(chains), relief)
+    if cut.view == "section":
+        chains = cross_section(mesh, cut)
+        rows = fit_outlines(chains, tolerance)
+        return FittedSection(cut, tuple(chains), tuple(map(tuple, rows)))
+    chains = silhouette(mesh, cut)
+    if not chains:
+        raise InputError(f"{cut.name}: the mesh has no faces that are seen from there",
+                         hint="give a surface, and another direction")  # fmt: skip
+    rows = [[outermost(o) for o in row] for row in fit_outlines(chains, tolerance)]
+    return FittedSection(cut, tuple(chains), tuple(map(tuple, rows)))

@@ -19,6 +19,7 @@ from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
 from turnscan.shapes import Deviation, deviation, sample_surface
 from turnscan.workflows._aligning import Placement, labels_of, placed_by
+from turnscan.workflows._check_tolerance import check_tolerance
 from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
 from turnscan.workflows._compared_features import (
     Agreement,
@@ -252,6 +253,8 @@ def compare(
     mesh = got.mesh if got.mesh.measured is None else submesh(got.mesh, got.mesh.measured)
     _check_area(mesh, got.name)
     _check_area(drawn.mesh, drawn.name)
+    for tolerance in wanted.tolerances:
+        check_tolerance(tolerance, drawn.mesh, "tolerances")
     placement = placed_by(wanted.align, mesh, got.name, drawn, wanted.datums)
     mesh = _moved(mesh, placement.pose)
     every = deviation(mesh.vertices, drawn.mesh)

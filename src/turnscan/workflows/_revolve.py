@@ -37,6 +37,7 @@ from turnscan.shapes.revolved import (
     wall_profile,
 )
 from turnscan.workflows import _document as doc
+from turnscan.workflows._check_tolerance import check_tolerance
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_apart, check_output, write_atomically
 from turnscan.workflows._loading import Source
@@ -229,8 +230,8 @@ def revolve(
     Raises
     ------
     InputError
-        Where there is no measured face, where no axis or more than one fits the part, and for a
-        height that the part does not have.
+        Where there is no measured face, where no axis or more than one fits the part, for a height
+        that the part does not have, and for a tolerance of more than a tenth of it.
 
     >>> import turnscan as ts
     >>> part = ts.revolve("cup.turnscan")
@@ -239,6 +240,7 @@ def revolve(
     """
     wanted = chosen(RevolveOptions, options, changes)
     loaded, moves = measured_surface(source, "a turned part is measured on a mesh", progress)
+    check_tolerance(wanted.tolerance, loaded.mesh)
     turned = turned_about(loaded.mesh, moves)
     cut, chains = wall_profile(turned)
     fitted = fit_outlines(chains, wanted.tolerance)

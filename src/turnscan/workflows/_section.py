@@ -26,7 +26,8 @@ def section(
         with its own settings.
     cuts
         Planes as texts: ``z=20``, ``z=10:100:10`` (from, to, step) or ``nx,ny,nz,distance``, mm;
-        or cuts of `turnscan.shapes`.
+        ``silhouette=x`` (or ``-z``, ``nx,ny,nz``): the outline from there; ``unrolled``: the
+        radius of the outer surface over angle and height; or cuts of `turnscan.shapes`.
     tolerance
         mm that a misfit may be; None: what the noise of the points allows.
     progress

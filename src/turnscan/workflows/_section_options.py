@@ -23,6 +23,17 @@ class SectionOptions(Checked):
         "Cut along the half-plane from the rotation axis at this angle, degrees; may be repeated.",
         many=True, unit="°",
     )  # fmt: skip
+    silhouette: tuple[str, ...] = option(
+        (), "text",
+        "Draw the outline of the part as seen from x, y, z, -x, -y, -z, or a direction nx,ny,nz; "
+        "may be repeated.",
+        many=True,
+    )  # fmt: skip
+    unrolled: bool = option(
+        False, "switch",
+        "Draw the outer surface unrolled about the rotation axis: its radius over angle and "
+        "height, as lines of equal radius and a colour map.",
+    )  # fmt: skip
     tolerance: float | None = option(
         None, "number",
         "Largest deviation of fitted lines and arcs from the points beyond their noise, mm.  "

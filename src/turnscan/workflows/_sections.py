@@ -12,6 +12,7 @@ from typing import overload
 
 from turnscan.drawings import (
     found,
+    relief_in_words,
     with_sigma,
     write_section_dxf,
     write_section_json,
@@ -22,7 +23,17 @@ from turnscan.errors import InputError
 from turnscan.formats import DxfVersion
 from turnscan.mesh import Mesh
 from turnscan.remedy import Option, Remedy
-from turnscan.shapes import Arc, Cut, FittedSection, fit_section, half_plane_cut, plane_cut
+from turnscan.shapes import (
+    Arc,
+    Cut,
+    FittedSection,
+    fit_section,
+    half_plane_cut,
+    plane_cut,
+    silhouette_cut,
+    unrolled_cut,
+)
+from turnscan.workflows._check_tolerance import check_tolerance
 from turnscan.workflows._files import check_apart, check_output, write_atomically
 from turnscan.workflows._units import SECTION_SUFFIXES
 
@@ -31,18 +42,36 @@ _SIZE = re.compile(r'(?<=<svg )(.*?)width="[^"]*" height="[^"]*" ')
 _FORM = "write z=20, z=10:100:10 (from, to, step) or nx,ny,nz,distance"
 
 
-def cuts_of(planes: Iterable[str], half_planes_deg: Iterable[float] = ()) -> list[Cut]:
-    """Cuts from texts: ``z=20``, ``z=10:100:10`` (from, to, step), ``nx,ny,nz,distance`` in mm.
+def cuts_of(
+    planes: Iterable[str],
+    half_planes_deg: Iterable[float] = (),
+    silhouettes: Iterable[str] = (),
+    unrolled: bool = False,
+) -> list[Cut]:
+    """Cuts from texts: ``z=20``, ``z=10:100:10`` (from, to, step), ``nx,ny,nz,distance`` in mm,
+    ``silhouette=x`` and ``unrolled``.
 
-    ``half_planes_deg`` are angles in degrees about the rotation axis. Raises InputError naming
-    the text that is none of these, for more than 100 cuts, and for none at all.
+    ``half_planes_deg`` are angles in degrees about the rotation axis, ``silhouettes`` directions
+    as ``x``, ``-z`` or ``nx,ny,nz``; ``unrolled`` adds the unrolled surface. Raises InputError
+    naming the text that is none of these, for more than 100 cuts, and for none at all.
     """
     cuts = [cut for text in planes for cut in _planes(text)]
     cuts += [half_plane_cut(math.radians(a), f"half-plane at {a:g}°") for a in half_planes_deg]
+    cuts += [_silhouette(text, Option("silhouette", text)) for text in silhouettes]
+    cuts += [unrolled_cut()] * unrolled
     if not cuts:
         raise InputError(
             "no section was asked for",
-            hint=Remedy("give ", Option("plane"), " or ", Option("half_plane_deg")),
+            hint=Remedy(
+                "give ",
+                Option("plane"),
+                ", ",
+                Option("half_plane_deg"),
+                ", ",
+                Option("silhouette"),
+                " or ",
+                Option("unrolled"),
+            ),
         )
     if len(cuts) > _MOST:
         raise InputError(f"{len(cuts)} sections; at most {_MOST} go into one drawing",
@@ -50,8 +79,25 @@ def cuts_of(planes: Iterable[str], half_planes_deg: Iterable[float] = ()) -> lis
     return cuts
 
 
+def _silhouette(text: str, option: Option) -> Cut:
+    word = text.strip()
+    if word.lstrip("+-") in ("x", "y", "z") and len(word) <= 2:
+        n = [(-1.0 if word[0] == "-" else 1.0) * (word[-1] == a) for a in "xyz"]
+        return silhouette_cut(n, f"silhouette from {word}")
+    try:
+        n = [float(p) for p in word.split(",")]
+        return silhouette_cut(n)
+    except (ValueError, InputError):
+        hint = "write x, -y, z or nx,ny,nz, three finite numbers that are not all 0"
+        raise InputError("not a direction", hint=hint, option=option) from None
+
+
 def _planes(text: str) -> list[Cut]:
     axis, equals, rest = text.strip().partition("=")
+    if axis.strip() == "unrolled" and not equals:
+        return [unrolled_cut()]
+    if equals and axis.strip() == "silhouette":
+        return [_silhouette(rest, Option("plane", text))]
     if equals and axis.strip() in ("x", "y", "z"):
         axis = axis.strip()
         normal = [float(axis == a) for a in "xyz"]
@@ -159,10 +205,9 @@ def sections_of(
     """Cut a mesh and fit each section; the arguments are those of `turnscan.workflows.section`.
 
     Raises InputError for a mesh without faces, a cut that misses it, and a tolerance that is not
-    positive.
+    positive, or more than a tenth of the part.
     """
-    if tolerance is not None and not (tolerance > 0 and math.isfinite(tolerance)):
-        raise InputError(f"tolerance {tolerance:g} mm", hint="give a positive length in mm")
+    check_tolerance(tolerance, mesh)
     return Sections(tuple(fit_section(mesh, cut, tolerance) for cut in cuts), title, about)
 
 
@@ -195,8 +240,12 @@ def section_in_words(section: FittedSection) -> list[str]:
     """What was found, in a line or two of text for each outline."""
     box, sigma = section.box, section.size_sigma
     width, height = box[1] - box[0]
+    if section.relief is not None:
+        return [f"{section.cut.name}: {relief_in_words(section.relief)}"]
     size = f"{with_sigma(width, sigma[0])} × {with_sigma(height, sigma[1])} mm"
-    lines = [f"section {section.cut.name}: {size}; {found(section) or 'nothing fitted'}"]
+    seen = section.cut.view == "silhouette"
+    name = section.cut.name if seen else f"section {section.cut.name}"
+    lines = [f"{name}: {size}; {found(section) or 'nothing fitted'}"]
     for outline in section.fitted:
         rest = [p.rest for p in outline.pieces]
         if isinstance(circle := outline.pieces[0], Arc) and circle.full:

@@ -31,6 +31,7 @@ from turnscan.shapes.primitives import (
 )
 from turnscan.shapes.primitives import find_shapes as find_in_mesh
 from turnscan.workflows import _document as doc
+from turnscan.workflows._check_tolerance import check_tolerance
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source
@@ -183,7 +184,8 @@ def find_shapes(
     Raises
     ------
     InputError
-        Where there is no surface, or no face that was measured.
+        Where there is no surface, or no face that was measured, and for a tolerance of more than a
+        tenth of the part.
 
     >>> import turnscan as ts
     >>> found = ts.find_shapes("cup.turnscan")
@@ -192,6 +194,7 @@ def find_shapes(
     """
     wanted = chosen(ShapesOptions, options, changes)
     loaded, moves = measured_surface(source, "shapes are found on a mesh", progress)
+    check_tolerance(wanted.tolerance, loaded.mesh)
     found = find_in_mesh(
         loaded.mesh,
         tolerance=wanted.tolerance,

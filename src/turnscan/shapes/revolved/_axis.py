@@ -41,6 +41,9 @@ _OPEN = 0.04
 """Of the best known movement of the axis: one that moves the surface by less is not determined."""
 _ROUND = 0.8
 """Share of the points that must be on the surface."""
+_FORM = 0.015
+"""Of half the diagonal: points on the surface may be off it by no more (rms), however coarse the
+mesh, unless noise explains it."""
 _STEPS = 5.0
 """Steps of the mesh that half of the points may be off a surface of revolution, at most."""
 
@@ -239,10 +242,13 @@ class _Fit:
             )
         typical = float(np.median(np.abs(self.e)))
         share = float(self.on.mean())
-        if share < _ROUND or typical > _STEPS * spacing:
+        noise = 1.0 / float(np.sqrt(np.median(self.known)))
+        rms = float(np.sqrt(np.mean(self.e[self.on] ** 2))) if self.on.any() else 0.0
+        shaped = rms > max(_FORM * self.lever, _FAR * noise)
+        if share < _ROUND or typical > _STEPS * spacing or shaped:
             raise InputError(
                 f"not a turned part: {share:.0%} of its points lie on one surface of revolution, "
-                f"half of them within {typical:.3g} mm",
+                f"half of all within {typical:.3g} mm",
                 hint="find its shapes instead",
             )
 

@@ -1,0 +1,126 @@
+"""Silhouettes and the unrolled surface of parts that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from tests.shapes.outlines import along, regular, wall
+from turnscan.drawings import write_section_dxf, write_section_json, write_section_svg
+from turnscan.errors import InputError
+from turnscan.mesh import Mesh
+from turnscan.shapes import Arc, fit_section, silhouette_cut, unrolled_cut
+
+
+def _torus(ring: float = 20.0, tube: float = 6.0) -> Mesh:
+    n, m = 96, 48
+    u, v = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
+    r = ring + tube * np.cos(v)
+    points = np.stack([r * np.cos(u), r * np.sin(u), tube * np.sin(v)], axis=-1).reshape(-1, 3)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(m), indexing="ij"))
+    a, b = i * m + j, (i + 1) % n * m + j
+    c, d = (i + 1) % n * m + (j + 1) % m, i * m + (j + 1) % m
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return Mesh(points, faces.astype(np.int32))
+
+
+def test_a_torus_has_two_rings_from_above_and_a_slot_from_beside() -> None:
+    above = fit_section(_torus(), silhouette_cut([0, 0, 1]))
+    circles = sorted(p.radius for o in above.fitted for p in o.pieces if isinstance(p, Arc))
+    # Chords of a circle of 96 lie up to 0.05 % inside of it.
+    assert np.allclose(circles, [14.0, 26.0], rtol=6e-4)
+    beside = fit_section(_torus(), silhouette_cut([1, 0, 0]))
+    assert np.allclose(np.ptp(beside.box, axis=0), [52.0, 12.0], rtol=1e-3)
+
+
+@given(seed=st.integers(0, 2**16), direction=st.tuples(*[st.floats(-1, 1)] * 3))
+@settings(max_examples=20, deadline=None)
+def test_the_silhouette_of_a_convex_body_is_the_hull_of_its_vertices(
+    seed: int, direction: tuple[float, float, float]
+) -> None:
+    if np.linalg.norm(direction) < 0.1:
+        return
+    points = np.random.default_rng(seed).normal(0, 10, (14, 3))
+    hull = ConvexHull(points)
+    t = points[hull.simplices]
+    out = np.einsum("ij,ij->i", np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), t.mean(axis=1))
+    away = out - np.einsum("ij,j->i", np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]),
+                           points.mean(axis=0))  # fmt: skip
+    faces = np.where((away > 0)[:, None], hull.simplices, hull.simplices[:, ::-1])
+    cut = silhouette_cut(direction)
+    [chain] = fit_section(Mesh(points, faces.astype(np.int32)), cut).chains
+    flat = ConvexHull(points @ np.stack([cut.right, cut.up], axis=1))
+    x, y = chain.points.T
+    area = float(np.roll(x, 1) @ y - x @ np.roll(y, 1)) / 2
+    # Material lies on the left; Clipper rounds to 1e-8 of the whole or so.
+    assert area == pytest.approx(flat.volume, rel=1e-5)
+
+
+def test_a_silhouette_says_that_the_outermost_points_stand_out() -> None:
+    sigma, true = 0.02, 20.0
+    body = wall(along(regular(6, true, 0.0), 0.5), np.linspace(0, 20, 41), sigma)
+    section = fit_section(body, silhouette_cut([1, 0, 0]))
+    off = float(np.ptp(section.box, axis=0)[0]) - true * np.sqrt(3)
+    # The outermost of some 1600 points each side, so outside the true size, and told as doubt.
+    assert 0 < off < 4 * section.size_sigma[0]
+    assert sigma < section.size_sigma[0] < 4 * sigma
+    with pytest.raises(InputError, match="no faces that are seen from there"):
+        fit_section(wall(regular(6, true), np.array([0.0, 9.0]), None), silhouette_cut([0, 0, 1]))
+
+
+def _lobes(sigma: float, depth: float = 2.0) -> Mesh:
+    t = np.linspace(0, 2 * np.pi, 300, endpoint=False)
+    r = 20 + depth * np.cos(3 * t)
+    return wall(np.stack([r * np.cos(t), r * np.sin(t)], axis=1), np.linspace(5, 35, 31), sigma)
+
+
+def test_lines_of_equal_radius_stand_where_the_radius_is() -> None:
+    section = fit_section(_lobes(0.005), unrolled_cut())
+    relief = section.relief
+    assert relief is not None
+    assert np.allclose(relief.box[:, 1], (5, 35))
+    assert set(relief.levels) <= {18.5, 19.0, 19.5, 20.0, 20.5, 21.0, 21.5}
+    assert len(set(relief.levels)) >= 5
+    for chain, level in zip(section.chains, relief.levels, strict=True):
+        phi = chain.points[:, 0] / relief.radius
+        assert np.abs(20 + 2 * np.cos(3 * phi) - level).max() < 0.05
+        assert chain.length > 29
+    phi = (np.arange(relief.r.shape[1]) + 0.5) / relief.r.shape[1] * 2 * np.pi - np.pi
+    inside = relief.r[3:-3]
+    assert np.isfinite(inside).all()
+    assert np.abs(inside - (20 + 2 * np.cos(3 * phi))).max() < 0.06
+
+
+def test_noise_has_no_lines_of_equal_radius_and_what_has_no_outside_is_refused() -> None:
+    section = fit_section(_lobes(0.05, depth=0.0), unrolled_cut())
+    assert section.relief is not None
+    assert not section.chains
+    inward = _lobes(0.0)
+    with pytest.raises(InputError, match="looks away from the z axis"):
+        fit_section(Mesh(inward.vertices, inward.faces[:, ::-1].copy()), unrolled_cut())
+    with pytest.raises(InputError, match="no faces"):
+        fit_section(Mesh(np.eye(3), np.zeros((0, 3), np.int32)), unrolled_cut())
+
+
+def test_views_are_drawn_beside_sections() -> None:
+    import io
+    import json
+
+    import ezdxf
+
+    body = _lobes(0.005)
+    both = [fit_section(body, c) for c in (silhouette_cut([0, 0, 1]), unrolled_cut())]
+    for version in ("R12", "R2010"):
+        document = ezdxf.read(io.StringIO(write_section_dxf(both, version, {}).decode()))
+        assert not document.audit().errors
+        kind = "POLYLINE" if version == "R12" else "LWPOLYLINE"
+        lines = document.modelspace().query(kind)
+        heights = {float(np.ravel(e.dxf.get("elevation", 0.0))[-1]) for e in lines}
+        assert {0.0, 19.0, 21.0} <= heights
+    assert b"data:image/png" in write_section_svg(both, "part", {})
+    report = json.loads(write_section_json(both, {}))["sections"]
+    assert [s["view"] for s in report] == ["silhouette", "unrolled"]
+    assert len(report[1]["relief"]["r_mm"][0]) == 480
