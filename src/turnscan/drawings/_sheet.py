@@ -198,7 +198,7 @@ def _words(section: FittedSection) -> str:
     text = "mm; ± standard uncertainty (k = 1) from the noise of the points"
     if section.cut.view == "silhouette":
         text = (
-            "mm; outline of the outermost points; ± standard uncertainty (k = 1) with their noise"
+            "mm; outermost points; ± standard uncertainty (k = 1)"
         )
     if not section.fitted:
         return f"{text}; nothing fitted"
