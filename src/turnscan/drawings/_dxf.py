@@ -207,7 +207,7 @@ def _coded(text: str) -> str:
 
 
 def _style(document: Drawing, height: float) -> None:
-    """The style of the dimensions, for a program that draws one anew."""
+    """The style of the dimensions, for a program that draws them itself."""
     style = document.dimstyles.new(STYLE)
     style.dxf.dimtxt = style.dxf.dimasz = height
     style.dxf.dimexo, style.dxf.dimexe, style.dxf.dimgap = 0.4 * height, 0.5 * height, 0.4 * height

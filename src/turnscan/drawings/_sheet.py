@@ -197,9 +197,7 @@ def _words(section: FittedSection) -> str:
         return f"seen from outside; {relief_in_words(section.relief)}"
     text = "mm; ± standard uncertainty (k = 1) from the noise of the points"
     if section.cut.view == "silhouette":
-        text = (
-            "mm; outermost points; ± standard uncertainty (k = 1)"
-        )
+        text = "mm; outermost points; ± standard uncertainty (k = 1)"
     if not section.fitted:
         return f"{text}; nothing fitted"
     outline = max(section.fitted, key=lambda o: sum(p.length for p in o.pieces))
