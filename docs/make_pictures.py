@@ -373,7 +373,8 @@ def section() -> None:
 def views() -> None:
     """A head from the side, and its surface unrolled: two sheets of ``turnscan section``."""
     from turnscan.drawings import draw_section
-    from turnscan.shapes import fit_section, silhouette_cut, unrolled_cut
+    from turnscan.shapes import fit_section
+    from turnscan.shapes.views import silhouette_cut, unrolled_cut
 
     true = part("head").mesh
     rng = np.random.default_rng(1)

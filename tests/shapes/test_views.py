@@ -12,7 +12,8 @@ from tests.shapes.outlines import along, regular, wall
 from turnscan.drawings import write_section_dxf, write_section_json, write_section_svg
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
-from turnscan.shapes import Arc, fit_section, silhouette_cut, unrolled_cut
+from turnscan.shapes import Arc, fit_section
+from turnscan.shapes.views import silhouette_cut, unrolled_cut
 
 
 def _torus(ring: float = 20.0, tube: float = 6.0) -> Mesh:

@@ -3,7 +3,6 @@
 from turnscan.drawings._dimensions import with_sigma
 from turnscan.drawings._dxf import write_section_dxf
 from turnscan.drawings._json import section_report, write_section_json
-from turnscan.drawings._relief import relief_in_words
 from turnscan.drawings._revolved import revolved_solid
 from turnscan.drawings._sheet import found
 from turnscan.drawings._solid import Solid, check_opencascade, solid_of
@@ -17,7 +16,6 @@ __all__ = [
     "draw_section",
     "found",
     "read_step",
-    "relief_in_words",
     "revolved_solid",
     "section_report",
     "solid_of",

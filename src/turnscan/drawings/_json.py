@@ -12,7 +12,8 @@ from turnscan import __version__
 from turnscan.arrays import Floats
 from turnscan.drawings._dxf import placements
 from turnscan.drawings._sheet import counts
-from turnscan.shapes import Arc, Chain, FittedSection, Line, Outline, Piece, Relief, Size
+from turnscan.shapes import Arc, Chain, FittedSection, Line, Outline, Piece, Size
+from turnscan.shapes.views import Relief
 
 
 def section_report(

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.drawings._dimensions import Marks, dimensions
-from turnscan.shapes import Chain, FittedSection, Relief
+from turnscan.shapes import Chain, FittedSection
+from turnscan.shapes.views import Relief
 
 _ANGLE = 45
 """Degrees between two marks."""

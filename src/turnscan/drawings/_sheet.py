@@ -17,7 +17,8 @@ from turnscan.drawings._relief import (
     relief_range,
     relief_scale,
 )
-from turnscan.shapes import Arc, FittedSection, Line, Piece, Relief, Spline
+from turnscan.shapes import Arc, FittedSection, Line, Piece, Spline
+from turnscan.shapes.views import Relief
 
 WIDTH, HEIGHT = 297.0, 210.0
 """A4, landscape."""
@@ -206,7 +207,9 @@ def _words(section: FittedSection) -> str:
 
 
 def found(section: FittedSection) -> str:
-    """How many lines, arcs, circles and splines were fitted, in words."""
+    """How many lines, arcs, circles and splines were fitted, or what a map shows, in words."""
+    if section.relief is not None:
+        return relief_in_words(section.relief)
     every = counts(section).items()
     return ", ".join(f"{n} {kind if n > 1 else kind[:-1]}" for kind, n in every if n)
 

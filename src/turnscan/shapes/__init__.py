@@ -26,12 +26,9 @@ from turnscan.shapes._section import (
     cross_section,
     half_plane_cut,
     plane_cut,
-    silhouette_cut,
-    unrolled_cut,
 )
 from turnscan.shapes._section_fit import FittedSection, fit_section
 from turnscan.shapes._shared import Source, View, calibration_moves
-from turnscan.shapes._unrolled import Relief
 from turnscan.shapes._volume import mean_curvature, volume_figures, volume_in_words, volume_sigma
 
 __all__ = [
@@ -46,7 +43,6 @@ __all__ = [
     "Piece",
     "PlaneAngle",
     "PlaneRegion",
-    "Relief",
     "Size",
     "Source",
     "Sphere",
@@ -76,9 +72,7 @@ __all__ = [
     "region_diameter",
     "sample_surface",
     "section_diameter",
-    "silhouette_cut",
     "to_plane",
-    "unrolled_cut",
     "volume",
     "volume_figures",
     "volume_in_words",

@@ -12,8 +12,8 @@ from turnscan.mesh import Mesh
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_fit import fit_outlines
 from turnscan.shapes._section import Chain, Cut, cross_section
-from turnscan.shapes._silhouette import outermost, silhouette
-from turnscan.shapes._unrolled import Relief, unrolled
+from turnscan.shapes.views._silhouette import outermost, silhouette
+from turnscan.shapes.views._unrolled import Relief, unrolled
 
 
 @dataclass(frozen=True)

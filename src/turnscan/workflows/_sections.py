@@ -12,7 +12,6 @@ from typing import overload
 
 from turnscan.drawings import (
     found,
-    relief_in_words,
     with_sigma,
     write_section_dxf,
     write_section_json,
@@ -30,9 +29,8 @@ from turnscan.shapes import (
     fit_section,
     half_plane_cut,
     plane_cut,
-    silhouette_cut,
-    unrolled_cut,
 )
+from turnscan.shapes.views import silhouette_cut, unrolled_cut
 from turnscan.workflows._check_tolerance import check_tolerance
 from turnscan.workflows._files import check_apart, check_output, write_atomically
 from turnscan.workflows._units import SECTION_SUFFIXES
@@ -241,7 +239,7 @@ def section_in_words(section: FittedSection) -> list[str]:
     box, sigma = section.box, section.size_sigma
     width, height = box[1] - box[0]
     if section.relief is not None:
-        return [f"{section.cut.name}: {relief_in_words(section.relief)}"]
+        return [f"{section.cut.name}: {found(section)}"]
     size = f"{with_sigma(width, sigma[0])} × {with_sigma(height, sigma[1])} mm"
     seen = section.cut.view == "silhouette"
     name = section.cut.name if seen else f"section {section.cut.name}"
