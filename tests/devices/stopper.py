@@ -91,8 +91,8 @@ def instrument(stop: Stop) -> None:
         GuardedLink.write, GuardedLink.light, Shooter.settle, database.insert,
     )  # fmt: skip
 
-    def writes(self: GuardedLink, data: bytes) -> None:
-        write(self, data)
+    def writes(self: GuardedLink, data: bytes, darks: int | None = None) -> None:
+        write(self, data, darks)
         if data.startswith(MOVES):
             stop.phase("turning")
 
