@@ -5,7 +5,9 @@ import { wizard } from "./calibrate/room";
 import { startCalibration } from "./calibrate/state";
 import { fileCommands, onKey, roomCommands, roomList } from "./commands";
 import { startDeviation } from "./inspect/deviation";
+import { ReplayDialog } from "./inspect/replay";
 import { scanName, startPart } from "./part";
+import { CopyEditsDialog } from "./repair/copying";
 import { startRepair } from "./repair/state";
 import { home, rooms } from "./rooms";
 import { startExport } from "./rooms/export";
@@ -49,6 +51,8 @@ function App() {
       <Palette />
       <KeySheet />
       <InviteDialog />
+      <CopyEditsDialog />
+      <ReplayDialog />
       <DropHint />
     </div>
   );

@@ -185,6 +185,8 @@ export interface CopyEdits {
   /** Their numbers. */
   edits: number[];
   to: string;
+  /** Whether the part stands elsewhere there: measurements are brought along by its shape. */
+  by_shape?: boolean;
 }
 
 /** A remark with its place on the part and in the scan, where it has one. */
@@ -652,6 +654,12 @@ export interface Measure {
   verdict: "pass" | "fail" | "undecided" | null;
   /** The surface was changed since it was measured. */
   outdated: boolean;
+  /** Standard uncertainty from the points' noise; of a volume that from all causes. */
+  noise: number | null;
+  /** Standard uncertainty from the calibration, table axis included; None where not known. */
+  shared: number | null;
+  /** Whether that was worked out; ``measure_again`` does it. */
+  complete: boolean;
 }
 
 /** Take measurements again of which the surface was changed since: answered by ``measures``. */
@@ -898,6 +906,15 @@ export interface RunVerb {
   /** Of the files that it writes. */
   name: string;
   values: Record<string, unknown>;
+}
+
+/** Write the report of all sizes and kept measurements into the folder: a job. */
+export interface SaveReport {
+  id: number;
+  kind: "save_report";
+  scan: string;
+  name: string;
+  suffix: ".pdf" | ".html" | ".csv" | ".json";
 }
 
 /**
@@ -1311,6 +1328,7 @@ export type ClientMessage =
   | SpecifyMeasure
   | MeasureAgain
   | ShowDeviation
+  | SaveReport
   | FindDevices
   | Connect
   | Disconnect

@@ -18,6 +18,9 @@ const MEASURE: Measure = {
   upper: 0.05,
   verdict: "pass",
   outdated: false,
+  noise: 0.01,
+  shared: null,
+  complete: true,
 };
 
 test("a figure has the digits that its uncertainty leaves", () => {

@@ -20,7 +20,7 @@ MOST_NAMES = {
     "calibrate": 42,
     "devices": 25,
     "drawings": 15,  # with the solid that a profile sweeps
-    "edit": 76,
+    "edit": 77,  # with measurements that follow a part to where it stands
     "formats": 17,
     "mesh": 23,
     "points": 40,

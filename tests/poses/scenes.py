@@ -97,12 +97,12 @@ def apart(a: Pose, b: Pose, v: View) -> float:
     return float(np.sqrt(((a.apply(v.points) - b.apply(v.points)) ** 2).sum(axis=1).mean()))
 
 
-def write_scan(path: Path, name: str, seed: int) -> None:
-    """A turn of a part as it stands, as a scan file."""
+def write_scan(path: Path, name: str, seed: int, stored: Rig | None = None) -> None:
+    """A turn of a part as it stands, as a scan file, which says that ``stored`` took it."""
     plan = ScanPlan(320, 240, "uint8", 1, ("L0",), STEPS, 12.0)
     u, angles = np.arange(320), full_turn(STEPS)
     rng = np.random.default_rng(seed)
-    with Scan.create(path, plan, rig_for(name)) as scan:
+    with Scan.create(path, plan, stored or rig_for(name)) as scan:
         for k, stripe in enumerate(with_noise(stripes(name), 0.05, seed)):
             at = np.nan_to_num(stripe.position, nan=-1e3)[:, None]
             light = 180 * np.exp(-0.5 * ((u - at) / 1.5) ** 2) + rng.normal(12, 1.0, (240, 320))

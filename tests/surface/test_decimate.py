@@ -142,6 +142,21 @@ def test_whatever_is_missing_it_hangs_together_as_before(seed, missing, wanted, 
         assert components(less).max() == components(mesh).max()
 
 
+def test_vertices_that_coincide_and_faces_without_area_end_nothing() -> None:
+    """Their faces have no inside to divide by: so do those that a box and Delete leave behind."""
+    mesh = mesh_grid(random_grid(1, 24, 24, 0.1, True, 0.3))
+    rng = np.random.default_rng(3)
+    vertices = mesh.vertices.copy()
+    pairs = mesh.faces[rng.integers(0, len(mesh.faces), 20)]
+    vertices[pairs[:, 0]] = vertices[pairs[:, 1]]
+    faces = mesh.faces[rng.random(len(mesh.faces)) > 0.2]
+    before = Mesh(vertices, faces)
+    for tolerance in (1e-3, 0.3, 100.0):
+        after = decimate(before, tolerance=tolerance)
+        assert 0 < len(after.faces) <= len(before.faces)
+        assert {tuple(v) for v in after.vertices} <= {tuple(v) for v in vertices}
+
+
 def test_the_same_input_gives_the_same_bytes_and_little_stays_as_it_is() -> None:
     mesh = column()
     one, two = decimate(mesh, faces=3000), decimate(mesh, faces=3000)

@@ -2,14 +2,16 @@
 import { computed, signal } from "@preact/signals";
 import { link } from "../bus";
 import { mesh, onMesh, opened, shownRevision } from "../part";
-import type { DeviationShown, ShowDeviation } from "../protocol";
+import type { DeviationShown, ShowDeviation, SizeCheck } from "../protocol";
 import { complain, notify, place, scans } from "../state";
-import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
+import { Button, Check, mm, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import { files, send } from "../verbs/state";
 import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
 import type { Hit } from "../viewport/pick";
 import { colouring } from "../viewport/place";
+import { ReportButtons } from "./report";
+import { VerdictDot } from "./verdict";
 
 const UNITS = [
   ["mm", "mm"],
@@ -18,7 +20,25 @@ const UNITS = [
   ["inch", "inch"],
 ] as const;
 
+type Way = NonNullable<ShowDeviation["align"]>;
+const WAYS: readonly (readonly [Way, string])[] = [
+  ["shape", "by shape"],
+  ["datums", "by datums"],
+  ["none", "not at all"],
+];
+
 const reference = signal("");
+const way = signal<Way>("shape");
+/** Numbers of features of the reference, as they are typed. */
+const datums = signal("");
+const byFeature = signal(false);
+/** A table of the list; empty for what is typed in. */
+const table = signal("");
+/** Tolerance of every size, and width of the profile's zone, mm. */
+const tolerance = signal("");
+const profile = signal<number | null>(null);
+/** The table that was sent last. */
+let sent: { csv: string; file: string } | null = null;
 const unit = signal<NonNullable<ShowDeviation["unit"]>>("mm");
 const shown = signal<DeviationShown | null>(null);
 /** The surface was changed since. */
@@ -40,13 +60,52 @@ export function startDeviation(): void {
   });
 }
 
+/** A table of tolerances from what is typed in; empty where nothing is. */
+export function toleranceTable(ofSizes: string, ofProfiles: number | null): string {
+  const rows: string[] = [];
+  if (ofSizes) rows.push(`*,*,"${ofSizes.replaceAll('"', '""')}"`);
+  if (ofProfiles !== null) rows.push(`*,profile,${ofProfiles}`);
+  return rows.length ? ["feature,quantity,tolerance", ...rows, ""].join("\n") : "";
+}
+
+/** The file of the tolerances; null for none, undefined where it could not be sent. */
+async function tableFile(): Promise<string | null | undefined> {
+  if (table.value) return table.value;
+  const csv = toleranceTable(tolerance.value, profile.value);
+  if (!csv) return null;
+  if (sent?.csv !== csv) {
+    const [file] = await send([new File([csv], "tolerances.csv")]);
+    if (!file) return undefined;
+    sent = { csv, file };
+  }
+  return sent.file;
+}
+
+const chosenDatums = () =>
+  way.value === "datums" ? (datums.value.match(/\d+/g) ?? []).map(Number).filter((one) => one > 0) : [];
+
+/** What the map was made with, for a report of the same. */
+let asked: ShowDeviation | null = null;
+
 async function show(): Promise<void> {
   const scan = opened.value?.scan;
   if (!scan || !reference.value || busy.value) return;
   busy.value = true;
   try {
-    const wish = { kind: "show_deviation", scan, reference: reference.value, unit: unit.value } as const;
+    const tolerance_table = await tableFile();
+    if (tolerance_table === undefined) return;
+    const wish = {
+      kind: "show_deviation",
+      scan,
+      reference: reference.value,
+      unit: unit.value,
+      align: way.value,
+      datums: chosenDatums(),
+      features: byFeature.value,
+      tolerance_table,
+    } as const;
     const { header, arrays } = await link.request(wish);
+    asked = { ...wish, datums: [...wish.datums], id: 0 };
     const model = mesh.value;
     if (header.kind !== "deviation" || !model || opened.value?.scan !== scan) return;
     if (header.revision !== shownRevision()) {
@@ -129,12 +188,47 @@ export function DeviationPanel() {
         />
       </label>
       <SelectField label="In" value={unit.value} options={UNITS} onChange={(value) => (unit.value = value)} />
+      <SelectField label="Align" value={way.value} options={WAYS} onChange={(value) => (way.value = value)} />
+      {way.value === "datums" && (
+        <TextField
+          label="Datums"
+          value={datums.value}
+          placeholder="1, 2, 3"
+          onChange={(text) => (datums.value = text)}
+        />
+      )}
+      <Check label="Features and their sizes" checked={byFeature.value} onChange={(on) => (byFeature.value = on)} />
+      <SelectField
+        label="Tolerances"
+        value={table.value}
+        options={[
+          ["", "as below"] as const,
+          ...files.value.filter(({ kinds }) => kinds.includes("table")).map(({ file, name }) => [file, name] as const),
+        ]}
+        onChange={(file) => (table.value = file)}
+      />
+      {!table.value && (
+        <>
+          <TextField
+            label="Of every size"
+            value={tolerance.value}
+            placeholder="ISO 2768-m, ±0.1"
+            onChange={(text) => (tolerance.value = text)}
+          />
+          <NumberField
+            label="Of profiles"
+            value={profile.value}
+            unit="mm"
+            min={0.001}
+            placeholder="none"
+            onChange={(value) => (profile.value = value)}
+          />
+        </>
+      )}
       <Button kind="primary" disabled={!reference.value || busy.value} onClick={() => void show()}>
         {busy.value ? "Comparing …" : "Compare"}
       </Button>
-      <p class="quiet">
-        The reference is taken to be where the scan is: align it first, by “Compare” on the start page.
-      </p>
+      {way.value === "none" && <p class="quiet">The reference is taken to be where the scan is.</p>}
       {now && <Figures of={now} />}
     </Section>
   );
@@ -146,6 +240,14 @@ function Figures({ of }: { of: DeviationShown }) {
       <dl class="figures" aria-label="Deviation">
         <dt>Reference</dt>
         <dd>{of.reference}</dd>
+        {of.verdict && (
+          <>
+            <dt>Tolerances</dt>
+            <dd>
+              <VerdictDot of={of.verdict} />
+            </dd>
+          </>
+        )}
         <dt>Mean</dt>
         <dd class="num">{written(of.mean)}</dd>
         <dt>Root mean square</dt>
@@ -155,6 +257,12 @@ function Figures({ of }: { of: DeviationShown }) {
         <dt>Worst</dt>
         <dd class="num">{of.worst.toFixed(3)} mm</dd>
       </dl>
+      <p class="quiet">{of.alignment}.</p>
+      {of.findings.map(({ severity, text }) => (
+        <p key={text} class={`remark ${severity}`}>
+          {text}
+        </p>
+      ))}
       {old.value && <p class="remark warning">The surface was changed since. Compare again.</p>}
       <NumberField
         label="Map to ±"
@@ -178,12 +286,95 @@ function Figures({ of }: { of: DeviationShown }) {
           Map
         </Button>
       </div>
+      <Checked of={of} />
+      <ReportButtons
+        of="comparison"
+        disabled={!asked}
+        request={(name, suffix) => ({ kind: "run_verb", verb: "compare", name, values: reportValues(suffix) })}
+      />
       {probes.value.length > 0 && (
         <ul class="list" aria-label="Probes">
           {probes.value.map(({ at, value }, k) => (
             <li key={k}>
               <span class="num grow">{written(value)}</span>
               <span class="quiet num">{at.map((x) => x.toFixed(1)).join(", ")}</span>
+            </li>
+          ))}
+        </ul>
+      )}
+    </>
+  );
+}
+
+/** The values of the verb that compares the same, for its report. */
+function reportValues(suffix: string): Record<string, unknown> {
+  if (!asked) return {};
+  const { scan, reference: file, unit: of, align, datums: numbers, features, tolerance_table } = asked;
+  return {
+    measured: scan,
+    reference: file,
+    reference_unit: of,
+    align,
+    features,
+    ...(numbers?.length ? { datums: numbers } : {}),
+    ...(tolerance_table ? { tolerance_table } : {}),
+    picture: [],
+    report: [suffix],
+  };
+}
+
+/** A size with what it is to be, in words. */
+export function checkWords(of: SizeCheck): string {
+  const unit = of.unit === "°" ? of.unit : ` ${of.unit}`;
+  const value = of.uncertainty === null ? of.measured.toFixed(3) : withUncertainty(of.measured, of.uncertainty);
+  if (of.quantity === "profile") {
+    const most = of.limits ? `, at most ${of.limits[1]}` : "";
+    return `${value}${unit}${most}`;
+  }
+  const off = of.measured - of.nominal;
+  return `${value}${unit}, nominal ${Number(of.nominal.toFixed(4))}, ${off < 0 ? "−" : "+"}${Math.abs(off).toFixed(3)}`;
+}
+
+function withUncertainty(value: number, u: number): string {
+  const digits = u > 0 ? Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(u)))) : 3;
+  return `${value.toFixed(digits)} ± ${u.toFixed(digits)}`;
+}
+
+function Checked({ of }: { of: DeviationShown }) {
+  return (
+    <>
+      {of.checks.length > 0 && (
+        <ul class="list whole" aria-label="Sizes of the reference">
+          {of.checks.map((check) => (
+            <li key={`${check.features} ${check.quantity}`}>
+              <span class="grow">
+                <strong>
+                  {check.features.join("–")} {check.quantity}
+                </strong>{" "}
+                {check.verdict && <VerdictDot of={check.verdict} />}
+                <br />
+                <span class="quiet num">
+                  {checkWords(check)}
+                  {check.tolerance && check.quantity !== "profile" && ` (${check.tolerance})`}
+                </span>
+              </span>
+            </li>
+          ))}
+        </ul>
+      )}
+      {of.features.length > 0 && (
+        <ul class="list whole" aria-label="Features of the reference">
+          {of.features.map(({ number, nominal, mean, rms, points }) => (
+            <li key={number}>
+              <span class="grow">
+                <strong>
+                  {number}: {nominal}
+                </strong>
+                <br />
+                <span class="quiet num">
+                  mean {written(mean)}, rms {rms.toFixed(3)} mm over {points} points
+                </span>
+              </span>
             </li>
           ))}
         </ul>

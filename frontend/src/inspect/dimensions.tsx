@@ -6,6 +6,8 @@ import type { Measure, TakeMeasure } from "../protocol";
 import { complain, connection, isOperator } from "../state";
 import { Button, NumberField, Section, TextField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
+import { replaying } from "./replay";
+import { VerdictDot } from "./verdict";
 
 export const WORDS: Record<TakeMeasure["what"], string> = {
   distance: "Distance",
@@ -16,12 +18,6 @@ export const WORDS: Record<TakeMeasure["what"], string> = {
   volume: "Volume",
 };
 const wordOf = ({ what, name }: Measure) => name || (WORDS[what as TakeMeasure["what"]] ?? what);
-
-const VERDICTS: Record<NonNullable<Measure["verdict"]>, readonly [string, string, string]> = {
-  pass: ["good", "passes", "Within the limits, whatever the uncertainty."],
-  fail: ["bad", "fails", "Outside of the limits, whatever the uncertainty."],
-  undecided: ["busy", "undecided", "Nearer to a limit than the uncertainty: neither passed nor failed (ISO 14253-1)."],
-};
 
 const chosenName = signal<string | null>(null);
 const chosen = computed(() => measures.value.find(({ measure }) => measure === chosenName.value) ?? null);
@@ -83,7 +79,7 @@ function specify({ measure }: Measure, change: Wanted): void {
 export function keepCurrent(): () => void {
   let asked = "";
   return effect(() => {
-    const old = measures.value.filter(({ outdated }) => outdated);
+    const old = measures.value.filter(({ outdated, complete }) => outdated || !complete);
     if (!old.length) asked = "";
     if (!old.length || connection.value !== "open") return;
     // What cannot be measured any more stays as it was: one try for each list.
@@ -125,7 +121,6 @@ function save(): void {
 }
 
 function Row({ of }: { of: Measure }) {
-  const verdict = of.verdict && VERDICTS[of.verdict];
   return (
     <li>
       <button
@@ -139,13 +134,7 @@ function Row({ of }: { of: Measure }) {
         }}
       >
         <span>
-          <strong class="num">{written(of)}</strong>{" "}
-          {verdict && (
-            <span class="verdict" title={verdict[2]}>
-              <span class={`dot ${verdict[0]}`} />
-              {verdict[1]}
-            </span>
-          )}
+          <strong class="num">{written(of)}</strong> {of.verdict && <VerdictDot of={of.verdict} />}
           <br />
           <span class="quiet">
             {wordOf(of)}
@@ -180,6 +169,9 @@ export function DimensionsPanel() {
       <Button disabled={!list.length} onClick={save}>
         Save as CSV
       </Button>
+      <Button disabled={!list.length || !isOperator.value} onClick={() => (replaying.value = true)}>
+        Measure the same on another scan …
+      </Button>
     </Section>
   );
 }
@@ -213,30 +205,50 @@ function Dimension({ of }: { of: Measure }) {
   );
 }
 
+/** Why a part of the uncertainty has no figure. */
+const NOT_KNOWN = "not known";
+
 function Budget({ of }: { of: Measure }) {
-  if (of.uncertainty === null)
+  if (of.uncertainty === null || of.noise === null)
     return <p class="quiet">Its uncertainty is not known: a point has none, or the surface is no scan's.</p>;
   const digits =
     written(of)
       .match(/± ([\d.]+)/)?.[1]
       .split(".")[1]?.length ?? 0;
   const shown = (x: number) => `${x.toFixed(Math.min(7, digits + 1))} ${of.unit}`;
+  const whole = of.what === "volume";
+  const rows: (readonly [string, string])[] = whole
+    ? [["Noise, calibration, table, filling", shown(of.noise)]]
+    : [
+        ["Noise of the points", shown(of.noise)],
+        [
+          "Calibration, table axis included",
+          of.shared !== null ? shown(of.shared) : of.complete ? NOT_KNOWN : "being worked out …",
+        ],
+        ["Bias of the stripe", NOT_KNOWN],
+      ];
   return (
-    <table class="budget" aria-label="Uncertainty budget">
-      <tbody>
-        <tr>
-          <th scope="row">Noise of the points</th>
-          <td class="num">{shown(of.uncertainty / 2)}</td>
-        </tr>
-        <tr>
-          <th scope="row">Calibration, table, bias</th>
-          <td>not included</td>
-        </tr>
-        <tr>
-          <th scope="row">U (k = 2)</th>
-          <td class="num">{shown(of.uncertainty)}</td>
-        </tr>
-      </tbody>
-    </table>
+    <>
+      <table class="budget" aria-label="Uncertainty budget">
+        <tbody>
+          {rows.map(([name, text]) => (
+            <tr key={name}>
+              <th scope="row">{name}</th>
+              <td class="num">{text}</td>
+            </tr>
+          ))}
+          <tr>
+            <th scope="row">U (k = 2)</th>
+            <td class="num">{shown(of.uncertainty)}</td>
+          </tr>
+        </tbody>
+      </table>
+      {!whole && of.complete && of.shared === null && (
+        <p class="quiet">
+          This scan's rig was not calibrated with uncertainties, or the measurement cannot be taken any more: U is that
+          of the noise alone.
+        </p>
+      )}
+    </>
   );
 }

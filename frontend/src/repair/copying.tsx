@@ -11,13 +11,15 @@ const shown = signal(false);
 /** Offer to copy edits of the scan that is open. */
 export function CopyEdits() {
   return (
-    <>
-      <Button icon="copy" disabled={!history.value.length || !isOperator.value} onClick={() => (shown.value = true)}>
-        Copy edits to another scan …
-      </Button>
-      {shown.value && <CopyDialog />}
-    </>
+    <Button icon="copy" disabled={!history.value.length || !isOperator.value} onClick={() => (shown.value = true)}>
+      Copy edits to another scan …
+    </Button>
   );
+}
+
+/** The dialog, where the page puts all of them: what is in a room rests while one is open. */
+export function CopyEditsDialog() {
+  return shown.value ? <CopyDialog /> : null;
 }
 
 function CopyDialog() {
@@ -41,7 +43,7 @@ function CopyDialog() {
     }
   }
   return (
-    <dialog ref={dialog} class="invite" aria-labelledby="copy-title">
+    <dialog ref={dialog} class="invite" aria-labelledby="copy-title" aria-modal="true">
       <header>
         <h2 id="copy-title">Copy edits to another scan</h2>
         <Button kind="plain" icon="close" label="Close" keys="Esc" onClick={close} />

@@ -5,6 +5,7 @@ import { link } from "../bus";
 import type { AnyArray } from "../envelope";
 import { DeviationPanel, forgetProbes, probe, probeItems, probing } from "../inspect/deviation";
 import { DimensionsPanel, keepCurrent, written } from "../inspect/dimensions";
+import { ReportPanel } from "../inspect/report";
 import { mark, measures, opened } from "../part";
 import type { TakeMeasure } from "../protocol";
 import { stepCommands } from "../repair/commands";
@@ -235,6 +236,7 @@ function MeasureRoom() {
         <KindPanel />
         <DimensionsPanel />
         <DeviationPanel />
+        <ReportPanel />
       </aside>
     </div>
   );

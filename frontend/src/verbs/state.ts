@@ -32,7 +32,7 @@ export interface Failure {
 }
 
 /** Runs of this page, by their jobs; the list of all jobs forgets them. */
-const runs = signal<ReadonlyMap<string, JobState>>(new Map());
+export const runs = signal<ReadonlyMap<string, JobState>>(new Map());
 export const runOf = (form: Form) => (form.job === null ? undefined : runs.value.get(form.job));
 
 const ROOM = "do-";
@@ -74,11 +74,11 @@ export function resultName(verb: VerbEntry): string {
     scans.value.find(({ scan }) => scan === first)?.name ?? files.value.find(({ file }) => file === first)?.name;
   if (!name) return "";
   const stem = name.replace(/\.[^.]*$/, "").replaceAll("/", " ");
-  return free(verb.verb === "import" ? stem : `${stem} ${verb.verb}`);
+  return freeName(verb.verb === "import" ? stem : `${stem} ${verb.verb}`);
 }
 
 /** A name, numbered where files of the folder have it. */
-function free(name: string): string {
+export function freeName(name: string): string {
   const taken = [...scans.value.map((one) => `${one.name}.`), ...files.value.map((one) => one.name)];
   const has = (wish: string) => taken.some((one) => one.startsWith(`${wish}.`) || one.startsWith(`${wish}-`));
   let now = name;

@@ -391,6 +391,9 @@ def _measures(state: SessionState) -> list[p.Measure]:
             upper=m.upper,
             verdict=m.verdict,
             outdated=m.outdated,
+            noise=m.noise,
+            shared=m.shared,
+            complete=m.complete,
         )
         for m in state.measures
     ]

@@ -267,6 +267,12 @@ class Measure(Model):
     """By ISO 14253-1, with the uncertainty; None without limits, or where outdated."""
     outdated: bool = False
     """The surface was changed since it was measured."""
+    noise: float | None
+    """Standard uncertainty from the points' noise; of a volume that from all causes."""
+    shared: float | None
+    """Standard uncertainty from the calibration, table axis included; None where not known."""
+    complete: bool
+    """Whether that was worked out; ``measure_again`` does it."""
 
 
 class FeatureShown(Model):

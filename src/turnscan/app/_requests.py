@@ -211,6 +211,8 @@ class CopyEdits(Request):
     edits: Annotated[tuple[Count, ...], Field(min_length=1)]
     """Their numbers."""
     to: Opaque
+    by_shape: bool = False
+    """Whether the part stands elsewhere there: measurements are brought along by its shape."""
 
 
 class KeepSettings(Request):
@@ -295,6 +297,15 @@ class ShowDeviation(Request):
     """Whether its features and their sizes are told."""
     tolerance_table: Opaque | None = None
     """A file of the list."""
+
+
+class SaveReport(Request):
+    """Write the report of all sizes and kept measurements into the folder: a job."""
+
+    kind: Literal["save_report"] = "save_report"
+    scan: Opaque
+    name: Name
+    suffix: Literal[".pdf", ".html", ".csv", ".json"]
 
 
 class FindDevices(Request):
@@ -503,6 +514,7 @@ ClientMessage = Annotated[
     | SpecifyMeasure
     | MeasureAgain
     | ShowDeviation
+    | SaveReport
     | FindDevices
     | Connect
     | Disconnect

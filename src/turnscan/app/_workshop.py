@@ -122,6 +122,7 @@ class Workshop:
             q.SpecifyMeasure: (self._specify, True),
             q.MeasureAgain: (self._measure_again, False),
             q.ShowDeviation: (self._show_deviation, False),
+            q.SaveReport: (self._save_report, True),
             q.FindDevices: (self._find_devices, True),
             q.Connect: (self._connect, True),
             q.Disconnect: (lambda call: self.rig.disconnect(), True),
@@ -305,6 +306,18 @@ class Workshop:
         table = None if r.tolerance_table is None else self.files.find(r.tolerance_table).path
         with self._editing(call, f"Comparing with {reference.name}") as (scan, job):
             return scan.deviation(r, reference, table, job)
+
+    def _save_report(self, call: Call) -> p.Model:
+        r: q.SaveReport = call.request
+        scan, path = self.opened(r.scan), self.library.new_file(r.name, r.suffix)
+
+        def work(job: Job) -> Result:
+            found = scan.session.save_report(path, job.progress)
+            self.tell_results()
+            file = p.ResultFile(file=self.library.name_of(path), name=path.name, scan=False)
+            return Result("\n".join(found.summary()), files=[file])
+
+        return p.StartedJob(id=call.id, job=self.jobs.start("verb", path.name, work, r.scan).id)
 
     def _operator_may_light(self) -> bool:
         operator = self.hub.operator
@@ -507,8 +520,10 @@ class Workshop:
         source, target = self.library.path(r.scan), self.library.path(r.to)
         if source == target:
             raise InputError("this is the scan itself", hint="choose another one")
-        self._release(r.to)
-        edits(target, EditChanges(source, only=r.edits))
+        with self.jobs.perhaps("edit", "Copying edits", r.scan) as job:
+            self._release(r.to)
+            wanted = EditChanges(source, only=r.edits, by_shape=r.by_shape)
+            edits(target, wanted, progress=job.progress)
         self.tell_scans()
 
     def _list_holes(self, call: Call) -> Answer:

@@ -33,6 +33,11 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
     metavar="N",
     help="Of --add: only its edit N; may be repeated.",
 )
+@click.option(
+    "--by-shape",
+    is_flag=True,
+    help="Of --add: its measurements alone, where the part stands in SCAN.",
+)
 @click.option("--make", multiple=True, metavar="JSON", help="Apply an edit, given as JSON.")
 @click.option(
     "--delete",

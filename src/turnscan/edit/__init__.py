@@ -62,6 +62,7 @@ from turnscan.edit._measures import (
     MeasureToPlane,
     MeasureVolume,
     Specify,
+    moved_edit,
 )
 from turnscan.edit._region import Region
 from turnscan.edit._select import (
@@ -148,6 +149,7 @@ __all__ = [
     "history_to_json",
     "is_measure",
     "lost_edits",
+    "moved_edit",
     "needs_rebuild",
     "repair_grid",
     "repair_mesh",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -10,7 +10,8 @@ from turnscan.edit._apply import Done, apply
 from turnscan.edit._body import Body, Patch, Replace
 from turnscan.edit._edits import Edit, is_measure, needs_rebuild
 from turnscan.edit._history import Action, Entry, Go, History
-from turnscan.edit._measures import Measure, Sources, taken
+from turnscan.edit._measures import Measure, Sources, shared_sigma, taken
+from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
@@ -99,6 +100,19 @@ class Document:
         """
         assert is_measure(entry.edit)
         return taken(self.body, cast(Measure, entry.edit), self.source)
+
+    def shared_sigmas(self, entries: Sequence[Entry]) -> Iterator[tuple[int, float | None]]:
+        """What the calibration leaves open in measurements on the surface as it is now.
+
+        Each with the number of its edit; None where it is not known, see `shared_sigma`.
+        """
+        source = self.source() if entries else Source()
+        for entry in entries:
+            assert is_measure(entry.edit)
+            try:
+                yield entry.id, shared_sigma(self.body, cast(Measure, entry.edit), source)
+            except (InputError, CalibrationError):
+                yield entry.id, None
 
     def add(self, edit: Edit, progress: Progress = no_progress) -> tuple[Document, Change]:
         """Make an edit. One that finds nothing to act on is a finding of the change."""

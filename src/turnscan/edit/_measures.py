@@ -6,8 +6,8 @@ Each is taken on the surface as it is at its place in the history.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -18,6 +18,7 @@ from turnscan.edit._body import Body, Compact
 from turnscan.edit._region import Region
 from turnscan.errors import FormatError, InputError
 from turnscan.mesh import Mesh, submesh
+from turnscan.rig import Pose
 from turnscan.shapes import Measured, Source, Spot
 
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -136,6 +137,7 @@ class Specify:
             raise FormatError("specify: the lower limit is above the upper one")
 
 
+E = TypeVar("E")
 Measure = (
     MeasureDistance
     | MeasureToPlane
@@ -152,11 +154,74 @@ Sources = Callable[[], Source]
 """What a surface was made from; asked for where a measurement hangs on it."""
 
 
+def moved_edit(edit: E, pose: Pose) -> E:
+    """A measurement of a part that stands elsewhere: from its frame to that one by ``pose``.
+
+    Any other edit is as it was.
+    """
+
+    def at(place: Vector) -> Vector:
+        x, y, z = pose.apply(np.array([place]))[0]
+        return float(x), float(y), float(z)
+
+    match edit:
+        case MeasureDistance():
+            return replace(edit, a=at(edit.a), b=at(edit.b))
+        case MeasureToPlane():
+            return replace(edit, point=at(edit.point), plane=edit.plane.moved(pose))
+        case MeasureDiameter():
+            return replace(edit, where=edit.where.moved(pose))
+        case MeasureSection():
+            x, y, z = pose.turn(np.array([edit.normal]))[0]
+            on = float(np.dot((x, y, z), pose.translation))
+            near = None if edit.near is None else at(edit.near)
+            normal = float(x), float(y), float(z)
+            return replace(edit, normal=normal, distance=edit.distance + on, near=near)
+        case MeasureAngle():
+            return replace(edit, first=edit.first.moved(pose), second=edit.second.moved(pose))
+        case MeasureCorner():
+            return replace(edit, a=at(edit.a), corner=at(edit.corner), b=at(edit.b))
+        case MeasureArea() if edit.where is not None:
+            return replace(edit, where=edit.where.moved(pose))
+    return edit
+
+
+_Taker = Callable[[Floats | None], Measured]
+"""A measurement with the vertices (v, 3) mm moved; None: as they are."""
+_Faces = Callable[[Region], Bools]
+_BAND = 5.0
+"""mm on both sides of a section whose faces are moved with it."""
+
+
 def taken(body: Body, measure: Measure, source: Sources = Source) -> Measured:
     """A measurement on the living surface. Raises InputError, DidNotConverge where it cannot be."""
     live = Compact.of(body)
-    mesh = live.mesh
+    if isinstance(measure, MeasureVolume):
+        return shapes.volume(live.mesh, source())
+    return _taker(live.mesh, measure, _finder(body, live))(None)
 
+
+def shared_sigma(body: Body, measure: Measure, source: Source) -> float | None:
+    """Standard uncertainty of a measurement from what all its points have in common, in its unit.
+
+    The measurement is taken again with its vertices moved by each cause by itself, as far as one
+    standard deviation of it (`shapes.calibration_moves`): what the calibration of camera, lasers
+    and table axis leaves open. None where no cause is known, and for volumes, which count them
+    themselves. Raises as `taken`.
+    """
+    if isinstance(measure, MeasureVolume):
+        return None
+    live = Compact.of(body)
+    faces = _finder(body, live)
+    near = _bearing(live.mesh, measure, faces)
+    part = submesh(live.mesh, near)
+    take = _taker(part, measure, lambda region: np.asarray(faces(region)[near]))
+    still = take(None).value
+    changes = [take(move).value - still for move in shapes.calibration_moves(part, source)]
+    return float(np.sqrt(np.square(changes).sum())) if changes else None
+
+
+def _finder(body: Body, live: Compact) -> _Faces:
     def faces(region: Region) -> Bools:
         chosen = np.zeros(len(body.alive), dtype=np.bool_)
         chosen[region.find(body)] = True
@@ -164,43 +229,86 @@ def taken(body: Body, measure: Measure, source: Sources = Source) -> Measured:
             raise InputError("its region no longer exists")
         return np.asarray(chosen[live.face_ids])
 
+    return faces
+
+
+def _bearing(mesh: Mesh, measure: Measure, faces: _Faces) -> Bools:
+    """(f,) the faces that a measurement hangs on."""
     match measure:
         case MeasureDistance():
-            return shapes.distance(_spot(mesh, measure.a), _spot(mesh, measure.b))
+            return _near(mesh, measure.a) | _near(mesh, measure.b)
         case MeasureToPlane():
-            plane = shapes.plane_of(mesh, faces(measure.plane))
-            return shapes.to_plane(_spot(mesh, measure.point), plane)
+            return _near(mesh, measure.point) | faces(measure.plane)
         case MeasureDiameter():
-            return shapes.region_diameter(mesh, faces(measure.where))
+            return faces(measure.where)
         case MeasureSection():
-            return shapes.section_diameter(mesh, measure.normal, measure.distance, measure.near)
+            normal = np.array(measure.normal) / np.linalg.norm(measure.normal)
+            away = (mesh.vertices @ normal - measure.distance)[mesh.faces]
+            band = (away.min(axis=1) <= _BAND) & (away.max(axis=1) >= -_BAND)
+            return np.asarray(band, dtype=np.bool_)
         case MeasureAngle():
-            first, second = faces(measure.first), faces(measure.second)
-            return shapes.planes_angle(shapes.plane_of(mesh, first), shapes.plane_of(mesh, second))
+            return faces(measure.first) | faces(measure.second)
         case MeasureCorner():
-            a, corner, b = (_spot(mesh, p) for p in (measure.a, measure.corner, measure.b))
-            return shapes.corner_angle(a, corner, b)
+            return _near(mesh, measure.a) | _near(mesh, measure.corner) | _near(mesh, measure.b)
+        case MeasureArea() if measure.where is not None:
+            return faces(measure.where)
+    return np.ones(len(mesh.faces), dtype=np.bool_)
+
+
+def _taker(mesh: Mesh, measure: Measure, faces: _Faces) -> _Taker:
+    def moved(move: Floats | None) -> Mesh:
+        return mesh if move is None else replace(mesh, vertices=mesh.vertices + move)
+
+    def spot(at: Vector) -> Callable[[Floats | None], Spot]:
+        found, vertex = _spot(mesh, at)
+        return lambda move: found if move is None else replace(found, at=found.at + move[vertex])
+
+    match measure:
+        case MeasureDistance():
+            one, other = spot(measure.a), spot(measure.b)
+            return lambda move: shapes.distance(one(move), other(move))
+        case MeasureToPlane():
+            point, flat = spot(measure.point), faces(measure.plane)
+            return lambda move: shapes.to_plane(point(move), shapes.plane_of(moved(move), flat))
+        case MeasureDiameter():
+            round_ = faces(measure.where)
+            return lambda move: shapes.region_diameter(moved(move), round_)
+        case MeasureSection():
+            plane = measure.normal, measure.distance, measure.near
+            return lambda move: shapes.section_diameter(moved(move), *plane)
+        case MeasureAngle():
+            sides = faces(measure.first), faces(measure.second)
+            return lambda move: shapes.planes_angle(
+                *(shapes.plane_of(moved(move), side) for side in sides)
+            )
+        case MeasureCorner():
+            a, corner, b = (spot(at) for at in (measure.a, measure.corner, measure.b))
+            return lambda move: shapes.corner_angle(a(move), corner(move), b(move))
         case MeasureArea():
-            return shapes.area(mesh, None if measure.where is None else faces(measure.where))
+            part = None if measure.where is None else faces(measure.where)
+            return lambda move: shapes.area(moved(move), part)
         case MeasureVolume():
-            return shapes.volume(mesh, source())
+            return lambda move: shapes.volume(moved(move))
 
 
-def _spot(mesh: Mesh, at: Vector) -> Spot:
-    """The nearest point of the surface, and the sigma of the vertex nearest to it."""
-    place: Floats = np.array(at)
-    away = np.linalg.norm(mesh.vertices - place, axis=1)
+def _near(mesh: Mesh, at: Vector) -> Bools:
+    """(f,) faces among which the nearest one to a place is."""
+    away = np.linalg.norm(mesh.vertices - np.array(at), axis=1)
     if not len(away):
         raise InputError("no surface to measure on")
     # The nearest face has a corner no further than the nearest vertex and its own longest side.
     t = mesh.triangles
     sides = np.linalg.norm(t - np.roll(t, 1, axis=1), axis=2).max(axis=1)
-    near = (away[mesh.faces].min(axis=1) <= away.min() + sides).astype(np.bool_)
-    found = shapes.deviation(place[None], submesh(mesh, near))
+    return np.asarray(away[mesh.faces].min(axis=1) <= away.min() + sides, dtype=np.bool_)
+
+
+def _spot(mesh: Mesh, at: Vector) -> tuple[Spot, int]:
+    """The nearest point of the surface, with the sigma of the vertex nearest to it, and that."""
+    found = shapes.deviation(np.array(at)[None], submesh(mesh, _near(mesh, at)))
     gap = abs(float(found.distance[0]))
     if gap > REACH:
         raise InputError(f"the surface is {gap:.1f} mm away from where a point was picked")
     on = found.closest[0]
     vertex = int(np.linalg.norm(mesh.vertices - on, axis=1).argmin())
     sigma = np.nan if mesh.provenance is None else float(mesh.provenance.sigma[vertex])
-    return Spot(on, sigma)
+    return Spot(on, sigma), vertex

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +12,7 @@ from pydantic import Field
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.edit._body import Body
 from turnscan.errors import FormatError, InputError
+from turnscan.rig import Pose
 
 MOST_RUNS = 2_000_000
 """Numbers in one coded list of faces."""
@@ -101,6 +102,16 @@ class Region:
     def count(self) -> int:
         """Number of faces it had on its own mesh."""
         return sum(self.faces[1::2])
+
+    def moved(self, pose: Pose) -> Region:
+        """The region where a part stands elsewhere: by its place alone."""
+        inside, outside = (
+            _whole(pose.apply(_points(samples)))
+            for samples in (self.place.inside, self.place.outside)
+        )
+        return replace(
+            self, mesh="moved", place=replace(self.place, inside=inside, outside=outside)
+        )
 
     def find(self, body: Body) -> Ints:
         """(n,) numbers of the living faces of ``body`` that belong to the region, ascending."""

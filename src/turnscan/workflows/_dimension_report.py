@@ -35,11 +35,13 @@ def write_dimensions(
     figures: Mapping[str, Any],
     findings: Sequence[Finding],
     path: Path,
+    named: ReportTable | None = None,
 ) -> None:
     """Write the report: .html or .pdf with pictures, .json, or the table as .csv.
 
-    ``whole`` are sizes of the part as a whole, ``figures`` what else is known of it. Raises
-    ExportError where it cannot be written.
+    ``whole`` are sizes of the part as a whole, ``figures`` what else is known of it, and
+    ``named`` dimensions that a person took (not in .csv). Raises ExportError where it cannot be
+    written.
     """
     rows = [*whole, *found.dimensions]
     title = f"Dimensions of {Path(found.name).name}"
@@ -49,14 +51,15 @@ def write_dimensions(
         case ".json":
             body = {
                 **figures,
+                **({} if named is None else {named.key: named.values}),
                 "dimensions": [_figures(d) for d in rows],
                 "findings": [record(f) for f in findings],
             }
             write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
         case ".pdf":
-            write_atomically(path, doc.as_pdf(title, _blocks(found, rows, findings)))
+            write_atomically(path, doc.as_pdf(title, _blocks(found, rows, findings, named)))
         case _:
-            page = doc.as_html(title, _blocks(found, rows, findings))
+            page = doc.as_html(title, _blocks(found, rows, findings, named))
             write_atomically(path, page.encode())
 
 
@@ -81,7 +84,10 @@ def _figures(d: Dimension) -> dict[str, Any]:
 
 
 def _blocks(
-    found: FoundShapes, rows: Sequence[Dimension], findings: Sequence[Finding]
+    found: FoundShapes,
+    rows: Sequence[Dimension],
+    findings: Sequence[Finding],
+    named: ReportTable | None,
 ) -> list[doc.Block]:
     f, every = found.found, dimension_table(rows)
     out: list[doc.Block] = [
@@ -95,9 +101,10 @@ def _blocks(
             found.coloured().show(size=(640, 480)).pixels,
             "The part by shape; grey is freeform or not measured.",
         ),
-        doc.Heading(every.title),
-        doc.Table(every.head, every.rows),
     ]
+    for table in (named, every):
+        if table is not None:
+            out += [doc.Heading(table.title), doc.Table(table.head, table.rows)]
     features = dict.fromkeys(d.shapes for d in rows if d.shapes)
     if not features:
         return [*out, doc.Heading("Findings"), doc.Findings(findings)]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -12,19 +13,26 @@ from turnscan.edit import (
     Add,
     Delete,
     Edit,
+    Entry,
     History,
+    Specify,
     action_from_json,
     action_to_json,
     edit_from_json,
     history_to_json,
+    is_measure,
+    moved_edit,
 )
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
+from turnscan.workflows._aligning import placed_by
 from turnscan.workflows._files import check_output, write_atomically
 from turnscan.workflows._history import history_of, read_history
 from turnscan.workflows._kept_options import checked_edit, edit_in_words
+from turnscan.workflows._nominal import nominal
+from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._selection import region_where
 
 
@@ -50,6 +58,9 @@ class EditChanges:
     """Do the next undone edit again."""
     only: tuple[int, ...] = ()
     """Numbers of those edits of ``source`` that are added; none: all that count there."""
+    by_shape: bool = False
+    """Whether the part stands elsewhere in this scan: measurements are brought along by its shape,
+    and no other edits are added."""
 
     @property
     def nothing(self) -> bool:
@@ -123,6 +134,9 @@ def edits(
     if c.only and c.source is None:
         hint = Remedy("name the scan that they are in with ", Option("add", "SCAN"))
         raise InputError("these edits are of no scan", hint=hint, option=Option("only", c.only[0]))
+    if c.by_shape and c.source is None:
+        hint = Remedy("name the scan that they are in with ", Option("add", "SCAN"))
+        raise InputError("nothing is brought along", hint=hint, option=Option("by_shape"))
     if c.grow and not c.delete:
         hint = Remedy("name the faces to delete with ", Option("delete", "RULE"))
         raise InputError("there is nothing to grow", hint=hint, option=Option("grow", c.grow))
@@ -139,11 +153,17 @@ def edits(
 
 def _change(path: Path, c: EditChanges, progress: Progress) -> None:
     added = [] if c.source is None else _added(read_history(c.source), c)
-    added += [checked_edit(edit_from_json(text, "make")) for text in c.make]
+    if c.by_shape and c.source is not None:
+        added = _brought(added, c.source, path, progress.subrange(0, 0.8))
+    made = [checked_edit(edit_from_json(text, "make")) for text in c.make]
     with Scan.resume(path) as opened:
         history = history_of(opened)
         actions: list[Action] = []
-        for edit in added:
+        numbers = dict[int, int]()
+        for entry in added:
+            numbers[entry.id] = history.next_id
+            history = _then(actions, history, history.add(_numbered(entry.edit, numbers)))
+        for edit in made:
             history = _then(actions, history, history.add(edit))
         if c.delete:
             region = region_where(opened, history, c.delete, c.grow, progress)
@@ -159,10 +179,11 @@ def _change(path: Path, c: EditChanges, progress: Progress) -> None:
             opened.append_edit(action_to_json(action), time.time())
 
 
-def _added(history: History, c: EditChanges) -> list[Edit]:
-    """The edits that are to be copied, in their order. Raises InputError for one there is not."""
-    if not c.only:
-        return [e.edit for e in history.enabled]
+def _added(history: History, c: EditChanges) -> list[Entry]:
+    """The edits that are to be copied, in their order. Raises InputError for one there is not.
+
+    What is said of a measurement goes along with it, and not without it.
+    """
     there = {e.id for e in history.entries}
     for number in c.only:
         if number not in there:
@@ -171,7 +192,27 @@ def _added(history: History, c: EditChanges) -> list[Edit]:
                 hint="list its edits",
                 option=Option("only", number),
             )
-    return [e.edit for e in history.entries if e.id in c.only]
+    chosen = [e for e in history.enabled if not c.only] or [
+        e for e in history.entries if e.id in c.only
+    ]
+    taken = {e.id for e in chosen}
+    return [e for e in chosen if not isinstance(e.edit, Specify) or e.edit.measure in taken]
+
+
+def _numbered(edit: Edit, numbers: Mapping[int, int]) -> Edit:
+    """An edit that names another one, by the number that one has here."""
+    return replace(edit, measure=numbers[edit.measure]) if isinstance(edit, Specify) else edit
+
+
+def _brought(added: Sequence[Entry], source: Path, target: Path, progress: Progress) -> list[Entry]:
+    """The measurements, where the part stands in the target. Raises InputError for none."""
+    mine = [e for e in added if is_measure(e.edit) or isinstance(e.edit, Specify)]
+    if not mine:
+        raise InputError(f"{source}: no measurement to bring along", hint="measure there first")
+    here = reconstruct(source, progress=progress.subrange(0, 0.45))
+    there = nominal(target, "mm", progress.subrange(0.45, 0.9))
+    pose = placed_by("shape", here.mesh, source.name, there, ()).pose
+    return [replace(e, edit=moved_edit(e.edit, pose)) for e in mine]
 
 
 def _then(actions: list[Action], history: History, action: Action) -> History:

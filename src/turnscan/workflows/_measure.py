@@ -75,15 +75,16 @@ class Measured:
         """Volume and sizes, each with its uncertainty; none where sizes were not asked for."""
         return [*_whole_part(self.figures), *(self.shapes.dimensions if self.shapes else ())]
 
-    def save_report(self, path: str | Path) -> None:
+    def save_report(self, path: str | Path, named: ReportTable | None = None) -> None:
         """Write the dimension report: .html or .pdf with a picture of each feature, .json or .csv.
 
-        Raises InputError where sizes were not asked for, ExportError where it cannot be written.
+        ``named`` are dimensions that a person took, which stand first. Raises InputError where
+        sizes were not asked for, ExportError where it cannot be written.
         """
         if self.shapes is None:
             raise InputError("the sizes of the part were not measured", hint="measure its sizes")
         write_dimensions(
-            self.shapes, _whole_part(self.figures), self.figures, self.findings, Path(path)
+            self.shapes, _whole_part(self.figures), self.figures, self.findings, Path(path), named
         )
 
 

@@ -48,6 +48,7 @@ from turnscan.workflows._kept_options import (
     kept_names,
     kept_options,
 )
+from turnscan.workflows._measure import Measured, measure
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
@@ -61,10 +62,12 @@ from turnscan.workflows._session_grid import (
 from turnscan.workflows._session_measures import (
     KeptMeasure,
     Place,
+    Renewed,
     What,
     measure_of,
     measures_of,
-    retake,
+    named_table,
+    renewed,
 )
 from turnscan.workflows._session_mesh import (
     Arrays,
@@ -207,6 +210,8 @@ class ScanSession:
         self._looking = threading.Lock()
         self._found: tuple[int, Mesh, list[Hole]] | None = None
         self._said: tuple[int, tuple[Finding, ...]] | None = None
+        self._known: tuple[edit.Body | None, Renewed] = None, Renewed()
+        """A surface, and what is known of the measurements on it."""
         self._built: dict[tuple[edit.Entry, ...], Reconstruction] = {}
         self._seen: dict[tuple[StripeSettings, Volume | None], list[Detection]] = {}
         self._current: tuple[StripeSettings, Volume | None] | None = None
@@ -401,6 +406,7 @@ class ScanSession:
             if change.findings:
                 raise InputError(change.findings[0].message, hint=change.findings[0].remedy)
             self._keep(document, change, work)
+        self.measure_again(work)
 
     def forget_measure(self, number: int, work: Work) -> None:
         """Switch a measurement off. Raises InputError where no measurement has this number."""
@@ -429,17 +435,35 @@ class ScanSession:
             self._keep(*self.now.document.add(wanted), work)
 
     def measure_again(self, work: Work) -> bool:
-        """Take measurements again of which the surface was changed since; whether there were any.
+        """Bring the measurements up to date with the surface, and their uncertainties with what the
+        calibration leaves open; whether there was anything to do.
 
         They are of the surface as it is until it changes; the history keeps them as they were.
         """
         with self._open():
             state = self.now
-            if not any(m.outdated for m in state.measures):
+            if not any(m.outdated or not m.complete for m in state.measures):
                 return False
-            again = retake(state.document, work.check)
-            self.now = replace(state, measures=measures_of(state.document, again))
+            known = renewed(state.document, self._known_of(state.document), work.check)
+            self._known = state.document.body, known
+            self.now = replace(state, measures=measures_of(state.document, known))
             return True
+
+    def _known_of(self, document: edit.Document) -> Renewed | None:
+        """What is known of its measurements; None where the surface is another."""
+        body, known = self._known
+        return known if body is document.body else None
+
+    def save_report(self, path: Path, progress: Progress) -> Measured:
+        """Measure every size, and write the report: the kept measurements first, then all sizes.
+
+        ``path`` ends with .html, .pdf, .json or .csv. Raises ExportError, InputError.
+        """
+        state = self.now
+        result = self.result(state, progress.subrange(0, 0.3))
+        found = measure(result, sizes=True, progress=progress.subrange(0.3, 1))
+        found.save_report(path, named_table(state.measures))
+        return found
 
     def deviation(
         self,
@@ -585,7 +609,7 @@ class ScanSession:
         views = {d.view.laser: d.view for d in self._seen[self._current]}
         return SessionState(
             document, done.grids, done.sought, revision, epoch, edit.figures(document.body),
-            options, s, views, measures_of(document),
+            options, s, views, measures_of(document, self._known_of(document)),
         )  # fmt: skip
 
     def _findings(self, state: SessionState) -> tuple[Finding, ...]:

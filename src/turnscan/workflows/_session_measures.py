@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 from turnscan import edit
 from turnscan.errors import CalibrationError, InputError
 from turnscan.shapes import Measured
+from turnscan.workflows._report import ReportTable
 
 What = Literal["distance", "to_plane", "diameter", "angle", "area", "volume"]
 Verdict = Literal["pass", "fail", "undecided"]
@@ -39,8 +40,8 @@ class KeptMeasure:
     what: What
     value: float
     unit: Unit
-    uncertainty: float | None
-    """k = 2; None where it is not known."""
+    noise: float | None
+    """Standard uncertainty from the points' noise; of a volume all of it. None where not known."""
     places: tuple[Place, ...]
     """mm."""
     text: str
@@ -51,14 +52,26 @@ class KeptMeasure:
     upper: float | None = None
     outdated: bool = False
     """Whether the surface was changed since."""
+    shared: float | None = None
+    """Standard uncertainty from the calibration; None where it is not known."""
+    complete: bool = True
+    """Whether it was worked out what the calibration does."""
+
+    @property
+    def uncertainty(self) -> float | None:
+        """Expanded (k = 2), of all that is known; None where the noise is not."""
+        return None if self.noise is None else 2.0 * math.hypot(self.noise, self.shared or 0.0)
 
     @property
     def verdict(self) -> Verdict | None:
         """By ISO 14253-1: inside or outside by more than U (k = 2), else undecided.
 
-        None without limits, and where the value is not of the surface as it is.
+        None without limits, where the value is not of the surface as it is, and until its
+        uncertainty is worked out.
         """
-        if self.nominal is None or self.lower is None or self.upper is None or self.outdated:
+        if self.nominal is None or self.lower is None or self.upper is None:
+            return None
+        if self.outdated or not self.complete:
             return None
         off, u = self.value - self.nominal, self.uncertainty
         if u is None:
@@ -96,27 +109,57 @@ def measure_of(what: What, places: Sequence[Place], region: edit.Region | None) 
     raise InputError(f"{what}: no region is selected", hint="select the faces first")
 
 
-def measures_of(
-    document: edit.Document, retaken: Mapping[int, Measured] | None = None
-) -> tuple[KeptMeasure, ...]:
-    """What the measurements that count came to; ``retaken`` on the surface as it is, by number."""
+def named_table(measures: Sequence[KeptMeasure]) -> ReportTable | None:
+    """The measurements as a table of a report; None where there are none."""
+    if not measures:
+        return None
+    head = ["dimension", "value ± U (k = 2)", "", "nominal", "limits", "verdict", "how"]
+    rows = []
+    for m in measures:
+        u = m.uncertainty
+        limits = "" if m.lower is None or m.upper is None else f"{m.lower:+g} to {m.upper:+g}"
+        value = f"{m.value:.4f}" if u is None else f"{m.value:.4f} ± {u:.2g}"
+        nominal = "" if m.nominal is None else f"{m.nominal:g}"
+        alone = m.what != "volume" and m.shared is None
+        said = f"{m.text}; U of the noise alone" if alone else m.text
+        if m.outdated:
+            said = f"{m.text}; of an earlier surface"
+        rows.append([m.name or m.what, value, m.unit, nominal, limits, m.verdict or "", said])
+    values = [{**asdict(m), "uncertainty": m.uncertainty, "verdict": m.verdict} for m in measures]
+    return ReportTable("Named dimensions", head, rows, "named", values)
+
+
+@dataclass(frozen=True)
+class Renewed:
+    """What is known of measurements on the surface as it is, by the numbers of their edits."""
+
+    retaken: Mapping[int, Measured] = field(default_factory=dict)
+    """Those whose surface was changed after they were taken."""
+    shared: Mapping[int, float | None] = field(default_factory=dict)
+    """What the calibration leaves open."""
+
+
+def measures_of(document: edit.Document, known: Renewed | None = None) -> tuple[KeptMeasure, ...]:
+    """What the measurements that count came to, with what is known of them as they are now."""
     out = []
+    renewed = known or Renewed()
     said = {
         e.edit.measure: e.edit for e in document.history.enabled if isinstance(e.edit, edit.Specify)
     }
     for entry, then in document.measured:
-        again = (retaken or {}).get(entry.id)
+        again = renewed.retaken.get(entry.id)
         found = again or then
         wanted = said.get(entry.id, edit.Specify(entry.id))
         scale = math.degrees(1.0) if found.unit == "rad" else 1.0
         sigma = found.sigma * scale
+        shared = renewed.shared.get(entry.id)
         out.append(
             KeptMeasure(
                 edit=entry.id,
                 what=_WHATS[entry.edit.kind],
                 value=found.value * scale,
                 unit=_UNITS[found.unit],
-                uncertainty=2.0 * sigma if math.isfinite(sigma) else None,
+                noise=sigma if math.isfinite(sigma) else None,
                 places=tuple((float(x), float(y), float(z)) for x, y, z in found.places),
                 text=found.text,
                 name=wanted.name,
@@ -124,17 +167,34 @@ def measures_of(
                 lower=wanted.lower,
                 upper=wanted.upper,
                 outdated=again is None and document.outdated(entry.id),
+                shared=None if shared is None else shared * scale,
+                complete=entry.id in renewed.shared,
             )
         )
     return tuple(out)
 
 
-def retake(document: edit.Document, check: Callable[[], None]) -> dict[int, Measured]:
-    """Measurements of a surface that was changed since, taken again; none that cannot be."""
-    again = dict[int, Measured]()
+def renewed(document: edit.Document, known: Renewed | None, check: Callable[[], None]) -> Renewed:
+    """Take measurements again of which the surface was changed since, none that cannot be; and
+    work out what the calibration leaves open in each.
+
+    ``known`` is what is known of this surface already.
+    """
+    before = known or Renewed()
+    again, now = dict(before.retaken), []
     for entry, _ in document.measured:
+        if entry.id in before.shared:
+            continue
         check()
-        if document.outdated(entry.id):
+        old = document.outdated(entry.id)
+        if old:
             with contextlib.suppress(InputError, CalibrationError):
                 again[entry.id] = document.retaken(entry)
-    return again
+        if not old or entry.id in again:
+            now.append(entry)
+    # Of what cannot be taken any more nothing else is known.
+    shared = {e.id: before.shared.get(e.id) for e, _ in document.measured}
+    for number, sigma in document.shared_sigmas(now):
+        check()
+        shared[number] = sigma
+    return Renewed(again, shared)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
 from tests.shapes.tubes import cylinder
@@ -61,7 +62,11 @@ def test_a_diameter_is_right_has_limits_and_is_kept(open_cup, tmp_path, picture)
         page.get_by_label(label, exact=True).press("Enter")
         rows(page).filter(has_text=shown).wait_for()
     rows(page).filter(has_text="passes").wait_for()
-    page.get_by_role("table", name="Uncertainty budget").wait_for()
+    budget = page.get_by_role("table", name="Uncertainty budget")
+    expect(budget.get_by_role("row", name="Noise of the points")).to_contain_text("mm")
+    # The rig of this scan says nothing of how well it is calibrated: that is not counted as nought.
+    expect(budget.get_by_role("row", name="Calibration")).to_contain_text("not known")
+    page.get_by_text("U is that of the noise alone").wait_for()
     deviates(page, tmp_path / "drawn.ply")
     picture(page, "inspect")
     page.reload()
@@ -77,6 +82,7 @@ def deviates(page: Any, path: Path) -> None:
     path.write_bytes(write_ply(Mesh(vertices, drawn.faces)))
     page.get_by_text("Deviation from a reference").click()
     page.get_by_label("From this computer").set_input_files(path)
+    page.get_by_label("Align").select_option(label="not at all")
     page.get_by_role("button", name="Compare", exact=True).click()
     page.get_by_text("Root mean square").wait_for(timeout=1000 * OPENING)
     page.get_by_label("Map to ±").fill("0.1")

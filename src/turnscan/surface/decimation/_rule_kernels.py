@@ -71,7 +71,10 @@ def keeps_sides(net: Net, v: int, u: int, ring: Ring, count: int, n: Floats, m: 
 
 @njit(cache=True, nogil=True)
 def _off_face(p: Floats, a: Floats, b: Floats, c: Floats) -> float:
-    """Squared distance of a point from a triangle (Ericson 2005, §5.1.5)."""
+    """Squared distance of a point from a triangle (Ericson 2005, §5.1.5).
+
+    Of a triangle whose corners coincide or lie on a line it may be that from one of them: more.
+    """
     ab0, ab1, ab2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     ac0, ac1, ac2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     ap0, ap1, ap2 = p[0] - a[0], p[1] - a[1], p[2] - a[2]
@@ -89,17 +92,19 @@ def _off_face(p: Floats, a: Floats, b: Floats, c: Floats) -> float:
     elif d3 >= 0.0 and d4 <= d3:
         s, t = 1.0, 0.0
     elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        s = d1 / (d1 - d3)
+        s = d1 / (d1 - d3) if d1 > d3 else 0.0
     elif d6 >= 0.0 and d5 <= d6:
         s, t = 0.0, 1.0
     elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        t = d2 / (d2 - d6)
+        t = d2 / (d2 - d6) if d2 > d6 else 0.0
     elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        side = (d4 - d3) + (d5 - d6)
+        t = (d4 - d3) / side if side > 0.0 else 0.0
         s = 1.0 - t
     else:
         total = va + vb + vc
-        s, t = vb / total, vc / total
+        if total > 0.0:
+            s, t = vb / total, vc / total
     x, y, z = ap0 - s * ab0 - t * ac0, ap1 - s * ab1 - t * ac1, ap2 - s * ab2 - t * ac2
     return x * x + y * y + z * z  # type: ignore[no-any-return]
 
