@@ -20,7 +20,7 @@ from tests.calibrate.bodies import (
     two_lasers,
 )
 from turnscan.arrays import Floats
-from turnscan.calibrate import Balls, Refined, RefineSettings, Round, refine
+from turnscan.calibrate import Balls, Part, Refined, RefineSettings, Round, refine
 from turnscan.calibrate._bodies import Body as FittedBody
 from turnscan.calibrate._bodies import Form, Known
 from turnscan.errors import Degenerate
@@ -33,6 +33,7 @@ from turnscan.rig import (
     rig_to_json,
     rotation_from_vector,
 )
+from turnscan.shapes.verification import step_block_body
 
 STEPS = np.radians(np.arange(0.0, 360.0, 9.0))
 QUICK = RefineSettings(queries=1000)
@@ -111,9 +112,9 @@ def test_a_good_table_gets_no_errors() -> None:
     assert "motion.backlash" in done.held
 
 
-def ruled(true: Rig, seed: int = 4) -> Rig:
+def ruled(true: Rig, seed: int = 4, known: Rig | None = None) -> Rig:
     """The rig as a ruler knows it: every number is wrong by its whole uncertainty, 5 mm or 2°."""
-    known = doubted(true)
+    known = known or doubted(true)
     assert known.covariance is not None
     sigma = np.sqrt(np.diag(known.covariance))
     sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(sigma))
@@ -259,6 +260,56 @@ def test_a_ruler_and_a_body_anywhere_make_a_rig(
     # Lengths follow where a length is known; a cone has an angle and no length.
     assert (abs(radius - 12.0) < 0.03) == scale
     assert ("scale" in done.held) != scale
+
+
+BLOCK = step_block_body((4.0, 9.0), width=9.0, tall=26.0, back=6.0)
+
+
+def test_a_drawn_part_that_lies_anyhow_makes_a_rig() -> None:
+    """A block of three steps, 27 mm long; the rig is 2 mm and 1° off in every number."""
+    true, form = two_lasers(), Part(np.asarray(BLOCK.vertices), BLOCK.faces)
+    lies = Pose(rotation_from_vector([0.3, 0.5, 1.1]), np.array([0.2, 7.6, 12.7]))
+    middle = lies.apply(np.array([0.0, 0.0, 13.0]))
+
+    def block(points: Floats) -> Floats:
+        flat = points.reshape(-1, 3)
+        near = np.linalg.norm(flat - middle, axis=1) < 24.0
+        out = np.full(len(flat), 50.0)
+        out[near] = form.nearest(lies.inverse().apply(flat[near]), np.ones(1))[0]
+        return out.reshape(points.shape[:-1])
+
+    sweeps = both(true, block, STEPS, STEPS, 2, every=6)
+    begin = ruled(true, 2, doubted(true, 2.0, 1.0))
+    done = refine(begin, sweeps, RefineSettings(body=(form, ((1.0, 1e-4),)), rounds=4, queries=200))
+    assert done.gap_before > 1.0
+    assert done.gap_after < 1.2 * done.gap_noise < 0.05
+    other = both(true, sphere((-8.0, 10.0, 20.0), 12.0), STEPS, STEPS, 5, every=8)
+    at = np.concatenate([s.points(done.rig, done.rig.camera.rays(s.pixels)) for s in other])
+    radius, rms = _sphere(at)
+    assert abs(radius - 12.0) < 0.03
+    assert rms < 0.05
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_points_are_as_far_from_a_drawn_box_as_from_its_formula(seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    half = dice.uniform(3.0, 30.0, 3)
+    signs = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)]) * 2.0 - 1.0
+    faces = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4),
+             (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)]  # fmt: skip
+    box, scale = Part(signs * half, np.array(faces)), float(dice.uniform(0.9, 1.1))
+    points = dice.normal(0, 25, (60, 3))
+    away, unit, by = box.nearest(points, np.array([scale]))
+    q = np.abs(points) - scale * half
+    true = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
+    assert away == pytest.approx(true, abs=1e-9)
+    h = 1e-6
+    smooth = np.abs(np.diff(np.sort(q, axis=1)[:, 1:], axis=1)[:, 0]) > 0.01  # of one face
+    ends = [box.nearest(points, np.array([scale + s * h]))[0] for s in (1.0, -1.0)]
+    assert ((ends[0] - ends[1]) / (2 * h))[smooth] == pytest.approx(by[smooth, 0], abs=1e-4)
+    moved = box.nearest(points + h * unit, np.array([scale]))[0]
+    assert ((moved - away) / h)[smooth] == pytest.approx(1.0, abs=1e-4)
 
 
 @given(st.integers(0, 3), st.integers(0, 1000))

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from turnscan.calibrate import Balls, Round
-from turnscan.errors import InputError
+from turnscan.calibrate import Balls, Part, Round
+from turnscan.errors import FormatError, InputError
+from turnscan.formats import export
+from turnscan.shapes.verification import step_block_body
 from turnscan.workflows import RefineOptions, refine
 from turnscan.workflows._refine_body import Form, Known, body_of
 
@@ -57,10 +59,23 @@ def test_a_ball_bar_counts_as_it_was_measured(tmp_path: Path) -> None:
     assert [sigma for _, sigma in lengths] == pytest.approx([0.0005, 0.0005, 0.002])
 
 
+def test_a_drawn_part_is_read_with_its_scale(tmp_path: Path) -> None:
+    path = tmp_path / "block.stl"
+    path.write_bytes(export(step_block_body((5.0, 10.0)), ".stl"))
+    found = body_of(RefineOptions(sphere_sigma=0.06), path)
+    assert found is not None
+    assert isinstance(found[0], Part)
+    # Its longest side is 60 mm.
+    assert found[1][0] == pytest.approx((1.0, 0.001))
+    path.write_bytes(b"solid of nothing")
+    with pytest.raises((InputError, FormatError), match=r"block\.stl"):
+        body_of(RefineOptions(), path)
+
+
 def test_a_block_and_a_part_described_twice_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "block.toml"
     path.write_text(BLOCK)
-    with pytest.raises(InputError, match="no rig is refined by a step-block"):
+    with pytest.raises(InputError, match="lengths of a step-block do not say"):
         body_of(RefineOptions(), path)
     scan = tmp_path / "part.turnscan"
     scan.write_bytes(b"")

@@ -20,6 +20,7 @@ from turnscan.calibrate._margin import white_margin
 from turnscan.calibrate._markers import MarkerView, aruco_dictionary, detect_markers
 from turnscan.calibrate._pairs import fit_sheet
 from turnscan.calibrate._parameters import parameters_of
+from turnscan.calibrate._part import Part
 from turnscan.calibrate._picture import picture_fault
 from turnscan.calibrate._procedure import KnownRig
 from turnscan.calibrate._quality import (
@@ -50,6 +51,7 @@ __all__ = [
     "MarkerView",
     "Measured",
     "Outline",
+    "Part",
     "RefineSettings",
     "Refined",
     "Round",

@@ -11,14 +11,15 @@ from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._bodies import Form, Known
 from turnscan.calibrate._bodies_found import find_body
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
+from turnscan.calibrate._part import Part
 from turnscan.calibrate._prior import prior_of
 from turnscan.calibrate._surfaces import Surfaces, Sweep
 from turnscan.errors import CalibrationError, DidNotConverge
 from turnscan.progress import Progress
 from turnscan.rig import Rig
 
-NEAR = 1.2
-"""Times the noise: surfaces that are no farther apart agree."""
+_NEAR = 1.6
+"""Times the noise: surfaces that are no farther apart agree, but for points beside the body."""
 _STARTS, _ROUNDS = 16, 12
 _POINTS = 300
 """Of each sweep, that are looked at: where a rig is far off, gaps are larger than their noise."""
@@ -71,14 +72,15 @@ def approach(
             left, left + _EACH * (1 - left), f"fitting the surfaces, start {k + 1}"
         )
         left += _EACH * (1 - left)
-        begin = rig.perturbed(_drawn(rig, moves[:own], k))
+        way, drawn = _way(k) if isinstance(body[0], Part) else (0, k)
+        begin = rig.perturbed(_drawn(rig, moves[:own], drawn))
         try:
-            end = _led(rig, begin, state, few, moves, body, doubt, part)
+            end = _led(rig, begin, state, few, moves, (*body, doubt, way), part)
         except (CalibrationError, np.linalg.LinAlgError) as e:
             failed = failed or (e if isinstance(e, CalibrationError) else None)
             continue
         ends.append(end)
-        if end.times <= NEAR:
+        if end.times <= _NEAR:
             break
     if not ends:
         raise failed or DidNotConverge(
@@ -95,12 +97,15 @@ def _led(
     state: Surfaces,
     sweeps: tuple[Sweep, ...],
     free: Bools,
-    body: tuple[Form, tuple[Known | None, ...]],
-    doubt: float,
+    body: tuple[Form, tuple[Known | None, ...], float, int],
     progress: Progress,
 ) -> _End:
-    """The end of one start. Raises CalibrationError where it strays."""
-    found = find_body(*body, sweeps, begin, doubt)
+    """The end of one start, for a body, the doubt and the way in which a drawn one stands.
+
+    Raises CalibrationError where it strays.
+    """
+    form, sizes, doubt, way = body
+    found = find_body(form, sizes, sweeps, begin, doubt, way)
     now = replace(state, rig=_like(begin, state.rig), bodies=(found,))
     count = np.count_nonzero(free) + len(found.names)
     free = np.concatenate([free, np.ones(len(found.names), dtype=bool)])
@@ -117,6 +122,14 @@ def _led(
             break
         coarse = _FINER * coarse if _FINER * coarse > noise else 0.0
     return _End(now, gap, gap / noise)
+
+
+def _way(k: int) -> tuple[int, int]:
+    """In which way a drawn part stands at start ``k``, and from which draw: the likely ones first,
+    (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2) …"""
+    row = int((np.sqrt(8 * k + 1) - 1) / 2)
+    drawn = k - row * (row + 1) // 2
+    return row - drawn, drawn
 
 
 def _drawn(rig: Rig, free: Bools, k: int) -> Floats:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
+from turnscan.calibrate._part import Part
 from turnscan.rig import Pose, rotation_from_vector
 
 Index = npt.NDArray[np.intp]
@@ -155,7 +156,7 @@ class Smooth:
         return (length - basis @ sizes) / steep, normal / steep[:, None], -basis / steep[:, None]
 
 
-Form = Balls | Round | Smooth
+Form = Balls | Round | Smooth | Part
 """A surface by a formula in a frame of its own, with sizes that may be free.
 
 One residual serves all of them, the distance of a measured point."""

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
-from turnscan.calibrate._bodies import Balls, Body, Form, Known, Round
+from turnscan.calibrate._bodies import Balls, Body, Form, Known, Round, Smooth
+from turnscan.calibrate._part import Part
 from turnscan.calibrate._surfaces import Sweep
 from turnscan.errors import Degenerate
 from turnscan.rig import Pose, Rig
@@ -23,6 +24,8 @@ _ALIKE, _SURE = 0.2, 3.0
 else."""
 _WALL = 0.9
 """Of the points, on a cylinder or cone: edges beside its wall would bend it."""
+WAYS = 8
+"""In which a drawn part may stand, that are tried."""
 _NEAR = 0.1
 """Of its radius: what is nearer to a ball lies on it."""
 _FEW = 4000
@@ -35,14 +38,21 @@ def find_body(
     sweeps: Sequence[Sweep],
     rig: Rig,
     doubt: float = 0.0,
+    way: int = 0,
 ) -> Body:
     """The body of that form that most of the points lie on.
 
     ``doubt`` mm is how far the rig may put a point beside its place: so far a size may be off.
+    ``way`` is which of the ways in which a drawn part may stand is taken, the best first.
 
     Raises Degenerate where there is none of about the sizes that are known.
     """
     at = [s.points(rig, rig.camera.rays(s.pixels)) for s in sweeps]
+    if isinstance(form, Part):
+        # Seen in part, it stands in one way by all sweeps and in others by one alone.
+        stands = form.placements(np.concatenate(at), WAYS)
+        part = Body(form, stands[way % len(stands)], np.ones(1), tuple(known))
+        return again(replace(part, points=tuple(np.arange(len(a)) for a in at)), at)
     # What one sweep sees is one body, also where two lasers do not agree yet.
     each = [_found(form, a, known) for a in at]
     body, inside = max(each, key=lambda one: np.count_nonzero(one[1]))
@@ -145,6 +155,7 @@ def _begin(form: Form, points: Floats, known: Sequence[Known | None]) -> Body:
         return _balls(form, points, known)
     if isinstance(form, Round):
         return _round(form, points, known)
+    assert isinstance(form, Smooth)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     away = points - middle
     length = np.linalg.norm(away, axis=1)

@@ -14,6 +14,7 @@ from turnscan.calibrate._approach import approach
 from turnscan.calibrate._bodies import Body, Form, Known, Smooth
 from turnscan.calibrate._bodies_found import again, find_body, refuse_ends
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
+from turnscan.calibrate._part import Part
 from turnscan.calibrate._prior import moved_by
 from turnscan.calibrate._quality import Measured
 from turnscan.calibrate._shared import with_shared_noise
@@ -117,7 +118,7 @@ def refine(
     doubt = doubt_of(rig, many) if s.geometry else 0.0
     state, rough = _begun(rig, begin, many, s, doubt, progress.subrange(0, _APPROACH))
     free = _free(rig, state, many, s)
-    part = progress.subrange(_APPROACH if doubt > _FAR_MM else 0.0, 1.0)
+    part = progress.subrange(_APPROACH if doubt > _FAR_MM or _drawn(s) else 0.0, 1.0)
     network, fit = _settled(rig, state, many, free, s, rough, part)
     before = _gap_before(rig, begin, network, fit.state, s, doubt)
     for body in fit.state.bodies:
@@ -153,7 +154,7 @@ def _begun(
 ) -> tuple[Surfaces, float]:
     """A state near the truth with its bodies, and how far surfaces are apart there, mm; 0 where
     that is not known."""
-    if doubt <= _FAR_MM:
+    if doubt <= _FAR_MM and not _drawn(s):
         if s.body is None:
             return begin, 0.0
         return replace(begin, bodies=(find_body(*s.body, sweeps, rig, doubt),)), 0.0
@@ -165,6 +166,11 @@ def _begun(
     anything = (form, (_ANY,) * len(form.size_names))
     near, gap = approach(rig, begin, sweeps, free, anything, doubt, progress)
     return replace(near, bodies=()), gap
+
+
+def _drawn(s: RefineSettings) -> bool:
+    """Whether the part is a mesh, which may stand in more than one way."""
+    return s.body is not None and isinstance(s.body[0], Part)
 
 
 def _anew(body: Body, state: Surfaces, sweeps: Sequence[Sweep]) -> Body:
@@ -215,11 +221,13 @@ def _gap_before(
     distance from where it is."""
     free = np.zeros_like(network.active)
     at = replace(end, rig=begin.rig)
-    if s.body is not None:
+    if s.body is not None and not _drawn(s):
         try:
             at = replace(begin, bodies=(find_body(*s.body, network.sweeps, begin.rig, doubt),))
         except Degenerate:
             return gap_of(network, at)[0]
+    elif s.body is not None:
+        return gap_of(network, at)[0]
     reach = max(_REACH_MM, 2 * doubt)
     return gap_of(network_of(rig, at, network.sweeps, free, reach, s.queries), at)[0]
 

@@ -22,7 +22,8 @@ _path = click.Path(path_type=Path)
 @click.option(
     "--artefact",
     type=_path,
-    help="File of the sphere or ball bar that is the part, TOML or JSON, as verify takes it.",
+    help="The part: a sphere or ball bar that was measured (TOML or JSON, as verify takes it), or "
+    "any part as it is drawn (STL, STEP).",
 )
 @click.option("-o", "--output", required=True, type=_path, help="rig.json to write.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")

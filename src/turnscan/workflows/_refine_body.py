@@ -7,22 +7,27 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from turnscan.calibrate import Balls, Round
+import numpy as np
+
+from turnscan.calibrate import Balls, Part, Round
 from turnscan.errors import InputError
+from turnscan.progress import no_progress
 from turnscan.remedy import Option
+from turnscan.workflows._nominal import nominal
 from turnscan.workflows._refine_options import RefineOptions
 from turnscan.workflows._verify import read_artefact
 
 if TYPE_CHECKING:
     from turnscan.shapes.verification import Artefact
 
-Form = Balls | Round
+Form = Balls | Round | Part
 Known = tuple[float, float]
 Body = tuple[Form, tuple[Known | None, ...]]
 """A form and what is known of its sizes, mm and rad."""
 _FORMS: dict[str, Form] = {
     "sphere": Balls(), "cylinder": Round(), "cone": Round(conical=True),
 }  # fmt: skip
+_MEASURED = (".toml", ".json")
 _LEAST = 1e-4
 """mm: no length is known better."""
 _CONE = math.radians(0.01)
@@ -46,7 +51,20 @@ def body_of(options: RefineOptions, artefact: str | PathLike[str] | None) -> Bod
         return Balls(), ((options.sphere / 2, options.sphere_sigma / 2),)
     if options.body is not None:
         return _form_of(options.body, options.sphere_sigma)
-    return None if artefact is None else _measured(read_artefact(Path(artefact)))
+    if artefact is None:
+        return None
+    path = Path(artefact)
+    if path.suffix.lower() in _MEASURED:
+        return _measured(read_artefact(path))
+    return _drawn(path, options.sphere_sigma)
+
+
+def _drawn(path: Path, sigma: float) -> Body:
+    """A part as it is drawn, its lengths known to ``sigma`` mm over its longest side."""
+    mesh = nominal(path, "mm", no_progress).mesh
+    form = Part(np.asarray(mesh.vertices, dtype=np.float64), mesh.faces)
+    longest = float(np.ptp(form.vertices[form.faces.ravel()], axis=0).max())
+    return form, ((1.0, sigma / longest),)
 
 
 def _form_of(text: str, sigma: float) -> Body:
@@ -81,6 +99,6 @@ def _measured(a: Artefact) -> Body:
     if a.kind == "ball-bar" and a.distance is not None:
         return Balls(2), (*radii, (a.distance.value, max(a.distance.sigma, _LEAST)))
     raise InputError(
-        f"{a.name}: no rig is refined by a {a.kind}, whose faces look alike from other sides",
-        hint="scan a sphere, a ball bar, a cylinder or a cone",
+        f"{a.name}: the lengths of a {a.kind} do not say what its sides are like",
+        hint="give the part as it is drawn instead (STL, STEP)",
     )

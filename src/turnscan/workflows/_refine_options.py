@@ -17,7 +17,8 @@ class RefineOptions(Checked):
         least=0, above=True,
     )  # fmt: skip
     sphere_sigma: float = option(
-        0.01, "number", "Standard uncertainty of the diameter that is given, mm.",
+        0.01, "number",
+        "Standard uncertainty of the given diameter, or of the longest side of a drawn part, mm.",
         least=0, above=True,
     )  # fmt: skip
     body: str | None = option(
