@@ -97,8 +97,7 @@ def refine(
     What two lasers see of one part is one surface: sheets and axis move within their uncertainty,
     and the table's own errors (harmonics of its turn, play) are estimated where the scan demands
     them, until the surfaces agree. A body whose form is known (sphere, ball bar, tilted cylinder or
-    cone, any part with a drawn surface) must come out as it is, wherever it stands; its known
-    lengths give the scale.
+    cone, drawn part) must come out as it is; its known lengths give the scale.
 
     Parameters
     ----------
@@ -112,8 +111,7 @@ def refine(
         The rig to begin with; None takes the one in the scan. A rig without uncertainties keeps
         sheets and axis as they are.
     artefact
-        The file of the part: of a sphere or ball bar that was measured, as `verify` takes it, or
-        of any part as it is drawn (STL, STEP).
+        The file of a measured sphere or ball bar, as `verify` takes it, or a drawn part's (STL, STEP).
     progress
         Told how far it is; it may cancel.
     changes

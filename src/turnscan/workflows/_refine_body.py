@@ -12,9 +12,8 @@ import numpy as np
 from turnscan.calibrate import Balls, Part, Round
 from turnscan.errors import InputError
 from turnscan.remedy import Option
-from turnscan.workflows._reading import read_mesh_file, read_step_file
+from turnscan.workflows._reading import read_mesh_file
 from turnscan.workflows._refine_options import RefineOptions
-from turnscan.workflows._units import STEP_SUFFIXES
 from turnscan.workflows._verify import read_artefact
 
 if TYPE_CHECKING:
@@ -61,8 +60,7 @@ def body_of(options: RefineOptions, artefact: str | PathLike[str] | None) -> Bod
 
 def _drawn(path: Path, sigma: float) -> Body:
     """A part as it is drawn, its lengths known to ``sigma`` mm over its longest side."""
-    step = path.suffix.lower() in STEP_SUFFIXES
-    mesh = read_step_file(path).mesh if step else read_mesh_file(path)
+    mesh = read_mesh_file(path)
     form = Part(np.asarray(mesh.vertices, dtype=np.float64), mesh.faces)
     longest = float(np.ptp(form.vertices[form.faces.ravel()], axis=0).max())
     return form, ((1.0, sigma / longest),)
