@@ -111,7 +111,7 @@ def refine(
         The rig to begin with; None takes the one in the scan. A rig without uncertainties keeps
         sheets and axis as they are.
     artefact
-        The file of a measured sphere or ball bar, as `verify` takes it, or a drawn part's (STL, STEP).
+        File of a measured sphere or ball bar, as `verify` takes it, or of a drawn part (STL, STEP).
     progress
         Told how far it is; it may cancel.
     changes
