@@ -6,7 +6,7 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.compiled import njit
-from turnscan.points._wholeness_kernels import beside
+from turnscan.points._wholeness_kernels import beside, cross, dot, way
 
 _MOST = 12
 """Lines to either side that a tangent is taken over, at most."""
@@ -22,9 +22,9 @@ def _tangents(points: Floats, k: int, j: int, least: float, out: Floats) -> int:
             i = j + sign * far
             if i < 0 or i >= n or np.isnan(points[k, i, 0]):
                 break
-            way = points[k, i] - points[k, j]
-            if np.sqrt((way * way).sum()) >= least:
-                out[count] = way
+            gap = way(points, k, j, k, i)
+            if np.sqrt(dot(gap, gap)) >= least:
+                out[count, 0], out[count, 1], out[count, 2] = gap
                 count += 1
                 break
     return count
@@ -50,26 +50,23 @@ def shares(
     """
     n = points.shape[1]
     ups = np.empty((2, 3))
-    normal = np.empty(3)
     for k in range(span[0], span[1]):
         for j in range(n):
             out[k, j] = 1.0
             if np.isnan(points[k, j, 0]):
                 continue
             lines = _tangents(points, k, j, least, ups)
+            move = (moves[k, j, 0], moves[k, j, 1], moves[k, j, 2])
             best = -1.0
             for sign in (1, -1):
                 m, far = beside(points, k, j, sign, arc, least, closed)
                 if not far:
                     continue
-                v = points[m, j] - points[k, j]
+                v = way(points, k, j, m, j)
                 for i in range(lines):
-                    u = ups[i]
-                    normal[0] = u[1] * v[2] - u[2] * v[1]
-                    normal[1] = u[2] * v[0] - u[0] * v[2]
-                    normal[2] = u[0] * v[1] - u[1] * v[0]
-                    size = np.sqrt((normal * normal).sum())
+                    normal = cross((ups[i, 0], ups[i, 1], ups[i, 2]), v)
+                    size = np.sqrt(dot(normal, normal))
                     if size > 0.0:
-                        best = max(best, abs((normal * moves[k, j]).sum()) / size)
+                        best = max(best, abs(dot(normal, move)) / size)
             if best >= 0.0:
                 out[k, j] = best

@@ -7,6 +7,8 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.compiled import njit
 
+Vector = tuple[float, float, float]
+
 _BESIDE = 2
 """Lines on either side that a width is the median of: speckle widens single lines by a tenth."""
 _LINKED = 2.2
@@ -44,25 +46,47 @@ def steady(width: Floats) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _normal(points: Floats, k: int, m: int, j: int, sign: float, normal: Floats) -> bool:
-    """Write the normal (any sign, unit) of a surface through a point and one of step ``m``."""
+def dot(a: Vector, b: Vector) -> float:
+    """Their scalar product; kernels keep vectors in registers, arrays would be made on the heap."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, nogil=True)
+def cross(a: Vector, b: Vector) -> Vector:
+    """Their vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True)
+def way(points: Floats, k: int, j: int, m: int, i: int) -> Vector:
+    """From the point (k, j) to the point (m, i); NaN where one is missing."""
+    return (
+        points[m, i, 0] - points[k, j, 0],
+        points[m, i, 1] - points[k, j, 1],
+        points[m, i, 2] - points[k, j, 2],
+    )
+
+
+@njit(cache=True, nogil=True)
+def _off(a: Vector, b: Vector, share: float) -> Vector:
+    """a less a share of b."""
+    return a[0] - b[0] * share, a[1] - b[1] * share, a[2] - b[2] * share
+
+
+@njit(cache=True, nogil=True)
+def _normal(points: Floats, k: int, m: int, j: int, sign: float) -> tuple[bool, Vector]:
+    """The normal (any sign, unit) of a surface through a point and one of step ``m``, if any."""
     n = points.shape[1]
     low = j - 1 if j > 0 and not np.isnan(points[k, j - 1, 0]) else j
     high = j + 1 if j + 1 < n and not np.isnan(points[k, j + 1, 0]) else j
     if low == high:
-        return False
-    u0 = points[k, high, 0] - points[k, low, 0]
-    u1 = points[k, high, 1] - points[k, low, 1]
-    u2 = points[k, high, 2] - points[k, low, 2]
-    v0 = sign * (points[m, j, 0] - points[k, j, 0])
-    v1 = sign * (points[m, j, 1] - points[k, j, 1])
-    v2 = sign * (points[m, j, 2] - points[k, j, 2])
-    normal[0], normal[1], normal[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
-    size = np.sqrt((normal * normal).sum())
+        return False, (0.0, 0.0, 0.0)
+    v = way(points, k, j, m, j)
+    normal = cross(way(points, k, low, k, high), (sign * v[0], sign * v[1], sign * v[2]))
+    size = np.sqrt(dot(normal, normal))
     if not size > 0.0:
-        return False
-    normal /= size
-    return True
+        return False, normal
+    return True, (normal[0] / size, normal[1] / size, normal[2] / size)
 
 
 @njit(cache=True, nogil=True)
@@ -82,14 +106,24 @@ def beside(
             m %= s
         if m < 0 or m >= s or m == k or np.isnan(points[m, j, 0]):
             break
-        step = points[m, j] - points[before, j]
-        if np.sqrt((step * step).sum()) > _LINKED * arc[before, j]:
+        step = way(points, before, j, m, j)
+        if np.sqrt(dot(step, step)) > _LINKED * arc[before, j]:
             break
         last = m
-        gap = points[m, j] - points[k, j]
-        if np.sqrt((gap * gap).sum()) >= least:
+        gap = way(points, k, j, m, j)
+        if np.sqrt(dot(gap, gap)) >= least:
             return last, True
     return last, False
+
+
+@njit(cache=True, nogil=True)
+def _at(vectors: Floats, k: int, j: int) -> Vector:
+    return vectors[k, j, 0], vectors[k, j, 1], vectors[k, j, 2]
+
+
+@njit(cache=True, nogil=True)
+def _ray(points: Floats, eyes: Floats, k: int, j: int) -> Vector:
+    return points[k, j, 0] - eyes[k, 0], points[k, j, 1] - eyes[k, 1], points[k, j, 2] - eyes[k, 2]
 
 
 @njit(cache=True, nogil=True)
@@ -118,28 +152,27 @@ def across(
     """
     n = points.shape[1]
     walk, slide, side = out[0], out[1], out[2]
-    normal = np.empty(3)
     for k in range(span[0], span[1]):
         for j in range(n):
             if np.isnan(points[k, j, 0]):
                 continue
-            for way in range(2):
-                m, far = beside(points, k, j, 1 - 2 * way, arc, least, closed)
+            ray, move = _ray(points, eyes, k, j), _at(moves, k, j)
+            for hand in range(2):
+                m, far = beside(points, k, j, 1 - 2 * hand, arc, least, closed)
                 if m < 0:
                     continue
-                gap = points[m, j] - points[k, j]
-                if not _normal(points, k, m, j, 1.0 - 2.0 * way, normal):
+                there, normal = _normal(points, k, m, j, 1.0 - 2.0 * hand)
+                if not there:
                     continue
-                ray = points[k, j] - eyes[k]
-                along = (normal * moves[k, j]).sum() / (normal * ray).sum()
-                away = moves[k, j] - ray * along
-                walk[way, k, j] = abs((sheets[k, j] * away).sum()) if far else np.inf
+                away = _off(move, ray, dot(normal, move) / dot(normal, ray))
+                walk[hand, k, j] = abs(dot(_at(sheets, k, j), away)) if far else np.inf
                 # Both as the camera sees them, square to the ray.
-                flat = gap - ray * ((gap * ray).sum() / (ray * ray).sum())
-                side[way, k, j] = 1.0 if (flat * moves[k, j]).sum() > 0.0 else -1.0
+                gap = way(points, k, j, m, j)
+                flat = _off(gap, ray, dot(gap, ray) / dot(ray, ray))
+                side[hand, k, j] = 1.0 if dot(flat, move) > 0.0 else -1.0
                 reach = np.hypot(points[k, j, 0], points[k, j, 1])
                 turn = normal[1] * points[k, j, 0] - normal[0] * points[k, j, 1]
-                slide[way, k, j] = abs(turn) / max(reach, 1e-9)
+                slide[hand, k, j] = abs(turn) / max(reach, 1e-9)
 
 
 @njit(cache=True, nogil=True)
@@ -162,10 +195,9 @@ def further_in(
     than ``least`` mm apart.
     """
     s, n, _ = points.shape
-    normal = np.empty(3)
     for k in range(span[0], span[1]):
-        for way in range(2):
-            sign = 1 - 2 * way
+        for hand in range(2):
+            sign = 1 - 2 * hand
             o = k + sign * (far + 1)
             if not closed and (o < 0 or o >= s):
                 continue
@@ -174,16 +206,17 @@ def further_in(
                 linked = True
                 for i in range(far + 1):
                     a, b = (k + sign * i) % s, (k + sign * (i + 1)) % s
-                    step = points[b, j] - points[a, j]
+                    step = way(points, a, j, b, j)
                     # NaN, where one is missing, is no neighbour either.
-                    if not np.sqrt((step * step).sum()) <= _LINKED * arc[a, j]:
+                    if not np.sqrt(dot(step, step)) <= _LINKED * arc[a, j]:
                         linked = False
                         break
-                gap = points[o, j] - points[m, j]
-                if not linked or not np.sqrt((gap * gap).sum()) >= least:
+                gap = way(points, m, j, o, j)
+                if not linked or not np.sqrt(dot(gap, gap)) >= least:
                     continue
-                if not _normal(points, m, o, j, float(sign), normal):
+                there, normal = _normal(points, m, o, j, float(sign))
+                if not there:
                     continue
-                ray = points[k, j] - eyes[k]
-                along = (normal * moves[k, j]).sum() / (normal * ray).sum()
-                walk[way, k, j] = abs((sheets[k, j] * (moves[k, j] - ray * along)).sum())
+                ray, move = _ray(points, eyes, k, j), _at(moves, k, j)
+                away = _off(move, ray, dot(normal, move) / dot(normal, ray))
+                walk[hand, k, j] = abs(dot(_at(sheets, k, j), away))

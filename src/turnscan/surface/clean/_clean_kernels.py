@@ -9,6 +9,8 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Longs
 from turnscan.compiled import njit
 
+Vector = tuple[float, float, float]
+
 
 class Limits(NamedTuple):
     """What neighbours on one surface may be."""
@@ -25,35 +27,42 @@ class Limits(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _gap(
-    points: Floats, side: Bools, a: tuple[int, int], b: tuple[int, int], closed: bool, out: Floats
-) -> bool:
-    """Write b − a to ``out``; False where one of the two is not there."""
+    points: Floats, side: Bools, k: int, j: int, m: int, i: int, closed: bool
+) -> tuple[bool, Vector]:
+    """Whether the points (k, j) and (m, i) are both there, on one side of the axis; the way from
+    the first to the second."""
     s, n, _ = points.shape
-    for k, j in (a, b):
-        if j < 0 or j >= n or ((k < 0 or k >= s) and not closed):
-            return False
-    ka, kb = a[0] % s, b[0] % s
-    if side[ka, a[1]] != side[kb, b[1]]:
-        return False
-    for i in range(3):
-        out[i] = points[kb, b[1], i] - points[ka, a[1], i]
-    return out[0] == out[0]  # type: ignore[no-any-return]
+    if j < 0 or j >= n or i < 0 or i >= n:
+        return False, (0.0, 0.0, 0.0)
+    if (k < 0 or k >= s or m < 0 or m >= s) and not closed:
+        return False, (0.0, 0.0, 0.0)
+    k, m = k % s, m % s
+    gap = (
+        points[m, i, 0] - points[k, j, 0],
+        points[m, i, 1] - points[k, j, 1],
+        points[m, i, 2] - points[k, j, 2],
+    )
+    return side[k, j] == side[m, i] and gap[0] == gap[0], gap
 
 
 @njit(cache=True, nogil=True)
-def _alike(u: Floats, v: Floats, cos_bend: float, ratio: float) -> bool:
-    uu, vv = (u * u).sum(), (v * v).sum()
+def _dot(u: Vector, v: Vector) -> float:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@njit(cache=True, nogil=True)
+def _alike(u: Vector, v: Vector, cos_bend: float, ratio: float) -> bool:
+    uu, vv = _dot(u, u), _dot(v, v)
     if not (uu <= ratio * ratio * vv and vv <= ratio * ratio * uu):
         return False
-    return (u * v).sum() >= cos_bend * np.sqrt(uu * vv)  # type: ignore[no-any-return]
+    return _dot(u, v) >= cos_bend * np.sqrt(uu * vv)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, nogil=True)
 def _goes_on(
     points: Floats,
     side: Bools,
-    here: Floats,
-    other: Floats,
+    here: Vector,
     k: int,
     j: int,
     along_steps: bool,
@@ -62,31 +71,21 @@ def _goes_on(
 ) -> bool:
     """Whether the side before or the side after is alike."""
     dk, dj = (1, 0) if along_steps else (0, 1)
-    if _gap(points, side, (k - dk, j - dj), (k, j), wraps, other) and _alike(
-        here, other, cos_bend, 2.0
-    ):
+    there, other = _gap(points, side, k - dk, j - dj, k, j, wraps)
+    if there and _alike(here, other, cos_bend, 2.0):
         return True
-    return _gap(points, side, (k + dk, j + dj), (k + 2 * dk, j + 2 * dj), wraps, other) and _alike(
-        here, other, cos_bend, 2.0
-    )
+    there, other = _gap(points, side, k + dk, j + dj, k + 2 * dk, j + 2 * dj, wraps)
+    return there and _alike(here, other, cos_bend, 2.0)
 
 
 @njit(cache=True, nogil=True)
 def _beside_alike(
-    points: Floats,
-    side: Bools,
-    here: Floats,
-    other: Floats,
-    k: int,
-    j: int,
-    wraps: bool,
-    cos_bend: float,
+    points: Floats, side: Bools, here: Vector, k: int, j: int, wraps: bool, cos_bend: float
 ) -> bool:
     """Whether the lines above and below go to the next profile alike."""
     for o in (-1, 1):
-        if not _gap(points, side, (k, j + o), (k + 1, j + o), wraps, other):
-            return False
-        if not _alike(here, other, cos_bend, 2.0):
+        there, other = _gap(points, side, k, j + o, k + 1, j + o, wraps)
+        if not (there and _alike(here, other, cos_bend, 2.0)):
             return False
     return True
 
@@ -113,31 +112,34 @@ def links(
     s, n, _ = points.shape
     out = np.zeros((s, n), dtype=np.bool_)
     dk, dj = (1, 0) if along_steps else (0, 1)
-    here, other = np.empty(3), np.empty(3)
     wraps = closed and along_steps
     for k in range(s):
         for j in range(n):
-            if not _gap(points, side, (k, j), (k + dk, j + dj), wraps, here):
+            there, here = _gap(points, side, k, j, k + dk, j + dj, wraps)
+            if not there:
                 continue
-            length = np.sqrt((here * here).sum())
+            length = np.sqrt(_dot(here, here))
             k1 = (k + dk) % s
             noise = jump * np.hypot(sigma[k, j], sigma[k1, j + dj])
             if length <= noise:
                 out[k, j] = True
                 continue
-            eye = eyes[k]
-            if eye[0] == eye[0]:
-                ray = points[k, j] - eye
-                depth = abs((ray * here).sum()) / np.sqrt((ray * ray).sum())
+            if eyes[k, 0] == eyes[k, 0]:
+                ray = (
+                    points[k, j, 0] - eyes[k, 0],
+                    points[k, j, 1] - eyes[k, 1],
+                    points[k, j, 2] - eyes[k, 2],
+                )
+                depth = abs(_dot(ray, here)) / np.sqrt(_dot(ray, ray))
                 if depth > cos_ray * length and depth > noise:
                     continue
             if length <= stretch * usual[k, j]:
                 out[k, j] = True
                 continue
-            out[k, j] = _goes_on(points, side, here, other, k, j, along_steps, wraps, cos_bend) or (
+            out[k, j] = _goes_on(points, side, here, k, j, along_steps, wraps, cos_bend) or (
                 along_steps
                 and length <= 3.0 * stretch * usual[k, j]
-                and _beside_alike(points, side, here, other, k, j, wraps, cos_bend)
+                and _beside_alike(points, side, here, k, j, wraps, cos_bend)
             )
     return out
 
