@@ -67,7 +67,7 @@ def frozen(
 
     Raises ValueError, naming the field and the value, where shape or content do not fit.
     """
-    known = _is_checked(values, dtype, nan)
+    known = is_frozen(values, dtype, nan=nan)
     array: npt.NDArray[Any] = np.ascontiguousarray(values, dtype=dtype)
     if array.shape != shape and (
         array.ndim != len(shape)
@@ -90,9 +90,14 @@ def frozen(
     return array
 
 
-def _is_checked(values: npt.ArrayLike, dtype: type[Any], nan: bool) -> bool:
-    """Whether an array was made by `frozen` and is still as it was."""
-    if not isinstance(values, np.ndarray) or values.flags.writeable or values.dtype != dtype:
+def is_frozen(values: npt.ArrayLike, dtype: type[Any] | None = None, *, nan: bool = False) -> bool:
+    """Whether an array, not a small one, was made by `frozen`: it is as it was, and stays so.
+
+    It is of that ``dtype`` and may hold ``nan``, where they are told.
+    """
+    if not isinstance(values, np.ndarray) or values.flags.writeable:
+        return False
+    if dtype is not None and values.dtype != dtype:
         return False
     kinds = (False, True) if nan else (False,)
     return any(_checked[kind].get(id(values)) is values for kind in kinds)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Ints, frozen
+from turnscan.arrays import Bools, Floats, Ints, frozen, is_frozen
 from turnscan.errors import InputError
 from turnscan.mesh._render import render
 from turnscan.picture import Picture, card, image
@@ -59,7 +59,9 @@ class Mesh:
         v, f = len(self.vertices), len(self.faces)
         put = object.__setattr__
         put(self, "vertices", frozen(self.vertices, (v, 3), "Mesh.vertices"))
-        faces = frozen(np.asarray(self.faces).reshape(f, 3), (f, 3), "Mesh.faces", np.int32)
+        known = is_frozen(self.faces)
+        given = self.faces if known else np.asarray(self.faces).reshape(f, 3)
+        faces = frozen(given, (f, 3), "Mesh.faces", np.int32)
         if f and (faces.min() < 0 or faces.max() >= v):
             raise ValueError(f"Mesh.faces: index {faces.max()} outside 0 to {v - 1}")
         put(self, "faces", faces)

@@ -64,15 +64,10 @@ def joined_provenance(meshes: Sequence[Mesh]) -> Provenance | None:
 
 def components(mesh: Mesh) -> Ints:
     """(f,) the number of the connected piece that each face belongs to, from 0."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    from turnscan.mesh import _topology_kernels as kernels
 
-    v = len(mesh.vertices)
-    a = mesh.faces[:, [0, 1]].ravel()
-    b = mesh.faces[:, [1, 2]].ravel()
-    graph = coo_array((np.ones(len(a), np.int8), (a, b)), shape=(v, v))
-    _, label = connected_components(graph, directed=False)
-    return np.unique(label[mesh.faces[:, 0]], return_inverse=True)[1].astype(np.int32)
+    number: Ints = kernels.pieces(mesh.faces)
+    return number
 
 
 def measured(mesh: Mesh) -> Bools:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Floats, Ints, Longs
+from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
-from turnscan.mesh._topology import opposite_half_edges, unpaired, vertex_fans
+from turnscan.mesh._topology import unpaired, vertex_fans
 from turnscan.threads import in_parts
 
 _THIN = 1e-9
@@ -36,15 +36,14 @@ def soundness(mesh: Mesh) -> list[Finding]:
     from turnscan.mesh import _soundness_kernels as kernels
 
     crossed = crossings(mesh)
-    opposite = opposite_half_edges(mesh.faces)
-    many, against = _side_places(mesh, opposite)
+    many, against = _side_places(mesh)
     without_area = np.flatnonzero(kernels.without_area(mesh.vertices, mesh.faces, _THIN))
     checks = (
         ("surface.side", "non-manifold edges (more than two faces)", many),
         ("surface.orientation", "edges whose two faces have opposite orientations",
          against),
         ("surface.touching", "non-manifold vertices",
-         mesh.vertices[_touching(mesh, opposite)]),
+         mesh.vertices[_touching(mesh)]),
         ("surface.equal", "duplicate vertices", _equal_places(mesh)),
         ("surface.degenerate", "degenerate faces (no area)", _middles(mesh, without_area)),
         ("surface.crossing", "pairs of intersecting faces"
@@ -106,9 +105,9 @@ def _around(mesh: Mesh, asked: Bools) -> npt.NDArray[np.intp]:
     return np.flatnonzero(over.all(axis=1))
 
 
-def _side_places(mesh: Mesh, opposite: Longs) -> tuple[Floats, Floats]:
+def _side_places(mesh: Mesh) -> tuple[Floats, Floats]:
     """Middles of the sides with more than two faces, and of those with two that disagree."""
-    a, b = unpaired(mesh.faces, opposite)
+    a, b = unpaired(mesh.faces)
     size = len(mesh.vertices)
     key = np.minimum(a, b) * size + np.maximum(a, b)
     which, group, count = np.unique(key, return_inverse=True, return_counts=True)
@@ -117,16 +116,21 @@ def _side_places(mesh: Mesh, opposite: Longs) -> tuple[Floats, Floats]:
     return middle[count > 2], middle[(count == 2) & (forward != 1)]
 
 
-def _touching(mesh: Mesh, opposite: Longs) -> npt.NDArray[np.intp]:
-    _, about = vertex_fans(mesh.faces, opposite)
+def _touching(mesh: Mesh) -> npt.NDArray[np.intp]:
+    _, about = vertex_fans(mesh.faces)
     return np.flatnonzero(np.bincount(about, minlength=len(mesh.vertices)) > 1)
 
 
 def _equal_places(mesh: Mesh) -> Floats:
+    found: Floats = mesh.vertices[repeated(mesh.vertices.astype(np.float32), mesh.faces)]
+    return found
+
+
+def repeated(places: Singles, faces: Ints) -> Longs:
+    """Numbers of the places (v, 3) of vertices that faces use and that are equal to one before."""
     from turnscan.mesh import _soundness_kernels as kernels
 
-    used = np.zeros(len(mesh.vertices), dtype=np.bool_)
-    used[mesh.faces.ravel()] = True
-    again = kernels.again(mesh.vertices.astype(np.float32) + np.float32(0), used)  # −0 becomes 0
-    found: Floats = mesh.vertices[again]
+    used = np.zeros(len(places), dtype=np.bool_)
+    used[faces.ravel()] = True
+    found: Longs = kernels.again(places + np.float32(0), used)  # −0 becomes 0
     return found

@@ -16,20 +16,36 @@ def without_area(points: Floats, faces: Ints, thin: float) -> Bools:
     """(f,) True where a face's height is less than a share of its longest side."""
     out = np.empty(len(faces), np.bool_)
     for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux, uy, uz = (
-            points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-        )  # fmt: skip
-        vx, vy, vz = (
-            points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
-        )  # fmt: skip
-        wx, wy, wz = (
-            points[a, 0] - points[c, 0], points[a, 1] - points[c, 1], points[a, 2] - points[c, 2]
-        )  # fmt: skip
-        longest = max(_length(ux, uy, uz), _length(vx, vy, vz), _length(wx, wy, wz))
-        twice = _length(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)
+        longest, twice = _size(points, faces, f)
         out[f] = twice <= thin * (longest * longest)
     return out
+
+
+@njit(cache=True, nogil=True)
+def thinner(points: Floats, faces: Ints, least: float) -> Bools:
+    """(f,) True where a face's height is less than ``least`` mm."""
+    out = np.empty(len(faces), np.bool_)
+    for f in range(len(faces)):
+        longest, twice = _size(points, faces, f)
+        out[f] = twice / max(longest, 1e-300) < least
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _size(points: Floats, faces: Ints, f: int) -> tuple[float, float]:
+    """The longest side of a face, and twice its area."""
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ux, uy, uz = (
+        points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    )  # fmt: skip
+    vx, vy, vz = (
+        points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
+    )  # fmt: skip
+    wx, wy, wz = (
+        points[a, 0] - points[c, 0], points[a, 1] - points[c, 1], points[a, 2] - points[c, 2]
+    )  # fmt: skip
+    longest = max(_length(ux, uy, uz), _length(vx, vy, vz), _length(wx, wy, wz))
+    return longest, _length(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Ints, Longs
+from turnscan.arrays import Bools, Ints, is_frozen
 from turnscan.findings import Finding
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._parts import submesh
 
+_last: tuple[weakref.ref[Ints], Ints] | None = None
+"""The faces of a mesh that were asked about last, as long as there are any, and the answer."""
 
-def opposite_half_edges(faces: Ints) -> npt.NDArray[np.int64]:
+
+def opposite_half_edges(faces: Ints) -> Ints:
     """(3f,) for side 3f + i, from corner i of face f to the next: the side on its other side.
 
     −1 where there is none, or where that is not clear: more than two faces, or faces that do not
-    wind alike.
+    wind alike. Read-only: of the faces of one mesh, which never change, the last answer is kept.
     """
     from turnscan.mesh import _topology_kernels as kernels
 
-    twin: npt.NDArray[np.int64] = kernels.opposite_half_edges(
-        np.ascontiguousarray(faces, dtype=np.int32)
-    )
+    global _last
+    last = _last
+    if last is not None and last[0]() is faces:
+        return last[1]
+    twin: Ints = kernels.opposite_half_edges(np.ascontiguousarray(faces, dtype=np.int32))
+    twin.flags.writeable = False
+    if is_frozen(faces):
+        _last = weakref.ref(faces, _forget), twin
     return twin
+
+
+def _forget(faces: weakref.ref[Ints]) -> None:
+    global _last
+    if _last is not None and _last[0] is faces:
+        _last = None
 
 
 def boundary_loops(mesh: Mesh) -> list[Ints]:
@@ -59,28 +75,28 @@ def cut_touching(mesh: Mesh) -> tuple[Mesh, list[Finding]]:
 
 def hanging_together(faces: Ints) -> Bools:
     """(f,) False for the faces that `cut_touching` takes away."""
-    keep = np.arange(len(faces))
-    while len(keep):
-        fan, about = vertex_fans(faces[keep])
+    keep, left = np.arange(len(faces)), faces
+    while len(left):
+        fan, about = vertex_fans(left)
+        if np.bincount(about).max() == 1:
+            break
         order = np.lexsort((np.arange(len(about)), -np.bincount(fan), about))
         rest = order[1:][about[order[1:]] == about[order[:-1]]]
-        if not len(rest):
-            break
         keep = keep[~np.isin(fan, rest).reshape(-1, 3).any(axis=1)]
+        left = faces[keep]
     kept = np.zeros(len(faces), dtype=np.bool_)
     kept[keep] = True
     return kept
 
 
-def vertex_fans(faces: Ints, opposite: Longs | None = None) -> tuple[Longs, Ints]:
+def vertex_fans(faces: Ints) -> tuple[Ints, Ints]:
     """(3f,) for every corner the number of its fan, and (fans,) the vertex each lies about.
 
-    A fan is the faces round a vertex that hang together by their sides. ``opposite`` is of
-    `opposite_half_edges`, where it is known.
+    A fan is the faces round a vertex that hang together by their sides.
     """
     from turnscan.mesh import _topology_kernels as kernels
 
-    fan, first = kernels.fans(opposite_half_edges(faces) if opposite is None else opposite)
+    fan, first = kernels.fans(opposite_half_edges(faces))
     return fan, faces.ravel()[first]
 
 
@@ -95,17 +111,14 @@ def half_edges(faces: Ints) -> tuple[Ints, Ints]:
     return a[lonely].astype(np.int32), b[lonely].astype(np.int32)
 
 
-def unpaired(
-    faces: Ints, opposite: Longs | None = None
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def unpaired(faces: Ints) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Start and end of the sides that are not one of exactly two that run opposite ways.
 
     Those that agree with one of them about their ends are among them too: the pairs are complete.
-    ``opposite`` is of `opposite_half_edges`, where it is known.
     """
     if not len(faces):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    side = np.flatnonzero((opposite_half_edges(faces) if opposite is None else opposite) < 0)
+    side = np.flatnonzero(opposite_half_edges(faces) < 0)
     face, corner = np.divmod(side, 3)
     a, b = faces[face, corner], faces[face, (corner + 1) % 3]
     return a.astype(np.int64), b.astype(np.int64)

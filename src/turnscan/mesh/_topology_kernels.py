@@ -60,7 +60,7 @@ def _hung(home: Ints, count: int) -> tuple[Ints, Ints]:
 
 
 @njit(cache=True, nogil=True)
-def opposite_half_edges(faces: Ints) -> Longs:
+def opposite_half_edges(faces: Ints) -> Ints:
     """(3f,) the one side that runs the other way, −1 where there is none or several run either way.
 
     Each side hangs on that of its ends at which fewer sides are, so that no list of them gets
@@ -70,7 +70,7 @@ def opposite_half_edges(faces: Ints) -> Longs:
     home, code = _ends(faces, count)
     start, kept = _hung(home, count)
     codes = code[kept]
-    twin = np.full(len(home), -1, dtype=np.int64)
+    twin = np.full(len(home), -1, dtype=np.int32)
     for v in range(count):
         for at in range(start[v], start[v + 1]):
             same, back, other = 0, 0, at
@@ -87,7 +87,7 @@ def opposite_half_edges(faces: Ints) -> Longs:
 
 
 @njit(cache=True, nogil=True)
-def borders(faces: Ints, twin: Longs) -> tuple[Ints, Longs]:
+def borders(faces: Ints, twin: Ints) -> tuple[Ints, Longs]:
     """The vertices of all borders in a row, and where each border begins."""
     count = 0
     for h in range(len(twin)):
@@ -113,10 +113,10 @@ def borders(faces: Ints, twin: Longs) -> tuple[Ints, Longs]:
 
 
 @njit(cache=True, nogil=True)
-def fans(twin: Longs) -> tuple[Longs, Longs]:
+def fans(twin: Ints) -> tuple[Ints, Ints]:
     """(corners,) the fan of each corner, and (fans,) the first corner of each."""
-    fan = np.full(len(twin), -1, dtype=np.int64)
-    first = np.empty(len(twin), dtype=np.int64)
+    fan = np.full(len(twin), -1, dtype=np.int32)
+    first = np.empty(len(twin), dtype=np.int32)
     made = 0
     for corner in range(len(twin)):
         if fan[corner] >= 0:
@@ -133,6 +133,46 @@ def fans(twin: Longs) -> tuple[Longs, Longs]:
             c = twin[c]
         made += 1
     return fan, first[:made].copy()
+
+
+@njit(cache=True, nogil=True)
+def _root(parent: Ints, v: int) -> int:
+    while parent[v] != v:
+        parent[v] = parent[parent[v]]
+        v = parent[v]
+    return v
+
+
+@njit(cache=True, nogil=True)
+def pieces(faces: Ints) -> Ints:
+    """(f,) the connected piece of each face, numbered from 0 in the order of their first vertices.
+
+    Each vertex leads to an earlier one of its piece, the first one to itself (Tarjan 1975).
+    """
+    count = faces.max() + 1 if len(faces) else 0
+    parent = np.arange(count).astype(np.int32)
+    for f in range(len(faces)):
+        a = _root(parent, faces[f, 0])
+        for i in range(1, 3):
+            b = _root(parent, faces[f, i])
+            if a < b:
+                parent[b] = a
+            else:
+                parent[a] = b
+                a = b
+    out = np.empty(len(faces), np.int32)
+    number = np.full(count, -1, np.int32)
+    for f in range(len(faces)):
+        out[f] = _root(parent, faces[f, 0])
+        number[out[f]] = 0
+    made = 0
+    for v in range(count):
+        if number[v] == 0:
+            number[v] = made
+            made += 1
+    for f in range(len(faces)):
+        out[f] = number[out[f]]
+    return out
 
 
 @njit(cache=True, nogil=True)

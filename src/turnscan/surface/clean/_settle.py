@@ -10,7 +10,7 @@ from turnscan.arrays import Floats, Ints
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._normals import vertex_normals
 from turnscan.mesh._parts import measured, submesh
-from turnscan.mesh._soundness import crossings
+from turnscan.mesh._soundness import crossings, repeated
 from turnscan.mesh._topology import half_edges
 from turnscan.surface.holes._self_intersections import repair_self_intersections
 
@@ -68,12 +68,9 @@ def _placed(mesh: Mesh) -> Mesh:
     """The mesh with its vertices on the lattice, no two of them at one place."""
     step = lattice(mesh)
     places = np.round(mesh.vertices / step)
-    used = np.zeros(len(places), dtype=np.bool_)
-    used[mesh.faces] = True
     for _ in range(_ROUNDS):
-        order = np.lexsort((*places.T, ~used))
-        same = (places[order][1:] == places[order][:-1]).all(axis=1) & used[order[1:]]
-        twice = order[1:][same]
+        # Whole numbers this small are exact in 32 bits.
+        twice = repeated(places.astype(np.float32), mesh.faces)
         if not len(twice):
             break
         inward = -np.nan_to_num(vertex_normals(mesh)[twice])
@@ -84,9 +81,11 @@ def _placed(mesh: Mesh) -> Mesh:
 
 def _without_thin(mesh: Mesh) -> Mesh:
     """The mesh without faces thinner than the lattice allows, as far as that goes."""
+    from turnscan.mesh import _soundness_kernels as kernels
+
     least = _THIN * lattice(mesh)
     for _ in range(_ROUNDS):
-        thin = np.flatnonzero(_heights(mesh.triangles) < least)
+        thin = np.flatnonzero(kernels.thinner(mesh.vertices, mesh.faces, least))
         if not len(thin):
             break
         net = _Net(mesh, least)

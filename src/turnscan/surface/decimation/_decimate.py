@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
@@ -152,7 +151,7 @@ def _chain(mesh: Mesh, border: Bools) -> Ints:
     return chain
 
 
-def _samples(mesh: Mesh, twin: npt.NDArray[np.int64]) -> tuple[Floats, Ints]:
+def _samples(mesh: Mesh, twin: Ints) -> tuple[Floats, Ints]:
     """Vertices, middles of sides and of faces, (m, 3) mm, and a face (m,) of each, −1 for none."""
     once = np.flatnonzero((twin < 0) | (np.arange(len(twin)) < twin))
     begin, end = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
@@ -164,7 +163,7 @@ def _samples(mesh: Mesh, twin: npt.NDArray[np.int64]) -> tuple[Floats, Ints]:
     return places, owners.astype(np.int32)
 
 
-def _locked(mesh: Mesh, twin: npt.NDArray[np.int64]) -> Bools:
+def _locked(mesh: Mesh, twin: Ints) -> Bools:
     """(v,) True where the surface is not a manifold, and where measured and added faces meet."""
     v = len(mesh.vertices)
     _, about = vertex_fans(mesh.faces)
