@@ -156,7 +156,7 @@ def _off(v: Floats, x: int, n: Floats, p: int, origin: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _cross(v: Floats, faces: Floats | Ints, n: Floats, sizes: Floats, p: int, q: int) -> bool:
+def _cross(v: Floats, faces: Ints, n: Floats, sizes: Floats, p: int, q: int) -> bool:
     """Whether triangles p and q cut through each other."""
     if not sizes[p] > 0.0:
         return False
@@ -173,28 +173,35 @@ def _cross(v: Floats, faces: Floats | Ints, n: Floats, sizes: Floats, p: int, q:
         return _overlap(v, faces[p], faces[q], n[p])
     if np.int64(same_0) + np.int64(same_1) + np.int64(same_2) > 1:
         return False  # every side of either touches the other
-    # Beyond doubt on one side of the plane of p, but for a vertex that p has too.
-    above = (same_0 | (d0 > flat)) & (same_1 | (d1 > flat)) & (same_2 | (d2 > flat))
-    below = (same_0 | (d0 < -flat)) & (same_1 | (d1 < -flat)) & (same_2 | (d2 < -flat))
-    if above | below:
+    if _on_one_side(same_0, same_1, same_2, d0, d1, d2, flat):
         return False
-    if (
+    shared_0 = (a0 == b0) | (a0 == b1) | (a0 == b2)
+    shared_1 = (a1 == b0) | (a1 == b1) | (a1 == b2)
+    shared_2 = (a2 == b0) | (a2 == b1) | (a2 == b2)
+    e0, e1, e2 = 0.0, 0.0, 0.0
+    if sizes[q] > 0.0:
+        e0, e1, e2 = _off(v, a0, n, q, b0), _off(v, a1, n, q, b0), _off(v, a2, n, q, b0)
+        # Most pairs end here: the plane of the one or of the other parts them.
+        if _on_one_side(shared_0, shared_1, shared_2, e0, e1, e2, _FLAT * sizes[q]):
+            return False
+    return (
         (d0 * d1 < 0.0 and not (same_0 | same_1) and _pierced(v, b0, b1, a0, a1, a2))
         or (d1 * d2 < 0.0 and not (same_1 | same_2) and _pierced(v, b1, b2, a0, a1, a2))
         or (d2 * d0 < 0.0 and not (same_2 | same_0) and _pierced(v, b2, b0, a0, a1, a2))
-    ):
-        return True
-    if not sizes[q] > 0.0:
-        return False
-    same_0 = (a0 == b0) | (a0 == b1) | (a0 == b2)
-    same_1 = (a1 == b0) | (a1 == b1) | (a1 == b2)
-    same_2 = (a2 == b0) | (a2 == b1) | (a2 == b2)
-    d0, d1, d2 = _off(v, a0, n, q, b0), _off(v, a1, n, q, b0), _off(v, a2, n, q, b0)
-    return (
-        (d0 * d1 < 0.0 and not (same_0 | same_1) and _pierced(v, a0, a1, b0, b1, b2))
-        or (d1 * d2 < 0.0 and not (same_1 | same_2) and _pierced(v, a1, a2, b0, b1, b2))
-        or (d2 * d0 < 0.0 and not (same_2 | same_0) and _pierced(v, a2, a0, b0, b1, b2))
+        or (e0 * e1 < 0.0 and not (shared_0 | shared_1) and _pierced(v, a0, a1, b0, b1, b2))
+        or (e1 * e2 < 0.0 and not (shared_1 | shared_2) and _pierced(v, a1, a2, b0, b1, b2))
+        or (e2 * e0 < 0.0 and not (shared_2 | shared_0) and _pierced(v, a2, a0, b0, b1, b2))
     )
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _on_one_side(
+    same_0: bool, same_1: bool, same_2: bool, d0: float, d1: float, d2: float, flat: float
+) -> bool:
+    """Whether vertices lie beyond doubt on one side of a plane, but for those in common with it."""
+    above = (same_0 | (d0 > flat)) & (same_1 | (d1 > flat)) & (same_2 | (d2 > flat))
+    below = (same_0 | (d0 < -flat)) & (same_1 | (d1 < -flat)) & (same_2 | (d2 < -flat))
+    return above | below
 
 
 @njit(cache=True, nogil=True)

@@ -13,7 +13,7 @@ from turnscan.threads import in_parts
 
 _THIN = 1e-9
 """A face has no area where its height is less than this share of its longest side."""
-_LEAF = 4
+_LEAF = 8
 """Faces, about, in a leaf of the tree of boxes."""
 _MANY = 20_000
 """Faces above which the search for crossings is done in parts, by several threads."""
@@ -76,9 +76,13 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
 
     if not len(mesh.faces) or (asked is not None and not asked.any()):
         return np.empty((0, 2), dtype=np.int32)
-    near = np.arange(len(mesh.faces)) if asked is None else _around(mesh, asked)
-    order = near[morton_order(mesh.vertices, mesh.faces[near])]
-    which = np.ones(len(order), dtype=np.bool_) if asked is None else asked[order]
+    if asked is None:
+        order = morton_order(mesh.vertices, mesh.faces)
+        which = np.ones(len(order), dtype=np.bool_)
+    else:
+        near = _around(mesh, asked)
+        order = near[morton_order(mesh.vertices, mesh.faces[near])]
+        which = asked[order]
     faces = mesh.faces[order]
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(faces) / _LEAF)))))
     reach = spans(mesh.vertices, faces)
