@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Flags, Floats
 from turnscan.errors import InputError
 from turnscan.points._curvature import curvature_shift
 from turnscan.points._grid import RangeGrid
+from turnscan.points._lines import lines_about, put_lines
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
 from turnscan.points._wholeness import LitPoints, wholeness
 from turnscan.remedy import Option, Remedy
@@ -25,8 +25,6 @@ _CLAIMED = 0.15
 """Part of the usual variance for its width below which a frame's own is not believed."""
 _CURVED = 0.3
 """Part of what a thick sheet shifts on a curved surface that is doubted: the detector's window."""
-_OF_POINTS = ("points", "sigma", "amplitude", "flags")
-"""What a grid knows of each point and its light."""
 
 
 def build_grid(
@@ -67,11 +65,16 @@ def build_grid(
             hint="all pictures of a scan must have one size",
         )
     vertical = stripes[0].orientation == "vertical"
-    position = np.stack([s.position for s in stripes])
-    flags = np.stack([s.flags for s in stripes])
+    light, flags = np.stack([s.amplitude for s in stripes]), np.stack([s.flags for s in stripes])
+    # Lines before the first one with a point and after the last tell nothing of any other.
+    lines = lines_about(np.logical_or.reduce([s.found for s in stripes]))
+    position, sigma, width = (
+        np.stack([getattr(s, name)[lines] for s in stripes])
+        for name in ("position", "sigma", "width")
+    )
     there = ~np.isnan(position)
     step_of, line_of = np.nonzero(there)
-    pair = (position[there], line_of.astype(np.float64))
+    pair = (position[there], (line_of + lines.start).astype(np.float64))
     pixels = np.stack(pair if vertical else pair[::-1], axis=-1)
     ones = np.ones(len(pixels))
     camera, scale = triangulate(rig, laser, pixels, ones, across=0 if vertical else 1)
@@ -81,33 +84,34 @@ def build_grid(
     behind[there] = beyond_axis(rig, laser, camera)
     lost = there & np.isnan(points[..., 0])
     eye = rig.T_camera_table.inverse().translation
+    sigma = _believable(sigma, width, light[:, lines], flags[:, lines])
     grid = RangeGrid(
         laser=laser,
         steps=np.asarray(steps, dtype=np.int32),
         angles=turns,
         points=points,
-        sigma=_spread(_believable(stripes)[there] * scale, there & ~lost, there),
-        amplitude=np.where(lost, np.nan, np.stack([s.amplitude for s in stripes])),
-        flags=np.where(lost, StripeFlag.OUTSIDE, flags).astype(np.uint16),
+        sigma=_spread(sigma[there] * scale, there & ~lost, there),
+        amplitude=np.where(lost, np.nan, light[:, lines]),
+        flags=np.where(lost, StripeFlag.OUTSIDE, flags[:, lines]).astype(np.uint16),
         closed=goes_round(turns),
         eyes=np.einsum("sij,j->si", rotation_z(-turns), eye),
         behind=behind & ~lost,
     )
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
-    width = np.stack([s.width for s in stripes])
-    return _doubted(grid, rig, width, _spread(scale, there & ~lost, there), shaky, vertical)
+    if len(turns) > 1 and grid.found.any():
+        each = _spread(scale, there & ~lost, there)
+        grid = _judged(grid, rig, width, each, shaky, vertical)
+    return put_lines(grid, lines, light, flags)
 
 
-def _believable(stripes: Sequence[Stripe]) -> Floats:
+def _believable(sigma: Floats, width: Floats, light: Floats, flags: Flags) -> Floats:
     """(s, n) px: the stripes' sigma, raised where one frame claims what no other one does.
 
     Speckle moves a centre by as much in every frame, for its width. A frame of few whole lines
     cannot tell how much (`stripes.scattered`); it has the usual of all. Frames are judged as wholes
     and at their brightness: that a bright stripe is known better where photons decide is true.
     """
-    sigma, width = np.stack([s.sigma for s in stripes]), np.stack([s.width for s in stripes])
-    light = np.stack([s.amplitude for s in stripes])
-    single = (np.stack([s.flags for s in stripes]) & StripeFlag.REFINED) == 0
+    single = (flags & StripeFlag.REFINED) == 0
     known = single & ~np.isnan(sigma) & (width > 0) & (light > 0)
     if not known.any():
         return sigma
@@ -115,36 +119,16 @@ def _believable(stripes: Sequence[Stripe]) -> Floats:
     usual, bright = float(np.median(share[known])), float(np.median(light[known]))
     told = known.any(axis=1)
     part = share[told] * np.maximum(light[told] / bright, 1.0)
-    short = np.zeros(len(stripes), dtype=np.bool_)
+    short = np.zeros(len(sigma), dtype=np.bool_)
     short[told] = np.nanmedian(part, axis=1) < _CLAIMED * usual
     return np.where(short[:, None] & known, np.sqrt(sigma**2 + usual * width), sigma)
-
-
-def _doubted(
-    grid: RangeGrid, rig: Rig, width: Floats, scale: Floats, shaky: Floats, vertical: bool
-) -> RangeGrid:
-    """The grid with what the stripes' ``width`` (s, n) px and the angles' uncertainty ``shaky``
-    (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
-    seen = np.flatnonzero(grid.found.any(axis=0))
-    if len(grid.steps) < 2 or grid.eyes is None or not len(seen):
-        return grid
-    # Lines before the first one with a point and after the last tell nothing of any other.
-    part = slice(int(seen[0]), int(seen[-1]) + 1)
-    some = RangeGrid(
-        **{name: getattr(grid, name) for name in ("laser", "steps", "angles", "closed", "eyes")},
-        **{name: getattr(grid, name)[:, part] for name in _OF_POINTS},
-    )
-    better = _judged(some, rig, width[:, part], scale[:, part], shaky, vertical)
-    whole: dict[str, Any] = {name: np.array(getattr(grid, name)) for name in _OF_POINTS}
-    for name, values in whole.items():
-        values[:, part] = getattr(better, name)
-    return replace(grid, **whole)
 
 
 def _judged(
     grid: RangeGrid, rig: Rig, width: Floats, scale: Floats, shaky: Floats, vertical: bool
 ) -> RangeGrid:
-    """`_doubted`, of a grid that knows where its camera stood, with all the memory it takes."""
+    """The grid with what the stripes' ``width`` (s, n) px and the angles' uncertainty ``shaky``
+    (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
     assert grid.eyes is not None
     found = grid.found
     turn = rotation_z(grid.angles)

@@ -8,7 +8,15 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh._mesh import Mesh, Provenance
-from turnscan.points import Along, Origin, RangeGrid, normal_sigma, resample
+from turnscan.points import (
+    Along,
+    Origin,
+    RangeGrid,
+    lines_about,
+    normal_sigma,
+    resample,
+    take_lines,
+)
 from turnscan.surface._noise import noise, spacing
 
 _LEAST = 0.5
@@ -52,6 +60,10 @@ def mesh_grid(grid: RangeGrid, tears: TearLimits | None = None) -> Mesh:
     axis where the camera's place is not known. Every side has one or two faces. Sigma is that along
     the surface's normal (`normal_sigma`).
     """
+    lines = slice(0, grid.flags.shape[1])
+    if grid.origin is None:
+        lines = lines_about(grid.found.any(axis=0))
+        grid = take_lines(grid, lines)
     vertices, faces, flat = _faces(grid, tears or TearLimits())
     s, n = grid.flags.shape
     step, line = np.divmod(flat, max(n, 1))
@@ -65,7 +77,7 @@ def mesh_grid(grid: RangeGrid, tears: TearLimits | None = None) -> Mesh:
             sigma=normal_sigma(grid).reshape(s * n)[flat],
             laser=np.zeros(len(flat), dtype=np.int32),
             step=grid.steps[step],
-            line=line.astype(np.int32),
+            line=(line + lines.start).astype(np.int32),
             lasers=(grid.laser,),
         ),
     )

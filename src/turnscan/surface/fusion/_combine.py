@@ -48,5 +48,6 @@ def paste(
 
 
 def _part(grid: RangeGrid, keep: Bools, tears: TearLimits | None, along: Along | None) -> Mesh:
-    points = np.where(keep[..., None], grid.points, np.nan)
-    return mesh_grid(thin(replace(grid, points=points), along, tears), tears)
+    if not keep.all():
+        grid = replace(grid, points=np.where(keep[..., None], grid.points, np.nan))
+    return mesh_grid(thin(grid, along, tears), tears)
