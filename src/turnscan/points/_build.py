@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Flags, Floats
+from turnscan.arrays import Bools, Flags, Floats
 from turnscan.errors import InputError
 from turnscan.points._curvature import curvature_shift
 from turnscan.points._grid import RangeGrid
@@ -18,11 +18,14 @@ from turnscan.points._wholeness import LitPoints, wholeness
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import Stripe, StripeFlag
+from turnscan.threads import in_parts
 
 _GAP = 2.5
 """The turn is closed when the gap from last to first is at most this many usual steps."""
 _CLAIMED = 0.15
 """Part of the usual variance for its width below which a frame's own is not believed."""
+_TOGETHER = 16
+"""Steps whose points are computed at a time."""
 _CURVED = 0.3
 """Part of what a thick sheet shifts on a curved surface that is doubted: the detector's window."""
 
@@ -72,25 +75,17 @@ def build_grid(
         np.stack([getattr(s, name)[lines] for s in stripes])
         for name in ("position", "sigma", "width")
     )
-    there = ~np.isnan(position)
-    step_of, line_of = np.nonzero(there)
-    pair = (position[there], (line_of + lines.start).astype(np.float64))
-    pixels = np.stack(pair if vertical else pair[::-1], axis=-1)
-    ones = np.ones(len(pixels))
-    camera, scale = triangulate(rig, laser, pixels, ones, across=0 if vertical else 1)
-    points = np.full((*position.shape, 3), np.nan)
-    points[there] = to_object(rig, camera, turns[step_of])
-    behind = np.zeros(position.shape, dtype=np.bool_)
-    behind[there] = beyond_axis(rig, laser, camera)
-    lost = there & np.isnan(points[..., 0])
+    points, scale, behind = _met(rig, laser, position, lines.start, turns, vertical)
+    lost = ~np.isnan(position) & np.isnan(points[..., 0])
     eye = rig.T_camera_table.inverse().translation
+    scale[lost] = np.nan
     sigma = _believable(sigma, width, light[:, lines], flags[:, lines])
     grid = RangeGrid(
         laser=laser,
         steps=np.asarray(steps, dtype=np.int32),
         angles=turns,
         points=points,
-        sigma=_spread(sigma[there] * scale, there & ~lost, there),
+        sigma=sigma * scale,
         amplitude=np.where(lost, np.nan, light[:, lines]),
         flags=np.where(lost, StripeFlag.OUTSIDE, flags[:, lines]).astype(np.uint16),
         closed=goes_round(turns),
@@ -99,9 +94,38 @@ def build_grid(
     )
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     if len(turns) > 1 and grid.found.any():
-        each = _spread(scale, there & ~lost, there)
-        grid = _judged(grid, rig, width, each, shaky, vertical)
+        grid = _judged(grid, rig, width, scale, shaky, vertical)
     return put_lines(grid, lines, light, flags)
+
+
+def _met(
+    rig: Rig, laser: str, position: Floats, first: int, turns: Floats, vertical: bool
+) -> tuple[Floats, Floats, Bools]:
+    """Where stripes at ``position`` (s, n) px in the lines from ``first`` on meet the sheet:
+    points (s, n, 3), mm for each px of a centre (s, n), and True (s, n) beyond the axis.
+
+    NaN where there is no centre, or where its ray does not meet the sheet.
+    """
+    points, scale = np.full((*position.shape, 3), np.nan), np.full(position.shape, np.nan)
+    behind = np.zeros(position.shape, dtype=np.bool_)
+
+    def part(a: int, b: int) -> None:
+        there = ~np.isnan(position[a:b])
+        step, line = np.nonzero(there)
+        pair = (position[a:b][there], (line + first).astype(np.float64))
+        pixels = np.stack(pair if vertical else pair[::-1], axis=-1)
+        ones, across = np.ones(len(pixels)), 0 if vertical else 1
+        camera, scale[a:b][there] = triangulate(rig, laser, pixels, ones, across=across)
+        points[a:b][there] = to_object(rig, camera, turns[a:b][step])
+        behind[a:b][there] = beyond_axis(rig, laser, camera)
+
+    in_parts(part, len(position), _blocks(len(position)))
+    return points, scale, behind
+
+
+def _blocks(steps: int) -> int:
+    """Parts of the steps whose arrays stay in a processor's cache."""
+    return -(-steps // _TOGETHER)
 
 
 def _believable(sigma: Floats, width: Floats, light: Floats, flags: Flags) -> Floats:
@@ -129,50 +153,56 @@ def _judged(
 ) -> RangeGrid:
     """The grid with what the stripes' ``width`` (s, n) px and the angles' uncertainty ``shaky``
     (s,) rad add to sigma; ``scale`` (s, n) is mm for each px of a stripe's centre."""
+    seen = _lit_points(grid, rig, width, vertical)
+    light = wholeness(seen)
+    # Where all of a part slopes alike its stripes do not tell; then what the rig knows counts.
+    thick = light.thickness or rig.sheet(grid.laser).thickness or 0.0
+    bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(width.shape)
+    bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
+    # A centre that was refined by its own surface element does not depend on the stripe's width.
+    single = (grid.flags & StripeFlag.REFINED) == 0
+    points, sigma = np.empty_like(grid.points), np.empty_like(grid.sigma)
+
+    def part(a: int, b: int) -> None:
+        aside, X = seen.moves[a:b], grid.points[a:b]
+        ray = X - seen.eyes[a:b, None]
+        slope = np.einsum("sni,sni->sn", seen.sheets[a:b], aside)
+        slope = slope / np.einsum("sni,sni->sn", seen.sheets[a:b], ray)
+        along = aside - ray * slope[..., None]
+        carried = np.hypot(X[..., 0], X[..., 1]) * shaky[a:b, None] * light.slide[a:b]
+        doubt = np.hypot(light.doubt[a:b], _CURVED * bent[a:b])
+        points[a:b] = X - along * ((light.shift[a:b] + bent[a:b]) * single[a:b])[..., None]
+        more = (doubt * single[a:b] * scale[a:b]) ** 2
+        sigma[a:b] = np.sqrt(grid.sigma[a:b] ** 2 + more + carried**2)
+
+    in_parts(part, len(points), _blocks(len(points)))
+    edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
+    flags = (grid.flags | edge).astype(np.uint16)
+    return replace(grid, points=points, sigma=sigma, flags=flags)
+
+
+def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:
+    """What is known of the light of a grid that knows where its camera stood."""
     assert grid.eyes is not None
-    found = grid.found
-    turn = rotation_z(grid.angles)
     T, sheet = rig.T_camera_table, rig.sheet(grid.laser)
-    camera = T.apply(np.einsum("sij,snj->sni", turn, grid.points)[found])
-    next_ray = np.zeros((len(camera), 3))
-    slopes = rig.camera.ray_derivatives(camera[:, :2] / camera[:, 2:])
-    next_ray[:, :2] = slopes[:, :, 0 if vertical else 1] * camera[:, 2:]
+    found, turn = grid.found, rotation_z(grid.angles)
+    aside, sheets = np.full(grid.points.shape, np.nan), np.full(grid.points.shape, np.nan)
 
-    def back(vectors: Floats) -> Floats:
-        whole = np.full(grid.points.shape, np.nan)
-        whole[found] = vectors @ T.rotation
-        return np.asarray(np.einsum("sji,snj->sni", turn, whole))
+    def part(a: int, b: int) -> None:
+        there = found[a:b]
+        camera = T.apply(np.einsum("sij,snj->sni", turn[a:b], grid.points[a:b])[there])
+        next_ray = np.zeros((len(camera), 3))
+        slopes = rig.camera.ray_derivatives(camera[:, :2] / camera[:, 2:])
+        next_ray[:, :2] = slopes[:, :, 0 if vertical else 1] * camera[:, 2:]
+        for vectors, out in ((next_ray, aside), (sheet.gradient(camera), sheets)):
+            out[a:b][there] = vectors @ T.rotation
+            out[a:b] = np.einsum("sji,snj->sni", turn[a:b], out[a:b])
 
-    aside, sheets = back(next_ray), back(sheet.gradient(camera))
-    seen = LitPoints(
+    in_parts(part, len(found), _blocks(len(found)))
+    return LitPoints(
         grid.points, grid.eyes, aside, sheets, width, grid.amplitude, grid.angles, grid.closed,
         float(np.median(grid.sigma[found])),
     )  # fmt: skip
-    light = wholeness(seen)
-    # Where all of a part slopes alike its stripes do not tell; then what the rig knows counts.
-    thick = light.thickness or sheet.thickness or 0.0
-    bent = curvature_shift(seen, thick) if thick > 0 else np.zeros(found.shape)
-    bent = np.where(light.shift != 0.0, 0.0, bent)  # what is cut has its own
-    ray = grid.points - grid.eyes[:, None]
-    slope = np.einsum("sni,sni->sn", sheets, aside) / np.einsum("sni,sni->sn", sheets, ray)
-    along = aside - ray * slope[..., None]
-    carried = np.hypot(grid.points[..., 0], grid.points[..., 1]) * shaky[:, None] * light.slide
-    doubt = np.hypot(light.doubt, _CURVED * bent)
-    # A centre that was refined by its own surface element does not depend on the stripe's width.
-    single = (grid.flags & StripeFlag.REFINED) == 0
-    edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
-    return replace(
-        grid,
-        points=grid.points - along * ((light.shift + bent) * single)[..., None],
-        sigma=np.sqrt(grid.sigma**2 + (doubt * single * scale) ** 2 + carried**2),
-        flags=(grid.flags | edge).astype(np.uint16),
-    )
-
-
-def _spread(values: Floats, keep: npt.NDArray[np.bool_], there: npt.NDArray[np.bool_]) -> Floats:
-    full = np.full(there.shape, np.nan)
-    full[there] = values
-    return np.where(keep, full, np.nan)
 
 
 def goes_round(angles: npt.ArrayLike) -> bool:

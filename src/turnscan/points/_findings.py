@@ -125,13 +125,13 @@ def together_findings(
     A pixel on the near side of this laser's sheet can as well show another's sheet beyond the axis:
     the inside of a cup over its rim, the far half of a level top.
     """
-    found = grid.found
-    if not found.any():
+    found, names = grid.found, tuple(others)
+    if not names or not found.any():
         return []
     turned = np.einsum("sij,snj->sni", rotation_z(grid.angles), grid.points)[found]
     rays = rig.camera.rays(rig.camera.project(rig.T_camera_table.apply(turned)))
     either = np.zeros(len(turned), dtype=np.bool_)
-    for name in others:
+    for name in names:
         X = rig.sheet(name).intersect(rays)
         inside = volume.contains(rig.T_camera_table.inverse().apply(X))
         either |= inside & beyond_axis(rig, name, X)
