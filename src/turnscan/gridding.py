@@ -50,8 +50,8 @@ def to_grids(
             now = mine.subrange(0.5, 1).subrange(i / len(turns), (i + 1) / len(turns))
             now(0)
             seamed = edit.repair_grid(turn, edits)
-            lines = points.lines_about(turn.found.any(axis=0))
-            kept = points.take_lines(seamed, lines)
+            lines = turn.lines_about()
+            kept = seamed.of_lines(lines)
             kept = points.drop_specks(points.clip(kept, v.volume), s.shortest)
             findings += points.grid_findings(turn, kept, v.volume, str(v.settings.strategy))
             findings += points.together_findings(kept, v.rig, v.others, v.volume)
@@ -60,7 +60,7 @@ def to_grids(
                 findings += taken
             if s.denoise is not None:
                 kept = clean.denoise(kept, s.denoise, now)
-            kept = points.put_lines(kept, lines, turn.amplitude, turn.flags)
+            kept = kept.among(lines, turn.amplitude, turn.flags)
             light, places = turn.amplitude, turn.points
             sought.append(
                 ScanCoverage(v.rig, kept, v.volume, v.settings.orientation, light, places)

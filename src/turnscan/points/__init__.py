@@ -10,7 +10,6 @@ from turnscan.points._findings import (
     together_findings,
 )
 from turnscan.points._grid import Origin, RangeGrid
-from turnscan.points._lines import lines_about, put_lines, take_lines
 from turnscan.points._normal_sigma import normal_sigma
 from turnscan.points._placements import placed, placements_from_conf
 from turnscan.points._profile import Along, Spacing, profiles, resample
@@ -51,7 +50,6 @@ __all__ = [
     "every",
     "goes_round",
     "grid_findings",
-    "lines_about",
     "lost_frames",
     "normal_sigma",
     "paths_of",
@@ -60,7 +58,6 @@ __all__ = [
     "placements_from_conf",
     "point_covariance",
     "profiles",
-    "put_lines",
     "range_scan_from_ply",
     "refine",
     "resample",
@@ -68,7 +65,6 @@ __all__ = [
     "rig_moves",
     "swept_findings",
     "systematic_sigma",
-    "take_lines",
     "to_object",
     "together_findings",
     "triangulate",

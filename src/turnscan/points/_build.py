@@ -11,8 +11,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Flags, Floats
 from turnscan.errors import InputError
 from turnscan.points._curvature import curvature_shift
-from turnscan.points._grid import RangeGrid
-from turnscan.points._lines import lines_about, put_lines
+from turnscan.points._grid import RangeGrid, lines_about
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
 from turnscan.points._wholeness import LitPoints, wholeness
 from turnscan.remedy import Option, Remedy
@@ -70,7 +69,7 @@ def build_grid(
     vertical = stripes[0].orientation == "vertical"
     light, flags = np.stack([s.amplitude for s in stripes]), np.stack([s.flags for s in stripes])
     # Lines before the first one with a point and after the last tell nothing of any other.
-    lines = lines_about(np.logical_or.reduce([s.found for s in stripes]))
+    lines = lines_about(np.stack([s.found for s in stripes]))
     position, sigma, width = (
         np.stack([getattr(s, name)[lines] for s in stripes])
         for name in ("position", "sigma", "width")
@@ -95,7 +94,7 @@ def build_grid(
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     if len(turns) > 1 and grid.found.any():
         grid = _judged(grid, rig, width, scale, shaky, vertical)
-    return put_lines(grid, lines, light, flags)
+    return grid.among(lines, light, flags)
 
 
 def _met(

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Bools, Flags, Floats, Ints, frozen
 from turnscan.picture import Picture, card, coloured, image, shrunk
+
+_BESIDE = 16
+"""Lines beside those with points; no kernel looks further along a profile than 12."""
 
 
 @dataclass(frozen=True)
@@ -99,3 +104,54 @@ class RangeGrid:
     def found(self) -> Bools:
         """(s, n) True where there is a point."""
         return ~np.isnan(self.points[..., 0])
+
+    def lines_about(self) -> slice:
+        """The lines that have points, from first to last, and some beside them, so that nothing
+        ends at the border of those lines which would not end there anyway.
+
+        A sensor has far more lines than a part covers: what is done to points need not look at all.
+        """
+        return lines_about(self.found)
+
+    def of_lines(self, lines: slice) -> RangeGrid:
+        """The grid of these lines alone, numbered from 0; not of one that was resampled."""
+        if lines == slice(0, self.flags.shape[1]):
+            return self
+        return replace(
+            self,
+            points=self.points[:, lines],
+            sigma=self.sigma[:, lines],
+            amplitude=self.amplitude[:, lines],
+            flags=self.flags[:, lines],
+            behind=None if self.behind is None else self.behind[:, lines],
+        )
+
+    def among(self, lines: slice, light: Floats, flags: Flags) -> RangeGrid:
+        """The grid of all lines, which has points in these ``lines`` alone: those of this one.
+
+        ``light`` and ``flags`` (s, n) are what is known of all others.
+        """
+        if self.flags.shape == flags.shape:
+            return self
+
+        def all_of(values: npt.NDArray[Any], empty: npt.NDArray[Any]) -> npt.NDArray[Any]:
+            empty[:, lines] = values
+            return empty
+
+        behind = self.behind
+        return replace(
+            self,
+            points=all_of(self.points, np.full((*flags.shape, 3), np.nan)),
+            sigma=all_of(self.sigma, np.full(flags.shape, np.nan)),
+            amplitude=all_of(self.amplitude, light.copy()),
+            flags=all_of(self.flags, flags.copy()),
+            behind=None if behind is None else all_of(behind, np.zeros(flags.shape, np.bool_)),
+        )
+
+
+def lines_about(found: Bools) -> slice:
+    """`RangeGrid.lines_about` of the points that were ``found`` (s, n)."""
+    at = np.flatnonzero(found.any(axis=0))
+    if not len(at):
+        return slice(0, 0)
+    return slice(max(int(at[0]) - _BESIDE, 0), min(int(at[-1]) + 1 + _BESIDE, found.shape[1]))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,6 +65,8 @@ _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _STEPS = 6
 """Steps to either side that are looked at, at most."""
+_TOGETHER = 16
+"""Steps whose widths are judged at a time."""
 _LEAST = 0.25
 """Part of the median arc below which no step is believed to be: beside the axis it is none."""
 
@@ -125,38 +128,82 @@ def wholeness(light: LitPoints) -> Wholeness:
     found = ~np.isnan(light.points[..., 0])
     width = _steady(np.where(found, light.width, np.nan))
     walk, slide, side = _along_steps(kernels.across, light, (3, 2, *found.shape))
+    slide = np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1]))
     walk = np.stack([_steady(w) for w in walk])
     due_on, thickness, told = _due(walk, width)
+    light_of = _steady(np.where(found, light.amplitude, np.nan))
+    flat = _along_steps(kernels.further_in, light, walk.shape, 1)
+    flat = np.stack([_steady(w) for w in flat])
+    creased = _creased(width, walk, thickness, _arcs(light), lambda far: _apart(light, due_on, far))
+    shift, doubt = np.empty(width.shape), np.empty(width.shape)
+    tail = np.empty(width.shape, dtype=np.bool_)
+    size = len(width)
+
+    def part(a: int, b: int) -> None:
+        rows = np.arange(a - 1, b + 1) % size  # those before and after are looked at as well
+        beyond = not light.closed and a == 0, not light.closed and b == size
+        some = _Band(
+            width[rows],
+            walk[:, rows],
+            flat[:, rows],
+            side[:, rows],
+            light_of[rows],
+            found[rows],
+            beyond,
+        )
+        own = _judged(some, due_on, creased if creased is None else creased[rows])
+        shift[a:b], doubt[a:b], tail[a:b] = (v[1:-1] for v in own)
+
+    in_parts(part, size, -(-size // _TOGETHER))
+    return Wholeness(shift, doubt, tail, slide, thickness if told else 0.0)
+
+
+class _Band(NamedTuple):
+    """Some steps of a grid, with the one before and the one after."""
+
+    width: Floats
+    walk: Floats
+    flat: Floats
+    """(2, s, n) mm: the walk on a surface that goes on flat from further in."""
+    side: Floats
+    light: Floats
+    found: Bools
+    beyond: tuple[bool, bool]
+    """Whether the grid ends with them, so that there is no step before, or after."""
+
+
+def _judged(
+    some: _Band, due_on: Callable[[Floats], Floats], creased: Floats | None
+) -> tuple[Floats, Floats, Bools]:
+    """Shift, doubt and tail, as `Wholeness` has them, of a band; not of its first and last step."""
+    width, walk = some.width, some.walk
     due = due_on(walk)
     curved = _round(walk)
     due = np.where(curved, np.sqrt(due[0] * due[1]), due)
-    ends, flat, turned = _further_in(light, walk)
-    inner = np.stack([due_on(flat), due_on(turned)])
+    # What cuts a stripe moves its point, and so tilts the plane through it and the one beside. The
+    # surface may go on flat, or turn with the table as round parts do: what lies between is taken.
+    ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
+    turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
+    inner = np.stack([due_on(some.flat), due_on(turned)])
     inner = np.exp(np.log(inner).mean(axis=0))
     due = np.where(ends & ~np.isnan(inner), inner, due)
     ratio = width / due
-    border = found & (np.isnan(walk[0]) != np.isnan(walk[1])) & ~np.isnan(ratio).all(axis=0)
+    border = np.isnan(walk[0]) != np.isnan(walk[1])
+    border &= some.found & ~np.isnan(ratio).all(axis=0)
     bias = _bias(ratio, np.where(border, _SURE_END, _SURE))
     doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
-    creased = _creased(width, walk, thickness, _arcs(light), lambda far: _apart(light, due_on, far))
-    doubt = np.maximum(doubt, ~curved * creased)
-    light_of = _steady(np.where(found, light.amplitude, np.nan))
+    if creased is not None:
+        doubt = np.maximum(doubt, ~curved * creased)
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
-    beside = np.where(first, np.roll(light_of, -1, 0), np.roll(light_of, 1, 0))
+    beside = np.where(first, np.roll(some.light, -1, 0), np.roll(some.light, 1, 0))
     with np.errstate(invalid="ignore"):
-        faint = light_of < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
+        faint = some.light < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
         cut = border & ~faint & (narrow < _CUT) & (narrow >= _HALF)
-    off = np.where(first, side[0] * bias[0] * due[0], side[1] * bias[1] * due[1])
+    off = np.where(first, some.side[0] * bias[0] * due[0], some.side[1] * bias[1] * due[1])
     shift = np.where(cut, np.nan_to_num(off), 0.0)
-    return Wholeness(
-        shift=shift,
-        doubt=np.maximum(
-            np.where(cut, _MODEL * np.abs(shift), doubt), _pinched(width, light_of, light.closed)
-        ),
-        tail=border & faint,
-        slide=np.where(np.isnan(slide).all(axis=0), 1.0, np.fmax(slide[0], slide[1])),
-        thickness=thickness if told else 0.0,
-    )
+    doubt = np.where(cut, _MODEL * np.abs(shift), doubt)
+    doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
+    return shift, doubt, border & faint
 
 
 def _steady(width: Floats) -> Floats:
@@ -213,17 +260,20 @@ def _round(walk: Floats) -> Bools:
         return np.asarray(one_way & (size.max(axis=0) <= _ALIKE * size.min(axis=0)))
 
 
-def _pinched(width: Floats, amplitude: Floats, closed: bool) -> Floats:
+def _pinched(width: Floats, amplitude: Floats, beyond: tuple[bool, bool]) -> Floats:
     """(s, n) px that stripes may be off which are narrower than those of the profiles before and
-    after, and fainter: something cuts them off, on both sides or on one.
+    after, and fainter: something cuts them off, on both sides or on one. The first and the last
+    step are those beside a band, and not there where the grid ends.
 
     What lies more squarely to the light is narrower, too, but brighter. Where the middle of the
     light falls is not known then but for its width.
     """
     about = [np.stack([np.roll(v, 1, axis=0), np.roll(v, -1, axis=0)]) for v in (width, amplitude)]
-    if not closed:
-        for v in about:
-            v[0, 0] = v[1, -1] = np.nan
+    for v in about:
+        if beyond[0]:
+            v[0, 1] = np.nan
+        if beyond[1]:
+            v[1, -2] = np.nan
     with np.errstate(invalid="ignore"):
         narrow = width < _PINCHED * np.minimum(*about[0])
         dark = amplitude < _PINCHED * np.maximum(*about[1])
@@ -232,8 +282,9 @@ def _pinched(width: Floats, amplitude: Floats, closed: bool) -> Floats:
 
 def _creased(
     width: Floats, walk: Floats, thickness: float, arcs: Floats, apart: Callable[[int], Floats]
-) -> Floats:
-    """(s, n) px that stripes may be off as they lie on two surfaces that meet under the sheet.
+) -> Floats | None:
+    """(s, n) px that stripes may be off as they lie on two surfaces that meet under the sheet; None
+    where the sheet's thickness is not known.
 
     Each surface draws the sheet out to a width of its own; what lies on both has one between the
     two. Where the surfaces meet k thicknesses beside the sheet's middle, its centre is off by
@@ -244,7 +295,7 @@ def _creased(
     the surfaces so many steps off, in the light of the point's own step.
     """
     if not thickness > 0:
-        return np.zeros_like(width)
+        return None
     most = int(np.ceil(_REACH * thickness / max(float(np.nanmedian(arcs)), 1e-9)))
     out = np.zeros_like(width)
     sides = [width.copy(), width.copy()]
@@ -278,20 +329,6 @@ def _apart(light: LitPoints, due_on: Callable[[Floats], Floats], far: int) -> Fl
     with np.errstate(invalid="ignore"):
         noise = _NOISE * (due[0] + due[1])
         return np.asarray(np.sqrt(np.maximum((due[0] - due[1]) ** 2 - noise**2, 0.0)))
-
-
-def _further_in(light: LitPoints, walk: Floats) -> tuple[Bools, Floats, Floats]:
-    """(2, s, n) True where what is seen ends, and two walks (2, s, n) mm of the surface further in.
-
-    What cuts a stripe moves its point, and so tilts the plane through it and the one beside. The
-    surface may go on flat, or turn with the table as round parts do: what lies between is taken.
-    """
-    from turnscan.points import _wholeness_kernels as kernels
-
-    flat = _along_steps(kernels.further_in, light, walk.shape, 1)
-    flat = np.stack([_steady(w) for w in flat])
-    turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
-    return np.isnan(walk[::-1]) & ~np.isnan(walk), flat, turned
 
 
 def _due(walk: Floats, width: Floats) -> tuple[Callable[[Floats], Floats], float, bool]:

@@ -12,10 +12,8 @@ from turnscan.points import (
     Along,
     Origin,
     RangeGrid,
-    lines_about,
     normal_sigma,
     resample,
-    take_lines,
 )
 from turnscan.surface._noise import noise, spacing
 
@@ -62,8 +60,8 @@ def mesh_grid(grid: RangeGrid, tears: TearLimits | None = None) -> Mesh:
     """
     lines = slice(0, grid.flags.shape[1])
     if grid.origin is None:
-        lines = lines_about(grid.found.any(axis=0))
-        grid = take_lines(grid, lines)
+        lines = grid.lines_about()
+        grid = grid.of_lines(lines)
     vertices, faces, flat = _faces(grid, tears or TearLimits())
     s, n = grid.flags.shape
     step, line = np.divmod(flat, max(n, 1))
