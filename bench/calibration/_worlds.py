@@ -114,7 +114,7 @@ def outcome(seed: int, pictures: Pictures) -> Outcome:
     rig = calibrated(world, pictures)
     error, sigma = _balls(survey(rig, world.dice, FINE))
     for radius, height in PLACES:
-        off, stated = _place(rig, world.rig, radius, height)
+        off, stated = place_error(rig, world.rig, radius, height)
         for k, what in enumerate(("radius", "height")):
             name = f"{what} of the sheet at {radius:g} / {height:g}"
             error[name], sigma[name] = off[k], stated[k]
@@ -167,7 +167,9 @@ def _slopes(balls: Floats) -> dict[str, Floats]:
     return out
 
 
-def _place(rig: Rig, true: Rig, radius: float, height: float) -> tuple[Floats, tuple[float, float]]:
+def place_error(
+    rig: Rig, true: Rig, radius: float, height: float
+) -> tuple[Floats, tuple[float, float]]:
     """Errors of radius and height where the true camera sees a place of the true sheet."""
     sheet, T = true.sheet("laser"), true.T_camera_table
     normal, centre = T.inverse().turn(sheet.normal), T.inverse().apply(sheet.centre)

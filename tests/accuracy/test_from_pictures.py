@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from bench._rigs import from_pictures
 from bench.accuracy import SPHERE, scan
+from bench.calibration._worlds import place_error
 
 from tests.analytic import full_turn, scan_shape
 from tests.calibrate.world import World, true_layout, true_rig
@@ -28,7 +29,6 @@ from turnscan.calibrate import (
     MarkerView,
     TablePicture,
     calibrate_rig,
-    measured_uncertainty,
 )
 from turnscan.points import RangeGrid, build_grid, pixels_of, rig_moves
 from turnscan.rig import Rig
@@ -108,23 +108,10 @@ class Sizes:
 
 def place_errors(rig: Rig, true: Rig) -> list[float]:
     """z of radius and height at `PLACES`, for the pixel in which the true camera sees each."""
-    sheet, T = true.sheet("laser"), true.T_camera_table
-    normal, centre = T.inverse().turn(sheet.normal), T.inverse().apply(sheet.centre)
-    out = []
+    out: list[float] = []
     for radius, height in PLACES:
-        level = normal @ centre - normal[2] * height
-        lead = np.arctan2(normal[1], normal[0])
-        spread = np.arccos(level / (np.hypot(normal[0], normal[1]) * radius))
-        both = [
-            np.array([radius * np.cos(a), radius * np.sin(a), height])
-            for a in (lead + spread, lead - spread)
-        ]
-        at = min(both, key=lambda x: float(np.linalg.norm(T.apply(x))))
-        rays = rig.camera.rays(true.camera.project(T.apply(at))[None])
-        x, y, z = rig.T_camera_table.inverse().apply(rig.sheet("laser").intersect(rays))[0]
-        stated = measured_uncertainty(rig, "laser", radius, height)
-        assert stated is not None
-        out += [(np.hypot(x, y) - radius) / stated[0], (z - height) / stated[1]]
+        off, stated = place_error(rig, true, radius, height)
+        out += [off[0] / stated[0], off[1] / stated[1]]
     return out
 
 
