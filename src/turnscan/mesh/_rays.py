@@ -34,8 +34,9 @@ class Caster:
 
     def visible(self, points: Floats, normals: Floats, light: npt.ArrayLike) -> Bools:
         """(n,) True where nothing stands between the points (n, 3) and the light (3,) or (n, 3)."""
-        o = points - self._origin + _LIFT * normals
-        way = np.asarray(light, dtype=np.float64) - self._origin - o
+        o = points - self._origin
+        o += _LIFT * normals
+        way = (np.asarray(light, dtype=np.float64) - self._origin) - o
         ones = np.full(len(o), 1.0 - 1e-4, dtype=np.float32)
         blocked = self._scene.run(
             np.ascontiguousarray(o, dtype=np.float32),

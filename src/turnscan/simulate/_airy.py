@@ -9,6 +9,7 @@ from turnscan.arrays import Floats
 
 Singles = npt.NDArray[np.float32]
 Keys = npt.NDArray[np.uint32]
+Numbers = tuple[float, ...]
 Grain = tuple[float, float]
 Window = tuple[int, int, int, int]
 """Rows r0 to r1 and columns c0 to c1 of pixels that one transform serves, without the apron."""

@@ -41,7 +41,7 @@ def index_of_lit(
 def expose_window(
     window: Window,
     lit: npt.NDArray[np.int32],
-    cells: tuple[Singles, Keys, Singles | None],
+    cells: tuple[Singles, Keys, Singles],
     grain: Grain,
     seed: int,
     mixture: tuple[float, tuple[float, ...]],
@@ -50,29 +50,28 @@ def expose_window(
 ) -> None:
     """Add the picture of one window to ``out``, from the lit cells in it and in its apron.
 
-    ``cells`` are energy, keys and phase of every lit pixel, ``mixture`` as of `pattern_weights`.
+    ``cells`` are energy, keys and phase of every lit pixel, the last (0, …) where there is none;
+    ``mixture`` is as of `pattern_weights`.
     """
     from scipy import fft
 
-    energy, keys, phase = cells
+    energy, _, phase = cells
     plain, shares = mixture
     per_pixel = energy.shape[1:]
     r0, r1, c0, c1 = window
     box = ((r1 - r0 + 2 * apron) * per_pixel[0], (c1 - c0) * per_pixel[1])
     size = (fft.next_fast_len(box[0]), fft.next_fast_len(box[1]))
     light = np.zeros(size, np.float32)
-    ids = np.zeros(size, np.uint32)
-    turns = np.zeros(size if phase is not None else (0, 0), np.float32)
-    kernels.gather(lit, r0 - apron, c0, r1 + apron, c1, energy, keys, light, ids)
-    if phase is not None:
-        kernels.gather_phase(lit, r0 - apron, c0, r1 + apron, c1, phase, turns)
-    amplitude = np.zeros(size, np.float32)
-    kernels.amplitudes(light, ids, _lobe(grain, per_pixel), amplitude)
+    ids = np.zeros(size if shares else (0, 0), np.uint32)
+    turns = np.zeros(size if shares and len(phase) else (0, 0), np.float32)
+    kernels.gather(lit, (r0 - apron, r1 + apron, c0, c1), *cells, light, ids, turns)
     # One row of cells more at either end: the rule that integrates a pixel reaches over its edge.
     core = slice(apron * per_pixel[0] - 1, (apron + r1 - r0) * per_pixel[0] + 1)
     place = (r0, c0, c1 - c0)
     down, across = (_rule(n, g) for n, g in zip(per_pixel, grain, strict=True))
-    field = np.empty(size, np.complex64)
+    if shares:
+        amplitude, field = np.zeros(size, np.float32), np.empty(size, np.complex64)
+        kernels.amplitudes(light, ids, _lobe(grain, per_pixel), amplitude)
     for k, share in enumerate(shares):
         kernels.dress(amplitude, ids, turns, seed64(seed, k), phasor_table(), _turns(), field)
         seen = _low_passed(field, _pupil(grain, per_pixel, size), core)

@@ -4,16 +4,30 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Floats
 from turnscan.compiled import njit
-from turnscan.simulate._airy import Keys, Singles
+from turnscan.simulate._airy import Keys, Numbers, Singles
 from turnscan.simulate._random import mix, normal, uniform_pair
 
 Complexes = npt.NDArray[np.complex64]
+
+
+class Roughness(NamedTuple):
+    """What the speckle of a surface depends on besides its shape; object frame, mm."""
+
+    size: float
+    """Edge of a scatterer; 0 where no speckle is wanted."""
+    laser: Numbers
+    """(3,) where the light comes from."""
+    lens: Numbers
+    """(3,)."""
+    per_wave: float
+    """Waves per mm."""
 
 
 @njit(cache=True, nogil=True)
@@ -22,9 +36,11 @@ def index(pixels: npt.NDArray[np.int32], energy: Singles, lit: npt.NDArray[np.in
     twice = False
     for i in range(len(pixels)):
         r, c = pixels[i, 0], pixels[i, 1]
-        if energy[i].max() > 0.0:
-            twice |= lit[r, c] >= 0
-            lit[r, c] = i
+        for k in range(energy.shape[1] * energy.shape[2]):
+            if energy[i, k // energy.shape[2], k % energy.shape[2]] > 0.0:
+                twice |= lit[r, c] >= 0
+                lit[r, c] = i
+                break
     return twice
 
 
@@ -32,54 +48,66 @@ def index(pixels: npt.NDArray[np.int32], energy: Singles, lit: npt.NDArray[np.in
 def hash_cells(points: Floats, per_mm: float, keys: Keys) -> None:
     """Hash of the cubic cell that holds each point."""
     for i in range(len(points)):
-        word = _cell_word(points, i, per_mm)
+        word = _cell_word(points[i, 0], points[i, 1], points[i, 2], per_mm)
         keys[i] = np.uint32(word >> np.uint64(32))
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _cell_word(points: Floats, i: int, per_mm: float) -> np.uint64:
-    word = np.uint64(0)
-    for axis in range(3):
-        whole = np.int64(math.floor(points[i, axis] * per_mm))
-        word = mix(word, np.uint64(whole))
-    return word
+def _cell_word(x: float, y: float, z: float, per_mm: float) -> np.uint64:
+    word = mix(np.uint64(0), np.uint64(np.int64(math.floor(x * per_mm))))
+    word = mix(word, np.uint64(np.int64(math.floor(y * per_mm))))
+    return mix(word, np.uint64(np.int64(math.floor(z * per_mm))))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _inside(x: float, word: np.uint64, shift: np.uint64, size: float) -> float:
+    """Where the scatterer lies in its cell along one axis, from 21 bits of the cell's hash."""
+    part = float((word >> shift) & np.uint64(0x1FFFFF)) / 2097152.0
+    return (math.floor(x * (1.0 / size)) + part) * size
 
 
 @njit(cache=True, nogil=True)
-def path_cycles(
-    points: Floats, size: float, laser: Floats, lens: Floats, per_wave: float, phase: Singles
-) -> None:
-    """Fraction of a cycle of the path laser, scatterer, lens.
+def scatterer(x: float, y: float, z: float, rough: Roughness) -> tuple[np.uint32, np.float32]:
+    """Key of the cubic cell that holds a point, and the fraction of a cycle of the path laser,
+    scatterer, lens.
 
     A scatterer lies anywhere in its cell, by the cell's hash: on a regular lattice all phases
     would come round together, as a grating's do, when the table has turned far enough.
     """
-    per_mm = 1.0 / size
+    size, laser, lens = rough.size, rough.laser, rough.lens
+    word = _cell_word(x, y, z, 1.0 / size)
+    px = _inside(x, word, np.uint64(0), size)
+    py = _inside(y, word, np.uint64(21), size)
+    pz = _inside(z, word, np.uint64(42), size)
+    there = (px - laser[0]) ** 2 + (py - laser[1]) ** 2 + (pz - laser[2]) ** 2
+    back = (px - lens[0]) ** 2 + (py - lens[1]) ** 2 + (pz - lens[2]) ** 2
+    cycles = (math.sqrt(there) + math.sqrt(back)) * rough.per_wave
+    part = np.float32(cycles - math.floor(cycles))
+    return np.uint32(word >> np.uint64(32)), part if part < 1.0 else np.float32(0.0)
+
+
+@njit(cache=True, nogil=True)
+def path_cycles(points: Floats, rough: Roughness, phase: Singles) -> None:
+    """Fraction of a cycle of the path laser, scatterer, lens, of points (n, 3)."""
     for i in range(len(points)):
-        word = _cell_word(points, i, per_mm)
-        there, back = 0.0, 0.0
-        for axis in range(3):
-            within = float((word >> np.uint64(21 * axis)) & np.uint64(0x1FFFFF)) / 2097152.0
-            place = (math.floor(points[i, axis] * per_mm) + within) * size
-            there += (place - laser[axis]) ** 2
-            back += (place - lens[axis]) ** 2
-        cycles = (math.sqrt(there) + math.sqrt(back)) * per_wave
-        phase[i] = cycles - math.floor(cycles)
+        at = points[i]
+        _, phase[i] = scatterer(at[0], at[1], at[2], rough)
 
 
 @njit(cache=True, nogil=True)
 def gather(
     lit: npt.NDArray[np.int32],
-    r0: int,
-    c0: int,
-    r1: int,
-    c1: int,
+    place: tuple[int, int, int, int],
     energy: Singles,
     keys: Keys,
+    phase: Singles,
     light: Singles,
     ids: Keys,
+    turns: Singles,
 ) -> None:
-    """Lay the cells of the lit pixels of rows r0 to r1, columns c0 to c1 into one sheet."""
+    """Lay the cells of the lit pixels of a ``place``, rows r0 to r1 and columns c0 to c1, into
+    sheets; keys and phase where there are any."""
+    r0, r1, c0, c1 = place
     oy, ox = energy.shape[1], energy.shape[2]
     for r in range(max(r0, 0), min(r1, lit.shape[0])):
         for c in range(c0, c1):
@@ -87,24 +115,15 @@ def gather(
             if i < 0:
                 continue
             for y in range(oy):
+                row = (r - r0) * oy + y
                 for x in range(ox):
-                    light[(r - r0) * oy + y, (c - c0) * ox + x] = energy[i, y, x]
-                    ids[(r - r0) * oy + y, (c - c0) * ox + x] = keys[i, y, x]
-
-
-@njit(cache=True, nogil=True)
-def gather_phase(
-    lit: npt.NDArray[np.int32], r0: int, c0: int, r1: int, c1: int, phase: Singles, turns: Singles
-) -> None:
-    """The same for the phases of the cells."""
-    oy, ox = phase.shape[1], phase.shape[2]
-    for r in range(max(r0, 0), min(r1, lit.shape[0])):
-        for c in range(c0, c1):
-            i = lit[r, c]
-            if i >= 0:
-                for y in range(oy):
+                    light[row, (c - c0) * ox + x] = energy[i, y, x]
+                if len(ids):
                     for x in range(ox):
-                        turns[(r - r0) * oy + y, (c - c0) * ox + x] = phase[i, y, x]
+                        ids[row, (c - c0) * ox + x] = keys[i, y, x]
+                if len(turns):
+                    for x in range(ox):
+                        turns[row, (c - c0) * ox + x] = phase[i, y, x]
 
 
 @njit(cache=True, nogil=True, fastmath=True)

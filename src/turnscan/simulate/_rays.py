@@ -14,9 +14,8 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
+from turnscan.simulate._airy import Numbers, Singles
 from turnscan.simulate._cut import reach_of, sheet_distance
-
-Singles = npt.NDArray[np.float32]
 
 
 @njit(cache=True, nogil=True)
@@ -46,19 +45,21 @@ def corner_normals(
 
 
 @njit(cache=True, nogil=True)
-def rays(pixels: Ints, field: Floats, down: int, across: int, R: Floats) -> Singles:
-    """Directions (n·down·across, 3), object frame, of a grid of rays in each pixel (n, 2).
+def rays(numbers: Ints, field: Floats, down: int, across: int, R: Floats) -> Singles:
+    """Directions (n·down·across, 3), object frame, of a grid of rays in each pixel.
 
-    ``field`` (H + 1, W + 1, 2) holds the image coordinates of the pixels' outer corners.
+    ``numbers`` (n,) count the pixels row by row; ``field`` (H + 1, W + 1, 2) holds the image
+    coordinates of their outer corners.
     """
-    out = np.empty((len(pixels) * down * across, 3), np.float32)
+    out = np.empty((len(numbers) * down * across, 3), np.float32)
+    width = field.shape[1] - 1
     k = 0
-    for i in range(len(pixels)):
+    for i in range(len(numbers)):
+        row = numbers[i] // width
+        column = numbers[i] - row * width
         for y in range(down):
             for x in range(across):
-                p, q = within(
-                    field, pixels[i, 0], pixels[i, 1], (y + 0.5) / down, (x + 0.5) / across
-                )
+                p, q = within(field, row, column, (y + 0.5) / down, (x + 0.5) / across)
                 for j in range(3):
                     out[k, j] = R[0, j] * p + R[1, j] * q + R[2, j]
                 k += 1
@@ -78,7 +79,7 @@ def within(field: Floats, row: int, column: int, y: float, x: float) -> tuple[fl
     return p, q
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def surface(
     face: Ints,
     directions: Singles | Floats,
@@ -92,25 +93,25 @@ def surface(
 
     ``origins`` (n, 3), or (1, 3) for all. Object frame; NaN where the ray meets nothing.
     """
-    points, normals = np.full((len(face), 3), np.nan), np.full((len(face), 3), np.nan)
+    points, normals = np.empty((len(face), 3)), np.empty((len(face), 3))
     for i in range(len(face)):
         f = face[i]
-        if f < 0:
-            continue
-        a, b = faces[f, 0], i if len(origins) > 1 else 0
         slope = reach = 0.0
-        for k in range(3):
-            slope += flat[f, k] * directions[i, k]
-            reach += flat[f, k] * (v[a, k] - origins[b, k])
-        if slope >= 0.0:
+        if f >= 0:
+            a, o = faces[f, 0], i if len(origins) > 1 else 0
+            for k in range(3):
+                slope += flat[f, k] * directions[i, k]
+                reach += flat[f, k] * (v[a, k] - origins[o, k])
+        if not slope < 0.0:
+            points[i] = normals[i] = np.nan
             continue
         for k in range(3):
-            points[i, k] = origins[b, k] + directions[i, k] * (reach / slope)
+            points[i, k] = origins[o, k] + directions[i, k] * (reach / slope)
         _smooth_normal(points, i, v, faces, f, corners, normals)
     return points, normals
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _smooth_normal(
     points: Floats, i: int, v: Floats, faces: Ints, f: int, corners: Floats, out: Floats
 ) -> None:
@@ -131,8 +132,9 @@ def _smooth_normal(
         mean = (1 - u - t) * corners[f, 0, k] + u * corners[f, 1, k] + t * corners[f, 2, k]
         out[i, k] = mean
         length += mean * mean
+    length = math.sqrt(length)
     for k in range(3):
-        out[i, k] /= math.sqrt(length)
+        out[i, k] /= length
 
 
 @njit(cache=True, nogil=True)
@@ -141,9 +143,9 @@ def near_sheet(
     normals: Floats,
     R: Floats,
     t: Floats,
-    apex: Floats,
-    sheet: Floats,
-    beam: Floats,
+    apex: Numbers,
+    sheet: Numbers,
+    beam: Numbers,
     widened: float,
 ) -> Bools:
     """(n,) True where a point faces the laser and lies within reach of its sheet."""

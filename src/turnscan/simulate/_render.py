@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Image, Ints
 from turnscan.errors import InputError
 from turnscan.mesh import Caster
 from turnscan.rig import LaserSheet, Pose
 from turnscan.simulate import _speckle as speckle
+from turnscan.simulate._airy import Keys, Numbers, Singles
 from turnscan.simulate._beam import Beam
 from turnscan.simulate._bench import PLANCK_C, Bench
 from turnscan.simulate._bounce import Bounces
@@ -27,7 +28,12 @@ from turnscan.simulate._random import seed64
 from turnscan.simulate._scene import PATTERNS, Triangles, triangles
 from turnscan.simulate._view import View
 
-Singles = npt.NDArray[np.float32]
+if TYPE_CHECKING:
+    from turnscan.simulate._grain_kernels import Roughness
+
+Cells = tuple[Singles, Keys, Singles]
+"""Of each pixel's cells (n, oy, ox): photons, scatterers, and their fractions of a cycle; the last
+two (0, oy, ox) without speckle."""
 
 _REACH = 2.2
 """Radii of the sheet within which its light is rendered (4.4 σ: 6e-5 of the peak)."""
@@ -64,7 +70,8 @@ class Renderer:
             beam = next(b for b in self.bench.beams if b.name == name)
             light = self.laser_light(T, beam, seconds, start)
             response = self.bench.sensor.response(beam.wavelength).astype(np.float32)
-            total = total + light[..., None] * response
+            for colour in range(colours):
+                total[..., colour] += light if response[colour] == 1 else light * response[colour]
         return total if colours == 3 else np.ascontiguousarray(total[..., 0])
 
     def picture(
@@ -97,19 +104,24 @@ class Renderer:
         """Photons (H, W) of one laser at each pixel; ``T`` is T_camera_object."""
         from turnscan.simulate import _shade
 
-        pixels, energy, points, body = self._cells(T, beam, seconds, start)
+        pixels, cells, body = self._cells(T, beam, seconds, start)
         camera = self.bench.rig.camera
         shape = (camera.height, camera.width)
         out = np.zeros(shape, np.float32)
         if not len(pixels):
             return out
-        for contrast, halo, members in self._groups():
-            ours = np.zeros(len(self.bench.scene.bodies) + 1, np.bool_)  # the last: no body, −1
-            ours[members] = True
-            lit, own = _shade.lit_cells(energy, body, ours)
-            if not len(lit):
-                continue
-            direct = self._imaged(pixels[lit], own, points[lit], contrast, beam, T)
+        groups = self._groups()
+        for contrast, halo, members in groups:
+            where, (own, keys, cycles) = pixels, cells
+            if len(groups) > 1:
+                ours = np.zeros(len(self.bench.scene.bodies) + 1, np.bool_)  # the last: no body, −1
+                ours[members] = True
+                lit, own = _shade.lit_cells(own, body, ours)
+                if not len(lit):
+                    continue
+                where = pixels[lit]
+                keys, cycles = (keys[lit], cycles[lit]) if len(keys) else (keys, cycles)
+            direct = self._imaged(where, (own, keys, cycles), contrast, beam)
             out += direct if halo is None else self._spread(direct, halo, T)
         return out + self._bounced(T, beam, seconds, start) if self.bench.bounces else out
 
@@ -134,73 +146,55 @@ class Renderer:
             groups.setdefault((contrast, halo), []).append(i)
         return [(c, h, members) for (c, h), members in groups.items()]
 
-    def _imaged(
-        self, pixels: Ints, energy: Singles, points: Floats, contrast: float, beam: Beam, T: Pose
-    ) -> Singles:
+    def _imaged(self, pixels: Ints, cells: Cells, contrast: float, beam: Beam) -> Singles:
         """The cells through the lens: photons (H, W)."""
         bench = self.bench
         shape = (bench.rig.camera.height, bench.rig.camera.width)
         if bench.waves == "rays":
             out = np.zeros(shape, np.float32)
-            out[pixels[:, 0], pixels[:, 1]] = energy.sum(axis=(1, 2))
+            out[pixels[:, 0], pixels[:, 1]] = cells[0].sum(axis=(1, 2))
             return out
-        pitch = (bench.sensor.pitch_y, bench.sensor.pitch_x)
-        size = speckle.cell_size(bench.grain, pitch, bench.lens.magnification)
-        keys = speckle.cell_keys(points, size)
-        phase = None
-        if bench.waves == "speckle":
-            back = T.inverse()
-            laser, lens = back.apply(beam.apex), back.translation
-            phase = speckle.path_phase(points, size, laser, lens, beam.wavelength)
         seen = contrast if bench.waves == "speckle" else 0.0
         seed = int(seed64(bench.seed, bench.beams.index(beam)))
-        return speckle.speckled(
-            pixels, energy, keys, shape, bench.grain, seed, contrast=seen, phase=phase
-        )
+        return speckle.imaged(pixels, cells, shape, bench.grain, seed, seen)
 
-    def _cells(
-        self, T: Pose, beam: Beam, seconds: float, start: float
-    ) -> tuple[Ints, Singles, Floats, Ints]:
-        """Pixels (n, 2) near the stripe, photons of their cells (n, oy, ox), the cells' points,
-        and the bodies that the blocks (n, by, bx) of cells see.
+    def _cells(self, T: Pose, beam: Beam, seconds: float, start: float) -> tuple[Ints, Cells, Ints]:
+        """Pixels (n, 2) near the stripe, their cells, and the bodies that the blocks (n, by, bx)
+        of cells see.
         """
         from turnscan.simulate import _rays, _shade
 
         bench, tri = self.bench, self._tri
-        sheet = sheet_rows(bench.rig.sheet(beam.name))
-        shape_of = np.array(
-            [beam.waist, beam.waist_distance, beam.rayleigh, _REACH, *beam.aim], dtype=np.float64
-        )
+        sheet = sheet_numbers(bench.rig.sheet(beam.name))
+        shape_of = (beam.waist, beam.waist_distance, beam.rayleigh, _REACH, *beam.aim.tolist())
         R, t = T.rotation, T.translation
-        pixels = np.argwhere(self._band(T, beam, sheet, shape_of)).astype(np.int32)
+        numbers = np.flatnonzero(self._band(T, beam, sheet, shape_of)).astype(np.int32)
+        pixels = np.stack(np.divmod(numbers, np.int32(bench.rig.camera.width)), axis=-1)
         cells = _RAY_CELLS if bench.waves == "rays" else speckle.oversampling(bench.grain)
         blocks = (min(_RAY_BLOCKS[0], cells[0]), min(_RAY_BLOCKS[1], cells[1]))
-        directions = _rays.rays(pixels, self.view.field, *blocks, R)
-        eye = T.inverse().translation
+        directions = _rays.rays(numbers, self.view.field, *blocks, R)
+        eye, apex = T.inverse().translation, T.inverse().apply(beam.apex)
         face = self._caster.first_hits(eye, directions)
         points, normals = _rays.surface(
-            face,
-            directions,
-            eye[None],
-            tri.vertices,
-            tri.faces,
-            tri.flat_normals,
-            tri.corner_normals,
-        )
-        near = _rays.near_sheet(points, normals, R, t, beam.apex, sheet, shape_of, 1.5)
+            face, directions, eye[None],
+            tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals,
+        )  # fmt: skip
+        source = tuple(beam.apex.tolist())
+        near = _rays.near_sheet(points, normals, R, t, source, sheet, shape_of, 1.5)
         k = np.flatnonzero(near)
         lit = np.zeros(len(face), np.bool_)
-        apex = T.inverse().apply(beam.apex)
         lit[k] = self._caster.visible(points[k], tri.flat_normals[face[k]], apex)
-        energy, spots = _shade.glow(
+        printed = any(b.texture is not None for b in bench.scene.bodies)
+        spots = np.empty((len(pixels) if printed else 0, *cells, 3))
+        energy, keys, cycles = _shade.glow(
             _shade.Seen(pixels, self.view.field, face, normals, lit), blocks, cells, R, t,
             _shade.Bodies(
                 tri.vertices, tri.faces, tri.flat_normals, tri.body, self._paints(beam)
             ),
             _shade.Illumination(
-                beam.apex, sheet, shape_of, self._fan(beam, sheet),
-                self._profile(beam, seconds, start), self._optics(beam, seconds),
+                source, sheet, shape_of, self._fan(beam), self._optics(beam, seconds),
             ),
+            self._profile(beam, seconds, start), self._roughness(beam, apex, eye), spots,
         )  # fmt: skip
         body = np.where(face >= 0, tri.body[face], -1).reshape(-1, *blocks)
         for i, b in enumerate(bench.scene.bodies):
@@ -209,16 +203,26 @@ class Renderer:
                 whose = whose[:, :, np.arange(cells[1]) * blocks[1] // cells[1]]
                 own = (whose == i) & (energy > 0)
                 energy[own] *= b.texture.at(b.T_table_part.inverse().apply(spots[own]))
-        return pixels, energy, spots, body
+        return pixels, (energy, keys, cycles), body
 
-    def _band(self, T: Pose, beam: Beam, sheet: Floats, shape_of: Floats) -> Bools:
+    def _roughness(self, beam: Beam, laser: Floats, lens: Floats) -> Roughness:
+        from turnscan.simulate._grain_kernels import Roughness
+
+        bench = self.bench
+        pitch = (bench.sensor.pitch_y, bench.sensor.pitch_x)
+        size = speckle.cell_size(bench.grain, pitch, bench.lens.magnification)
+        wanted = size if bench.waves == "speckle" else 0.0
+        places = tuple(laser.tolist()), tuple(lens.tolist())
+        return Roughness(wanted, *places, 1.0 / beam.wavelength)
+
+    def _band(self, T: Pose, beam: Beam, sheet: Numbers, shape_of: Numbers) -> Bools:
         """(H, W) True near the stripe: where the sheet meets triangles that face laser and eye."""
         from turnscan.simulate import _cut
 
         camera = self.bench.rig.camera
         corners, starts = _cut.sheet_polygons(
-            self._tri.vertices, self._tri.faces, self._tri.flat_normals, *self._tri.clusters,
-            T.rotation, T.translation, beam.apex, sheet, shape_of,
+            *self._tri.clusters, T.rotation, T.translation, tuple(beam.apex.tolist()), sheet,
+            shape_of,
         )  # fmt: skip
         mask = np.zeros((camera.height, camera.width), np.bool_)
         if len(corners):
@@ -246,9 +250,9 @@ class Renderer:
             dtype=np.float64,
         )
 
-    def _fan(self, beam: Beam, sheet: Floats) -> Floats:
-        across = np.cross(sheet[0], beam.aim)
-        return np.array([beam.power, math.tan(beam.half_angle), *across])
+    def _fan(self, beam: Beam) -> Numbers:
+        across = np.cross(self.bench.rig.sheet(beam.name).normal, beam.aim)
+        return (beam.power, math.tan(beam.half_angle), *across.tolist())
 
     def _profile(self, beam: Beam, seconds: float, start: float) -> Floats:
         s = np.linspace(-1.0, 1.0, _PROFILE_BINS + 1)
@@ -258,7 +262,7 @@ class Renderer:
         opened = start + line * np.arange(self.bench.rig.camera.height)[:, None]
         return beam.share(s, opened, seconds)
 
-    def _optics(self, beam: Beam, seconds: float) -> Floats:
+    def _optics(self, beam: Beam, seconds: float) -> Numbers:
         bench, lens = self.bench, self.bench.lens
         scale = bench.electrons_per_radiance(beam.wavelength, seconds)
         tx, ty = bench.rig.camera.tilt
@@ -267,9 +271,8 @@ class Renderer:
         slopes = (math.tan(ty) / math.cos(tx), -math.tan(tx))
         wide = lens.focal / lens.f_number
         sensor = bench.sensor
-        return np.array(
-            [scale, wide / sensor.pitch_x, wide / sensor.pitch_y, lens.focal, lens.focus, *slopes]
-        )
+        blur = (wide / sensor.pitch_x, wide / sensor.pitch_y)
+        return (scale, *blur, lens.focal, lens.focus, *slopes)
 
     def _spread(self, light: Singles, halo: tuple[float, float], T: Pose) -> Singles:
         """Let a share of the light come out of the body elsewhere: an exponential halo."""
@@ -288,7 +291,7 @@ class Renderer:
         return np.asarray((1 - share) * light + share * around, dtype=np.float32)
 
 
-def sheet_rows(sheet: LaserSheet) -> Floats:
-    """(5, 3): normal, centre, the two axes in the sheet, the bow; as the kernels take them."""
-    e1, e2 = sheet.axes
-    return np.stack([sheet.normal, sheet.centre, e1, e2, sheet.bow])
+def sheet_numbers(sheet: LaserSheet) -> Numbers:
+    """(15,): normal, centre, the two axes in the sheet, the bow; as the kernels take them."""
+    rows = np.stack([sheet.normal, sheet.centre, *sheet.axes, sheet.bow])
+    return tuple(rows.ravel().tolist())

@@ -157,10 +157,10 @@ class Triangles:
     """(f,) which body."""
 
     @cached_property
-    def clusters(self) -> tuple[Ints, Floats]:
-        """Triangles in an order that keeps neighbours together, and balls round each few of them.
+    def clusters(self) -> tuple[Floats, Floats, Floats]:
+        """Triangles in an order that keeps neighbours together, and boxes round each few of them.
 
-        (f,) numbers of faces and (n, 4) centres and radii.
+        Corners (f, 3, 3), laid out as they are read; normals (f, 3); (n, 12) as of `_cut.clusters`.
         """
         from turnscan.simulate import _cut
 
@@ -172,8 +172,9 @@ class Triangles:
             for axis in range(3):
                 one = (steps[:, axis] >> np.uint64(bit)) & np.uint64(1)
                 code |= one << np.uint64(3 * bit + axis)
-        order = np.argsort(code, kind="stable").astype(np.int32)
-        return order, _cut.clusters(self.vertices, self.faces, order)
+        order = np.argsort(code, kind="stable")
+        corners, normals = self.vertices[self.faces[order]], self.flat_normals[order]
+        return corners, normals, _cut.clusters(corners, normals)
 
 
 def triangles(bodies: Sequence[Body]) -> Triangles:

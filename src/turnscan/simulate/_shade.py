@@ -13,8 +13,10 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
+from turnscan.simulate._airy import Keys, Numbers, Singles
 from turnscan.simulate._cut import FADED, reach_of, sheet_distance
-from turnscan.simulate._rays import Singles, within
+from turnscan.simulate._grain_kernels import Roughness, scatterer
+from turnscan.simulate._rays import within
 
 
 class Seen(NamedTuple):
@@ -48,19 +50,21 @@ class Bodies(NamedTuple):
 
 
 class Illumination(NamedTuple):
-    """A laser line and the camera that sees it, in the camera's frame."""
+    """A laser line and the camera that sees it, in the camera's frame.
 
-    apex: Floats
+    Plain numbers: arrays that are handed on for each cell would be counted there, which takes
+    longer than the arithmetic.
+    """
+
+    apex: Numbers
     """(3,) mm: where the light comes from."""
-    sheet: Floats
-    """(5, 3), as in `_cut`."""
-    beam: Floats
+    sheet: Numbers
+    """(15,), as in `_cut`."""
+    beam: Numbers
     """(7,): waist, its distance, Rayleigh length, reach, and the unit vector of the aim."""
-    fan: Floats
+    fan: Numbers
     """(5,): power, tan of the half angle, and the unit vector across the fan."""
-    profile: Floats
-    """(H or 1, k): share of the power per unit of s from −1 to 1."""
-    optics: Floats
+    optics: Numbers
     """(7,): electrons per radiance, and for the blur f/(N·pitch_x), f/(N·pitch_y), focal length,
     focus distance, and the slope (2) of the image distance over the picture."""
 
@@ -75,87 +79,103 @@ def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv:
     if specular <= 0.0 or nl <= 0.0 or nv <= 0.0:
         return diffuse
     # Half vector h = (l + v)/|l + v| with |l + v|² = 2 + 2 l·v.
-    length = math.sqrt(max(2.0 + 2.0 * lv, 1e-12))
-    nh, vh = (nl + nv) / length, (1.0 + lv) / length
+    half = 1.0 / math.sqrt(max(2.0 + 2.0 * lv, 1e-12))
+    nh, vh = (nl + nv) * half, (1.0 + lv) * half
     a2 = alpha * alpha
-    D = a2 / (math.pi * (nh * nh * (a2 - 1.0) + 1.0) ** 2)
-    gl = 2.0 * nl / (nl + math.sqrt(a2 + (1.0 - a2) * nl * nl))
-    gv = 2.0 * nv / (nv + math.sqrt(a2 + (1.0 - a2) * nv * nv))
+    shape = nh * nh * (a2 - 1.0) + 1.0
+    # D = a2/(π shape²); of Smith's factors 2 n/(n + √…) the n fall out with 1/(4 nl nv).
+    gl = nl + math.sqrt(a2 + (1.0 - a2) * nl * nl)
+    gv = nv + math.sqrt(a2 + (1.0 - a2) * nv * nv)
     F = specular + (1.0 - specular) * (1.0 - vh) ** 5
-    return diffuse + D * gl * gv * F / (4.0 * nl * nv)
+    return diffuse + a2 * F / (math.pi * shape * shape * gl * gv)
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def painted(x: float, y: float, z: float, paint: Floats) -> float:
-    """Albedo of a point in the object frame; ``paint`` is albedo, kind, pitch, ratio."""
-    if paint[1] == 0.0:
-        return paint[0]
+def painted(x: float, y: float, z: float, kind: float, pitch: float, ratio: float) -> float:
+    """What a pattern leaves of the albedo at a point in the object frame."""
     dark = False
-    if paint[1] != 2.0:
-        dark = math.floor(2.0 * 25.0 * math.atan2(y, x) / paint[2]) % 2 != 0
-    if paint[1] != 1.0:
-        dark ^= math.floor(2.0 * z / paint[2]) % 2 != 0
-    return paint[0] * (paint[3] if dark else 1.0)
+    if kind != 0.0 and kind != 2.0:
+        dark = math.floor(2.0 * 25.0 * math.atan2(y, x) / pitch) % 2 != 0
+    if kind != 0.0 and kind != 1.0:
+        dark ^= math.floor(2.0 * z / pitch) % 2 != 0
+    return ratio if dark else 1.0
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def glow(
     seen: Seen, blocks: tuple[int, int], cells: tuple[int, int], R: Floats, t: Floats,
-    bodies: Bodies, light: Illumination,
-) -> tuple[Singles, Floats]:  # fmt: skip
-    """Laser light that each cell of each pixel collects, and where on the object it comes from.
+    bodies: Bodies, light: Illumination, profile: Floats, rough: Roughness, points: Floats,
+) -> tuple[Singles, Keys, Singles]:  # fmt: skip
+    """Laser light that each cell of each pixel collects, and the scatterer that sends it.
 
-    The rotation R and the translation t take the object's frame to the camera's. Returns energy
-    (n, oy, ox) in electrons and points (n, oy, ox, 3), object frame.
+    The rotation R and the translation t take the object's frame to the camera's; ``profile``
+    (H or 1, k) is the share of the power per unit of s from −1 to 1. Returns energy (n, oy, ox) in
+    electrons, and of the cells with light their scatterers' keys and path's fraction of a cycle.
+    ``points`` (n, oy, ox, 3) takes the place of these cells, object frame; (0, …) where not wanted.
     """
     pixels, field, face, normals, lit = seen
     v, faces, flat, body, paints = bodies
-    profile, optics = light.profile, light.optics
     oy, ox = cells
     by, bx = blocks
     energy = np.zeros((len(pixels), oy, ox), np.float32)
-    points = np.zeros((len(pixels), oy, ox, 3))
-    n_flat, n = np.empty(3), np.empty(3)
-    for i in range(len(pixels)):
+    rows = len(pixels) if rough.size > 0.0 else 0
+    keys, cycles = np.zeros((rows, oy, ox), np.uint32), np.zeros((rows, oy, ox), np.float32)
+    for k in range(len(lit)):
+        if not lit[k]:
+            continue
+        i, block = k // (by * bx), k % (by * bx)
         row, column = pixels[i, 0], pixels[i, 1]
-        table = profile[row if len(profile) > 1 else 0]
-        for block in range(by * bx):
-            k = i * by * bx + block
-            if not lit[k]:
-                continue
-            ky, kx = block // bx, block % bx
-            f = face[k]
-            a = faces[f, 0]
-            reach = 0.0
-            for j in range(3):
-                n_flat[j] = R[j, 0] * flat[f, 0] + R[j, 1] * flat[f, 1] + R[j, 2] * flat[f, 2]
-                n[j] = R[j, 0] * normals[k, 0] + R[j, 1] * normals[k, 1] + R[j, 2] * normals[k, 2]
-                moved = R[j, 0] * v[a, 0] + R[j, 1] * v[a, 1] + R[j, 2] * v[a, 2] + t[j]
-                reach += n_flat[j] * moved
-            y0, x0 = (ky + 0.5) / by, (kx + 0.5) / bx
-            spread = _blurred(field, row, column, y0, x0, n_flat, reach, light)
-            paint = paints[body[f]]
-            for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
-                for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
-                    p, q = within(field, row, column, (y + 0.5) / oy, (x + 0.5) / ox)
-                    slope = n_flat[0] * p + n_flat[1] * q + n_flat[2]
-                    if slope >= 0.0:
-                        continue
-                    s = reach / slope
-                    wx, wy, wz = p * s - t[0], q * s - t[1], s - t[2]
-                    for j in range(3):
-                        points[i, y, x, j] = R[0, j] * wx + R[1, j] * wy + R[2, j] * wz
-                    albedo = paint[0]
-                    if paint[1] != 0.0:
-                        albedo = painted(
-                            points[i, y, x, 0], points[i, y, x, 1], points[i, y, x, 2], paint
-                        )
-                    energy[i, y, x] = (
-                        optics[0]
-                        / (oy * ox)
-                        * _radiance(p * s, q * s, s, n, albedo, paint, light, table, spread)
-                    )
-    return energy, points
+        swept = row if len(profile) > 1 else 0
+        ky, kx = block // bx, block % bx
+        f = face[k]
+        n_flat, n = _turned(R, flat, f), _turned(R, normals, k)
+        moved = _turned(R, v, faces[f, 0])
+        reach = n_flat[0] * (moved[0] + t[0])
+        reach += n_flat[1] * (moved[1] + t[1]) + n_flat[2] * (moved[2] + t[2])
+        spread = _blurred(
+            field, row, column, (ky + 0.5) / by, (kx + 0.5) / bx, n_flat, reach, light
+        )
+        of = body[f]
+        for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
+            for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
+                p, q = within(field, row, column, (y + 0.5) / oy, (x + 0.5) / ox)
+                slope = n_flat[0] * p + n_flat[1] * q + n_flat[2]
+                if slope >= 0.0:
+                    continue
+                s = reach / slope
+                place, irradiance = _irradiance(p * s, q * s, s, n, light, spread)
+                if irradiance <= 0.0:
+                    continue
+                place *= profile.shape[1] - 1
+                m = min(int(place), profile.shape[1] - 2)
+                share = profile[swept, m]
+                share += (place - m) * (profile[swept, m + 1] - share)
+                wx, wy, wz = p * s - t[0], q * s - t[1], s - t[2]
+                X = R[0, 0] * wx + R[1, 0] * wy + R[2, 0] * wz
+                Y = R[0, 1] * wx + R[1, 1] * wy + R[2, 1] * wz
+                Z = R[0, 2] * wx + R[1, 2] * wy + R[2, 2] * wz
+                albedo = paints[of, 0]
+                if paints[of, 1] != 0.0:
+                    albedo *= painted(X, Y, Z, paints[of, 1], paints[of, 2], paints[of, 3])
+                back = _returned(
+                    p * s, q * s, s, n, light.apex, albedo, paints[of, 4], paints[of, 5]
+                )
+                energy[i, y, x] = light.optics[0] / (oy * ox) * (irradiance * share * back)
+                if rows:
+                    keys[i, y, x], cycles[i, y, x] = scatterer(X, Y, Z, rough)
+                if len(points):
+                    points[i, y, x, 0], points[i, y, x, 1], points[i, y, x, 2] = X, Y, Z
+    return energy, keys, cycles
+
+
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _turned(R: Floats, vectors: Floats, i: int) -> tuple[float, float, float]:
+    x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -172,12 +192,14 @@ def lit_cells(energy: Singles, body: Ints, ours: Bools) -> tuple[Ints, Singles]:
     m = 0
     for i in range(n):
         any_light = False
-        for y in range(oy):
-            for x in range(ox):
-                e = energy[i, y, x]
-                if e > 0.0 and ours[body[i, y * by // oy, x * bx // ox]]:
-                    own[m, y, x] = e
-                    any_light = True
+        for block in range(by * bx):
+            ky, kx = block // bx, block % bx
+            if not ours[body[i, ky, kx]]:
+                continue
+            for y in range((ky * oy + by - 1) // by, ((ky + 1) * oy + by - 1) // by):
+                for x in range((kx * ox + bx - 1) // bx, ((kx + 1) * ox + bx - 1) // bx):
+                    own[m, y, x] = energy[i, y, x]
+                    any_light |= energy[i, y, x] > 0.0
         if any_light:
             which[m] = i
             m += 1
@@ -186,20 +208,14 @@ def lit_cells(energy: Singles, body: Ints, ours: Bools) -> tuple[Ints, Singles]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _blurred(
-    field: Floats,
-    row: int,
-    column: int,
-    y: float,
-    x: float,
-    n: Floats,
-    reach: float,
+    field: Floats, row: int, column: int, y: float, x: float, n: Numbers, reach: float,
     light: Illumination,
-) -> float:
+) -> float:  # fmt: skip
     """How much wider defocus makes the sheet's profile on this surface (a factor, 1 in focus).
 
     A Gaussian sheet blurred by a Gaussian is a wider Gaussian: exact on a flat patch.
     """
-    apex, sheet, beam, optics = light.apex, light.sheet, light.beam, light.optics
+    optics = light.optics
     p, q = within(field, row, column, y, x)
     s = reach / (n[0] * p + n[1] * q + n[2])
     v = optics[3] * optics[4] / (optics[4] - optics[3])
@@ -208,62 +224,64 @@ def _blurred(
     blur = abs(v / sharp - 1.0) / 4.0  # rms of a disc along one axis, in apertures
     if blur * max(optics[1], optics[2]) < 0.02:
         return 1.0
-    at = np.empty(3)
-    for j in range(3):
-        pj, qj = p, q
-        if j == 1:
-            pj, qj = within(field, row, column, y, x + 1.0)
-        elif j == 2:
-            pj, qj = within(field, row, column, y + 1.0, x)
-        sj = reach / (n[0] * pj + n[1] * qj + n[2])
-        at[j] = sheet_distance(pj * sj, qj * sj, sj, sheet)
-    sigma = 0.5 * reach_of(p * s, q * s, s, apex, beam) / beam[3]
-    du, dv = (at[1] - at[0]) * blur * optics[1], (at[2] - at[0]) * blur * optics[2]
+    here = sheet_distance(p * s, q * s, s, light.sheet)
+    sigma = 0.5 * reach_of(p * s, q * s, s, light.apex, light.beam) / light.beam[3]
+    p, q = within(field, row, column, y, x + 1.0)
+    s = reach / (n[0] * p + n[1] * q + n[2])
+    du = (sheet_distance(p * s, q * s, s, light.sheet) - here) * blur * optics[1]
+    p, q = within(field, row, column, y + 1.0, x)
+    s = reach / (n[0] * p + n[1] * q + n[2])
+    dv = (sheet_distance(p * s, q * s, s, light.sheet) - here) * blur * optics[2]
     return math.sqrt(1.0 + (du * du + dv * dv) / (sigma * sigma))
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _radiance(
-    x: float, y: float, depth: float, n: Floats, albedo: float, paint: Floats, light: Illumination,
-    table: Floats, spread: float,
-) -> float:  # fmt: skip
-    """Radiance towards the camera, W/(mm² sr), times cos⁴ of the camera's field angle."""
-    apex, sheet, beam, fan = light.apex, light.sheet, light.beam, light.fan
+def _irradiance(
+    x: float, y: float, depth: float, n: Numbers, light: Illumination, spread: float
+) -> tuple[float, float]:
+    """Where on the fan, 0 to 1 (its ends), and W/mm² for a share of 1 per unit of s."""
+    apex, beam, fan = light.apex, light.beam, light.fan
     wx, wy, wz = x - apex[0], y - apex[1], depth - apex[2]
     z = wx * beam[4] + wy * beam[5] + wz * beam[6]
-    if z <= 0.0:
-        return 0.0
-    s = (wx * fan[2] + wy * fan[3] + wz * fan[4]) / (z * fan[1])
-    if abs(s) >= 1.0:
-        return 0.0
+    s = (wx * fan[2] + wy * fan[3] + wz * fan[4]) / fan[1]
+    if abs(s) >= z:  # beside the fan, or behind the laser
+        return 0.0, 0.0
     far = (z - beam[1]) / beam[2]
     w = beam[0] * math.sqrt(1.0 + far * far) * spread
-    d = sheet_distance(x, y, depth, sheet)
-    if abs(d) > FADED * w:
-        return 0.0
-    length = math.sqrt(wx * wx + wy * wy + wz * wz)
-    nl = -(n[0] * wx + n[1] * wy + n[2] * wz) / length
-    if nl <= 0.0:
-        return 0.0
-    place = (s + 1.0) * 0.5 * (len(table) - 1)
-    k = min(int(place), len(table) - 2)
-    share = table[k] + (place - k) * (table[k + 1] - table[k])
-    across = math.sqrt(2.0 / math.pi) / w * math.exp(-2.0 * d * d / (w * w))
-    # Power per area of a plane square to the aim; a plane square to the ray gets it over z/length.
-    irradiance = fan[0] * share / (z * fan[1]) * across * nl * length / z
-    away = math.sqrt(x * x + y * y + depth * depth)
-    nv = -(n[0] * x + n[1] * y + n[2] * depth) / away
-    lv = (wx * x + wy * y + wz * depth) / (length * away)
-    reflected = brdf(albedo, paint[4], paint[5], nl, nv, lv)
-    return irradiance * reflected * (depth / away) ** 4
+    d = sheet_distance(x, y, depth, light.sheet)
+    facing = -(n[0] * wx + n[1] * wy + n[2] * wz)
+    if abs(d) > FADED * w or facing <= 0.0:
+        return 0.0, 0.0
+    onward, thick = 1.0 / z, 1.0 / w
+    across = math.sqrt(2.0 / math.pi) * thick * math.exp(-2.0 * (d * thick) * (d * thick))
+    # Power per area of a plane square to the aim; a plane square to the ray gets it over z/length,
+    # and the surface times the cosine, which is facing/length.
+    return (s * onward + 1.0) * 0.5, fan[0] / fan[1] * across * facing * onward * onward
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _returned(
+    x: float, y: float, depth: float, n: Numbers, apex: Numbers, albedo: float, specular: float,
+    alpha: float,
+) -> float:  # fmt: skip
+    """Share of the irradiance that goes to the camera, 1/sr, times cos⁴ of its field angle."""
+    wx, wy, wz = x - apex[0], y - apex[1], depth - apex[2]
+    way = 1.0 / math.sqrt(wx * wx + wy * wy + wz * wz)
+    back = 1.0 / math.sqrt(x * x + y * y + depth * depth)
+    nl = -(n[0] * wx + n[1] * wy + n[2] * wz) * way
+    nv = -(n[0] * x + n[1] * y + n[2] * depth) * back
+    lv = (wx * x + wy * y + wz * depth) * (way * back)
+    cosine = depth * back
+    return brdf(albedo, specular, alpha, nl, nv, lv) * (cosine * cosine) * (cosine * cosine)
 
 
 @njit(cache=True, nogil=True)
 def paint_all(points: Floats, paint: Floats) -> Floats:
-    """(n,) albedo of points (n, 3), object frame."""
+    """(n,) albedo of points (n, 3), object frame; ``paint`` is albedo, kind, pitch, ratio."""
     out = np.empty(len(points))
     for i in range(len(points)):
-        out[i] = painted(points[i, 0], points[i, 1], points[i, 2], paint)
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        out[i] = paint[0] * painted(x, y, z, paint[1], paint[2], paint[3])
     return out
 
 

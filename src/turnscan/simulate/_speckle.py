@@ -127,9 +127,9 @@ def path_phase(
 
     X = np.ascontiguousarray(points, dtype=np.float64)
     phase = np.empty(X.shape[:-1], np.float32)
-    begin, end = (np.asarray(x, dtype=np.float64) for x in (laser, lens))
-    flat = X.reshape(-1, 3)
-    _grain_kernels.path_cycles(flat, size, begin, end, 1.0 / wavelength, phase.reshape(-1))
+    begin, end = (tuple(np.asarray(x, dtype=np.float64).tolist()) for x in (laser, lens))
+    rough = _grain_kernels.Roughness(size, begin, end, 1.0 / wavelength)
+    _grain_kernels.path_cycles(X.reshape(-1, 3), rough, phase.reshape(-1))
     return phase
 
 
@@ -156,15 +156,28 @@ def speckled(
 
     Raises ValueError, naming the argument, where shapes or values do not fit.
     """
+    where, cells, ids, turns = _checked(pixels, energy, keys, phase, shape, grain)
+    return imaged(where, (cells, ids, turns), shape, grain, seed, contrast)
+
+
+def imaged(
+    where: npt.NDArray[np.int32],
+    cells: tuple[Singles, Keys, Singles],
+    shape: tuple[int, int],
+    grain: Grain,
+    seed: int,
+    contrast: float,
+) -> Singles:
+    """As `speckled`, of arrays that are known to fit: pixels, and energy, keys and phase of their
+    cells; the phase, and without contrast the keys, may be (0, …)."""
     from turnscan.simulate import _grain
 
-    where, cells, ids, turns = _checked(pixels, energy, keys, phase, shape, grain)
     out = np.zeros(shape, np.float32)
     mixture = pattern_weights(contrast)
-    lit = _grain.index_of_lit(where, cells, shape)
+    lit = _grain.index_of_lit(where, cells[0], shape)
     apron = max(1, math.ceil(_APRON_GRAINS * max(grain)))
     for window in _windows(lit, apron):
-        _grain.expose_window(window, lit, (cells, ids, turns), grain, seed, mixture, apron, out)
+        _grain.expose_window(window, lit, cells, grain, seed, mixture, apron, out)
     return out
 
 
@@ -233,11 +246,12 @@ def _checked(
     phase: npt.ArrayLike | None,
     shape: tuple[int, int],
     grain: Grain,
-) -> tuple[npt.NDArray[np.int32], Singles, Keys, Singles | None]:
+) -> tuple[npt.NDArray[np.int32], Singles, Keys, Singles]:
     where = np.ascontiguousarray(pixels, dtype=np.int32)
     cells = np.ascontiguousarray(energy, dtype=np.float32)
     ids = np.ascontiguousarray(keys, dtype=np.uint32)
-    turns = None if phase is None else _whole_turns_removed(phase)
+    none = np.zeros((0, 0, 0), np.float32)
+    turns = none if phase is None else _whole_turns_removed(phase)
     if where.ndim != 2 or where.shape[1] != 2:
         raise ValueError(f"speckled: pixels of shape {where.shape}, expected (n, 2)")
     if cells.ndim != 3 or any(
@@ -249,7 +263,7 @@ def _checked(
         )
     wanted = (len(where), *cells.shape[1:])
     for name, got in (("energy", cells), ("keys", ids), ("phase", turns)):
-        if got is not None and got.shape != wanted:
+        if got is not none and got.shape != wanted:
             raise ValueError(f"speckled: {name} of shape {got.shape}, expected {wanted}")
     if len(where):
         if where.min() < 0 or (where.max(axis=0) >= shape).any():

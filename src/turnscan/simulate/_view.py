@@ -49,37 +49,39 @@ class View:
 
         key = T.rotation.tobytes() + T.translation.tobytes()
         if self._last is None or self._last[0] != key:
-            camera = self.bench.rig.camera
-            face = np.full(camera.height * camera.width, -1, np.int32)
-            places = self._within_view(T)
-            strip = _STRIP * camera.width
-            for start in range(0, len(places), strip):
-                k = places[start : start + strip]
-                directions = _rays.rays(self._places(k), self.field, 1, 1, T.rotation)
-                face[k] = self._caster.first_hits(T.inverse().translation, directions)
-            self._last = (key, face)
+            camera, bounds = self.bench.rig.camera, self._within_view(T)
+            face = np.full((camera.height, camera.width), -1, np.int32)
+            numbers = np.arange(face.size, dtype=np.int32).reshape(face.shape)[bounds]
+            seen, eye = face[bounds], T.inverse().translation
+            strip = max(1, _STRIP * camera.width // max(1, seen.shape[1]))
+            for row in range(0, len(seen), strip):
+                part = numbers[row : row + strip]
+                directions = _rays.rays(part.ravel(), self.field, 1, 1, T.rotation)
+                hits = self._caster.first_hits(eye, directions)
+                seen[row : row + strip] = hits.reshape(part.shape)
+            self._last = (key, face.ravel())
         return self._last[1]
 
-    def _within_view(self, T: Pose) -> npt.NDArray[np.intp]:
-        """Numbers of the pixels in the rectangle round all bodies."""
+    def _within_view(self, T: Pose) -> tuple[slice, slice]:
+        """Rows and columns of the rectangle round all bodies."""
         camera = self.bench.rig.camera
-        v = self._tri.vertices
-        low, high = v.min(axis=0), v.max(axis=0)
-        t = np.linspace(0.0, 1.0, 5)
-        box = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3) * (high - low) + low
-        uv = camera.project(T.apply(box))
+        uv = camera.project(T.apply(self._box))
         size = np.array([camera.width, camera.height])
         if np.isnan(uv).any():
             first, last = np.zeros(2, int), size
         else:
             first = np.clip(np.floor(uv.min(axis=0)) - 2, 0, size).astype(int)
             last = np.clip(np.ceil(uv.max(axis=0)) + 3, 0, size).astype(int)
-        rows, columns = np.arange(first[1], last[1]), np.arange(first[0], last[0])
-        return (rows[:, None] * camera.width + columns).ravel()
+        return slice(first[1], last[1]), slice(first[0], last[0])
 
-    def _places(self, k: npt.NDArray[np.intp]) -> Ints:
-        """(n, 2) row and column of pixels given by number."""
-        return np.stack(np.divmod(k, self.bench.rig.camera.width), axis=-1).astype(np.int32)
+    @cached_property
+    def _box(self) -> Floats:
+        """(125, 3) points in and on the box round all bodies, object frame."""
+        v = self._tri.vertices
+        low, high = v.min(axis=0), v.max(axis=0)
+        t = np.linspace(0.0, 1.0, 5)
+        unit = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3)
+        return np.asarray(unit * (high - low) + low)
 
     def room_light(self, T: Pose) -> Singles:
         """Electrons per second (H, W, 1 or 3) of the room's light, held for the next frame."""
@@ -123,16 +125,16 @@ class View:
 
         bench, tri = self.bench, self._tri
         colours = 3 if bench.sensor.bayer else 1
-        directions = _rays.rays(self._places(k), self.field, fine, fine, T.rotation)
+        directions = _rays.rays(k.astype(np.int32), self.field, fine, fine, T.rotation)
         eye = T.inverse().translation
         face = self.seen(T)[k] if fine == 1 else self._caster.first_hits(eye, directions)
-        hit = np.flatnonzero(face >= 0)
         points, normals = _rays.surface(
-            face[hit], directions[hit], eye[None],
+            face, directions, eye[None],
             tri.vertices, tri.faces, tri.flat_normals, tri.corner_normals,
         )  # fmt: skip
-        seen = ~np.isnan(points[:, 0])
-        hit, points, normals = hit[seen], points[seen], normals[seen]
+        hit = np.flatnonzero(~np.isnan(points[:, 0]))
+        if len(hit) < len(face):
+            points, normals = points[hit], normals[hit]
         body = tri.body[face[hit]]
         light = self._irradiance(points, normals, tri.flat_normals[face[hit]], T)
         dim = bench.scene.background * bench.scene.sky / math.pi
