@@ -24,7 +24,7 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
 
 ROOMS = {
     "projects": "Scans", "rig": "Rig", "scan": "Scan", "repair": "Repair", "measure": "Inspect",
-    "export": "Export", "do-compare": "Files",
+    "export": "Export", "do-compare": "Files", "do-join": "Files", "calibrate": "Calibrate",
 }  # fmt: skip
 """What is in the address, and the name of the room's main region."""
 CUT = """
