@@ -173,3 +173,24 @@ def test_a_point_by_itself_beside_a_gap_stays_if_it_is_known_well(sigma, stays):
     out, _ = clean(replace(grid, points=points, sigma=own), Clean(support=0, piece=0.0))
     assert out.found[23, 25] == stays
     assert out.found[24:].all()
+
+
+def test_points_far_off_the_line_of_their_profile_go_and_grooves_stay():
+    """The last of a run by 0.4 mm, and one within it by 0.15: too little for a stray."""
+    grid = wall(120, 60, noise=0.02)
+    points, flags = grid.points.copy(), grid.flags.copy()
+    points[30, 40:], flags[30, 40:] = np.nan, StripeFlag.DARK
+    grid = replace(grid, points=points, flags=flags)
+    lone = np.zeros(flags.shape, dtype=bool)
+    lone[30, 39] = lone[80, 20] = True
+    # A groove of one line, all round but for a part.
+    groove = np.zeros_like(lone)
+    groove[40:70, 10] = True
+    rough = moved(moved(moved(grid, (30, 39), 0.4), (80, 20), -0.15), groove, -0.3)
+    out, findings = clean(rough)
+    assert not out.found[lone].any()
+    assert out.found[groove].all()
+    assert (grid.found & ~out.found).sum() <= 4
+    assert (out.flags[lone] & StripeFlag.EDGE).all()
+    assert [f.code for f in findings if f.code == "surface.spikes"]
+    assert clean(rough, Clean(edge=0))[0].found[lone].all()

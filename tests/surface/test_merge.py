@@ -159,7 +159,7 @@ def test_an_edge_between_profiles_stands_off_their_chord_as_their_bends_say(shif
     column = replace(grid, points=grid.points + out * (side - 1.0)[:, None, None])
     (one,) = range_surfaces(column)
     low, high = side[0], side[-1]  # of the profiles about the edge at angle 0
-    between = one.between(radial=True, edges=np.inf)
+    between = one.between(edges=np.inf)
     at = one.ranks % 10
     gap = reach - (shift * high + (1 - shift) * low)
     assert gap > 0.3
@@ -167,25 +167,26 @@ def test_an_edge_between_profiles_stands_off_their_chord_as_their_bends_say(shif
     assert beside == pytest.approx(gap, rel=0.2)
     assert between[(at > 2) & (at < 7)].max() < 0.1 * gap
     (tube,) = range_surfaces(replace(grid, points=grid.points + out * (reach - 1.0)))
-    assert tube.between(radial=True, edges=np.inf).max() < 0.01
-    capped = one.between(radial=True, edges=0.2)
+    sagitta = reach * (1 - np.cos(step / 2))
+    assert tube.between(edges=np.inf) == pytest.approx(sagitta, rel=0.05)
+    capped = one.between(edges=0.2)
     assert capped.max() == pytest.approx(0.2, abs=0.05)
 
 
 def test_where_no_bend_was_seen_no_edge_says_that_there_is_none():
     """Two profiles have no bend; nor does what is stored last say one at the border of four."""
     (pair,) = range_surfaces(turned(np.arange(2) * 0.1, np.full(20, 20.0)))
-    plain = pair.between(radial=True)
+    plain = pair.between()
     assert (plain > 0.1).all()
-    np.testing.assert_array_equal(pair.between(radial=True, edges=1.0), plain)
+    np.testing.assert_array_equal(pair.between(edges=1.0), plain)
 
     (one,) = range_surfaces(turned(np.arange(4) * 0.1, np.full(20, 20.0)))
-    said = one.between(radial=True, edges=1.0)
+    said = one.between(edges=1.0)
     X = one.mesh.vertices.copy()
     X[-1, :2] *= 8.0  # the last vertex, at the far border
     other = replace(one, mesh=replace(one.mesh, vertices=X))
     near = one.ranks == 0
-    np.testing.assert_allclose(other.between(radial=True, edges=1.0)[near], said[near])
+    np.testing.assert_allclose(other.between(edges=1.0)[near], said[near])
 
 
 def test_what_is_known_worse_than_usual_is_not_averaged_away():

@@ -23,6 +23,11 @@ _FADES, _INNER = 6, 6
 _FAINT, _APART = 0.75, 8.0
 """… of which, and of the profile beside, they keep less than this part, and how far, in sigma, they
 lie off the line that the points before make."""
+_OFF, _RUN, _NEXT = 4.5, 7, 1
+"""Sigma by which a point may lie off the line of its run, the points to either side that make that
+line, and those next to it that do not at the end of a run, …"""
+_ALIKE, _LINES = 0.5, 2
+"""… unless in the profiles beside one lies this part as far off, so many lines away at most."""
 _DOUBTED = 3.0
 """Usual sigma beyond which a point by itself at a border is not believed."""
 
@@ -67,8 +72,9 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
     points by themselves at a border, of more than three times the usual sigma. Then `despike`,
     where ``outlier`` is given. Then points with too few linked neighbours go, again and again:
     single strays, and spikes of one line's or one profile's width. What is removed is flagged
-    EDGE or AMBIGUOUS. A grid of one profile or one line has no neighbours to judge by and stays as
-    it is.
+    EDGE or AMBIGUOUS. Last go points far off the line of their run, unless the profiles
+    beside have them alike. A grid of one profile or one line has no neighbours to judge by and
+    stays as it is.
     """
     c = settings or Clean()
     s, n = grid.flags.shape
@@ -108,6 +114,15 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
                 Remedy("keep them with ", Option("keep_strays")),
             )
         )
+    have = out.found
+    # What was next to the last of a run is the last one then.
+    for _ in range(2 if c.edge else 0):
+        out = without(out, _off_run(out), StripeFlag.EDGE)
+    drop = have & ~out.found
+    if drop.any():
+        text = f"{int(drop.sum())} points far off the line of their profile are removed"
+        remedy = Remedy("keep them with ", Option("edge", 0))
+        findings.append(Finding("surface.spikes", "note", text, where, remedy))
     return out, findings
 
 
@@ -164,6 +179,28 @@ def _fading(grid: RangeGrid) -> Bools:
         grid.points, noise(grid), light, beside, _FADES, _INNER, _FAINT, _APART
     )
     return fades
+
+
+def _off_run(grid: RangeGrid) -> Bools:
+    """(s, n) True for points far off the line of their run that the profiles beside do not have.
+
+    Where the stripe's last light falls on two surfaces, or something glows through, one or two
+    centres jump; an edge or a groove goes on in the next profile.
+    """
+    from turnscan.surface.clean import _clean_kernels as kernels
+
+    off, ratio = kernels.off_runs(grid.points, noise(grid), _RUN, _NEXT)
+    far = np.einsum("sni,sni->sn", off, off)
+    spikes = ratio > _OFF
+    alike = np.zeros_like(spikes)
+    for step in (-1, 1):
+        beside = np.roll(off, step, axis=0)
+        if not grid.closed:
+            beside[0 if step == 1 else -1] = 0.0
+        for line in range(-_LINES, _LINES + 1):
+            there = np.einsum("sni,sni->sn", np.roll(beside, line, axis=1), off)
+            alike |= there > _ALIKE * far
+    return np.asarray(spikes & ~alike)
 
 
 def _beside_gaps(grid: RangeGrid, c: Clean) -> Bools:

@@ -216,6 +216,74 @@ def _run(
 
 
 @njit(cache=True, nogil=True)
+def off_runs(points: Floats, sigma: Floats, inner: int, skipped: int) -> tuple[Floats, Floats]:
+    """(s, n, 3) mm by which each point lies beside the line of its run, and (s, n) that distance
+    over what is usual: its ``sigma`` (s, n), or what the run itself scatters if that is more, times
+    what a line through so few points leaves unknown there; 0 where too few tell.
+
+    The line goes through up to ``inner`` points before it and after it; at the ends of a run,
+    through those on the one side, without the ``skipped`` next to it.
+    """
+    s, n, _ = points.shape
+    off, ratio = np.zeros((s, n, 3)), np.zeros((s, n))
+    own, at = np.empty((2 * inner, 3)), np.empty(2 * inner)
+    for k in range(s):
+        for j in range(n):
+            if np.isnan(points[k, j, 0]):
+                continue
+            before = _gathered(points[k], j, -1, 0, inner, own, at, 0)
+            have = _gathered(points[k], j, 1, 0, inner, own, at, before)
+            if before < 2 or have - before < 2:
+                way = -1 if 2 * before >= have else 1
+                have = _gathered(points[k], j, way, skipped, inner, own, at, 0)
+            if have < inner - 1:
+                continue
+            side, scatter, known = _beside_line(points[k, j], own[:have], at[:have])
+            off[k, j] = side
+            known *= max(sigma[k, j], scatter)
+            ratio[k, j] = np.sqrt((side * side).sum()) / known if known > 0.0 else 0.0
+    return off, ratio
+
+
+@njit(cache=True, nogil=True)
+def _gathered(
+    line: Floats, j: int, way: int, skipped: int, most: int, own: Floats, at: Floats, have: int
+) -> int:
+    """Write up to ``most`` points of a run on one side of j and their places; gives how many."""
+    end = have + most
+    for i in range(1, most + skipped + 1):
+        place = j + way * i
+        if place < 0 or place >= len(line) or np.isnan(line[place, 0]) or have == end:
+            break
+        if i > skipped:
+            own[have], at[have] = line[place], way * i
+            have += 1
+    return have
+
+
+@njit(cache=True, nogil=True)
+def _beside_line(point: Floats, own: Floats, at: Floats) -> tuple[Floats, float, float]:
+    """(3,) from the line through points (m, 3) at places (m,) to one more at 0, across it; mm rms
+    by which they scatter about it; and by how much noise counts there, the line's own included."""
+    middle, slope = np.zeros(3), np.zeros(3)
+    mean = at.mean()
+    for i in range(len(at)):
+        middle += own[i] / len(at)
+        slope += (at[i] - mean) * own[i]
+    slope /= max(np.sqrt((slope * slope).sum()), 1e-12)
+    scatter, spread = 0.0, 0.0
+    for i in range(len(at)):
+        spread += (at[i] - mean) ** 2
+        side = own[i] - middle
+        side -= (side * slope).sum() * slope
+        scatter += (side * side).sum()
+    off = point - middle
+    off -= (off * slope).sum() * slope
+    known = np.sqrt(1.0 + 1.0 / len(at) + mean * mean / spread)
+    return off, np.sqrt(scatter / max(len(at) - 2, 1)), known
+
+
+@njit(cache=True, nogil=True)
 def _neighbours(
     keep: Bools, to_step: Bools, to_line: Bools, closed: bool, k: int, j: int, ks: Longs, js: Longs
 ) -> int:

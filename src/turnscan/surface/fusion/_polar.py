@@ -22,6 +22,8 @@ _FLATS = 0.03
 """Share of the area within 20° of level above which angle and height miss too much of a part."""
 _JUMP = 3.0
 """Combined sigma beyond which two measurements of one cell are not averaged."""
+_GUESS = 0.75
+"""Lines' distances that a surface may be off between two profiles before a cell is a guess."""
 _COARSE = 2.5
 """Profiles further apart than this many lines are coarse."""
 _SAME = 0.25
@@ -38,10 +40,13 @@ class PolarGrid:
     """(surfaces, s, n) mm, NaN where nothing was measured."""
     weight: Floats
     """(surfaces, s, n) cos(incidence)/spread², 0 where nothing was measured."""
+    slope: Floats
+    """(surfaces, s, n) cosine between the surface's normal and the radius."""
     noise: Floats
-    """(surfaces, s, n) mm: what the sigma of the points makes of the radius."""
+    """(surfaces, s, n) mm along the normal: the sigma of the points."""
     spread: Floats
-    """(surfaces, s, n) mm: that and what the surface may do between its profiles."""
+    """(surfaces, s, n) mm along the normal: that and what the surface may do between its
+    profiles."""
     source: Ints
     """(surfaces, s, n) number of the nearest vertex of that surface, −1 where none."""
     bottom: float
@@ -71,13 +76,13 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     from turnscan.surface.fusion import _polar_kernels as kernels
     from turnscan.surface.fusion._variance_kernels import Vertices
 
-    # By an edge alone no cell becomes a guess: that begins beyond a line's distance.
-    between = [s.between(radial=True, edges=0.99 * rise) for s in surfaces]
+    # By an edge alone no cell becomes a guess: that begins beyond most of a line's distance.
+    between = [s.between(edges=0.99 * _GUESS * rise) for s in surfaces]
     columns = _columns(surfaces, steps, rise)
     heights = np.concatenate([s.mesh.vertices[:, 2] for s in surfaces])
     bottom = float(heights.min())
     shape = (len(surfaces), len(columns), int((heights.max() - bottom) / rise) + 1)
-    radius, noise, spread = np.full((3, *shape), np.nan)
+    radius, slope, noise, spread = np.full((4, *shape), np.nan)
     weight, source = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
     met = clashes = 0
     area = level = 0.0
@@ -88,6 +93,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
         alike = max(3 * rise, 6 * float(np.median(known)) if len(known) else 0.0)
         more = kernels.raster(
             Vertices(X, s.sigma, between[i], s.ranks),
+            s.normals,
             _turns(X),
             np.maximum(s.cosine, 0.05),
             s.mesh.faces,
@@ -95,7 +101,7 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
             bottom,
             rise,
             alike,
-            kernels.Cells(radius[i], weight[i], noise[i], spread[i], source[i]),
+            kernels.Cells(radius[i], weight[i], slope[i], noise[i], spread[i], source[i]),
         )
         met, clashes, apart = met + more[0], clashes + more[1], max(apart, alike)
         both = faces.level(X, s.mesh.faces, s.normals, _FLAT)
@@ -103,7 +109,9 @@ def polar_grid(surfaces: Sequence[RangeSurface], steps: int, rise: float) -> Pol
     clashes += _unlike(radius, apart)
     several, flat = clashes / max(met, 1), level / max(area, 1e-300)
     angles = 2 * np.pi * columns
-    return PolarGrid(angles, radius, weight, noise, spread, source, bottom, rise, several, flat)
+    return PolarGrid(
+        angles, radius, weight, slope, noise, spread, source, bottom, rise, several, flat
+    )
 
 
 def _turns(X: Floats) -> Floats:
@@ -146,20 +154,22 @@ def merge_polar(
     counts. What the surface may do between profiles excuses no disagreement, for it may be a gap;
     it makes a measurement count less, and the sigma of a cell larger. Averaging lowers the usual
     noise alone: what is known worse, at an edge or between profiles, all surfaces may have alike.
-    Where it may be more than a
+    Where it may be more than three quarters of a
     line's distance and more than three usual sigma, nothing was measured, and the cell is left to
     the other surfaces. A vertex has the provenance of the nearest vertex of the best surface.
     ``along`` chooses the points along the merged profiles.
     """
     usual = float(np.nanmedian(grid.noise)) if grid.radius.size else 0.0
     with np.errstate(invalid="ignore"):
-        guess = grid.spread**2 - grid.noise**2 > max(grid.rise, _JUMP * usual) ** 2
+        guess = grid.spread**2 - grid.noise**2 > max(_GUESS * grid.rise, _JUMP * usual) ** 2
     grid = replace(grid, weight=np.where(guess, 0.0, grid.weight))
     best = np.argmax(grid.weight, axis=0)[None]
     chosen = np.take_along_axis(grid.radius, best, 0)
-    noise = np.take_along_axis(grid.noise, best, 0)
+    noise, slope = (np.take_along_axis(v, best, 0) for v in (grid.noise, grid.slope))
     with np.errstate(invalid="ignore"):
-        off = np.abs(grid.radius - chosen) > _JUMP * np.hypot(grid.noise, noise)
+        off = np.fmax(slope, grid.slope) * np.abs(grid.radius - chosen) > _JUMP * np.hypot(
+            grid.noise, noise
+        )
     weight = np.where(off, 0.0, grid.weight)
     total = weight.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -72,21 +72,17 @@ class RangeSurface:
             raise TypeError("the mesh of a grid knows its steps")
         return self.mesh.provenance
 
-    def between(self, radial: bool = False, edges: float = 0.0) -> Floats:
+    def between(self, edges: float = 0.0) -> Floats:
         """(v,) mm: how far the surface may lie off its chords to the profiles about each vertex.
 
-        An eighth of its second difference from profile to profile, along the normal (``radial``:
-        of its radius) beyond what noise makes of it, which is the sagitta of what bends evenly.
+        An eighth of its second difference from profile to profile, along the normal
+        beyond what noise makes of it, which is the sagitta of what bends evenly.
         Where there are not three profiles in a row nothing is known of the bend; there it is an
         eighth of the usual distance between two profiles. Up to ``edges`` mm it counts what an edge
         between them does.
         """
         X, (before, after) = self.mesh.vertices, self.neighbours
-        if radial:
-            r = np.hypot(X[:, 0], X[:, 1])
-            second = r[before] - 2.0 * r + r[after]
-        else:
-            second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
+        second = np.einsum("ij,ij->i", self.normals, X[before] - 2.0 * X + X[after])
         second = np.where((before < 0) | (after < 0), np.nan, second)
         # Noise bends three points by the root of six of it.
         off = np.sqrt(np.maximum(second**2 - 6.0 * self.sigma**2, 0.0)) / 8.0
@@ -102,7 +98,7 @@ class RangeSurface:
 
     def _creases(self, second: Floats) -> Floats:
         """(v,) mm: how far an edge between two profiles stands off their chord, from the second
-        differences (v,) of the radius.
+        differences (v,) along the normal.
 
         An edge that divides a step as t : 1 − t bends the profiles beside it by (1 − t) and t of
         its turn, and stands t (1 − t) of that off the chord: the product of the two bends over

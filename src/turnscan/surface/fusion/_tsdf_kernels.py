@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints, Longs, Singles
 from turnscan.compiled import njit
-from turnscan.surface.fusion._variance_kernels import Vertices, variances
+from turnscan.surface.fusion._variance_kernels import Vertices, rise, variances
 
 SIDE = 8
 """Voxels along one side of a block."""
@@ -26,8 +26,6 @@ _FAINTEST = 0.01
 """Strength that a contribution keeps at the end of the ramp."""
 _SLACK = 0.02
 """Part of a face by which its shadow is widened, so that rays that fan out leave no cracks."""
-_BENT = float(np.cos(np.deg2rad(45.0)))
-"""Cosine of the angle between normals of neighbours beyond which there is an edge between them."""
 _APART = 0.02
 """Voxels that a vertex keeps from the vertices of its cube: the vertices on several edges at one
 corner would else fall on one place in the 32-bit numbers of an STL."""
@@ -144,20 +142,6 @@ def _solve(e1: Floats, e2: Floats, r: Floats, inverse: Floats) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _rise(points: Floats, normals: Floats, a: int, b: int) -> float:
-    """mm: four times the height of a surface over the middle of the chord from a to b.
-
-    By its normals at both ends (a circle's, to the second order); none where they differ by more
-    than 45°, for that is an edge.
-    """
-    dot, rise = 0.0, 0.0
-    for i in range(3):
-        dot += normals[a, i] * normals[b, i]
-        rise += (normals[b, i] - normals[a, i]) * (points[b, i] - points[a, i])
-    return rise / 2.0 if dot > _BENT else 0.0
-
-
-@njit(cache=True, nogil=True)
 def add(
     vertices: Vertices,
     normals: Floats,
@@ -195,9 +179,9 @@ def add(
         if not cosine > least_cos or not _solve(e1, e2, r, inverse):
             continue
         far = ramp / cosine
-        ab = _rise(points, normals, a, b)
-        bc = _rise(points, normals, b, c)
-        ca = _rise(points, normals, c, a)
+        ab = rise(points, normals, a, b)
+        bc = rise(points, normals, b, c)
+        ca = rise(points, normals, c, a)
         for x in range(low[0], high[0] + 1):
             vx = origin[0] + x * voxel - p[0]
             for y in range(low[1], high[1] + 1):

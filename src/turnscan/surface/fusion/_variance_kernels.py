@@ -1,11 +1,16 @@
-"""Compiled: how well a place on a face is known; shared by the merges in voxels and in cells."""
+"""Compiled: where a place on a face lies and how well it is known; for voxels and cells."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
+
+_BENT = float(np.cos(np.deg2rad(45.0)))
+"""Cosine of the angle between normals of neighbours beyond which there is an edge between them."""
 
 
 class Vertices(NamedTuple):
@@ -36,3 +41,17 @@ def variances(
     part = min(max(part, 0.0), 1.0)
     gap = 4.0 * part * (1.0 - part) * max(between[a], between[b], between[c])
     return own, own + gap * gap
+
+
+@njit(cache=True, nogil=True)
+def rise(points: Floats, normals: Floats, a: int, b: int) -> float:
+    """mm: four times the height of a surface over the middle of the chord from a to b.
+
+    By its normals at both ends (a circle's, to the second order); none where they differ by more
+    than 45°, for that is an edge.
+    """
+    dot, rise = 0.0, 0.0
+    for i in range(3):
+        dot += normals[a, i] * normals[b, i]
+        rise += (normals[b, i] - normals[a, i]) * (points[b, i] - points[a, i])
+    return rise / 2.0 if dot > _BENT else 0.0
