@@ -85,19 +85,16 @@ def raster(
     along, across, normal = np.empty(3), np.empty(3), np.empty(3)
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        xa, xb, xc = around[a], around[b], around[c]
+        xa = around[a]
         # The face lies where its vertices are nearest to the first, across the seam too.
-        xb -= np.round(xb - xa)
-        xc -= np.round(xc - xa)
+        xb, xc = (around[b] - np.round(around[b] - xa), around[c] - np.round(around[c] - xa))
         za = (points[a, 2] - bottom) / apart
-        zb = (points[b, 2] - bottom) / apart
-        zc = (points[c, 2] - bottom) / apart
+        zb, zc = (points[b, 2] - bottom) / apart, (points[c, 2] - bottom) / apart
         left, right = min(xa, xb, xc), max(xa, xb, xc)
         if right - left > 0.25 or not _facing(points, a, b, c, normal):
             continue
-        ab, bc, ca = (
-            rise(points, normals, a, b), rise(points, normals, b, c), rise(points, normals, c, a),
-        )  # fmt: skip
+        ab, bc = rise(points, normals, a, b), rise(points, normals, b, c)
+        ca = rise(points, normals, c, a)
         low = max(0, int(np.ceil(min(za, zb, zc) - 1e-9)))
         high = min(n - 1, int(np.floor(max(za, zb, zc) + 1e-9)))
         whole = np.floor(left - 1e-9)
