@@ -5,7 +5,8 @@ two of them); ``python -m bench shapes hexagon shaft`` some alone; ``--write`` p
 the page. ``python -m bench.shapes --rig modern --calibrated`` takes another rig, or one calibrated
 from pictures, and then the calibration's uncertainty counts, too; ``--seeds 20 --steps 24 shaft``
 scans a part so many times and tells how often its sizes keep their uncertainty; ``--keep FOLDER``
-keeps the scans there and finds them again.
+keeps the scans there and finds them again; ``--freeform`` tells what is invented on a dense mesh of
+which nothing is a shape, and how long that takes.
 """
 
 from __future__ import annotations
@@ -295,6 +296,33 @@ def _table(tasks: Sequence[Task], folder: Path, into_pages: bool) -> None:
         write(PAGE, "shapes" if rig == "paper" else f"shapes-{rig}", lines)
 
 
+def freeform(columns: int = 450, sigma: float = 0.02) -> Mesh:
+    """A lumpy closed body of about 80 mm with noise of ``sigma`` mm: no shape anywhere."""
+    turn = np.arange(columns) * 2 * np.pi / columns
+    u, v = np.meshgrid(turn, np.linspace(0.02, np.pi - 0.02, columns))
+    r = 40 + 8 * np.cos(3 * u) * np.sin(v) ** 3 + 4 * np.sin(5 * v)
+    r += 5 * np.sin(2 * u + 1) * np.sin(v) ** 2
+    X = np.stack([r * np.cos(u) * np.sin(v), r * np.sin(u) * np.sin(v), r * np.cos(v)], axis=-1)
+    X = X.reshape(-1, 3) + np.random.default_rng(1).normal(0, sigma, (columns**2, 3))
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(columns), np.arange(columns - 1)))
+    a, b = j * columns + i, j * columns + (i + 1) % columns
+    c, d = a + columns, b + columns
+    return Mesh(X, np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)]))
+
+
+def _freeform() -> None:
+    find_shapes(freeform(60))  # compiles
+    mesh, spent = freeform(), list[float]()
+    for _ in range(2):
+        start = time.process_time()
+        found = find_shapes(mesh)
+        spent.append(time.process_time() - start)
+    print(
+        f"freeform, {len(mesh.faces)} triangles: {len(found.shapes)} shapes invented, "
+        f"{min(spent):.1f} s of the processor"
+    )
+
+
 def main() -> None:
     """The same with another rig, kept scans, or many seeds."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -306,7 +334,11 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=STEPS)
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
     parser.add_argument("--write", action="store_true", help="put the table into the page")
+    parser.add_argument("--freeform", action="store_true", help="a dense mesh without shapes")
     args = parser.parse_args()
+    if args.freeform:
+        _freeform()
+        return
     tasks = [
         Task(name, args.rig, args.calibrated, args.seed, args.steps) for name in args.parts or PARTS
     ]

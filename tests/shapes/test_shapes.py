@@ -34,8 +34,10 @@ def test_a_stepped_shaft_is_three_cylinders_a_cone_and_three_planes(shaft):
     (cone,) = found.of("cone")
     assert abs(abs(cone.second) - np.pi / 4) < 4 * cone.second_sigma + 1e-4
     assert not any(s.hollow for s in found.shapes)
-    coaxial = {(r.first, r.second) for r in found.relations if r.kind == "coaxial"}
-    assert len(coaxial) >= 3
+    # Of six pairs, each inside its uncertainty in 95 of 100 cases, and what others then imply.
+    others = [find_shapes(noisy(shaft, SIGMA, seed)) for seed in (2, 3)]
+    coaxial = [r for f in (found, *others) for r in f.relations if r.kind == "coaxial"]
+    assert len(coaxial) >= 8
     assert np.nanmax(np.abs(found.residual)) <= found.tolerance * 1.05
     assert 0.8 * SIGMA < np.nanstd(found.residual) < 1.2 * SIGMA
     heights = sorted(round(s.value, 2) for s in sizes_between(mesh, found) if s.kind == "distance")
@@ -123,6 +125,25 @@ def test_a_whole_face_that_is_known_five_times_worse_is_found():
     assert [s.kind for s in found.shapes] == 4 * ["plane"]
     (worse,) = [s for s in found.shapes if s.axis[0] > 0.9]
     assert worse.rms == pytest.approx(5 * SIGMA, rel=0.1)
+
+
+@pytest.mark.parametrize(("worse", "planes"), [(1.0, 5), (3.0, 4)])
+def test_a_band_of_few_stripes_that_are_known_badly_is_no_face(worse, planes):
+    """Beside an edge stripes are bent alike all along it, and lie as smoothly as on a chamfer."""
+    outline = [(0, 0), (40, 0), (40, 28), (37.6, 30), (0, 30)]
+    body = prism(outline, 30, 0.8)
+    X = body.vertices
+    band = (X[:, 0] > 37.61) & (X[:, 1] > 28.01)
+    where = np.round(X[:, :2], 6)
+    stripe = np.unique(where, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int32)
+    assert len(np.unique(stripe[band])) < 8
+    sigma = np.where(band, worse * SIGMA, SIGMA)
+    none = np.zeros(len(X), dtype=np.int32)
+    origin = Provenance(sigma, none, stripe, none, ("red",))
+    dice = np.random.default_rng(5).normal(size=len(X)) * sigma
+    moved = X + np.nan_to_num(vertex_normals(body)) * dice[:, None]
+    found = find_shapes(Mesh(moved, body.faces, provenance=origin))
+    assert [s.kind for s in found.shapes] == planes * ["plane"]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -214,27 +214,28 @@ def _lies_on(
 
 @njit(cache=True, nogil=True)
 def grown(
-    surface: Surface, ground: Neighbourhood, marks: Marks, seeds: Longs, cos_turn: float
+    surface: Surface, ground: Neighbourhood, marks: Marks, seeds: Longs, cos_turn: float, most: int
 ) -> Longs:
-    """Free vertices connected to the seeds that lie on the surface.
+    """Up to ``most`` free vertices connected to the seeds that lie on the surface, nearest first.
 
     Each is within its limit, its smooth normal within the turn of the surface's.
     """
-    queue = np.empty(len(ground.vertices), dtype=np.int64)
+    most = min(most, len(ground.vertices))
+    queue = np.empty(most, dtype=np.int64)
     n = np.empty(3)
     filled = 0
     for k in seeds:
-        if _lies_on(surface, ground, marks, k, cos_turn, n):
+        if filled < most and _lies_on(surface, ground, marks, k, cos_turn, n):
             marks.seen[k] = marks.mark
             queue[filled] = k
             filled += 1
     at = 0
-    while at < filled:
+    while at < filled and filled < most:
         here = queue[at]
         at += 1
         for e in range(ground.start[here], ground.start[here + 1]):
             k = ground.near[e]
-            if _lies_on(surface, ground, marks, k, cos_turn, n):
+            if filled < most and _lies_on(surface, ground, marks, k, cos_turn, n):
                 marks.seen[k] = marks.mark
                 queue[filled] = k
                 filled += 1

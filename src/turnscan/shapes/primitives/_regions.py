@@ -54,9 +54,15 @@ _CELL = 9
 """Vertices of a cell, about."""
 _CLEAR = 0.05
 """A plane whose pattern stays below this is not compared with curved surfaces."""
-_FIT = 4000
-"""Points that a fit looks at while a region grows."""
-_ROUNDS = 12
+_FIT, _GROWING = 4000, 400
+"""Points that a fit looks at, and while a region grows."""
+_ROUNDS, _GROWTH = 24, 4
+"""Of growth, each at most so many times as large as the one before: what turns out to be freeform
+has not been looked at far and wide by then."""
+_SETTLING = 3
+"""Rounds of growth at the end, with fits to more points."""
+_HOPELESS = 0.30
+"""Excess beyond which a region that grows is given up: its surface is that through its points."""
 _STEPS = 6
 """Of a fit while a region grows."""
 _MISFIT = 2.0
@@ -73,6 +79,10 @@ many times worse than others about it such a point is known."""
 _ABOUT, _MIXED = 60, 0.25
 """Vertices about a point that its sigma is compared with, and the share of them that is known so
 much better where an edge is the cause: a whole face that is known worse has none."""
+_POOR, _FEW, _MANY = 1.8, 8, 4
+"""Usual sigmas from which a region is known badly, and the stripes that it then needs: bands of
+three to five of them stand beside edges of scans where nothing is, up to 2 mm off the part. A scan
+of less than four times as many stripes has no more of them on a whole face."""
 _FIRM = 0.65
 """Share of a region's points that must not be doubtful: stripes that an edge bends lie on smooth
 bands, too, across the corners of keyways and beside silhouettes. Those have up to 0.55 of them."""
@@ -105,6 +115,12 @@ class Ground:
     """(v,) mm: how far each stands off the mean of its neighbours, scaled to its noise."""
     spacing: float
     """mm between neighbours."""
+    stripe: Index | None
+    """(v,) number of the stripe that measured each; None where not known."""
+    stripes: int
+    """How many there are."""
+    usual: float
+    """mm: the median of ``scale``."""
 
     size: float
     """mm: diagonal of the box around it."""
@@ -157,9 +173,19 @@ def prepared(mesh: Mesh, sigma: Floats | None, tolerance: float | None) -> Groun
     area = np.bincount(mesh.faces.ravel(), np.repeat(faces, 3), minlength=len(X)).astype(float)
     many = np.bincount(mesh.faces.ravel(), minlength=len(X))
     border = np.diff(start) > many
+    stripe = _stripe_numbers(mesh)
     return Ground(
-        X, normals, start, near, border, scale, limit, firm, area, turn, off, spacing, size
+        X, normals, start, near, border, scale, limit, firm, area, turn, off, spacing,
+        stripe, 0 if stripe is None else len(np.unique(stripe)),
+        float(np.median(scale)) if len(scale) else 0.0, size,
     )  # fmt: skip
+
+
+def _stripe_numbers(mesh: Mesh) -> Index | None:
+    known = mesh.provenance
+    if known is None or not (known.step >= 0).any():
+        return None
+    return known.step.astype(np.int64) * (len(known.lasers) + 1) + known.laser
 
 
 def _firm(scale: Floats, ground: region.Neighbourhood) -> Bools:
@@ -208,25 +234,35 @@ class _Search:
     def __init__(self, ground: Ground, label: Index, seen: Index, least: float) -> None:
         self.ground, self.label, self.seen, self.least = ground, label, seen, least
         self.near = ground.neighbourhood
+        share = least / max(float(ground.area.sum()), 1e-300)
+        self.tried = max(_LARGE, int(share * len(label)))
+        """Vertices about a seed of no surface that are no seeds either: of a dense mesh as many as
+        the smallest region has."""
         self.mark = 0
+        self.reached = 0
+        """Vertices of the smallest region that was given up since a patch was tried."""
 
     def _marks(self) -> region.Marks:
         return region.Marks(self.label, self.seen, self.mark)
 
     def from_seed(self, seed: int) -> Region | None:
         """The simplest region that says about all that any says, or None."""
-        many, widest = _PATCH, np.zeros(0, dtype=np.int64)
+        many = _PATCH
         while many:
             self.mark += 1
             ball = region.patch(seed, many, self.near, self._marks(), _GENTLE)
-            widest = max(widest, ball, key=len)
             if len(ball) < min(many, _PATCH) // 2:
                 break
+            self.reached = _LARGE
             best, begun = self._from_patch(ball)
             if best is not None:
                 return self._simplest(best)
-            many = 0 if many != _PATCH else _LARGE if begun else _SMALL
-        self.label[widest] = np.where(self.label[widest] == -1, -2, self.label[widest])
+            # A larger patch says more only where some surface was given up before it was as large.
+            larger = _LARGE if self.reached < _LARGE else 0
+            many = 0 if many != _PATCH else larger if begun else _SMALL
+        self.mark += 1
+        tried = region.patch(seed, self.tried, self.near, self._marks(), _GENTLE)
+        self.label[tried] = np.where(self.label[tried] == -1, -2, self.label[tried])
         return None
 
     def _from_patch(self, ball: Index) -> tuple[Region | None, bool]:
@@ -284,21 +320,20 @@ class _Search:
 
     def _grown(self, kind: int, q: Floats, ball: Index) -> Region | None:
         """The region of one kind that grows from a patch, if it is one."""
-        g, member = self.ground, ball
+        g = self.ground
+        q, member = self._spread(kind, q, ball)
+        if not len(member):
+            return None
+        self.reached = min(self.reached, len(member))
         side = _side(g, kind, q, ball)
-        for turn in range(_ROUNDS):
+        for _ in range(_SETTLING):
             self.mark += 1
             on = region.Surface(kind, q, side)
-            grown = region.grown(on, self.near, self._marks(), member, _TURN)
-            if len(grown) < 0.6 * len(ball):
-                return None
-            enough = len(grown) <= 1.01 * len(member) and turn > 1
-            member = grown
-            q, cost = refit(g, kind, q, member)
+            most = len(g.vertices)
+            member = region.grown(on, self.near, self._marks(), member, _TURN, most)
+            q, cost = refit(g, kind, q, member) if len(member) else (q, np.inf)
             if not np.isfinite(cost):
                 return None
-            if enough:
-                break
         if len(member) < LEAST[kind] or float(g.area[member].sum()) < self.least:
             return None
         if kind != PLANE and _span(g, kind, q, member) < _SPAN:
@@ -306,6 +341,31 @@ class _Search:
         if not fair(g, kind, q, member):
             return None
         return Region(kind, q, _side(g, kind, q, member), member)
+
+    def _spread(self, kind: int, q: Floats, ball: Index) -> tuple[Floats, Index]:
+        """The surface and the vertices that a patch grows to; none where that is hopeless."""
+        g, member = self.ground, ball
+        none = np.zeros(0, dtype=np.int64)
+        side = _side(g, kind, q, ball)
+        for turn in range(_ROUNDS):
+            self.mark += 1
+            on = region.Surface(kind, q, side)
+            most = _GROWTH * len(member)
+            grown = region.grown(on, self.near, self._marks(), member, _TURN, most)
+            if len(grown) < 0.6 * len(ball):
+                self.reached = 0
+                return q, none
+            enough = len(grown) <= 1.01 * len(member) and turn > 1
+            member = grown
+            q, cost = refit(g, kind, q, member, _GROWING)
+            if not np.isfinite(cost):
+                return q, none
+            if enough:
+                break
+            if len(member) > len(ball) and excess(g, kind, q, member, _GROWING) > _HOPELESS:
+                self.reached = min(self.reached, len(member))
+                return q, none
+        return q, member
 
 
 def _span(g: Ground, kind: int, q: Floats, member: Index) -> float:
@@ -398,7 +458,17 @@ def cells(g: Ground, member: Index) -> Index:
 def fair(g: Ground, kind: int, q: Floats, member: Index) -> bool:
     """Whether firm members are enough, in number and share, and miss the surface by noise."""
     enough = max(LEAST[kind], _FIRM * len(member))
-    return int(g.firm[member].sum()) >= enough and close(g, kind, q, member)
+    return (
+        int(g.firm[member].sum()) >= enough and not _bent(g, member) and close(g, kind, q, member)
+    )
+
+
+def _bent(g: Ground, member: Index) -> bool:
+    """Whether members are a few stripes that are known badly, as beside edges: what bends a stripe
+    there does so alike all along it, and a band of such stripes is as smooth as a face."""
+    if g.stripe is None or float(np.median(g.scale[member])) <= _POOR * g.usual:
+        return False
+    return len(np.unique(g.stripe[member])) < _FEW <= g.stripes / _MANY
 
 
 def close(g: Ground, kind: int, q: Floats, member: Index) -> bool:
@@ -411,12 +481,12 @@ def close(g: Ground, kind: int, q: Floats, member: Index) -> bool:
     )
 
 
-def excess(g: Ground, kind: int, q: Floats, member: Index) -> float:
+def excess(g: Ground, kind: int, q: Floats, member: Index, most: int = _FIT) -> float:
     """How far members miss the surface beyond their own noise, over the tolerance.
 
     The noise is what each stands off its neighbours by, half of them less and half of them more.
     """
-    some = _thinned(member, _FIT)
+    some = _thinned(member, most)
     d = surface.distances(kind, q, g.vertices[some])[0]
     noise = 1.4826 * float(np.median(np.abs(g.off[some])))
     return float(np.sqrt(max(float(np.mean(d * d)) - noise**2, 0.0)) / np.median(g.limit[some]))
