@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
+COMPILED := $(VENV)/.compiled
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 # Images of build machines often set it: then every process that a test starts compiles the sources again.
@@ -15,11 +16,15 @@ unexport PYTHONDONTWRITEBYTECODE
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | sort | expand -t 22
 
-setup: $(STAMP) ## make .venv with turnscan, compiled, and everything needed to work on it
+setup: $(COMPILED) ## make .venv with turnscan, compiled, and everything needed to work on it
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) -e '.[dev]'
+	touch $@
+
+# It compiles what the sources of the kernels say, and takes a second where these did not change.
+$(COMPILED): $(STAMP) $(shell find src/turnscan -name '*.py')
 	$(BIN)/turnscan precompile
 	touch $@
 

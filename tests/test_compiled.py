@@ -108,6 +108,30 @@ def test_machine_code_is_kept_until_something_changes_and_old_code_is_removed(sm
     assert not set(after) & set(before)
 
 
+NOTE = """
+from turnscan import compiled
+state = compiled.state_of_sources()
+print(compiled.was_compiled("all", state))
+compiled.note_compiled("all", state)
+print(compiled.was_compiled("all", state), compiled.was_compiled("other", state))
+"""
+"""Prints whether a part was compiled, and whether after it was noted."""
+
+
+def test_what_was_compiled_is_known_until_a_source_or_the_machine_code_goes(small: Path) -> None:
+    _run(small, FACTOR)
+    kernels = small / "turnscan" / "__pycache__" / "kernels"
+    assert _run(small, NOTE) == ["False", "True False"]
+    (small / "turnscan" / "words.py").write_text("TEXT = 'no kernel reads it'\n")
+    assert _run(small, NOTE) == ["True", "True False"]
+    _change(small / "turnscan" / "room" / "_values.py", "3.0", "4.0")
+    assert _run(small, NOTE) == ["False", "True False"]
+    shutil.rmtree(next(p for p in kernels.iterdir() if p.is_dir()))
+    assert _run(small, NOTE) == ["False", "True False"]
+    (kernels / "all.compiled").write_bytes(b"\xff")
+    assert _run(small, NOTE) == ["False", "True False"]
+
+
 def test_other_modules_keep_their_machine_code(small: Path) -> None:
     _run(small, FACTOR)
     before = _folders(small)

@@ -42,6 +42,7 @@ def test_a_script_that_guards_nothing_may_compile() -> None:
     script = (
         "from turnscan.workflows import _precompile as p\n"
         "p._PARTS = {'surfaces': None}\n"
+        "p.was_compiled = lambda part, state: False\n"
         "p.precompile()\n"
         "print('once')\n"
     )

@@ -40,6 +40,7 @@ from turnscan.locking import take
 _LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).parent
 _IMPORT = re.compile(rb"^\s*(?:from|import)\s+turnscan((?:\.\w+)*)", re.MULTILINE)
+_USES = re.compile(rb"^from turnscan\.compiled import", re.MULTILINE)
 _PATIENCE = 120.0
 """s: longest wait for another process that compiles the same kernel; then we compile it too."""
 
@@ -79,6 +80,35 @@ def _typed_call(dispatcher: Any, args: Iterable[Any], kws: Mapping[str, Any]) ->
 def kept_in() -> Path | None:
     """The folder that machine code is kept in; None where none can be written."""
     return _base()
+
+
+def state_of_sources() -> str:
+    """Hash of all that the machine code of all kernels depends on."""
+    modules = sorted(p for p in _PACKAGE.rglob("*.py") if _USES.search(p.read_bytes()))
+    return hashlib.sha256("".join(map(_key, modules)).encode()).hexdigest()
+
+
+def was_compiled(part: str, state: str) -> bool:
+    """Whether `note_compiled` was said of this part and state, and all machine code is still there.
+
+    Another version of turnscan in the same place removes what it has no use for.
+    """
+    base = _base()
+    try:
+        lines = [] if base is None else (base / f"{part}.compiled").read_text().splitlines()
+    except (OSError, UnicodeError):
+        return False
+    return lines[:1] == [state] and all((Path(str(base)) / name).is_dir() for name in lines[1:])
+
+
+def note_compiled(part: str, state: str) -> None:
+    """Remember that a part of the kernels was compiled from sources in this state."""
+    base = _base()
+    if base is None:
+        return
+    folders = sorted(p.name for p in base.iterdir() if p.is_dir())
+    with contextlib.suppress(OSError):  # then it is compiled again, which takes time alone
+        (base / f"{part}.compiled").write_text("\n".join([state, *folders]))
 
 
 @functools.cache

@@ -6,6 +6,7 @@ import click
 
 from turnscan import workflows
 from turnscan.cli._progress import progress_bar
+from turnscan.cli._signals import ended_by_signals
 
 
 @click.command("precompile")
@@ -15,5 +16,5 @@ def verb() -> None:
     Otherwise the first scan does it, on its way. Takes half a minute on two processors, and no
     time when it was done before.
     """
-    with progress_bar() as bar:
+    with ended_by_signals(), progress_bar() as bar:
         workflows.precompile(bar)

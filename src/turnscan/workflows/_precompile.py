@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -11,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from turnscan import points
-from turnscan.compiled import kept_in
+from turnscan.compiled import kept_in, note_compiled, state_of_sources, was_compiled
 from turnscan.detection import Detection, View
 from turnscan.errors import ExportError
 from turnscan.formats import export
@@ -37,9 +40,10 @@ def precompile(progress: Progress = no_progress) -> None:
     """Compile the kernels of a scan and of its surface, in two processes at a time.
 
     One does a short demo. The other begins with points and surfaces, on made-up stripes of a
-    column, so that what the demo comes to last is compiled when it gets there. Kernels whose
-    machine code is there take no time; where it lies is said in `turnscan.compiled`. What other
-    verbs need beyond that is compiled when it is used.
+    column, so that what the demo comes to last is compiled when it gets there. A part that was
+    compiled from the same sources is left out, and kernels whose machine code is there take no
+    time; where it lies is said in `turnscan.compiled`. What other verbs need beyond that is
+    compiled when it is used.
 
     Parameters
     ----------
@@ -56,11 +60,14 @@ def precompile(progress: Progress = no_progress) -> None:
             "machine code can be kept in no folder, beside turnscan or in the user's cache",
             hint="name a folder that can be written in the environment variable NUMBA_CACHE_DIR",
         )
+    state = state_of_sources()
     with ExitStack() as stack:
+        wanted = [part for part in _PARTS if not was_compiled(part, state)]
         # Of its own, as a pool of processes would run a caller's script again.
-        jobs = [stack.enter_context(_Job(part)) for part in _PARTS]
-        for done, job in enumerate(jobs, 1):
+        jobs = {part: stack.enter_context(_Job(part)) for part in wanted}
+        for done, (part, job) in enumerate(jobs.items(), 1):
             job.wait()
+            note_compiled(part, state)
             progress(done / len(jobs), "compiling")
 
 
@@ -79,7 +86,12 @@ class _Job:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._process.kill()
+        if self._process.poll() is None:
+            with contextlib.suppress(ProcessLookupError):
+                # With what it started itself, where a group of processes can be ended.
+                if hasattr(os, "killpg"):
+                    os.killpg(self._process.pid, signal.SIGKILL)
+                self._process.kill()
         self._process.wait()
         self._said.close()
 
