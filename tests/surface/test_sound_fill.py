@@ -170,3 +170,19 @@ def test_floor_and_top_are_closed_or_left_each_by_itself(
     assert [h.centre[2] for h in found] == pytest.approx(left, abs=SPACING / 2)
     words = closings(wall, holes(wall), caps, done)
     assert sorted(words).count("open") == len(left)
+
+
+def test_nothing_is_filled_below_what_the_part_stands_on() -> None:
+    """A ball whose lowest third was not seen; a hand holds its border above the platter."""
+    mesh = opened(ball(40), [0, 0, -1], np.deg2rad(60))
+    free = close(mesh, ClosingOptions(floor=None, holes="curvature"))[0]
+    assert free.vertices[:, 2].min() < -8.0
+    stood = close(mesh, ClosingOptions(floor=-7.0, reach=1.0, holes="curvature"))[0]
+    assert stood.vertices[:, 2].min() == -7.0
+    assert is_closed(stood)
+    assert soundness(stood) == []
+    assert same_measured(mesh, stood)
+    # Where something measured hangs below the platter's edge, that much is free.
+    hung = close(mesh, ClosingOptions(floor=0.0, reach=1.0, holes="curvature"))[0]
+    assert hung.vertices[:, 2].min() == mesh.vertices[:, 2].min()
+    assert soundness(hung) == []

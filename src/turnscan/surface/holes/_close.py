@@ -71,12 +71,12 @@ def close(
 
     The part's foot is carried on in its tangent planes down to the floor; the faces in the
     floor's plane count as measured, for they lie on the platter, whose place the calibration
-    knows. Then the top is closed, then all other holes (`fill`). Where parts of the surface merely
-    touch in a vertex, the faces of the smaller one go first: programs that join equal corners would
-    find them joined. Holes whose patches cut through the surface stay open (`fill_soundly`). Last,
-    places where the surface cuts through itself otherwise are made anew
-    (`repair_self_intersections`). Added vertices have provenance −1; those that are there do not
-    move. ``progress`` hears of each of the other holes.
+    knows. Then the top is closed, then all other holes (`fill`), nowhere below the floor. Where
+    parts of the surface merely touch in a vertex, the faces of the smaller one go first: programs
+    that join equal corners would find them joined. Holes whose patches cut through the surface
+    stay open (`fill_soundly`). Last, places where the surface cuts through itself otherwise are
+    made anew (`repair_self_intersections`). Added vertices have provenance −1; those that are there
+    do not move. ``progress`` hears of each of the other holes.
     """
     c = caps or ClosingOptions()
     whole, remarks = cut_touching(mesh)
@@ -93,7 +93,7 @@ def close(
     if top is not None and c.top in ("plane", "smooth"):
         fillable.append(top)
         hows.append("flat" if c.top == "plane" else "curvature")
-    filled = fill_soundly(done, fillable, hows, progress, hold=False)
+    filled = fill_soundly(done, fillable, hows, progress, hold=False, floor=c.floor)
     if filled.left:
         remarks.append(unfilled(filled.left, _HINT))
     repaired = repair_self_intersections(filled.mesh, filled.owner, filled.flat, hold=False)

@@ -43,6 +43,7 @@ def fill_soundly(
     progress: Progress = no_progress,
     *,
     hold: bool = True,
+    floor: float | None = None,
 ) -> Filled:
     """Fill holes of a mesh (`fill`), but none whose patch would cut through the surface.
 
@@ -52,13 +53,16 @@ def fill_soundly(
     anew; a patch with a face that even then cuts through another is left out, of two that cut
     through each other the one that does so more. No face and no vertex of the mesh changes. Without
     ``hold`` a patch stays that `repair_self_intersections` brings to fit by making measured faces
-    anew; that is then to be done. ``how`` is that of all holes, or of each. Raises InputError for a
-    hole that is not one of this mesh.
+    anew; that is then to be done. ``how`` is that of all holes, or of each. No added vertex lies
+    below ``floor`` mm, on which the part stands, nor, where something measured does, below that.
+    Raises InputError for a hole that is not one of this mesh.
     """
     if not which:
         none = np.zeros(0, dtype=np.bool_)
         return Filled(mesh, np.full(len(mesh.faces), -1, dtype=np.int32), none, [], 0)
     sewn, owner, flat = _sewn(mesh, [h.loop for h in which], how, progress)
+    if floor is not None:
+        sewn = _above(sewn, len(mesh.vertices), min(floor, float(mesh.vertices[:, 2].min())))
     done = repair_self_intersections(sewn, owner, flat, hold=True)
     out = _cutting(done.owner[done.pairs], len(which))
     if out.any() and not hold:
@@ -67,6 +71,13 @@ def fill_soundly(
     left = [h for h, o in zip(which, out, strict=True) if o]
     whole = _kept(done.mesh, keep, len(mesh.vertices))
     return Filled(whole, done.owner[keep], flat, left, done.replaced)
+
+
+def _above(mesh: Mesh, first: int, floor: float) -> Mesh:
+    """The mesh with its vertices from ``first`` on at ``floor`` mm or above."""
+    vertices = mesh.vertices.copy()
+    vertices[first:, 2] = np.maximum(vertices[first:, 2], floor)
+    return replace(mesh, vertices=vertices)
 
 
 def _beyond_repairing(done: Repaired, flat: Bools) -> Bools:
