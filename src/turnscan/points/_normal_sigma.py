@@ -11,6 +11,8 @@ from turnscan.threads import in_parts
 
 _STEADY = 8.0
 """Usual sigma that a tangent is long, at least."""
+_TOGETHER = 16
+"""Steps whose points are computed at a time."""
 _LEAST = 0.2
 """Share of a point's sigma below which none is believed: normals are not known better."""
 _SHEET = 2_000
@@ -32,11 +34,7 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     sheet = _sheet_normals(grid) if grid.eyes is not None and found.sum() > 2 else None
     if sheet is None or grid.eyes is None:
         return grid.sigma
-    moves = np.zeros_like(grid.points)
-    step = np.nonzero(found)[0]
-    eyes = grid.eyes[step]
-    along = _along(sheet[step], eyes - grid.points[found], eyes)
-    moves[found] = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    moves, all_eyes = np.zeros_like(grid.points), grid.eyes
     turn = np.abs(np.diff(np.unwrap(grid.angles)))
     usual = float(np.median(turn)) if len(turn) else 0.0
     arc = np.nan_to_num(np.hypot(grid.points[..., 0], grid.points[..., 1]) * usual)
@@ -46,9 +44,14 @@ def normal_sigma(grid: RangeGrid) -> Floats:
     share, far = np.empty(found.shape), max(least, 1e-9)
 
     def part(first: int, end: int) -> None:
+        there, X = found[first:end], grid.points[first:end]
+        step = first + np.nonzero(there)[0]
+        along = _along(sheet[step], all_eyes[step] - X[there], all_eyes[step])
+        length = np.linalg.norm(along, axis=1, keepdims=True)
+        moves[first:end][there] = along / np.maximum(length, 1e-12)
         kernels.shares(grid.points, moves, arc, far, grid.closed, (first, end), share)
 
-    in_parts(part, len(found))
+    in_parts(part, len(found), -(-len(found) // _TOGETHER))
     return np.asarray(grid.sigma * np.maximum(share, _LEAST))
 
 

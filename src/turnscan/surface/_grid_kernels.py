@@ -204,8 +204,11 @@ def lead_on(points: Floats, to_step: Floats, closed: bool, cos_bend: float) -> B
 
 
 @njit(cache=True, nogil=True)
-def triangulate(grid: Measured, given: Sides, closed: bool, limits: Limits) -> Ints:
-    """Faces (f, 3) of flat grid indices, in the grid's own winding.
+def triangulate(
+    grid: Measured, given: Sides, closed: bool, limits: Limits, span: tuple[int, int]
+) -> Ints:
+    """Faces (f, 3) of flat grid indices, in the grid's own winding, from the steps of a span, from
+    its first to before its last, to the next.
 
     Faces between two lines where sides to the next step are steady may be seen at any angle, if
     the profile itself does not run along the ray.
@@ -213,15 +216,15 @@ def triangulate(grid: Measured, given: Sides, closed: bool, limits: Limits) -> I
     points, noise, sigma, side, eyes = grid
     to_step, to_line, usual_step, usual_line, steady = given
     s, n, _ = points.shape
-    quads = s if closed else s - 1
-    faces = np.empty((2 * max(quads, 0) * max(n - 1, 0), 3), dtype=np.int32)
+    last = min(span[1], s if closed else s - 1)
+    faces = np.empty((2 * max(last - span[0], 0) * max(n - 1, 0), 3), dtype=np.int32)
     made = 0
     ks, js = np.empty(4, dtype=np.int64), np.empty(4, dtype=np.int64)
     q, spread, ratio = np.empty((4, 3)), np.empty((4, 2)), np.empty(4)
     corners = np.array(((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3)))
     cuts = Cuts(corners, np.array(((0, 1), (2, 3), (0, 3), (1, 2))))
     quad = Quad(q, spread, ratio, ks)
-    for k in range(quads):
+    for k in range(span[0], last):
         k1 = (k + 1) % s
         for j in range(n - 1):
             ks[0], ks[1], ks[2], ks[3] = k, k, k1, k1

@@ -16,6 +16,7 @@ from turnscan.points import (
     resample,
 )
 from turnscan.surface._noise import noise, spacing
+from turnscan.threads import in_parts
 
 _LEAST = 0.5
 """Part of the even spacing below which no local one is believed: what is denser is not torn."""
@@ -152,7 +153,12 @@ def _quads(grid: RangeGrid, tears: TearLimits) -> Ints:
     )
     limits = kernels.Limits(tears.stretch, tears.jump, float(np.cos(tears.grazing)))
     measured = kernels.Measured(grid.points, believed, sigma, side, _eyes(grid))
-    return kernels.triangulate(measured, sides, closed, limits)
+
+    def part(first: int, end: int) -> Ints:
+        faces: Ints = kernels.triangulate(measured, sides, closed, limits, (first, end))
+        return faces
+
+    return np.concatenate(in_parts(part, len(to_step)))
 
 
 def _median(values: Floats) -> float:
