@@ -36,13 +36,14 @@ class Faces(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def planes(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
-    """(f, 3) unit normals of triangles, and their longest sides (f,), 0 where there is no area."""
-    normals, sizes = np.empty((len(faces), 3)), np.empty(len(faces))
-    for f in range(len(faces)):
+def planes(
+    vertices: Floats, faces: Ints, first: int, end: int, normals: Floats, sizes: Floats
+) -> None:
+    """Write (f, 3) unit normals of triangles, and their longest sides (f,), 0 where there is no
+    area, from the first to before the end."""
+    for f in range(first, end):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         sizes[f] = _plane(a, b, c, normals[f])
-    return normals, sizes
 
 
 @njit(cache=True, nogil=True)

@@ -77,7 +77,7 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     if not len(mesh.faces) or (asked is not None and not asked.any()):
         return np.empty((0, 2), dtype=np.int32)
     if asked is None:
-        order = morton_order(mesh.vertices, mesh.faces)
+        order = morton_order(mesh.vertices, mesh.faces).astype(np.int32)
         which = np.ones(len(order), dtype=np.bool_)
     else:
         near = _around(mesh, asked)
@@ -87,7 +87,8 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(faces) / _LEAF)))))
     reach = spans(mesh.vertices, faces)
     nodes, wanted = boxes(reach, leaves), kernels.nodes_with(which, leaves)
-    planes = kernels.planes(mesh.vertices, faces)
+    planes = np.empty((len(faces), 3)), np.empty(len(faces))
+    in_parts(lambda a, b: kernels.planes(mesh.vertices, faces, a, b, *planes), len(faces))
     tree = kernels.Faces(mesh.vertices, faces, which, reach, nodes, wanted, *planes)
     starts = kernels.beginnings(nodes, wanted, _STARTS)
     most, parts = _PAIRS * len(mesh.faces), _PARTS if len(faces) > _MANY else 1
