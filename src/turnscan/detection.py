@@ -16,6 +16,7 @@ from turnscan.arrays import Bools, Floats
 from turnscan.edit import Redetect
 from turnscan.errors import InputError
 from turnscan.findings import Finding
+from turnscan.memory import give_back
 from turnscan.points import Volume
 from turnscan.rig import Rig, TableMotion
 from turnscan.scan import Frame, Scan, Stored, lit_in
@@ -252,6 +253,7 @@ def detect_scan(
             view = View(scan, rig, lit, laser, kept, look, inside)
             stripes, found = view.seek(tick, jobs)
             seen.append(Detection(view, stripes, tuple(found)))
+    give_back()
     return seen
 
 

@@ -9,6 +9,7 @@ from turnscan import edit, points
 from turnscan.detection import Detection
 from turnscan.edit import Entry
 from turnscan.findings import Finding
+from turnscan.memory import give_back
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
 from turnscan.settings import Settings
@@ -44,6 +45,7 @@ def to_grids(
         whole = points.build_grid(
             v.rig, v.laser, repaired.stripes, repaired.steps, repaired.angles, repaired.angle_sigma
         )
+        give_back()
         turns, again = points.whole_turns(points.every(whole, s.every))
         findings += [*sight.findings, *nothing, *points.angle_findings(turns[0], again)]
         for i, turn in enumerate(turns):
@@ -68,4 +70,5 @@ def to_grids(
             if s.between is not None:
                 kept = points.respace(kept, s.between)
             grids.append(kept)
+        give_back()
     return Gridded(grids, sought, findings)

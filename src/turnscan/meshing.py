@@ -8,6 +8,7 @@ from typing import NamedTuple
 from turnscan import edit, surface
 from turnscan.edit import Entry
 from turnscan.findings import Finding
+from turnscan.memory import give_back
 from turnscan.mesh import Mesh, cut_touching
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
@@ -41,8 +42,10 @@ def to_mesh(
     closed nor decimated nor settled.
     """
     progress(0)
+    give_back()
     sewn = s.caps is not None and s.caps.holes is not None
     merged, findings = fusion.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
+    give_back()
     loose, touching = cut_touching(merged)
     mesh, islands, faces = clean.drop_islands(loose, s.island)
     if islands:
@@ -52,6 +55,7 @@ def to_mesh(
     if finish:
         mesh, closing = finished(mesh, s, progress.subrange(0.4, 1))
     whole = clean.settled(mesh)
+    give_back()
     if finish and mesh is opened:  # nothing was closed or decimated: there is one mesh
         opened = whole
     closed = finish and s.caps is not None

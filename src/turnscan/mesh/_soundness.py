@@ -77,11 +77,11 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     if not len(mesh.faces) or (asked is not None and not asked.any()):
         return np.empty((0, 2), dtype=np.int32)
     if asked is None:
-        order = morton_order(mesh.vertices, mesh.faces).astype(np.int32)
+        order: Ints = morton_order(mesh.vertices, mesh.faces).astype(np.int32)
         which = np.ones(len(order), dtype=np.bool_)
     else:
         near = _around(mesh, asked)
-        order = near[morton_order(mesh.vertices, mesh.faces[near])]
+        order = near[morton_order(mesh.vertices, mesh.faces[near])].astype(np.int32)
         which = asked[order]
     faces = mesh.faces[order]
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(faces) / _LEAF)))))
@@ -97,7 +97,7 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
     if parts > 1 and any(len(pairs) == each for pairs in found):  # a heap: as many as may be
         found = [kernels.crossings(tree, starts, most)]
     pairs = np.concatenate([np.empty((0, 2), dtype=np.int32), *found])
-    pairs = np.sort(order[pairs].astype(np.int32), axis=1)
+    pairs = np.sort(order[pairs], axis=1)
     in_order: Ints = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     return in_order
 
