@@ -26,6 +26,8 @@ from turnscan.calibrate import (
     measured_uncertainty,
 )
 from turnscan.calibrate._prior import like, moved_by, prior_of
+from turnscan.calibrate._procedure import Stages
+from turnscan.calibrate._rig import _evidence
 from turnscan.errors import Degenerate, InputError
 from turnscan.rig import LaserSheet, Rig, rig_from_json, rig_to_json
 
@@ -139,6 +141,20 @@ def test_one_stage_anew_leaves_the_others() -> None:
     both = calibrate_rig([], {"other": p.laser}, [], SETTINGS, known=KnownRig(before)).rig
     assert [s.name for s in both.sheets] == ["laser", "other"]
     assert abs(both.sheets[0].normal @ before.sheets[0].normal) > np.cos(1e-4)
+
+
+def test_scans_that_refined_a_rig_are_forgotten_with_what_they_refined() -> None:
+    """They may count again when sheets and axis owe them nothing any more."""
+    refined = replace(true_rig(), evidence=("a scan",))
+    for given, kept in (
+        (("laser",), ("a scan",)),
+        (("table",), ("a scan",)),
+        (("laser", "table"), ()),
+        (("camera", "laser", "table"), ()),
+    ):
+        assert _evidence(Stages(given, KnownRig(refined))) == kept
+    assert _evidence(Stages(("laser", "table"), KnownRig(refined, counts=True))) == ("a scan",)
+    assert _evidence(Stages(("camera",))) == ()
 
 
 def test_a_rig_without_uncertainty_is_held_exactly() -> None:

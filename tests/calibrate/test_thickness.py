@@ -13,6 +13,7 @@ from turnscan.calibrate._board import BoardView
 from turnscan.calibrate._evidence import LaserPicture
 from turnscan.calibrate._state import StripeView
 from turnscan.calibrate._thickness import sheet_thickness
+from turnscan.errors import FormatError
 from turnscan.rig import LaserSheet, Pose, rig_from_json, rig_hash, rig_to_json
 
 THICK, BLUR = 0.6, 0.9
@@ -82,3 +83,7 @@ def test_the_thickness_stays_in_the_rigs_file_and_rigs_without_keep_their_text()
     assert rig_hash(known) != rig_hash(rig)
     with pytest.raises(ValueError, match="thickness"):
         replace(rig.sheets[0], thickness=0.0)
+    # Radii would be off by a millimetre.
+    thick = replace(rig, sheets=(replace(rig.sheets[0], thickness=9.0),))
+    with pytest.raises(FormatError, match=r"laser 'laser' is 9 mm thick .* is no line"):
+        rig_from_json(rig_to_json(thick))

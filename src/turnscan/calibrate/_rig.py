@@ -108,7 +108,17 @@ def calibrate_rig(
         for (_, picture), some, pose in zip(with_stripe, stripes, poses, strict=False)
         for stripe in some
     ]
-    return replace(done, rig=_with_thickness(done.rig, seen))
+    rig = replace(_with_thickness(done.rig, seen), evidence=_evidence(done.stages))
+    return replace(done, rig=rig)
+
+
+def _evidence(stages: Stages) -> tuple[str, ...]:
+    """The scans that refined what is held. Sheets and axis that start anew owe them nothing, and
+    such a scan may then count again."""
+    known = stages.known
+    if known is None or not (known.counts or set(stages.held) - {"camera"}):
+        return ()
+    return known.rig.evidence
 
 
 def _with_thickness(rig: Rig, boards: Sequence[tuple[LaserPicture, StripeView, Pose]]) -> Rig:

@@ -56,7 +56,8 @@ def sheet_thickness(
     # Of the square, half of the part of its root.
     if not fit[0] > 0 or 0.5 * spread / fit[0] > _SURE:
         return None
-    return float(np.sqrt(fit[0]))
+    thickness = float(np.sqrt(fit[0]))
+    return thickness if thickness <= rig.sheet(laser).thickest else None
 
 
 def _walk(rig: Rig, laser: str, stripe: StripeView, pose: Pose) -> Floats:

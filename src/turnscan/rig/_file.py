@@ -155,7 +155,7 @@ def rig_hash(rig: Rig) -> str:
 def _build(f: _RigFile) -> Rig:
     return Rig(
         camera=Camera(**f.camera.model_dump()),
-        sheets=tuple(LaserSheet(**s.model_dump()) for s in f.sheets),
+        sheets=tuple(_sheet(s) for s in f.sheets),
         T_camera_table=Pose(**f.T_camera_table.model_dump()) if f.T_camera_table else Pose(),
         table_known=f.T_camera_table is not None,
         markers=tuple(Marker(**m.model_dump()) for m in f.markers),
@@ -163,6 +163,16 @@ def _build(f: _RigFile) -> Rig:
         motion=None if f.motion is None else _motion(f.motion),
         evidence=f.evidence,
     )
+
+
+def _sheet(f: _SheetFile) -> LaserSheet:
+    sheet = LaserSheet(**f.model_dump())
+    if sheet.thickness is not None and sheet.thickness > sheet.thickest:
+        raise ValueError(
+            f"sheets.thickness: laser {sheet.name!r} is {sheet.thickness:g} mm thick (rms); more "
+            f"than {sheet.thickest:.2g} mm so far from the camera is no line"
+        )
+    return sheet
 
 
 def _motion(f: _MotionFile) -> TableMotion:

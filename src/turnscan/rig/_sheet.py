@@ -10,6 +10,9 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
 
+THICKEST = 0.01
+"""Of a sheet's distance from the camera."""
+
 
 @dataclass(frozen=True)
 class LaserSheet:
@@ -51,6 +54,11 @@ class LaserSheet:
             raise ValueError(f"LaserSheet.thickness: {self.thickness}, expected more than 0 mm")
         if self.source is not None:
             object.__setattr__(self, "source", frozen(self.source, (3,), "LaserSheet.source"))
+
+    @property
+    def thickest(self) -> float:
+        """mm rms: what is thicker so far from the camera is no line."""
+        return THICKEST * float(np.linalg.norm(self.centre))
 
     @property
     def axes(self) -> tuple[Floats, Floats]:
