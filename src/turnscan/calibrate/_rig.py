@@ -113,7 +113,7 @@ def calibrate_rig(
 
 
 def _evidence(stages: Stages) -> tuple[str, ...]:
-    """The scans that refined what is held. Sheets and axis that start anew owe them nothing, and
+    """The scans that refined what is held. Sheets and axis that start again owe them nothing, and
     such a scan may then count again."""
     known = stages.known
     if known is None or not (known.counts or set(stages.held) - {"camera"}):
