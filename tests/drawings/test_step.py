@@ -47,6 +47,33 @@ def shaft(tmp_path_factory: pytest.TempPathFactory) -> FoundShapes:
     return find_shapes(path)
 
 
+def test_a_solid_is_written_as_iges_and_what_is_none_is_not(
+    shaft: FoundShapes, tmp_path: Path
+) -> None:
+    paths = [tmp_path / "shaft.igs", tmp_path / "again.iges"]
+    [finding] = shaft.save(*paths)
+    assert "a valid solid of 5 faces" in finding.message
+    first, second = (p.read_bytes() for p in paths)
+    assert first == second  # neither clock nor file name in it
+    assert b"2HMM" in first
+    from OCP.IGESControl import IGESControl_Reader
+
+    from turnscan.drawings._parts import parts_of, volume_of
+
+    reader = IGESControl_Reader()
+    reader.ReadFile(str(paths[0]))
+    reader.TransferRoots()
+    back = reader.OneShape()
+    assert len(parts_of(back, "solid")) == 1
+    assert volume_of(back) == pytest.approx(shaft.step.figures["volume_mm3"], rel=1e-6)
+    t = np.linspace(0, 2 * np.pi, 90, endpoint=False)
+    outline = [((12 + 2 * np.cos(3 * a)) * np.cos(a), (12 + np.sin(2 * a)) * np.sin(a)) for a in t]
+    freeform = find_shapes(prism(outline, 9, 1.0))
+    with pytest.raises(ts.TurnscanError, match="IGES needs a solid: only"):
+        freeform.save(tmp_path / "free.ply", tmp_path / "free.igs")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["again.iges", "shaft.igs"]
+
+
 def test_a_shaft_is_a_valid_solid_of_its_five_faces(shaft: FoundShapes) -> None:
     step = shaft.step
     assert step.solid

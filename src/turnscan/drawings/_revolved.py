@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.drawings._solid import Solid, check_opencascade, parts_of, volume_of
+from turnscan.drawings._parts import parts_of, volume_of
+from turnscan.drawings._solid import Solid, check_opencascade
 from turnscan.errors import ExportError
 from turnscan.shapes import Arc, Outline, Piece, Spline
 

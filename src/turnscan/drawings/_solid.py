@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.drawings._iges import iges_of, reads_as
+from turnscan.drawings._parts import parts_of, volume_of
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import Shape
@@ -36,6 +38,17 @@ class Solid:
     volume: float
     """mm³."""
     faces: int
+
+    def iges(self, name: str) -> bytes:
+        """The solid as IGES, mm; ``name`` is that of the product.
+
+        Raises ExportError where OpenCASCADE refuses.
+        """
+        return iges_of(self.shape, name)
+
+    def is_in_iges(self, path: str) -> bool:
+        """Whether the IGES file at a path holds this solid, as OpenCASCADE reads it."""
+        return reads_as(path, self.shape)
 
 
 def check_opencascade() -> None:
@@ -120,19 +133,6 @@ def _listed(shapes: Sequence[Any]) -> Any:
     return out
 
 
-def parts_of(shape: Any, kind: str) -> list[Any]:
-    """The faces or solids of a shape of OpenCASCADE."""
-    from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
-    from OCP.TopExp import TopExp_Explorer
-
-    out = []
-    walk = TopExp_Explorer(shape, TopAbs_FACE if kind == "face" else TopAbs_SOLID)
-    while walk.More():
-        out.append(walk.Current())
-        walk.Next()
-    return out
-
-
 def _cells(faces: Sequence[Any]) -> list[Any]:
     from OCP.BOPAlgo import BOPAlgo_MakerVolume
 
@@ -196,23 +196,3 @@ def _united(cells: Sequence[Any]) -> Any | None:
     if len(solids) != 1 or not BRepCheck_Analyzer(whole).IsValid():
         return None
     return solids[0]
-
-
-def extent_of(shape: Any) -> float:
-    """mm: diagonal of the box about a shape of OpenCASCADE."""
-    from OCP.Bnd import Bnd_Box
-    from OCP.BRepBndLib import BRepBndLib
-
-    box = Bnd_Box()
-    BRepBndLib.Add_s(shape, box)
-    return 0.0 if box.IsVoid() else float(np.sqrt(box.SquareExtent()))
-
-
-def volume_of(shape: Any) -> float:
-    """mm³ that a shape of OpenCASCADE encloses."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    p = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, p)
-    return float(p.Mass())

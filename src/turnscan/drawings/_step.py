@@ -11,13 +11,8 @@ from typing import Any
 import numpy as np
 
 from turnscan.arrays import Ints
-from turnscan.drawings._solid import (
-    Solid,
-    check_opencascade,
-    extent_of,
-    parts_of,
-    volume_of,
-)
+from turnscan.drawings._parts import extent_of, parts_of, volume_of
+from turnscan.drawings._solid import Solid, check_opencascade
 from turnscan.drawings._step_shapes import merged, shape_of
 from turnscan.errors import ExportError, FormatError
 from turnscan.formats._text import about_lines

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from turnscan.drawings import with_sigma
-from turnscan.errors import InputError
+from turnscan.errors import ExportError, InputError
 from turnscan.findings import Finding, record
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
@@ -38,7 +38,7 @@ from turnscan.workflows._loading import Source
 from turnscan.workflows._measured_surface import measured_surface
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
-from turnscan.workflows._shapes_step import StepFile, is_step, step_of
+from turnscan.workflows._shapes_step import StepFile, iges_of, is_iges, is_step, step_of
 from turnscan.workflows._shapes_table import Dimension, dimensions, dimensions_csv, form_in_words
 
 if TYPE_CHECKING:
@@ -122,10 +122,10 @@ class FoundShapes:
         return step_of(self.mesh, self.found, self.name, about)
 
     def save(self, *paths: str | Path) -> list[Finding]:
-        """Write the coloured mesh (.ply or .glb) or a solid (.step or .stp).
+        """Write the coloured mesh (.ply or .glb) or a solid (.step, .stp, .igs or .iges).
 
-        Raises InputError for another suffix, and for STEP where OpenCASCADE is not installed;
-        ExportError where a file cannot be written.
+        Raises InputError for another suffix, and for a solid where OpenCASCADE is not installed;
+        ExportError where a file cannot be written, and for IGES where the shapes close to no solid.
         """
         for path in map(Path, paths):
             if path.suffix.lower() not in SHAPES_SUFFIXES:
@@ -133,15 +133,27 @@ class FoundShapes:
                     f"{path}: shapes are not written as {path.suffix!r}",
                     hint=f"choose one of {' '.join(SHAPES_SUFFIXES)}",
                 )
-        steps = [path for path in map(Path, paths) if is_step(path)]
-        remarks = [self.step.finding] if steps else []
-        rest = [path for path in map(Path, paths) if not is_step(path)]
+        solids = [path for path in map(Path, paths) if is_step(path) or is_iges(path)]
+        made = {path: self._solid(path) for path in solids}
+        remarks = [self.step.finding] if made else []
+        rest = [path for path in map(Path, paths) if path not in made]
         if rest and self.with_edges:
             remarks.append(_constructed(self.sharpened))
         remarks += save(dict.fromkeys(rest, self.coloured()))
-        for path in steps:
-            write_atomically(path, self.step.data)
+        for path, data in made.items():
+            write_atomically(path, data)
         return remarks
+
+    def _solid(self, path: Path) -> bytes:
+        """The part as STEP or IGES; the latter has no triangles, and so needs a solid."""
+        if is_step(path):
+            return self.step.data
+        if self.step.made is None:
+            raise ExportError(
+                f"{path}: IGES needs a solid: {self.step.finding.message.partition(': ')[2]}",
+                hint="write a .step, which can hold the triangles",
+            )
+        return iges_of(self.step.made, Path(self.name).stem or "part")
 
     def save_report(self, path: str | Path) -> None:
         """Write the report: .html with pictures, .json, or the dimension table as .csv.

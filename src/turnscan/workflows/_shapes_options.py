@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from turnscan.workflows._declare import Checked, option
-from turnscan.workflows._units import STEP_SUFFIXES
+from turnscan.workflows._units import IGES_SUFFIXES, STEP_SUFFIXES
 
-SHAPES_SUFFIXES = (".ply", ".glb", *STEP_SUFFIXES)
+SHAPES_SUFFIXES = (".ply", ".glb", *STEP_SUFFIXES, *IGES_SUFFIXES)
 """What shapes are written as: the mesh coloured by shape, or a solid."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from turnscan.mesh import Mesh, is_closed, measured_vertices
 from turnscan.remedy import Option, Remedy
 from turnscan.shapes import deviation, volume_sigma
 from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes
-from turnscan.workflows._units import STEP_SUFFIXES
+from turnscan.workflows._units import IGES_SUFFIXES, STEP_SUFFIXES
 
 _ALIKE = 0.01
 """Share of the volume that a solid may differ from the mesh by: a mesh cuts its edges."""
@@ -38,6 +39,8 @@ class StepFile:
     """Whether it holds an analytic solid; else the triangles."""
     finding: Finding
     """What it holds, or why no solid."""
+    made: Solid | None
+    """The solid, where there is one."""
     figures: dict[str, Any]
     """Faces, volumes, and how far the measured points lie off it, by name with the unit."""
 
@@ -47,10 +50,29 @@ def is_step(path: Path) -> bool:
     return path.suffix.lower() in STEP_SUFFIXES
 
 
+def is_iges(path: Path) -> bool:
+    """Whether a file's name is that of an IGES file."""
+    return path.suffix.lower() in IGES_SUFFIXES
+
+
 def check_step(paths: Iterable[Path]) -> None:
-    """Raise InputError, before work is spent, where a STEP file is wanted and none can be made."""
-    if any(map(is_step, paths)):
+    """Raise InputError, before work is spent, where a solid is wanted and none can be made."""
+    if any(is_step(path) or is_iges(path) for path in paths):
         check_opencascade()
+
+
+def iges_of(solid: Solid, name: str) -> bytes:
+    """A solid as IGES, read back.
+
+    Raises ExportError where the file does not read back the same.
+    """
+    data = solid.iges(name)
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / "part.igs"
+        path.write_bytes(data)
+        if not solid.is_in_iges(str(path)):
+            raise ExportError("the IGES does not read back the same", hint="write a .step")
+    return data
 
 
 def step_of(mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object]) -> StepFile:
@@ -84,6 +106,7 @@ def step_of(mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object])
             f"points lie {figures['deviation_rms_mm']:.4f} mm (rms) off it, 95 % of them within "
             f"{figures['deviation_p95_mm']:.4f} mm",
         ),
+        solid,
         figures,
     )  # fmt: skip
 
@@ -115,7 +138,7 @@ def _triangles(mesh: Mesh, title: str, about: Mapping[str, object], why: str) ->
     remedy = Remedy("close the mesh in the reconstruction, or give a larger ", Option("tolerance"))
     text = f"the STEP holds the triangles, not analytic faces: {why}"
     finding = Finding("shapes.triangles", "warning", text, remedy=remedy)
-    return StepFile(data, False, finding, {"solid": False, "triangles": len(mesh.faces)})
+    return StepFile(data, False, finding, None, {"solid": False, "triangles": len(mesh.faces)})
 
 
 def _figures(

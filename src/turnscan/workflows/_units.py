@@ -7,5 +7,6 @@ UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 SECTION_SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
 """Of drawings and figures of sections."""
 STEP_SUFFIXES = (".step", ".stp")
+IGES_SUFFIXES = (".igs", ".iges")
 DIMENSION_SUFFIXES = (".html", ".pdf", ".json", ".csv")
 """Of reports that hold dimensions: pages with pictures, figures, or a table."""

@@ -1,0 +1,40 @@
+"""What a shape of OpenCASCADE consists of, and its sizes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def parts_of(shape: Any, kind: str) -> list[Any]:
+    """The faces or solids of a shape of OpenCASCADE."""
+    from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+    from OCP.TopExp import TopExp_Explorer
+
+    out = []
+    walk = TopExp_Explorer(shape, TopAbs_FACE if kind == "face" else TopAbs_SOLID)
+    while walk.More():
+        out.append(walk.Current())
+        walk.Next()
+    return out
+
+
+def extent_of(shape: Any) -> float:
+    """mm: diagonal of the box about a shape of OpenCASCADE."""
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box)
+    return 0.0 if box.IsVoid() else float(np.sqrt(box.SquareExtent()))
+
+
+def volume_of(shape: Any) -> float:
+    """mm³ that a shape of OpenCASCADE encloses."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    p = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, p)
+    return float(p.Mass())
