@@ -161,7 +161,9 @@ def _begun(
     free = _free(rig, begin, sweeps, s)
     if s.body is not None:
         near, _ = approach(rig, begin, sweeps, free, s.body, doubt, progress)
-        return replace(near, bodies=tuple(_anew(b, near, sweeps) for b in near.bodies)), 0.0
+        return replace(
+            near, bodies=tuple(_with_its_points(b, near, sweeps) for b in near.bodies)
+        ), 0.0
     form = Smooth()
     anything = (form, (_ANY,) * len(form.size_names))
     near, gap = approach(rig, begin, sweeps, free, anything, doubt, progress)
@@ -173,7 +175,7 @@ def _drawn(s: RefineSettings) -> bool:
     return s.body is not None and isinstance(s.body[0], Part)
 
 
-def _anew(body: Body, state: Surfaces, sweeps: Sequence[Sweep]) -> Body:
+def _with_its_points(body: Body, state: Surfaces, sweeps: Sequence[Sweep]) -> Body:
     return again(body, [sweep.points(state.rig, state.rig.camera.rays(sweep.pixels))
                         for sweep in sweeps])  # fmt: skip
 
@@ -195,7 +197,9 @@ def _settled(
     reach = _REACH_MM
     for k in range(s.rounds):
         if fit is not None:
-            state = replace(state, bodies=tuple(_anew(b, state, sweeps) for b in state.bodies))
+            state = replace(
+                state, bodies=tuple(_with_its_points(b, state, sweeps) for b in state.bodies)
+            )
         network = network_of(rig, state, sweeps, free, reach, s.queries, rough)
         fit = adjusted(network, state, free, fit, told=rough > 0)
         moved, state = _moved(state, fit), fit.state
