@@ -24,6 +24,7 @@ ONLY_COMMAND_LINE = {
         "spacing_by", "spacing_between", "every", "radius", "z_min", "z_max", "top", "bottom",
         "denoise", "outliers",
     },
+    "calibrate": {"as_json"},
     "join": {"base"},
     "verify": {"history", "trend", "date"},
 }  # fmt: skip

@@ -190,18 +190,41 @@ def _import(given: Given) -> Outcome:
     return Outcome("\n".join(done.summary), done.findings)
 
 
-def dark_of(lasers: Mapping[str, Path], dark: Sequence[Path]) -> dict[str, Path]:
+def _calibrate(given: Given) -> Outcome:
+    lasers = {} if not given.inputs["laser"] else by_laser(given.inputs["laser"], "laser", "laser")
+    dark = dark_of(lasers, given.paths("laser_dark"), "laser_dark")
+    camera, table, off = (given.perhaps(name) for name in ("camera", "table", "table_dark"))
+    pictures = w.CalibrationPictures(
+        camera=None if camera is None else str(camera),
+        laser={name: str(path) for name, path in lasers.items()},
+        table=None if table is None else str(table),
+        laser_dark={name: str(path) for name, path in dark.items()} or None,
+        table_dark=None if off is None else str(off),
+    )
+    done = w.calibrate(
+        pictures, given.of(w.BoardOptions).board, given.outputs["output"][0],
+        given.of(w.CalibrateOptions), rig=given.perhaps("rig"),
+        report=next(iter(given.outputs["report"]), None), progress=given.progress,
+    )  # fmt: skip
+    lacking = [f"not calibrated yet: {missing}" for missing in done.advice.undetermined]
+    lines = [*done.stages, *lacking, f"would help most: {done.advice.text}"]
+    return Outcome("\n".join(lines), done.findings)
+
+
+def dark_of(
+    lasers: Mapping[str, Path], dark: Sequence[Path], field: str = "dark"
+) -> dict[str, Path]:
     """The series without laser of each laser: one for all, or one each. Raises InputError."""
     if len(dark) not in (0, 1, len(lasers)):
         raise InputError(
             f"{len(dark)} series without laser for {len(lasers)} lasers",
             hint="choose one for all, or one for each in the same order",
-            option=Option("dark"),
+            option=Option(field),
         )
     return {laser: dark[k if len(dark) > 1 else 0] for k, laser in enumerate(lasers) if dark}
 
 
-def by_laser(series: Sequence[Item], laser: str) -> dict[str, Path]:
+def by_laser(series: Sequence[Item], laser: str, field: str = "pictures") -> dict[str, Path]:
     """Each series of pictures by the name of its laser: its folder's, where there are several."""
     if len(series) == 1:
         return {laser: series[0].path}
@@ -210,12 +233,12 @@ def by_laser(series: Sequence[Item], laser: str) -> dict[str, Path]:
             raise InputError(
                 f"{item.name} and its series say no laser",
                 hint="put the pictures of each laser into a zip named like the laser",
-                option=Option("pictures"),
+                option=Option(field),
             )
     named = {i.path.name if i.path.is_dir() else i.path.stem: i.path for i in series}
     if len(named) != len(series):
         raise InputError(
-            "two series have one name", hint="rename their folders", option=Option("pictures")
+            "two series have one name", hint="rename their folders", option=Option(field)
         )
     return named
 
@@ -342,6 +365,7 @@ def _verify(given: Given) -> Outcome:
 
 _RUNNERS: dict[str, Callable[[Given], Outcome]] = {
     "import": _import,
+    "calibrate": _calibrate,
     "range-scans": _range_scans,
     "join": _join,
     "export": _export,

@@ -22,7 +22,7 @@ _path = click.Path(path_type=Path)
               "or calibrated again, or what a ruler says (.toml).")  # fmt: skip
 @click.option("--camera", metavar="PICTURES",
               help="Board pictures in varied poses, laser off.")  # fmt: skip
-@click.option("--board", metavar="SPEC",
+@click.option("--board", metavar="SPEC", default=None,
               help="chessboard:COLSxROWS:SQUARE_MM (inner corners) or "
               "charuco:COLSxROWS:SQUARE_MM:MARKER_MM:DICT (squares).")  # fmt: skip
 @click.option("--laser", multiple=True, metavar=_NAMED,

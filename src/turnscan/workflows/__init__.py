@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._batch_task import Outcome, Task
     from turnscan.workflows._batch_workers import Patience
     from turnscan.workflows._calibrate import CalibratedRig, CalibrationPictures, calibrate
-    from turnscan.workflows._calibrate_options import CalibrateOptions
+    from turnscan.workflows._calibrate_options import BoardOptions, CalibrateOptions
     from turnscan.workflows._capture import CapturedPicture, CapturedPictures, capture
     from turnscan.workflows._capture_options import CaptureOptions
     from turnscan.workflows._check import CheckedLaser, CheckedScan, check
@@ -171,7 +171,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "_artefact": ("PAPERS", "TARGET", "artefact"),
     "_calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
-    "_calibrate_options": ("CalibrateOptions",),
+    "_calibrate_options": ("BoardOptions", "CalibrateOptions"),
     "_capture": ("CapturedPicture", "CapturedPictures", "capture"),
     "_capture_options": ("CaptureOptions",),
     "_check": ("CheckedLaser", "CheckedScan", "check"),
@@ -341,6 +341,7 @@ __all__ = [
     "Agreement",
     "AngleSource",
     "Batch",
+    "BoardOptions",
     "CalibrateOptions",
     "CalibratedRig",
     "CalibrationPictures",

@@ -17,6 +17,17 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class BoardOptions(Checked):
+    """The board in the pictures."""
+
+    board: str | None = option(
+        None, "text",
+        "chessboard:COLSxROWS:SQUARE_MM (inner corners) or "
+        "charuco:COLSxROWS:SQUARE_MM:MARKER_MM:DICT (squares).",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
 class CalibrateOptions(Checked):
     """What is known about a rig besides its pictures; None where it is not known.
 

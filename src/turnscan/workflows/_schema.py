@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from turnscan.workflows._calibrate_options import BoardOptions, CalibrateOptions
 from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
 from turnscan.workflows._declare import Checked, Declared, declared
 from turnscan.workflows._format_options import FormatOptions
@@ -199,6 +200,31 @@ _ALL = (
         ),
         (OptionsOf(SeriesOptions), OptionsOf(ImportOptions)),
         (OutputFile("output", "The scan.", (".turnscan",), True, (".turnscan",)),),
+    ),
+    Verb(
+        "calibrate", "Calibrate from pictures",
+        "Pictures of boards and of the turning table become a rig: camera, laser sheets and table, "
+        "together or one by one. Stages without pictures are those of the rig that is known.",
+        "Get in",
+        (
+            InputFile("camera", "Board pictures in varied poses, laser off.", ("pictures",),
+                      required=False),
+            InputFile("laser", "Board pictures with the stripe on the board or its white margin; "
+                      "once for each laser.", ("pictures",), many=True, required=False),
+            InputFile("laser_dark", "The same with the laser off, one for each picture with it on.",
+                      ("pictures",), many=True, required=False),
+            InputFile("table", "Pictures of the empty table, step by step.", ("pictures",),
+                      required=False),
+            InputFile("table_dark", "The same with the laser off.", ("pictures",), required=False),
+            InputFile("rig", "What is known already: a rig whose stages are added or calibrated "
+                      "again.", ("rig",), required=False),
+        ),
+        (OptionsOf(BoardOptions), OptionsOf(CalibrateOptions)),
+        (
+            OutputFile("output", "The rig.", (".json",), True, (".json",)),
+            OutputFile("report", "Report with residuals and uncertainties.", (".html",), False,
+                       (".html",)),
+        ),
     ),
     Verb(
         "range-scans", "Import range scans",
