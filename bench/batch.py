@@ -23,7 +23,7 @@ from turnscan.threads import VARIABLE
 PARTS = ("workers", "many")
 SCANS, QUICK, QUICK_STEPS = 32, 8, 100
 WANTED = 1.85
-MANY, QUICK_MANY, TINY = 1000, 100, 8
+MANY, QUICK_MANY, TINY = 1000, 300, 8
 
 
 def _batch(
@@ -95,6 +95,11 @@ def _many(folder: Path, quick: bool) -> None:
     print(f"{scans} scans of {TINY} steps, 2 workers: {took:.1f} s")
     for k, some in enumerate(np.array_split(memory, 4)):
         print(f"MB held in quarter {k + 1}: median {np.nanmedian(some):.0f}, {np.nanmax(some):.0f}")
+    # What the first quarter adds is what any first scan loads.
+    done = np.linspace(0.0, scans, len(memory))
+    late = (done > scans / 4) & np.isfinite(memory)
+    slope = np.polyfit(done[late], np.asarray(memory)[late], 1)[0]
+    print(f"after the first quarter {1000 * slope:+.0f} MB per 1000 scans (wanted: none)")
 
 
 def run(quick: bool = False, parts: Sequence[str] = ()) -> None:
