@@ -239,9 +239,9 @@ def off_runs(points: Floats, sigma: Floats, inner: int, skipped: int) -> tuple[F
             if have < inner - 1:
                 continue
             side, scatter, known = _beside_line(points[k, j], own[:have], at[:have])
-            off[k, j] = side
+            off[k, j, 0], off[k, j, 1], off[k, j, 2] = side
             known *= max(sigma[k, j], scatter)
-            ratio[k, j] = np.sqrt((side * side).sum()) / known if known > 0.0 else 0.0
+            ratio[k, j] = np.sqrt(_dot(side, side)) / known if known > 0.0 else 0.0
     return off, ratio
 
 
@@ -256,31 +256,44 @@ def _gathered(
         if place < 0 or place >= len(line) or np.isnan(line[place, 0]) or have == end:
             break
         if i > skipped:
-            own[have], at[have] = line[place], way * i
+            own[have, 0], own[have, 1], own[have, 2] = (
+                line[place, 0],
+                line[place, 1],
+                line[place, 2],
+            )
+            at[have] = way * i
             have += 1
     return have
 
 
 @njit(cache=True, nogil=True)
-def _beside_line(point: Floats, own: Floats, at: Floats) -> tuple[Floats, float, float]:
+def _beside_line(point: Floats, own: Floats, at: Floats) -> tuple[Vector, float, float]:
     """(3,) from the line through points (m, 3) at places (m,) to one more at 0, across it; mm rms
     by which they scatter about it; and by how much noise counts there, the line's own included."""
-    middle, slope = np.zeros(3), np.zeros(3)
-    mean = at.mean()
-    for i in range(len(at)):
-        middle += own[i] / len(at)
-        slope += (at[i] - mean) * own[i]
-    slope /= max(np.sqrt((slope * slope).sum()), 1e-12)
+    count, mean = len(at), at.mean()
+    m0, m1, m2, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        m0, m1, m2 = m0 + own[i, 0] / count, m1 + own[i, 1] / count, m2 + own[i, 2] / count
+        far = at[i] - mean
+        t0, t1, t2 = t0 + far * own[i, 0], t1 + far * own[i, 1], t2 + far * own[i, 2]
+    size = max(np.sqrt(t0 * t0 + t1 * t1 + t2 * t2), 1e-12)
+    middle, slope = (m0, m1, m2), (t0 / size, t1 / size, t2 / size)
     scatter, spread = 0.0, 0.0
-    for i in range(len(at)):
+    for i in range(count):
         spread += (at[i] - mean) ** 2
-        side = own[i] - middle
-        side -= (side * slope).sum() * slope
-        scatter += (side * side).sum()
-    off = point - middle
-    off -= (off * slope).sum() * slope
-    known = np.sqrt(1.0 + 1.0 / len(at) + mean * mean / spread)
-    return off, np.sqrt(scatter / max(len(at) - 2, 1)), known
+        side = _aside((own[i, 0], own[i, 1], own[i, 2]), middle, slope)
+        scatter += _dot(side, side)
+    off = _aside((point[0], point[1], point[2]), middle, slope)
+    known = np.sqrt(1.0 + 1.0 / count + mean * mean / spread)
+    return off, np.sqrt(scatter / max(count - 2, 1)), known
+
+
+@njit(cache=True, nogil=True)
+def _aside(point: Vector, middle: Vector, slope: Vector) -> Vector:
+    """From a line to a point, across it."""
+    x, y, z = point[0] - middle[0], point[1] - middle[1], point[2] - middle[2]
+    along = _dot((x, y, z), slope)
+    return x - along * slope[0], y - along * slope[1], z - along * slope[2]
 
 
 @njit(cache=True, nogil=True)
