@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnscan.arrays import Bools
+from turnscan.arrays import Bools, Floats, Longs
 from turnscan.findings import Finding
 from turnscan.points import RangeGrid, without
 from turnscan.remedy import Option, Remedy
@@ -28,6 +28,8 @@ _OFF, _RUN, _NEXT = 4.5, 7, 1
 line, and those next to it that do not at the end of a run, …"""
 _ALIKE, _LINES = 0.5, 2
 """… unless in the profiles beside one lies this part as far off, so many lines away at most."""
+_TOGETHER = 32
+"""Profiles that a thread takes at a time."""
 _DOUBTED = 3.0
 """Usual sigma beyond which a point by itself at a border is not believed."""
 
@@ -114,12 +116,9 @@ def clean(grid: RangeGrid, settings: Clean | None = None) -> tuple[RangeGrid, li
                 Remedy("keep them with ", Option("keep_strays")),
             )
         )
-    have = out.found
-    # What was next to the last of a run is the last one then.
-    for _ in range(2 if c.edge else 0):
-        out = without(out, _off_run(out), StripeFlag.EDGE)
-    drop = have & ~out.found
+    drop = _off_run(out) if c.edge else np.zeros_like(out.found)
     if drop.any():
+        out = without(out, drop, StripeFlag.EDGE)
         text = f"{int(drop.sum())} points far off the line of their profile are removed"
         remedy = Remedy("keep them with ", Option("edge", 0))
         findings.append(Finding("surface.spikes", "note", text, where, remedy))
@@ -189,18 +188,34 @@ def _off_run(grid: RangeGrid) -> Bools:
     """
     from turnscan.surface.clean import _clean_kernels as kernels
 
-    off, ratio = kernels.off_runs(grid.points, noise(grid), _RUN, _NEXT)
-    far = np.einsum("sni,sni->sn", off, off)
-    spikes = ratio > _OFF
-    alike = np.zeros_like(spikes)
-    for step in (-1, 1):
-        beside = np.roll(off, step, axis=0)
-        if not grid.closed:
-            beside[0 if step == 1 else -1] = 0.0
-        for line in range(-_LINES, _LINES + 1):
-            there = np.einsum("sni,sni->sn", np.roll(beside, line, axis=1), off)
-            alike |= there > _ALIKE * far
-    return np.asarray(spikes & ~alike)
+    points, sigma = grid.points.copy(), noise(grid)
+    off, ratio, rows = np.zeros_like(points), np.zeros_like(sigma), np.arange(len(points))
+    drop = np.zeros_like(grid.found)
+    for _ in range(2):  # what was next to the last of a run is the last one then
+
+        def part(first: int, end: int, rows: Longs = rows) -> None:
+            kernels.off_runs(points, sigma, _RUN, _NEXT, rows[first:end], off, ratio)
+
+        in_parts(part, len(rows), -(-len(rows) // _TOGETHER))
+        step, line = np.nonzero(ratio > _OFF)
+        alone = ~_alike(off, step, line, grid.closed)
+        step, line = step[alone], line[alone]
+        drop[step, line], points[step, line] = True, np.nan
+        rows = np.unique(step)
+    return drop
+
+
+def _alike(off: Floats, step: Longs, line: Longs, closed: bool) -> Bools:
+    """(m,) True for points which a profile beside follows, ``off`` (s, n, 3) as far as they."""
+    s, n, _ = off.shape
+    own = off[step, line]
+    far, alike = np.einsum("mi,mi->m", own, own), np.zeros(len(step), dtype=np.bool_)
+    for other in (step - 1, step + 1):
+        for at in (line + k for k in range(-_LINES, _LINES + 1)):
+            there = (at >= 0) & (at < n) & (closed | ((other >= 0) & (other < s)))
+            beside = off[other % s, at % n]
+            alike |= there & (np.einsum("mi,mi->m", beside, own) > _ALIKE * far)
+    return alike
 
 
 def _beside_gaps(grid: RangeGrid, c: Clean) -> Bools:

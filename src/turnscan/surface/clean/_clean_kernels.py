@@ -216,19 +216,21 @@ def _run(
 
 
 @njit(cache=True, nogil=True)
-def off_runs(points: Floats, sigma: Floats, inner: int, skipped: int) -> tuple[Floats, Floats]:
-    """(s, n, 3) mm by which each point lies beside the line of its run, and (s, n) that distance
-    over what is usual: its ``sigma`` (s, n), or what the run itself scatters if that is more, times
-    what a line through so few points leaves unknown there; 0 where too few tell.
+def off_runs(
+    points: Floats, sigma: Floats, inner: int, skipped: int, rows: Longs, off: Floats, ratio: Floats
+) -> None:
+    """For some profiles ``rows`` (r,): ``off`` (s, n, 3) mm by which each point lies beside the
+    line of its run, and ``ratio`` (s, n), that distance over what is usual: its ``sigma`` (s, n),
+    or what the run itself scatters if that is more, times what a line through so few points leaves
+    unknown there; 0 where too few tell.
 
     The line goes through up to ``inner`` points before it and after it; at the ends of a run,
     through those on the one side, without the ``skipped`` next to it.
     """
-    s, n, _ = points.shape
-    off, ratio = np.zeros((s, n, 3)), np.zeros((s, n))
     own, at = np.empty((2 * inner, 3)), np.empty(2 * inner)
-    for k in range(s):
-        for j in range(n):
+    for k in rows:
+        for j in range(points.shape[1]):
+            off[k, j, 0], off[k, j, 1], off[k, j, 2], ratio[k, j] = 0.0, 0.0, 0.0, 0.0
             if np.isnan(points[k, j, 0]):
                 continue
             before = _gathered(points[k], j, -1, 0, inner, own, at, 0)
@@ -242,7 +244,6 @@ def off_runs(points: Floats, sigma: Floats, inner: int, skipped: int) -> tuple[F
             off[k, j, 0], off[k, j, 1], off[k, j, 2] = side
             known *= max(sigma[k, j], scatter)
             ratio[k, j] = np.sqrt(_dot(side, side)) / known if known > 0.0 else 0.0
-    return off, ratio
 
 
 @njit(cache=True, nogil=True)
