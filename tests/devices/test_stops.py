@@ -10,9 +10,12 @@ from typing import Any
 
 import pytest
 
-from tests.devices.boards import PATIENT, plugged
+from tests.devices.boards import PATIENT, SCALE, plugged
+from turnscan.devices import _guard
 from turnscan.devices._guard_client import Interrupted
-from turnscan.errors import DeviceAlarm, TurnscanError
+from turnscan.devices._registry import board
+from turnscan.errors import DeviceAlarm, DeviceTimeout, LeaseEnded, TurnscanError
+from turnscan.simulate.controllers import SardauscanHorusFirmware, Socket
 
 
 @pytest.mark.parametrize("dialect", ["grbl", "horus"])
@@ -76,6 +79,82 @@ def test_a_dark_between_a_move_and_the_question_for_its_end() -> None:
         assert device.alarm == ""
         device.move_to(math.radians(20.0), 10.0)
         assert socket.firmware.turns == pytest.approx(20.0 / 360.0, abs=1e-3)
+
+
+def test_a_lease_that_ends_just_before_the_laser_is_put_out_for_a_move() -> None:
+    with plugged("grbl", deadlines=PATIENT) as (device, socket):
+        device.move_to(math.radians(200.0), 10.0)
+        device.light(frozenset({"a"}), 0.2)
+        link, stood = device._link, socket.firmware.turned
+        ask = link._ask
+
+        def late(kind: bytes, payload: bytes) -> Any:
+            end = time.monotonic() + 60.0
+            while kind == b"L" and not link._lapsed and time.monotonic() < end:
+                time.sleep(0.01)
+            return ask(kind, payload)
+
+        link._ask = late
+        with pytest.raises(LeaseEnded):
+            device.move_to(math.radians(210.0), 10.0)
+        link._ask = ask
+        assert socket.firmware.turned == stood
+        device.move_to(math.radians(220.0), 10.0)
+        assert socket.firmware.turns == pytest.approx(220.0 / 360.0, abs=1e-3)
+
+
+def test_a_dark_that_the_guard_repeats_by_itself_counts() -> None:
+    """One that was not confirmed comes again a second later, between any two lines."""
+    with plugged("grbl", deadlines=PATIENT) as (device, socket):
+        claim = device._claim
+        device._claim = lambda: device._link._by_itself(_guard.DONE, b"", b"")
+        with pytest.raises(Interrupted):
+            device.move_to(math.radians(10.0), 10.0)
+        device._claim = claim
+        assert socket.firmware.turned == 0
+        device.move_to(math.radians(20.0), 10.0)
+        device._link._by_itself(_guard.DONE, b"", b"")
+        device.move_to(math.radians(30.0), 10.0)
+        assert socket.firmware.turns == pytest.approx(30.0 / 360.0, abs=1e-3)
+
+
+def test_modes_that_could_not_be_set_after_an_alarm_are_set_before_the_next_move() -> None:
+    with plugged("grbl", deadlines=PATIENT) as (device, socket):
+        device.move_to(math.radians(200.0), 10.0)
+        device.off()
+        device.move_to(math.radians(210.0), 10.0)
+        device.off()
+        settle = device._settle
+
+        def deaf() -> None:
+            raise DeviceTimeout("no answer")
+
+        device._settle = deaf
+        with pytest.raises(DeviceTimeout):
+            device.look_over()
+        device._settle = settle
+        device.move_to(math.radians(220.0), 10.0)
+        assert socket.firmware.turns == pytest.approx(220.0 / 360.0, abs=1e-3)
+
+
+def test_a_move_that_was_not_sent_loses_no_place_that_the_board_cannot_tell() -> None:
+    with Socket(SardauscanHorusFirmware(), scale=SCALE) as socket:
+        device = board(f"horus:{socket.path}?lasers=a", deadlines=PATIENT)
+        claim = device._claim
+        device.move_to(math.radians(45.0), 10.0)
+
+        def late() -> None:
+            claim()
+            device.off()
+
+        device._claim = late
+        with pytest.raises(Interrupted):
+            device.move_to(math.radians(90.0), 10.0)
+        device._claim = claim
+        device.move_to(math.radians(90.0), 10.0)
+        assert device.alarm == ""
+        assert socket.firmware.turns == pytest.approx(0.25)
+        device.close()
 
 
 def work(device: Any, over: threading.Event) -> None:

@@ -323,7 +323,7 @@ class Board(ABC):
             offs = self._offs
             try:
                 offs += self._end_hold()
-                if self._unsettled:
+                if self._unsettled or self._settled != self._link.darks:
                     self._lines.clear()
                     self._set_modes()
                 self._lines.expect_nothing()
@@ -339,7 +339,11 @@ class Board(ABC):
     def _set_modes(self) -> None:
         """Again after a dark; another one that comes meanwhile makes it necessary once more."""
         self._settled, self._unsettled = self._link.darks, False
-        self._settle()
+        try:
+            self._settle()
+        except BaseException:
+            self._unsettled = True
+            raise
 
     def _interrupted(self, error: BaseException, offs: int) -> bool:
         """Whether an error says no more than that another thread put the lasers out, or stopped.

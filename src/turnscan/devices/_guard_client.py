@@ -245,14 +245,10 @@ class GuardedLink:
         darks = self._darks
         self._check()
         self._check_barred()
-        lapsed, self._lapsed = self._lapsed, False
-        if lapsed:
-            raise LeaseEnded(
-                f"{self.settings.port}: the lease of a laser expired while it was needed",
-                hint="the expected picture did not arrive in time: check the camera",
-            )
+        self._check_lease()
         result, heard, said = self._ask(b"L", struct.pack("<dB", lease, mask))
         if result == _guard.DONE:
+            self._check_lease()  # it may have expired just before: the board was reset
             return
         if result == _guard.UNKNOWN:
             raise self._unknown(heard)
@@ -341,6 +337,15 @@ class GuardedLink:
         """The door and the alarm are said once, as what they are; a dark is what ends them."""
         if self._barred is not None:
             raise self._barred
+
+    def _check_lease(self) -> None:
+        """What has expired is said once."""
+        lapsed, self._lapsed = self._lapsed, False
+        if lapsed:
+            raise LeaseEnded(
+                f"{self.settings.port}: the lease of a laser expired while it was needed",
+                hint="the expected picture did not arrive in time: check the camera",
+            )
 
     def _frame(self, kind: bytes, payload: bytes = b"", darks: int | None = None) -> None:
         """The lock keeps frames in one order; who waits for a guard that hangs sees it killed.
@@ -506,6 +511,8 @@ class GuardedLink:
             self._lapsed = True
         if result == _guard.UNKNOWN:
             self._failure = self._failure or self._unknown(said)
+        if self._barred is None:  # where it is barred, nothing is sent before the next dark
+            self._darks += 1
         self._note(None, result)
 
     def _rescue(self) -> None:

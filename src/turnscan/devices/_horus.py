@@ -8,6 +8,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from turnscan.devices._board import Board
+from turnscan.devices._guard_client import Interrupted
 from turnscan.devices._replies import Kind
 from turnscan.devices._steps import Steps, decimal, travel_time
 from turnscan.errors import DeviceGarbled, DeviceRefused, DeviceTimeout, InputError
@@ -96,8 +97,12 @@ class HorusBoard(Board):
         distance = float(self._steps.degrees_of(unit - self._unit))
         expected = travel_time(distance, self._speed, self._acceleration)
         self._lines.expect_nothing()
+        try:
+            self._link.write(f"G1X{degrees}\r\n".encode(), self._settled)
+        except Interrupted:  # it was not sent, so that the table stands where it stood
+            self._note(replace(self._left, target=None))
+            raise
         self._asked_to_move = True
-        self._link.write(f"G1X{degrees}\r\n".encode(), self._settled)
         move_end = self._move_end(expected, end)
         while (line := self._lines.poll(0.02, move_end, f"'G1X{degrees}'")) is None:
             if self._stop.is_set() and not self._whole:
