@@ -125,3 +125,44 @@ def test_views_are_drawn_beside_sections() -> None:
     report = json.loads(write_section_json(both, {}))["sections"]
     assert [s["view"] for s in report] == ["silhouette", "unrolled"]
     assert len(report[1]["relief"]["r_mm"][0]) == 480
+
+
+@pytest.mark.parametrize("shift", [0.0, 60.0])
+def test_large_flat_faces_are_unrolled_as_flat(shift: float) -> None:
+    a, x = np.linspace(0, 2 * np.pi, 4, endpoint=False) + np.pi / 4, np.array([shift, 0.0])
+    square = 20 * np.sqrt(2) * np.stack([np.cos(a), np.sin(a)], axis=1) + x
+    section = fit_section(wall(square, np.array([0.0, 30.0]), None), unrolled_cut())
+    assert section.relief is not None
+    r = section.relief.r[section.relief.r.shape[0] // 2]
+    phi = (np.arange(len(r)) + 0.5) / len(r) * 2 * np.pi - np.pi
+    if not shift:
+        assert np.abs(r - 20 / np.maximum(np.abs(np.cos(phi)), np.abs(np.sin(phi)))).max() < 0.014
+        assert len(section.chains) >= 8 * 3
+        assert all(np.ptp(c.points[:, 1]) > 29.9 for c in section.chains)
+        return
+    beside = np.abs(phi) > np.arctan2(20, 40) + 0.01
+    assert np.isnan(r[beside]).all()
+    facing = np.abs(phi) < 0.2
+    assert np.abs(r - 80 / np.cos(phi))[facing].max() < 0.014
+
+
+def test_a_vertex_on_the_seam_may_have_either_zero() -> None:
+    body = _lobes(0.0)
+    flipped = body.vertices.copy()
+    seam = (np.abs(flipped[:, 1]) < 1e-9) & (flipped[:, 0] < 0)
+    flipped[seam, 1] = -0.0
+    assert seam.sum() == 31
+    section = fit_section(Mesh(flipped, body.faces), unrolled_cut())
+    assert section.relief is not None
+    phi = (np.arange(480) + 0.5) / 480 * 2 * np.pi - np.pi
+    assert np.abs(section.relief.r[5] - (20 + 2 * np.cos(3 * phi))).max() < 0.06
+
+
+@pytest.mark.parametrize("direction", [(0, 1, 0), (0, -1, 0), (1, 0, 0), (0, 0, -1), (3, -4, 5)])
+def test_a_silhouette_is_seen_from_where_it_was_asked(direction: tuple[float, ...]) -> None:
+    cut = silhouette_cut(direction)
+    n = np.array(direction) / np.linalg.norm(direction)
+    assert np.allclose(np.cross(cut.right, cut.up), n)
+    assert cut.name == f"silhouette from {n[0]:.6g}, {n[1]:.6g}, {n[2]:.6g}"
+    with pytest.raises(InputError):
+        silhouette_cut([1e200, 1e308, 1.7e308])

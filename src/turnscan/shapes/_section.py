@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -66,8 +67,8 @@ def plane_cut(normal: npt.ArrayLike, distance: float, name: str = "") -> Cut:
     Raises InputError for a normal that is none.
     """
     n = np.asarray(normal, dtype=np.float64).reshape(-1)
-    length = float(np.linalg.norm(n)) if n.shape == (3,) else 0.0
-    if not (np.isfinite(n).all() and length > 0 and np.isfinite(distance)):
+    length = math.hypot(*n.tolist()) if n.shape == (3,) else 0.0
+    if not (0 < length < math.inf and np.isfinite(distance)):
         raise InputError(f"a plane with the normal {n.tolist()}", hint="give three finite numbers")
     n, d = n / length, float(distance) / length
     text = name or f"{n[0]:.6g}x + {n[1]:.6g}y + {n[2]:.6g}z = {d:.6g} mm"
@@ -95,7 +96,10 @@ def silhouette_cut(direction: npt.ArrayLike, name: str = "") -> Cut:
     Raises InputError for a direction that is none.
     """
     flat = plane_cut(direction, 0.0, "silhouette")
-    n = flat.normal
+    # A plane across y is drawn from -y whichever way its normal points; a viewer is on one side.
+    seen = flat.normal @ np.asarray(direction, dtype=np.float64).reshape(3) > 0
+    flat = flat if seen else replace(flat, right=-flat.right + 0.0)
+    n = flat.normal + 0.0
     text = name or f"silhouette from {n[0]:.6g}, {n[1]:.6g}, {n[2]:.6g}"
     return replace(flat, name=text, view="silhouette")
 

@@ -10,6 +10,7 @@ from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError
 from turnscan.mesh import Caster, Mesh, Provenance
 from turnscan.shapes._section import Chain, crossed, plane_cut
+from turnscan.shapes.views._split import split
 
 _WIDEST = np.pi / 2
 """Radians: faces that span more hold the axis, and have no place."""
@@ -107,29 +108,37 @@ def _flat(mesh: Mesh) -> tuple[Mesh, float]:
     faces across the seam.
     """
     t = mesh.triangles
-    middle, normal = t.mean(axis=1), np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    r, phi = np.hypot(*mesh.vertices[:, :2].T), np.arctan2(mesh.vertices[:, 1], mesh.vertices[:, 0])
-    spread = phi[mesh.faces]
-    across = np.ptp(spread, axis=1) > np.pi
-    spread = np.where(across[:, None] & (spread < 0), spread + 2 * np.pi, spread)
-    out = (middle[:, :2] * normal[:, :2]).sum(axis=1) > 0
+    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])[:, :2]
+    some = np.flatnonzero(((t[:, :, :2] * normal[:, None]).sum(axis=2) > 0).any(axis=1))
+    if not len(some):
+        raise _no_outside()
+    fine = split(mesh.vertices, mesh.faces[some].astype(np.int64))
+    x, y = fine.points[:, :2].T
+    r, phi = np.hypot(x, y), np.arctan2(y, x)
+    spread = phi[fine.faces]
+    over = (np.ptp(spread, axis=1) > np.pi)[:, None] & (spread < 0)
+    spread = np.where(over, spread + 2 * np.pi, spread)
+    middle = fine.points[fine.faces, :2].mean(axis=1)
+    out = (middle * normal[some][fine.face]).sum(axis=1) > 0
     keep = out & (np.ptp(spread, axis=1) < _WIDEST)
     if not keep.any():
-        raise InputError("nothing of the part looks away from the z axis, about which it is "
-                         "unrolled", hint="move the part onto the axis")  # fmt: skip
-    radius = float(np.median(r[np.unique(mesh.faces[keep])]))
-    over = spread[keep] > np.pi
-    rows = mesh.faces[keep].astype(np.int64) + np.where(over, len(r), 0)
-    used, faces = np.unique(rows, return_inverse=True)
-    of = used % len(r)
-    turned = phi[of] + np.where(used >= len(r), 2 * np.pi, 0.0)
-    points = np.column_stack([radius * turned, mesh.vertices[of, 2], r[of]])
+        raise _no_outside()
+    radius = float(np.median(r[np.unique(fine.faces[keep])]))
+    used, faces = np.unique(fine.faces[keep] + np.where(over[keep], len(r), 0), return_inverse=True)
+    at, of = used % len(r), fine.of[used % len(r)]
+    turned = phi[at] + np.where(used >= len(r), 2 * np.pi, 0.0)
+    points = np.column_stack([radius * turned, fine.points[at, 2], r[at]])
     known = mesh.provenance
-    some = None if known is None else Provenance(
+    origin = None if known is None else Provenance(
         known.sigma[of], known.laser[of], known.step[of], known.line[of], known.lasers
     )  # fmt: skip
-    measured = None if mesh.measured is None else mesh.measured[keep]
-    return Mesh(points, faces.reshape(-1, 3).astype(np.int32), some, None, measured), radius
+    measured = None if mesh.measured is None else mesh.measured[some[fine.face[keep]]]
+    return Mesh(points, faces.reshape(-1, 3).astype(np.int32), origin, None, measured), radius
+
+
+def _no_outside() -> InputError:
+    return InputError("nothing of the part looks away from the z axis, about which it is unrolled",
+                      hint="move the part onto the axis")  # fmt: skip
 
 
 def _levels(flat: Mesh, noise: float) -> tuple[float, Floats]:
