@@ -273,6 +273,8 @@ export interface Doctor {
 export interface Done {
   kind: "done";
   id: number;
+  /** What there is to say of it. */
+  findings: Remark[];
 }
 
 /** Copy a scan file with its edits, under a new name. */

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from tests.workflows.scans import CAN_RIG, write_can
 from turnscan.edit import MeasureDistance, Specify, edit_to_value
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
-from turnscan.workflows import EditChanges, ScanSession, edits
+from turnscan.workflows import EditChanges, ScanSession, _session, edits
 
 DELTA = 1e-3
 
@@ -45,7 +46,7 @@ def opened(path: Path) -> Iterator[ScanSession]:
 
 
 def test_what_the_calibration_does_to_a_measurement_is_what_another_rig_measures(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One cause alone: the diameter changes by what the rig that is wrong by it measures."""
     delta = DELTA * np.random.default_rng(5).normal(size=len(CAN_RIG.parameter_names))
@@ -66,6 +67,18 @@ def test_what_the_calibration_does_to_a_measurement_is_what_another_rig_measures
     assert there.shared is None
     assert there.noise is not None
     assert there.uncertainty == pytest.approx(2 * there.noise)
+    # A report asked for before anything was worked out has the same in it.
+    sizes = Mock()
+    monkeypatch.setattr(_session, "measure", sizes)
+    with opened(tmp_path / "0.turnscan") as session:
+        assert not session.now.measures[-1].complete
+        session.save_report(tmp_path / "sizes.pdf", no_progress)
+    (named,) = sizes.return_value.save_report.call_args.args[1].values
+    assert named["complete"]
+    assert named["uncertainty"] == pytest.approx(here.uncertainty)
+    # A can fits on another one however it is turned: that is said.
+    brought = edits(tmp_path / "1.turnscan", EditChanges(tmp_path / "0.turnscan", by_shape=True))
+    assert any(f.code == "compare.free" for f in brought.findings), brought.findings
 
 
 def test_named_measurements_follow_the_part_to_where_it_stands_in_another_scan(
@@ -93,3 +106,8 @@ def test_named_measurements_follow_the_part_to_where_it_stands_in_another_scan(
     with pytest.raises(InputError, match="no measurement"):
         edits(lying, EditChanges(source=up, only=(3,), by_shape=True))
     assert len(edits(lying).history.entries) == 3
+    # What is said of an edit that comes after it is of none.
+    early = ('{"kind": "specify", "measure": 5, "name": "early"}', '{"kind": "measure_volume"}')
+    edits(up, EditChanges(make=early))
+    added = edits(lying, EditChanges(source=up, only=(4, 5))).history.entries[3:]
+    assert [e.edit.kind for e in added] == ["measure_volume"]

@@ -5,7 +5,7 @@ import { mesh, onMesh, opened, shownRevision } from "../part";
 import type { DeviationShown, ShowDeviation, SizeCheck } from "../protocol";
 import { complain, notify, place, scans } from "../state";
 import { Button, Check, mm, NumberField, Section, SelectField, TextField } from "../ui/controls";
-import { files, send } from "../verbs/state";
+import { files, send, sendTable } from "../verbs/state";
 import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
 import type { Hit } from "../viewport/pick";
@@ -37,8 +37,6 @@ const table = signal("");
 /** Tolerance of every size, and width of the profile's zone, mm. */
 const tolerance = signal("");
 const profile = signal<number | null>(null);
-/** The table that was sent last. */
-let sent: { csv: string; file: string } | null = null;
 const unit = signal<NonNullable<ShowDeviation["unit"]>>("mm");
 const shown = signal<DeviationShown | null>(null);
 /** The surface was changed since. */
@@ -73,16 +71,14 @@ async function tableFile(): Promise<string | null | undefined> {
   if (table.value) return table.value;
   const csv = toleranceTable(tolerance.value, profile.value);
   if (!csv) return null;
-  if (sent?.csv !== csv) {
-    const [file] = await send([new File([csv], "tolerances.csv")]);
-    if (!file) return undefined;
-    sent = { csv, file };
-  }
-  return sent.file;
+  return (await sendTable("tolerances.csv", csv)) ?? undefined;
 }
 
-const chosenDatums = () =>
-  way.value === "datums" ? (datums.value.match(/\d+/g) ?? []).map(Number).filter((one) => one > 0) : [];
+/** Numbers of features as they are typed; null for anything else. */
+export function readDatums(text: string): number[] | null {
+  const words = text.split(/[\s,;]+/).filter(Boolean);
+  return words.every((word) => /^[1-9]\d*$/.test(word)) ? words.map(Number) : null;
+}
 
 /** What the map was made with, for a report of the same. */
 let asked: ShowDeviation | null = null;
@@ -90,6 +86,11 @@ let asked: ShowDeviation | null = null;
 async function show(): Promise<void> {
   const scan = opened.value?.scan;
   if (!scan || !reference.value || busy.value) return;
+  const numbers = way.value === "datums" ? readDatums(datums.value) : [];
+  if (!numbers) {
+    notify("warning", `Datums “${datums.value}” are no numbers of features.`, "Type them as 1, 2, 3.");
+    return;
+  }
   busy.value = true;
   try {
     const tolerance_table = await tableFile();
@@ -100,7 +101,7 @@ async function show(): Promise<void> {
       reference: reference.value,
       unit: unit.value,
       align: way.value,
-      datums: chosenDatums(),
+      datums: numbers,
       features: byFeature.value,
       tolerance_table,
     } as const;

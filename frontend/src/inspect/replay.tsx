@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useState } from "preact/hooks";
 import { link } from "../bus";
 import { cursor, history, opened } from "../part";
-import { complain, go, scans } from "../state";
+import { complain, go, notify, scans } from "../state";
 import { Button, SelectField } from "../ui/controls";
 import { useDialog } from "../ui/dialog";
 
@@ -14,6 +14,8 @@ const STANDS = [
   ["same", "in the same place"],
   ["elsewhere", "elsewhere: find it by its shape"],
 ] as const;
+
+const CHECK = "Check on the part that each measurement is where it belongs.";
 
 /** Whether an edit measures, or says what a measurement is to be. */
 export const measures = (name: string) => name.startsWith("measure_") || name === "specify";
@@ -39,7 +41,9 @@ function Shown() {
     if (!source) return;
     setBusy(true);
     try {
-      await link.request({ kind: "copy_edits", scan: source.scan, edits, to, by_shape: stands === "elsewhere" });
+      const by_shape = stands === "elsewhere";
+      const { header } = await link.request({ kind: "copy_edits", scan: source.scan, edits, to, by_shape });
+      if (header.kind === "done") for (const { text } of header.findings) notify("warning", text, CHECK);
       close();
       go("measure", to);
     } catch (error) {

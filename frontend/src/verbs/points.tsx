@@ -12,7 +12,7 @@ import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
 import { OwnView } from "./ownview";
 import type { Values } from "./schema";
-import { additions, formOf, send } from "./state";
+import { additions, formOf, sendTable } from "./state";
 
 /** One point of the part: where it is in each pose, mm. */
 export type Picked = ReadonlyMap<string, Vec>;
@@ -22,8 +22,6 @@ const INK = "#f0691e";
 const DIGITS = 3;
 const picked = signal<readonly Picked[]>([]);
 const shown = signal(false);
-/** What was sent last, so that the same points are not sent twice. */
-let sent: { csv: string; file: string } | null = null;
 
 const nameOf = (scan: string) => scans.value.find((one) => one.scan === scan)?.name ?? "";
 const posesOf = (values: Values) =>
@@ -54,12 +52,8 @@ async function withPoints(values: Values): Promise<Values | null> {
     posesOf(values).map((pose) => [pose, nameOf(pose)] as const),
   );
   if (!csv || values.points) return values;
-  if (sent?.csv !== csv) {
-    const [file] = await send([new File([csv], "picked points.csv")]);
-    if (!file) return null;
-    sent = { csv, file };
-  }
-  return { ...values, points: sent.file };
+  const points = await sendTable("picked points.csv", csv);
+  return points === null ? null : { ...values, points };
 }
 
 /** Give picked points to each joining: once. */

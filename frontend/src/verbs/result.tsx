@@ -59,7 +59,8 @@ interface Read {
 
 type By = "plain" | "laser" | "own";
 
-export const isMesh = (name: string) => /\.(stl|ply|obj|3mf|glb|dxf)$/.test(name);
+/** Whether a result is a surface to be shown; a .dxf may be a drawing. */
+export const isMesh = (name: string) => /\.(stl|ply|obj|3mf|glb)$/.test(name);
 
 /** The surface in a file, as soon as it is wanted: `open` shows it at once. */
 export function ResultSurface({ file, name, open }: Pick<ResultFile, "file" | "name"> & { open: boolean }) {

@@ -148,6 +148,18 @@ export async function send(list: Iterable<File>): Promise<string[]> {
   return found;
 }
 
+const sentTables = new Map<string, { text: string; file: string }>();
+
+/** The file of a table that was made on the page, sent where the server has not this one; null where it cannot be. */
+export async function sendTable(name: string, text: string): Promise<string | null> {
+  const before = sentTables.get(name);
+  if (before?.text === text && files.value.some(({ file }) => file === before.file)) return before.file;
+  const [file] = await send([new File([text], name)]);
+  if (!file) return null;
+  sentTables.set(name, { text, file });
+  return file;
+}
+
 async function post<T>(path: string, body: File): Promise<T> {
   return (await http(path, { method: "POST", body })).json();
 }

@@ -484,6 +484,8 @@ class Done(Model):
 
     kind: Literal["done"] = "done"
     id: Count
+    findings: list[Remark] = []
+    """What there is to say of it."""
 
 
 class Refused(Model):

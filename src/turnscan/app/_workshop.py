@@ -20,7 +20,7 @@ from turnscan.app._envelope import Array
 from turnscan.app._files import Files
 from turnscan.app._hub import Client, Hub
 from turnscan.app._import_session import ImportRoom
-from turnscan.app._jobs import Job, Jobs, Result, in_words, options_of
+from turnscan.app._jobs import Job, Jobs, Result, in_words, options_of, remarks
 from turnscan.app._library import Library
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._request_guard import name_of
@@ -515,7 +515,7 @@ class Workshop:
         with self._editing(call, "Enabling or disabling an edit") as (scan, job):
             scan.switch(call.request.edit, call.request.on, job)
 
-    def _copy_edits(self, call: Call) -> None:
+    def _copy_edits(self, call: Call) -> p.Done:
         r: q.CopyEdits = call.request
         source, target = self.library.path(r.scan), self.library.path(r.to)
         if source == target:
@@ -523,8 +523,9 @@ class Workshop:
         with self.jobs.perhaps("edit", "Copying edits", r.scan) as job:
             self._release(r.to)
             wanted = EditChanges(source, only=r.edits, by_shape=r.by_shape)
-            edits(target, wanted, progress=job.progress)
+            kept = edits(target, wanted, progress=job.progress)
         self.tell_scans()
+        return p.Done(id=call.id, findings=remarks(kept.findings))
 
     def _list_holes(self, call: Call) -> Answer:
         return self.opened(call.request.scan).holes(call.id)

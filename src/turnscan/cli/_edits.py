@@ -9,6 +9,7 @@ import click
 
 from turnscan import workflows
 from turnscan.cli._progress import progress_bar
+from turnscan.cli._words import with_flags
 
 _path = click.Path(path_type=Path)
 
@@ -64,6 +65,8 @@ def verb(
     wanted = workflows.EditChanges(**changes)
     with progress_bar() as bar:
         kept = workflows.edits(scan, wanted, output=output, progress=bar)
+    for finding in kept.findings:
+        click.echo(with_flags(finding), err=True)
     click.echo("\n".join(kept.lines()))
     if output is not None:
         click.echo(f"{output}: {kept.done} edits")

@@ -24,6 +24,7 @@ from turnscan.edit import (
     moved_edit,
 )
 from turnscan.errors import InputError
+from turnscan.findings import Finding
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
@@ -75,6 +76,8 @@ class KeptEdits:
     history: History
     times: dict[int, float]
     """When each was made, s since 1970; NaN where unknown."""
+    findings: tuple[Finding, ...] = ()
+    """What is open about where measurements were brought along to."""
 
     @property
     def done(self) -> int:
@@ -142,19 +145,19 @@ def edits(
         raise InputError("there is nothing to grow", hint=hint, option=Option("grow", c.grow))
     if output is not None:
         check_output(Path(output), (".json",), [path, *([c.source] if c.source else [])])
-    if not c.nothing:
-        _change(path, c, progress)
+    findings = () if c.nothing else _change(path, c, progress)
     with Scan.open(path) as opened:
-        kept = KeptEdits(history_of(opened), _times(opened))
+        kept = KeptEdits(history_of(opened), _times(opened), findings)
     if output is not None:
         write_atomically(Path(output), history_to_json(kept.history).encode())
     return kept
 
 
-def _change(path: Path, c: EditChanges, progress: Progress) -> None:
+def _change(path: Path, c: EditChanges, progress: Progress) -> tuple[Finding, ...]:
     added = [] if c.source is None else _added(read_history(c.source), c)
+    findings: tuple[Finding, ...] = ()
     if c.by_shape and c.source is not None:
-        added = _brought(added, c.source, path, progress.subrange(0, 0.8))
+        added, findings = _brought(added, c.source, path, progress.subrange(0, 0.8))
     made = [checked_edit(edit_from_json(text, "make")) for text in c.make]
     with Scan.resume(path) as opened:
         history = history_of(opened)
@@ -177,6 +180,7 @@ def _change(path: Path, c: EditChanges, progress: Progress) -> None:
         # Every one fits the history; only now is anything written.
         for action in actions:
             opened.append_edit(action_to_json(action), time.time())
+    return findings
 
 
 def _added(history: History, c: EditChanges) -> list[Entry]:
@@ -195,8 +199,13 @@ def _added(history: History, c: EditChanges) -> list[Entry]:
     chosen = [e for e in history.enabled if not c.only] or [
         e for e in history.entries if e.id in c.only
     ]
-    taken = {e.id for e in chosen}
-    return [e for e in chosen if not isinstance(e.edit, Specify) or e.edit.measure in taken]
+    taken = set[int]()
+    out = []
+    for e in chosen:
+        if not isinstance(e.edit, Specify) or e.edit.measure in taken:
+            taken.add(e.id)
+            out.append(e)
+    return out
 
 
 def _numbered(edit: Edit, numbers: Mapping[int, int]) -> Edit:
@@ -204,15 +213,20 @@ def _numbered(edit: Edit, numbers: Mapping[int, int]) -> Edit:
     return replace(edit, measure=numbers[edit.measure]) if isinstance(edit, Specify) else edit
 
 
-def _brought(added: Sequence[Entry], source: Path, target: Path, progress: Progress) -> list[Entry]:
-    """The measurements, where the part stands in the target. Raises InputError for none."""
+def _brought(
+    added: Sequence[Entry], source: Path, target: Path, progress: Progress
+) -> tuple[list[Entry], tuple[Finding, ...]]:
+    """The measurements, where the part stands in the target, and what is open about that.
+
+    Raises InputError for none, and where its shape is nowhere in the target.
+    """
     mine = [e for e in added if is_measure(e.edit) or isinstance(e.edit, Specify)]
     if not mine:
         raise InputError(f"{source}: no measurement to bring along", hint="measure there first")
     here = reconstruct(source, progress=progress.subrange(0, 0.45))
     there = nominal(target, "mm", progress.subrange(0.45, 0.9))
-    pose = placed_by("shape", here.mesh, source.name, there, ()).pose
-    return [replace(e, edit=moved_edit(e.edit, pose)) for e in mine]
+    placed = placed_by("shape", here.mesh, source.name, there, ())
+    return [replace(e, edit=moved_edit(e.edit, placed.pose)) for e in mine], placed.findings
 
 
 def _then(actions: list[Action], history: History, action: Action) -> History:

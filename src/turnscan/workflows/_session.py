@@ -460,9 +460,11 @@ class ScanSession:
         ``path`` ends with .html, .pdf, .json or .csv. Raises ExportError, InputError.
         """
         state = self.now
+        document = state.document
+        known = renewed(document, self._known_of(document), lambda: progress(0))
         result = self.result(state, progress.subrange(0, 0.3))
         found = measure(result, sizes=True, progress=progress.subrange(0.3, 1))
-        found.save_report(path, named_table(state.measures))
+        found.save_report(path, named_table(measures_of(document, known)))
         return found
 
     def deviation(
