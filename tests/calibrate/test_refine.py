@@ -24,6 +24,7 @@ from turnscan.calibrate import Balls, Part, Refined, RefineSettings, Round, refi
 from turnscan.calibrate._adjust import HUBER
 from turnscan.calibrate._bodies import Body as FittedBody
 from turnscan.calibrate._bodies import Form, Known
+from turnscan.calibrate._bodies_found import refuse_ends
 from turnscan.calibrate._normal import weight
 from turnscan.errors import Degenerate
 from turnscan.progress import Progress
@@ -290,6 +291,24 @@ def test_a_drawn_part_that_lies_anyhow_makes_a_rig() -> None:
     radius, rms = _sphere(at)
     assert abs(radius - 12.0) < 0.03
     assert rms < 0.05
+
+
+@pytest.mark.parametrize("times", [1 / 1000, 1 / 25.4, 0.1, 25.4])
+def test_a_part_drawn_in_another_unit_is_refused_at_once(times: float) -> None:
+    rig = two_lasers()
+    form = Part(times * np.asarray(BLOCK.vertices), BLOCK.faces)
+    sweeps = both(rig, sphere((2.0, 3.0, 12.0), 13.0), STEPS[::4], STEPS[::4], 1, every=12)
+    known = replace(QUICK, body=(form, ((1.0, 1e-4),)))
+    with pytest.raises(Degenerate, match=r"drawn part has a diagonal of .* mm"):
+        refine(doubted(rig, 0.3, 0.1), sweeps, known)
+
+
+def test_a_part_of_which_most_points_know_nothing_is_refused() -> None:
+    form = Part(np.asarray(BLOCK.vertices), BLOCK.faces)
+    body = FittedBody(form, Pose(), np.ones(1), ((1.0, 1e-4),), (np.arange(40),))
+    with pytest.raises(Degenerate, match="only 40% of the points lie on the drawn part"):
+        refuse_ends(body, 100)
+    refuse_ends(body, 60)
 
 
 @given(st.integers(0, 1000))

@@ -72,6 +72,22 @@ def test_a_drawn_part_is_read_with_its_scale(tmp_path: Path) -> None:
         body_of(RefineOptions(), path)
 
 
+def test_a_drawing_without_a_surface_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "line.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"line\.obj: "):
+        body_of(RefineOptions(), path)
+
+
+def test_what_was_measured_of_the_part_is_not_replaced_by_the_rig(tmp_path: Path) -> None:
+    path, scan = tmp_path / "bar.json", tmp_path / "part.turnscan"
+    path.write_text(BAR)
+    scan.write_bytes(b"")
+    with pytest.raises(InputError, match=r"bar\.json: this file is an input"):
+        refine(scan, path, artefact=path)
+    assert path.read_text() == BAR
+
+
 def test_a_block_and_a_part_described_twice_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "block.toml"
     path.write_text(BLOCK)

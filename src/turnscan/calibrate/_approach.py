@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
-from turnscan.calibrate._bodies import Form, Known
+from turnscan.calibrate._bodies import Form, Known, Smooth
 from turnscan.calibrate._bodies_found import find_body
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
 from turnscan.calibrate._part import Part
@@ -115,7 +115,13 @@ def _led(
         network = network_of(begin, now, sweeps, free, 0.0, 0, coarse)
         now = adjusted(network, now, free, None, told=True).state
         if _off(known, now.rig) > _STRAYED:
-            raise DidNotConverge("the rig strays from what is known of it")
+            what = (
+                "" if isinstance(form, Smooth) else f", is the {form.name} the one that was scanned"
+            )
+            raise DidNotConverge(
+                "the rig strays from what is known of it",
+                hint=f"is the rig the right one{what}, and may its numbers be farther off?",
+            )
         gap, noise, _ = gap_of(network_of(begin, now, sweeps, free, 0.0, 0), now)
         progress((k + 1) / _ROUNDS)
         if coarse == 0.0 or (k > 2 and gap <= noise):

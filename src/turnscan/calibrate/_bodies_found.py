@@ -24,6 +24,10 @@ _ALIKE, _SURE = 0.2, 3.0
 else."""
 _WALL = 0.9
 """Of the points, on a cylinder or cone: edges beside its wall would bend it."""
+_MOST = 0.5
+"""Of the points, on a drawn part: of another one some faces fit as well."""
+_TIMES = 8.0
+"""By which a drawn part may be larger than what the scan shows, or smaller."""
 WAYS = 8
 """In which a drawn part may stand, that are tried."""
 _NEAR = 0.1
@@ -50,7 +54,9 @@ def find_body(
     at = [s.points(rig, rig.camera.rays(s.pixels)) for s in sweeps]
     if isinstance(form, Part):
         # Seen in part, it stands in one way by all sweeps and in others by one alone.
-        stands = form.placements(np.concatenate(at), WAYS)
+        together = np.concatenate(at)
+        _refuse_other_unit(form, together, doubt)
+        stands = form.placements(together, WAYS)
         part = Body(form, stands[way % len(stands)], np.ones(1), tuple(known))
         return again(replace(part, points=tuple(np.arange(len(a)) for a in at)), at)
     # What one sweep sees is one body, also where two lasers do not agree yet.
@@ -86,9 +92,29 @@ def again(body: Body, at: Sequence[Floats]) -> Body:
     return replace(body, points=tuple(np.flatnonzero(p) for p in np.split(inside, cuts)))
 
 
+def _refuse_other_unit(part: Part, points: Floats, doubt: float) -> None:
+    """Raises Degenerate where a drawn part is not nearly as large as what was scanned."""
+    drawn = float(np.linalg.norm(np.ptp(part.vertices[part.faces.ravel()], axis=0)))
+    low, high = np.quantile(points, (0.02, 0.98), axis=0)
+    seen = float(np.linalg.norm(high - low))
+    if seen > _TIMES * drawn + 2 * doubt or drawn > _TIMES * (seen + 2 * doubt):
+        raise Degenerate(
+            f"the drawn part has a diagonal of {drawn:.3g} mm, what was scanned one of about "
+            f"{seen:.3g} mm",
+            hint="give the part that was scanned, with lengths in mm",
+        )
+
+
 def refuse_ends(body: Body, count: int) -> None:
-    """Raises Degenerate where a cylinder or cone is not all that the ``count`` points lie on."""
+    """Raises Degenerate where a cylinder or cone is not all that the ``count`` points lie on, or a
+    drawn part not what most of them do."""
     share = sum(len(p) for p in body.points) / count
+    if isinstance(body.form, Part) and share < _MOST:
+        raise Degenerate(
+            f"only {share:.0%} of the points lie on the drawn part: it, or something beside it, is "
+            "not what was scanned",
+            hint="give the part that was scanned, and scan it alone",
+        )
     if isinstance(body.form, Round) and share < _WALL:
         raise Degenerate(
             f"{share:.0%} of the points lie on the {body.form.name}: its ends or other things were "

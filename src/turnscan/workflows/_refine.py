@@ -138,7 +138,7 @@ def refine(
     wanted = chosen(RefineOptions, options, changes)
     if not path.is_file():
         raise InputError(f"{path}: no such file", hint="check the name")
-    check_output(output, (".json",), [path])
+    check_output(output, (".json",), [path, *([Path(artefact)] if artefact is not None else [])])
     body = body_of(wanted, artefact)
     begin = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
     with Scan.open(path) as opened:
