@@ -1,4 +1,4 @@
-"""Two poses of a part are joined in the browser: by points picked in both, and by shape."""
+"""Two poses of a part are joined in the browser by points picked in both."""
 
 from __future__ import annotations
 
@@ -47,9 +47,7 @@ def read(form: Any, folder: Path, name: str) -> tuple[float, dict[str, Any]]:
     return float(cells[4]), dict(read_about(data))
 
 
-def test_two_poses_are_joined_by_picked_points_and_by_shape(
-    new_page, folder: Path, picture
-) -> None:
+def test_two_poses_are_joined_by_picked_points(new_page, folder: Path, picture) -> None:
     for seed, (file, name) in enumerate((("up", "knob"), ("lying", "knob lying"))):
         write_scan(folder / f"{file}.turnscan", name, seed)
     page = new_page(width=1280, height=1100)
@@ -85,9 +83,4 @@ def test_two_poses_are_joined_by_picked_points_and_by_shape(
     picture(page, "join")
     form.get_by_role("button", name="Delete all points").click()
     form.get_by_text("Joined by shape alone").wait_for()
-    begin.click()
-    form.get_by_role("link", name="up join 2.ply").wait_for(timeout=LONG)
-    by_shape, _ = read(form, folder, "up join 2.ply")
-    # Points are where it begins; where it ends the surfaces decide.
     assert 0.02 < by_points < 0.25
-    assert abs(by_shape - by_points) < 0.02
