@@ -17,10 +17,12 @@ from tests.needs import needs
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.cli import main, turnscan
 from turnscan.drawings import StepPart, read_step, write_step
+from turnscan.errors import ExportError
 from turnscan.formats import read_about, write_ply
 from turnscan.mesh import Mesh
 from turnscan.workflows._reading import step_findings
 from turnscan.workflows._shapes import FoundShapes, find_shapes
+from turnscan.workflows._shapes_step import iges_of
 
 SHAFT = [(0.5, 0), (25, 0), (25, 20), (15, 20), (15, 40), (0.5, 40)]
 AROUND = 120
@@ -155,3 +157,15 @@ def test_faces_without_triangles_and_faults_are_said() -> None:
     assert "part.step: OpenCASCADE makes no triangles of 2 of its faces" in lost.message
     assert faults.code == "step.faults"
     assert not step_findings(replace(part, valid=True, lost=0), Path("part.step"))
+
+
+def test_iges_without_a_temporary_folder_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Plain:
+        def iges(self, name: str) -> bytes:
+            return name.encode()
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "none"))
+    with pytest.raises(ExportError, match="no temporary file"):
+        iges_of(Plain(), "part")  # type: ignore[arg-type]

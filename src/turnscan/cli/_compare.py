@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
@@ -10,8 +9,8 @@ import click
 
 from turnscan import workflows
 from turnscan.cli._flags import flags_of
+from turnscan.cli._found import found_flags, tell_findings, tell_found
 from turnscan.cli._progress import progress_bar
-from turnscan.cli._words import with_flags
 
 
 @click.command(name="compare")
@@ -20,19 +19,8 @@ from turnscan.cli._words import with_flags
 @click.option(
     "--picture", type=click.Path(path_type=Path), help="Colour map of the deviation to write, PNG."
 )
-@click.option(
-    "-o",
-    "--output",
-    "outputs",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help=f"Surface coloured by its deviation to write: {' '.join(workflows.MAP_SUFFIXES)}; may be "
-    "repeated.",
-)
-@click.option(
-    "--report",
-    type=click.Path(path_type=Path),
-    help="Report to write: .html or .pdf with pictures, .json, or the sizes as .csv.",
+@found_flags(
+    f"Surface coloured by its deviation to write: {' '.join(workflows.MAP_SUFFIXES)}", "sizes"
 )
 @click.option(
     "--tolerance-table",
@@ -40,7 +28,6 @@ from turnscan.cli._words import with_flags
     help="Tolerances, CSV feature,quantity,tolerance: 3,diameter,H7 or *,*,ISO 2768-m.",
 )
 @flags_of(workflows.CompareOptions)
-@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON, unrounded.")
 def verb(
     measured: Path,
     reference: Path,
@@ -69,14 +56,11 @@ def verb(
             measured, reference, options, tolerance_table=tolerance_table, progress=progress
         )
     remarks = found.save_map(*outputs, limit=options.limit)
-    for finding in (*found.findings, *remarks):
-        click.echo(with_flags(finding), err=True)
+    tell_findings((*found.findings, *remarks))
     if picture is not None:
         found.save_picture(picture, options.limit)
     if report is not None:
         found.save_report(report, options.limit)
-    click.echo(json.dumps(found.figures(), indent=1) if as_json else str(found))
-    for path in written:
-        click.echo(f"{path}: written", err=True)
+    tell_found(found, as_json, written)
     if found.verdict == "fail":
         sys.exit(1)

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from pathlib import Path
 from typing import Any, Protocol
 
 from turnscan.drawings import with_sigma
-from turnscan.findings import Finding, record
+from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.shapes import Deviation
 from turnscan.workflows import _document as doc
 from turnscan.workflows._aligning import Placement
 from turnscan.workflows._compared_features import Agreement, Check, Feature
 from turnscan.workflows._deviation_map import deviation_figure
-from turnscan.workflows._files import write_atomically
 from turnscan.workflows._report import ReportTable
 from turnscan.workflows._shapes_table import COVERAGE
 from turnscan.workflows._tolerances import Verdict
@@ -50,18 +48,15 @@ class Compared(Protocol):
 
 def write_report(found: Compared, path: Path, limit: float | None) -> None:
     """Write the report as its suffix says. Raises ExportError where that fails."""
-    suffix = path.suffix.lower()
-    if suffix == ".csv":
-        write_atomically(path, _csv(found).encode())
-    elif suffix == ".json":
-        body = {**found.figures(), "findings": [record(f) for f in found.findings]}
-        write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
-    else:
-        title = " against ".join(Path(name).name for name in found.names)
-        blocks = _blocks(found, limit)
-        pdf = suffix == ".pdf"
-        data = doc.as_pdf(title, blocks) if pdf else doc.as_html(title, blocks).encode()
-        write_atomically(path, data)
+    title = " against ".join(Path(name).name for name in found.names)
+    doc.write_report(
+        path,
+        title,
+        lambda: _blocks(found, limit),
+        lambda: _csv(found),
+        found.figures,
+        found.findings,
+    )
 
 
 def _csv(found: Compared) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,9 @@ import numpy as np
 
 from turnscan.arrays import Floats, Image
 from turnscan.drawings import with_sigma
-from turnscan.findings import Finding, record
+from turnscan.findings import Finding
 from turnscan.mesh import vertex_normals
 from turnscan.workflows import _document as doc
-from turnscan.workflows._files import write_atomically
 from turnscan.workflows._report import ReportTable
 from turnscan.workflows._shapes import FREEFORM, FoundShapes
 from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv, finite
@@ -44,23 +42,18 @@ def write_dimensions(
     written.
     """
     rows = [*whole, *found.dimensions]
-    title = f"Dimensions of {Path(found.name).name}"
-    match path.suffix.lower():
-        case ".csv":
-            write_atomically(path, dimensions_csv(rows).encode())
-        case ".json":
-            body = {
-                **figures,
-                **({} if named is None else {named.key: named.values}),
-                "dimensions": [_figures(d) for d in rows],
-                "findings": [record(f) for f in findings],
-            }
-            write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
-        case ".pdf":
-            write_atomically(path, doc.as_pdf(title, _blocks(found, rows, findings, named)))
-        case _:
-            page = doc.as_html(title, _blocks(found, rows, findings, named))
-            write_atomically(path, page.encode())
+    doc.write_report(
+        path,
+        f"Dimensions of {Path(found.name).name}",
+        lambda: _blocks(found, rows, findings, named),
+        lambda: dimensions_csv(rows),
+        lambda: {
+            **figures,
+            **({} if named is None else {named.key: named.values}),
+            "dimensions": [_figures(d) for d in rows],
+        },
+        findings,
+    )
 
 
 def dimension_table(rows: Sequence[Dimension]) -> ReportTable:

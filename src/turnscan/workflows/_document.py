@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import io
+import json
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from turnscan.arrays import Image
-from turnscan.findings import Finding
+from turnscan.findings import Finding, record
 from turnscan.workflows import _html as html
+from turnscan.workflows._files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,6 +86,29 @@ def _html(block: Block) -> str:
             return html.picture(block.image, block.caption)
         case Findings(found):
             return html.findings(found)
+
+
+def write_report(
+    path: Path,
+    title: str,
+    blocks: Callable[[], Iterable[Block]],
+    table: Callable[[], str],
+    body: Callable[[], Mapping[str, object]],
+    findings: Iterable[Finding],
+) -> None:
+    """Write a report as its suffix says: ``table`` as .csv, ``body`` with the findings as .json,
+    or ``blocks`` as .pdf or a page. Raises ExportError where that fails."""
+    match path.suffix.lower():
+        case ".csv":
+            data = table().encode()
+        case ".json":
+            whole = {**body(), "findings": [record(f) for f in findings]}
+            data = json.dumps(whole, indent=1, ensure_ascii=False).encode()
+        case ".pdf":
+            data = as_pdf(title, blocks())
+        case _:
+            data = as_html(title, blocks()).encode()
+    write_atomically(path, data)
 
 
 def as_pdf(title: str, blocks: Iterable[Block]) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -21,7 +20,7 @@ from turnscan.drawings import (
     write_step,
 )
 from turnscan.errors import ExportError, InputError
-from turnscan.findings import Finding, record
+from turnscan.findings import Finding
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes import Arc, FittedSection, Line, deviation, fit_outlines
 from turnscan.shapes.revolved import (
@@ -181,20 +180,14 @@ class RevolvedPart:
 
         Raises ExportError where it cannot be written.
         """
-        path = Path(path)
-        title = f"{Path(self.name).name}, revolved"
-        match path.suffix.lower():
-            case ".csv":
-                data = dimensions_csv(self.dimensions)
-            case ".json":
-                body = {**self.figures(), "findings": [record(f) for f in self.findings]}
-                data = json.dumps(body, indent=1, ensure_ascii=False)
-            case ".pdf":
-                write_atomically(path, doc.as_pdf(title, _blocks(self)))
-                return
-            case _:
-                data = doc.as_html(title, _blocks(self))
-        write_atomically(path, data.encode())
+        doc.write_report(
+            Path(path),
+            f"{Path(self.name).name}, revolved",
+            lambda: _blocks(self),
+            lambda: dimensions_csv(self.dimensions),
+            self.figures,
+            self.findings,
+        )
 
 
 def revolve(

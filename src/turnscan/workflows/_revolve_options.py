@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from turnscan.workflows._declare import Checked, option
+from turnscan.workflows._section_options import dxf_version_option, fit_tolerance
 from turnscan.workflows._units import SECTION_SUFFIXES, STEP_SUFFIXES
 
 REVOLVE_SUFFIXES = (*SECTION_SUFFIXES, *STEP_SUFFIXES)
@@ -22,14 +23,5 @@ class RevolveOptions(Checked):
         "be repeated.  [default: ten, evenly]",
         many=True, unit="mm",
     )  # fmt: skip
-    tolerance: float | None = option(
-        None, "number",
-        "Largest deviation of fitted lines and arcs from the wall beyond its noise, mm.  "
-        "[default: three times the noise, at least 1/10000 of the size]",
-        least=0, above=True, unit="mm",
-    )  # fmt: skip
-    dxf_version: Literal["R12", "R2010"] = option(
-        "R2010", "choice",
-        "DXF version; R12 has no splines and takes polylines in their place.",
-        choices=("R12", "R2010"),
-    )  # fmt: skip
+    tolerance: float | None = fit_tolerance("the wall beyond its noise")
+    dxf_version: Literal["R12", "R2010"] = dxf_version_option()

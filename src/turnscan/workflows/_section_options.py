@@ -3,9 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from turnscan.workflows._declare import Checked, option
+
+
+def fit_tolerance(misfit: str) -> Any:
+    """How far fitted lines and arcs may be off, mm."""
+    return option(
+        None, "number",
+        f"Largest deviation of fitted lines and arcs from {misfit}, mm.  "
+        "[default: three times the noise, at least 1/10000 of the size]",
+        least=0, above=True, unit="mm",
+    )  # fmt: skip
+
+
+def dxf_version_option() -> Any:
+    """The version of a DXF with sections."""
+    return option(
+        "R2010", "choice",
+        "DXF version; R12 has no splines and takes polylines in their place.",
+        choices=("R12", "R2010"),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -34,14 +53,5 @@ class SectionOptions(Checked):
         "Draw the outer surface unrolled about the rotation axis: its radius over angle and "
         "height, as lines of equal radius and a colour map.",
     )  # fmt: skip
-    tolerance: float | None = option(
-        None, "number",
-        "Largest deviation of fitted lines and arcs from the points beyond their noise, mm.  "
-        "[default: three times the noise, at least 1/10000 of the size]",
-        least=0, above=True, unit="mm",
-    )  # fmt: skip
-    dxf_version: Literal["R12", "R2010"] = option(
-        "R2010", "choice",
-        "DXF version; R12 has no splines and takes polylines in their place.",
-        choices=("R12", "R2010"),
-    )  # fmt: skip
+    tolerance: float | None = fit_tolerance("the points beyond their noise")
+    dxf_version: Literal["R12", "R2010"] = dxf_version_option()

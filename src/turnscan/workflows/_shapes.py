@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,7 +12,7 @@ import numpy as np
 
 from turnscan.drawings import with_sigma
 from turnscan.errors import ExportError, InputError
-from turnscan.findings import Finding, record
+from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress, no_progress
 from turnscan.shapes.primitives import (
@@ -395,18 +394,14 @@ _VIEWS = (0.6, 0.6 + np.pi)
 
 
 def _write_report(found: FoundShapes, path: Path) -> None:
-    """Write the report: .json, .csv or one HTML page. Raises ExportError where that fails."""
-    if path.suffix.lower() == ".csv":
-        write_atomically(path, dimensions_csv(found.dimensions).encode())
-        return
-    if path.suffix.lower() == ".json":
-        body = {**found.figures(), **_step(found), "findings": [record(f) for f in found.findings]}
-        write_atomically(path, json.dumps(body, indent=1, ensure_ascii=False).encode())
-        return
-    title, blocks = f"Shapes of {Path(found.name).name}", _blocks(found)
-    pdf = path.suffix.lower() == ".pdf"
-    data = doc.as_pdf(title, blocks) if pdf else doc.as_html(title, blocks).encode()
-    write_atomically(path, data)
+    doc.write_report(
+        path,
+        f"Shapes of {Path(found.name).name}",
+        lambda: _blocks(found),
+        lambda: dimensions_csv(found.dimensions),
+        lambda: {**found.figures(), **_step(found)},
+        found.findings,
+    )
 
 
 def _blocks(found: FoundShapes) -> list[doc.Block]:

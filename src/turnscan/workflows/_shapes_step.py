@@ -67,11 +67,18 @@ def iges_of(solid: Solid, name: str) -> bytes:
     Raises ExportError where the file does not read back the same.
     """
     data = solid.iges(name)
-    with tempfile.TemporaryDirectory() as scratch:
-        path = Path(scratch) / "part.igs"
-        path.write_bytes(data)
-        if not solid.is_in_iges(str(path)):
-            raise ExportError("the IGES does not read back the same", hint="write a .step")
+    try:
+        with tempfile.TemporaryDirectory() as scratch:
+            path = Path(scratch) / "part.igs"
+            path.write_bytes(data)
+            same = solid.is_in_iges(str(path))
+    except OSError as e:
+        raise ExportError(
+            f"the IGES could not be read back: no temporary file: {e.strerror or e}",
+            hint="write a .step, or make room in the folder of temporary files",
+        ) from None
+    if not same:
+        raise ExportError("the IGES does not read back the same", hint="write a .step")
     return data
 
 
