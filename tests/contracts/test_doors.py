@@ -22,7 +22,7 @@ from turnscan.surface.holes import FillHow
 from turnscan.workflows import _choices
 
 HELPERS = (
-    "_calibrate_report",
+    "_calibrate_report", "_found",
     "_devices_in_use", "_flags", "_numbers", "_output", "_own_settings", "_progress", "_serving",
     "_show", "_signals", "_words",
 )  # fmt: skip
