@@ -26,6 +26,9 @@ _BAYER = {
 }
 _SIZE_REGISTERS = (0x11C, 0x118, 0x100, 0x104)
 """Of the sensor, then of the picture: width, height each."""
+_HEARTBEAT = 0x938, 15000
+"""Register, and ms without a sign of its client after which a camera is free for another: a picture
+that takes a busy machine three seconds, as is usual, would end the connection."""
 _MONO8, _MONO16, _RGB8 = 0x01080001, 0x01100007, 0x02180014
 
 
@@ -68,6 +71,7 @@ class GigeServer:
         # The introspected version of this call crashes (Aravis 0.8.26), the plain one does not.
         for register, value in zip(_SIZE_REGISTERS, (size or ()) * 2, strict=False):
             self._native.arv_fake_camera_write_register(hash(self._fake), register, value)
+        self._native.arv_fake_camera_write_register(hash(self._fake), *_HEARTBEAT)
         self._callback = _FILL(self._fill)
         self._native.arv_fake_camera_set_fill_pattern(hash(self._fake), self._callback, None)
 
