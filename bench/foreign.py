@@ -189,7 +189,7 @@ def row(wish: SimulationSpec, name: str, folder: Path) -> Row:
     part = truth.made_mesh(made)
     mesh, _ = merge(grids)
     mesh, _ = cut_touching(mesh)
-    mesh, _, _ = drop_islands(mesh)
+    mesh, _, _ = drop_islands(mesh, None, grids)
     run = Run(made, wish.steps or 0, seen)
     some = places(made)
     complete = covered(mesh, some, visible(run, some, FLAT, wish.lasers or 1), run.near)

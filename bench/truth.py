@@ -113,7 +113,7 @@ def rows(
         for way in WAYS if lasers > 1 else ("paste",):
             mesh, _ = merge(grids, how=way)
             mesh, _ = cut_touching(mesh)
-            mesh, _, _ = drop_islands(mesh)
+            mesh, _, _ = drop_islands(mesh, None, grids)
             name = f"{part}, {rig}" + (", calibrated" if calibrated else "")
             yield row(run, name, lasers, way, mesh, sees)
 

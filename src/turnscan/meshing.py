@@ -47,9 +47,9 @@ def to_mesh(
     merged, findings = fusion.merge(grids, s.tears, s.merge, s.voxel, along=s.along, sewn=sewn)
     give_back()
     loose, touching = cut_touching(merged)
-    mesh, islands, faces = clean.drop_islands(loose, s.island)
+    mesh, islands, faces = clean.drop_islands(loose, s.island, grids, s.tears)
     if islands:
-        touching += clean.long_islands(loose, s.island)
+        touching += clean.long_islands(loose, s.island, grids, s.tears)
     opened, repairing = edit.repair_mesh(mesh, edits, lambda: source_of(grids, rig))
     mesh, closing = opened, list[Finding]()
     if finish:

@@ -112,6 +112,37 @@ def test_islands_go_by_their_size():
     assert mesh_findings(none, 0, 0)[0].severity == "error"
 
 
+def test_a_piece_that_hung_on_the_part_in_its_grid_needs_a_quarter_of_the_faces():
+    (grid,) = grids((0.4,), cylinder(25.0, 0.0, 40.0), 24, lift=20.0)
+    whole = paste([grid])
+    assert whole.provenance is not None
+    # Apart from the rest: two patches, of 0.4 to 0.8 % of the faces and of 0.1 %.
+    step, line = whole.provenance.step[whole.faces], whole.provenance.line[whole.faces]
+    first = int(np.median(line))
+    size = max(2, round(0.006 * len(whole.faces) / 4))
+    inside = ((step >= 3) & (step <= 5) & (line >= first) & (line <= first + size)).all(axis=1)
+    about = ((step >= 3) & (step <= 5) & (line >= first) & (line <= first + size)).any(axis=1)
+    speck = np.flatnonzero((step == 12).any(axis=1) & (line == first).any(axis=1))[:1]
+    beside = np.isin(whole.faces, whole.faces[speck]).any(axis=1)
+    beside[speck] = False
+    torn = submesh(whole, ~(about & ~inside) & ~beside)
+    share = np.sort(np.bincount(components(torn)))[::-1] / len(torn.faces)
+    assert len(share) == 3
+    assert 0.0025 < share[1] < 0.0095
+    assert share[2] < 0.0025
+    assert drop_islands(torn)[1] == 2, "without the grid nothing tells it from a glint"
+    left, pieces, _ = drop_islands(torn, None, [grid])
+    assert pieces == 1, "the speck"
+    assert np.bincount(components(left)).min() == int(inside.sum())
+    assert drop_islands(torn, 10**6, [grid])[1] == 3, "who names a size gets it"
+    # The same patch, but apart in its grid as well, is an island as before.
+    alone = np.array(grid.points)
+    ring = alone[2:7, first - 1 : first + size + 2].copy()
+    ring[0], ring[-1], ring[:, 0], ring[:, -1] = np.nan, np.nan, np.nan, np.nan
+    alone[2:7, first - 1 : first + size + 2] = ring
+    assert drop_islands(torn, None, [replace(grid, points=alone)])[1] == 2
+
+
 def test_an_island_that_is_long_is_named_with_its_place():
     (grid,) = grids((0.4,), cylinder(25.0, 0.0, 40.0), 24, lift=20.0)
     body = paste([grid])
