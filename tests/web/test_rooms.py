@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.web.running import PATIENCE, Browser, Running, serving
+from tests.web.running import PATIENCE, Browser, Message, Running, serving
 from turnscan.app._envelope import unpack
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
@@ -25,6 +25,22 @@ from turnscan.progress import Cancelled, Progress
 from turnscan.remedy import Option, Remedy
 from turnscan.scan import Scan
 from turnscan.workflows import edits, options_of, reconstruct
+
+
+def _another_branch(
+    one: Browser, scan: str, history: Message, arrays: dict[str, Any], edit: dict[str, Any]
+) -> None:
+    """An edit after going back begins a branch, and the first can be taken again."""
+    first = history["history"][0]["edit"]
+    assert one.ask("go_to", scan=scan, cursor=0)["kind"] == "done"
+    state = next(m for m in reversed(one.heard) if m["kind"] == "patch")
+    again = one.ask("edit", arrays, scan=scan, base_revision=state["revision"], edit=edit)
+    assert again["kind"] == "done"
+    history = next(m for m in reversed(one.heard) if m["kind"] == "history")
+    assert [(b["edit"], b["edits"]) for b in history["branches"]] == [(first, 1)]
+    assert one.ask("take_branch", scan=scan, edit=first)["kind"] == "done"
+    history = next(m for m in reversed(one.heard) if m["kind"] == "history")
+    assert [e["edit"] for e in history["history"]] == [first]
 
 
 def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
@@ -88,18 +104,7 @@ def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
         )
         _, arrays = unpack(http.get(f"/api/scans/{scan}/mesh").content)
         assert arrays["alive"].all()
-        first = history["history"][0]["edit"]
-        assert one.ask("go_to", scan=scan, cursor=0)["kind"] == "done"
-        state = next(m for m in reversed(one.heard) if m["kind"] == "patch")
-        again = one.ask(
-            "edit", {"faces": chosen[:9]}, scan=scan, base_revision=state["revision"], edit=edit
-        )
-        assert again["kind"] == "done"
-        history = next(m for m in reversed(one.heard) if m["kind"] == "history")
-        assert [(b["edit"], b["edits"]) for b in history["branches"]] == [(first, 1)]
-        assert one.ask("take_branch", scan=scan, edit=first)["kind"] == "done"
-        history = next(m for m in reversed(one.heard) if m["kind"] == "history")
-        assert [e["edit"] for e in history["history"]] == [first]
+        _another_branch(one, scan, history, {"faces": chosen[:9]}, edit)
         with serving(folder) as second, Browser(second) as other:
             other.send("open", scan=other.hello["scans"][0]["scan"])
             failed = other.until("job", lambda m: m["state"] == "failed")
@@ -370,11 +375,14 @@ def test_measurements_are_kept_with_the_scan(folder: Path) -> None:
         assert one.ask("forget_measure", scan=scan, measure="edit-99")["kind"] == "refused"
     with serving(folder) as again, Browser(again) as late:
         state = late.open(late.hello["scans"][0]["scan"])
-        assert state["measures"] == left["measures"]
         scan, revision = state["scan"], state["revision"]
+        # What the calibration adds is worked out when it is asked for, and the verdict with it.
+        open_yet = {"complete": False, "shared": None, "verdict": None}
+        assert state["measures"] == [{**m, **open_yet} for m in left["measures"]]
+        assert late.ask("measure_again", scan=scan)["measures"] == left["measures"]
         gone = {"kind": "cut", "normal": [0, 0, 1], "distance": float(corners[:, 2].mean())}
         late.ask("edit", scan=scan, base_revision=revision, edit=gone)
-        cut = late.once("measures")["measures"][0]
+        cut = late.once("measures", lambda m: m["measures"][0]["outdated"])["measures"][0]
         assert cut["outdated"]
         assert cut["verdict"] is None
         anew = late.ask("measure_again", scan=scan)["measures"][0]

@@ -162,32 +162,38 @@ def _add_file(workshop: Workshop) -> Endpoint:
     return add
 
 
+def _or_not_found(endpoint: Endpoint) -> Endpoint:
+    """What cannot be had is answered by 404, with the reason."""
+
+    async def found(request: Request) -> Response:
+        try:
+            return await endpoint(request)
+        except (InputError, ScanError) as e:
+            return problem(404, e.message, str(e.hint))
+
+    return found
+
+
 def _file_of(workshop: Workshop) -> Endpoint:
     async def download(request: Request) -> Response:
-        try:
-            item = workshop.files.find(request.path_params["file"])
-        except InputError as e:
-            return problem(404, e.message, str(e.hint))
+        item = workshop.files.find(request.path_params["file"])
         if item.path.is_dir():
             return problem(404, "a folder of pictures", "download its files one by one")
         name = item.path.name
         return FileResponse(item.path, filename=name, media_type="application/octet-stream")
 
-    return download
+    return _or_not_found(download)
 
 
 def _page_of(workshop: Workshop) -> Endpoint:
     async def page(request: Request) -> Response:
-        try:
-            item = workshop.files.find(request.path_params["file"])
-        except InputError as e:
-            return problem(404, e.message, str(e.hint))
+        item = workshop.files.find(request.path_params["file"])
         if item.path.suffix.lower() != ".html":
             return problem(404, "not a report", "download it")
         headers = {"Content-Security-Policy": _REPORT_POLICY}
         return FileResponse(item.path, media_type="text/html", headers=headers)
 
-    return page
+    return _or_not_found(page)
 
 
 def _mesh_of(workshop: Workshop) -> Endpoint:
@@ -211,13 +217,10 @@ def _mesh_of(workshop: Workshop) -> Endpoint:
 
 def _calibration_picture(workshop: Workshop) -> Endpoint:
     async def picture(request: Request) -> Response:
-        try:
-            data = workshop.calibration.picture(request.path_params["view"])
-        except InputError as e:
-            return problem(404, e.message, str(e.hint))
+        data = workshop.calibration.picture(request.path_params["view"])
         return Response(data, media_type="image/jpeg")
 
-    return picture
+    return _or_not_found(picture)
 
 
 async def _target(request: Request) -> Response:
@@ -233,29 +236,23 @@ async def _target(request: Request) -> Response:
 
 def _thumbnail(workshop: Workshop) -> Endpoint:
     async def thumbnail(request: Request) -> Response:
-        try:
-            png = await asyncio.to_thread(workshop.thumbnail, request.path_params["scan"])
-        except (InputError, ScanError) as e:
-            return problem(404, e.message, str(e.hint))
+        png = await asyncio.to_thread(workshop.thumbnail, request.path_params["scan"])
         # The address names the content: another one has another address.
         kept = {"Cache-Control": "private, max-age=86400"}
         return Response(png, media_type="image/png", headers=kept)
 
-    return thumbnail
+    return _or_not_found(thumbnail)
 
 
 def _scan_file(workshop: Workshop) -> Endpoint:
     async def download(request: Request) -> Response:
-        try:
-            path = workshop.library.path(request.path_params["scan"])
-        except InputError as e:
-            return problem(404, e.message, str(e.hint))
+        path = workshop.library.path(request.path_params["scan"])
         copy = workshop.downloads.place()
         # A plain copy of a file that is open lacks its last edits.
         await asyncio.to_thread(duplicate_scan, path, copy)
         return PassingFile(copy, filename=path.name, media_type="application/octet-stream")
 
-    return download
+    return _or_not_found(download)
 
 
 class PassingFile(FileResponse):
@@ -335,13 +332,10 @@ def _export(workshop: Workshop) -> Endpoint:
 
 def _download(workshop: Workshop) -> Endpoint:
     async def download(request: Request) -> Response:
-        try:
-            path, name = workshop.downloads.find(request.path_params["download"])
-        except InputError as e:
-            return problem(404, e.message, str(e.hint))
+        path, name = workshop.downloads.find(request.path_params["download"])
         return FileResponse(path, filename=name, media_type="application/octet-stream")
 
-    return download
+    return _or_not_found(download)
 
 
 def _opened(workshop: Workshop, request: Request) -> OpenScan:
