@@ -24,7 +24,7 @@ from turnscan.devices._dialects import foreign_as_oserror, open_port
 from turnscan.devices._discover import probe_port
 from turnscan.devices._guard import LAPSED
 from turnscan.devices._guard_client import GuardedLink
-from turnscan.errors import LaserStateUnknown, SafetyError, TurnscanError
+from turnscan.errors import LaserStateUnknown, LeaseEnded, SafetyError, TurnscanError
 from turnscan.simulate.controllers import Socket
 
 
@@ -223,14 +223,15 @@ def test_a_lapse_that_crosses_an_order_to_light(monkeypatch: pytest.MonkeyPatch)
         link = device._link
         real = link._frame
 
-        def crossed(kind: bytes, payload: bytes = b"") -> None:
+        def crossed(kind: bytes, payload: bytes = b"", darks: int | None = None) -> None:
             if kind == b"L":
                 by_itself(link, LAPSED)
                 assert link._maybe_lit.is_set()
-            real(kind, payload)
+            real(kind, payload, darks)
 
         monkeypatch.setattr(link, "_frame", crossed)
-        device.light(frozenset({"right"}), 2.0)
+        with pytest.raises(LeaseEnded):  # which the driver answers by a dark
+            link.light(0b10, 2.0)
         assert socket.firmware.lit == {"1"}
         assert link._maybe_lit.is_set()
         os.kill(link.guard_pid, signal.SIGSTOP)

@@ -148,7 +148,7 @@ def test_a_zip_of_pictures_becomes_a_scan(desk: Desk, place: Path) -> None:
     listed = {f["file"]: f for f in desk.browser.ask("list_files")["files"]}
     entry = listed[pictures]
     assert (entry["kinds"], entry["pictures"], entry["name"]) == (["pictures"], 6, "turn")
-    assert entry["takers"] == ["import"]
+    assert entry["takers"] == ["import", "calibrate"]
     missing = desk.ask("import", pictures=[pictures])
     assert missing["options"][0]["name"] == "angles"
     for words in ("60 degrees", "/etc/hostname", "../secret.csv"):

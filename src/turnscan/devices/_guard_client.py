@@ -141,6 +141,8 @@ class GuardedLink:
         self._pipe = threading.Lock()
         self._numbers = itertools.count(1)
         self._darks = self._darks_before = self._heard = 0
+        self._reached = 0
+        """Darks that are on their way to the board, or that the guard did by itself."""
         self._failure: TurnscanError | None = None
         self._barred: TurnscanError | None = None
         """The door or the alarm for which the guard went dark by itself."""
@@ -209,7 +211,7 @@ class GuardedLink:
     @property
     def darks(self) -> int:
         """See `Link`."""
-        return self._darks
+        return self._reached
 
     def write(self, data: bytes, darks: int | None = None) -> None:
         """See `Link`. Raises DeviceDisconnected, SafetyError where the guard has ended."""
@@ -350,16 +352,16 @@ class GuardedLink:
     def _frame(self, kind: bytes, payload: bytes = b"", darks: int | None = None) -> None:
         """The lock keeps frames in one order; who waits for a guard that hangs sees it killed.
 
-        A dark counts once more here: what was written between its request and its frame came before
-        it. ``darks``: how many there were when what is sent was right; raises Interrupted.
+        A dark counts here, as what was written between its request and its frame came before it.
+        ``darks``: how many there were when what is sent was right; raises Interrupted.
         """
         if not self._closing.is_set() or kind != b"Q":
             self._check()
         if not self._pipe.acquire(timeout=1.0):
             raise SafetyError(f"{self.settings.port}: the laser guard does not accept requests")
         try:
-            self._darks += kind == b"D"
-            if darks is not None and darks != self._darks:
+            self._reached += kind == b"D"
+            if darks is not None and darks != self._reached:
                 raise Interrupted(self.settings.port)
             self._send(_guard.pack(kind, payload))
         finally:
@@ -512,7 +514,7 @@ class GuardedLink:
         if result == _guard.UNKNOWN:
             self._failure = self._failure or self._unknown(said)
         if self._barred is None:  # where it is barred, nothing is sent before the next dark
-            self._darks += 1
+            self._reached += 1
         self._note(None, result)
 
     def _rescue(self) -> None:

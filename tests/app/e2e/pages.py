@@ -41,3 +41,14 @@ def connect(
 def disconnect(page: Any) -> None:
     page.get_by_role("button", name="Disconnect").click()
     page.get_by_role("button", name="Connect", exact=True).wait_for(timeout=WORKING)
+
+
+def click_at(page: Any, x: float, y: float, z: float) -> None:
+    """Click on a place of the part, mm."""
+    at = page.evaluate(f"turnscan.place([{x}, {y}, {z}])")
+    page.mouse.click(at["x"], at["y"])
+
+
+def rows(page: Any) -> Any:
+    """The measurements of the Inspect room."""
+    return page.get_by_role("list", name="Measurements").get_by_role("listitem")

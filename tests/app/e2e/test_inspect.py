@@ -11,7 +11,7 @@ import numpy as np
 from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
-from tests.app.e2e.test_measure import click_at, rows
+from tests.app.e2e.pages import click_at, rows
 from tests.poses.scenes import rig_for, write_scan
 from tests.web.uploads import box
 from turnscan.formats import export

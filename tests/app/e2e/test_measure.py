@@ -12,14 +12,10 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
+from tests.app.e2e.pages import click_at, rows
 from tests.shapes.tubes import cylinder
 from turnscan.formats import write_ply
 from turnscan.mesh import Mesh
-
-
-def click_at(page: Any, x: float, y: float, z: float) -> None:
-    at = page.evaluate(f"turnscan.place([{x}, {y}, {z}])")
-    page.mouse.click(at["x"], at["y"])
 
 
 def towards_the_eye(page: Any, height: float) -> tuple[float, float, float]:
@@ -27,10 +23,6 @@ def towards_the_eye(page: Any, height: float) -> tuple[float, float, float]:
     side = page.evaluate("turnscan.camera.azimuth") - 0.5
     radius = 18.0 + 10.0 * height / 45.0
     return (radius * math.cos(side), radius * math.sin(side), height)
-
-
-def rows(page: Any) -> Any:
-    return page.get_by_role("list", name="Measurements").get_by_role("listitem")
 
 
 def test_a_diameter_is_right_has_limits_and_is_kept(open_cup, tmp_path, picture):
