@@ -118,7 +118,7 @@ def test_another_candidate_is_followed_along_the_stripe() -> None:
     picked = [2, 3, 5, 6, 8, 9]
     assert np.allclose(done[2].position[picked], true[picked] + 30.0 + SLANT * np.array(picked))
     assert done[2].sigma[2] == 0.2
-    assert done[2].flags[2] == StripeFlag.MULTI
+    assert done[2].flags[2] == StripeFlag.MULTI | StripeFlag.HAND
     # Line 4 shows nothing, line 7 has no ghost within reach: they stay as they were.
     assert np.isnan(done[2].position[4])
     for line in (0, 1, 7, 10, 11):

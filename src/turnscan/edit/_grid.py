@@ -147,9 +147,8 @@ def _repaired(
                 return None
             usual = [_usual(stripe.amplitude), _usual(stripe.width)]
             row = np.array([[edit.position], [HAND_SIGMA], [usual[0]], [usual[1]]])
-            return _with_rows(
-                stripe, np.array([edit.line], np.int32), row, np.zeros(1, dtype=np.uint16)
-            )
+            by_hand = np.full(1, StripeFlag.HAND, dtype=np.uint16)
+            return _with_rows(stripe, np.array([edit.line], np.int32), row, by_hand)
         case PickCandidate():
             return _picked(stripe, edit, eyes.candidates(edit.step))
 
@@ -172,7 +171,8 @@ def _picked(stripe: Stripe, edit: PickCandidate, found: Candidates) -> Stripe | 
     table = np.stack(
         [v[rows, columns] for v in (found.position, found.sigma, found.amplitude, found.width)]
     )
-    return _with_rows(stripe, np.array(rows, np.int32), table, found.flags[rows, columns])
+    flags = found.flags[rows, columns] | np.uint16(StripeFlag.HAND)
+    return _with_rows(stripe, np.array(rows, np.int32), table, flags)
 
 
 def _with_rows(stripe: Stripe, rows: Ints, table: Floats, flags: Flags) -> Stripe:

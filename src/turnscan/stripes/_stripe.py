@@ -36,6 +36,8 @@ class StripeFlag(IntFlag):
     """Far wider than the stripe's usual width."""
     REFINED = 256
     """Moved to where the light of its surface element balances in the pictures around."""
+    HAND = 512
+    """Set or picked by a person: not taken for a jump off the line of its profile."""
 
 
 @dataclass(frozen=True)

@@ -181,7 +181,8 @@ def _fading(grid: RangeGrid) -> Bools:
 
 
 def _off_run(grid: RangeGrid) -> Bools:
-    """(s, n) True for points far off the line of their run that the profiles beside do not have.
+    """(s, n) True for points far off the line of their run that the profiles beside do not have;
+    what a person set stays.
 
     Where the stripe's last light falls on two surfaces, or something glows through, one or two
     centres jump; an edge or a groove goes on in the next profile.
@@ -197,7 +198,7 @@ def _off_run(grid: RangeGrid) -> Bools:
             kernels.off_runs(points, sigma, _RUN, _NEXT, rows[first:end], off, ratio)
 
         in_parts(part, len(rows), -(-len(rows) // _TOGETHER))
-        step, line = np.nonzero(ratio > _OFF)
+        step, line = np.nonzero((ratio > _OFF) & ((grid.flags & StripeFlag.HAND) == 0))
         alone = ~_alike(off, step, line, grid.closed)
         step, line = step[alone], line[alone]
         drop[step, line], points[step, line] = True, np.nan
