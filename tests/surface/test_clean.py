@@ -195,5 +195,5 @@ def test_points_far_off_the_line_of_their_profile_go_and_grooves_stay():
     assert [f.code for f in findings if f.code == "surface.spikes"]
     assert clean(rough, Clean(edge=0))[0].found[lone].all()
     flags = rough.flags.copy()
-    flags[lone] |= StripeFlag.HAND
+    flags[lone] |= np.uint16(StripeFlag.HAND)
     assert clean(replace(rough, flags=flags))[0].found[80, 20], "set by a person"
