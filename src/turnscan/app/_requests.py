@@ -294,7 +294,7 @@ class ShowDeviation(Request):
     datums: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(max_length=6)] = ()
     """Numbers of features of the reference, in the order of precedence."""
     features: bool = False
-    """Whether its features and their sizes are told."""
+    """Whether its features and their sizes are listed."""
     tolerance_table: Opaque | None = None
     """A file of the list."""
 

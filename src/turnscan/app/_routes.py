@@ -204,13 +204,11 @@ def _mesh_of(workshop: Workshop) -> Endpoint:
         if "mesh" not in item.kinds:
             raise InputError(f"{item.name}: not a mesh", hint="choose a mesh file")
 
-        def build() -> bytes:
+        def make() -> Answer:
             lasers, arrays = mesh_file_arrays(item.path)
-            header = p.FileMeshHeader(lasers=list(lasers))
-            return gzip.compress(pack(header.model_dump(mode="json"), encoded(arrays)), _SQUEEZE)
+            return p.FileMeshHeader(lasers=list(lasers)), encoded(arrays)
 
-        body = await asyncio.to_thread(build)
-        return Response(body, media_type=ENVELOPE, headers={"Content-Encoding": "gzip"})
+        return await _envelope(request, make)
 
     return mesh
 
@@ -266,22 +264,25 @@ class PassingFile(FileResponse):
 
 
 def _data(workshop: Workshop, make: Callable[[OpenScan, Request], Answer]) -> Endpoint:
-    """An envelope, made in a thread; squeezed where the browser can."""
-
     async def data(request: Request) -> Response:
         scan = _opened(workshop, request)
-
-        def build() -> bytes:
-            header, arrays = make(scan, request)
-            message = pack(header.model_dump(mode="json"), arrays)
-            return gzip.compress(message, _SQUEEZE) if squeeze else message
-
-        squeeze = "gzip" in request.headers.get("accept-encoding", "")
-        body = await asyncio.to_thread(build)
-        headers = {"Content-Encoding": "gzip"} if squeeze else {}
-        return Response(body, media_type=ENVELOPE, headers=headers)
+        return await _envelope(request, lambda: make(scan, request))
 
     return data
+
+
+async def _envelope(request: Request, make: Callable[[], Answer]) -> Response:
+    """Made in a thread; squeezed where the browser can."""
+
+    def build() -> bytes:
+        header, arrays = make()
+        message = pack(header.model_dump(mode="json"), arrays)
+        return gzip.compress(message, _SQUEEZE) if squeeze else message
+
+    squeeze = "gzip" in request.headers.get("accept-encoding", "")
+    body = await asyncio.to_thread(build)
+    headers = {"Content-Encoding": "gzip"} if squeeze else {}
+    return Response(body, media_type=ENVELOPE, headers=headers)
 
 
 def _mesh(scan: OpenScan, request: Request) -> Answer:

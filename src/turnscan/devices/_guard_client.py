@@ -72,7 +72,7 @@ class Link(Protocol):
 
     @property
     def darks(self) -> int:
-        """Grows with each dark; what a board had been told before one it may have forgotten."""
+        """How often the lasers were switched off; a board may forget its modes with each time."""
         ...
 
     def write(self, data: bytes, darks: int | None = None) -> None:

@@ -11,7 +11,7 @@ from turnscan.mesh import Mesh
 from turnscan.remedy import Option
 
 _MOST = 0.1
-"""Of the part's diagonal: within more than that anything fits, and nothing is told."""
+"""Of the part's diagonal: a fit within more than that says nothing, as anything fits."""
 
 
 def check_tolerance(tolerance: float | None, mesh: Mesh, option: str = "tolerance") -> None:

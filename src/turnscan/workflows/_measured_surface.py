@@ -50,7 +50,7 @@ def _unit(loaded: Loaded) -> list[Finding]:
         Finding(
             "surface.unit", "warning",
             f"the part has a diagonal of {size:.4g} mm: the file may be in another unit, such as "
-            "inches or metres; sizes are told as if it were in mm",
+            "inches or metres; its numbers are taken as mm",
             "export the part in mm",
         )
     ]  # fmt: skip
