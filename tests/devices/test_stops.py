@@ -42,21 +42,27 @@ def test_a_hold_that_comes_behind_the_reset(dialect: str) -> None:
         assert device.alarm == ""
 
 
+def move_that_a_dark_interrupts(device: Any, degrees: float) -> None:
+    """The dark comes when the board's modes are set and the move is not yet sent."""
+    claim = device._claim
+
+    def late() -> None:
+        claim()
+        device.off()
+
+    device._claim = late
+    with pytest.raises(Interrupted):
+        device.move_to(math.radians(degrees), 10.0)
+    device._claim = claim
+
+
 @pytest.mark.parametrize("dialect", ["grbl", "horus"])
 def test_a_dark_between_the_modes_and_the_move(dialect: str) -> None:
     """The reset forgets the zero that the move is counted from: it is not sent any more."""
     with plugged(dialect, deadlines=PATIENT) as (device, socket):
         device.move_to(math.radians(200.0), 10.0)
-        claim, stood = device._claim, socket.firmware.turned
-
-        def late() -> None:
-            claim()
-            device.off()
-
-        device._claim = late
-        with pytest.raises(Interrupted):
-            device.move_to(math.radians(210.0), 10.0)
-        device._claim = claim
+        stood = socket.firmware.turned
+        move_that_a_dark_interrupts(device, 210.0)
         assert socket.firmware.turned == stood
         assert device.alarm == ""
         assert device.move_to(math.radians(220.0), 10.0) == pytest.approx(math.radians(220.0), 0.01)
@@ -140,17 +146,8 @@ def test_modes_that_could_not_be_set_after_an_alarm_are_set_before_the_next_move
 def test_a_move_that_was_not_sent_loses_no_place_that_the_board_cannot_tell() -> None:
     with Socket(SardauscanHorusFirmware(), scale=SCALE) as socket:
         device = board(f"horus:{socket.path}?lasers=a", deadlines=PATIENT)
-        claim = device._claim
         device.move_to(math.radians(45.0), 10.0)
-
-        def late() -> None:
-            claim()
-            device.off()
-
-        device._claim = late
-        with pytest.raises(Interrupted):
-            device.move_to(math.radians(90.0), 10.0)
-        device._claim = claim
+        move_that_a_dark_interrupts(device, 90.0)
         device.move_to(math.radians(90.0), 10.0)
         assert device.alarm == ""
         assert socket.firmware.turns == pytest.approx(0.25)

@@ -98,7 +98,7 @@ export function HistoryPane() {
         {all.length ? (
           all.map((runs) => <Runs key={`${runs.artefact} ${runs.rig}`} runs={runs} />)
         ) : (
-          <div class="empty">No verification yet. Each one is kept here, and a drift is told.</div>
+          <div class="empty">No verification yet. Each one is kept here, and a drift is reported.</div>
         )}
       </div>
     </section>

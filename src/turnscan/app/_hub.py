@@ -1,4 +1,4 @@
-"""Hub: the browsers that are connected, what is told to them, and which one is the operator."""
+"""Hub: the browsers that are connected, what is sent to them, and which one is the operator."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _TELL_EVERY = 0.1
 _SOON = 0.5
 """s that a request may take before it is shown as a job."""
 _SHARES = 1000
-"""Steps of work that is told in shares."""
+"""Steps of work whose progress is reported."""
 _KEPT = 32
 """Jobs that are over and still known."""
 
@@ -59,14 +59,14 @@ class Job:
         self._lock = threading.Lock()
         self.over = False
         self.shown = shown
-        """Whether anybody is told how far it is."""
+        """Whether progress is reported to anybody."""
 
     def steps(self, total: int | None) -> None:
         """How many ticks there will be."""
         self._total = total
 
     def at(self, done: int) -> None:
-        """So many steps are done, told now and then; raises nothing."""
+        """So many steps are done, reported now and then; raises nothing."""
         self._done = done
         self._tell_now_and_then()
 

@@ -474,7 +474,7 @@ class Hello(Model):
     scans: list[ScanEntry]
     binned: list[BinEntry]
     lasers_allowed: bool
-    """False for a browser on another computer, unless the server was told otherwise."""
+    """False for a browser on another computer, unless the server is configured otherwise."""
     can_show_folder: bool
     """Whether ``show_folder`` opens it where this person sees it: on the server's computer."""
 

@@ -1,4 +1,4 @@
-"""The scan room: a plan taken with the devices of the rig room, told as it goes."""
+"""The scan room: a plan taken with the devices of the rig room, reported as it goes."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ class _Taking:
 
 
 class _Story:
-    """What is told of a scan that is being taken."""
+    """What is reported of a scan that is being taken."""
 
     def __init__(self, hub: Hub, name: str, steps: int, job: Job, reason: str) -> None:
         self._hub, self._name, self._job = hub, name, job

@@ -77,9 +77,9 @@ def list_verbs(number: int) -> Verbs:
 
 
 def run_verb(
-    jobs: Jobs, library: Library, files: Files, request: q.RunVerb, told: Callable[[], None]
+    jobs: Jobs, library: Library, files: Files, request: q.RunVerb, reported: Callable[[], None]
 ) -> Job:
-    """Begin a verb. ``told`` is called when its files are in the folder.
+    """Begin a verb. ``reported`` is called when its files are in the folder.
 
     Raises InputError naming the value that cannot be used; nothing is begun then.
     """
@@ -106,7 +106,7 @@ def run_verb(
             ResultFile(file=library.name_of(p), name=p.name, scan=p.suffix == SUFFIX)
             for p in written
         ]
-        told()
+        reported()
         tables = [_table(t) for t in outcome.tables]
         text = library.hide(outcome.text)
         return Result(text, None, list(outcome.findings), listed, tables)

@@ -48,10 +48,10 @@ _APPROACH = 0.5
 _NO_FIT, _LEAST_MM = 3.0, 0.01
 """Times the noise, and mm of noise at least: surfaces farther apart have another cause."""
 _TOLD = 0.5
-"""Of what was known before: a parameter that stays less certain than this was told little."""
+"""Of what was known before: a parameter that stays less certain than this was hardly determined."""
 _MATERIAL = 0.2
-"""Of the stripe's noise, rms: what moves the surfaces by less is not told from errors that stripes
-have on tilted surfaces."""
+"""Of the stripe's noise, rms: less cannot be distinguished from errors that stripes have on tilted
+surfaces."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class Sweep:
     angles: Floats
     """(s,) rad: of the table, in scan order."""
     moved: bool = True
-    """Whether these angles are what the table was told, so that its own errors come on top."""
+    """Whether these angles are the commanded ones, so that its own errors come on top."""
     across: int = 0
     """The pixel coordinate in which the stripe was located."""
 

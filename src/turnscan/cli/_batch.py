@@ -56,7 +56,7 @@ def verb(
 
     SOURCES are scan files, folders of scan files, folders of pictures, or addresses of object
     storage. A batch that is begun again goes on where it stopped: results are named by the content
-    of the scan and of the recipe. What goes wrong with one scan is told, and the others go on.
+    of the scan and of the recipe. What goes wrong with one scan is reported, and the others go on.
 
     The folder has a table at the end: index.html with pictures, batch.csv and batch.sqlite. The
     exit code is 1 where a scan has no result or does not pass.

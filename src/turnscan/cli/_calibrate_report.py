@@ -16,8 +16,8 @@ def body(done: workflows.CalibratedRig) -> str:
     held = {} if done.figures is None else asdict(done.figures)
     figures = {k: None if v != v else v for k, v in held.items()}  # JSON has no NaN
     found = [record(with_flags(f)) for f in done.findings]
-    told = {"figures": figures or None, "advice": asdict(done.advice), "findings": found}
-    return json.dumps(told, indent=1, ensure_ascii=False)
+    report = {"figures": figures or None, "advice": asdict(done.advice), "findings": found}
+    return json.dumps(report, indent=1, ensure_ascii=False)
 
 
 def lines(done: workflows.CalibratedRig) -> list[str]:

@@ -222,7 +222,7 @@ Patch = Alive | Verts | Append | Truncate | Replace
 """One change of a body. ``patch.on(body)`` does it, ``patch.inverse(body)`` undoes it exactly."""
 
 _MOSTLY = 0.5
-"""A change of more than this part of all faces is told as a new body."""
+"""A change of more than this part of all faces is sent as a new body."""
 
 
 def difference(body: Body, before: Compact, after: Mesh) -> tuple[Patch, ...]:

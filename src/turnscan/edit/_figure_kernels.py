@@ -1,4 +1,4 @@
-"""One pass over the faces of a surface, for the figures told after every edit."""
+"""One pass over the faces of a surface, for the figures shown after every edit."""
 # mypy: disable-error-code="no-any-return"
 
 from __future__ import annotations

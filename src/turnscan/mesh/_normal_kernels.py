@@ -37,7 +37,7 @@ def doubles(points: Floats, faces: Ints) -> Floats:
 
 @njit(cache=True, nogil=True)
 def level(points: Floats, faces: Ints, normals: Floats, least: float) -> tuple[float, float]:
-    """Twice the area of all faces, and of those whose corners' normals (v, 3) point up or down.
+    """Twice the area of all faces, and of those whose vertices' normals (v, 3) point up or down.
 
     Those do, whose vertical parts are more than ``least`` in the mean.
     """

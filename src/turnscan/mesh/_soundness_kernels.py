@@ -33,7 +33,7 @@ def thinner(points: Floats, faces: Ints, least: float) -> Bools:
 
 @njit(cache=True, nogil=True)
 def _size(points: Floats, faces: Ints, f: int) -> tuple[float, float]:
-    """The longest side of a face, and twice its area."""
+    """The longest edge of a face, and twice its area."""
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     ux, uy, uz = (
         points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]

@@ -1,4 +1,4 @@
-"""The table's own errors: where it is when it is told to be somewhere."""
+"""The table's own errors: where it is when an angle is commanded."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from turnscan.arrays import Bools, Floats, frozen
 
 @dataclass(frozen=True)
 class TableMotion:
-    """What a drive that is eccentric, or has play, makes of the angles it is told.
+    """What a drive that is eccentric, or has play, makes of the commanded angles.
 
     A table told to be at c, in scan order, is at p + Σ (a_m cos m p + b_m sin m p) with p = c plus
     play: while it takes up play at the start it stays ``start`` ahead of its first angle, and once

@@ -79,9 +79,9 @@ class Turn:
     """What turning the table tells."""
 
     counter_clockwise: bool | None
-    """Seen from above, when the angle told grows; None where it is not seen."""
+    """Seen from above, when the commanded angle grows; None where it is not seen."""
     degrees: float
-    """Told to the table until the view comes round; NaN where none near 360° does."""
+    """Commanded until the view comes round; NaN where none near 360° does."""
     telling: bool
     """Whether views differ: a part that looks the same from everywhere tells nothing."""
 

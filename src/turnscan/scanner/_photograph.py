@@ -42,7 +42,7 @@ class Series:
         self.angles_deg()
 
     def angles_deg(self) -> list[float | None]:
-        """Where the table is told to stand at each picture. A whole turn ends before its start."""
+        """Commanded angle at each picture. A whole turn ends before its start."""
         if self.range_deg is None:
             return [None] * self.count
         step, count = stops_of(self.range_deg, self.count, None, self.count)
@@ -55,7 +55,7 @@ class Shot:
 
     stop: int
     angle_deg: float | None
-    """Told to the table; None where it was left alone."""
+    """Commanded; None where it was left alone."""
     dark: Image
     laser: str = ""
     lit: Image | None = None

@@ -1,4 +1,4 @@
-"""Which way does the table turn? The outline of the part is told twice, by different witnesses."""
+"""Which way does the table turn? The outline of the part is followed in two independent ways."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _EQUAL = 1.5
 
 @dataclass(frozen=True)
 class OutlineTrack:
-    """How far out the part's outline reaches, seen from one side, at each angle told."""
+    """How far out the part's outline reaches, seen from one side, at each commanded angle."""
 
     reach: Floats
     """(views, rows) in any unit, larger is farther from the axis; NaN where it is not seen."""

@@ -148,7 +148,7 @@ def chance(
 
 
 class SimTurntable:
-    """`turnscan.devices.Turntable` of a bench; it reports what it was told, as steppers do."""
+    """`turnscan.devices.Turntable` of a bench; it reports the commanded angle, as steppers do."""
 
     def __init__(self, world: World) -> None:
         self._world = world

@@ -14,7 +14,7 @@ from turnscan.simulate._random import seed64
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the table really is when it is told to be somewhere.
+    """Where the table really is when an angle is commanded.
 
     Angles in radians. The default is a perfect table. Raises ValueError, naming the field, where a
     value cannot be.
@@ -36,7 +36,7 @@ class Motion:
     runout: float = 0.0
     """mm: circle that the axis itself runs through in a turn."""
     clockwise: bool = False
-    """The table turns the other way than it is told."""
+    """The table turns the other way than commanded."""
     missed: Mapping[int, float] = field(default_factory=dict)
     """Angles lost for good before the move of that number, by number of the move."""
 

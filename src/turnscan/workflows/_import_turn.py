@@ -1,4 +1,4 @@
-"""Does the part itself agree with the steps that an import was told?"""
+"""Does the part itself agree with the steps that an import was given?"""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ class Nominal:
 
 
 def nominal(source: Source, unit: str, progress: Progress) -> Nominal:
-    """A reference with its features: those of a STEP file are exact, those of a mesh are told from
+    """A reference with its features: those of a STEP file are exact, those of a mesh are found from
     how its facets meet: planes, cylinders and spheres.
 
     Raises InputError where there is no surface.

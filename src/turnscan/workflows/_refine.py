@@ -190,7 +190,7 @@ def _sweep(grid: RangeGrid, rig: Rig, told: bool, across: int) -> Sweep:
 
 
 def table_findings(seen: Sequence[Detection], grids: Sequence[RangeGrid]) -> list[Finding]:
-    """Whether two lasers contradict the angles that the table was told, nothing having seen them.
+    """Whether two lasers contradict the angles that were commanded, nothing having seen them.
 
     One quick round of `turnscan.calibrate.refine`, of the table's errors alone.
     """
@@ -219,7 +219,7 @@ def table_findings(seen: Sequence[Detection], grids: Sequence[RangeGrid]) -> lis
             "scan.table-uneven",
             "warning",
             f"two lasers see the part turned against itself: the table is up to "
-            f"{math.degrees(float(np.ptp(off)) / 2):.2f}° off the angles that it was told "
+            f"{math.degrees(float(np.ptp(off)) / 2):.2f}° off the commanded angles "
             f"(surfaces {quick.gap_before:.3f} mm apart, {quick.gap_noise:.3f} mm is noise)",
             where=", ".join(dict.fromkeys(g.laser for g in some)),
             remedy="estimate the table's errors with turnscan refine, and reconstruct with the rig "

@@ -19,8 +19,8 @@ class RevolveOptions(Checked):
 
     height: tuple[float, ...] = option(
         (), "number",
-        "Height at which roundness is told, mm along the axis from the lowest measured point; may "
-        "be repeated.  [default: ten, evenly]",
+        "Height at which roundness is reported, mm along the axis from the lowest measured point; "
+        "may be repeated.  [default: ten, evenly]",
         many=True, unit="mm",
     )  # fmt: skip
     tolerance: float | None = fit_tolerance("the wall beyond its noise")

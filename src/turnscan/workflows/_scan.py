@@ -247,7 +247,7 @@ def left_in(file: Scan) -> ScanLeft:
 
 @dataclass(frozen=True)
 class _Hearing:
-    """Who is told what happens."""
+    """Who receives reports."""
 
     listener: Listener
     missing: Callable[[str], None]

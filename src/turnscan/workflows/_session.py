@@ -91,13 +91,13 @@ class Stale(InputError):
 
 
 class Work(Protocol):
-    """Who asked for something that may take long: told how far it is, and may cancel it."""
+    """Who asked for something that may take long: receives its progress, and may cancel it."""
 
     title: str
 
     @property
     def progress(self) -> Progress:
-        """Told how far it is."""
+        """Receives the progress."""
 
     def check(self) -> None:
         """Raise Cancelled where somebody has cancelled it."""

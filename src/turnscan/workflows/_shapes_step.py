@@ -27,7 +27,7 @@ _EXACT = 1e-6
 _COVER = 0.8
 """Share of the measured surface that must lie on shapes for a solid of them."""
 _FACETS = 0.1
-"""Of the shapes' tolerance: how far facets may be off the faces that deviations are told from."""
+"""Of the shapes' tolerance: how far facets may be off the faces that deviations refer to."""
 
 
 @dataclass(frozen=True, eq=False)

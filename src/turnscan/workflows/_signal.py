@@ -43,7 +43,7 @@ Trial = tuple["Image | None", str, "list[Image | None]", "ColourWeights | None"]
 
 @dataclass(frozen=True)
 class Signal:
-    """How the light of the laser is told from the rest in the pictures of one laser."""
+    """How the light of the laser is separated from the rest in the pictures of one laser."""
 
     weights: ColourWeights | None
     """Of red, green, blue; None for grey pictures."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+from pathlib import Path
 from typing import Any
 
-from tests.app.e2e.conftest import steady, until
+from tests.app.e2e.conftest import OPENING, steady, until
 
 
 def mark(page: Any, step: int, line: int) -> dict[str, Any]:
@@ -52,3 +55,14 @@ def click_at(page: Any, x: float, y: float, z: float) -> None:
 def rows(page: Any) -> Any:
     """The measurements of the Inspect room."""
     return page.get_by_role("list", name="Measurements").get_by_role("listitem")
+
+
+def download_sizes(page: Any, name: str, path: Path) -> None:
+    """The report of all sizes of a scan as PDF, in the Inspect room."""
+    page.locator("summary", has_text=re.compile("^Report$")).click()
+    report = page.locator("details[data-title=Report]")
+    report.get_by_role("button", name="Report as PDF").click()
+    with page.expect_download(timeout=1000 * OPENING) as waiting:
+        report.get_by_role("link", name=f"{name} sizes.pdf").click(timeout=1000 * OPENING)
+    shutil.copy(waiting.value.path(), path)
+    assert path.read_bytes().startswith(b"%PDF")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
-from tests.app.e2e.pages import click_at, rows
+from tests.app.e2e.pages import click_at, download_sizes, rows
 from tests.poses.scenes import rig_for, write_scan
 from tests.web.uploads import box
 from turnscan.formats import export
@@ -73,14 +72,7 @@ def test_a_part_is_compared_with_cad_reported_and_measured_the_same_on_another_s
     page.get_by_role("link", name="block comparison-report.html").wait_for(timeout=LONG)
     assert "aligned by shape" in (folder / "block comparison-report.html").read_text()
 
-    # The report of all sizes has what was measured by hand first.
-    page.locator("summary", has_text=re.compile("^Report$")).click()
-    report = page.locator("details[data-title=Report]")
-    report.get_by_role("button", name="Report as PDF").click()
-    with page.expect_download(timeout=LONG) as waiting:
-        report.get_by_role("link", name="block sizes.pdf").click(timeout=LONG)
-    shutil.copy(waiting.value.path(), tmp_path / "sizes.pdf")
-    assert (tmp_path / "sizes.pdf").read_bytes().startswith(b"%PDF")
+    download_sizes(page, "block", tmp_path / "sizes.pdf")
 
     # Another scan of the part is measured the same.
     page.get_by_role("button", name="Measure the same on another scan …").click()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
+from tests.app.e2e.pages import download_sizes
 from tests.needs import needs_shared
 from tests.web.uploads import zipped
 from turnscan.workflows import measure
@@ -66,13 +66,7 @@ def test_a_zip_of_pictures_becomes_a_calibrated_measured_part(
     until(page, "turnscan.faces > 1000", OPENING)
 
     page.get_by_role("button", name="Inspect", exact=True).click()
-    page.locator("summary", has_text=re.compile("^Report$")).click()
-    report = page.locator("details[data-title=Report]")
-    report.get_by_role("button", name="Report as PDF").click()
-    with page.expect_download(timeout=LONG) as waiting:
-        report.get_by_role("link", name="mouse sizes.pdf").click(timeout=LONG)
-    shutil.copy(waiting.value.path(), tmp_path / "sizes.pdf")
-    assert (tmp_path / "sizes.pdf").read_bytes().startswith(b"%PDF")
+    download_sizes(page, "mouse", tmp_path / "sizes.pdf")
     found = measure(folder / "mouse.turnscan", planes=True)
     sides = [s for s in found.figures["planes"] if abs(s["normal"][2]) < 0.2]
     assert len(sides) >= 3

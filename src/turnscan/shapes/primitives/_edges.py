@@ -1,6 +1,6 @@
 """Edges of a part: where neighbouring shapes meet, sharp, rounded or chamfered.
 
-The surface beside an edge is told from the signed distances u, v of each point to the two shapes.
+The surface beside an edge is judged by the signed distances u, v of each point to the two shapes.
 With c the cosine between their outward normals, a point of the plane across the edge is
 p = a n₁ + b n₂ with a = (u − c v)/(1 − c²), b = (v − c u)/(1 − c²), and
 |p|² = (u² + v² − 2 c u v)/(1 − c²). A convex sharp edge is max(u, v) = 0; a fillet of radius r is
@@ -33,7 +33,7 @@ _FAR = 12
 BENT = 3
 """Rings beside an edge where stripes are bent: what is narrower is no fillet, but the optics."""
 _LEAST = 12
-"""Vertices beside an edge that its form is told from."""
+"""Vertices beside an edge that its form is judged by."""
 MEET = float(np.radians(12.0))
 """Shapes whose normals differ by less where they meet have no edge: one runs into the other."""
 _MOSTLY = 0.5
@@ -67,7 +67,7 @@ class Edge:
     sigma: float
     """mm: its standard uncertainty; for a sharp edge the largest radius that it may have."""
     points: int
-    """Measured vertices that the form was told from."""
+    """Measured vertices that the form was judged by."""
     blend: int | None = None
     """Index of the shape that is the fillet, where it is one of its own."""
 
@@ -118,7 +118,7 @@ def find_edges(mesh: Mesh, found: ShapeSet) -> tuple[Edge, ...]:
 
     Radii of fillets and legs of chamfers carry the standard uncertainty that their points give. A
     cylinder or torus that two shapes run into is their fillet, too. An edge whose rounding is
-    narrower than three vertices on either side is sharp as far as can be told; its ``sigma`` is
+    narrower than three vertices on either side is sharp as far as is known; its ``sigma`` is
     then the radius that it may have.
     """
     where = neighbourhood(mesh, found)
@@ -155,8 +155,8 @@ def _blends(mesh: Mesh, found: ShapeSet, smooth: list[tuple[int, int]]) -> list[
             u, v = -u, -v
         c = np.clip(np.einsum("ij,ij->i", n1, n2), -1.0, 1.0)
         angle = float(np.median(np.arccos(c)))
-        told = _best(partial(fillet_distance, u, v, c), 2 * size, max(s.rms, 1e-9))
-        out.append(Edge(first, second, "fillet", not s.hollow, angle, told[1], told[2], s.count, k))
+        _, r, sigma, _ = _best(partial(fillet_distance, u, v, c), 2 * size, max(s.rms, 1e-9))
+        out.append(Edge(first, second, "fillet", not s.hollow, angle, r, sigma, s.count, k))
     return out
 
 
@@ -198,8 +198,8 @@ def _edge(
         u, v = -u, -v
     scale = max(one.rms, other.rms, 1e-9)
     spacing = _spacing(mesh, where, member)
-    told = _told(u, v, cosine, scale, BENT * spacing, angle)
-    return Edge(i, j, told.form, convex, angle, told.size, told.sigma, len(member))
+    edge = _form(u, v, cosine, scale, BENT * spacing, angle)
+    return Edge(i, j, edge.form, convex, angle, edge.size, edge.sigma, len(member))
 
 
 def _spacing(mesh: Mesh, where: Neighbourhood, member: Index) -> float:
@@ -214,15 +214,15 @@ def _spacing(mesh: Mesh, where: Neighbourhood, member: Index) -> float:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _Form:
     form: EdgeForm
     size: float
     sigma: float
 
 
-def _told(
+def _form(
     u: Floats, v: Floats, cosine: Floats, scale: float, resolved: float, angle: float
-) -> _Told:
+) -> _Form:
     """The form of a convex edge of which points know their distances from both shapes."""
     half = np.tan(angle / 2)
     longest = float(np.quantile(np.hypot(u, v), 0.9))
@@ -234,8 +234,8 @@ def _told(
         (*fillet[:3], "fillet", radius_limit), (*legs[:3], "chamfer", resolved)
     )
     if sharp - best > _BETTER and size - 2 * sigma > limit:
-        return _Told("fillet" if form == "fillet" else "chamfer", size, sigma)
-    return _Told("sharp", 0.0, min(radius_limit, fillet[3]))
+        return _Form("fillet" if form == "fillet" else "chamfer", size, sigma)
+    return _Form("sharp", 0.0, min(radius_limit, fillet[3]))
 
 
 def fillet_distance(u: Floats, v: Floats, cosine: Floats, radius: float) -> Floats:

@@ -1,4 +1,4 @@
-"""Where to ask why a hole is there: places on the surface that it lacks, as far as can be told."""
+"""Where to ask why a hole is there: places on the surface that it lacks, as far as is known."""
 
 from __future__ import annotations
 
