@@ -22,7 +22,7 @@ from bench import _hole_truth as truth
 from turnscan import shapes, surface
 from turnscan.arrays import Bools, Floats
 from turnscan.detection import Detection, detect_scan
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, sample_surface
 from turnscan.pipeline import Reconstruction, build
 from turnscan.scan import Scan
 from turnscan.settings import Settings
@@ -197,7 +197,7 @@ def covered(mesh: Mesh, some: truth.Patches, which: Bools, near: float) -> float
 
 def precision(run: Run, mesh: Mesh, limit: float) -> float:
     """Share of the mesh's area within ``limit`` mm of the part."""
-    at = shapes.sample_surface(mesh, SAMPLES)
+    at = sample_surface(mesh, SAMPLES)[0]
     return shapes.deviation(at, truth.made_mesh(run.made)).within(limit)
 
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh
-from turnscan.shapes import deviation, sample_surface
+from turnscan.mesh import Mesh, sample_surface
+from turnscan.shapes import deviation
 
 CUBE = Mesh(
     np.array([[x, y, z] for x in (0.0, 2.0) for y in (0.0, 2.0) for z in (0.0, 2.0)]),
@@ -57,15 +57,18 @@ def test_a_mesh_without_faces_is_refused() -> None:
 
 
 def test_samples_lie_on_the_surface_and_share_it_evenly() -> None:
-    p = sample_surface(CUBE, 6000)
+    p, face = sample_surface(CUBE, 6000)
     assert np.abs(_exact(p)).max() < 1e-12
+    corners = CUBE.triangles[face]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.abs(np.einsum("ni,ni->n", p - corners[:, 0], normal)).max() < 1e-12
     per_side = [np.isclose(p[:, k], v).sum() for k in range(3) for v in (0.0, 2.0)]
     assert np.abs(np.array(per_side) - 1000).max() <= 2
     top = p[np.isclose(p[:, 2], 2.0)][:, :2]
     counts, _, _ = np.histogram2d(top[:, 0], top[:, 1], bins=5, range=[[0, 2], [0, 2]])
     # Random samples would scatter by √40 ≈ 6 a cell; these must do clearly better.
     assert 0 < counts.std() < 4.5
-    assert np.array_equal(p, sample_surface(CUBE, 6000))
+    assert np.array_equal(p, sample_surface(CUBE, 6000)[0])
 
 
 def test_what_lies_past_the_rim_of_an_open_surface_is_beyond_it() -> None:

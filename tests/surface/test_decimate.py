@@ -13,9 +13,16 @@ from tests.mesh.checks import check_sound, cube, euler
 from tests.reports import into
 from tests.surface.grids import column, random_grid
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh, boundary_loops, components, cut_touching, is_closed
+from turnscan.mesh import (
+    Mesh,
+    boundary_loops,
+    components,
+    cut_touching,
+    is_closed,
+    sample_surface,
+)
 from turnscan.progress import Progress
-from turnscan.shapes import deviation, sample_surface
+from turnscan.shapes import deviation
 from turnscan.surface import mesh_grid
 from turnscan.surface.decimation import _collapse_kernels as kernels
 from turnscan.surface.decimation import decimate, dissolve
@@ -28,7 +35,7 @@ TOLERANCE = 0.05
 def apart(one: Mesh, two: Mesh) -> float:
     """mm: the largest distance of either surface from the other, by dense samples."""
     return max(
-        float(np.abs(deviation(sample_surface(a, 60_000), b).distance).max())
+        float(np.abs(deviation(sample_surface(a, 60_000)[0], b).distance).max())
         for a, b in ((one, two), (two, one))
     )
 

@@ -15,8 +15,7 @@ from turnscan.calibrate import detect_board, parse_board
 from turnscan.cli import turnscan
 from turnscan.errors import InputError
 from turnscan.formats import read_mesh
-from turnscan.mesh import is_closed
-from turnscan.shapes import sample_surface
+from turnscan.mesh import is_closed, sample_surface
 from turnscan.shapes.verification import Survey, artefact_from_text, values_of
 from turnscan.workflows import TARGET, artefact
 
@@ -60,7 +59,7 @@ def test_bodies_are_closed_and_verify_finds_their_nominal_dimensions() -> None:
         known = artefact_from_text(files[f"{form}.toml"].decode(), form)
         assert known.name == 'a "good" one'
         assert not known.measured
-        values = values_of(known, Survey(sample_surface(body, 60_000)))
+        values = values_of(known, Survey(sample_surface(body, 60_000)[0]))
         assert len(values) == size
         for v in values:
             if v.test in ("size", "distance", "height"):

@@ -13,6 +13,7 @@ from turnscan.mesh._parts import (
 )
 from turnscan.mesh._point_cloud import PointCloud
 from turnscan.mesh._rays import Caster
+from turnscan.mesh._samples import sample_surface
 from turnscan.mesh._soundness import crossings, soundness
 from turnscan.mesh._topology import (
     boundary_loops,
@@ -41,6 +42,7 @@ __all__ = [
     "measured",
     "measured_vertices",
     "opposite_half_edges",
+    "sample_surface",
     "sections",
     "smoothed_normals",
     "soundness",

@@ -1,6 +1,6 @@
 """Mesh and points → planes and other primitives, with residuals and uncertainty; deviations."""
 
-from turnscan.shapes._deviation import Deviation, deviation, sample_surface
+from turnscan.shapes._deviation import Deviation, deviation
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Sphere
 from turnscan.shapes._measure import (
@@ -70,7 +70,6 @@ __all__ = [
     "plane_of",
     "planes_angle",
     "region_diameter",
-    "sample_surface",
     "section_diameter",
     "to_plane",
     "volume",

@@ -1,4 +1,4 @@
-"""How far points lie from a surface, and how much of a surface was measured."""
+"""How far points lie from a surface."""
 
 from __future__ import annotations
 
@@ -112,25 +112,3 @@ def _beyond(apart: Floats, closest: Floats, face: Ints, reference: Mesh) -> Bool
             vertex[corners[:, i]] & (np.linalg.norm(to, axis=1) < near)
         )
     return np.asarray(on_rim & ~steep & (distance > near))
-
-
-def sample_surface(mesh: Mesh, count: int) -> Floats:
-    """``count`` points (count, 3) mm spread evenly over the area of a mesh, always the same ones.
-
-    Faces are taken in equal steps of cumulated area and the place within a face from the plastic-
-    number sequence, so that neighbouring samples do not clump as random ones would.
-    """
-    t = mesh.triangles
-    area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1)
-    if not area.sum() > 0:
-        raise InputError("the mesh has no area to sample", hint="give a mesh with faces")
-    ends = np.cumsum(area)
-    at = (np.arange(count) + 0.5) / count * ends[-1]
-    face = np.minimum(np.searchsorted(ends, at), len(t) - 1)
-    plastic = 1.3247179572447460
-    order = np.arange(1, count + 1)
-    r1, r2 = (order / plastic) % 1.0, (order / plastic**2) % 1.0
-    root = np.sqrt(r1)
-    weights = np.stack([1.0 - root, root * (1.0 - r2), root * r2], axis=-1)
-    points: Floats = np.einsum("ni,nij->nj", weights, t[face])
-    return points

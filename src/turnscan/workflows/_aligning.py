@@ -11,11 +11,11 @@ import numpy as np
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.mesh import Mesh, smoothed_normals
+from turnscan.mesh import Mesh, sample_surface, smoothed_normals
 from turnscan.poses import Onto, View, onto, plain_view
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose, rotation_from_vector
-from turnscan.shapes import deviation, sample_surface
+from turnscan.shapes import deviation
 from turnscan.shapes.primitives import Shape
 from turnscan.workflows._compare_options import Way
 from turnscan.workflows._nominal import Nominal
@@ -79,7 +79,7 @@ def _as_they_are(mesh: Mesh, reference: Nominal) -> Placement:
 
 def reference_view(mesh: Mesh, name: str) -> View:
     """Samples of a drawn surface with the normals of its faces, for alignment."""
-    points = sample_surface(mesh, _SAMPLES)
+    points = sample_surface(mesh, _SAMPLES)[0]
     t = mesh.triangles[deviation(points, mesh).face]
     normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -118,7 +118,7 @@ def _size(mesh: Mesh) -> float:
 
 def _other_unit(measured: Mesh, reference: Mesh) -> Remedy | None:
     """What to try where the sizes are as far apart as two units."""
-    spread = [sample_surface(m, _FEW).std(axis=0) for m in (measured, reference)]
+    spread = [sample_surface(m, _FEW)[0].std(axis=0) for m in (measured, reference)]
     ratio = float(np.linalg.norm(spread[0]) / max(float(np.linalg.norm(spread[1])), 1e-300))
     for unit, scale in UNITS.items():
         if unit != "mm" and abs(np.log(ratio / scale)) < np.log(_UNLIKE):

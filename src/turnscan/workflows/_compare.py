@@ -13,11 +13,11 @@ import numpy as np
 from turnscan.arrays import Ints
 from turnscan.errors import InputError
 from turnscan.findings import Finding
-from turnscan.mesh import Mesh, submesh
+from turnscan.mesh import Mesh, sample_surface, submesh
 from turnscan.progress import Progress, no_progress
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose
-from turnscan.shapes import Deviation, deviation, sample_surface
+from turnscan.shapes import Deviation, deviation
 from turnscan.workflows._aligning import Placement, labels_of, placed_by
 from turnscan.workflows._check_tolerance import check_tolerance
 from turnscan.workflows._compare_options import MAP_SUFFIXES, CompareOptions
@@ -259,7 +259,7 @@ def compare(
     mesh = _moved(mesh, placement.pose)
     every = deviation(mesh.vertices, drawn.mesh)
     out = every.covered()
-    back = deviation(sample_surface(drawn.mesh, wanted.samples), mesh)
+    back = deviation(sample_surface(drawn.mesh, wanted.samples)[0], mesh)
     agreements = tuple(Agreement(t, out.within(t), back.within(t)) for t in wanted.tolerances)
     names = (got.name, drawn.name)
     findings = (*got.findings, *drawn.findings, *placement.findings)
