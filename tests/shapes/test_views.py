@@ -137,9 +137,12 @@ def test_large_flat_faces_are_unrolled_as_flat(shift: float) -> None:
     phi = (np.arange(len(r)) + 0.5) / len(r) * 2 * np.pi - np.pi
     if not shift:
         assert np.abs(r - 20 / np.maximum(np.abs(np.cos(phi)), np.abs(np.sin(phi)))).max() < 0.014
-        assert len(section.chains) >= 8 * 3
+        assert section.relief.levels.tolist() == np.repeat(np.arange(21.0, 28.0), 8).tolist()
         assert all(np.ptp(c.points[:, 1]) > 29.9 for c in section.chains)
         return
+    # Lines of five points each, and yet all there.
+    assert section.relief.levels.tolist() == np.repeat(np.arange(45.0, 81.0, 5.0), 2).tolist()
+    assert all(np.ptp(c.points[:, 1]) > 29.9 for c in section.chains)
     beside = np.abs(phi) > np.arctan2(20, 40) + 0.01
     assert np.isnan(r[beside]).all()
     facing = np.abs(phi) < 0.2

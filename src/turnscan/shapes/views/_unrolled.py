@@ -21,7 +21,9 @@ _NOISES = 6.0
 _FLAT_BAND, _FLAT_SHARE = 3.0, 0.1
 """A level is left out where this share of the surface lies within so many standard deviations of
 it: there the noise would be drawn, not the part."""
-_FEWEST = 8
+_FEWEST, _SHORT = 8, 0.02
+"""Points of a line, and share of the drawing's diagonal, below both of which it is a speck: on a
+mesh of few and large faces a line of two points may run across all of the part."""
 _SMOOTH, _MOST_OFF = 3.0, 3.0
 """Cells of the grid: over which the slope is taken, and by which noise may shift a line."""
 _STEPS = (1.0, 2.0, 5.0)
@@ -71,10 +73,15 @@ def unrolled(mesh: Mesh) -> tuple[list[Chain], Relief]:
     grid = _grid(flat, box, float(r.max()))
     step, levels = _levels(flat, noise)
     sure = _Sure(grid, box, noise)
+    least = _SHORT * float(np.hypot(*(box[1] - box[0])))
     chains, at = list[Chain](), list[float]()
     for level in levels:
         cut = plane_cut([0.0, 0.0, 1.0], float(level), "level")
-        some = [c for c in crossed(flat, cut) if len(c.points) >= _FEWEST and sure(c)]
+        some = [
+            c
+            for c in crossed(flat, cut)
+            if (len(c.points) >= _FEWEST or c.length >= least) and sure(c)
+        ]
         chains += some
         at += [float(level)] * len(some)
     return chains, Relief(radius, grid, box, noise, step if at else 0.0, np.array(at))
