@@ -8,6 +8,7 @@ import pytest
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import find_shapes, form_errors
+from turnscan.shapes.verification._statistics import noise_range
 
 SIGMA = 0.02
 
@@ -29,8 +30,19 @@ def test_noise_alone_is_no_form_error() -> None:
         assert (form.kind, form.shown) == ("cylindricity", False)
         assert form.value < SIGMA * 2  # the range of single points is 8 sigma
         z.append((form.value - form.noise) / form.sigma)
-    assert abs(np.mean(z)) < 2.0
-    assert np.std(z) < 2.5
+    assert abs(np.mean(z)) < 3 / np.sqrt(8)
+    assert 0.4 < np.std(z) < 1.8
+
+
+def test_the_range_of_noise_is_that_of_order_statistics() -> None:
+    for n, mean, sigma in ((10, 3.0775, 0.7971), (100, 5.0152, 0.6052)):  # W. A. Shewhart's d₂, d₃
+        assert noise_range(np.full(n, 0.1)) == pytest.approx((0.1 * mean, 0.1 * sigma), rel=0.05)
+        assert noise_range(np.full(n, 0.1))[0] == pytest.approx(0.1 * mean, rel=1e-4)
+    scatter = np.repeat([0.1, 0.2, 0.05], 40)
+    drawn = np.ptp(np.random.default_rng(1).normal(0, scatter, (20_000, len(scatter))), axis=1)
+    assert noise_range(scatter)[0] == pytest.approx(drawn.mean(), rel=0.01)
+    assert noise_range(scatter)[1] == pytest.approx(drawn.std(), rel=0.05)
+    assert noise_range(np.zeros(5)) == (0.0, 0.0)
 
 
 def test_lobes_are_shown_as_large_as_they_are() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives._shapes import Kind, ShapeSet
+from turnscan.shapes.verification._statistics import noise_range
 
 FormKind = Literal["flatness", "sphericity", "cylindricity", "conicity", "torus form"]
 FORMS: dict[Kind, FormKind] = {
@@ -56,8 +57,8 @@ def form_errors(mesh: Mesh, found: ShapeSet) -> tuple[FormError, ...]:
     """The form error of each shape that has enough points.
 
     Means over cells of about 25 points stand for the surface, since the range of single points is
-    that of their noise. Noise alone gives n means of scatter s a range of s (a ± b), with
-    a = 2 √(2 ln n) − (ln ln n + ln 4π)/√(2 ln n), b = π/√(6 ln n) (Gumbel's limits of both ends).
+    that of their noise. What noise alone gives is the expected range of those means, each with the
+    scatter that its own number of points leaves it (`noise_range`).
     """
     out = list[FormError]()
     for k, s in enumerate(found.shapes):
@@ -66,27 +67,26 @@ def form_errors(mesh: Mesh, found: ShapeSet) -> tuple[FormError, ...]:
             continue
         side = float(np.sqrt(_CELL * s.area / len(member)))
         mean, scatter = _means(mesh.vertices[member], found.residual[member], side)
-        n = len(mean)
-        if n < _CELLS:
+        if len(mean) < _CELLS:
             continue
-        deep = np.sqrt(2 * np.log(n))
-        usual = 2 * deep - (np.log(np.log(n)) + np.log(4 * np.pi)) / deep
-        spread = np.pi / np.sqrt(6 * np.log(n))
-        value = float(np.ptp(mean))
-        noise, sigma = scatter * float(usual), scatter * float(spread)
-        out.append(FormError(FORMS[s.kind], k, value, noise, sigma, n, side))
+        noise, sigma = noise_range(scatter)
+        out.append(FormError(FORMS[s.kind], k, float(np.ptp(mean)), noise, sigma, len(mean), side))
     return tuple(out)
 
 
-def _means(points: Floats, off: Floats, side: float) -> tuple[Floats, float]:
-    """Means (n,) of the cells that have enough points, and the scatter that noise gives them."""
+def _means(points: Floats, off: Floats, side: float) -> tuple[Floats, Floats]:
+    """Means (n,) of the cells that have enough points, and the scatter (n,) that noise leaves them.
+
+    The noise of a point is that of all cells together, for 15 points do not tell their own well.
+    """
     at = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
     wide = at.max(axis=0) + 1
     keys = (at[:, 0] * wide[1] + at[:, 1]) * wide[2] + at[:, 2]
     cell = np.unique(keys, return_inverse=True)[1]
     count = np.bincount(cell)
     good = count >= _LEAST
-    mean = np.bincount(cell, off)[good] / count[good]
-    square = np.bincount(cell, off * off)[good] / count[good] - mean**2
-    variance = square / (count[good] - 1)
-    return mean, float(np.sqrt(variance.mean())) if len(mean) else 0.0
+    count = count[good]
+    mean = np.bincount(cell, off)[good] / count
+    square = np.bincount(cell, off * off)[good] - count * mean**2
+    variance = float(square.sum()) / max(int((count - 1).sum()), 1)
+    return mean, np.sqrt(variance / count)

@@ -15,6 +15,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats
 from turnscan.shapes._outline_curves import Line, Outline
 from turnscan.shapes.revolved._axis import Turned
+from turnscan.shapes.verification._statistics import noise_range
 
 _UPRIGHT = 0.7
 """Radial part of the normal that a wall has, for its radius to be seen."""
@@ -141,7 +142,7 @@ def _round_at(turned: Turned, some: np.ndarray, height: float, hollow: bool) -> 
     fit = np.linalg.lstsq(A, mean, rcond=None)[0]
     rest = mean - A @ fit
     inverse = np.linalg.inv(A.T @ A) * float(np.fmax(noise, rest.std(ddof=3))) ** 2
-    wide, spread = _of_noise(noise, len(mean))
+    wide, spread = noise_range(np.full(len(mean), noise))
     wall = np.column_stack([np.ones(len(some)), turned.z[some] - height])
     level = float(np.linalg.lstsq(wall, turned.r[some] - off, rcond=None)[0][0])
     around = turned.angle[some]
@@ -182,13 +183,6 @@ def _cells(
     some = good & (free > 0)
     square = (off**2).sum(axis=1)[some] / count[some] ** 2 / free[some]
     return mean[good], np.flatnonzero(good), float(np.sqrt(square.mean())) if some.any() else np.nan
-
-
-def _of_noise(noise: float, n: int) -> tuple[float, float]:
-    """Range of n means of pure noise, and its scatter (Gumbel's limits of both ends)."""
-    deep = np.sqrt(2 * np.log(n))
-    usual = 2 * deep - (np.log(np.log(n)) + np.log(4 * np.pi)) / deep
-    return noise * float(usual), noise * float(np.pi / np.sqrt(6 * np.log(n)))
 
 
 def _minimum_zone(A: Floats, mean: Floats) -> float:
@@ -243,7 +237,7 @@ def cylindricities(turned: Turned, outlines: Sequence[Outline]) -> list[Cylindri
         about = _cells(place, r - fit[0], across * around, row)[0]
         if len(means) < 12:
             continue
-        wide, spread = _of_noise(noise, len(means))
+        wide, spread = noise_range(np.full(len(means), noise))
         sigma = float(np.fmax(noise, means.std())) / np.sqrt(len(means))
         out.append(
             Cylindricity(

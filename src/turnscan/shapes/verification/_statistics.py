@@ -13,6 +13,9 @@ SHELL = 0.95
 _TAIL = 20
 """Points of a tail by which its steepness is judged, at least."""
 
+_FAR, _NODES = 9.0, 1801
+"""Standard deviations beyond which nothing lies, and nodes of an integral up to there."""
+
 
 def kept(residual: Floats) -> np.ndarray:
     """(n,) True for the points that count: all but the 0.3 % furthest off, rounded down."""
@@ -79,3 +82,23 @@ def clumping(residual: Floats, cell: np.ndarray, free: int) -> float:
     if spread <= 0:
         return 1.0
     return max(1.0, float((count[used] * mean**2).sum()) / (spread * (int(used.sum()) - free)))
+
+
+def noise_range(scatter: Floats) -> tuple[float, float]:
+    """mm: expectation and standard deviation of the range of independent normal values about 0.
+
+    ``scatter`` (n,) are their standard deviations. The largest has the distribution ∏ Φ(x/sᵢ),
+    which is integrated; the smallest is its mirror image, and independent of it but for few values
+    (H. A. David and H. N. Nagaraja, Order Statistics, 2003, section 2.1).
+    """
+    from scipy.special import log_ndtr
+
+    unit = float(scatter.max(initial=0.0))
+    if not unit > 0:
+        return 0.0, 0.0
+    sizes, times = np.unique(scatter / unit, return_counts=True)
+    x = np.linspace(-_FAR, _FAR, _NODES)
+    share = np.exp(times @ log_ndtr(x / sizes[:, None]))  # that the largest lies below x
+    top = _FAR - float(np.trapezoid(share, x))
+    square = _FAR**2 - 2 * float(np.trapezoid(x * share, x))
+    return 2 * top * unit, float(np.sqrt(2 * max(square - top**2, 0.0))) * unit
