@@ -22,13 +22,13 @@ MOST_NAMES = {
     "drawings": 15,  # with the solid that a profile sweeps
     "edit": 77,  # with measurements that follow a part to where it stands
     "formats": 17,
-    "mesh": 23,
+    "mesh": 24,  # with samples of a surface, which were of the shapes
     "points": 40,
     "poses": 16,
     "rig": 26,
     "scan": 28,
     "scanner": 22,
-    "shapes": 46,
+    "shapes": 45,
     "simulate": 40,
     "stripes": 28,
     "surface": 4,
