@@ -475,7 +475,7 @@ export interface Hello {
   operator: string | null;
   scans: ScanEntry[];
   binned: BinEntry[];
-  /** False for a browser on another computer, unless the server was told otherwise. */
+  /** False for a browser on another computer, unless the server is configured otherwise. */
   lasers_allowed: boolean;
   /** Whether ``show_folder`` opens it where this person sees it: on the server's computer. */
   can_show_folder: boolean;
@@ -1058,7 +1058,7 @@ export interface ShowDeviation {
   align?: "none" | "shape" | "datums";
   /** Numbers of features of the reference, in the order of precedence. */
   datums?: number[];
-  /** Whether its features and their sizes are told. */
+  /** Whether its features and their sizes are listed. */
   features?: boolean;
   /** A file of the list. */
   tolerance_table?: string | null;

@@ -7,6 +7,8 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from playwright.sync_api import expect
+
 from tests.app.e2e.conftest import OPENING, steady, until
 
 
@@ -55,6 +57,15 @@ def click_at(page: Any, x: float, y: float, z: float) -> None:
 def rows(page: Any) -> Any:
     """The measurements of the Inspect room."""
     return page.get_by_role("list", name="Measurements").get_by_role("listitem")
+
+
+def run_command(page: Any, words: str, title: str) -> None:
+    """By the palette; what is done with files is in its list when the server has said it."""
+    page.keyboard.press("Control+k")
+    page.get_by_role("combobox", name="Search the commands").fill(words)
+    chosen = page.get_by_role("listbox", name="Commands").get_by_role("option", selected=True)
+    expect(chosen).to_contain_text(title, timeout=1000 * OPENING)
+    page.keyboard.press("Enter")
 
 
 def download_sizes(page: Any, name: str, path: Path) -> None:

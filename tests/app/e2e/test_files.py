@@ -12,6 +12,7 @@ from PIL import Image as Pillow
 from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
+from tests.app.e2e.pages import run_command
 from tests.poses.scenes import STEPS, rig_for, stripes
 from tests.web.uploads import box, zipped
 from turnscan.formats import export
@@ -76,9 +77,7 @@ def test_two_meshes_are_compared_and_the_picture_downloaded(
     for name, size in (("measured.stl", 10.0), ("nominal.stl", 10.1)):
         (folder / name).write_bytes(export(box(size), ".stl"))
     page = new_page()
-    page.keyboard.press("Control+k")
-    page.keyboard.type("compare")
-    page.keyboard.press("Enter")
+    run_command(page, "compare", "Compare with a reference")
     form = page.get_by_role("form", name="Compare with a reference")
     form.get_by_role("combobox", name="Measured").select_option(label="measured.stl (a mesh)")
     begin = form.get_by_role("button", name="Compare with a reference")

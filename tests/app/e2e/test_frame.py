@@ -12,7 +12,7 @@ from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 
 from tests.app.e2e.conftest import DEADLINE, steady, until
-from tests.app.e2e.pages import connect, disconnect, settled
+from tests.app.e2e.pages import connect, disconnect, run_command, settled
 
 NO_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
@@ -92,9 +92,7 @@ def test_without_webgl_the_rest_of_the_room_works(open_cup):
 
 def test_everything_is_reached_by_keyboard(open_cup):
     page = open_cup()
-    page.keyboard.press("Control+k")
-    page.keyboard.type("select all")
-    page.keyboard.press("Enter")
+    run_command(page, "select all", "Select all")
     until(page, "turnscan.selected === turnscan.faces")
     page.keyboard.press("Escape")
     assert page.evaluate("turnscan.selected") == 0
