@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from turnscan.calibrate import Balls, Part, Round
+from turnscan.drawings import Solid, write_step
 from turnscan.errors import FormatError, InputError
 from turnscan.formats import export
 from turnscan.shapes.verification import step_block_body
@@ -70,6 +72,21 @@ def test_a_drawn_part_is_read_with_its_scale(tmp_path: Path) -> None:
     path.write_bytes(b"solid of nothing")
     with pytest.raises((InputError, FormatError), match=r"block\.stl"):
         body_of(RefineOptions(), path)
+
+
+def test_a_part_may_be_drawn_in_step(tmp_path: Path) -> None:
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+
+    path = tmp_path / "block.step"
+    block = BRepPrimAPI_MakeBox(40.0, 30.0, 8.0).Shape()
+    path.write_bytes(write_step(Solid(block, 0.0, 0), "block", {}))
+    found = body_of(RefineOptions(sphere_sigma=0.02), path)
+    assert found is not None
+    form, known = found
+    assert isinstance(form, Part)
+    assert known[0] == pytest.approx((1.0, 0.0005))
+    away, _, _ = form.nearest(np.array([[20.0, 15.0, 11.0], [-4.0, 5.0, 2.0]]), np.ones(1))
+    assert away == pytest.approx([3.0, 4.0])
 
 
 def test_a_drawing_without_a_surface_is_named(tmp_path: Path) -> None:

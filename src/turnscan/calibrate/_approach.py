@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from turnscan.arrays import Bools, Floats
-from turnscan.calibrate._bodies import Form, Known, Smooth
-from turnscan.calibrate._bodies_found import find_body
+from turnscan.calibrate._bodies import Body, Form, Known, Smooth
+from turnscan.calibrate._bodies_found import again, find_body, refuse_other_unit
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
 from turnscan.calibrate._part import Part
 from turnscan.calibrate._prior import prior_of
-from turnscan.calibrate._surfaces import Surfaces, Sweep
+from turnscan.calibrate._surfaces import Surfaces, Sweep, doubt_of
 from turnscan.errors import CalibrationError, DidNotConverge
 from turnscan.progress import Progress
 from turnscan.rig import Rig
@@ -21,6 +21,8 @@ from turnscan.rig import Rig
 _NEAR = 1.6
 """Times the noise: surfaces that are no farther apart agree, but for points beside the body."""
 _STARTS, _ROUNDS = 16, 12
+_WAYS = 4
+"""In which a drawn part may stand, that are tried from each beginning."""
 _POINTS = 300
 """Of each sweep, that are looked at: where a rig is far off, gaps are larger than their noise."""
 _FINER = 0.3
@@ -56,7 +58,8 @@ def approach(
     Far from the truth a gap says little: rounds in which the gaps hardly weigh come first, and
     what is known of the rig leads. Equations that are so far from straight have more than one
     solution. The rig as it is known is one start, and others are drawn from its uncertainty, until
-    one leads to surfaces that agree within that uncertainty; the table's own errors wait.
+    one leads to surfaces that agree within that uncertainty; the table's own errors wait. A drawn
+    part stands in more than one way for each of them.
     ``doubt`` mm is how far the rig puts points beside their places.
 
     Raises Degenerate where there is no such body, DidNotConverge where no start leads to one.
@@ -67,15 +70,13 @@ def approach(
     ends = list[_End]()
     failed: CalibrationError | None = None
     left = 0.0
-    for k in range(_STARTS):
+    for k, start in enumerate(_starts(rig, few, moves[:own], body, doubt)):
         part = progress.subrange(
             left, left + _EACH * (1 - left), f"fitting the surfaces, start {k + 1}"
         )
         left += _EACH * (1 - left)
-        way, drawn = _way(k) if isinstance(body[0], Part) else (0, k)
-        begin = rig.perturbed(_drawn(rig, moves[:own], drawn))
         try:
-            end = _led(rig, begin, state, few, moves, (*body, doubt, way), part)
+            end = _led(rig, start(), state, few, moves, part)
         except (CalibrationError, np.linalg.LinAlgError) as e:
             failed = failed or (e if isinstance(e, CalibrationError) else None)
             continue
@@ -91,26 +92,80 @@ def approach(
     return best.state, best.gap
 
 
+@dataclass(frozen=True)
+class _Start:
+    """Where the search for a rig may begin."""
+
+    rig: Rig
+    body: Body
+    doubt: float
+    """mm by which points may lie beside it."""
+
+
+def _starts(
+    rig: Rig,
+    sweeps: tuple[Sweep, ...],
+    moves: Bools,
+    body: tuple[Form, tuple[Known | None, ...]],
+    doubt: float,
+) -> Iterator[Callable[[], _Start]]:
+    """What finds each start, the likeliest first; they raise Degenerate where there is no body."""
+    form, known = body
+    if not isinstance(form, Part):
+        for k in range(_STARTS):
+            begin = rig.perturbed(_drawn(rig, moves, k))
+            yield lambda begin=begin: _Start(  # type: ignore[misc]
+                begin, find_body(form, known, sweeps, begin, doubt), doubt
+            )
+        return
+    refuse_other_unit(form, _places(rig, sweeps), doubt)
+    for k in range(_STARTS // _WAYS):
+        for start in _standing(form, known, rig.perturbed(_drawn(rig, moves, k)), sweeps, moves):
+            yield lambda start=start: start  # type: ignore[misc]
+
+
+def _standing(
+    form: Part,
+    known: tuple[Known | None, ...],
+    rig: Rig,
+    sweeps: tuple[Sweep, ...],
+    moves: Bools,
+) -> Iterator[_Start]:
+    """The ways in which a drawn part may stand, by all sweeps together: one alone fits in more."""
+    ways = _spread(rig, moves)
+    at = [_places(rig, sweeps)]
+    for way in ways:
+        ends = [_places(rig.perturbed(sign * way), sweeps) for sign in (0.5, -0.5)]
+        at.append(ends[0] - ends[1])
+    doubt = doubt_of(rig, sweeps) if len(ways) else 0.0
+    modes = np.stack(at[1:], axis=2) if len(ways) else np.zeros((*at[0].shape, 0))
+    for placed in form.placements(at[0], modes, doubt, _WAYS):
+        begin = rig.perturbed(placed.off @ ways)
+        there = [s.points(begin, begin.camera.rays(s.pixels)) for s in sweeps]
+        body = Body(form, placed.pose, np.ones(1), known, tuple(np.arange(len(a)) for a in there))
+        yield _Start(begin, again(body, there), placed.gap)
+
+
+def _places(rig: Rig, sweeps: Sequence[Sweep]) -> Floats:
+    """(n, 3) mm: all points of the sweeps."""
+    return np.concatenate([s.points(rig, rig.camera.rays(s.pixels)) for s in sweeps])
+
+
 def _led(
     known: Rig,
-    begin: Rig,
+    start: _Start,
     state: Surfaces,
     sweeps: tuple[Sweep, ...],
     free: Bools,
-    body: tuple[Form, tuple[Known | None, ...], float, int],
     progress: Progress,
 ) -> _End:
-    """The end of one start, for a body, the doubt and the way in which a drawn one stands.
-
-    Raises CalibrationError where it strays.
-    """
-    form, sizes, doubt, way = body
-    found = find_body(form, sizes, sweeps, begin, doubt, way)
+    """The end of one start. Raises CalibrationError where it strays."""
+    begin, found, form = start.rig, start.body, start.body.form
     now = replace(state, rig=_like(begin, state.rig), bodies=(found,))
     count = np.count_nonzero(free) + len(found.names)
     free = np.concatenate([free, np.ones(len(found.names), dtype=bool)])
     points = sum(len(sweep.pixels) for sweep in sweeps)
-    coarse = doubt * float(np.sqrt(points / count))
+    coarse = start.doubt * float(np.sqrt(points / count))
     for k in range(_ROUNDS):
         network = network_of(begin, now, sweeps, free, 0.0, 0, coarse)
         now = adjusted(network, now, free, None, told=True).state
@@ -130,22 +185,23 @@ def _led(
     return _End(now, gap, gap / noise)
 
 
-def _way(k: int) -> tuple[int, int]:
-    """In which way a drawn part stands at start ``k``, and from which draw: the likely ones first,
-    (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2) …"""
-    row = int((np.sqrt(8 * k + 1) - 1) / 2)
-    drawn = k - row * (row + 1) // 2
-    return row - drawn, drawn
+def _spread(rig: Rig, free: Bools) -> Floats:
+    """(m, p) independent directions in which the rig may be off, by 1 standard uncertainty each."""
+    count = 0 if rig.covariance is None else int(np.count_nonzero(free))
+    out = np.zeros((count, len(free)))
+    if rig.covariance is not None:
+        values, vectors = np.linalg.eigh(rig.covariance[np.ix_(free, free)])
+        out[:, free] = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    return out
 
 
 def _drawn(rig: Rig, free: Bools, k: int) -> Floats:
     """(p,) a start: 0 is the rig as it is, others are drawn from its uncertainty."""
-    delta = np.zeros(len(free))
-    if k and rig.covariance is not None:
-        values, vectors = np.linalg.eigh(rig.covariance[np.ix_(free, free)])
-        dice = np.random.default_rng(k).standard_normal(len(values))
-        delta[free] = vectors @ (np.sqrt(np.maximum(values, 0.0)) * dice)
-    return delta
+    ways = _spread(rig, free)
+    if not k or not len(ways):
+        return np.zeros(len(free))
+    drawn: Floats = np.random.default_rng(k).standard_normal(len(ways)) @ ways
+    return drawn
 
 
 def _like(begin: Rig, rig: Rig) -> Rig:

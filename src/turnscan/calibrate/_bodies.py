@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats, frozen
 from turnscan.calibrate._part import Part
-from turnscan.rig import Pose, rotation_from_vector
+from turnscan.rig import Pose, nearest_rotation, rotation_from_vector
 
 Index = npt.NDArray[np.intp]
 Known = tuple[float, float]
@@ -199,11 +199,7 @@ class Body:
         """After a small step of its parameters."""
         m = self.form.moves.shape[1]
         motion = self.form.moves @ delta[:m]
-        small = Pose(rotation_from_vector(motion[_TURN]), motion[_SHIFT])
-        pose = Pose(
-            self.pose.rotation @ small.rotation,
-            self.pose.translation + self.pose.turn(small.translation),
-        )
-        u, _, vt = np.linalg.svd(pose.rotation)
-        pose = Pose(u @ vt, pose.translation)
+        turned = self.pose.rotation @ rotation_from_vector(motion[_TURN])
+        shifted = self.pose.translation + self.pose.turn(motion[_SHIFT])
+        pose = Pose(nearest_rotation(turned), shifted)
         return replace(self, pose=pose, sizes=self.sizes + delta[m:])

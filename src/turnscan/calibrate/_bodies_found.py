@@ -28,8 +28,6 @@ _MOST = 0.5
 """Of the points, on a drawn part: of another one some faces fit as well."""
 _TIMES = 8.0
 """By which a drawn part may be larger than what the scan shows, or smaller."""
-WAYS = 8
-"""In which a drawn part may stand, that are tried."""
 _NEAR = 0.1
 """Of its radius: what is nearer to a ball lies on it."""
 _FEW = 4000
@@ -42,23 +40,14 @@ def find_body(
     sweeps: Sequence[Sweep],
     rig: Rig,
     doubt: float = 0.0,
-    way: int = 0,
 ) -> Body:
     """The body of that form that most of the points lie on.
 
     ``doubt`` mm is how far the rig may put a point beside its place: so far a size may be off.
-    ``way`` is which of the ways in which a drawn part may stand is taken, the best first.
 
     Raises Degenerate where there is none of about the sizes that are known.
     """
     at = [s.points(rig, rig.camera.rays(s.pixels)) for s in sweeps]
-    if isinstance(form, Part):
-        # Seen in part, it stands in one way by all sweeps and in others by one alone.
-        together = np.concatenate(at)
-        _refuse_other_unit(form, together, doubt)
-        stands = form.placements(together, WAYS)
-        part = Body(form, stands[way % len(stands)], np.ones(1), tuple(known))
-        return again(replace(part, points=tuple(np.arange(len(a)) for a in at)), at)
     # What one sweep sees is one body, also where two lasers do not agree yet.
     each = [_found(form, a, known) for a in at]
     body, inside = max(each, key=lambda one: np.count_nonzero(one[1]))
@@ -92,9 +81,9 @@ def again(body: Body, at: Sequence[Floats]) -> Body:
     return replace(body, points=tuple(np.flatnonzero(p) for p in np.split(inside, cuts)))
 
 
-def _refuse_other_unit(part: Part, points: Floats, doubt: float) -> None:
+def refuse_other_unit(part: Part, points: Floats, doubt: float) -> None:
     """Raises Degenerate where a drawn part is not nearly as large as what was scanned."""
-    drawn = float(np.linalg.norm(np.ptp(part.vertices[part.faces.ravel()], axis=0)))
+    drawn = float(np.linalg.norm(np.ptp(part.mesh.vertices[part.mesh.faces.ravel()], axis=0)))
     low, high = np.quantile(points, (0.02, 0.98), axis=0)
     seen = float(np.linalg.norm(high - low))
     if seen > _TIMES * drawn + 2 * doubt or drawn > _TIMES * (seen + 2 * doubt):

@@ -9,7 +9,7 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints, frozen
 from turnscan.calibrate._board import Board
-from turnscan.rig import Marker, Pose, rotation_from_vector
+from turnscan.rig import Marker, Pose, nearest_rotation, rotation_from_vector
 
 PLATTER = ("slope_x", "slope_y", "bend_xx", "bend_xy", "bend_yy")
 
@@ -171,5 +171,5 @@ def moved_pose(pose: Pose, delta: Floats) -> Pose:
 
     The rotation is made orthonormal again, so that many small steps do not add up.
     """
-    u, _, vt = np.linalg.svd(rotation_from_vector(delta[:3]) @ pose.rotation)
-    return Pose(u @ vt, pose.translation + delta[3:])
+    turned = nearest_rotation(rotation_from_vector(delta[:3]) @ pose.rotation)
+    return Pose(turned, pose.translation + delta[3:])

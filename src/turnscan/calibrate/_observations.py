@@ -23,7 +23,7 @@ from turnscan.calibrate._state import (
     bulge,
     platter_stripe,
 )
-from turnscan.rig import Pose, rotation_z
+from turnscan.rig import Pose, nearest_rotation, rotation_z
 
 BEND = ("board.bend_xx", "board.bend_xy", "board.bend_yy")
 BOARD, RIDER = "board corners", "table corners"
@@ -106,8 +106,8 @@ class RigNetwork:
         """``state`` after a step of the shared parameters and of every view's own."""
         p = len(state.rig.parameter_names)
         rig = state.rig.perturbed(common[:p])
-        u, _, vt = np.linalg.svd(rig.T_camera_table.rotation)
-        rig = replace(rig, T_camera_table=Pose(u @ vt, rig.T_camera_table.translation))
+        T = rig.T_camera_table
+        rig = replace(rig, T_camera_table=Pose(nearest_rotation(T.rotation), T.translation))
         n = len(self.boards)
         poses = tuple(moved_pose(T, d) for T, d in zip(state.poses, own[:n], strict=True))
         turns = np.array([d[0] if len(d) else 0.0 for d in own[n:]])

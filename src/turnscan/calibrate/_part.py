@@ -4,44 +4,60 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+import igl
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Floats
 from turnscan.errors import InputError
-from turnscan.rig import Pose
+from turnscan.mesh import Mesh
+from turnscan.rig import Pose, nearest_rotation, rotation_from_vector
 
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
-
-_SAMPLES, _COARSE = 60_000, 3000
-"""Places on the surface: those near which the nearest triangle is looked for, and those that points
-are brought onto at first."""
-_NEAR = 4
-"""Places near a point whose triangles are looked at."""
-_TURNS, _ROUNDS, _FEW = 480, 4, 150
-"""Rotations that are tried, rounds for each, and points that are looked at."""
-_MORE, _MORE_ROUNDS = 80, 20
-"""The best of them, and further rounds for each."""
+_TURNS = 480
+"""Rotations that are tried."""
+_TRIES = ((480, 60, 10), (40, 150, 15))
+"""How many of the best go on, how many points are looked at, and rounds with the rig free."""
+_ASIDE = 0.05
+"""Of the part's size: so far it may stand aside of where a rotation puts it."""
+_HELD = 4
+"""Rounds before, with the rig held."""
+_FINER, _FINEST = 0.7, 0.1
+"""By how much more gaps weigh from round to round, and mm beyond which they weigh no more."""
+_LOOSE = 1e-9
+"""Of a place, that is known by nothing."""
+_FAR = 2.0
+"""Times what gaps weigh by: a point farther off lies on something else, as well as may be."""
 _UNLIKE = np.radians(15.0)
 """Rotations that differ by less are one way to stand."""
 _GOLDEN = 1.533751168755204288118041
 """ψ⁴ = ψ + 4."""
 
 
+@dataclass(frozen=True)
+class Placement:
+    """A way in which a part may stand, and how far the rig is off then."""
+
+    pose: Pose
+    """Part's frame → that of the points."""
+    off: Floats
+    """(m,) standard uncertainties, in the directions of its modes."""
+    gap: float
+    """mm by which points are beside it, on the average."""
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A surface of triangles in a frame of its own; its one size is its scale, nominally 1."""
+    """A surface of triangles in a frame of its own; its one size is its scale, nominally 1.
 
-    vertices: Floats
-    """(v, 3) mm."""
-    faces: Ints
-    """(f, 3), outward counter-clockwise."""
+    Raises InputError for a mesh without a surface.
+    """
+
+    mesh: Mesh
 
     def __post_init__(self) -> None:
-        if not len(self.faces) or not self._areas.sum() > 0:
+        if not self.mesh.area_of() > 0:
             raise InputError("the drawn part has no surface", hint="give a mesh with triangles")
 
     @property
@@ -61,130 +77,129 @@ class Part:
 
     @cached_property
     def _corners(self) -> Floats:
-        """(f, 3, 3)"""
-        corners: Floats = np.asarray(self.vertices, dtype=np.float64)[self.faces]
-        return corners
+        """(v, 3), each once."""
+        return np.ascontiguousarray(self.mesh.vertices)
+
+    @cached_property
+    def _faces(self) -> npt.NDArray[np.int64]:
+        return self.mesh.faces.astype(np.int64)
 
     @cached_property
     def _normals(self) -> Floats:
-        """(f, 3), as long as twice the area."""
-        c = self._corners
-        return np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+        """(f, 3) of unit length, 0 for a face without area."""
+        t = self.mesh.triangles
+        normals = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        unit: Floats = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+        return unit
 
     @cached_property
-    def _areas(self) -> Floats:
-        areas: Floats = np.linalg.norm(self._normals, axis=1) / 2
-        return areas
+    def _tree(self) -> igl.AABB:
+        tree = igl.AABB()
+        tree.init(self._corners, self._faces)
+        return tree
 
-    @cached_property
-    def _samples(self) -> tuple[Floats, Ints]:
-        """Places on the surface (m, 3), evenly spread, and their triangles (m,)."""
-        share = self._areas / self._areas.sum()
-        face = np.searchsorted(np.cumsum(share), (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
-        face = np.minimum(face, len(share) - 1)
-        face = np.concatenate([face, np.flatnonzero(share > 0)])
-        # A sequence of low discrepancy (Roberts, 2018), folded into the triangle.
-        a, b = (
-            np.arange(1, len(face) + 1)[:, None] * (0.7548776662466927, 0.5698402909980532) % 1
-        ).T
-        over = a + b > 1
-        a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
-        c = self._corners[face]
-        at: Floats = c[:, 0] + a[:, None] * (c[:, 1] - c[:, 0]) + b[:, None] * (c[:, 2] - c[:, 0])
-        return at, face.astype(np.int32)
-
-    @cached_property
-    def _tree(self) -> cKDTree:
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self._samples[0])
+    def _under(self, points: Floats) -> tuple[Floats, Floats]:
+        """(n, 3) the nearest place of the surface to each point (n, 3) of its frame, and the normal
+        of the face there."""
+        _, face, foot = self._tree.squared_distance(
+            self._corners, self._faces, np.ascontiguousarray(points)
+        )
+        return foot, self._normals[face]
 
     def nearest(self, points: Floats, sizes: Floats) -> tuple[Floats, Floats, Floats]:
         """As of `Balls`: positive outside, by the normal of the nearest triangle."""
         scale = float(sizes[0])
         local = points / scale
-        _, near = self._tree.query(local, _NEAR)
-        face = self._samples[1][near]
-        foot = np.stack([_foot(local, self._corners[face[:, k]]) for k in range(_NEAR)], axis=1)
-        off = local[:, None, :] - foot
-        far = np.linalg.norm(off, axis=2)
-        best = far.argmin(axis=1)
-        rows = np.arange(len(points))
-        face, off, far = face[rows, best], off[rows, best], far[rows, best]
-        normal = self._normals[face] / np.maximum(2 * self._areas[face], 1e-300)[:, None]
+        foot, normal = self._under(local)
+        off = local - foot
+        far = np.linalg.norm(off, axis=1)
         side = np.where(np.einsum("ni,ni->n", off, normal) < 0, -1.0, 1.0)
-        clear = far > 1e-6
         unit = np.where(
-            clear[:, None], side[:, None] * off / np.maximum(far, 1e-300)[:, None], normal
+            (far > 1e-6)[:, None], (side / np.maximum(far, 1e-300))[:, None] * off, normal
         )
         away = scale * side * far
         by_scale = (away - np.einsum("ni,ni->n", unit, points)) / scale
         return away, unit, by_scale[:, None]
 
-    def placements(self, points: Floats, count: int) -> list[Pose]:
-        """Ways (part's frame → that of the points (n, 3)) in which the part may stand, the best
-        first: rotations all over, each brought nearer by its nearest points (Besl & McKay, A method
-        for registration of 3-D shapes, 1992)."""
-        from scipy.spatial import cKDTree
+    def placements(
+        self, points: Floats, modes: Floats, doubt: float, count: int
+    ) -> list[Placement]:
+        """Ways in which the part may stand, the best first.
 
-        surface = self._samples[0][:: max(1, len(self._samples[0]) // _COARSE)]
-        tree = cKDTree(surface)
-        some = points[np.unique(np.linspace(0, len(points) - 1, _FEW).astype(np.intp))]
-        middle = (surface.min(axis=0) + surface.max(axis=0)) / 2
+        The rig that gave the points (n, 3) mm may be off: ``modes`` (n, 3, m) mm is how they move
+        with each of m independent directions in which it may be, by 1 standard uncertainty, and
+        ``doubt`` mm how far that puts them beside their places.
 
-        def brought(to_part: Pose, rounds: int) -> tuple[float, Pose]:
-            for _ in range(rounds):
-                _, near = tree.query(to_part.apply(some))
-                to_part = _moved_onto(some, surface[near])
-            away, _ = tree.query(to_part.apply(some))
-            return float(np.mean(away**2)), to_part
-
+        Rotations all over are each brought nearer by nearest points (Besl & McKay, A method for
+        registration of 3-D shapes, 1992); the best of them go on with the rig free, at first where
+        it is known to be, as gaps hardly weigh, and less and less so.
+        """
+        corners = self.mesh.vertices[self.mesh.faces.ravel()]
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        few = _some(len(points), _TRIES[0][1])
+        size = float(np.linalg.norm(np.ptp(corners, axis=0)))
+        sigma = max(doubt, _ASIDE * size)
         tried = []
         for R in _rotations(_TURNS):
-            turned = some @ R
+            turned = points[few] @ R.T
             shift = middle - (turned.min(axis=0) + turned.max(axis=0)) / 2
-            tried.append(brought(Pose(R.T, shift), _ROUNDS))
-        tried.sort(key=lambda one: one[0])
-        best = sorted((brought(p, _MORE_ROUNDS) for _, p in tried[:_MORE]), key=lambda one: one[0])
-        out = list[Pose]()
-        for _, to_part in best:
-            pose = to_part.inverse()
-            if all(_angle(pose, other) > _UNLIKE for other in out):
-                out.append(pose)
+            held = self._brought(points[few], Pose(R, shift))
+            tried.append(Placement(held.inverse(), np.zeros(modes.shape[2]), size))
+        for best, most, rounds in _TRIES:
+            few = _some(len(points), most)
+            tried = [
+                self._loosened(points[few], modes[few], one, sigma, rounds) for one in tried[:best]
+            ]
+            tried.sort(key=lambda one: one.gap)
+            sigma *= _FINER**rounds
+        out = list[Placement]()
+        for one in tried:
+            if all(_angle(one.pose, other.pose) > _UNLIKE for other in out):
+                out.append(one)
         return out[:count]
 
+    def _brought(self, points: Floats, to_part: Pose) -> Pose:
+        """The motion after some rounds of nearest points."""
+        for _ in range(_HELD):
+            foot, _ = self._under(to_part.apply(points))
+            p, q = points.mean(axis=0), foot.mean(axis=0)
+            R = nearest_rotation((foot - q).T @ (points - p))
+            to_part = Pose(R, q - R @ p)
+        return to_part
 
-def _foot(points: Floats, corners: Floats) -> Floats:
-    """(n, 3) the place on each triangle (n, 3, 3) that is nearest to its point (Ericson, Real-time
-    collision detection, 2005, §5.1.5, by the four candidates at once)."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    u, v, w = b - a, c - a, points - a
-    uu, uv, vv = (np.einsum("ni,ni->n", x, y) for x, y in ((u, u), (u, v), (v, v)))
-    wu, wv = np.einsum("ni,ni->n", w, u), np.einsum("ni,ni->n", w, v)
-    size = np.maximum(uu * vv - uv * uv, 1e-300)
-    s, t = (vv * wu - uv * wv) / size, (uu * wv - uv * wu) / size
-    inside = (s >= 0) & (t >= 0) & (s + t <= 1)
-    best = a + s[:, None] * u + t[:, None] * v
-    least = np.where(inside, 0.0, np.inf)
-    for start, along in ((a, u), (a, v), (b, c - b)):
-        length = np.maximum(np.einsum("ni,ni->n", along, along), 1e-300)
-        share = np.clip(np.einsum("ni,ni->n", points - start, along) / length, 0.0, 1.0)
-        on_edge = start + share[:, None] * along
-        far = np.einsum("ni,ni->n", points - on_edge, points - on_edge)
-        closer = ~inside & (far < least)
-        best = np.where(closer[:, None], on_edge, best)
-        least = np.where(closer, far, least)
-    nearest: Floats = best
-    return nearest
+    def _loosened(
+        self, points: Floats, modes: Floats, start: Placement, sigma: float, rounds: int
+    ) -> Placement:
+        """The placement after some rounds more, in which gaps weigh by ``sigma`` mm at first.
+
+        Least squares of distances and of what is known of the rig, far points weighed down
+        (Cauchy). Points are wrong together: all of them say as much as there are unknowns.
+        """
+        to_part, off = start.pose.inverse(), start.off
+        unknown = len(off) + 6
+        share = np.sqrt(len(points) / unknown)
+        known = np.concatenate([np.full(6, _LOOSE), np.ones(len(off))])
+        for _ in range(rounds):
+            local = to_part.apply(points + modes @ off)
+            away, unit, _ = self.nearest(local, np.ones(1))
+            centre = local.mean(axis=0)
+            own = np.einsum("nim,ni->nm", modes, unit @ to_part.rotation)
+            J = np.concatenate([np.cross(local - centre, unit), unit, own], axis=1)
+            w = 1.0 / ((share * max(sigma, _FINEST)) ** 2 + (away / _FAR) ** 2)
+            pull = J.T @ (w * away) + known * np.concatenate([np.zeros(6), off])
+            step = -np.linalg.solve((J.T * w) @ J + np.diag(known), pull)
+            R = rotation_from_vector(step[:3])
+            shift = R @ (to_part.translation - centre) + centre + step[3:6]
+            to_part = Pose(nearest_rotation(R @ to_part.rotation), shift)
+            off = off + step[6:]
+            sigma *= _FINER
+        away, _, _ = self.nearest(to_part.apply(points + modes @ off), np.ones(1))
+        return Placement(to_part.inverse(), off, float(np.mean(np.abs(away))))
 
 
-def _moved_onto(points: Floats, places: Floats) -> Pose:
-    """The motion that brings points (n, 3) nearest to their places (Kabsch, 1976)."""
-    p, q = points.mean(axis=0), places.mean(axis=0)
-    u, _, vt = np.linalg.svd((points - p).T @ (places - q))
-    d = np.sign(np.linalg.det(vt.T @ u.T))
-    R: Floats = vt.T @ np.diag([1.0, 1.0, d]) @ u.T
-    return Pose(R, q - R @ p)
+def _some(count: int, most: int) -> npt.NDArray[np.intp]:
+    return np.unique(np.linspace(0, count - 1, most).astype(np.intp))
 
 
 def _rotations(count: int) -> npt.NDArray[np.float64]:
@@ -192,15 +207,9 @@ def _rotations(count: int) -> npt.NDArray[np.float64]:
     s = np.arange(count) + 0.5
     r, big = np.sqrt(s / count), np.sqrt(1 - s / count)
     a, b = 2 * np.pi * s / np.sqrt(2.0), 2 * np.pi * s / _GOLDEN
-    x, y, z, w = r * np.sin(a), r * np.cos(a), big * np.sin(b), big * np.cos(b)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
+    quaternions = np.stack([r * np.sin(a), r * np.cos(a), big * np.sin(b), big * np.cos(b)], axis=1)
+    return Rotation.from_quat(quaternions).as_matrix()
 
 
 def _angle(one: Pose, other: Pose) -> float:
-    turn = one.rotation.T @ other.rotation
-    return float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1.0, 1.0)))
+    return float(Rotation.from_matrix(one.rotation.T @ other.rotation).magnitude())

@@ -10,7 +10,7 @@ from turnscan.arrays import Floats
 from turnscan.calibrate._board import BoardView
 from turnscan.errors import Degenerate, InputError, NotEnoughViews
 from turnscan.remedy import Option, Remedy
-from turnscan.rig import Camera, LaserSheet, Pose
+from turnscan.rig import Camera, LaserSheet, Pose, nearest_rotation
 
 FEWEST_VIEWS = 3
 _FEW = 15
@@ -88,8 +88,7 @@ def pose_of(camera: Camera, points: Floats, corners: Floats) -> Pose:
         points[fine], flat[fine].reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
     )
     best = int(np.argmin(np.ravel(errors)))
-    u, _, vt = np.linalg.svd(np.asarray(cv2.Rodrigues(turns[best])[0], np.float64))
-    return Pose(u @ vt, np.ravel(shifts[best]))
+    return Pose(nearest_rotation(cv2.Rodrigues(turns[best])[0]), np.ravel(shifts[best]))
 
 
 def start_sheet(name: str, stripes: Sequence[Floats]) -> tuple[LaserSheet, list[bool]]:

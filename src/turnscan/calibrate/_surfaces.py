@@ -15,7 +15,7 @@ from turnscan.calibrate._normal import Block
 from turnscan.calibrate._patches import Patches
 from turnscan.calibrate._prior import RigPrior, moved_by
 from turnscan.calibrate._residuals import CAMERA_SIZE
-from turnscan.rig import Pose, Rig, TableMotion, rotation_z
+from turnscan.rig import Pose, Rig, TableMotion, nearest_rotation, rotation_z
 
 PRIOR_MOTION, PRIOR_SIZE, PRIOR_RIG = "prior motion", "prior size", "prior rig"
 PRIOR_GAUGE = "prior gauge"
@@ -140,11 +140,10 @@ class SurfaceNetwork:
         """``state`` after a step of the parameters."""
         p, q = len(state.rig.parameter_names), len(state.motion.names)
         rig = state.rig.perturbed(common[:p])
-        u, _, vt = np.linalg.svd(rig.T_camera_table.rotation)
         motion = TableMotion.of(state.motion.values + common[p : p + q])
-        rig = replace(
-            rig, T_camera_table=Pose(u @ vt, rig.T_camera_table.translation), motion=motion
-        )
+        T = rig.T_camera_table
+        T = Pose(nearest_rotation(T.rotation), T.translation)
+        rig = replace(rig, T_camera_table=T, motion=motion)
         bodies = tuple(
             body.moved(common[part]) for body, part in zip(state.bodies, self._columns, strict=True)
         )

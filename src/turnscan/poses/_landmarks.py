@@ -8,7 +8,7 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
-from turnscan.rig import Pose
+from turnscan.rig import Pose, nearest_rotation
 
 Landmarks = Mapping[str, Mapping[str, Floats]]
 """Name of a place → name of a pose → (3,) mm in that pose's own frame."""
@@ -35,8 +35,7 @@ def rigid(a: Floats, b: Floats) -> Pose:
                 f"undetermined",
                 hint="pick points far apart that span a triangle",
             )
-    u, _, vt = np.linalg.svd(x.T @ y)
-    R = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    R = nearest_rotation(x.T @ y)
     return Pose(R, a.mean(axis=0) - R @ b.mean(axis=0))
 
 

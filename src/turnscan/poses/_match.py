@@ -10,7 +10,7 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.poses._view import View, thin
-from turnscan.rig import Pose
+from turnscan.rig import Pose, nearest_rotation
 
 if TYPE_CHECKING:
     from turnscan.poses._kernels import Samples, Table
@@ -115,8 +115,7 @@ def _clusters(
         alike &= np.linalg.norm(at - at[k], axis=1) < _NEAR * step
         free &= ~alike
         w = votes[alike]
-        u, _, vt = np.linalg.svd(np.einsum("n,nij->ij", w, R[alike]))
-        mean = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        mean = nearest_rotation(np.einsum("n,nij->ij", w, R[alike]))
         place = np.average(at[alike], axis=0, weights=w)
         groups.append((Pose(mean, place - mean @ middle), float(w.sum())))
     return sorted(groups, key=lambda g: -g[1])[:most]

@@ -11,7 +11,7 @@ import numpy as np
 from turnscan.arrays import Floats, Ints
 from turnscan.poses._links import Links, link, rows
 from turnscan.poses._view import View, thin
-from turnscan.rig import Pose, rotation_from_vector
+from turnscan.rig import Pose, nearest_rotation, rotation_from_vector
 
 _ROUNDS = 60
 _SHRINK = 0.6
@@ -194,6 +194,5 @@ def _solve(e: Equations, held: Floats | None, fixed: int) -> Floats:
 
 def _moved(pose: Pose, step: Floats, middle: Floats) -> Pose:
     R = rotation_from_vector(step[:3])
-    turned = R @ pose.rotation
-    u, _, vt = np.linalg.svd(turned)  # stays a rotation after many rounds
-    return Pose(u @ vt, R @ (pose.translation - middle) + middle + step[3:])
+    turned = nearest_rotation(R @ pose.rotation)  # stays one after many rounds
+    return Pose(turned, R @ (pose.translation - middle) + middle + step[3:])

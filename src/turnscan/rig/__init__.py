@@ -7,7 +7,13 @@ from turnscan.rig._design import Design
 from turnscan.rig._file import rig_from_json, rig_hash, rig_to_json
 from turnscan.rig._motion import TableMotion
 from turnscan.rig._planar import planar_pixel, planar_point
-from turnscan.rig._pose import Pose, rotation_about, rotation_from_vector, rotation_z
+from turnscan.rig._pose import (
+    Pose,
+    nearest_rotation,
+    rotation_about,
+    rotation_from_vector,
+    rotation_z,
+)
 from turnscan.rig._presets import PRESET_NAMES, design_preset
 from turnscan.rig._rig import Marker, Rig
 from turnscan.rig._ruler import rig_from_ruler
@@ -26,6 +32,7 @@ __all__ = [
     "design_preset",
     "disagreements",
     "limits",
+    "nearest_rotation",
     "paper",
     "planar_pixel",
     "planar_point",

@@ -43,6 +43,17 @@ def rotation_z(angle: npt.ArrayLike) -> Floats:
     return R
 
 
+def nearest_rotation(matrix: npt.ArrayLike) -> Floats:
+    """The rotation (3, 3) nearest to a matrix (3, 3), by the sum of squares (Kabsch, 1976).
+
+    Of a product of many rotations it is the one without their rounding errors; of Σ q pᵀ over
+    points p and their places q, both about their means, the one that brings them nearest.
+    """
+    u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=np.float64))
+    nearest: Floats = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return nearest
+
+
 @dataclass(frozen=True)
 class Pose:
     """A rigid motion ``T_ab``: coordinates in frame b become coordinates in frame a."""

@@ -62,10 +62,10 @@ def _drawn(path: Path, sigma: float) -> Body:
     """A part as it is drawn, its lengths known to ``sigma`` mm over its longest side."""
     mesh = read_mesh_file(path)
     try:
-        form = Part(np.asarray(mesh.vertices, dtype=np.float64), mesh.faces)
+        form = Part(mesh)
     except InputError as e:
         raise InputError(f"{path}: {e.message}", hint=e.hint) from None
-    longest = float(np.ptp(form.vertices[form.faces.ravel()], axis=0).max())
+    longest = float(np.ptp(form.mesh.vertices[form.mesh.faces.ravel()], axis=0).max())
     return form, ((1.0, sigma / longest),)
 
 
