@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypedDict, TypeVar, Unpack
 
 from turnscan.errors import InputError
 from turnscan.remedy import Option
@@ -26,14 +26,14 @@ class Declared:
     kind: Kind
     help: str
     default: Any
-    choices: tuple[str, ...]
-    least: float | None
-    most: float | None
-    above: bool
+    choices: tuple[str, ...] = ()
+    least: float | None = None
+    most: float | None = None
+    above: bool = False
     """Whether the value must be more than ``least``, not equal to it."""
-    optional: bool
+    optional: bool = False
     """Whether None is a value: it leaves the choice to turnscan."""
-    parse: Callable[[str], object] | None
+    parse: Callable[[str], object] | None = None
     """Of a text: refuses it with ValueError."""
     more: Callable[[], tuple[str, ...]] | None = None
     """Of a choice: what installed packages add, looked up when a value is none of ``choices``."""
@@ -97,41 +97,28 @@ class Declared:
         return None
 
 
-def option(
-    default: Any,
-    kind: Kind,
-    help: str,
-    *,
-    choices: tuple[str, ...] = (),
-    least: float | None = None,
-    most: float | None = None,
-    above: bool = False,
-    optional: bool | None = None,
-    parse: Callable[[str], object] | None = None,
-    more: Callable[[], tuple[str, ...]] | None = None,
-    many: bool = False,
-    unit: str = "",
-    group: str = "",
-) -> Any:
+class _More(TypedDict, total=False):
+    """What an option may declare besides: the fields of `Declared`, which say what they mean."""
+
+    choices: tuple[str, ...]
+    least: float | None
+    most: float | None
+    above: bool
+    optional: bool
+    parse: Callable[[str], object] | None
+    more: Callable[[], tuple[str, ...]] | None
+    many: bool
+    unit: str
+    group: str
+
+
+def option(default: Any, kind: Kind, help: str, **more: Unpack[_More]) -> Any:
     """A field of an option class; ``optional`` is whether None is a value, by the default.
 
     An option without a default that is not optional must be given.
     """
-    declared = {
-        "kind": kind,
-        "help": help,
-        "choices": choices,
-        "least": least,
-        "most": most,
-        "above": above,
-        "optional": default is None if optional is None else optional,
-        "parse": parse,
-        "more": more,
-        "many": many,
-        "unit": unit,
-        "group": group,
-    }
-    return field(default=default, metadata={"declared": declared})
+    held = {"kind": kind, "help": help, "optional": default is None, **more}
+    return field(default=default, metadata={"declared": held})
 
 
 def declared(options: Any) -> dict[str, Declared]:
