@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import click
 
@@ -15,6 +16,16 @@ from turnscan.errors import InputError
 
 _NAMED = "[NAME=]PICTURES"
 _path = click.Path(path_type=Path)
+
+
+class _Pictures(TypedDict):
+    """What the flags of pictures give."""
+
+    camera: str | None
+    laser: tuple[str, ...]
+    laser_dark: tuple[str, ...]
+    table: str | None
+    table_dark: str | None
 
 
 @click.command("calibrate")
@@ -39,16 +50,12 @@ _path = click.Path(path_type=Path)
 @click.option("--json", "as_json", is_flag=True, help="Print results and findings as JSON.")
 def verb(
     rig: Path | None,
-    camera: str | None,
     board: str | None,
-    laser: tuple[str, ...],
-    laser_dark: tuple[str, ...],
-    table: str | None,
-    table_dark: str | None,
     options: workflows.CalibrateOptions,
     output: Path,
     report: Path | None,
     as_json: bool,
+    **given: Unpack[_Pictures],
 ) -> None:
     """Calibrate camera, laser sheets and table from pictures, together or one by one.
 
@@ -56,8 +63,11 @@ def verb(
     or follow later. Nominal sizes of markers and steps are compared with what the pictures say and
     never trusted; the board's square gives the scale.
     """
-    lit, dark = _by_name(laser, "--laser"), _by_name(laser_dark, "--laser-dark")
-    pictures = workflows.CalibrationPictures(camera, lit, table, dark, table_dark)
+    lit = _by_name(given["laser"], "--laser")
+    dark = _by_name(given["laser_dark"], "--laser-dark")
+    pictures = workflows.CalibrationPictures(
+        given["camera"], lit, given["table"], dark, given["table_dark"]
+    )
     with progress_bar() as bar:
         done = workflows.calibrate(
             pictures, board, output, options, rig=rig, report=report, progress=bar
