@@ -22,6 +22,7 @@ from turnscan.surface.fusion._combine import paste
 from turnscan.surface.fusion._overlap import apart_findings, overlap_findings, overlaps
 from turnscan.surface.fusion._polar import merge_polar, polar_grid
 from turnscan.surface.fusion._range_surface import RangeSurface, range_surfaces, rise, spacing
+from turnscan.surface.fusion._seat import seated
 from turnscan.surface.fusion._tsdf import fuse
 from turnscan.surface.fusion._witness import witnessed
 
@@ -116,8 +117,9 @@ def _confirmed(
 ) -> tuple[Mesh, list[Finding]]:
     """The mesh without the vertices that no measured surface confirms, or that are guessed.
 
-    What was guessed between profiles is spanned by faces between the vertices that are left; where
-    that does not go, as beyond the end of a profile, its faces go. What is confirmed from
+    What was guessed beside a measured point goes onto it (`seated`); between profiles it is spanned
+    by faces between the vertices that are left, and where that does not go, as beyond the end of a
+    profile, its faces go. What is confirmed from
     afar alone is known no better than that. Faces that close a seam are not measured, and need no
     witness.
     """
@@ -137,7 +139,7 @@ def _confirmed(
         out.append(Finding("surface.unmeasured", "note", text, _about(mesh.vertices[~good])))
         mesh, guessed = _without(mesh, ~good, guessed)
     if guessed.any():
-        mesh, guessed = dissolve(mesh, guessed)
+        mesh, guessed = dissolve(*seated(mesh, guessed, surfaces, voxel))
     if guessed.any():
         text = f"{int(guessed.sum())} vertices between profiles, or beyond their ends, are removed"
         out.append(Finding("surface.guessed", "note", text, _about(mesh.vertices[guessed])))
