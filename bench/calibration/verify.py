@@ -30,7 +30,7 @@ def figures(quick: bool) -> Iterator[Figure]:
         met = abs(share - 0.95) <= spread
         yield Figure(f"U (k = 2) holds the error of {name}, {count} rigs", asked,
                      f"{100 * share:.1f} %", met)  # fmt: skip
-    yield from _alarms(range(3 if quick else 10))
+    yield from _alarms(range(3 if quick else 5))
 
 
 def _alarms(seeds: range) -> Iterator[Figure]:

@@ -55,7 +55,8 @@ def to_grids(
             lines = turn.lines_about()
             kept = seamed.of_lines(lines)
             kept = points.drop_specks(points.clip(kept, v.volume), s.shortest)
-            findings += points.grid_findings(turn, kept, v.volume, str(v.settings.strategy))
+            stated = v.rig.sheet(v.laser).thickness
+            findings += points.grid_findings(turn, kept, v.volume, str(v.settings.strategy), stated)
             findings += points.together_findings(kept, v.rig, v.others, v.volume)
             if s.clean is not None:
                 kept, taken = clean.clean(kept, s.clean)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tests.analytic import make_rig, scan_shape, sphere
+from tests.analytic import full_turn, make_rig, scan_shape, sphere
+from turnscan.points import Volume, build_grid, every, grid_findings, pixels_of
 from turnscan.points import _wholeness_kernels as kernels
-from turnscan.points import build_grid, pixels_of
+from turnscan.points._build import take_steps
 from turnscan.points._wholeness import LitPoints, _bias, _creased, wholeness
 from turnscan.rig import rotation_z
 
@@ -481,3 +482,29 @@ def test_a_cut_stripe_of_a_scan_goes_back_to_its_surface(end, middle):
     assert np.median(before) > 0.02, "there is something to put back"
     # How much is left hangs on whether the surface is taken to turn or to go on flat.
     assert np.median(line) < 0.5 * np.median(before)
+
+
+def test_a_sheet_of_another_thickness_than_the_rig_states_is_found_by_the_widths():
+    rig, middle = make_rig(elevation=0.2, lift=25.0), (6.0, 2.0, 25.0)
+    angles = full_turn(45)
+    stripes = lit_by_a_sheet(rig, scan_shape(rig, sphere(20.0, middle), angles), angles, middle)
+    grid = every(build_grid(rig, "L0", stripes, range(45), angles), 1)
+    assert grid.thickness == pytest.approx(0.5, rel=0.1)
+    assert take_steps(grid, np.arange(20)).thickness == grid.thickness
+
+    def told(stated):
+        found = grid_findings(grid, grid, Volume(), "", stated)
+        return [f for f in found if f.code == "points.sheet-thickness"]
+
+    assert not told(None)
+    assert not told(0.4)
+    (thick,) = told(0.25)
+    assert f"{grid.thickness:.2f} mm thick (rms)" in thick.message
+    assert "states 0.25 mm" in thick.message
+    assert "calibrate it again" in str(thick.remedy)
+    (thin,) = told(1.0)
+    assert "another focus" in str(thin.remedy)
+    unknown = replace(grid, thickness=0.0)
+    assert len(grid_findings(unknown, unknown, Volume(), "", 0.1)) == len(
+        grid_findings(grid, grid, Volume())
+    )

@@ -189,8 +189,18 @@ def test_scores_of_a_drift_chart_are_standard_normal_and_alarms_are_rare() -> No
     z = np.concatenate(scores)
     assert abs(z.mean()) < 4 / math.sqrt(z.size)
     assert z.std() == pytest.approx(1.0, abs=4 / math.sqrt(2 * z.size))
-    # One in 465 values is 4 % of 20 values; three standard deviations of 300 are 3 % more.
+    # One in 450 values is 4 % of 20 values; three standard deviations of 300 are 3 % more.
     assert rung / 300 < 0.07
+
+
+def test_a_jump_rings_at_once_and_a_slow_drift_by_its_sum() -> None:
+    noise = np.full(3, 0.01)
+    assert drift([0.0, 0.0, 0.055], noise, scatter=0.0).alarm.tolist() == [False, False, True]
+    assert drift([0.0, 0.0, -0.055], noise, scatter=0.0).alarm[-1]
+    assert not drift([0.0, 0.0, 0.045], noise, scatter=0.0).alarm.any()
+    slow = drift(0.01 * np.arange(7.0), np.full(7, 0.01), scatter=0.0)
+    assert np.abs(slow.score).max() < 4.0
+    assert slow.alarm[-1]
 
 
 def test_the_scatter_of_setting_up_is_learnt_from_five_values_and_not_from_a_step() -> None:

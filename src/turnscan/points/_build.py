@@ -177,7 +177,7 @@ def _judged(
     in_parts(part, len(points), _blocks(len(points)))
     edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     flags = (grid.flags | edge).astype(np.uint16)
-    return replace(grid, points=points, sigma=sigma, flags=flags)
+    return replace(grid, points=points, sigma=sigma, flags=flags, thickness=light.thickness)
 
 
 def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:
@@ -257,4 +257,5 @@ def take_steps(grid: RangeGrid, index: npt.NDArray[np.intp]) -> RangeGrid:
         closed=goes_round(grid.angles[index]),
         eyes=None if grid.eyes is None else grid.eyes[index],
         behind=None if grid.behind is None else grid.behind[index],
+        thickness=grid.thickness,
     )

@@ -17,6 +17,9 @@ from turnscan.stripes import StripeFlag
 
 _SHARE = 0.05
 """Share of the points from which a flag is worth a word."""
+_UNLIKE = 1.5
+"""Times: two thicknesses of one sheet agree within it. Widths tell it to a tenth (simulated parts),
+boards to a quarter."""
 _UNEVEN = 0.2
 """Spread of the steps, as a part of the usual step, from which they are worth a word."""
 _WORDS = (
@@ -42,11 +45,16 @@ _WORDS = (
 
 
 def grid_findings(
-    grid: RangeGrid, clipped: RangeGrid, volume: Volume, strategy: str = ""
+    grid: RangeGrid,
+    clipped: RangeGrid,
+    volume: Volume,
+    strategy: str = "",
+    stated: float | None = None,
 ) -> list[Finding]:
     """Findings on one laser's points: ``grid`` as triangulated, ``clipped`` as kept.
 
-    ``strategy`` is how the stripes were measured, so that it is not recommended again.
+    ``strategy`` is how the stripes were measured, so that it is not recommended again; ``stated``
+    mm rms is how thick the rig says that the sheet of light is.
     """
     where = f"laser {grid.laser}"
     before, after = int(grid.found.sum()), int(clipped.found.sum())
@@ -79,6 +87,7 @@ def grid_findings(
             where,
         )
     ]
+    out += _thickness_findings(grid.thickness, stated, where)
     flags = clipped.flags[clipped.found]
     for bit, word, what, remedy in _WORDS:
         share = float(((flags & bit) != 0).mean())
@@ -90,6 +99,24 @@ def grid_findings(
                 )
             out.append(Finding(f"points.{word}", "note", text, where, remedy))
     return out
+
+
+def _thickness_findings(seen: float, stated: float | None, where: str) -> list[Finding]:
+    """Whether the stripes' widths contradict what the rig says of the sheet's thickness, mm rms."""
+    if not seen > 0 or stated is None or 1 / _UNLIKE < seen / stated < _UNLIKE:
+        return []
+    text = (
+        f"the stripes are as wide as a sheet of light {seen:.2f} mm thick (rms) makes them; the "
+        f"rig states {stated:.2f} mm. Curved surfaces are corrected for {seen:.2f} mm"
+    )
+    remedy = (
+        "focus the laser at the axis and calibrate it again, which measures the thickness; where "
+        "the part scatters light inside (wax, skin, plastic), spray it"
+        if seen > stated
+        else "calibrate the laser again, which measures the thickness; the rig's was stated for "
+        "another focus or another laser"
+    )
+    return [Finding("points.sheet-thickness", "warning", text, where, remedy)]
 
 
 def angle_findings(grid: RangeGrid, again: int) -> list[Finding]:

@@ -57,6 +57,8 @@ class RangeGrid:
     steps run the other way round; None when nowhere."""
     origin: Origin | None = None
     """The grid that this one was resampled from; None for one that was measured so."""
+    thickness: float = 0.0
+    """mm rms of the sheet of light, as the stripes' widths say; 0 where they do not."""
 
     def __post_init__(self) -> None:
         if self.points.ndim != 3:

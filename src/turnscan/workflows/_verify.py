@@ -386,13 +386,13 @@ def _of_value(v: TestValue, where: str) -> list[Finding]:
 
 def _drifted(t: Trend) -> Finding:
     first = int(t.drift.alarm.argmax()) + 1
-    up, down = float(t.drift.up[-1]), float(t.drift.down[-1])
+    up, down, score = (float(v[-1]) for v in (t.drift.up, t.drift.down, t.drift.score))
     way = "up" if up > down else "down"
     return Finding(
         "verify.drift", "error",
-        f"{t.name} drifts {way}: {t.values[-1]:+.4f} mm, first {t.values[0]:+.4f} mm; cumulative "
-        f"sum "
-        f"{max(up, down):.1f}, alarm above 5",
+        f"{t.name} drifts {way}: {t.values[-1]:+.4f} mm, first {t.values[0]:+.4f} mm; {score:+.1f} "
+        f"standard deviations off the values before (alarm beyond 4), cumulative sum "
+        f"{max(up, down):.1f} (alarm above 5)",
         f"value {first} of {len(t.values)}",
         "check what has moved (laser, camera, table), then calibrate again",
     )  # fmt: skip

@@ -23,7 +23,7 @@ _ABOUT = (
 _RULE = (
     "Control charts of all runs with this artefact and this rig: each value with its noise (k = 2)."
     " Alarm (red): a self-starting cumulative sum of the values against the mean of all before "
-    "them, allowance 0.5 and limit 5 standard deviations."
+    "them, allowance 0.5 and limit 5 standard deviations, or one value beyond 4 of them."
 )
 
 
