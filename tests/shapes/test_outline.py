@@ -232,3 +232,14 @@ def test_an_arc_and_lines_of_an_open_chain_keep_their_ends() -> None:
     assert np.linalg.norm(o.pieces[1].end - p[-1]) < 0.03
     assert isinstance(last := o.pieces[1], Arc)
     assert abs(np.rad2deg(last.sweep) - 180) < 1.0
+
+
+def test_a_piece_that_is_badly_known_spoils_no_other_outline() -> None:
+    """Three points that were seen at grazing incidence beside a good outline."""
+    whole = _noisy(along(regular(6, 20.0), 0.5), 0.02, 1)
+    sliver = np.array([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0]])
+    [[alone]] = fit_outlines([chain_of(whole, 0.02)])
+    [beside], none = fit_outlines([chain_of(whole, 0.02), chain_of(sliver, 0.5, closed=False)])
+    assert not none
+    assert beside.tolerance == alone.tolerance < 0.15
+    assert _kinds(beside) == "llllll"

@@ -54,9 +54,10 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
     joined, pieces that touch inside the noise are made tangent, and all lines
     and arcs of an outline are adjusted together. Only measured points count.
 
-    ``tolerance`` mm is what a misfit may be; noise beyond it is forgiven. Without one it is three
-    standard deviations of the points, at least 1e-4 of the size. Uncertainties are those from
-    the noise of the points, independent from vertex to vertex of the mesh.
+    ``tolerance`` mm is what a misfit may be; noise beyond it is forgiven. Without one it is, for
+    each outline, three standard deviations of its points, at least 1e-4 of the size of all. What
+    is no longer than its own noise has no outline. Uncertainties are those from the noise of the
+    points, independent from vertex to vertex of the mesh.
 
     Raises InputError for a tolerance that is not positive.
     """
@@ -69,11 +70,21 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
         ]
         for chain in chains
     ]
-    if tolerance is None:
-        points = [c.points for c in chains]
-        size = float(np.linalg.norm(np.ptp(np.vstack(points), axis=0))) if points else 0.0
-        tolerance = default_tolerance(size, (n for row in stretches for _, _, n in row))
-    return [[_outline(*stretch, tolerance) for stretch in row] for row in stretches]
+    points = [c.points for c in chains]
+    size = float(np.linalg.norm(np.ptp(np.vstack(points), axis=0))) if points else 0.0
+    return [
+        [
+            _outline(*stretch, tolerance or default_tolerance(size, stretch[2]))
+            for stretch in row
+            if _resolved(*stretch)
+        ]
+        for row in stretches
+    ]
+
+
+def _resolved(chain: Chain, closed: bool, noise: Noise) -> bool:
+    """Whether a stretch reaches further than its noise: nothing is known of what does not."""
+    return closed or float(chain.steps.sum()) > noise.tolerance
 
 
 def _stretches(chain: Chain) -> list[tuple[Chain, bool]]:

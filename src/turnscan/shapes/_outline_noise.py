@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -78,9 +77,9 @@ def chain_noise(chain: Chain, use: Bools) -> Noise:
     return Noise(csr_array(rows), point, known, min(max(shared, 1.0), 4.0))
 
 
-def default_tolerance(size: float, noises: Iterable[Noise]) -> float:
+def default_tolerance(size: float, noise: Noise) -> float:
     """mm: three standard deviations of the noise, and no less than 1e-4 of the ``size`` mm."""
-    return max([_RELATIVE * size, *(n.tolerance for n in noises)])
+    return max(_RELATIVE * size, noise.tolerance)
 
 
 def _lengths(rows: csr_array) -> Floats:
