@@ -10,15 +10,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from tests.calibrate.bodies import Body, both, doubted, prism, sphere
+from tests.calibrate.bodies import Body, both, doubted, drawn, prism, sphere, two_lasers
 
 from bench.calibration._figures import Figure, at_most
 from turnscan.arrays import Floats
-from turnscan.calibrate import Balls, Refined, RefineSettings, Sweep, refine
+from turnscan.calibrate import Balls, Part, Refined, RefineSettings, Sweep, refine
 from turnscan.errors import CalibrationError
-from turnscan.rig import Rig
+from turnscan.mesh import Mesh
+from turnscan.rig import Pose, Rig, rotation_from_vector
 from turnscan.shapes import fit_sphere
+from turnscan.shapes.verification import step_block_body
 from turnscan.simulate import SimulationSpec, bench
+from turnscan.simulate import part as simulated
 
 NOISE = 0.385
 """px: the modern rig's stripes, with speckle."""
@@ -32,8 +35,23 @@ BALL, HEXAGON = sphere((14.0, 3.0, 22.0), KNOWN), prism((5.0, 2.0), 40.0, 6, 5.0
 WAYS = ((GIVEN, BALL, ((KNOWN, 0.005),)), (UNKNOWN, BALL, (None,)), (SHAPELESS, HEXAGON, None))
 """The part, and what is said of it: the ball's radius with its standard uncertainty, mm, or that it
 is a ball; of the leaning hexagon nothing."""
+LEAN = (0.3, -0.4, 0.9)
+"""Rotation vector of a drawn part, which lies anyhow."""
 _EVERY = 12
 """Lines of the picture, of which one is looked at."""
+
+
+def _smaller(name: str, share: float) -> Mesh:
+    mesh = simulated(name).mesh
+    return Mesh(share * np.asarray(mesh.vertices), mesh.faces)
+
+
+PARTS = {
+    "step block of 27 mm": step_block_body((4.0, 9.0), width=9.0, tall=26.0, back=6.0),
+    "bracket of 42 mm": _smaller("bracket", 0.6),
+    "hexagon of 28 mm": _smaller("hexagon", 0.6),
+}
+"""What is scanned of known shape."""
 
 
 def figures(quick: bool) -> list[Figure]:
@@ -44,6 +62,37 @@ def figures(quick: bool) -> list[Figure]:
     for way, part, sizes in WAYS:
         done = [_refined(true, part, seed, sizes) for seed in seeds]
         out += _lines(true, done, way)
+    for name, mesh in PARTS.items():
+        out += _by_drawing(name, mesh, seeds)
+    return out
+
+
+def _by_drawing(name: str, mesh: Mesh, seeds: range) -> list[Figure]:
+    """A part whose drawing is known, on the small rig of the tests: its scale comes with it."""
+    true = two_lasers()
+    lean = rotation_from_vector(LEAN)
+    lies = Pose(lean, np.array([2.0, 4.0, 22.0]) - lean @ mesh.bounds.mean(axis=0))
+    sweeps = both(true, drawn(mesh, lies), STEPS, STEPS, 2, every=6)
+    settings = RefineSettings(body=(Part(mesh), ((1.0, 1e-4),)), rounds=4, queries=200)
+    other = both(true, sphere((-8.0, 10.0, 20.0), OTHER), STEPS, STEPS, 5, noise=0.0, every=8)
+    found = list[tuple[float, float]]()
+    for seed in seeds:
+        try:
+            rig = refine(wrong_rig(true, seed), sweeps, settings).rig
+        except CalibrationError as e:
+            print(f"  {name}, seed {seed}: {e}", flush=True)
+            continue
+        at = np.concatenate([s.points(rig, rig.camera.rays(s.pixels)) for s in other])
+        ball = fit_sphere(at)
+        off = np.abs(np.linalg.norm(at - ball.centre, axis=1) - ball.radius)
+        found.append((ball.radius - OTHER, float(2 * np.quantile(off, 0.95))))
+    way = f"a {name} as it is drawn"
+    told = f"{len(found)} of {len(seeds)}"
+    out = [Figure(f"rigs found, {way}", "all", told, len(found) == len(seeds))]
+    if found:
+        size, form = (max(v, key=abs) for v in zip(*found, strict=True))
+        out.append(at_most(f"another ball, 95 % of its form, {way}", form, 0.05, "mm"))
+        out.append(Figure(f"its radius, {way}", "", f"{size:+.3f} mm"))
     return out
 
 

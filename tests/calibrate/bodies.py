@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.calibrate import Sweep
+from turnscan.calibrate import Part, Sweep
+from turnscan.mesh import Mesh
 from turnscan.rig import Camera, LaserSheet, Pose, Rig, rotation_z
 
 Body = Callable[[Floats], Floats]
@@ -59,6 +60,21 @@ def prism(centre: tuple[float, float], flats: float, sides: int = 6, lean_deg: f
     def outside(p: Floats) -> Floats:
         far: Floats = ((p - [*centre, 0.0]) @ normals.T).max(axis=-1) - flats / 2
         return far
+
+    return outside
+
+
+def drawn(mesh: Mesh, lies: Pose) -> Body:
+    """A mesh that lies somewhere; far from it, 50 mm."""
+    form, (low, high) = Part(mesh), mesh.bounds
+    middle, reach = lies.apply((low + high) / 2), float(np.linalg.norm(high - low)) / 2 + 8.0
+
+    def outside(p: Floats) -> Floats:
+        flat = p.reshape(-1, 3)
+        near = np.linalg.norm(flat - middle, axis=1) < reach
+        out = np.full(len(flat), 50.0)
+        out[near] = form.nearest(lies.inverse().apply(flat[near]), np.ones(1))[0]
+        return out.reshape(p.shape[:-1])
 
     return outside
 

@@ -15,6 +15,7 @@ from tests.calibrate.bodies import (
     both,
     cylinder,
     doubted,
+    drawn,
     prism,
     sphere,
     two_lasers,
@@ -271,20 +272,13 @@ BLOCK = step_block_body((4.0, 9.0), width=9.0, tall=26.0, back=6.0)
 
 def test_a_drawn_part_that_lies_anyhow_makes_a_rig() -> None:
     """A block of three steps, 27 mm long; the rig is 5 mm and 2° off in every number."""
-    true, form = two_lasers(), Part(BLOCK)
+    true = two_lasers()
     lies = Pose(rotation_from_vector([0.3, 0.5, 1.1]), np.array([0.2, 7.6, 12.7]))
-    middle = lies.apply(np.array([0.0, 0.0, 13.0]))
-
-    def block(points: Floats) -> Floats:
-        flat = points.reshape(-1, 3)
-        near = np.linalg.norm(flat - middle, axis=1) < 24.0
-        out = np.full(len(flat), 50.0)
-        out[near] = form.nearest(lies.inverse().apply(flat[near]), np.ones(1))[0]
-        return out.reshape(points.shape[:-1])
-
-    sweeps = both(true, block, STEPS, STEPS, 2, every=6)
+    sweeps = both(true, drawn(BLOCK, lies), STEPS, STEPS, 2, every=6)
     done = refine(
-        ruled(true, 2), sweeps, RefineSettings(body=(form, ((1.0, 1e-4),)), rounds=4, queries=200)
+        ruled(true, 2),
+        sweeps,
+        RefineSettings(body=(Part(BLOCK), ((1.0, 1e-4),)), rounds=4, queries=200),
     )
     assert done.gap_before > 4.0
     assert done.gap_after < 1.2 * done.gap_noise < 0.05

@@ -11,12 +11,12 @@ from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._bodies import Body, Form, Known, Smooth
 from turnscan.calibrate._bodies_found import again, find_body, refuse_other_unit
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
-from turnscan.calibrate._part import Part
+from turnscan.calibrate._part import Loose, Part
 from turnscan.calibrate._prior import prior_of
 from turnscan.calibrate._surfaces import Surfaces, Sweep, doubt_of
 from turnscan.errors import CalibrationError, DidNotConverge
 from turnscan.progress import Progress
-from turnscan.rig import Rig
+from turnscan.rig import Rig, rotation_z
 
 _NEAR = 1.6
 """Times the noise: surfaces that are no farther apart agree, but for points beside the body."""
@@ -139,7 +139,11 @@ def _standing(
         at.append(ends[0] - ends[1])
     doubt = doubt_of(rig, sweeps) if len(ways) else 0.0
     modes = np.stack(at[1:], axis=2) if len(ways) else np.zeros((*at[0].shape, 0))
-    for placed in form.placements(at[0], modes, doubt, _WAYS):
+    camera = rig.T_camera_table.inverse().translation
+    eyes = np.concatenate([(rotation_z(-s.angles) @ camera)[s.step] for s in sweeps])
+    towards = eyes - at[0]
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    for placed in form.placements(Loose(at[0], towards, modes), doubt, _WAYS):
         begin = rig.perturbed(placed.off @ ways)
         there = [s.points(begin, begin.camera.rays(s.pixels)) for s in sweeps]
         body = Body(form, placed.pose, np.ones(1), known, tuple(np.arange(len(a)) for a in there))

@@ -29,10 +29,32 @@ _LOOSE = 1e-9
 """Of a place, that is known by nothing."""
 _FAR = 2.0
 """Times what gaps weigh by: a point farther off lies on something else, as well as may be."""
+_BEHIND, _HARDLY, _FALSE = -0.2, 0.1, 2.0
+"""Cosine below which a face cannot have been seen, the weight of a point there, and mm of its gap
+besides."""
 _UNLIKE = np.radians(15.0)
 """Rotations that differ by less are one way to stand."""
 _GOLDEN = 1.533751168755204288118041
 """ψ⁴ = ψ + 4."""
+
+
+@dataclass(frozen=True)
+class Loose:
+    """Points as a rig has them that may be off."""
+
+    points: Floats
+    """(n, 3) mm."""
+    towards: Floats
+    """(n, 3) of unit length: the way to the camera."""
+    modes: Floats
+    """(n, 3, m) mm by which they move with each of m independent directions in which the rig may be
+    off, by 1 standard uncertainty."""
+
+    def some(self, most: int) -> Loose:
+        """``most`` of the points, spread over all of them."""
+        count = len(self.points)
+        few = np.unique(np.linspace(0, count - 1, most).astype(np.intp))
+        return Loose(self.points[few], self.towards[few], self.modes[few])
 
 
 @dataclass(frozen=True)
@@ -44,7 +66,7 @@ class Placement:
     off: Floats
     """(m,) standard uncertainties, in the directions of its modes."""
     gap: float
-    """mm by which points are beside it, on the average."""
+    """mm by which points are beside it, on the average; more for one seen from behind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +131,14 @@ class Part:
 
     def nearest(self, points: Floats, sizes: Floats) -> tuple[Floats, Floats, Floats]:
         """As of `Balls`: positive outside, by the normal of the nearest triangle."""
-        scale = float(sizes[0])
-        local = points / scale
+        away, unit, _ = self._apart(points / float(sizes[0]))
+        away = float(sizes[0]) * away
+        by_scale = (away - np.einsum("ni,ni->n", unit, points)) / float(sizes[0])
+        return away, unit, by_scale[:, None]
+
+    def _apart(self, local: Floats) -> tuple[Floats, Floats, Floats]:
+        """Of points (n, 3) of its frame: distance (n,) mm, the direction (n, 3) in which that
+        grows, and the nearest face's normal (n, 3)."""
         foot, normal = self._under(local)
         off = local - foot
         far = np.linalg.norm(off, axis=1)
@@ -118,18 +146,11 @@ class Part:
         unit = np.where(
             (far > 1e-6)[:, None], (side / np.maximum(far, 1e-300))[:, None] * off, normal
         )
-        away = scale * side * far
-        by_scale = (away - np.einsum("ni,ni->n", unit, points)) / scale
-        return away, unit, by_scale[:, None]
+        return side * far, unit, normal
 
-    def placements(
-        self, points: Floats, modes: Floats, doubt: float, count: int
-    ) -> list[Placement]:
-        """Ways in which the part may stand, the best first.
-
-        The rig that gave the points (n, 3) mm may be off: ``modes`` (n, 3, m) mm is how they move
-        with each of m independent directions in which it may be, by 1 standard uncertainty, and
-        ``doubt`` mm how far that puts them beside their places.
+    def placements(self, seen: Loose, doubt: float, count: int) -> list[Placement]:
+        """Ways in which the part may stand, the best first; ``doubt`` mm is how far the rig may put
+        points beside their places.
 
         Rotations all over are each brought nearer by nearest points (Besl & McKay, A method for
         registration of 3-D shapes, 1992); the best of them go on with the rig free, at first where
@@ -137,20 +158,18 @@ class Part:
         """
         corners = self.mesh.vertices[self.mesh.faces.ravel()]
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-        few = _some(len(points), _TRIES[0][1])
+        few = seen.some(_TRIES[0][1])
         size = float(np.linalg.norm(np.ptp(corners, axis=0)))
         sigma = max(doubt, _ASIDE * size)
         tried = []
         for R in _rotations(_TURNS):
-            turned = points[few] @ R.T
+            turned = few.points @ R.T
             shift = middle - (turned.min(axis=0) + turned.max(axis=0)) / 2
-            held = self._brought(points[few], Pose(R, shift))
-            tried.append(Placement(held.inverse(), np.zeros(modes.shape[2]), size))
+            held = self._brought(few.points, Pose(R, shift))
+            tried.append(Placement(held.inverse(), np.zeros(few.modes.shape[2]), size))
         for best, most, rounds in _TRIES:
-            few = _some(len(points), most)
-            tried = [
-                self._loosened(points[few], modes[few], one, sigma, rounds) for one in tried[:best]
-            ]
+            few = seen.some(most)
+            tried = [self._loosened(few, one, sigma, rounds) for one in tried[:best]]
             tried.sort(key=lambda one: one.gap)
             sigma *= _FINER**rounds
         out = list[Placement]()
@@ -168,25 +187,27 @@ class Part:
             to_part = Pose(R, q - R @ p)
         return to_part
 
-    def _loosened(
-        self, points: Floats, modes: Floats, start: Placement, sigma: float, rounds: int
-    ) -> Placement:
+    def _loosened(self, seen: Loose, start: Placement, sigma: float, rounds: int) -> Placement:
         """The placement after some rounds more, in which gaps weigh by ``sigma`` mm at first.
 
         Least squares of distances and of what is known of the rig, far points weighed down
-        (Cauchy). Points are wrong together: all of them say as much as there are unknowns.
+        (Cauchy), and those nearest to a face that looks away from the camera. Points are wrong
+        together: all of them say as much as there are unknowns.
         """
+        points, modes = seen.points, seen.modes
         to_part, off = start.pose.inverse(), start.off
         unknown = len(off) + 6
         share = np.sqrt(len(points) / unknown)
         known = np.concatenate([np.full(6, _LOOSE), np.ones(len(off))])
         for _ in range(rounds):
             local = to_part.apply(points + modes @ off)
-            away, unit, _ = self.nearest(local, np.ones(1))
+            away, unit, normal = self._apart(local)
+            behind = np.einsum("ni,ni->n", normal, seen.towards @ to_part.rotation.T) < _BEHIND
             centre = local.mean(axis=0)
             own = np.einsum("nim,ni->nm", modes, unit @ to_part.rotation)
             J = np.concatenate([np.cross(local - centre, unit), unit, own], axis=1)
             w = 1.0 / ((share * max(sigma, _FINEST)) ** 2 + (away / _FAR) ** 2)
+            w[behind] *= _HARDLY
             pull = J.T @ (w * away) + known * np.concatenate([np.zeros(6), off])
             step = -np.linalg.solve((J.T * w) @ J + np.diag(known), pull)
             R = rotation_from_vector(step[:3])
@@ -194,12 +215,10 @@ class Part:
             to_part = Pose(nearest_rotation(R @ to_part.rotation), shift)
             off = off + step[6:]
             sigma *= _FINER
-        away, _, _ = self.nearest(to_part.apply(points + modes @ off), np.ones(1))
-        return Placement(to_part.inverse(), off, float(np.mean(np.abs(away))))
-
-
-def _some(count: int, most: int) -> npt.NDArray[np.intp]:
-    return np.unique(np.linspace(0, count - 1, most).astype(np.intp))
+        away, _, normal = self._apart(to_part.apply(points + modes @ off))
+        behind = np.einsum("ni,ni->n", normal, seen.towards @ to_part.rotation.T) < _BEHIND
+        gap = float(np.mean(np.abs(away))) + _FALSE * float(behind.mean())
+        return Placement(to_part.inverse(), off, gap)
 
 
 def _rotations(count: int) -> npt.NDArray[np.float64]:
