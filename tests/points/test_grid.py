@@ -100,7 +100,7 @@ def test_findings_tell_what_share_of_the_points_was_flagged():
     flagged = replace(found, flags=flags)
     told = grid_findings(found, flagged, Volume())
     assert [f.code for f in told] == ["points.volume", "points.halo"]
-    assert told[0].message.startswith("100 points kept, 0 outside")
+    assert told[0].message.startswith("100 points kept; 0 removed, outside")
     assert told[1].message.startswith("20% of the points")
 
 

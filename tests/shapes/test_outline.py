@@ -243,3 +243,14 @@ def test_a_piece_that_is_badly_known_spoils_no_other_outline() -> None:
     assert not none
     assert beside.tolerance == alone.tolerance < 0.15
     assert _kinds(beside) == "llllll"
+
+
+def test_an_open_outline_knows_where_its_ends_are_to_one_step() -> None:
+    """Where the measuring stopped the part may go on to where the next point would have been."""
+    step = 0.5
+    flat = np.column_stack([step * np.arange(80), np.zeros(80)])
+    [[o]] = fit_outlines([chain_of(_noisy(flat, 0.01, 3), 0.01, closed=False)])
+    assert o.box_sigma[:, 0] == pytest.approx(step / np.sqrt(3), rel=0.05)
+    assert o.box_sigma[:, 1].max() < 0.02
+    [[whole]] = fit_outlines([chain_of(_noisy(along(regular(4, 20.0), step), 0.01, 3), 0.01)])
+    assert whole.box_sigma.max() < 0.03

@@ -316,6 +316,8 @@ def _diameters(marks: Marks, outline: Outline) -> None:
 def _lengths(marks: Marks, outline: Outline, overall: tuple[float, float]) -> None:
     lines = [p for p in outline.pieces if isinstance(p, Line) and not p.link]
     for line in lines:
+        if not np.isfinite(line.length_sigma):
+            continue  # it ends where the measuring did, or runs into a curve
         text = with_sigma(line.length, line.length_sigma)
         known = [s.value for s in outline.sizes if s.kind == "distance"] + list(overall)
         if any(abs(line.length - x) < 1e-4 * x for x in known):

@@ -83,7 +83,7 @@ def grid_findings(
         Finding(
             "points.volume",
             "note",
-            f"{after} points kept, {before - after} outside {volume} or in isolated specks",
+            f"{after} points kept; {before - after} removed, outside {volume} or isolated",
             where,
         )
     ]

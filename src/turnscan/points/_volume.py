@@ -43,8 +43,8 @@ class Volume:
 
     def __str__(self) -> str:
         """In words, for findings."""
-        low = "" if np.isneginf(self.z_min) else f", from {self.z_min:.2f} mm"
-        high = "" if np.isposinf(self.z_max) else f", up to {self.z_max:.2f} mm"
+        low = "" if np.isneginf(self.z_min) else f", height from {self.z_min:.2f} mm"
+        high = "" if np.isposinf(self.z_max) else f", height up to {self.z_max:.2f} mm"
         return f"radius {self.r_max:.1f} mm{low}{high}"
 
     def contains(self, points: npt.ArrayLike) -> Bools:

@@ -83,8 +83,29 @@ def box_of(s: Settled, pieces: list[Piece], numbers: list[int]) -> tuple[Floats,
             reach = [_reach(p, u) for p in pieces]
             k = int(np.argmax([r for r, _ in reach]))
             box[row, axis] = sign * reach[k][0]
-            sigma[row, axis] = _reach_sigma(s, pieces, numbers, k, u, reach[k][1])
+            ended = 0.0 if reach[k][1] else _unseen(s, pieces, u, reach[k][0])
+            own = _reach_sigma(s, pieces, numbers, k, u, reach[k][1])
+            sigma[row, axis] = float(np.hypot(own, ended))
     return box, sigma
+
+
+def _unseen(s: Settled, pieces: list[Piece], u: Floats, reach: float) -> float:
+    """mm along ``u`` that are not known where an open outline reaches furthest with its end.
+
+    The part ends somewhere before the next point would have been: rms of even odds over one step.
+    """
+    if s.closed:
+        return 0.0
+    step = float(np.median(s.chain.steps))
+    out = [0.0]
+    for end, way in (
+        (pieces[0].start, s.chain.points[2::-1]),
+        (pieces[-1].end, s.chain.points[-3:]),
+    ):
+        if reach - float(end @ u) <= step:
+            along = way[-1] - way[0]
+            out.append(abs(float(along @ u)) / max(float(np.linalg.norm(along)), 1e-300))
+    return max(out) * step / float(np.sqrt(3.0))
 
 
 def _reach(piece: Piece, u: Floats) -> tuple[float, bool]:

@@ -16,6 +16,8 @@ from turnscan.shapes.revolved._axis import Turned
 
 _LEAST = 3
 """Points beside a piece that say how it moves."""
+_SIGMAS = 3.0
+"""Points further beyond the end of a profile are no noise: the part goes on there."""
 
 
 def axis_counted(outline: Outline, turned: Turned) -> Outline:
@@ -28,10 +30,17 @@ def axis_counted(outline: Outline, turned: Turned) -> Outline:
     for axis, of in enumerate((turned.r, turned.z)):
         for k in range(2):
             some = turned.on & (np.abs(of - outline.box[k, axis]) <= turned.spacing)
+            beyond = _beyond(of[turned.on], float(outline.box[k, axis]), -1.0 if k == 0 else 1.0)
+            box[k, axis] = np.hypot(box[k, axis], max(beyond - _SIGMAS * turned.sigma, 0.0))
             if int(some.sum()) >= _LEAST:
                 moves = _moves(turned, some, np.eye(2)[axis]).mean(axis=0)
                 box[k, axis] = np.hypot(box[k, axis], _sigma(turned, moves))
     return replace(outline, pieces=pieces, box_sigma=box)
+
+
+def _beyond(of: Floats, end: float, sign: float) -> float:
+    """mm that points were measured beyond the end of the profile."""
+    return max(float((sign * of).max()) - sign * end, 0.0)
 
 
 def _counted(piece: Piece, turned: Turned) -> Piece:
