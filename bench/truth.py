@@ -124,6 +124,15 @@ def table(found: Sequence[Row]) -> str:
     return "\n".join([*lines, *("| " + " | ".join(r.cells()) + " |" for r in found)])
 
 
+def conditions(rigs: Sequence[str], steps: Sequence[int], calibrated: bool) -> str:
+    """What was run, for the page: all rows are of one state, and what was not run has none."""
+    known = "calibrated from pictures" if calibrated else "known exactly"
+    turns = " and ".join(
+        ", ".join(str(k) for k in some) for some in (steps[:-1], steps[-1:]) if some
+    )
+    return f"Run: {' and '.join(rigs)} rig, {known}; {turns} steps. What was not run has no row."
+
+
 def written(page: str, text: str) -> str:
     """The page with what stands between its marks replaced. Raises ValueError without marks."""
     if BEGIN not in page or END not in page:
@@ -146,7 +155,8 @@ def run(
         for one in rows(PARTS, rigs, steps, keep or Path(scratch), calibrated):
             print(" | ".join(one.cells()), flush=True)
             found.append(one)
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8"), table(found)), encoding="utf-8")
+    text = f"{conditions(rigs, steps, calibrated)}\n\n{table(found)}"
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8"), text), encoding="utf-8")
 
 
 def main() -> None:

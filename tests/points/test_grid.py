@@ -33,6 +33,7 @@ from turnscan.points import (
     working_volume,
 )
 from turnscan.points._triangulate import beyond_axis
+from turnscan.remedy import Remedy
 from turnscan.rig import Marker, Pose, Rig
 from turnscan.stripes import StripeFlag
 
@@ -102,6 +103,26 @@ def test_findings_tell_what_share_of_the_points_was_flagged():
     assert [f.code for f in told] == ["points.volume", "points.halo"]
     assert told[0].message.startswith("100 points kept; 0 removed, outside")
     assert told[1].message.startswith("20% of the points")
+    sigma = np.median(flagged.sigma[:2])
+    assert told[1].message.endswith(f"by more than their sigma, usually {sigma:.2g} mm")
+
+
+@pytest.mark.parametrize(
+    ("strategy", "advised", "word"),
+    [
+        ("window", True, "measured already"),
+        ("centroid", True, "core of the stripe alone"),
+        ("blais-rioux", False, "measured already"),
+    ],
+)
+def test_a_halo_is_answered_by_what_was_not_done(strategy, advised, word):
+    found = plain_grid(np.zeros((2, 2, 3)))
+    found = replace(found, flags=np.full((2, 2), StripeFlag.HALO, np.uint16))
+    remedy = grid_findings(found, found, Volume(), strategy)[1].remedy
+    assert word in str(remedy)
+    assert "matting spray" in str(remedy)
+    options = remedy.options if isinstance(remedy, Remedy) else ()
+    assert [(o.name, o.value) for o in options] == [("strategy", "blais-rioux")] * advised
 
 
 def test_an_unsure_angle_of_the_table_is_in_the_sigma_of_what_it_carries_off_its_surface():

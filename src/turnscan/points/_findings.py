@@ -28,11 +28,7 @@ _WORDS = (
         StripeFlag.HALO,
         "halo",
         "lie in a halo that shifts them by more than their sigma",
-        Remedy(
-            "compare ",
-            Option("strategy", "blais-rioux"),
-            ", which uses only the core of the stripe",
-        ),
+        "",
     ),
     (StripeFlag.GRAZING, "grazing", "are seen at a grazing angle", "their sigma is larger"),
     (
@@ -48,12 +44,13 @@ def grid_findings(
     grid: RangeGrid,
     clipped: RangeGrid,
     volume: Volume,
-    strategy: str = "",
+    strategy: str = "window",
     stated: float | None = None,
 ) -> list[Finding]:
     """Findings on one laser's points: ``grid`` as triangulated, ``clipped`` as kept.
 
-    ``strategy`` is how the stripes were measured, so that it is not recommended again; ``stated``
+    ``strategy`` is how the stripes were measured, so that what was done is not recommended again;
+    ``stated``
     mm rms is how thick the rig says that the sheet of light is.
     """
     where = f"laser {grid.laser}"
@@ -88,15 +85,14 @@ def grid_findings(
         )
     ]
     out += _thickness_findings(grid.thickness, stated, where)
-    flags = clipped.flags[clipped.found]
+    flags, sigma = clipped.flags[clipped.found], clipped.sigma[clipped.found]
     for bit, word, what, remedy in _WORDS:
         share = float(((flags & bit) != 0).mean())
         if share >= _SHARE:
             text = f"{share:.0%} of the points {what}"
-            if bit == StripeFlag.HALO and strategy == "blais-rioux":
-                remedy = (
-                    "the core is measured already; light the other side, or apply matting spray"
-                )
+            if bit == StripeFlag.HALO:
+                text += f", usually {np.median(sigma[(flags & bit) != 0]):.2g} mm"
+                remedy = _halo_remedy(strategy)
             out.append(Finding(f"points.{word}", "note", text, where, remedy))
     return out
 
@@ -117,6 +113,19 @@ def _thickness_findings(seen: float, stated: float | None, where: str) -> list[F
         "another focus or another laser"
     )
     return [Finding("points.sheet-thickness", "warning", text, where, remedy)]
+
+
+def _halo_remedy(strategy: str) -> Remedy | str:
+    """What is left to do about a halo, however the stripes were measured."""
+    spray = "light the other side, or apply matting spray"
+    if strategy == "blais-rioux":
+        return f"the core of the stripe is measured already; {spray}"
+    compare, core = "compare ", Option("strategy", "blais-rioux")
+    if strategy == "window":
+        # It goes over to the core by itself where light glows beside a stripe.
+        compare = "where it is strongest the core of the stripe is measured already; compare "
+        return Remedy(compare, core, f", which measures the core everywhere; {spray}")
+    return Remedy(compare, core, f", which measures the core of the stripe alone; {spray}")
 
 
 def angle_findings(grid: RangeGrid, again: int) -> list[Finding]:
