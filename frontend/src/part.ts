@@ -32,6 +32,8 @@ export const cursor = signal(0);
 /** What the surface is made with. */
 export const settings = signal<ScanSettings | null>(null);
 export const holes = signal<readonly Hole[] | null>(null);
+/** How many there are; only some are listed. */
+export const holeCount = signal(0);
 export const defects = signal<readonly Defect[] | null>(null);
 /** The lists of holes and defects are of an earlier surface; who shows them asks again. */
 export const listsAreOld = signal(true);
@@ -63,6 +65,8 @@ export const scanName = computed(() => opened.value?.name ?? null);
 
 let revision = -1;
 let epoch = -1;
+/** The revision whose holes are listed. */
+let holesOf = -1;
 /** The mesh that is on its way, and of which scan. */
 let underWay: { scan: string; arrival: Promise<void> } | null = null;
 type MeshListener = (parts: readonly Part[] | null) => void;
@@ -307,13 +311,18 @@ export async function keepSettings(name: string): Promise<boolean> {
 
 // Lists
 
-export async function listHoles(): Promise<void> {
+/** The largest holes; with `more` the next ones, after those that are listed. */
+export async function listHoles(more = false): Promise<void> {
   const scan = opened.value?.scan;
   if (!scan) return;
+  const known = more ? (holes.value ?? []) : [];
   try {
-    const { header, arrays } = await link.request({ kind: "list_holes", scan });
-    if (header.kind !== "holes") return;
-    holes.value = header.holes.map((hole) => ({ ...hole, loop: arrays.f32(`loop_${hole.hole}`) }));
+    const { header, arrays } = await link.request({ kind: "list_holes", scan, first: known.length });
+    if (header.kind !== "holes" || (more && header.revision !== holesOf)) return;
+    const next = header.holes.map((hole) => ({ ...hole, loop: arrays.f32(`loop_${hole.hole}`) }));
+    holesOf = header.revision;
+    holeCount.value = header.many;
+    holes.value = [...known, ...next];
   } catch (error) {
     complain(error);
   }

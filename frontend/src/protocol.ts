@@ -330,7 +330,6 @@ export interface Figures {
   faces: number;
   bounds: [[number, number, number], [number, number, number]] | null;
   closed: boolean;
-  area: number;
   /** mm³; None where the surface is open. */
   volume: number | null;
 }
@@ -514,12 +513,14 @@ export interface HoleEntry {
   cause_text: string;
 }
 
-/** All holes, the largest first. */
+/** Some of the holes, the largest first. */
 export interface Holes {
   kind: "holes";
   id: number;
   scan: string;
   revision: number;
+  /** How many there are in all. */
+  many: number;
   holes: HoleEntry[];
 }
 
@@ -598,11 +599,12 @@ export interface ListFiles {
   kind: "list_files";
 }
 
-/** Answered by ``holes``. */
+/** Answered by ``holes``: from the ``first`` on, the largest being number 0. */
 export interface ListHoles {
   id: number;
   kind: "list_holes";
   scan: string;
+  first?: number;
 }
 
 /** Answered by ``verbs``. */

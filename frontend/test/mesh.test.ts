@@ -182,6 +182,12 @@ describe("picking and regions", () => {
     expect(seen.length).toBeGreaterThan(0.3 * through.length);
     expect(seen.length).toBeLessThan(0.6 * through.length);
     for (const face of seen) expect(mesh.positions[3 * mesh.faces[3 * face]]).toBeGreaterThan(0);
+    // Noise that tilts a face away from the eye hides nothing: what counts is its depth.
+    const [a, b] = [3 * seen[0], 3 * seen[0] + 1];
+    [mesh.faces[a], mesh.faces[b]] = [mesh.faces[b], mesh.faces[a]];
+    expect(projection.looksAtEye(seen[0])).toBe(false);
+    expect(projection.inside(region, { width: 800, height: 600, ratio: 1, depth })).toEqual(seen);
+    [mesh.faces[a], mesh.faces[b]] = [mesh.faces[b], mesh.faces[a]];
   });
 
   it("fills an outline that crosses itself by the nonzero rule", () => {

@@ -5,7 +5,7 @@ import { plate } from "./shapes";
 
 afterEach(closePage);
 
-const FIGURES: Figures = { vertices: 9, faces: 8, bounds: null, closed: false, area: 4, volume: null };
+const FIGURES: Figures = { vertices: 9, faces: 8, bounds: null, closed: false, volume: null };
 
 function opened(scan: string, revision = 3, epoch = 1) {
   return {

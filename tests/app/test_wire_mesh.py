@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from tests.edit.surfaces import sheet
 from turnscan import edit
 from turnscan.app import _encode_arrays as wire
 from turnscan.edit._body import difference
 from turnscan.mesh import Mesh, is_closed
+from turnscan.workflows._session_grid import _taken_away, steps_taken_away
 from turnscan.workflows._session_mesh import coarse_arrays, surface_arrays, surface_patches
 
 CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 5)], np.float64)
@@ -27,7 +32,6 @@ def test_figures_of_a_box() -> None:
     box = _body()
     f = wire.figures(edit.figures(box))
     assert (f.vertices, f.faces, f.closed) == (8, 12, True)
-    assert f.area == pytest.approx(62.0)
     assert f.volume == pytest.approx(30.0)
     assert f.bounds == ((0, 0, 0), (2, 3, 5))
 
@@ -38,6 +42,27 @@ def test_a_box_without_a_face_is_open(gone: int) -> None:
     f = wire.figures(edit.figures(body))
     assert (f.faces, f.closed, f.volume) == (11, False, None)
     assert f.closed == is_closed(edit.Compact.of(body).mesh)
+
+
+def test_what_was_deleted_from_the_surface_is_deleted_in_its_grid() -> None:
+    """A sheet of 8 × 8 points, one profile a row, of which the middle is deleted and comes back."""
+    mesh = sheet(8)
+    grid: Any = SimpleNamespace(
+        laser="left", steps=np.arange(8)[::-1], flags=np.zeros((8, 8), np.uint16)
+    )
+    before = edit.Document.open(lambda *_: (mesh, ()))
+    about = np.isin(mesh.faces, [27, 28]).any(axis=1)
+    gone = edit.Delete(edit.Region.of(before.body, np.flatnonzero(about)))
+    after, _ = before.add(gone)
+    rows, lines = _taken_away(grid, after)
+    assert {(int(grid.steps[r]), int(n)) for r, n in zip(rows, lines, strict=True)} == {
+        (3, 3), (3, 4)
+    }  # fmt: skip
+    assert steps_taken_away(grid, before, after).tolist() == [3]
+    assert steps_taken_away(grid, after, after.undo()[0]).tolist() == [3]
+    assert not len(steps_taken_away(grid, after, after))
+    grid.laser = "right"
+    assert not len(_taken_away(grid, after)[0])
 
 
 def test_nothing_left() -> None:

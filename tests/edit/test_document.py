@@ -31,9 +31,11 @@ from turnscan.edit import (
     HoleName,
     ProfileOff,
     Region,
+    RemovePieces,
     Replace,
     Smooth,
     action_to_json,
+    describe,
     history_from_log,
     needs_rebuild,
 )
@@ -236,6 +238,32 @@ def test_a_filling_that_would_cut_the_surface_is_refused_and_another_way_named()
     done, change = document.add(Fill((name,), "membrane"))
     assert change.findings == ()
     assert holes(Compact.of(done.body).mesh) == []
+    done, change = document.add(Fill((name,)))
+    assert [(f.code, f.severity) for f in change.findings] == [("edit.other-fill", "note")]
+    assert "filled by membrane" in change.findings[0].message
+    assert holes(Compact.of(done.body).mesh) == [], "automatic takes what works"
+
+
+def test_small_pieces_go_and_what_is_taken_away_is_known_by_its_vertices() -> None:
+    document = Document.open(lambda *_: (join([ball(24), ball(4), ball(6)]), ()))
+    large, small = len(ball(24).faces), len(ball(4).faces)
+    assert not document.taken_away().any()
+    done, change = document.add(RemovePieces(small + 1))
+    assert change.findings == ()
+    assert int((~done.body.alive).sum()) == small
+    assert int(done.taken_away().sum()) == len(ball(4).vertices)
+    done, _ = done.add(RemovePieces(large))
+    assert int(done.body.alive.sum()) == large
+    back, _ = done.undo()
+    assert int(back.taken_away().sum()) == len(ball(4).vertices)
+    _, change = done.add(RemovePieces(large))
+    assert "nothing matched" in change.findings[0].message
+
+
+def test_a_cut_along_an_axis_is_told_by_the_axis() -> None:
+    assert describe(Cut((0.0, 0.0, 2.0), 22.5)) == "cut at z = 22.5 mm, what is above stays, capped"
+    assert describe(Cut((-1.0, 0.0, 0.0), 3.0, False)) == "cut at x = -3 mm, what is below stays"
+    assert "(0, 0.6, 0.8)" in describe(Cut((0.0, 0.6, 0.8), 1.0))
 
 
 def test_a_grid_edit_makes_another_surface_and_the_mesh_edits_follow_it() -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from turnscan.edit import (
-    HAND_SIGMA,
     CloseSeam,
     DeletePoints,
     Edit,
@@ -21,6 +20,7 @@ from turnscan.edit import (
     repair_grid,
     repair_stripes,
 )
+from turnscan.edit._grid import HAND_SIGMA
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress
 from turnscan.stripes import Candidates, Stripe, StripeFlag, Stripes

@@ -51,6 +51,7 @@ SAMPLES: list[Edit] = [
     edit.Decimate(0.05, 4000),
     edit.Smooth(REGION, 3, 0.5),
     edit.Despike(REGION, 4.0, "flat"),
+    edit.RemovePieces(100),
     edit.MeasureDistance((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
     edit.MeasureToPlane((0.0, 0.0, 0.0), REGION),
     edit.MeasureDiameter(REGION),

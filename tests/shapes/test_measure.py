@@ -27,7 +27,7 @@ def rounds(mesh: Mesh, measure) -> tuple[np.ndarray, np.ndarray]:
         (lambda m: shapes.region_diameter(m, wall_of(m)), 20.0, 1.3),
         (lambda m: shapes.section_diameter(m, (0, 0, 1), 7.3), 20.0, 2.2),
         (lambda m: replace(shapes.volume(m), sigma=shapes.volume_sigma(m).noise), None, 2.0),
-        (lambda m: shapes.area(m), None, 6.0),
+        (lambda m: shapes.area(m), cylinder(10.0, 30.0).area_of(), 6.0),
         (
             lambda m: shapes.distance(
                 *(shapes.Spot(m.vertices[k], NOISE) for k in (0, len(m.vertices) - 1))
@@ -173,3 +173,24 @@ def test_how_much_of_an_area_was_not_measured_is_said() -> None:
     half = mesh.triangles[..., 2].mean(axis=1) < 15.0
     said = shapes.area(replace(mesh, measured=half)).text
     assert "50.0% of its area was not measured" in said
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.05])
+def test_noise_does_not_add_to_an_area_and_edges_stay(noise: float) -> None:
+    mesh = cylinder(10.0, 30.0, n=150, m=100)
+    truth = mesh.area_of()
+    rng = np.random.default_rng(7)
+    known = noisy(mesh, rng).provenance
+    assert known is not None
+    moved = mesh.vertices + rng.normal(0, noise, mesh.vertices.shape)
+    rough = replace(
+        mesh, vertices=moved, provenance=replace(known, sigma=np.full(len(moved), noise))
+    )
+    found = shapes.area(rough)
+    assert rough.area_of() > (1.003 if noise < 0.03 else 1.02) * truth
+    assert found.value == pytest.approx(truth, rel=0.003)
+    assert abs(found.value - truth) < 3 * found.sigma
+    assert "taken off" in found.text
+    assert shapes.area(mesh).value == pytest.approx(truth), "without noise it is as it is"
+    exact = replace(mesh, provenance=replace(known, sigma=np.full(len(moved), noise)))
+    assert shapes.area(exact).value == pytest.approx(truth, rel=0.002), "nothing that is form"

@@ -7,7 +7,7 @@ import pytest
 
 from tests.mesh.open_meshes import ball, plate, same_measured
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh, is_closed, soundness, submesh
+from turnscan.mesh import Mesh, is_closed, join, soundness, submesh
 from turnscan.surface.holes import bridge, holes
 
 
@@ -30,6 +30,18 @@ def test_a_bridge_over_a_side_that_is_taken_is_refused():
     faces = [[0, 2, 4], [2, 0, 5], [0, 1, 5], [1, 2, 5], [2, 3, 4], [3, 0, 4]]
     with pytest.raises(InputError, match="touch the existing surface"):
         bridge(Mesh(points, faces), (0, 1), (2, 3))
+
+
+def test_a_bridge_through_a_surface_or_onto_it_is_refused():
+    """A plate with a gap in which a wall stands, and one whose two edges lie on another plate."""
+    mesh = plate(12, {(i, j) for i in range(3, 9) for j in range(5, 7)})
+    at = {tuple(v): n for n, v in enumerate(mesh.vertices[:, :2].tolist())}
+    low, high = (at[6, 5], at[7, 5]), (at[6, 7], at[7, 7])
+    wall = Mesh([[5.2, 6, -2], [7.8, 6, -2], [6.5, 6, 2.0]], [[0, 1, 2]])
+    cover = Mesh([[5.2, 5.2, 0], [7.8, 5.2, 0], [6.5, 6.8, 0.0]], [[0, 1, 2]])
+    for other in (wall, cover):
+        with pytest.raises(InputError, match="cut through the existing surface, or lie on it"):
+            bridge(join([mesh, other]), low, high)
 
 
 def test_a_notch_is_closed_by_one_face():

@@ -1,5 +1,6 @@
 /** The whole scan as a picture: one column a step, one row a line. */
 import { cividis, PALETTE } from "../mesh/colours";
+import { figure } from "../ui/controls";
 import { type Box, MARK, PlaneView } from "../ui/plane";
 import type { Grid } from "./data";
 
@@ -18,14 +19,22 @@ export interface GridEvents {
 }
 
 type Rgb = readonly [number, number, number];
-/** Good, several candidates, edge, grazing, halo, saturated, ambiguous: best to worst. */
+/** What a mark of the stripe makes doubtful, the worst first. */
 const QUALITY: readonly (readonly [number, Rgb, string])[] = [
   [4, [204, 121, 167], "ambiguous"],
   [8, [240, 228, 66], "saturated"],
   [16, [213, 94, 0], "halo"],
   [128, [230, 159, 0], "grazing"],
-  [64, [0, 158, 115], "several candidates"],
+];
+/** By how many times the usual uncertainty of its grid a point is worse, the worst first. */
+const UNSURE: readonly (readonly [number, Rgb, string])[] = [
+  [3, [196, 60, 60], "uncertainty over 3 × the usual"],
+  [1.5, [222, 184, 135], "over 1.5 ×"],
+];
+/** Marks that a point may have and be good. */
+const HARMLESS: readonly (readonly [number, Rgb, string])[] = [
   [32, [0, 114, 178], "edge"],
+  [64, [150, 190, 170], "several candidates"],
 ];
 const GOOD: Rgb = [120, 160, 190];
 const EDITS: readonly Rgb[] = [
@@ -104,7 +113,7 @@ export class GridView extends PlaneView {
     const there = (i: number) => !Number.isNaN(grid.points[3 * i]);
     switch (this.by) {
       case "quality":
-        return (i) => (there(i) ? (QUALITY.find(([bit]) => grid.flags[i] & bit)?.[1] ?? GOOD) : null);
+        return qualityOf(grid, there);
       case "sigma":
       case "amplitude": {
         const [low, high] = ends(grid[this.by]);
@@ -121,7 +130,10 @@ export class GridView extends PlaneView {
   static key(grid: Grid, by: GridColouring): Key[] {
     switch (by) {
       case "quality":
-        return [{ colour: GOOD, text: "good" }, ...QUALITY.map(([, colour, text]) => ({ colour, text }))];
+        return [
+          { colour: GOOD, text: "good" },
+          ...[...HARMLESS, ...UNSURE.toReversed(), ...QUALITY].map(([, colour, text]) => ({ colour, text })),
+        ];
       case "cause": {
         const used = new Set(grid.cause);
         return grid.header.causes
@@ -138,9 +150,9 @@ export class GridView extends PlaneView {
         const [low, high] = ends(grid[by]);
         const unit = by === "sigma" ? " mm" : "";
         return [
-          { colour: cividis(0), text: `${low.toPrecision(2)}${unit}` },
+          { colour: cividis(0), text: `${figure(low, 2)}${unit}` },
           { colour: cividis(0.5), text: "" },
-          { colour: cividis(1), text: `${high.toPrecision(2)}${unit}` },
+          { colour: cividis(1), text: `${figure(high, 2)}${unit}` },
         ];
       }
     }
@@ -235,8 +247,27 @@ export class GridView extends PlaneView {
   }
 }
 
-function ends(values: Float32Array): [number, number] {
+/** The worst thing that is known of each point. */
+function qualityOf(grid: Grid, there: (i: number) => boolean): (i: number) => Rgb | null {
+  const usual = quantile(sampled(grid.sigma), 0.5);
+  const marked = (marks: typeof QUALITY, i: number) => marks.find(([bit]) => grid.flags[i] & bit)?.[1];
+  return (i) => {
+    if (!there(i)) return null;
+    const times = grid.sigma[i] / usual;
+    return marked(QUALITY, i) ?? UNSURE.find(([limit]) => times > limit)?.[1] ?? marked(HARMLESS, i) ?? GOOD;
+  };
+}
+
+function sampled(values: Float32Array): Float32Array {
   const every = Math.max(1, Math.floor(values.length / 20000));
-  const some = values.filter((value, i) => i % every === 0 && !Number.isNaN(value)).sort();
-  return some.length ? [some[Math.floor(0.02 * (some.length - 1))], some[Math.ceil(0.98 * (some.length - 1))]] : [0, 1];
+  return values.filter((value, i) => i % every === 0 && !Number.isNaN(value)).sort();
+}
+
+function quantile(sorted: Float32Array, share: number): number {
+  return sorted[Math.round(share * (sorted.length - 1))] ?? Number.NaN;
+}
+
+function ends(values: Float32Array): [number, number] {
+  const some = sampled(values);
+  return some.length ? [quantile(some, 0.02), quantile(some, 0.98)] : [0, 1];
 }

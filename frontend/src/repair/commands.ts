@@ -57,7 +57,8 @@ const PANELS = [
   ["Smooth …", "repair", "Smooth"],
   ["Remove spikes …", "repair", "Spikes"],
   ["Decimate …", "repair", "Decimate"],
-  ["Make watertight …", "repair", "Close everything"],
+  ["Remove small pieces …", "repair", "Small pieces"],
+  ["Make watertight …", "repair", "Make watertight"],
   ["Join first and last profile …", "repair", "Seam"],
 ] as const;
 

@@ -7,6 +7,7 @@ import {
   goTo,
   type Hole,
   history,
+  holeCount,
   holes,
   listDefects,
   listHoles,
@@ -17,7 +18,7 @@ import {
   takeBranch,
   undo,
 } from "../part";
-import { Button, mm, NumberField, Section, SelectField } from "../ui/controls";
+import { Button, count, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
 import { CopyEdits } from "./copying";
 import { apply, bridgeValue, chosenHoleList, FILL_HOW, type FillHow, fillValue, show } from "./edits";
@@ -48,7 +49,7 @@ export function HolesPanel() {
   const chosen = chosenHoleList();
   return (
     <>
-      <Section title="Holes" count={list?.length ?? "…"}>
+      <Section title="Holes" count={list ? count(holeCount.value) : "…"}>
         {list?.length === 0 && <p class="quiet">The surface is closed.</p>}
         <ul class="list" aria-label="Holes, the largest first">
           {list?.map((hole) => (
@@ -66,6 +67,14 @@ export function HolesPanel() {
             </li>
           ))}
         </ul>
+        {list && list.length < holeCount.value && (
+          <>
+            <p class="quiet">
+              The {count(list.length)} largest are listed; “All up to a size of” also takes those that are not.
+            </p>
+            <Button onClick={() => void listHoles(true)}>List more</Button>
+          </>
+        )}
         <SelectField label="Fill" value={how.value} options={FILL_HOW} onChange={(value) => (how.value = value)} />
         <div class="grid-2">
           <Button disabled={!chosen.length} onClick={() => void show(fillValue(chosen, how.value, null))}>

@@ -12,6 +12,7 @@ export function RepairPanels() {
     <>
       <SmoothPanel />
       <SpikesPanel />
+      <PiecesPanel />
       <ClosePanel />
       <DecimatePanel />
       {level.value === "expert" && <SeamPanel />}
@@ -90,6 +91,35 @@ function SpikesPanel() {
   );
 }
 
+function PiecesPanel() {
+  const fewer = useSignal(100);
+  const would = useSignal<number | null>(null);
+  const value = () => ({ kind: "remove_pieces", fewer: fewer.value });
+  return (
+    <Section title="Small pieces" open={false}>
+      <NumberField
+        label="Loose pieces of fewer than"
+        value={fewer.value}
+        unit="triangles"
+        min={2}
+        step={1}
+        onChange={(n) => (fewer.value = n ?? 100)}
+      />
+      {would.value !== null && (
+        <p class="quiet num" role="status">
+          {count(would.value)} triangles would go.
+        </p>
+      )}
+      <div class="grid-2">
+        <Button onClick={() => void show(value()).then((shown) => (would.value = shown?.dead.length ?? null))}>
+          Preview
+        </Button>
+        <Button onClick={() => void apply(value()).then(() => (would.value = null))}>Remove</Button>
+      </div>
+    </Section>
+  );
+}
+
 function ClosePanel() {
   const floor = useSignal<number | null>(0);
   const top = useSignal<"plane" | "smooth" | "open">("plane");
@@ -97,7 +127,7 @@ function ClosePanel() {
   const holes = useSignal<FillHow>("auto");
   const value = () => ({ kind: "close", floor: floor.value, bottom: bottom.value, top: top.value, holes: holes.value });
   return (
-    <Section title="Close everything" open={false}>
+    <Section title="Make watertight" open={false}>
       <NumberField
         label="Floor at"
         value={floor.value}
@@ -184,7 +214,7 @@ function SeamPanel() {
       <p class="quiet">Join the last profile of the turn to the first.</p>
       {lasers.map((laser) => (
         <Button key={laser} onClick={() => void doEdit({ kind: "close_seam", laser })}>
-          Close the seam of {laser}
+          Join first and last profile (laser {laser})
         </Button>
       ))}
     </Section>
@@ -210,8 +240,6 @@ function FiguresPanel() {
         )}
         <dt>Closed</dt>
         <dd>{now.closed ? "yes" : "no"}</dd>
-        <dt>Area</dt>
-        <dd>{(now.area / 100).toFixed(2)} cm²</dd>
         {now.volume !== null && (
           <>
             <dt>Volume</dt>

@@ -14,7 +14,7 @@ export function SelectionPanel() {
   const none = selected.value === 0;
   return (
     <Section title="Selection">
-      <div class="row apart">
+      <div class="row apart selected">
         <span aria-live="polite">
           <span class="big" data-testid="selected">
             {count(selected.value)}

@@ -42,6 +42,9 @@ interface SectionProps {
   children: ComponentChildren;
 }
 
+/** What a person opened and closed, by its title: panels come and go with their tab. */
+const opened = new Map<string, boolean>();
+
 /** Open a section of the panel that is shown, and put the keyboard there. */
 export function openSection(title: string): void {
   // What was just chosen is on the page only after this turn.
@@ -49,6 +52,7 @@ export function openSection(title: string): void {
     const section = document.querySelector<HTMLDetailsElement>(`details.section[data-title="${title}"]`);
     if (!section) return;
     section.open = true;
+    opened.set(title, true);
     section.scrollIntoView({ block: "nearest" });
     section.querySelector("summary")?.focus();
   });
@@ -56,7 +60,14 @@ export function openSection(title: string): void {
 
 export function Section({ title, count, open = true, children }: SectionProps) {
   return (
-    <details class="section" data-title={title} open={open}>
+    <details
+      class="section"
+      data-title={title}
+      open={opened.get(title) ?? open}
+      onToggle={({ currentTarget: { open: now } }) => {
+        if (now !== (opened.get(title) ?? open)) opened.set(title, now);
+      }}
+    >
       <summary>
         {title}
         {count !== undefined && <span class="count num">{count}</span>}
@@ -217,6 +228,11 @@ export function Check({
 
 export function mm(value: number): string {
   return `${value.toFixed(Math.abs(value) < 10 ? 3 : 2)} mm`;
+}
+
+/** So many significant digits, and never a power of ten for what people write out. */
+export function figure(value: number, digits: number): string {
+  return String(Number(value.toPrecision(digits)));
 }
 
 export function count(n: number): string {

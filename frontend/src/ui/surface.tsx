@@ -7,6 +7,7 @@ import { lasers, loading, mesh } from "../part";
 import { jobs, place, theme } from "../state";
 import { VIEWS, type ViewName } from "../viewport/camera";
 import { colouring, currentViewport, drawable, legend, showIn } from "../viewport/place";
+import { figure } from "./controls";
 import { left } from "./frame";
 
 const KEYS: Record<ViewName, string> = {
@@ -72,9 +73,9 @@ function Legend() {
     const ramp = `linear-gradient(90deg, ${[0, 0.17, 0.33, 0.5, 0.67, 0.83, 1].map((t) => css(mapOf(by)(t))).join(",")})`;
     return (
       <div class="legend">
-        {by === "sigma" ? "uncertainty" : by} {range.low.toPrecision(3)}
+        {by === "sigma" ? "uncertainty" : by} {figure(range.low, 3)}
         <span class="ramp" style={{ background: ramp }} />
-        {range.high.toPrecision(3)} {range.unit}
+        {figure(range.high, 3)} {range.unit}
       </div>
     );
   }

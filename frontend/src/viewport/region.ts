@@ -1,5 +1,6 @@
 /** A region of the screen as a mask of pixels, and the faces that lie under it. */
 import type { MeshModel } from "../mesh/model";
+import { vertexNormals } from "../mesh/normals";
 import type { ViewCamera } from "./camera";
 
 export interface Region {
@@ -114,9 +115,12 @@ export class Projection {
     return out;
   }
 
-  /** True for a face that looks at the eye and lies at the depth of one of its 3 × 3 pixels. */
+  /**
+   * True for a face at the depth of one of its 3 × 3 pixels. What looks away from the eye is not
+   * seen there, but a face that noise has tilted is, where the surface about it looks at the eye.
+   */
   private isSeen(face: number, seen: DepthPicture): boolean {
-    if (!this.looksAtEye(face)) return false;
+    if (!this.looksAtEye(face) && !this.smoothLooksAtEye(face)) return false;
     const column = Math.floor(this.x[face] * seen.ratio);
     const row = seen.height - 1 - Math.floor(this.y[face] * seen.ratio);
     // A pixel's slack: a steep face spans this much depth between two pixels' middles.
@@ -130,10 +134,26 @@ export class Projection {
   }
 
   private readonly normal = new Float64Array(3);
+  private normals: Int8Array | null = null;
 
   looksAtEye(face: number): boolean {
+    this.mesh.faceNormal(face, this.normal);
+    return this.facesEye(face);
+  }
+
+  /** Whether the mean of the normals at the face's corners looks at the eye. */
+  private smoothLooksAtEye(face: number): boolean {
+    this.normals ??= vertexNormals(this.mesh);
+    this.normal.fill(0);
+    for (let corner = 0; corner < 3; corner++) {
+      const at = 4 * this.mesh.faces[3 * face + corner];
+      for (let axis = 0; axis < 3; axis++) this.normal[axis] += this.normals[at + axis];
+    }
+    return this.facesEye(face);
+  }
+
+  private facesEye(face: number): boolean {
     const n = this.normal;
-    this.mesh.faceNormal(face, n);
     if (this.camera.orthographic) {
       const f = this.camera.axes()[2];
       return n[0] * f[0] + n[1] * f[1] + n[2] * f[2] < 0;

@@ -55,6 +55,5 @@ def figures(of: SurfaceFigures) -> p.Figures:
         faces=of.faces,
         bounds=of.bounds,
         closed=of.closed,
-        area=of.area,
         volume=of.volume,
     )

@@ -112,9 +112,9 @@ class OpenScan:
         """The surface as a small picture, PNG."""
         return self.session.thumbnail()
 
-    def holes(self, id: int) -> tuple[p.Holes, dict[str, Array]]:
-        """Every hole with its cause, and its border."""
-        state, found = self.session.holes()
+    def holes(self, id: int, first: int) -> tuple[p.Holes, dict[str, Array]]:
+        """Holes from the ``first`` on, each with its cause, and its border."""
+        state, many, found = self.session.holes(first)
         entries = [
             p.HoleEntry(
                 hole=k,
@@ -125,10 +125,10 @@ class OpenScan:
                 cause=h.cause,
                 cause_text=hole_in_words(h),
             )
-            for k, (h, _) in enumerate(found)
+            for k, (h, _) in enumerate(found, start=first)
         ]
-        loops = {f"loop_{k}": border.astype("<f4") for k, (_, border) in enumerate(found)}
-        answer = p.Holes(id=id, scan=self.name, revision=state.revision, holes=entries)
+        loops = {f"loop_{k}": border.astype("<f4") for k, (_, border) in enumerate(found, first)}
+        answer = p.Holes(id=id, scan=self.name, revision=state.revision, many=many, holes=entries)
         return answer, loops
 
     def defects(self, id: int) -> p.Defects:

@@ -311,7 +311,6 @@ class Figures(Model):
     faces: Count
     bounds: Box | None
     closed: bool
-    area: float
     volume: float | None
     """mm³; None where the surface is open."""
 
@@ -737,12 +736,14 @@ class PreviewShown(Model):
 
 
 class Holes(Model):
-    """All holes, the largest first."""
+    """Some of the holes, the largest first."""
 
     kind: Literal["holes"] = "holes"
     id: Count
     scan: Opaque
     revision: Count
+    many: Count
+    """How many there are in all."""
     holes: list[HoleEntry]
 
 

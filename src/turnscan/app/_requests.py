@@ -224,10 +224,11 @@ class KeepSettings(Request):
 
 
 class ListHoles(Request):
-    """Answered by ``holes``."""
+    """Answered by ``holes``: from the ``first`` on, the largest being number 0."""
 
     kind: Literal["list_holes"] = "list_holes"
     scan: Opaque
+    first: Annotated[int, Field(ge=0, le=2**31)] = 0
 
 
 class ListDefects(Request):

@@ -528,7 +528,7 @@ class Workshop:
         return p.Done(id=call.id, findings=remarks(kept.findings))
 
     def _list_holes(self, call: Call) -> Answer:
-        return self.opened(call.request.scan).holes(call.id)
+        return self.opened(call.request.scan).holes(call.id, call.request.first)
 
 
 def _check_remote(*addresses: str) -> None:

@@ -21,6 +21,7 @@ from turnscan.edit._edits import (
     PickCandidate,
     ProfileOff,
     Redetect,
+    RemovePieces,
     SetPoint,
     Smooth,
     edit_from_json,
@@ -31,7 +32,6 @@ from turnscan.edit._edits import (
 )
 from turnscan.edit._figures import Figures, figures
 from turnscan.edit._grid import (
-    HAND_SIGMA,
     StripeSearch,
     lost_edits,
     repair_grid,
@@ -80,7 +80,6 @@ from turnscan.edit._select import (
 )
 
 __all__ = [
-    "HAND_SIGMA",
     "Action",
     "Add",
     "Alive",
@@ -120,6 +119,7 @@ __all__ = [
     "ProfileOff",
     "Redetect",
     "Region",
+    "RemovePieces",
     "Replace",
     "SetPoint",
     "Smooth",

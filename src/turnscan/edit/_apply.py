@@ -22,11 +22,13 @@ from turnscan.edit._edits import (
     GridEdit,
     HoleName,
     MeshEdit,
+    RemovePieces,
     Smooth,
     needs_rebuild,
 )
 from turnscan.edit._history import Entry
 from turnscan.edit._measures import REACH, Measure, Sources, Specify, Vector, taken
+from turnscan.edit._select import by_size
 from turnscan.errors import CalibrationError, InputError
 from turnscan.findings import Finding, Severity
 from turnscan.mesh import Mesh, Provenance, clip, half_edges, vertex_fans
@@ -156,6 +158,9 @@ def _patches(
             return _smoothed(body, edit, progress)
         case Despike():
             return _despiked(body, edit, findings, progress)
+        case RemovePieces():
+            small = np.flatnonzero(by_size(body.mesh, edit.fewer, body.alive)).astype(np.int32)
+            return (Alive(small, False),) if len(small) else ()
 
 
 def _smoothed(body: Body, edit: Smooth, progress: Progress) -> tuple[Patch, ...]:
@@ -190,10 +195,10 @@ def _despiked(
     beside = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
     beside[body.mesh.faces[gone.faces]] = True
     made = [h for h in holes(after.mesh) if beside[after.vertex_ids[h.loop]].all()]
-    filled = fill_soundly(after.mesh, made, edit.how, progress)
-    if filled.left:
-        findings.append(unfilled(filled.left, _way_out(after.mesh, filled.left, edit.how)))
-    return gone, *difference(without, after, filled.mesh)
+    mesh, left, _ = _filled_somehow(after.mesh, made, edit.how, progress)
+    if left:
+        findings.append(unfilled(left, _way_out(after.mesh, left, edit.how)))
+    return gone, *difference(without, after, mesh)
 
 
 def _cut(body: Body, edit: Cut) -> tuple[Patch, ...]:
@@ -245,25 +250,51 @@ def _filled(
     wanted = _to_fill(holes(whole.mesh), edit, findings)
     if not wanted:
         return ()
-    filled = fill_soundly(whole.mesh, wanted, edit.how, progress)
-    if filled.left:
-        hint = _way_out(whole.mesh, filled.left, edit.how)
-        if len(filled.left) == len(wanted):
+    mesh, left, ways = _filled_somehow(whole.mesh, wanted, edit.how, progress)
+    if left:
+        hint = _way_out(whole.mesh, left, edit.how)
+        if len(left) == len(wanted):
             which = "the hole" if len(wanted) == 1 else f"each of the {len(wanted)} holes"
             raise InputError(
                 f"{which} stays open: filled ({edit.how}), the surface would intersect itself",
                 hint=hint,
             )
-        findings.append(unfilled(filled.left, hint))
-    return difference(body, whole, filled.mesh)
+        findings.append(unfilled(left, hint))
+    for way, many in ways.items():
+        which = "a hole was" if many == 1 else f"{many} holes were"
+        said = f"{which} filled by {way}: any other surface would intersect the part"
+        findings.append(Finding("edit.other-fill", "note", said))
+    return difference(body, whole, mesh)
+
+
+def _filled_somehow(
+    mesh: Mesh, wanted: list[Hole], how: FillHow, progress: Progress
+) -> tuple[Mesh, list[Hole], dict[FillHow, int]]:
+    """Holes filled, those that stay open, and how many another way than ``auto`` has filled.
+
+    ``auto`` tries every way; any other way is tried alone.
+    """
+    others: tuple[FillHow, ...] = _WAYS if how == "auto" else ()
+    part = 1.0 / (1 + len(others))
+    filled = fill_soundly(mesh, wanted, how, progress.subrange(0, part))
+    ways = dict[FillHow, int]()
+    for k, way in enumerate(others, start=1):
+        if not filled.left:
+            break
+        before = len(filled.left)
+        rest = progress.subrange(k * part, (k + 1) * part)
+        filled = fill_soundly(filled.mesh, filled.left, way, rest)
+        if len(filled.left) < before:
+            ways[way] = before - len(filled.left)
+    return filled.mesh, filled.left, ways
 
 
 def _way_out(mesh: Mesh, left: list[Hole], how: FillHow) -> str:
     """What else to do about holes whose filling would cut through the surface."""
-    others = [way for way in _WAYS if way != how]
+    others = [] if how == "auto" else [way for way in _WAYS if way != how]
     open_still = {way: len(fill_soundly(mesh, left, way).left) for way in others}
-    best = min(others, key=lambda way: open_still[way])
-    if open_still[best] == len(left):
+    best = min(others, key=lambda way: open_still[way], default=how)
+    if not others or open_still[best] == len(left):
         return "bridge it by hand, or delete the faces in it; no other fill method does better"
     which = "it" if len(left) == 1 else f"{len(left) - open_still[best]} of them"
     return f"choose {best}, which fills {which}"

@@ -20,6 +20,7 @@ from turnscan.edit._edits import (
     PickCandidate,
     ProfileOff,
     Redetect,
+    RemovePieces,
     SetPoint,
     Smooth,
     Span,
@@ -97,9 +98,7 @@ def _of_mesh(edit: MeshEdit) -> str:
         case Close():
             return "close all gaps"
         case Cut():
-            x, y, z = edit.normal
-            where = f"({x:g}, {y:g}, {z:g}) · x = {edit.distance:g} mm"
-            return f"cut at {where}" + (", capped" if edit.cap else "")
+            return _of_cut(edit)
         case Decimate():
             many = "" if edit.faces is None else f"{edit.faces} faces"
             near = "" if edit.tolerance is None else f"{edit.tolerance:g} mm"
@@ -108,6 +107,20 @@ def _of_mesh(edit: MeshEdit) -> str:
             return f"smooth {edit.where.count} faces"
         case Despike():
             return "remove spikes"
+        case RemovePieces():
+            return f"remove pieces of fewer than {edit.fewer} faces"
+
+
+def _of_cut(edit: Cut) -> str:
+    along = [k for k in (0, 1, 2) if edit.normal[k]]
+    if len(along) == 1:
+        up = edit.normal[along[0]] > 0
+        where = f"{'xyz'[along[0]]} = {edit.distance if up else -edit.distance:g} mm"
+        where += ", what is above stays" if up else ", what is below stays"
+    else:
+        x, y, z = edit.normal
+        where = f"({x:g}, {y:g}, {z:g}) · x = {edit.distance:g} mm"
+    return f"cut at {where}" + (", capped" if edit.cap else "")
 
 
 def _of_measure(measure: Measure) -> str:

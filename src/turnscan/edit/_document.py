@@ -6,9 +6,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
+import numpy as np
+
+from turnscan.arrays import Bools
 from turnscan.edit._apply import Done, apply
-from turnscan.edit._body import Body, Patch, Replace
-from turnscan.edit._edits import Edit, is_measure, needs_rebuild
+from turnscan.edit._body import Alive, Body, Patch, Replace
+from turnscan.edit._edits import (
+    Cut,
+    Delete,
+    Despike,
+    Edit,
+    RemovePieces,
+    is_measure,
+    needs_rebuild,
+)
 from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.edit._measures import Measure, Sources, shared_sigma, taken
 from turnscan.errors import CalibrationError, InputError
@@ -77,6 +88,18 @@ class Document:
     def done(self) -> tuple[Done, ...]:
         """The mesh edits that count, in their order."""
         return self.chain[: self.count]
+
+    def taken_away(self) -> Bools:
+        """(v,) vertices whose faces were all deleted, cut off or removed as spikes or pieces."""
+        out = np.zeros(len(self.body.mesh.vertices), dtype=np.bool_)
+        for done in self.done:
+            if isinstance(done.entry.edit, Delete | Despike | Cut | RemovePieces):
+                for patch in done.forward:
+                    if isinstance(patch, Alive) and not patch.value:
+                        out[self.body.mesh.faces[patch.faces]] = True
+        if out.any():
+            out[self.body.mesh.faces[self.body.alive]] = False
+        return out
 
     @property
     def findings(self) -> tuple[Finding, ...]:

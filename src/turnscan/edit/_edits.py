@@ -257,8 +257,28 @@ class Despike:
     kind: Literal["despike"] = "despike"
 
 
+@dataclass(frozen=True)
+class RemovePieces:
+    """Remove loose pieces of the surface that have fewer faces than a number."""
+
+    __pydantic_config__ = STRICT
+    fewer: Annotated[int, Field(ge=2, le=100_000_000)]
+    kind: Literal["remove_pieces"] = "remove_pieces"
+
+
 GridEdit = DeletePoints | SetPoint | PickCandidate | ProfileOff | Redetect | CloseSeam
-MeshEdit = Delete | Fill | BridgeSides | BridgeHoles | Close | Cut | Decimate | Smooth | Despike
+MeshEdit = (
+    Delete
+    | Fill
+    | BridgeSides
+    | BridgeHoles
+    | Close
+    | Cut
+    | Decimate
+    | Smooth
+    | Despike
+    | RemovePieces
+)
 Edit = ChangeSettings | GridEdit | MeshEdit | Measure | Specify
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
@@ -24,14 +22,14 @@ def _mixed(a: int, b: int) -> np.uint64:
 @njit(cache=True, nogil=True, error_model="numpy")
 def figures(
     vertices: Floats, faces: Ints, alive: Bools
-) -> tuple[int, int, float, float, Floats, Floats, bool]:
-    """Faces, vertices used, area, volume, lowest and highest corner, and whether it is closed.
+) -> tuple[int, int, float, Floats, Floats, bool]:
+    """Faces, vertices used, volume, lowest and highest corner, and whether it is closed.
 
     Closed: every side is met as often in one direction as in the other. Their numbers without
     pattern are summed, with opposite signs; a surface that is open comes out closed once in 2⁶⁴.
     """
     used = np.zeros(len(vertices), np.bool_)
-    count, area, volume = 0, 0.0, 0.0
+    count, volume = 0, 0.0
     balance = np.uint64(0)
     low = np.full(3, np.inf)
     high = np.full(3, -np.inf)
@@ -44,7 +42,6 @@ def figures(
         x = (q[1] - p[1]) * (r[2] - p[2]) - (q[2] - p[2]) * (r[1] - p[1])
         y = (q[2] - p[2]) * (r[0] - p[0]) - (q[0] - p[0]) * (r[2] - p[2])
         z = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-        area += 0.5 * math.sqrt(x * x + y * y + z * z)
         volume += (p[0] * x + p[1] * y + p[2] * z) / 6.0
         balance += _mixed(i, j) + _mixed(j, k) + _mixed(k, i)
         balance -= _mixed(j, i) + _mixed(k, j) + _mixed(i, k)
@@ -56,4 +53,4 @@ def figures(
             for d in range(3):
                 low[d] = min(low[d], vertices[v, d])
                 high[d] = max(high[d], vertices[v, d])
-    return count, corners, area, volume, low, high, count > 0 and balance == np.uint64(0)
+    return count, corners, volume, low, high, count > 0 and balance == np.uint64(0)

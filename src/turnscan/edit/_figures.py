@@ -20,8 +20,6 @@ class Figures:
     bounds: tuple[Corner, Corner] | None
     """Lowest and highest corner, mm; None where there is no face."""
     closed: bool
-    area: float
-    """mm²."""
     volume: float | None
     """mm³; None where the surface is open."""
 
@@ -29,7 +27,7 @@ class Figures:
 def figures(body: Body) -> Figures:
     """What the living surface is like, in one pass over its faces."""
     mesh = body.mesh
-    faces, corners, area, volume, low, high, closed = kernels.figures(
+    faces, corners, volume, low, high, closed = kernels.figures(
         mesh.vertices, mesh.faces, body.alive
     )
     (a, b, c), (d, e, f) = low.tolist(), high.tolist()
@@ -38,6 +36,5 @@ def figures(body: Body) -> Figures:
         faces=faces,
         bounds=((a, b, c), (d, e, f)) if faces else None,
         closed=closed,
-        area=area,
         volume=volume if closed else None,
     )

@@ -286,7 +286,8 @@ def _taker(mesh: Mesh, measure: Measure, faces: _Faces) -> _Taker:
             return lambda move: shapes.corner_angle(a(move), corner(move), b(move))
         case MeasureArea():
             part = None if measure.where is None else faces(measure.where)
-            return lambda move: shapes.area(moved(move), part)
+            normals = shapes.smooth_normals(mesh)  # a calibration's move turns no face by much
+            return lambda move: shapes.area(moved(move), part, normals)
         case MeasureVolume():
             return lambda move: shapes.volume(moved(move))
 

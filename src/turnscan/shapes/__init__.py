@@ -1,5 +1,6 @@
 """Mesh and points → planes and other primitives, with residuals and uncertainty; deviations."""
 
+from turnscan.shapes._area import smooth_normals
 from turnscan.shapes._deviation import Deviation, deviation
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Sphere
@@ -71,6 +72,7 @@ __all__ = [
     "planes_angle",
     "region_diameter",
     "section_diameter",
+    "smooth_normals",
     "to_plane",
     "volume",
     "volume_figures",

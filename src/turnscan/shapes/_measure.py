@@ -16,6 +16,7 @@ import numpy.typing as npt
 from turnscan.arrays import Bools, Floats, frozen
 from turnscan.errors import DidNotConverge, InputError
 from turnscan.mesh import Mesh, is_closed, measured_vertices, sections
+from turnscan.shapes._area import smooth_area, smooth_normals
 from turnscan.shapes._fit import fit_circle, fit_cylinder, fit_plane, fit_sphere
 from turnscan.shapes._forms import Plane
 from turnscan.shapes._shared import Source
@@ -175,28 +176,20 @@ def section_diameter(
     )
 
 
-def area(mesh: Mesh, faces: Bools | None = None) -> Measured:
-    """The area of a mesh, or of the faces (f,) chosen.
+def area(mesh: Mesh, faces: Bools | None = None, normals: Floats | None = None) -> Measured:
+    """The area of the smooth surface of a mesh, or of the faces (f,) chosen: noise adds nothing.
 
-    Noise makes a surface rough and so its area larger, by about Σ σᵢ² eᵢ²/8A over the corners i
-    of each face of area A, eᵢ the side opposite: that much is part of the uncertainty.
+    ``normals`` (f, 3) are those of the smooth surface where they are known (`smooth_normals`). A
+    mesh whose points have no sigma is taken as it is.
     """
     chosen = np.ones(len(mesh.faces), dtype=np.bool_) if faces is None else faces
+    found, sigma = smooth_area(mesh, chosen, smooth_normals(mesh) if normals is None else normals)
     t = mesh.triangles[chosen]
-    twice = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    each = np.linalg.norm(twice, axis=1) / 2
-    sigma = np.nan
-    if mesh.provenance is not None:
-        s = np.nan_to_num(mesh.provenance.sigma)
-        corners = mesh.faces[chosen]
-        opposite = np.roll(t, -2, axis=1) - np.roll(t, -1, axis=1)
-        fair = np.maximum(each, 1e-12)
-        rough = (s[corners] ** 2 * (opposite**2).sum(axis=2)).sum(axis=1) / (8 * fair)
-        slope = np.cross(twice[:, None] / (2 * fair[:, None, None]), opposite) / 2
-        noise = _gathered(slope, corners, len(mesh.vertices))
-        sigma = float(np.hypot(np.sqrt((noise**2).sum(axis=1) @ s**2), rough.sum()))
+    each = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
     text = f"of {int(chosen.sum())} faces" + _unmeasured(mesh, chosen, each)
-    return Measured(float(each.sum()), "mm²", sigma, _middle(t), text)
+    if not np.isnan(sigma):
+        text += f"; {max(float(each.sum()) - found, 0.0):.1f} mm² of roughness by noise taken off"
+    return Measured(found, "mm²", sigma, _middle(t), text)
 
 
 def volume(mesh: Mesh, source: Source | None = None) -> Measured:
@@ -216,13 +209,6 @@ def volume(mesh: Mesh, source: Source | None = None) -> Measured:
     if not np.isnan(known.total):
         text += f"; the uncertainty is mostly {known.mostly}"
     return Measured(mesh.volume, "mm³", known.total, _middle(t), text)
-
-
-def _gathered(slope: Floats, corners: npt.NDArray[np.int32], count: int) -> Floats:
-    """(v, 3) the sum over the faces of what (f, 3, 3) each of their corners adds."""
-    flat = slope.reshape(-1, 3)
-    parts = [np.bincount(corners.ravel(), flat[:, axis], minlength=count) for axis in range(3)]
-    return np.stack(parts, axis=-1)
 
 
 def _corners(mesh: Mesh, faces: Bools) -> tuple[Floats, Floats | None]:

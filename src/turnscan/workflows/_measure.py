@@ -17,6 +17,7 @@ from turnscan.progress import Progress, no_progress
 from turnscan.shapes import (
     PlaneAngle,
     PlaneRegion,
+    area,
     find_planes,
     fit_cylinder,
     fit_sphere,
@@ -154,12 +155,15 @@ def measure(
 
 
 def _whole_part(figures: Mapping[str, Any]) -> list[Dimension]:
-    value, sigma = figures.get("volume_mm3"), figures.get("volume_sigma_mm3")
-    if value is None:
-        return []
-    known = float("nan") if sigma is None else float(sigma)
     rests = f"{figures['faces']} faces"
-    return [Dimension("the whole part", "volume", float(value), known, "mm³", rests)]
+    out = []
+    for kind, unit in (("area", "mm²"), ("volume", "mm³")):
+        key = unit.replace("²", "2").replace("³", "3")
+        value, sigma = figures.get(f"{kind}_{key}"), figures.get(f"{kind}_sigma_{key}")
+        if value is not None:
+            known = float("nan") if sigma is None else float(sigma)
+            out.append(Dimension("the whole part", kind, float(value), known, unit, rests))
+    return out
 
 
 def _whole(mesh: Mesh, about: Mapping[str, object]) -> dict[str, Any]:
@@ -169,7 +173,18 @@ def _whole(mesh: Mesh, about: Mapping[str, object]) -> dict[str, Any]:
         "faces": len(mesh.faces),
         "bounds_mm": mesh.bounds.tolist(),
         "closed": closed,
+        **_area(mesh),
         **(_volume(mesh, about) if closed else {"volume_mm3": None, "volume_sigma_mm3": None}),
+    }
+
+
+def _area(mesh: Mesh) -> dict[str, float | None]:
+    if not len(mesh.faces):
+        return {"area_mm2": None, "area_sigma_mm2": None}
+    found = area(mesh)
+    return {
+        "area_mm2": found.value,
+        "area_sigma_mm2": None if np.isnan(found.sigma) else found.sigma,
     }
 
 
@@ -243,6 +258,9 @@ def _lines(r: Mapping[str, Any]) -> list[str]:
     size = " × ".join(f"{b - a:.3f}" for a, b in zip(low, high, strict=True))
     volume = f"volume {volume_in_words(r)}" if r["closed"] else "not closed, so no volume"
     lines = [f"{r['vertices']} vertices, {r['faces']} faces, {size} mm, {volume}"]
+    if r["area_mm2"] is not None:
+        known = "" if r["area_sigma_mm2"] is None else f" ± {r['area_sigma_mm2']:.3g}"
+        lines.append(f"area {r['area_mm2']:.1f}{known} mm²")
     for number, p in enumerate(r.get("planes", ()), start=1):
         normal = ", ".join(f"{x:+.4f}" for x in p["normal"])
         lines.append(

@@ -58,6 +58,7 @@ from turnscan.workflows._session_grid import (
     changed_steps,
     grid_arrays,
     shown_profile,
+    steps_taken_away,
 )
 from turnscan.workflows._session_measures import (
     KeptMeasure,
@@ -79,7 +80,7 @@ from turnscan.workflows._session_mesh import (
 )
 
 MOST_HOLES = 1000
-"""The largest ones are shown."""
+"""So many are reported at once."""
 _MOST_DETECTIONS = 3
 """Stripes found with other settings that are held, so that undo does not look for them again."""
 _DETECTION = 0.8
@@ -144,6 +145,9 @@ class SessionChange:
         """Which steps of which grids are others now."""
         for k, (a, b) in enumerate(zip_longest(self.before.grids, self.after.grids)):
             steps = changed_steps(a, b)
+            if b is not None:
+                away = steps_taken_away(b, self.before.document, self.after.document)
+                steps = sorted({*steps, *map(int, away)})
             if steps:
                 yield k, steps
 
@@ -316,23 +320,29 @@ class ScanSession:
         mesh = edit.Compact.of(self.now.document.body).mesh
         return png(mesh.show(size=THUMBNAIL, transparent=True).pixels)
 
-    def holes(self) -> tuple[SessionState, list[tuple[Hole, npt.NDArray[np.float64]]]]:
-        """Every hole with its border (m, 3) mm, the largest first, `MOST_HOLES` at most."""
+    def holes(
+        self, first: int = 0
+    ) -> tuple[SessionState, int, list[tuple[Hole, npt.NDArray[np.float64]]]]:
+        """How many holes there are, and `MOST_HOLES` at most from the ``first`` on, the largest
+        first, each with its border (m, 3) mm.
+        """
         state = self.now
         mesh, found = self._holes(state)
-        return state, [(h, mesh.vertices[h.loop]) for h in found]
+        some = found[first : first + MOST_HOLES]
+        return state, len(found), [(h, mesh.vertices[h.loop]) for h in some]
 
     def defects(self) -> tuple[SessionState, list[PlacedFinding | Hole]]:
-        """What was found wrong, and then the holes."""
+        """What was found wrong, and then the largest holes, `MOST_HOLES` at most."""
         state = self.now
         _, found = self._holes(state)
-        return state, [*(_placed(f, state.grids) for f in self._findings(state)), *found]
+        said = [_placed(f, state.grids) for f in self._findings(state)]
+        return state, [*said, *found[:MOST_HOLES]]
 
     def grid(self, number: int, step: int | None) -> tuple[SessionState, RangeGrid, Arrays]:
         """A grid, or one step of it (`grid_arrays`). Raises InputError for one there is not."""
         state = self.now
         grid = _numbered(state, number)
-        return state, grid, grid_arrays(grid, state.document.history.enabled, step)
+        return state, grid, grid_arrays(grid, state.document, step)
 
     def profile(self, number: int, step: int) -> tuple[SessionState, ShownProfile]:
         """The stripe of one step, and its candidates. Raises InputError, ScanCorrupt."""
@@ -634,7 +644,7 @@ class ScanSession:
             if self._found is None or self._found[0] != state.revision:
                 mesh = edit.Compact.of(state.document.body).mesh
                 found = explain(mesh, holes(mesh), state.sought)
-                found = sorted(found, key=lambda h: -h.size)[:MOST_HOLES]
+                found = sorted(found, key=lambda h: -h.size)
                 self._found = state.revision, mesh, found
             return self._found[1:]
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan import edit, points
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, Longs
 from turnscan.detection import View
 from turnscan.errors import InputError
 from turnscan.points import RangeGrid
@@ -51,17 +51,20 @@ class ShownProfile:
         return bool((self.arrays["chosen"] == -2).any())
 
 
-def grid_arrays(grid: RangeGrid, entries: Sequence[edit.Entry], step: int | None) -> Arrays:
+def grid_arrays(grid: RangeGrid, document: edit.Document, step: int | None) -> Arrays:
     """A whole grid, or one step of it, with the causes of its gaps and what was edited.
 
-    Raises InputError for a step there is not.
+    Places whose point was removed from the surface count as deleted. Raises InputError for a
+    step there is not.
     """
     rows: npt.NDArray[np.intp] = np.arange(len(grid.steps))
     if step is not None:
         rows = np.flatnonzero(grid.steps == step)
         if not len(rows):
             raise InputError(f"there is no step {step} in this grid")
-    edited, off = _edited(grid, entries)
+    edited, off = _edited(grid, document.history.enabled)
+    at, line = _taken_away(grid, document)
+    edited[at, line] = 2
     return {
         "steps": grid.steps[rows],
         "angles": grid.angles[rows],
@@ -99,6 +102,28 @@ def shown_profile(view: View, grid: RangeGrid, step: int) -> ShownProfile:
         "chosen": _chosen(position, found.position),
     }
     return ShownProfile(grid.laser, math.degrees(angle), arrays)
+
+
+def _taken_away(grid: RangeGrid, document: edit.Document) -> tuple[Longs, Longs]:
+    """Rows and lines of a grid whose points were removed from the surface."""
+    known, gone = document.body.mesh.provenance, document.taken_away()
+    none: Longs = np.zeros(0, dtype=np.int64)
+    if known is None or grid.laser not in known.lasers or not gone.any():
+        return none, none
+    gone &= (known.laser == known.lasers.index(grid.laser)) & (known.line >= 0)
+    gone &= (known.line < grid.flags.shape[1]) & np.isin(known.step, grid.steps)
+    order = np.argsort(grid.steps)
+    at = order[np.searchsorted(grid.steps, known.step[gone], sorter=order)]
+    return at.astype(np.int64), known.line[gone].astype(np.int64)
+
+
+def steps_taken_away(
+    grid: RangeGrid, before: edit.Document, after: edit.Document
+) -> npt.NDArray[np.integer]:
+    """The steps of a grid of whose points others are away from the surface now."""
+    a, b = (np.stack(_taken_away(grid, document), axis=-1) for document in (before, after))
+    both, many = np.unique(np.concatenate([a, b]), axis=0, return_counts=True)
+    return np.unique(grid.steps[both[many == 1, 0]])
 
 
 def changed_steps(before: RangeGrid | None, after: RangeGrid | None) -> list[int]:

@@ -16,6 +16,7 @@ from turnscan.arrays import Floats, Image, Ints
 from turnscan.mesh import Mesh
 from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid
+from turnscan.shapes import area
 from turnscan.surface.holes import CAUSE_WORDS, Hole, closings
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def surface_figures(done: Reconstruction) -> dict[str, Any]:
     """The numbers of the surface report, for the JSON file."""
     before = _before(done)
     m = maps(done.grids)
-    measured, missing = before.area_of(), sum(h.area for h in done.holes)
+    measured, missing = area(before).value, sum(h.area for h in done.holes)
     return {
         "surface": {
             "measured_mm2": measured,

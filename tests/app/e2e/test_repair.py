@@ -236,7 +236,7 @@ def test_every_repair_is_an_edit_that_can_be_stepped_over(open_cup):
     fewer.get_by_role("button", name="Decimate").click()
     edited(2)
     until(page, "turnscan.faces <= 6000")
-    panel("Close everything").get_by_role("button", name="Close", exact=True).click()
+    panel("Make watertight").get_by_role("button", name="Close", exact=True).click()
     edited(3)
     page.locator(".pane.surface").get_by_text("closed").wait_for()
     page.keyboard.press("y")

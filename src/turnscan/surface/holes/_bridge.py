@@ -8,6 +8,7 @@ import numpy.typing as npt
 from turnscan.arrays import Floats, Ints
 from turnscan.errors import InputError
 from turnscan.mesh._mesh import Mesh
+from turnscan.mesh._soundness import crossings
 from turnscan.mesh._topology import half_edges, hanging_together
 from turnscan.surface.holes._fill import FillHow, Patch, refined, side_lengths, with_patches
 from turnscan.surface.holes._holes import Hole
@@ -28,7 +29,7 @@ def bridge(mesh: Mesh, a: Side | Hole, b: Side | Hole, how: FillHow = "tangent")
     No vertex that is there moves.
 
     Raises InputError for a side or a hole that is not on a border, or where the faces would have
-    sides in common with others.
+    sides in common with others, or would cut through them or lie on them.
     """
     if isinstance(a, Hole) and isinstance(b, Hole):
         return _checked(mesh, with_patches(mesh, [_band(mesh, a.loop, b.loop, how)]))
@@ -38,7 +39,9 @@ def bridge(mesh: Mesh, a: Side | Hole, b: Side | Hole, how: FillHow = "tangent")
 
 
 def _checked(mesh: Mesh, done: Mesh) -> Mesh:
-    """The mesh with its bridge, if that makes no side of three faces and no pinched vertex."""
+    """The mesh with its bridge, if that makes no side of three faces and no pinched vertex, and
+    cuts through nothing.
+    """
     before = {tuple(s) for s in np.stack(half_edges(mesh.faces), axis=1).tolist()}
     new = done.faces[len(mesh.faces) :]
     sides = np.sort(np.concatenate([new[:, [0, 1]], new[:, [1, 2]], new[:, [2, 0]]]), axis=1)
@@ -49,6 +52,12 @@ def _checked(mesh: Mesh, done: Mesh) -> Mesh:
     if twice or not hanging_together(done.faces)[len(mesh.faces) :].all():
         raise InputError(
             "a bridge there would touch the existing surface", hint="choose edges further apart"
+        )
+    added = np.arange(len(done.faces)) >= len(mesh.faces)
+    if len(crossings(done, added)):
+        raise InputError(
+            "a bridge there would cut through the existing surface, or lie on it",
+            hint="choose edges that face each other across a gap",
         )
     return done
 
