@@ -17,7 +17,7 @@ from turnscan.formats._options import DEFAULTS, DxfForm, ExportOptions, Profiles
 from turnscan.formats._plain import SIGMA_DECIMALS, points_to_write
 from turnscan.formats._read import soup
 from turnscan.formats._text import decimals_for
-from turnscan.mesh import Mesh, PointCloud, is_closed, soundness
+from turnscan.mesh import Mesh, PointCloud, is_closed, measured, soundness
 
 EZDXF_BYTES = 2_000_000
 """ezdxf reads about half a megabyte of faces a second; larger files only our own reader reads."""
@@ -264,10 +264,8 @@ def _values(
         and not _same_marks(read, what, suffix)
     ):
         found.append(_error("values", "the measured-face marks differ from those written"))
-    if suffix.lower() in (".ply", ".glb") and isinstance(what, Mesh) and what.colour is not None:
-        same_colour = read.colour is not None and np.array_equal(read.colour, what.colour)
-        if not same_colour:
-            found.append(_error("values", "colour differs from what was written"))
+    if isinstance(what, Mesh) and not _same_colour(read, what, suffix):
+        found.append(_error("values", "colour differs from what was written"))
     if suffix.lower() not in (".ply", ".xyz"):
         return found
     origin = what.provenance if isinstance(what, Mesh) else what
@@ -296,6 +294,18 @@ def _values(
                 if not np.array_equal(getattr(read.provenance, name), getattr(origin, name)):
                     found.append(_error("values", f"{name} differs from what was written"))
     return found
+
+
+def _same_colour(read: Mesh, what: Mesh, suffix: str) -> bool:
+    """Whether the vertices have their colours, in formats that hold them; 3MF those of faces that
+    were measured."""
+    if what.colour is None or suffix.lower() not in (".ply", ".obj", ".3mf", ".glb"):
+        return True
+    some = measured(what) if suffix.lower() == ".3mf" else np.ones(len(what.faces), np.bool_)
+    used = np.unique(what.faces[some])
+    if not len(used):
+        return True
+    return read.colour is not None and np.array_equal(read.colour[used], what.colour[used])
 
 
 def _same_marks(read: Mesh, what: Mesh, suffix: str) -> bool:

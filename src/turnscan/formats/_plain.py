@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.errors import InputError
@@ -24,12 +25,14 @@ from turnscan.formats._text import about_lines, decimals_for, rows_text, scaled
 from turnscan.mesh import Mesh, PointCloud, Provenance
 
 SIGMA_DECIMALS = 9
+_COLOUR_DECIMALS = 4
 
 
 def write_obj(mesh: Mesh, options: ExportOptions = DEFAULTS) -> bytes:
     """Return the mesh as Wavefront OBJ in mm, faces counted from 1; origin as comments.
 
-    Where faces were not measured, the groups ``measured`` and ``filled`` say which.
+    Where faces were not measured, the groups ``measured`` and ``filled`` say which. Colours stand
+    behind the coordinates of each vertex, 0 to 1.
 
     Raises InputError where the mesh has no faces; ExportError where a coordinate is beyond
     what can be written.
@@ -37,8 +40,12 @@ def write_obj(mesh: Mesh, options: ExportOptions = DEFAULTS) -> bytes:
     if not len(mesh.faces):
         raise InputError("OBJ: the mesh has no faces", hint="check the region of interest")
     d = decimals_for(mesh.vertices)
-    words = ["v ", " ", " ", "\n"]
-    parts = [_comments(options), *rows_text(scaled(mesh.vertices, d), [d, d, d], words)]
+    rows, places = scaled(mesh.vertices, d), [d, d, d]
+    if mesh.colour is not None:
+        rows = np.concatenate([rows, scaled(mesh.colour / 255.0, _COLOUR_DECIMALS)], axis=1)
+        places += [_COLOUR_DECIMALS] * 3
+    words = ["v ", *[" "] * (len(places) - 1), "\n"]
+    parts = [_comments(options), *rows_text(rows, places, words)]
     words = ["f ", " ", " ", "\n"]
     for group, part in _groups(mesh):
         parts.append(group)
@@ -98,20 +105,28 @@ def _comments(options: ExportOptions) -> bytes:
 def read_obj(data: bytes) -> Mesh:
     """Return the vertices and faces of a Wavefront OBJ; polygons are cut into fans.
 
-    Triangles in the group ``filled`` count as not measured.
+    Triangles in the group ``filled`` count as not measured. Colours of vertices (``v x y z r g b``)
+    are read where every vertex has one.
 
     Raises FormatError with the line, where it is not in form; LimitExceeded; InputError where
     it has no face.
     """
     from turnscan.formats import _read_kernels
 
-    code, at, points, v, lists, n = _read_kernels.read_obj(text_of(data), MAX_FACES)
+    code, at, points, v, lists, n, colours = _read_kernels.read_obj(text_of(data), MAX_FACES)
     complain("OBJ", data, code, at)
     faces = triangles("OBJ", lists[:n])
     if not len(faces):
         raise InputError("OBJ: there are no faces", hint="export the surface as polygons")
     mesh = indexed("OBJ", points[:v], faces)
-    return replace(mesh, measured=_measured(data, len(faces)))
+    return replace(mesh, measured=_measured(data, len(faces)), colour=_levels(colours[:v]))
+
+
+def _levels(shares: Floats) -> npt.NDArray[np.uint8] | None:
+    """(v, 3) of 0 to 255; None where a vertex has no colour, or they are not 0 to 1."""
+    if not ((shares >= 0) & (shares <= 1)).all():
+        return None
+    return np.rint(255.0 * shares).astype(np.uint8)
 
 
 def _measured(data: bytes, faces: int) -> Bools | None:

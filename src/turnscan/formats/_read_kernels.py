@@ -205,12 +205,13 @@ def _obj_face(
 
 
 @njit(cache=True, nogil=True)
-def read_obj(text: Bytes, limit: int) -> tuple[int, int, Floats, int, Longs, int]:
-    """Read "v" and "f" lines; returns a code, the byte, vertices, how many, polygons, how many.
+def read_obj(text: Bytes, limit: int) -> tuple[int, int, Floats, int, Longs, int, Floats]:
+    """Read "v" and "f" lines; returns a code, the byte, vertices, how many, polygons, how many, and
+    the colours that stand behind the coordinates of vertices, NaN where none do.
 
     Polygons stand end to end as n i j k …, counted from 0.
     """
-    points = np.empty((1024, 3), np.float64)
+    points, colours = np.empty((1024, 3), np.float64), np.empty((1024, 3), np.float64)
     faces = np.empty(4096, np.int64)
     code, v, n, p, at = OK, 0, 0, 0, 0
     while p < len(text) and code == OK:
@@ -219,14 +220,16 @@ def read_obj(text: Bytes, limit: int) -> tuple[int, int, Floats, int, Longs, int
         if b - a < 2 or text[a + 1] > 32:
             continue
         if v > 3 * limit or n > 4 * limit:
-            return TOO_MANY, a, points, v, faces, n
+            return TOO_MANY, a, points, v, faces, n, colours
         if text[a] == 118:
-            points = room(points, v)
+            points, colours = room(points, v), room(colours, v)
             code, at = read_triple(text, a + 1, b, points[v])
+            if code == OK and read_triple(text, at, b, colours[v])[0] != OK:
+                colours[v] = np.nan
             v += 1
         elif text[a] == 102:
             code, at, faces, n = _obj_face(text, a + 1, b, v, faces, n)
-    return code, at, points, v, faces, n
+    return code, at, points, v, faces, n, colours
 
 
 @njit(cache=True, nogil=True)

@@ -342,6 +342,11 @@ class Scan:
         """Whether there is a picture without laser light of this step."""
         return step in self._index.textures
 
+    @property
+    def texture_steps(self) -> list[int]:
+        """Steps that have a picture without laser light, in order."""
+        return sorted(self._index.textures)
+
     def texture(self, step: int) -> Frame:
         """The picture without laser light of a step. Raises InputError where there is none."""
         row = self._index.textures.get(step)

@@ -40,11 +40,12 @@ from turnscan.workflows._range_scans import placed_scans, read_range_scan
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._texture import PosedFile, coloured_by_files
 
 _CUT = 1.1
 """Radii round a marker sphere's centre that are left out: its foot belongs to it."""
-_READ, _PLACED = 0.6, 0.8
-"""Of the work, until the poses are read, and until they are placed."""
+_READ, _PLACED, _JOINED = 0.6, 0.8, 0.95
+"""Of the work, until the poses are read, until they are placed, and until they are one surface."""
 Landmarks = Mapping[str, Mapping[str, Floats]]
 """Name of a point → name of a pose → (3,) mm in the frame of that pose."""
 
@@ -61,6 +62,8 @@ class _Source:
     """Where a .conf file puts it."""
     options: ReconstructOptions | None = None
     """What its points were made with."""
+    path: Path | None = None
+    """Of a scan file, which may hold texture pictures."""
 
 
 def join(
@@ -133,7 +136,10 @@ def join(
     read = _read_all(_paths(files, unit), rig, unit, own, progress.subrange(0, _READ))
     placing = progress.subrange(_READ, _PLACED, "placing poses")
     found, read = _aligned(read, settings, points, markers, drawn, placing)
-    done = _merged(read, found, settings, progress.subrange(_PLACED, 1, "building the surface"))
+    joining = progress.subrange(_PLACED, _JOINED, "building the surface")
+    done = _merged(read, found, settings, joining)
+    if not wanted.no_colour:
+        done = _coloured(done, read, found, progress.subrange(_JOINED, 1, "colouring"))
     told = {**about(files[0], None, settings), "source": " + ".join(p.name for p in files)}
     if drawn is not None:
         told["reference"] = drawn.name
@@ -281,7 +287,7 @@ def _read(
         said = ", ".join(f"{k} {v}" for k, v in options.changed().items())
         text = f"its points are made with the settings of its scan: {said}"
         findings.append(Finding("poses.settings", "note", text))
-    return _Source(name, grids, findings, mine, options=options)
+    return _Source(name, grids, findings, mine, options=options, path=path)
 
 
 def _check_different(read: Sequence[_Source]) -> None:
@@ -330,6 +336,18 @@ def _merged(
     return Reconstruction(
         tuple(grids), mesh, tuple(findings), (), opened, source=source, along=settings.along
     )
+
+
+def _coloured(
+    done: Reconstruction, read: Sequence[_Source], found: Alignment, progress: Progress
+) -> Reconstruction:
+    """The surface in the colours that the texture pictures of all poses show."""
+    pairs = zip(read, found.poses, strict=True)
+    files = [
+        PosedFile(s.path, s.rig, p) for s, p in pairs if s.path is not None and s.rig is not None
+    ]
+    mesh, said = coloured_by_files(done.mesh, files, progress)
+    return replace(done, mesh=mesh, findings=(*done.findings, *said))
 
 
 def _views(pairs: Sequence[tuple[_Source, Pose]]) -> list[View]:

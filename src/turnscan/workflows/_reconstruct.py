@@ -24,9 +24,10 @@ from turnscan.workflows._range_scans import join_scans, placed_scans
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
+from turnscan.workflows._texture import TextureSource, coloured
 
-_DETECTION = 0.6
-"""Of the work, until all stripes are found."""
+_DETECTION, _SURFACE = 0.6, 0.9
+"""Of the work, until all stripes are found, and until there is a surface."""
 
 
 def reconstruct(
@@ -135,14 +136,19 @@ def _of_scan(
     looks = sum(len(lit_in(name, rig)) * len(scan.steps(name)) for name in scan.plan.lasers)
     tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
     seen = detect_scan(scan, rig, settings.stripes, settings.volume, tick)
-    surfacing = progress.subrange(_DETECTION, 1, "building the surface")
+    surfacing = progress.subrange(_DETECTION, _SURFACE, "building the surface")
     done = build(seen, settings, edits, surfacing)
     remarks = below_stored(scan, settings.stripes.threshold)
     if len(seen) > 1:  # one laser says nothing about the table
         from turnscan.workflows._refine import table_findings
 
         remarks += table_findings(seen, done.grids)
-    done = replace(done, findings=(*done.findings, *remarks))
+    mesh = done.mesh
+    if not options.no_colour:
+        sources = [TextureSource(scan, rig)]
+        mesh, said = coloured(mesh, sources, progress.subrange(_SURFACE, 1, "colouring"))
+        remarks += said
+    done = replace(done, mesh=mesh, findings=(*done.findings, *remarks))
     return ReconstructResult(
         done, about(scan.path, rig, settings, done.edits), rig, options=options
     )

@@ -196,6 +196,10 @@ class ReconstructOptions(Checked):
         "Decimate the mesh: within a tolerance (0.05mm), or to a number of faces.",
         parse=decimation, group="Surface",
     )  # fmt: skip
+    no_colour: bool = option(
+        False, "switch", "Leave the surface without the colours of the texture images.",
+        group="Surface",
+    )  # fmt: skip
     close: bool = option(
         False, "switch", "Close the surface; the faces added are marked.", group="Closing"
     )

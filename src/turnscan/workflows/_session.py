@@ -78,6 +78,7 @@ from turnscan.workflows._session_mesh import (
     surface_arrays,
     surface_patches,
 )
+from turnscan.workflows._texture import TextureSource, coloured, colours
 
 MOST_HOLES = 1000
 """So many are reported at once."""
@@ -274,9 +275,13 @@ class ScanSession:
         opened = edit.Compact.of(state.document.body).mesh
         mesh, found = finished(opened, s, progress)
         whole = settled(mesh)
+        shown = whole
+        if not state.options.no_colour:
+            shown, said = coloured(whole, [TextureSource(self.scan, self._rig)], progress)
+            found = [*found, *said]
         done = Reconstruction(
             state.grids,
-            whole,
+            shown,
             tuple(found),
             repairs(state.document.history.enabled),
             whole if mesh is opened else opened,
@@ -309,6 +314,28 @@ class ScanSession:
         """The whole surface (`surface_arrays`), and what it is of."""
         state = self.now
         return state, surface_arrays(state.document.body)
+
+    @property
+    def textured(self) -> bool:
+        """Whether there are texture pictures, which `colours` takes the colours from."""
+        return bool(self.scan.texture_steps)
+
+    def colours(self, progress: Progress) -> tuple[SessionState, Arrays]:
+        """``colour`` (v, 3) of each vertex there is a number for, from the texture pictures.
+
+        Raises InputError where there are none, ScanCorrupt, Cancelled.
+        """
+        state = self.now
+        body = state.document.body
+        mesh = replace(
+            body.mesh, faces=body.mesh.faces[body.alive], measured=body.measured[body.alive]
+        )
+        found, _ = colours(mesh, [TextureSource(self.scan, self._rig)], progress)
+        if found is None:
+            raise InputError(
+                f"{self.path.name}: no texture images", hint="scan with texture images"
+            )
+        return state, {"colour": found.colour}
 
     def coarse(self, faces: int) -> tuple[SessionState, Arrays]:
         """A surface of about so many faces: ``positions``, ``faces``."""

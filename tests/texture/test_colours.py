@@ -1,0 +1,204 @@
+"""Colours of vertices against the paint of a simulated part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from tests.simulate.benches import SECONDS, bench
+from turnscan.arrays import Floats, Image
+from turnscan.mesh import Mesh, Provenance, join, vertex_normals
+from turnscan.rig import Pose, rotation_z
+from turnscan.simulate import Bench, Body, Material, Part, Renderer, Scene, Sensor
+from turnscan.texture import NEUTRAL, Colours, TexturePicture, colours_of, texture_findings
+
+TURN = 14
+ANGLES = np.arange(TURN) * 2 * np.pi / TURN
+DRIFT = np.linspace(0.9, 1.1, TURN)
+LEVELS = 4095.0
+SKY = 0.85
+
+
+def lathe(radii: Floats, heights: Floats, around: int) -> Mesh:
+    """A surface of revolution about z, without lids."""
+    turn = np.arange(around) * 2 * np.pi / around
+    ring = np.column_stack([np.cos(turn), np.sin(turn)])
+    v = [
+        np.column_stack([r * ring, np.full(around, z)]) for r, z in zip(radii, heights, strict=True)
+    ]
+    a = np.arange(around)
+    p = (np.arange(len(radii) - 1)[:, None] * around + a).ravel()
+    q = (np.arange(len(radii) - 1)[:, None] * around + (a + 1) % around).ravel()
+    f = np.concatenate(
+        [np.stack([p, q, q + around], -1), np.stack([p, q + around, p + around], -1)]
+    )
+    return Mesh(np.concatenate(v), f)
+
+
+PILLAR = lathe(np.full(31, 25.0), np.linspace(0, 60, 31), 96)
+BALL = lathe(6 * np.cos(t := np.linspace(-1.5, 1.5, 21)), 6 * np.sin(t), 40)
+AT = np.array([36.0, 0.0, 30.0])
+PART = join([PILLAR, Mesh(BALL.vertices + AT, BALL.faces)])
+NOSE = np.arange(len(PART.vertices)) >= len(PILLAR.vertices)
+
+
+@cache
+def world(lamp: float = 0.0) -> tuple[Bench, Renderer]:
+    """A checked pillar with a red ball before it, seen by a noisy colour camera of 12 bits."""
+    paint = Material((0.7, 0.6, 0.4), pattern="checks", pitch=16.0, pattern_ratio=0.5)
+    red = Material((0.6, 0.1, 0.1))
+    bodies = (
+        Body(Part("pillar", PILLAR), paint),
+        Body(Part("ball", BALL), red, Pose(np.eye(3), AT)),
+    )
+    made = bench(bodies[0], height=30.0)
+    pitch = made.sensor.pitch_x, made.sensor.pitch_y
+    sensor = Sensor(*pitch, full_well=LEVELS * 3, gain=3.0, read_noise=5.0, bits=12, bayer="RGGB")
+    white = made.electrons_per_radiance(550e-6, SECONDS) * sensor.efficiency / math.pi
+    full = sensor.saturation / white
+    scene = Scene(bodies, sky=SKY * full, lamp=lamp * full)
+    made = replace(made, sensor=sensor, scene=scene)
+    return made, Renderer(made)
+
+
+@cache
+def taken(lamp: float = 0.0, drift: bool = False) -> tuple[Image, ...]:
+    _, renderer = world(lamp)
+    seconds = SECONDS * (DRIFT if drift else np.ones(TURN))
+    return tuple(renderer.picture(a, (), float(s)) for a, s in zip(ANGLES, seconds, strict=True))
+
+
+def shots(
+    pictures: Sequence[Image], which: Sequence[int] | range = range(TURN)
+) -> Iterator[TexturePicture]:
+    made, _ = world()
+    for k in which:
+        T = made.rig.T_camera_table @ Pose(rotation_z(ANGLES[k]), np.zeros(3))
+        yield TexturePicture(pictures[k], made.rig.camera, T, LEVELS)
+
+
+def truth() -> Floats:
+    """(v, 3) shares of the grey scale: paint under the sky alone."""
+    _, renderer = world()
+    body = NOSE.astype(np.int32)
+    albedo = renderer.view._albedo(PART.vertices, body, 3)
+    up = vertex_normals(PART)[:, 2:]
+    return np.asarray(albedo * SKY * (0.6 + 0.4 * up))
+
+
+def plain(least: float = 2.0) -> npt.NDArray[np.bool_]:
+    """(v,) True on the pillar's wall where the paint is one all round, ``least`` mm away."""
+    _, renderer = world()
+    body = np.zeros(len(PART.vertices), np.int32)
+    here = renderer.view._albedo(PART.vertices, body, 1)
+    same = ~NOSE & (np.abs(PART.vertices[:, 2] - 30) < 27)
+    for shift in (-least, least):
+        turned = PART.vertices @ rotation_z(shift / 25.0).T
+        lifted = PART.vertices + (0.0, 0.0, shift)
+        for near in (turned, lifted):
+            same &= np.isclose(renderer.view._albedo(near, body, 1), here)[:, 0]
+    return same
+
+
+def off(found: Colours) -> Floats:
+    return np.asarray(np.abs(found.colour / 255.0 - truth()).max(axis=1))
+
+
+def test_colours_are_those_of_the_paint_within_the_noise() -> None:
+    found = colours_of(PART, shots(taken()))
+    some = plain() & found.seen
+    assert some.sum() > 500
+    error = off(found)[some]
+    assert 0.0005 < np.median(error) < 0.006, "half a grey level of 255 is 0.002"
+    assert np.quantile(error, 0.99) < 0.03
+    assert found.gains == pytest.approx(1.0, abs=0.01)
+    assert np.median(off(found)[NOSE & found.seen]) < 0.01
+
+
+def test_what_stands_before_a_place_does_not_colour_it() -> None:
+    found = colours_of(PART, shots(taken()))
+    red = found.colour[:, 0] > 2.5 * found.colour[:, 1].astype(float)
+    assert not red[~NOSE].any(), "nothing of the ball on the pillar"
+    assert red[NOSE & found.seen].all()
+    seen_once = colours_of(PART, shots(taken(), [0]))
+    behind = ~NOSE & (np.hypot(*(PART.vertices[:, 1:] - AT[1:]).T) < 4.5)
+    behind &= PART.vertices[:, 0] > 0
+    assert behind.sum() > 10
+    assert not (seen_once.seen | seen_once.blended)[behind].any(), "the ball hides it from there"
+    assert (seen_once.colour[behind] == NEUTRAL).all()
+
+
+def test_exposures_that_drift_by_a_fifth_are_levelled() -> None:
+    pictures = taken(drift=True)
+    found, as_taken = (colours_of(PART, shots(pictures), level=x) for x in (True, False))
+    relative = found.gains / DRIFT[:, None]
+    assert relative / relative.mean() == pytest.approx(1.0, abs=0.012)
+    some = plain() & found.seen
+    assert np.median(off(found)[some]) < 0.006
+    assert np.median(off(found)[some]) < 0.5 * np.median(off(as_taken)[some]), "it was needed"
+
+
+def test_a_lamp_at_one_side_is_no_drift_of_the_exposure() -> None:
+    half = range(TURN // 2 + 1)
+    found = colours_of(PART, shots(taken(lamp=0.4), half))
+    trend = np.polyfit(half, np.log(found.gains[:, 1]), 1)[0] * len(half)
+    assert abs(trend) < 0.08, "over half a turn the pictures keep their brightness"
+
+
+def test_full_pixels_have_no_say_where_others_are_not() -> None:
+    pictures = [p.copy() for p in taken()]
+    for p in pictures[::2]:
+        p[:] = int(LEVELS)
+    found = colours_of(PART, shots(pictures), level=False)
+    some = plain() & found.seen
+    assert np.median(off(found)[some]) < 0.01
+
+
+def test_added_vertices_take_the_colour_around_them_and_stay_marked() -> None:
+    added = ~NOSE & (np.hypot(PART.vertices[:, 1], PART.vertices[:, 2] - 30) < 6)
+    added &= PART.vertices[:, 0] < 0
+    v = len(PART.vertices)
+    laser = np.where(added, -1, 0)
+    origin = Provenance(np.full(v, 0.02), laser, laser, laser, ("L0",))
+    known = ~added[PART.faces].any(axis=1)
+    part = replace(PART, provenance=origin, measured=known)
+    found = colours_of(part, shots(taken()))
+    assert found.blended[added].all()
+    assert not found.seen[added].any()
+    ring = np.unique(PART.faces[~known])
+    ring = ring[~added[ring]]
+    low, high = found.colour[ring].min(axis=0), found.colour[ring].max(axis=0)
+    assert ((found.colour[added] >= low) & (found.colour[added] <= high)).all()
+
+
+def test_what_no_picture_shows_is_said_and_grey() -> None:
+    found = colours_of(PART, shots(taken(), [0]))
+    hidden = PART.vertices[:, 0] < -10
+    assert (found.colour[hidden] == NEUTRAL).all()
+    said = {f.code: f for f in texture_findings(PART, found)}
+    assert said["texture.unseen"].severity == "warning"
+    share = 100 * (1 - (found.seen | found.blended).mean())
+    assert f"{share:.1f} %" in said["texture.unseen"].message
+    assert "texture.dark" not in said
+    dim = colours_of(PART, shots([p // 16 for p in taken()]))
+    assert "texture.dark" in {f.code for f in texture_findings(PART, dim)}
+
+
+def test_grey_pictures_and_none_at_all() -> None:
+    grey = [np.asarray(p.mean(axis=2), dtype=np.uint16) for p in taken()]
+    found = colours_of(PART, shots(grey), channels=1)
+    assert (found.colour[:, 0] == found.colour[:, 2]).all()
+    assert (
+        np.abs(found.colour[plain()] / 255.0 - truth()[plain()].mean(axis=1)[:, None]).mean() < 0.02
+    )
+    nothing = colours_of(PART, iter(()))
+    assert (nothing.colour == NEUTRAL).all()
+    assert not nothing.seen.any()
+    with pytest.raises(ValueError, match="pixels"):
+        TexturePicture(np.zeros((3, 3), np.uint8), world()[0].rig.camera, Pose(), 255.0)
