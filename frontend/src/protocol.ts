@@ -161,6 +161,17 @@ export interface Closed {
   scan: string;
 }
 
+/**
+ * Colours of the surface from its texture images. Array ``colour`` (v, 3): u8, of each vertex,
+ * grey where no image shows it.
+ */
+export interface ColoursShown {
+  kind: "colours";
+  id: number;
+  scan: string;
+  revision: number;
+}
+
 /** Open devices by address; a simulated rig is one address for all three. */
 export interface Connect {
   id: number;
@@ -708,6 +719,8 @@ export interface Opened {
   epoch: number;
   /** Of the plan. */
   steps: number;
+  /** There are texture images, which the surface has its colours from. */
+  textured: boolean;
   grids: GridEntry[];
   figures: Figures;
   history: HistoryEntry[];
@@ -1048,6 +1061,13 @@ export interface SettingsSet {
   options: Record<string, unknown>;
 }
 
+/** Colours of the surface from its texture images: answered by ``colours``. */
+export interface ShowColours {
+  id: number;
+  kind: "show_colours";
+  scan: string;
+}
+
 /** Compare with a mesh, a CAD part or a scan: answered by ``deviation``. */
 export interface ShowDeviation {
   id: number;
@@ -1291,6 +1311,7 @@ export type ServerMessage =
   | Defects
   | Measures
   | DeviationShown
+  | ColoursShown
   | Found
   | Devices
   | Calibration
@@ -1332,6 +1353,7 @@ export type ClientMessage =
   | SpecifyMeasure
   | MeasureAgain
   | ShowDeviation
+  | ShowColours
   | SaveReport
   | FindDevices
   | Connect

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tests.poses.scenes import STANDS, write_scan
+from tests.poses.scenes import STANDS, grid, write_scan
+from tests.texture.painted import paint
 from turnscan.cli import turnscan
 from turnscan.errors import InputError
 from turnscan.formats import read_mesh
+from turnscan.mesh import join as as_one
 from turnscan.scan import Scan
+from turnscan.surface.fusion import range_surfaces
+from turnscan.texture import NEUTRAL
 from turnscan.workflows import ReconstructOptions
 from turnscan.workflows._kept_options import keep_options
 
@@ -29,12 +34,19 @@ def folder(tmp_path_factory):
     rows = ["point,pose,x,y,z"]
     for seed, (file, name) in enumerate(NAMES.items()):
         write_scan(there / f"{file}.turnscan", name, seed)
+        surface = as_one([s.mesh for s in range_surfaces(grid(name, seed))])
+        paint(there / f"{file}.turnscan", surface, partial(shade, name), 10, 1.25**seed)
         for k, x in enumerate(STANDS[name].apply(PICKS) + rng.normal(0, 0.6, PICKS.shape)):
             rows.append(f"p{k},{file}," + ",".join(f"{v:.2f}" for v in x))
     with Scan.resume(there / "up.turnscan") as up:
         keep_options(up, ReconstructOptions(edge=2))
     (there / "picks.csv").write_text("\n".join(rows))
     return there
+
+
+def shade(name, points):
+    """Grey levels: the part darkens from its foot upwards, however it stands."""
+    return 190.0 - 2.5 * STANDS[name].inverse().apply(points)[:, 2]
 
 
 def join(folder, *words):
@@ -46,7 +58,7 @@ def join(folder, *words):
 def test_two_scan_files_become_one_surface_of_the_whole_part(folder):
     done = join(
         folder, "up.turnscan", "down.turnscan", "--points", "picks.csv", "-o", "part.stl",
-        "--report", "part.json",
+        "-o", "part.ply", "--report", "part.json",
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     told = json.loads((folder / "part.json").read_text())
@@ -69,6 +81,13 @@ def test_two_scan_files_become_one_surface_of_the_whole_part(folder):
     foot = mesh.vertices[np.abs(mesh.vertices[:, 2]) < 0.3]
     assert len(foot) > 50
     assert np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1]).max() < 35.0
+    # The pictures of the second pose are a quarter brighter: levelled, and blended without a seam.
+    part = read_mesh((folder / "part.ply").read_bytes(), ".ply")
+    seen = (part.colour != NEUTRAL).any(axis=1)
+    assert seen.mean() > 0.9
+    ratio = part.colour[seen, 0] / shade("knob", part.vertices[seen])
+    assert np.median(ratio) == pytest.approx(np.sqrt(1.25), abs=0.06), "between both exposures"
+    assert np.quantile(np.abs(ratio / np.median(ratio) - 1), 0.9) < 0.05
 
 
 BAD = {

@@ -160,11 +160,12 @@ def test_a_laser_that_never_hits_the_axis_is_named() -> None:
 def test_every_key_of_an_address_arrives() -> None:
     wish, faults = wish_of(
         "sim:head?rig=modern&theta_deg=25&lasers=1&seed=9&steps=12&speckle=0&room=0.1&x=2&y=-3"
-        "&lean_x_deg=5&tip_deg=90&galvo=105&lying=1&stale=0.25"
+        "&lean_x_deg=5&tip_deg=90&galvo=105&lying=1&stale=0.25&pattern=bars"
     )
     assert wish == SimulationSpec(
         "head", "modern", math.radians(25), 1, 9, 12, "diffraction", False, 0.1, (2.0, -3.0),
         (math.radians(5), 0.0), math.radians(90), galvo=105.0, lying=True,
+        pattern="bars",
     )  # fmt: skip
     assert faults.stale == 0.25
 

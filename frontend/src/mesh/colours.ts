@@ -99,7 +99,7 @@ export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
       const x = valueAt(mesh, by, v);
       const t = (255 * (x - range.low)) / (range.high - range.low || 1);
       colour = Number.isNaN(x) ? UNMEASURED : table[Math.max(0, Math.min(255, Math.round(t)))];
-    } else if (by === "own" && mesh.colour) {
+    } else if (by === "own" && mesh.colour && 3 * v < mesh.colour.length) {
       colour = [mesh.colour[3 * v], mesh.colour[3 * v + 1], mesh.colour[3 * v + 2]];
     } else if (by === "laser") {
       colour = mesh.laser[v] < 0 ? UNMEASURED : PALETTE[mesh.laser[v] % PALETTE.length];

@@ -42,7 +42,7 @@ export class MeshModel {
   laser: Int32Array;
   step: Int32Array;
   line: Int32Array;
-  /** (3v) the colours that the file of a mesh holds. */
+  /** (3v) the colours that the file of a mesh holds, or of the texture images of a scan. */
   colour: Uint8Array | null = null;
   /** (v) mm from a reference, NaN where unknown; null where none was compared with. */
   deviation: Float32Array | null = null;

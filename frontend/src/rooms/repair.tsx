@@ -2,7 +2,7 @@
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { COLOURINGS } from "../mesh/colours";
-import { cursor, figures, history, holes, mark, redo, undo } from "../part";
+import { cursor, figures, history, holes, mark, opened, redo, undo } from "../part";
 import { commands, TOOL_NAMES, take } from "../repair/commands";
 import { CutPanel } from "../repair/cutting";
 import { bridgeAt, smoothFaces } from "../repair/edits";
@@ -41,6 +41,7 @@ const COLOUR_WORDS = {
   deviation: "deviation from a reference",
 };
 const COLOUR_OPTIONS = COLOURINGS.map((name) => [name, COLOUR_WORDS[name]] as const);
+const IMAGE_COLOURS = ["own", "colours of the texture images"] as const;
 
 function Rail() {
   return (
@@ -90,7 +91,7 @@ function SurfacePane() {
           bare
           label="Colours of the surface"
           value={colouring.value}
-          options={COLOUR_OPTIONS}
+          options={opened.value?.textured ? [...COLOUR_OPTIONS, IMAGE_COLOURS] : COLOUR_OPTIONS}
           onChange={(value) => (colouring.value = value)}
         />
       }

@@ -83,6 +83,7 @@ class OpenScan:
             revision=state.revision,
             epoch=state.epoch,
             steps=self.session.scan.plan.steps,
+            textured=self.session.textured,
             grids=_grid_entries(state),
             figures=figures(state.figures),
             history=self._entries(state),
@@ -239,6 +240,12 @@ class OpenScan:
     def measures(self, id: int | None) -> p.Measures:
         """What the measurements that count came to."""
         return p.Measures(id=id, scan=self.name, measures=_measures(self.now))
+
+    def colours(self, id: int, job: Job) -> tuple[p.ColoursShown, dict[str, Array]]:
+        """Colours from the texture images. Raises InputError where there are none."""
+        state, arrays = self.session.colours(job.progress)
+        answer = p.ColoursShown(id=id, scan=self.name, revision=state.revision)
+        return answer, encoded(arrays)
 
     def deviation(
         self, wish: q.ShowDeviation, reference: Item, table: Path | None, job: Job

@@ -627,6 +627,8 @@ class Opened(Model):
     epoch: Count
     steps: Count
     """Of the plan."""
+    textured: bool
+    """There are texture images, which the surface has its colours from."""
     grids: list[GridEntry]
     figures: Figures
     history: list[HistoryEntry]
@@ -789,6 +791,16 @@ class DeviationShown(Model):
     """Whether all tolerances are kept; empty without any."""
 
 
+class ColoursShown(Model):
+    """Colours of the surface from its texture images. Array ``colour`` (v, 3): u8, of each vertex,
+    grey where no image shows it."""
+
+    kind: Literal["colours"] = "colours"
+    id: Count
+    scan: Opaque
+    revision: Count
+
+
 class Found(Model):
     """What is connected to the computer."""
 
@@ -925,6 +937,7 @@ ServerMessage = Annotated[
     | Defects
     | Measures
     | DeviationShown
+    | ColoursShown
     | Found
     | Devices
     | Calibration

@@ -300,6 +300,13 @@ class ShowDeviation(Request):
     """A file of the list."""
 
 
+class ShowColours(Request):
+    """Colours of the surface from its texture images: answered by ``colours``."""
+
+    kind: Literal["show_colours"] = "show_colours"
+    scan: Opaque
+
+
 class SaveReport(Request):
     """Write the report of all sizes and kept measurements into the folder: a job."""
 
@@ -515,6 +522,7 @@ ClientMessage = Annotated[
     | SpecifyMeasure
     | MeasureAgain
     | ShowDeviation
+    | ShowColours
     | SaveReport
     | FindDevices
     | Connect

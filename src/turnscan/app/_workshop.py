@@ -122,6 +122,7 @@ class Workshop:
             q.SpecifyMeasure: (self._specify, True),
             q.MeasureAgain: (self._measure_again, False),
             q.ShowDeviation: (self._show_deviation, False),
+            q.ShowColours: (self._show_colours, False),
             q.SaveReport: (self._save_report, True),
             q.FindDevices: (self._find_devices, True),
             q.Connect: (self._connect, True),
@@ -306,6 +307,10 @@ class Workshop:
         table = None if r.tolerance_table is None else self.files.find(r.tolerance_table).path
         with self._editing(call, f"Comparing with {reference.name}") as (scan, job):
             return scan.deviation(r, reference, table, job)
+
+    def _show_colours(self, call: Call) -> Answer:
+        with self._editing(call, "Colouring the surface") as (scan, job):
+            return scan.colours(call.id, job)
 
     def _save_report(self, call: Call) -> p.Model:
         r: q.SaveReport = call.request

@@ -63,6 +63,7 @@ _WISH: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
     "perfect": (_yes, lambda x: {"perfect": x}),
     "tip_deg": (_angle, lambda x: {"tip": x}),
     "room": (_number, lambda x: {"room": x}),
+    "pattern": (str, lambda x: {"pattern": x}),
     "lying": (_yes, lambda x: {"lying": x}),
     "galvo": (_number, lambda x: {"galvo": x}),
 }

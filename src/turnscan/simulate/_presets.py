@@ -26,10 +26,12 @@ from turnscan.simulate._beam import Beam, Lens, Profile
 from turnscan.simulate._bench import Bench, Waves
 from turnscan.simulate._boards import BOARDS, board
 from turnscan.simulate._motion import Motion
-from turnscan.simulate._scene import Body, Material, Scene
+from turnscan.simulate._scene import PATTERNS, Body, Material, PatternKind, Scene
 from turnscan.simulate._sensor import Sensor, ccd_1990s, cmos_imx264, webcam
 
 _PAPER_WHITE = 0.6
+_PAINT = 0.4
+"""Albedo of a painted pattern's dark half over its light one: the laser still shows on it."""
 _PEAK = 0.45
 """Share of the grey scale that the middle of the stripe reaches on plain matt grey."""
 _THINNEST = 0.7
@@ -73,6 +75,8 @@ class SimulationSpec:
     hand: str | None = None
     """A board that a hand holds before the camera of the rig that is set up for the scene, with the
     room's light on; None for the scene itself."""
+    pattern: PatternKind = "none"
+    """Painted on the part."""
 
     def __post_init__(self) -> None:
         if self.rig not in PRESET_NAMES:
@@ -85,6 +89,10 @@ class SimulationSpec:
             )
         if self.hand is not None and self.hand not in BOARDS:
             raise InputError(f"no board {self.hand!r}", hint=f"take one of {', '.join(BOARDS)}")
+        if self.pattern not in PATTERNS:
+            raise InputError(
+                f"no pattern {self.pattern!r}", hint=f"take one of {', '.join(PATTERNS)}"
+            )
         if self.lasers not in (None, 1, 2):
             raise InputError(f"{self.lasers} lasers", hint="take 1 or 2")
         if self.steps is not None and not 1 <= self.steps <= 1_000_000:
@@ -155,7 +163,10 @@ def body_of(spec: SimulationSpec) -> Body:
     low, high = corners.min(axis=0), corners.max(axis=0)
     middle = (low + high)[:2] / 2 if spec.tip else np.zeros(2)
     at = Pose(turned, np.array([*(spec.shift - middle), -low[2]]))
-    return Body(part, _MATERIALS.get(part.name, _MATT), at)
+    paint = _MATERIALS.get(part.name, _MATT)
+    if spec.pattern != "none":
+        paint = replace(paint, pattern=spec.pattern, pattern_ratio=_PAINT)
+    return Body(part, paint, at)
 
 
 def bench(spec: SimulationSpec) -> Bench:

@@ -7,6 +7,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
+from turnscan.acquire import Exposure, Texture
 from turnscan.errors import InputError
 from turnscan.progress import Progress, no_progress
 from turnscan.simulate import simulated, wish_of
@@ -90,6 +91,8 @@ def simulate(
     wish = replace(wish, **wanted.changes())
     devices = simulated(wish, faults)
     plan = plan_of(devices, wanted.exposure)
+    if wanted.texture is not None:
+        plan = replace(plan, texture=Texture(Exposure(wanted.texture), wanted.texture_every))
     scanning = progress.subrange(0, 1, "scanning")
     if into_file:
         scan_into_file(devices, plan, output, wanted.keep, scanning)

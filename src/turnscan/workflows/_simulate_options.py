@@ -32,6 +32,10 @@ class SimulateOptions(Checked):
     tip_deg: float | None = option(None, "number", "Tilt of the part, degrees: another pose.")
     seed: int | None = option(None, "count", "Seed of speckle and noise.  [default: 0]")
     exposure: float | None = option(None, "number", "Exposure time, s.  [default: the rig's]")
+    texture: float | None = option(
+        None, "number", "Also capture laser-off texture images, with this exposure time, s."
+    )
+    texture_every: int = option(1, "count", "Capture a texture image every N steps.", least=1)
     keep: Keep = option(
         "sparse", "choice", "Pixels stored in a scan file: those around the stripe, or all.",
         choices=choices.KEEP,

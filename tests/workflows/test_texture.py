@@ -1,0 +1,100 @@
+"""Texture pictures in scan files: their colours reach surfaces, files and sessions."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tests.texture.painted import paint
+from tests.workflows.scans import write_can
+from turnscan.arrays import Floats
+from turnscan.cli import turnscan
+from turnscan.errors import InputError
+from turnscan.formats import read_mesh
+from turnscan.mesh import measured_vertices
+from turnscan.progress import no_progress
+from turnscan.scan import Scan
+from turnscan.texture import NEUTRAL
+from turnscan.workflows import ScanSession, reconstruct
+
+
+def bands(points: Floats) -> Floats:
+    """Grey levels of a part that darkens upwards."""
+    return np.asarray(190.0 - 2.5 * points[:, 2])
+
+
+@pytest.fixture(scope="module")
+def can(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = write_can(tmp_path_factory.mktemp("textures") / "can.turnscan")
+    whole = reconstruct(path, close=True).mesh
+    assert whole.colour is None
+    paint(path, whole, bands, every=4)
+    return path
+
+
+def test_a_surface_has_the_colours_of_its_texture_pictures(can: Path, tmp_path: Path) -> None:
+    part = reconstruct(can, close=True)
+    assert part.mesh.colour is not None
+    own = measured_vertices(part.mesh) & (part.mesh.colour != NEUTRAL).any(axis=1)
+    assert own.sum() > 0.9 * measured_vertices(part.mesh).sum()
+    off = np.abs(part.mesh.colour[own, 0] - bands(part.mesh.vertices[own]))
+    assert np.median(off) < 1.0
+    assert np.quantile(off, 0.99) < 8.0
+    assert "texture.colour" in {f.code for f in part.findings}
+    assert reconstruct(can, no_colour=True).mesh.colour is None
+
+    files = [tmp_path / f"can{suffix}" for suffix in (".ply", ".obj", ".glb", ".3mf", ".stl")]
+    words = [w for path in files for w in ("-o", str(path))]
+    done = CliRunner().invoke(turnscan, ["export", str(can), *words, "--decimate", "2000"])
+    assert done.exit_code == 0, done.output
+    for path in files[:-1]:
+        read = read_mesh(path.read_bytes(), path.suffix)
+        assert read.colour is not None, path
+        seen = (read.colour != NEUTRAL).any(axis=1)
+        assert np.median(np.abs(read.colour[seen, 0] - bands(read.vertices[seen]))) < 2.0
+
+
+def test_a_session_shows_and_exports_the_same_colours(can: Path, tmp_path: Path) -> None:
+    path = tmp_path / "can.turnscan"
+    shutil.copy(can, path)
+    session = ScanSession(path, no_progress)
+    try:
+        assert session.textured
+        state, arrays = session.colours(no_progress)
+        _, surface = session.surface()
+        assert arrays["colour"].shape == surface["positions"].shape
+        seen = (arrays["colour"] != NEUTRAL).any(axis=1)
+        assert np.median(np.abs(arrays["colour"][seen, 0] - bands(surface["positions"][seen]))) < 1
+        out = session.result(state, no_progress).mesh
+        assert out.colour is not None
+        assert len(np.unique(out.colour, axis=0)) > 20
+    finally:
+        session.close()
+    bare = write_can(tmp_path / "bare.turnscan")
+    session = ScanSession(bare, no_progress)
+    try:
+        assert not session.textured
+        with pytest.raises(InputError, match="no texture images"):
+            session.colours(no_progress)
+        assert session.result(session.now, no_progress).mesh.colour is None
+    finally:
+        session.close()
+
+
+def test_a_picture_without_an_angle_gives_no_colour(can: Path, tmp_path: Path) -> None:
+    path = write_can(tmp_path / "lost.turnscan")
+    with Scan.open(can) as scan:
+        picture = scan.texture(0).lit
+    with Scan.resume(path) as scan:
+        scan.forget("L0", 5)
+        scan.add_missing(5, "L0", "taken away")
+        scan.add_texture(5, picture)
+        scan.add_texture(0, picture)  # the frame of its step knows the angle
+    part = reconstruct(path)
+    said = {f.code: f.message for f in part.findings}
+    assert said["texture.no-angle"].startswith("1 texture pictures of lost.turnscan")
+    assert "colour from 1 pictures" in said["texture.colour"]
