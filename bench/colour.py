@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.texture import test_colours as scene
+from tests.texture import pillar as scene
 
 from turnscan.texture import colours_of
 

@@ -27,6 +27,7 @@ MOST_NAMES = {
     "stripes": 28,
     "surface": 4,
     "testing": 6,
+    "texture": 5,
     "workflows": 187,  # with a gallery, previews, live views, tables and surfaces of results
 }
 """Public names of each room at most. A room that needs more raises this and says why."""

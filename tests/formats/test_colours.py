@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import shutil
 import subprocess
 import zipfile
 from dataclasses import replace
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.formats.parts import torus
+from tests.needs import needs
 from turnscan.errors import FormatError
 from turnscan.formats import audit, export, read_mesh
 from turnscan.mesh import Mesh
@@ -41,9 +41,9 @@ def test_colours_come_back(suffix: str, mesh: Mesh) -> None:
     assert "export.values" in [f.code for f in audit(export(PLAIN, suffix), PART, suffix)]
 
 
-@pytest.mark.skipif(not shutil.which("assimp"), reason="needs assimp")
 @pytest.mark.parametrize("suffix", [".obj", ".ply"])
 def test_assimp_sees_the_same_colours(suffix: str, tmp_path: Path) -> None:
+    needs("assimp")
     there, out = tmp_path / f"part{suffix}", tmp_path / "out.ply"
     there.write_bytes(export(PART, suffix))
     subprocess.run(["assimp", "export", there, out], check=True, capture_output=True, timeout=120)
