@@ -19,11 +19,11 @@ def run() -> None:
     pictures = scene.taken(drift=True)
     for level in (True, False):
         found = colours_of(scene.PART, scene.shots(pictures), level=level)
-        error = 100 * np.median(scene.off(found)[scene.plain() & found.seen])
+        half = 100 * np.median(scene.off(found)[scene.plain() & found.seen])
         ratio = found.gains / scene.DRIFT[:, None]
         off = 100 * float(np.abs(ratio / ratio.mean() - 1).max())
         name = "levelled" if level else "as taken"
-        print(f"drift of 20 %, {name}: half within {error:.2f} %, gains within {off:.1f} %")
+        print(f"drift of 20 %, {name}: half within {half:.2f} %, gains within {off:.1f} %")
     turn = range(scene.TURN // 2 + 1)
     found = colours_of(scene.PART, scene.shots(scene.taken(lamp=0.4), turn))
     trend = np.polyfit(turn, np.log(found.gains[:, 1]), 1)[0] * len(turn)
