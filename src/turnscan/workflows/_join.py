@@ -44,8 +44,10 @@ from turnscan.workflows._texture import PosedFile, coloured_by_files
 
 _CUT = 1.1
 """Radii round a marker sphere's centre that are left out: its foot belongs to it."""
-_READ, _PLACED, _JOINED = 0.6, 0.8, 0.95
-"""Of the work, until the poses are read, until they are placed, and until they are one surface."""
+_READ, _PLACED = 0.6, 0.8
+"""Of the work, until the poses are read, and until they are placed."""
+_JOINED = 0.8
+"""Of the rest, until there is a surface."""
 Landmarks = Mapping[str, Mapping[str, Floats]]
 """Name of a point → name of a pose → (3,) mm in the frame of that pose."""
 
@@ -136,10 +138,7 @@ def join(
     read = _read_all(_paths(files, unit), rig, unit, own, progress.subrange(0, _READ))
     placing = progress.subrange(_READ, _PLACED, "placing poses")
     found, read = _aligned(read, settings, points, markers, drawn, placing)
-    joining = progress.subrange(_PLACED, _JOINED, "building the surface")
-    done = _merged(read, found, settings, joining)
-    if not wanted.no_colour:
-        done = _coloured(done, read, found, progress.subrange(_JOINED, 1, "colouring"))
+    done = _coloured(read, found, wanted, progress.subrange(_PLACED, 1))
     told = {**about(files[0], None, settings), "source": " + ".join(p.name for p in files)}
     if drawn is not None:
         told["reference"] = drawn.name
@@ -339,14 +338,19 @@ def _merged(
 
 
 def _coloured(
-    done: Reconstruction, read: Sequence[_Source], found: Alignment, progress: Progress
+    read: Sequence[_Source], found: Alignment, wanted: ReconstructOptions, progress: Progress
 ) -> Reconstruction:
-    """The surface in the colours that the texture pictures of all poses show."""
+    """The joined surface, in the colours that the texture pictures of all poses show."""
+    joining = progress.subrange(0, _JOINED, "building the surface")
+    done = _merged(read, found, wanted.settings(), joining)
+    if wanted.no_colour:
+        return done
     pairs = zip(read, found.poses, strict=True)
     files = [
         PosedFile(s.path, s.rig, p) for s, p in pairs if s.path is not None and s.rig is not None
     ]
-    mesh, said = coloured_by_files(done.mesh, files, progress)
+    told = progress.subrange(_JOINED, 1, "colouring")
+    mesh, said = coloured_by_files(done.mesh, files, told)
     return replace(done, mesh=mesh, findings=(*done.findings, *said))
 
 
