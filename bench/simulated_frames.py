@@ -1,16 +1,26 @@
 """Frames per second of the simulator: whole camera pictures, speckle and noise included.
 
-Each frame is at a new table angle. Beside the clock stands the least processor time of a frame,
-which says the same on a busy machine, and a digest of the pictures: it is the same at two commits
-whose simulators are, on one machine.
+``python -m bench simulated_frames [COMMIT]``. Each frame is at a new table angle. First stands the
+least processor time of a frame, which says the same on a busy machine, at a commit (by default the
+last before the simulator was made faster) and now, in turns, with a digest of the pictures: where
+it is the same, the pictures are. Then frames per second of one process and of two.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
+import json
 import multiprocessing
+import os
 import resource
+import subprocess
+import sys
+import tarfile
+import tempfile
 import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from turnscan.simulate import Renderer, SimulationSpec, bench, seconds_of
 
@@ -23,11 +33,60 @@ _SCENES = (
 _SIZE = {"paper": "640 x 480", "modern": "2448 x 2048"}
 
 
-def run() -> None:
-    """Print frames per second of one process and of two."""
-    print(
-        f"{'scene, rig':<34}{'one process':>12}{'two':>9}{'memory':>10}{'processor':>16}  pictures"
+PARTS = None
+_BEFORE = "2cceee3"
+_WANTED = 2.0
+_TURNS = 3
+
+
+def run(quick: bool = False, parts: Sequence[str] = ()) -> None:
+    """Print processor time a frame against that of another commit, then frames per second;
+    ``quick`` the former for one scene alone, in one turn."""
+    _against(
+        parts[0] if parts else _BEFORE, _SCENES[:1] if quick else _SCENES, 1 if quick else _TURNS
     )
+    if not quick:
+        _rates()
+
+
+def _against(commit: str, scenes: Sequence[tuple[str, str, bool, int]], turns: int) -> None:
+    root = Path(__file__).parent.parent
+    said = subprocess.run(["git", "archive", commit, "src"], cwd=root, capture_output=True)
+    if said.returncode:
+        print(f"no commit {commit} to compare with: {said.stderr.decode().strip()}")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        with tarfile.open(fileobj=io.BytesIO(said.stdout)) as archive:
+            archive.extractall(folder, filter="data")
+        for scene in scenes:
+            before, now = [], []
+            for _ in range(turns):
+                before.append(_measured(Path(folder) / "src", scene))
+                now.append(_measured(root / "src", scene))
+            (old, digest), (new, same) = min(before), min(now)
+            pictures = "the same pictures" if digest == same else f"pictures {digest}, {same}"
+            print(
+                f"{_label(*scene[:3])}: {1e3 * old:.1f} ms a frame at {commit}, {1e3 * new:.1f} ms "
+                f"now: {old / new:.2f} x (wanted: {_WANTED:g}); {pictures}"
+            )
+
+
+def _measured(source: Path, scene: tuple[str, str, bool, int]) -> tuple[float, str]:
+    """s of processor time of the quickest frame with these sources, and the pictures' digest."""
+    done = subprocess.run(
+        [sys.executable, __file__, json.dumps(scene)],
+        env={**os.environ, "PYTHONPATH": str(source)}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    least, digest = json.loads(done.stdout.splitlines()[-1])
+    return float(least), str(digest)
+
+
+def _label(scene: str, rig: str, lit: bool) -> str:
+    return f"{scene}{'' if lit else ' (dark)'}, {rig}, {_SIZE[rig]}"
+
+
+def _rates() -> None:
+    print(f"{'scene, rig':<34}{'one process':>12}{'two':>9}{'memory':>10}")
     context = multiprocessing.get_context("spawn")
     for scene, rig, lit, frames in _SCENES:
         rates = []
@@ -43,36 +102,48 @@ def run() -> None:
             done = [queue.get() for _ in workers]
             for w in workers:
                 w.join()
-            rates.append(processes * frames / max(seconds for seconds, *_ in done))
-            if processes == 1:
-                _, _, used, digest = done[0]
-        size = max(memory for _, memory, *_ in done)
-        label = f"{scene}{'' if lit else ' (dark)'}, {rig}, {_SIZE[rig]}"
-        print(
-            f"{label:<34}{rates[0]:>8.1f} /s{rates[1]:>7.1f}/s{size:>7.0f} MB"
-            f"{1e3 * used:>7.1f} ms/frame  {digest}"
-        )
+            rates.append(processes * frames / max(seconds for seconds, _ in done))
+        size = max(memory for _, memory in done)
+        label = _label(scene, rig, lit)
+        print(f"{label:<34}{rates[0]:>8.1f} /s{rates[1]:>7.1f}/s{size:>7.0f} MB")
 
 
 def _work(
     scene: str, rig: str, lit: bool, first: int, frames: int, barrier: object, queue: object
 ) -> None:
-    wish = SimulationSpec(scene, rig, lasers=1)
-    renderer = Renderer(bench(wish))
-    seconds = seconds_of(wish)
-    burning = ["right"] if lit else []
-    renderer.picture(5.0, burning, seconds)
+    picture = _camera(scene, rig, lit)
     barrier.wait()  # type: ignore[attr-defined]
-    start, least, pictures = time.perf_counter(), float("inf"), hashlib.sha256()
+    start = time.perf_counter()
     for k in range(frames):
-        begin = time.process_time()
-        picture = renderer.picture(0.01 * (2 * k + first), burning, seconds)
-        least = min(least, time.process_time() - begin)
-        pictures.update(picture.tobytes())
+        picture(2 * k + first)
     spent = time.perf_counter() - start
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    queue.put((spent, memory, least, pictures.hexdigest()[:8]))  # type: ignore[attr-defined]
+    queue.put((spent, memory))  # type: ignore[attr-defined]
+
+
+def _camera(scene: str, rig: str, lit: bool) -> Callable[[int], bytes]:
+    """Takes the picture of a number, in a scene that is ready."""
+    wish = SimulationSpec(scene, rig, lasers=1)
+    renderer, seconds = Renderer(bench(wish)), seconds_of(wish)
+    burning = ["right"] if lit else []
+
+    def picture(k: int) -> bytes:
+        return renderer.picture(0.01 * k, burning, seconds).tobytes()
+
+    picture(500)
+    return picture
+
+
+def _one_process(scene: str, rig: str, lit: bool, frames: int) -> None:
+    """Print the least processor time of a frame, s, and a digest of the pictures."""
+    picture, least, pictures = _camera(scene, rig, lit), float("inf"), hashlib.sha256()
+    for k in range(frames // 2):
+        begin = time.process_time()
+        taken = picture(2 * k)
+        least = min(least, time.process_time() - begin)
+        pictures.update(taken)
+    print(json.dumps((least, pictures.hexdigest()[:8])))
 
 
 if __name__ == "__main__":
-    run()
+    _one_process(*json.loads(sys.argv[1]))

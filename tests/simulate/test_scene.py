@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from turnscan.simulate import Body, SimulationSpec, _cut, bench, part
+from turnscan.mesh import Mesh
+from turnscan.simulate import Body, Part, Renderer, SimulationSpec, _cut, bench, part
 from turnscan.simulate._render import sheet_numbers
 from turnscan.simulate._scene import triangles
+from turnscan.simulate._view import Shadows
 
 
 def test_every_triangle_lies_in_the_boxes_of_its_cluster() -> None:
@@ -39,3 +41,46 @@ def test_what_the_boxes_leave_out_would_give_no_polygon(bow: float) -> None:
         assert len(every[1]) > 50
         for few, all_ in zip(some, every, strict=True):
             assert np.array_equal(few, all_)
+
+
+@pytest.mark.parametrize("scene", ["bracket", "grooves"])
+def test_what_is_drawn_is_what_rays_meet(scene: str) -> None:
+    renderer = Renderer(bench(SimulationSpec(scene, "paper", lean=(0.03, 0.02))))
+    rig, view, tri = renderer.bench.rig, renderer.view, renderer._tri
+    T = rig.T_camera_table @ renderer.bench.motion.pose(0.7)
+    pixels = np.stack(np.mgrid[: rig.camera.height, : rig.camera.width][::-1], axis=-1)
+    ways = T.inverse().turn(rig.camera.rays(pixels.reshape(-1, 2)))
+    met = renderer._caster.first_hits(T.inverse().translation, ways)
+    seen = view.seen(T)
+    rows, _ = view.within(T)
+    assert (np.flatnonzero(met >= 0) // rig.camera.width >= rows.start).all()
+    assert (seen >= 0).sum() > 10_000
+    assert np.array_equal(seen, met)
+    unsure = view._drawn(T, (0, 0), np.full((480, 640), -1, np.int32))
+    assert 0 < unsure.mean() < 0.05, "most pixels are to be had without a ray"
+    assert tri.closed == (scene != "grooves")  # whose cuts meet edges within an edge
+
+
+def test_nothing_is_in_a_shadow_where_none_may_fall() -> None:
+    renderer = Renderer(bench(SimulationSpec("mug", "paper")))
+    tri = renderer._tri
+    middle, flat = tri.vertices[tri.faces].mean(axis=1), tri.flat_normals
+    # Places that a camera sees lie outside all bodies; the handle begins inside the wall.
+    eye = renderer.bench.rig.T_camera_table.inverse().translation
+    outside = renderer._caster.visible(middle, flat, eye)
+    for lamp in ([0.7, -0.5, 0.5], [-0.9, 0.1, 0.2]):
+        way = np.array(lamp) / np.linalg.norm(lamp)
+        k = np.flatnonzero(outside & (flat @ way > 0))
+        may = Shadows(tri, renderer.view._box, way).may_fall(middle[k])
+        lit = renderer._caster.visible(middle[k], flat[k], middle[k] + 2000.0 * way)
+        assert lit[~may].all()
+        assert (~may).sum() > 0.5 * lit.sum(), "most places are known to be lit"
+        assert not lit.all()
+
+
+def test_of_an_open_body_no_place_is_known_to_be_lit() -> None:
+    made = part("sphere").mesh
+    half = Part("bowl", Mesh(made.vertices, made.faces[: len(made.faces) // 2]))
+    tri = triangles([Body(half)])
+    assert not tri.closed
+    assert Shadows(tri, tri.vertices, np.array([0.0, 0.0, 1.0])).may_fall(tri.vertices).all()

@@ -10,26 +10,36 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from turnscan.compiled import njit
 from turnscan.simulate import Sensor, ccd_1990s, cmos_imx264, expose, webcam
 from turnscan.simulate._random import normal, normal_tables
-from turnscan.simulate._readout import poisson
+from turnscan.simulate._readout import CHUNK, poisson, tables
 from turnscan.simulate._validate import fit_efficiency, photon_transfer
 
 PLAIN = Sensor(pitch_x=0.005, pitch_y=0.005, full_well=60_000.0, gain=1.0, read_noise=0.0, bits=16)
 
 
-@njit(cache=False)
-def _draw_all(mean: float, centre: np.ndarray, tail: np.ndarray, out: np.ndarray) -> None:
-    for i in range(len(out)):
-        out[i] = poisson(mean, (i + 0.5) / len(out), centre, tail)
-
-
 def draws(mean: float, n: int = 400_000) -> np.ndarray:
     """Poisson numbers at evenly spread quantiles: moments without sampling error."""
-    out = np.empty(n)
-    _draw_all(mean, *normal_tables(), out)
-    return out
+    out = np.empty((-(-n // CHUNK), CHUNK))
+    work = np.empty((5, CHUNK))
+    for i, row in enumerate(out):
+        work[0], work[1] = mean, (CHUNK * i + np.arange(CHUNK) + 0.5) / out.size
+        poisson(work.ravel(), CHUNK, tables())
+        row[:] = work[2]
+    return out.ravel()
+
+
+@pytest.mark.parametrize("n", [1, 2, CHUNK - 1, CHUNK])
+def test_a_number_is_drawn_alone_as_among_others(n: int) -> None:
+    rng = np.random.default_rng(n)
+    means = rng.choice([0.0, 1e-30, 0.02, 3.0, 15.999999, 16.0, 400.0], CHUNK)
+    u = rng.uniform(1e-9, 1 - 1e-9, CHUNK)
+    work = np.full((5, CHUNK), np.nan)
+    work[0], work[1] = means, u
+    poisson(work.ravel(), n, tables())
+    few = (means < 16.0)[:n]
+    assert (work[2, :n][few] == stats.poisson.ppf(u, means)[:n][few].clip(0)).all()
+    assert (np.abs(work[2, :n] - stats.poisson.ppf(u, means)[:n].clip(0)) <= 1).all()
 
 
 def test_normal_quantiles_are_those_of_scipy() -> None:

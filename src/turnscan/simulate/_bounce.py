@@ -40,11 +40,18 @@ class Bounces:
         self._T, self._beam = T, beam
 
     def diffuse(
-        self, camera: Camera, seen: Ints, share: Floats, across: Floats, scale: float
+        self,
+        camera: Camera,
+        seen: Ints,
+        within: tuple[slice, slice],
+        share: Floats,
+        across: Floats,
+        scale: float,
     ) -> Singles:
         """Photons (H, W) of light scattered once on its way.
 
-        ``seen`` (H·W,): face behind each pixel; ``share`` and ``across``: the fan's profile over
+        ``seen`` (H·W,): face behind each pixel; ``within``: rows and columns outside which there is
+        none; ``share`` and ``across``: the fan's profile over
         (−1, 1) and its unit vector, camera frame; ``scale``: photons per radiance.
         """
         import cv2
@@ -72,11 +79,19 @@ class Bounces:
         np.add.at(coarse, there[i], (light[i, j] * clear).astype(np.float32))
         covered = np.zeros(len(k), np.float32)
         covered[there] = 1.0
-        grids = (a.reshape(len(rows), len(columns)) for a in (coarse, covered))
-        size = (len(columns) * _STRIDE, len(rows) * _STRIDE)
-        glow, cover = (cv2.resize(g, size, interpolation=cv2.INTER_LINEAR)[:H, :W] for g in grids)
-        inside = (seen >= 0).reshape(H, W)
-        return np.where(inside, glow / np.maximum(cover, 0.05), 0.0).astype(np.float32)
+        # Of the grid only what lies round the bodies is enlarged, with a point more on each side.
+        first = [s.start // _STRIDE for s in within]
+        ends = [-(-s.stop // _STRIDE) for s in within]
+        around = tuple(slice(max(a - 1, 0), b + 1) for a, b in zip(first, ends, strict=True))
+        grids = [a.reshape(len(rows), len(columns))[around] for a in (coarse, covered)]
+        size = (grids[0].shape[1] * _STRIDE, grids[0].shape[0] * _STRIDE)
+        at = [s.start * _STRIDE for s in around]
+        own = tuple(slice(s.start - a, s.stop - a) for s, a in zip(within, at, strict=True))
+        glow, cover = (cv2.resize(g, size, interpolation=cv2.INTER_LINEAR)[own] for g in grids)
+        inside = seen.reshape(H, W)[within] >= 0
+        out = np.zeros((H, W), np.float32)
+        np.divide(glow, np.maximum(cover, np.float32(0.05)), out=out[within], where=inside)
+        return out
 
     def mirrored(self, camera: Camera, lens: Lens, across: Floats, per_watt: float) -> Singles:
         """Photons (H, W) of laser light that a glossy body mirrors onto another place.

@@ -17,7 +17,7 @@ from turnscan.simulate._airy import Numbers
 FADED = 2.8
 """Radii of the sheet beyond which there is no light (1.5e-7 of its middle)."""
 
-CLUSTER = 64
+CLUSTER = 16
 """Triangles that are culled together."""
 
 

@@ -165,13 +165,19 @@ def _low_passed(field: Complexes, filter_: Singles, core: slice) -> Complexes:
     """
     from scipy import fft
 
-    kept = np.flatnonzero(filter_[0])  # the filter falls with frequency: row 0 is its widest
-    spectrum = fft.fft(field, axis=1)[:, kept]
+    # The filter falls with frequency: its first row is its widest, and the low frequencies stand
+    # at either end.
+    low = len(filter_[0]) // 2 + 1
+    a, b = np.count_nonzero(filter_[0, :low]), np.count_nonzero(filter_[0, low:])
+    ends = (slice(0, a), slice(field.shape[1] - b, None))
+    spectrum = fft.fft(field, axis=1)
+    spectrum = np.concatenate([spectrum[:, part] for part in ends], axis=1)
     spectrum = fft.fft(spectrum, axis=0, overwrite_x=True)
-    spectrum *= filter_[:, kept]
+    spectrum[:, :a] *= filter_[:, ends[0]]
+    spectrum[:, a:] *= filter_[:, ends[1]]
     part = fft.ifft(spectrum, axis=0, overwrite_x=True)[core]
     full = np.zeros((part.shape[0], field.shape[1]), np.complex64)
-    full[:, kept] = part
+    full[:, ends[0]], full[:, ends[1]] = part[:, :a], part[:, a:]
     return np.asarray(fft.ifft(full, axis=1, overwrite_x=True))
 
 

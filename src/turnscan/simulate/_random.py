@@ -8,7 +8,7 @@ This module imports numba; import it inside functions only.
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -86,6 +86,7 @@ def phasor_table() -> npt.NDArray[np.complex64]:
     return table
 
 
+@lru_cache(maxsize=64)
 def seed64(*parts: int) -> np.uint64:
     """One 64-bit seed from whole numbers of any size and sign."""
     word = np.random.SeedSequence([part % 2**64 for part in parts]).generate_state(1, np.uint64)

@@ -9,37 +9,56 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats
+from turnscan.arrays import Floats, frozen
 from turnscan.compiled import njit
 from turnscan.simulate._random import mix, normal, normal_tables, uniform_pair
 from turnscan.simulate._sensor import Sensor
 
 Charges = npt.NDArray[np.float32]
+Converter = tuple[float, float, float, float, float]
+"""Full well, gain, read noise, black level and highest step of a sensor."""
+Tables = tuple[Floats, Floats, Floats]
+"""Of `normal_tables`, and e to the power of less and less."""
 
 _SPREADS = 200
+_FEW = 16.0
+"""Electrons in the mean below which they are drawn by inversion."""
+_MOST = 100
+_PER_ELECTRON = 64
+CHUNK = 512
+"""Pixels whose electrons are drawn at once."""
 
 
 def raw(
     light: Charges, sensor: Sensor, shot: np.uint64, silicon: np.uint64, seconds: float
 ) -> npt.NDArray[np.uint16]:
     """(H, W) expected electrons → (H, W) converter steps, before any processing."""
-    centre, tail = normal_tables()
-    dark = sensor.dark_current * seconds
-    charge = np.empty_like(light)
-    if sensor.prnu > 0.0:
-        light = light * response_map(light.shape, sensor.prnu, int(silicon))
-    excess = _collect(light, charge, dark, shot, sensor.full_well, centre, tail)
-    if excess and sensor.bloom == "column":
-        _bloom_columns(charge, sensor.full_well, 1.0 - sensor.anti_bloom)
-    elif excess and sensor.bloom == "blob":
-        _bloom_around(charge, sensor.full_well, 1.0 - sensor.anti_bloom)
+    silent = np.zeros((0, 0), np.float32)
+    response = response_map(light.shape, sensor.prnu, int(silicon)) if sensor.prnu else silent
+    blooms = sensor.bloom != "none"
+    charge = np.empty_like(light) if blooms else silent
     steps = np.empty(light.shape, np.uint16)
-    top = sensor.converter_levels - 1
-    _convert(
-        charge, steps, sensor.full_well, sensor.gain, sensor.read_noise, sensor.black, top,
-        shot, centre, tail,
+    converter = (
+        sensor.full_well, sensor.gain, sensor.read_noise, sensor.black,
+        float(sensor.converter_levels - 1),
     )  # fmt: skip
+    excess = _collect(
+        light, response, sensor.dark_current * seconds, shot, converter, tables(), charge, steps
+    )
+    if excess and blooms:
+        kept = 1.0 - sensor.anti_bloom
+        (_bloom_columns if sensor.bloom == "column" else _bloom_around)(
+            charge, sensor.full_well, kept
+        )
+        _convert(charge, shot, converter, tables(), steps)
     return steps
+
+
+@lru_cache(maxsize=1)
+def tables() -> Tables:
+    """What the kernels look up."""
+    powers = np.exp(-np.arange(_FEW * _PER_ELECTRON + 1) / _PER_ELECTRON)
+    return (*normal_tables(), frozen(powers, (None,), "powers of e"))
 
 
 @lru_cache(maxsize=2)
@@ -72,28 +91,63 @@ def jittered(light: Charges, rms: float, seed: np.uint64) -> Charges:
     return out
 
 
-@njit(cache=True, nogil=True, inline="always")
-def poisson(mean: float, u: float, centre: Floats, tail: Floats) -> float:
-    """A Poisson number from one uniform number u in (0, 1).
-
-    Exact (inversion) for small means. Above, the Cornish-Fisher expansion with Sheppard's
-    correction for the rounding; its mean and variance are right to 1e-3 from 16 on.
-    """
-    if mean <= 0.0:
-        return 0.0
-    if mean < 16.0:
-        p = math.exp(-mean)
-        total = p
-        k = 0
-        while u > total and k < 100:
-            k += 1
-            p *= mean / k
-            total += p
-        return float(k)
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _many(mean: float, u: float, centre: Floats, tail: Floats) -> float:
+    """The number of a mean from 16 on, from one uniform number."""
     z = normal(u, centre, tail)
     s = math.sqrt(mean - 1.0 / 12.0)
     x = mean + s * z + (z * z - 1.0) / 6.0 + (z - z * z * z) / (72.0 * s)
     return max(math.floor(x + 0.5), 0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def poisson(work: Floats, n: int, tables: Tables) -> None:
+    """Draw n Poisson numbers, each from one uniform number in (0, 1).
+
+    ``work`` has `CHUNK` numbers each of means, uniform numbers, what is drawn, and twice room for
+    what is worked out. By inversion for means below 16, exactly; else by the Cornish-Fisher
+    expansion with Sheppard's correction for the rounding: its mean and variance are right to 1e-3.
+    """
+    few = False
+    for j in range(n):
+        mean = work[j]
+        work[j + 2 * CHUNK], work[j + 3 * CHUNK], work[j + 4 * CHUNK] = 0.0, 0.0, 1.0
+        if 0.0 < mean < _FEW:
+            work[j + 3 * CHUNK] = work[j + 4 * CHUNK] = _faded(mean, tables[2])
+            few = True
+        elif mean > 0.0:
+            work[j + 2 * CHUNK] = _many(mean, work[j + CHUNK], tables[0], tables[1])
+    if few:
+        _few(work, n)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _few(work: Floats, n: int) -> None:
+    """The numbers of n small means at once: one more electron in each round.
+
+    The last two of ``work`` are exp(−mean) twice, or 0 and 1 where nothing is to be drawn. All lie
+    in one array, so that the compiler knows that they do not overlap.
+    """
+    for k in range(1, _MOST + 1):
+        left = 0
+        part = 1.0 / k
+        for j in range(n):
+            more = work[j + CHUNK] > work[j + 4 * CHUNK]
+            left += more
+            work[j + 2 * CHUNK] += 1.0 if more else 0.0
+            work[j + 3 * CHUNK] *= work[j] * part
+            work[j + 4 * CHUNK] += work[j + 3 * CHUNK]
+        if not left:
+            return
+
+
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _faded(mean: float, powers: Floats) -> float:
+    """exp(−mean) for means from 0 to 16, right to the last digits."""
+    i = int(mean * _PER_ELECTRON)
+    r = i * (1.0 / _PER_ELECTRON) - mean
+    tail = r * (1.0 / 24 + r * (1.0 / 120 + r * (1.0 / 720)))
+    return powers[i] * (1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6 + tail))))
 
 
 @njit(cache=True, nogil=True)
@@ -104,49 +158,59 @@ def _response(out: Charges, prnu: float, silicon: np.uint64, centre: Floats, tai
         target[i] = max(1.0 + prnu * normal(u, centre, tail), 0.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _collect(
-    light: Charges,
-    charge: Charges,
-    dark: float,
-    seed: np.uint64,
-    full_well: float,
-    centre: Floats,
-    tail: Floats,
-) -> bool:
-    """Draw the electrons of every pixel; True when any pixel holds more than its full well."""
-    source = light.ravel()
-    target = charge.ravel()
+    light: Charges, response: Charges, dark: float, seed: np.uint64, converter: Converter,
+    tables: Tables, charge: Charges, steps: npt.NDArray[np.uint16],
+) -> bool:  # fmt: skip
+    """Draw the electrons of every pixel and convert them; True when any pixel holds more than its
+    full well. ``charge`` takes the electrons, unless it is empty; so may be ``response``.
+    """
+    centre, tail = tables[0], tables[1]
+    source, relative, kept = light.ravel(), response.ravel(), charge.ravel()
+    target = steps.ravel()
+    work, read = np.empty(5 * CHUNK), np.empty(CHUNK)
     excess = False
-    for i in range(source.size):
-        u, _ = uniform_pair(mix(seed, np.uint64(i)))
-        drawn = poisson(float(source[i]) + dark, u, centre, tail)
-        excess |= drawn > full_well
-        target[i] = drawn
+    for start in range(0, source.size, CHUNK):
+        n = min(CHUNK, source.size - start)
+        for j in range(n):
+            x = source[start + j]
+            if relative.size:
+                x *= relative[start + j]
+            work[j] = float(x) + dark
+            work[j + CHUNK], read[j] = uniform_pair(mix(seed, np.uint64(start + j)))
+        poisson(work, n, tables)
+        for j in range(n):
+            drawn = work[j + 2 * CHUNK]
+            electrons = np.float32(drawn)
+            excess |= drawn > converter[0]
+            if kept.size:
+                kept[start + j] = electrons
+            target[start + j] = _step(float(electrons), read[j], converter, centre, tail)
     return excess
 
 
-@njit(cache=True, nogil=True)
-def _convert(
-    charge: Charges,
-    steps: npt.NDArray[np.uint16],
-    full_well: float,
-    gain: float,
-    read_noise: float,
-    black: float,
-    top: int,
-    seed: np.uint64,
-    centre: Floats,
-    tail: Floats,
-) -> None:
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _step(
+    electrons: float, u: float, converter: Converter, centre: Floats, tail: Floats
+) -> np.uint16:
     """Full well, read noise, gain, black level, converter."""
-    source = charge.ravel()
-    target = steps.ravel()
+    full_well, gain, read_noise, black, top = converter
+    volts = min(float(electrons), full_well) + read_noise * normal(u, centre, tail)
+    value = math.floor(volts / gain + black + 0.5)
+    return np.uint16(min(max(value, 0.0), top))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _convert(
+    charge: Charges, seed: np.uint64, converter: Converter, tables: Tables,
+    steps: npt.NDArray[np.uint16],
+) -> None:  # fmt: skip
+    """Convert charges again, after they have bloomed."""
+    source, target = charge.ravel(), steps.ravel()
     for i in range(source.size):
         _, u = uniform_pair(mix(seed, np.uint64(i)))
-        volts = min(float(source[i]), full_well) + read_noise * normal(u, centre, tail)
-        value = math.floor(volts / gain + black + 0.5)
-        target[i] = np.uint16(min(max(value, 0.0), float(top)))
+        target[i] = _step(source[i], u, converter, tables[0], tables[1])
 
 
 @njit(cache=True, nogil=True)

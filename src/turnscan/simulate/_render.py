@@ -123,7 +123,9 @@ class Renderer:
                 keys, cycles = (keys[lit], cycles[lit]) if len(keys) else (keys, cycles)
             direct = self._imaged(where, (own, keys, cycles), contrast, beam)
             out += direct if halo is None else self._spread(direct, halo, T)
-        return out + self._bounced(T, beam, seconds, start) if self.bench.bounces else out
+        if self.bench.bounces:
+            out += self._bounced(T, beam, seconds, start)
+        return out
 
     def _bounced(self, T: Pose, beam: Beam, seconds: float, start: float) -> Singles:
         """Light that met a second surface on its way, photons (H, W)."""
@@ -133,8 +135,10 @@ class Renderer:
         share = self._profile(beam, seconds, start)[0]
         scale = bench.electrons_per_radiance(beam.wavelength, seconds)
         per_watt = bench.lens.transmission * seconds * beam.wavelength / PLANCK_C
-        glow = two.diffuse(camera, self.view.seen(T), share, across, scale)
-        return glow + two.mirrored(camera, bench.lens, across, per_watt)
+        glow = two.diffuse(camera, self.view.seen(T), self.view.within(T), share, across, scale)
+        if any(b.material.specular for b in bench.scene.bodies):
+            glow += two.mirrored(camera, bench.lens, across, per_watt)
+        return glow
 
     def _groups(self) -> list[tuple[float, tuple[float, float] | None, list[int]]]:
         """Bodies that share (speckle contrast, (halo share, halo length))."""

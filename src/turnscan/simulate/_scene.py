@@ -157,6 +157,13 @@ class Triangles:
     """(f,) which body."""
 
     @cached_property
+    def closed(self) -> bool:
+        """Whether every edge has its opposite, so that there is an inside."""
+        from turnscan.simulate import _raster
+
+        return not _raster.open_edges(self.vertices, self.faces)
+
+    @cached_property
     def clusters(self) -> tuple[Floats, Floats, Floats]:
         """Triangles in an order that keeps neighbours together, and boxes round each few of them.
 

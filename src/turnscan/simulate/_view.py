@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh import Caster
 from turnscan.rig import Pose
 from turnscan.simulate._bench import Bench
@@ -20,6 +20,8 @@ _VISIBLE_LIGHT = 550e-6
 _PRINT_SAMPLES = 3
 """Rays per pixel and direction where a print is seen."""
 _STRIP = 64
+_SHADOW_CELLS = 128
+"""Cells of the grid of shadows along its longer side."""
 _AIRY_SIGMA = 0.42
 """rms width of the Gaussian nearest to the Airy disc, in λN'."""
 
@@ -31,6 +33,7 @@ class View:
         self.bench, self._tri, self._caster = bench, tri, caster
         self._ambient: tuple[bytes, Singles] | None = None
         self._last: tuple[bytes, Ints] | None = None
+        self._shadow: tuple[bytes, Shadows] | None = None
 
     @cached_property
     def field(self) -> Floats:
@@ -49,20 +52,35 @@ class View:
 
         key = T.rotation.tobytes() + T.translation.tobytes()
         if self._last is None or self._last[0] != key:
-            camera, bounds = self.bench.rig.camera, self._within_view(T)
+            camera, bounds = self.bench.rig.camera, self.within(T)
             face = np.full((camera.height, camera.width), -1, np.int32)
             numbers = np.arange(face.size, dtype=np.int32).reshape(face.shape)[bounds]
-            seen, eye = face[bounds], T.inverse().translation
-            strip = max(1, _STRIP * camera.width // max(1, seen.shape[1]))
-            for row in range(0, len(seen), strip):
-                part = numbers[row : row + strip]
-                directions = _rays.rays(part.ravel(), self.field, 1, 1, T.rotation)
-                hits = self._caster.first_hits(eye, directions)
-                seen[row : row + strip] = hits.reshape(part.shape)
+            seen = np.full(numbers.shape, -1, np.int32)
+            unsure = np.flatnonzero(self._drawn(T, (bounds[0].start, bounds[1].start), seen))
+            eye, strip = T.inverse().translation, _STRIP * camera.width
+            for start in range(0, len(unsure), strip):
+                k = unsure[start : start + strip]
+                directions = _rays.rays(numbers.ravel()[k], self.field, 1, 1, T.rotation)
+                seen.ravel()[k] = self._caster.first_hits(eye, directions)
+            face[bounds] = seen
             self._last = (key, face.ravel())
         return self._last[1]
 
-    def _within_view(self, T: Pose) -> tuple[slice, slice]:
+    def _drawn(self, T: Pose, place: tuple[int, int], seen: Ints) -> Bools:
+        """Fill ``seen`` (h, w), which begins at a row and column, with the triangles that a pinhole
+        sees; True where only a ray can tell."""
+        from turnscan.simulate import _raster
+
+        camera, tri = self.bench.rig.camera, self._tri
+        at = np.empty_like(tri.vertices)
+        lens = (camera.fx, camera.fy, camera.cx, camera.cy)
+        bent = bool(camera.distortion.any() or camera.tilt.any())
+        if bent or not _raster.projected(tri.vertices, T.rotation, T.translation, lens, at):
+            return np.ones(seen.shape, np.bool_)
+        margin = _raster.NEAR * max(camera.fx, camera.fy)
+        return _raster.nearest(at, tri.faces, tri.closed, place, margin, seen)
+
+    def within(self, T: Pose) -> tuple[slice, slice]:
         """Rows and columns of the rectangle round all bodies."""
         camera = self.bench.rig.camera
         uv = camera.project(T.apply(self._box))
@@ -158,9 +176,19 @@ class View:
         facing = normals @ lamp
         k = np.flatnonzero(facing > 0) if scene.lamp > 0 else np.empty(0, np.intp)
         if len(k):
-            sees = self._caster.visible(points[k], flat[k], points[k] + 2000.0 * lamp)
+            sees = np.ones(len(k), np.bool_)
+            asked = np.flatnonzero(self._shadows(lamp).may_fall(points[k]))
+            at = k[asked]
+            sees[asked] = self._caster.visible(points[at], flat[at], points[at] + 2000.0 * lamp)
             light[k] += scene.lamp * facing[k] * sees
         return np.asarray(light)
+
+    def _shadows(self, lamp: Floats) -> Shadows:
+        """Where shadows may fall in the light from a direction (3,), held for the next call."""
+        key = lamp.tobytes()
+        if self._shadow is None or self._shadow[0] != key:
+            self._shadow = (key, Shadows(self._tri, self._box, lamp))
+        return self._shadow[1]
 
     def _albedo(self, points: Floats, body: Ints, colours: int) -> Floats:
         """(n, 1 or 3) reflectance of points (n, 3), object frame."""
@@ -179,3 +207,31 @@ class View:
             full = np.array(m.albedo) if colours == 3 else np.array([np.mean(m.albedo)])
             out[own] = tone[:, None] * full
         return out
+
+
+class Shadows:
+    """Where a body may keep a far lamp's light off, by a grid across the light."""
+
+    def __init__(self, tri: Triangles, box: Floats, lamp: Floats) -> None:
+        """``box`` (n, 3) points round all bodies; ``lamp`` (3,) unit vector; object frame."""
+        from turnscan.simulate import _raster
+
+        across = np.cross(lamp, np.eye(3)[np.argmin(np.abs(lamp))])
+        across /= np.linalg.norm(across)
+        self._axes = np.stack([across, np.cross(lamp, across), lamp])
+        ends = box @ self._axes[:2].T
+        low, size = ends.min(axis=0) - 1.0, np.ptp(ends, axis=0) + 2.0
+        self._low, self._per_mm = (float(low[0]), float(low[1])), _SHADOW_CELLS / float(size.max())
+        # Only of closed bodies is it known that nothing else can stand on the way.
+        least = -np.inf if tri.closed else np.inf
+        self._heights = np.full(np.ceil(size * self._per_mm).astype(int) + 1, least, np.float32)
+        if tri.closed:
+            _raster.shadow_heights(
+                *tri.clusters, self._axes, self._low, self._per_mm, self._heights
+            )
+
+    def may_fall(self, points: Floats) -> Bools:
+        """(n,) False where points (n, 3), which lie outside all bodies, are certainly lit."""
+        from turnscan.simulate import _raster
+
+        return _raster.below_shadows(points, self._axes, self._low, self._per_mm, self._heights)
