@@ -321,6 +321,8 @@ def test_points_are_as_far_from_a_drawn_box_as_from_its_formula(seed: int) -> No
     q = np.abs(points) - scale * half
     true = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
     assert away == pytest.approx(true, abs=1e-9)
+    turned = Part(Mesh(box.mesh.vertices, box.mesh.faces[:, ::-1]))
+    assert turned.nearest(points, np.array([scale]))[0] == pytest.approx(away, abs=1e-9)
     h = 1e-6
     smooth = np.abs(np.diff(np.sort(q, axis=1)[:, 1:], axis=1)[:, 0]) > 0.01  # of one face
     ends = [box.nearest(points, np.array([scale + s * h]))[0] for s in (1.0, -1.0)]

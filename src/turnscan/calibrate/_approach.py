@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -114,14 +115,17 @@ def _starts(
     if not isinstance(form, Part):
         for k in range(_STARTS):
             begin = rig.perturbed(_drawn(rig, moves, k))
-            yield lambda begin=begin: _Start(  # type: ignore[misc]
-                begin, find_body(form, known, sweeps, begin, doubt), doubt
-            )
+            yield partial(_found, form, known, sweeps, begin, doubt)
         return
     refuse_other_unit(form, _places(rig, sweeps), doubt)
     for k in range(_STARTS // _WAYS):
-        for start in _standing(form, known, rig.perturbed(_drawn(rig, moves, k)), sweeps, moves):
-            yield lambda start=start: start  # type: ignore[misc]
+        yield from _standing(form, known, rig.perturbed(_drawn(rig, moves, k)), sweeps, moves)
+
+
+def _found(
+    form: Form, known: tuple[Known | None, ...], sweeps: tuple[Sweep, ...], rig: Rig, doubt: float
+) -> _Start:
+    return _Start(rig, find_body(form, known, sweeps, rig, doubt), doubt)
 
 
 def _standing(
@@ -130,7 +134,7 @@ def _standing(
     rig: Rig,
     sweeps: tuple[Sweep, ...],
     moves: Bools,
-) -> Iterator[_Start]:
+) -> Iterator[Callable[[], _Start]]:
     """The ways in which a drawn part may stand, by all sweeps together: one alone fits in more."""
     ways = _spread(rig, moves)
     at = [_places(rig, sweeps)]
@@ -147,7 +151,7 @@ def _standing(
         begin = rig.perturbed(placed.off @ ways)
         there = [s.points(begin, begin.camera.rays(s.pixels)) for s in sweeps]
         body = Body(form, placed.pose, np.ones(1), known, tuple(np.arange(len(a)) for a in there))
-        yield _Start(begin, again(body, there), placed.gap)
+        yield partial(_Start, begin, again(body, there), placed.gap)
 
 
 def _places(rig: Rig, sweeps: Sequence[Sweep]) -> Floats:

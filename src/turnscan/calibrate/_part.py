@@ -108,12 +108,13 @@ class Part:
 
     @cached_property
     def _normals(self) -> Floats:
-        """(f, 3) of unit length, 0 for a face without area."""
+        """(f, 3) of unit length, outwards also where the mesh is inside out; 0 for a face without
+        area."""
         t = self.mesh.triangles
         normals = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         unit: Floats = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
-        return unit
+        return -unit if self.mesh.volume < 0 else unit
 
     @cached_property
     def _tree(self) -> igl.AABB:
