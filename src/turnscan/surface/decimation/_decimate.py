@@ -62,8 +62,8 @@ def decimate(
         return mesh
     net = _net(mesh, np.inf if tolerance is None else tolerance)
     _collapse(net, faces or 0, progress)
-    kept = net.faces[:, 0] >= 0
-    return submesh(replace(mesh, faces=np.where(kept[:, None], net.faces, 0)), kept)
+    left, kept = _faces(net)
+    return submesh(replace(mesh, faces=left), kept)
 
 
 def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
@@ -73,15 +73,23 @@ def dissolve(mesh: Mesh, which: Bools) -> tuple[Mesh, Bools]:
     All others stay where they are, with longer faces between them. The rules are `decimate`'s: no
     face turns over, borders move along themselves only, and the surface hangs together as it did.
     """
+    from turnscan.surface.decimation import _net_kernels as kernels
+
     net = _net(mesh, np.inf)
+    net.ids[~which, kernels.LOCKED] = 1
     # Into one that stays, wherever that goes: one that many have moved into goes nowhere.
-    net = net._replace(locked=net.locked | ~which, own=np.where(which, _LAST, 0.0))
+    net.at[which, kernels.OWN] = _LAST
     _collapse(net, 0, no_progress)
-    kept = net.faces[:, 0] >= 0
+    faces, kept = _faces(net)
     left = np.zeros(len(which), dtype=np.bool_)
-    left[net.faces[kept]] = True
-    faces = np.where(kept[:, None], net.faces, 0)
+    left[faces[kept]] = True
     return submesh(replace(mesh, faces=faces), kept), which[left]
+
+
+def _faces(net: Any) -> tuple[Ints, Bools]:
+    """(f, 3) the faces as they are now, and (f,) which of them are left."""
+    kept = net.tri[:, 0] >= 0
+    return np.where(kept[:, None], net.tri[:, :3], 0), kept
 
 
 def _net(mesh: Mesh, tolerance: float) -> Any:
@@ -91,45 +99,46 @@ def _net(mesh: Mesh, tolerance: float) -> Any:
     twin = opposite_half_edges(mesh.faces)
     border = twin < 0
     chain = _chain(mesh, border)
-    own = mesh.faces.copy()
-    samples, owners = np.zeros((0, 3)), np.zeros(0, dtype=np.int32)
+    v, f = len(mesh.vertices), len(mesh.faces)
+    middle = mesh.vertices.mean(axis=0)
+    at, ids, tri = _aligned(v, 16), np.zeros((v, 8), np.int32), np.empty((f, 8), np.int32)
+    at[:, kernels.PLACE : kernels.PLACE + 3] = mesh.vertices - middle
+    ids[:, kernels.HEAD] = -1
+    ids[:, kernels.AHEAD], ids[:, kernels.BACK] = chain
+    ids[:, kernels.LOCKED] = _locked(mesh, twin)
+    kernels.fill(at, ids, tri, mesh.faces, border)
+    samples, follow = np.zeros((0, 3)), np.zeros(0, dtype=np.int32)
+    head, after = follow, follow
     if np.isfinite(tolerance):
         samples, owners = _samples(mesh, twin)
-    head, after = kernels.lists(own.ravel(), len(mesh.vertices))
-    first, follow = kernels.lists(owners, len(own))
-    middle = mesh.vertices.mean(axis=0)
+        tri[:, kernels.SAMPLE], follow = kernels.lists(owners, f)
+        head, after = kernels.lists(mesh.faces.ravel(), v)
     return kernels.Net(
-        points=mesh.vertices - middle,
-        faces=own,
-        head=head,
-        after=after,
-        q=kernels.quadrics(mesh.vertices - middle, mesh.faces, border),
-        own=np.zeros(len(mesh.vertices)),
-        locked=_locked(mesh, twin),
-        chain=chain,
-        rim=chain.copy(),
-        samples=samples - middle,
-        first=first,
-        follow=follow,
-        old=mesh.faces,
-        old_head=head.copy(),
-        old_after=after.copy(),
-        limit=(_HELD * tolerance) ** 2,
-    )
+        at, ids, tri, chain, samples - middle, follow, mesh.faces, head, after,
+        (_HELD * tolerance) ** 2,
+    )  # fmt: skip
+
+
+def _aligned(rows: int, columns: int) -> Floats:
+    """Zeros (rows, columns) that begin where a line of the processor's cache does."""
+    room = np.zeros(rows * columns + 7)
+    skip = -room.ctypes.data // 8 % 8
+    return room[skip : skip + rows * columns].reshape(rows, columns)
 
 
 def _collapse(net: Any, wanted: int, progress: Progress) -> None:
     """Move vertices until ``wanted`` faces are left or no move is allowed."""
     from turnscan.surface.decimation import _collapse_kernels as kernels
+    from turnscan.surface.decimation._bucket_kernels import SIZE
 
-    line, waiting = kernels.queue(net)
-    size, first = waiting, len(net.faces)
+    ends, state = kernels.queue(net)
+    waiting, first = state[SIZE], len(net.tri)
     left, share = first, 0.0
-    while size > 0 and left > wanted:
+    while state[SIZE] > 0 and left > wanted:
         # A vertex whose neighbour moved waits once more: the share may not go back for that.
-        share = max(share, 1 - size / waiting, (first - left) / (first - wanted))
+        share = max(share, 1 - state[SIZE] / waiting, (first - left) / (first - wanted))
         progress(share)
-        size, left = kernels.collapse(net, line, size, left, wanted, _AT_A_TIME)
+        left = kernels.collapse(net, ends, state, left, wanted, _AT_A_TIME)
 
 
 def decimation_findings(before: Mesh, after: Mesh, wanted: int | None) -> list[Finding]:

@@ -1,7 +1,9 @@
 """Compiled kernels of the net in which edges collapse: what is about a vertex, and its quadric.
 
-The faces about a vertex hang on it as a list of corners, 3f + i for corner i of face f: `head` is
-the first one, `after` the next. A face that is gone has −1 for its first corner.
+What is read together lies together: the numbers of a vertex in two lines of the processor's cache,
+its links in half a line, a face with its three lists in half a line. The faces about a vertex hang
+on it as a list of corners, 4f + i for corner i of face f: ``ids[v, HEAD]`` is the first one,
+``tri[f, AFTER + i]`` the next. A face that is gone has −1 for its first vertex.
 """
 
 from __future__ import annotations
@@ -19,35 +21,34 @@ _RIM = 10.0
 """Weight of the planes that hold a border, against the faces beside it."""
 _EVEN = 1e-5
 """Weight of the distance itself against that from the planes: flat places are thinned evenly."""
+PLACE, OWN = 10, 13
+"""Of the numbers of a vertex, after its quadric: where it is, mm, and what its quadric costs there.
+"""
+HEAD, LOCKED, AHEAD, BACK, FOLLOW, WAITS = 0, 1, 2, 3, 4, 5
+"""Of the links of a vertex: its first corner; 1 where it stays; the next vertex along the border as
+it is now, and the one before, −1 inside; who follows it in the queue; 1 where it waits there."""
+SAMPLE, AFTER = 3, 4
+"""Of a face, after its vertices: the first sample that hangs on it, and the corners that follow."""
 
 
 class Net(NamedTuple):
     """A mesh whose vertices move into their neighbours, and what may not happen then."""
 
-    points: Floats
-    """(v, 3) mm."""
-    faces: Ints
-    """(f, 3)."""
-    head: Ints
-    after: Ints
-    q: Floats
-    """(v, 10) quadrics."""
-    own: Floats
-    """(v,) what those cost at the vertex itself."""
-    locked: Bools
-    """(v,) True for vertices that stay."""
+    at: Floats
+    """(v, 16) numbers of the vertices: quadric, `PLACE`, `OWN`."""
+    ids: Ints
+    """(v, 8) links of the vertices, from `HEAD`."""
+    tri: Ints
+    """(f, 8) the faces: their vertices, `SAMPLE`, `AFTER`."""
     chain: Ints
     """(2, v) the next vertex along the first border, and the one before; −1 inside."""
-    rim: Ints
-    """(2, v) the same along the border as it is now."""
     samples: Floats
-    """(m, 3) points of the first surface, its vertices before others; ``first`` (f,) and
-    ``follow`` (m,) hang them on faces."""
-    first: Ints
+    """(m, 3) points of the first surface, its vertices before others, hung on faces by ``follow``
+    (m,)."""
     follow: Ints
     old: Ints
     """(f, 3) faces of the first surface; ``old_head`` (v,) and ``old_after`` (3f,) hang their
-    corners on vertices."""
+    corners, 3f + i, on vertices."""
     old_head: Ints
     old_after: Ints
     limit: float
@@ -55,23 +56,16 @@ class Net(NamedTuple):
     faces from the first surface."""
 
 
-class Ring(NamedTuple):
-    """Room for what is about one vertex: its corners, neighbours and their sides' faces, costs."""
-
-    corners: Ints
-    near: Ints
-    seen: Ints
-    costs: Floats
+CORNER, LEFT, RIGHT, NEAR, SEEN = 0, 1, 2, 3, 4
+"""Rows of what is about one vertex: its corners, the other two vertices of the face of each; its
+neighbours, and how many faces the side to each has."""
 
 
 @njit(cache=True, nogil=True)
-def room() -> Ring:
-    return Ring(
-        np.empty(MOST, dtype=np.int32),
-        np.empty(2 * MOST, dtype=np.int32),
-        np.empty(2 * MOST, dtype=np.int32),
-        np.empty(2 * MOST),
-    )
+def room() -> Ints:
+    """For what is about one vertex; kernels that are called often take arrays, as a tuple of them
+    has the references to each counted at each use."""
+    return np.empty((5, 2 * MOST), dtype=np.int32)
 
 
 @njit(cache=True, nogil=True)
@@ -86,138 +80,127 @@ def lists(owners: Ints, count: int) -> tuple[Ints, Ints]:
     return first, follow
 
 
-@njit(cache=True, nogil=True)
-def _add_plane(q: Floats, a: float, b: float, c: float, d: float, w: float) -> None:
-    q[0] += w * a * a
-    q[1] += w * a * b
-    q[2] += w * a * c
-    q[3] += w * a * d
-    q[4] += w * b * b
-    q[5] += w * b * c
-    q[6] += w * b * d
-    q[7] += w * c * c
-    q[8] += w * c * d
-    q[9] += w * d * d
+@njit(cache=True, nogil=True, forceinline=True)
+def _add_plane(at: Floats, v: int, a: float, b: float, c: float, d: float, w: float) -> None:
+    at[v, 0] += w * a * a
+    at[v, 1] += w * a * b
+    at[v, 2] += w * a * c
+    at[v, 3] += w * a * d
+    at[v, 4] += w * b * b
+    at[v, 5] += w * b * c
+    at[v, 6] += w * b * d
+    at[v, 7] += w * c * c
+    at[v, 8] += w * c * d
+    at[v, 9] += w * d * d
 
 
-@njit(cache=True, nogil=True)
-def cost(q: Floats, p: Floats) -> float:
-    """Weighted squared distance of a point from the planes of a quadric."""
-    x, y, z = p[0], p[1], p[2]
+@njit(cache=True, nogil=True, forceinline=True)
+def cost(at: Floats, v: int, u: int) -> float:
+    """Weighted squared distance of the place of u from the planes of the quadric of v."""
+    x, y, z = at[u, PLACE], at[u, PLACE + 1], at[u, PLACE + 2]
     e = (
-        x * (q[0] * x + 2.0 * (q[1] * y + q[2] * z + q[3]))
-        + y * (q[4] * y + 2.0 * (q[5] * z + q[6]))
-        + z * (q[7] * z + 2.0 * q[8])
-        + q[9]
+        x * (at[v, 0] * x + 2.0 * (at[v, 1] * y + at[v, 2] * z + at[v, 3]))
+        + y * (at[v, 4] * y + 2.0 * (at[v, 5] * z + at[v, 6]))
+        + z * (at[v, 7] * z + 2.0 * at[v, 8])
+        + at[v, 9]
     )
     return max(e, 0.0)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, nogil=True)
-def shape(p: Floats, q: Floats, r: Floats, n: Floats) -> float:
-    """Write the normal (twice the area long); gives how even the face is, 1 for equilateral."""
-    u0, u1, u2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    v0, v1, v2 = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-    w0, w1, w2 = r[0] - q[0], r[1] - q[1], r[2] - q[2]
-    n[0], n[1], n[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
-    sides = u0 * u0 + u1 * u1 + u2 * u2 + v0 * v0 + v1 * v1 + v2 * v2 + w0 * w0 + w1 * w1 + w2 * w2
-    twice = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-    return 2.0 * np.sqrt(3.0) * twice / sides if sides > 0.0 else 0.0
-
-
-@njit(cache=True, nogil=True)
-def quadrics(points: Floats, faces: Ints, rim: Bools) -> Floats:
-    """(v, 10) the planes about every vertex, faces by area (Garland & Heckbert 1997).
+def fill(at: Floats, ids: Ints, tri: Ints, faces: Ints, rim: Bools) -> None:
+    """Write faces with their lists, and the planes about every vertex, faces by area.
 
     ``rim`` (3f,) is True for sides on a border: a plane through it, upright on its face, keeps it.
+    (Garland & Heckbert 1997)
     """
-    out = np.zeros((len(points), 10))
-    n = np.empty(3)
     for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        shape(points[a], points[b], points[c], n)
-        twice = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-        if not twice > 0.0:
-            continue
-        x, y, z = n[0] / twice, n[1] / twice, n[2] / twice
-        d = -(x * points[a, 0] + y * points[a, 1] + z * points[a, 2])
+        tri[f, SAMPLE] = -1
         for i in range(3):
             p = faces[f, i]
-            _add_plane(out[p], x, y, z, d, twice / 6.0)
-            for axis in range(3):
-                e = (
-                    1.0 if axis == 0 else 0.0,
-                    1.0 if axis == 1 else 0.0,
-                    1.0 if axis == 2 else 0.0,
-                )
-                _add_plane(out[p], e[0], e[1], e[2], -points[p, axis], _EVEN * twice / 6.0)
+            tri[f, i], tri[f, AFTER + i] = p, ids[p, HEAD]
+            ids[p, HEAD] = 4 * f + i
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, y, z = _normal(at, a, b, c)
+        twice = np.sqrt(x * x + y * y + z * z)
+        if not twice > 0.0:
+            continue
+        x, y, z = x / twice, y / twice, z / twice
+        d = -(x * at[a, PLACE] + y * at[a, PLACE + 1] + z * at[a, PLACE + 2])
+        even = _EVEN * twice / 6.0
+        for i in range(3):
+            p = faces[f, i]
+            _add_plane(at, p, x, y, z, d, twice / 6.0)
+            _add_plane(at, p, 1.0, 0.0, 0.0, -at[p, PLACE], even)
+            _add_plane(at, p, 0.0, 1.0, 0.0, -at[p, PLACE + 1], even)
+            _add_plane(at, p, 0.0, 0.0, 1.0, -at[p, PLACE + 2], even)
             if rim[3 * f + i]:
-                _hold_rim(points, out, p, faces[f, (i + 1) % 3], x, y, z)
-    return out
+                _hold_rim(at, p, faces[f, (i + 1) % 3], x, y, z)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _normal(at: Floats, a: int, b: int, c: int) -> tuple[float, float, float]:
+    """Normal of a face, as long as twice its area."""
+    x, y, z = at[a, PLACE], at[a, PLACE + 1], at[a, PLACE + 2]
+    u0, u1, u2 = at[b, PLACE] - x, at[b, PLACE + 1] - y, at[b, PLACE + 2] - z
+    v0, v1, v2 = at[c, PLACE] - x, at[c, PLACE + 1] - y, at[c, PLACE + 2] - z
+    return u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
 
 
 @njit(cache=True, nogil=True)
-def _hold_rim(points: Floats, out: Floats, p: int, o: int, x: float, y: float, z: float) -> None:
+def _hold_rim(at: Floats, p: int, o: int, x: float, y: float, z: float) -> None:
     """Add the plane through the side p-o, upright on the normal x, y, z, to both its ends."""
     e0, e1, e2 = (
-        points[o, 0] - points[p, 0],
-        points[o, 1] - points[p, 1],
-        points[o, 2] - points[p, 2],
+        at[o, PLACE] - at[p, PLACE],
+        at[o, PLACE + 1] - at[p, PLACE + 1],
+        at[o, PLACE + 2] - at[p, PLACE + 2],
     )
     m0, m1, m2 = e1 * z - e2 * y, e2 * x - e0 * z, e0 * y - e1 * x
     size = np.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
     if size > 0.0:
-        d = -(m0 * points[p, 0] + m1 * points[p, 1] + m2 * points[p, 2]) / size
+        d = -(m0 * at[p, PLACE] + m1 * at[p, PLACE + 1] + m2 * at[p, PLACE + 2]) / size
         for v in (p, o):
-            _add_plane(out[v], m0 / size, m1 / size, m2 / size, d, _RIM * size * size)
+            _add_plane(at, v, m0 / size, m1 / size, m2 / size, d, _RIM * size * size)
 
 
-@njit(cache=True, nogil=True)
-def _star(net: Net, v: int, corners: Ints) -> int:
-    """Write the live corners at a vertex, forget the dead ones; −1 where there are too many."""
+@njit(cache=True, nogil=True, forceinline=True)
+def look(ids: Ints, tri: Ints, v: int, ring: Ints) -> tuple[int, int]:
+    """Write what is about a vertex; how many corners, −1 for too many, and neighbours.
+
+    Corners of faces that are gone are forgotten.
+    """
     count, last = 0, -1
-    c = net.head[v]
+    c = ids[v, HEAD]
     while c >= 0:
-        following = net.after[c]
-        if net.faces[c // 3, 0] < 0:
+        f, i = c >> 2, c & 3
+        following = tri[f, AFTER + i]
+        if tri[f, 0] < 0:
             if last < 0:
-                net.head[v] = following
+                ids[v, HEAD] = following
             else:
-                net.after[last] = following
+                tri[last >> 2, AFTER + (last & 3)] = following
         elif count == MOST:
-            return -1
+            return -1, 0
         else:
-            corners[count] = c
+            ring[CORNER, count] = c
+            ring[LEFT, count] = tri[f, i + 1 if i < 2 else 0]
+            ring[RIGHT, count] = tri[f, i - 1 if i > 0 else 2]
             count += 1
             last = c
         c = following
-    return count
-
-
-@njit(cache=True, nogil=True)
-def ends(faces: Ints, corner: int) -> tuple[int, int]:
-    """The other two vertices of a face, in its winding."""
-    f, i = corner // 3, corner % 3
-    return faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]
-
-
-@njit(cache=True, nogil=True)
-def look(net: Net, v: int, ring: Ring) -> tuple[int, int]:
-    """Write corners, neighbours, and how many faces each side to them has; how many of either."""
-    count = _star(net, v, ring.corners)
-    if net.rim[0, v] < 0 and not net.locked[v]:
+    if ids[v, AHEAD] < 0 and ids[v, LOCKED] == 0:
         # Inside of a manifold every neighbour is the first of the other two in one face.
         for i in range(count):
-            ring.near[i], ring.seen[i] = ends(net.faces, ring.corners[i])[0], 2
+            ring[NEAR, i], ring[SEEN, i] = ring[LEFT, i], 2
         return count, count
     have = 0
-    for i in range(count):
-        for w in ends(net.faces, ring.corners[i]):
-            j = 0
-            while j < have and ring.near[j] != w:
-                j += 1
-            if j == have:
-                ring.near[j], ring.seen[j] = w, 0
-                have += 1
-            ring.seen[j] += 1
+    for k in range(2 * count):
+        w = ring[LEFT, k] if k < count else ring[RIGHT, k - count]
+        j = 0
+        while j < have and ring[NEAR, j] != w:
+            j += 1
+        if j == have:
+            ring[NEAR, j], ring[SEEN, j] = w, 0
+            have += 1
+        ring[SEEN, j] += 1
     return count, have

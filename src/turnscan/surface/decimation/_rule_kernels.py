@@ -6,7 +6,17 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints
 from turnscan.compiled import njit
-from turnscan.surface.decimation._net_kernels import Net, Ring, ends, shape
+from turnscan.surface.decimation._net_kernels import (
+    AHEAD,
+    BACK,
+    CORNER,
+    LEFT,
+    NEAR,
+    PLACE,
+    RIGHT,
+    SAMPLE,
+    Net,
+)
 
 _WITHIN = (
     (1 / 3, 1 / 3, 1 / 3), (0.6, 0.2, 0.2), (0.2, 0.6, 0.2), (0.2, 0.2, 0.6),
@@ -19,11 +29,10 @@ _SLIM = 0.02
 """A face may become slimmer than this (1 is equilateral) only where it was slimmer before."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def keeps_topology(
-    faces: Ints, mine: Ring, count: int, have: int, u: int, shared: int, theirs: Ring, others: int,
-    near: int,
-) -> bool:  # fmt: skip
+    mine: Ints, count: int, have: int, u: int, shared: int, theirs: Ints, others: int, near: int
+) -> bool:
     """Whether v may become u: the surface stays as it hangs together, and something of it stays.
 
     Both have no neighbours in common but those across from their side (Dey et al. 1999), and no
@@ -34,38 +43,46 @@ def keeps_topology(
     common = 0
     for i in range(have):
         for j in range(near):
-            common += mine.near[i] == theirs.near[j]
+            common += mine[NEAR, i] == theirs[NEAR, j]
     if common != shared:
         return False
     for i in range(count):
-        a, b = ends(faces, mine.corners[i])
+        a, b = mine[LEFT, i], mine[RIGHT, i]
         if a == u or b == u:
             continue
         for j in range(others):
-            c, d = ends(faces, theirs.corners[j])
+            c, d = theirs[LEFT, j], theirs[RIGHT, j]
             if (a == c and b == d) or (a == d and b == c):
                 return False
     return True
 
 
-@njit(cache=True, nogil=True)
-def keeps_sides(net: Net, v: int, u: int, ring: Ring, count: int, n: Floats, m: Floats) -> bool:
+@njit(cache=True, nogil=True, forceinline=True)
+def keeps_sides(at: Floats, v: int, u: int, ring: Ints, count: int) -> bool:
     """Whether no face turns over, or becomes a splinter, when its corner moves to u."""
-    points = net.points
     for i in range(count):
-        a, b = ends(net.faces, ring.corners[i])
+        a, b = ring[LEFT, i], ring[RIGHT, i]
         if a == u or b == u:
             continue
-        before = shape(points[v], points[a], points[b], n)
-        then = shape(points[u], points[a], points[b], m)
-        if then < _SLIM and then <= before:
-            return False
-        dot = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
-        nn = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
-        mm = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+        x, y, z = at[a, PLACE], at[a, PLACE + 1], at[a, PLACE + 2]
+        s0, s1, s2 = at[b, PLACE] - x, at[b, PLACE + 1] - y, at[b, PLACE + 2] - z
+        p0, p1, p2 = at[v, PLACE] - x, at[v, PLACE + 1] - y, at[v, PLACE + 2] - z
+        r0, r1, r2 = at[u, PLACE] - x, at[u, PLACE + 1] - y, at[u, PLACE + 2] - z
+        n0, n1, n2 = s1 * p2 - s2 * p1, s2 * p0 - s0 * p2, s0 * p1 - s1 * p0
+        m0, m1, m2 = s1 * r2 - s2 * r1, s2 * r0 - s0 * r2, s0 * r1 - s1 * r0
+        dot = n0 * m0 + n1 * m1 + n2 * m2
+        nn = n0 * n0 + n1 * n1 + n2 * n2
+        mm = m0 * m0 + m1 * m1 + m2 * m2
         # A face without area has no side to keep.
-        if nn > 0.0 and not dot > _TURN * np.sqrt(nn * mm):
+        if nn > 0.0 and not (dot > 0.0 and dot * dot > _TURN * _TURN * nn * mm):
             return False
+        # Twice the area of the face against its sides, squared, as of an equilateral one.
+        ss = s0 * s0 + s1 * s1 + s2 * s2
+        then = 2.0 * (ss + r0 * r0 + r1 * r1 + r2 * r2 - s0 * r0 - s1 * r1 - s2 * r2)
+        if 12.0 * mm < _SLIM * _SLIM * then * then:
+            before = 2.0 * (ss + p0 * p0 + p1 * p1 + p2 * p2 - s0 * p0 - s1 * p1 - s2 * p2)
+            if mm * before * before <= nn * then * then:
+                return False
     return True
 
 
@@ -109,24 +126,29 @@ def _off_face(p: Floats, a: Floats, b: Floats, c: Floats) -> float:
     return x * x + y * y + z * z  # type: ignore[no-any-return]
 
 
+@njit(cache=True, nogil=True, forceinline=True)
+def _place(net: Net, v: int) -> Floats:
+    return net.at[v, PLACE : PLACE + 3]
+
+
 @njit(cache=True, nogil=True)
-def keeps_near(net: Net, u: int, ring: Ring, count: int, held: Ints, owner: Ints) -> int:
+def keeps_near(net: Net, u: int, ring: Ints, count: int, held: Ints, owner: Ints) -> int:
     """Write the samples about a vertex that moves to u, and the face that each will hang on.
 
     Gives how many there are, −1 where one would lie too far from all of those faces.
     """
     have = 0
     for i in range(count):
-        s = net.first[ring.corners[i] // 3]
+        s = net.tri[ring[CORNER, i] >> 2, SAMPLE]
         while s >= 0:
             best, at = np.inf, -1
             for j in range(count):
-                a, b = ends(net.faces, ring.corners[j])
+                a, b = ring[LEFT, j], ring[RIGHT, j]
                 if a == u or b == u:
                     continue
-                d = _off_face(net.samples[s], net.points[u], net.points[a], net.points[b])
+                d = _off_face(net.samples[s], _place(net, u), _place(net, a), _place(net, b))
                 if d < best:
-                    best, at = d, ring.corners[j] // 3
+                    best, at = d, ring[CORNER, j] >> 2
             if have == len(held) or not best <= net.limit:
                 return -1
             held[have], owner[have] = s, at
@@ -141,11 +163,11 @@ def _off_old(net: Net, p: Floats, held: Ints, have: int) -> float:
 
     Looked for among the samples ``held``; infinite where there is no vertex among them.
     """
-    points = net.points
+    points = net.samples
     nearest, best = -1, np.inf
     for i in range(have):
         s = held[i]
-        if s < len(points):
+        if s < len(net.at):
             d = (p[0] - points[s, 0]) ** 2 + (p[1] - points[s, 1]) ** 2 + (p[2] - points[s, 2]) ** 2
             if d < best:
                 nearest, best = s, d
@@ -153,23 +175,25 @@ def _off_old(net: Net, p: Floats, held: Ints, have: int) -> float:
         return best
     c = net.old_head[nearest]
     while c >= 0:
-        a, b = ends(net.old, c)
+        a, b = net.old[c // 3, (c + 1) % 3], net.old[c // 3, (c + 2) % 3]
         best = min(best, _off_face(p, points[nearest], points[a], points[b]))
         c = net.old_after[c]
     return best
 
 
 @njit(cache=True, nogil=True)
-def faces_near(net: Net, u: int, ring: Ring, count: int, held: Ints, have: int, p: Floats) -> bool:
+def faces_near(net: Net, u: int, ring: Ints, count: int, held: Ints, have: int, p: Floats) -> bool:
     """Whether the faces about a vertex that moves to u lie near the first surface, by samples."""
     for j in range(count):
-        a, b = ends(net.faces, ring.corners[j])
+        a, b = ring[LEFT, j], ring[RIGHT, j]
         if a == u or b == u:
             continue
         for k in range(len(_WITHIN)):
             x, y, z = _WITHIN[k]
             for i in range(3):
-                p[i] = x * net.points[u, i] + y * net.points[a, i] + z * net.points[b, i]
+                p[i] = (
+                    x * net.at[u, PLACE + i] + y * net.at[a, PLACE + i] + z * net.at[b, PLACE + i]
+                )
             if not _off_old(net, p, held, have) <= net.limit:
                 return False
     return True
@@ -192,11 +216,11 @@ def _off_side(p: Floats, a: Floats, b: Floats) -> float:
 @njit(cache=True, nogil=True)
 def keeps_rim(net: Net, v: int) -> bool:
     """Whether the first border stays near the side that closes the gap where v was."""
-    a, b = net.rim[1, v], net.rim[0, v]
+    a, b = net.ids[v, BACK], net.ids[v, AHEAD]
     for way in range(2):
         w = v
         while w != (b if way == 0 else a):
-            if not _off_side(net.points[w], net.points[a], net.points[b]) <= net.limit:
+            if not _off_side(_place(net, w), _place(net, a), _place(net, b)) <= net.limit:
                 return False
             w = net.chain[way, w]
     return True
