@@ -9,6 +9,7 @@ from turnscan.arrays import Floats
 from turnscan.compiled import njit
 
 Counts = npt.NDArray[np.int16]
+Vector = tuple[float, float, float]
 
 _MOST = 16
 """Steps to either side, at most."""
@@ -23,6 +24,26 @@ _BESIDE = 6
 
 
 @njit(cache=True, nogil=True)
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, nogil=True)
+def _at(places: Floats, k: int, j: int) -> Vector:
+    return places[k, j, 0], places[k, j, 1], places[k, j, 2]
+
+
+@njit(cache=True, nogil=True)
+def _from(p: Vector, q: Vector) -> Vector:
+    return q[0] - p[0], q[1] - p[1], q[2] - p[2]
+
+
+@njit(cache=True, nogil=True)
+def _over(p: Vector, by: float) -> Vector:
+    return p[0] / by, p[1] / by, p[2] / by
+
+
+@njit(cache=True, nogil=True)
 def shifts(
     points: Floats, eyes: Floats, moves: Floats, sheets: Floats, span: float, closed: bool
 ) -> tuple[Floats, Counts]:
@@ -34,49 +55,66 @@ def shifts(
     s, n, _ = points.shape
     out, over = np.full((s, n), np.nan), np.zeros((s, n), np.int16)
     for k in range(s):
+        eye = (eyes[k, 0], eyes[k, 1], eyes[k, 2])
         for j in range(n):
             if np.isnan(points[k, j, 0]):
                 continue
+            here = _at(points, k, j)
             on = (k + 1) % s if closed else min(k + 1, s - 1)
             back = (k - 1) % s if closed else max(k - 1, 0)
             arc = 0.0
             for m in (on, back):
-                step = points[m, j] - points[k, j]
-                arc = max(arc, np.sqrt((step * step).sum()))
+                step = _from(here, _at(points, m, j))
+                arc = max(arc, np.sqrt(_dot(step, step)))
             # NaN where one of them is missing.
             if not arc > 0.0:
                 continue
             m = min(max(int(np.rint(span / arc)), 1), min(_MOST, s // 4))
             if not closed and (k + m >= s or k < m):
                 continue
-            a, b = points[(k - m) % s, j] - points[k, j], points[(k + m) % s, j] - points[k, j]
-            la, lb = np.sqrt((a * a).sum()), np.sqrt((b * b).sum())
-            if not (la > 0.0 and lb > 0.0 and la < _LOPSIDED * lb and lb < _LOPSIDED * la):
-                continue
-            if (a * b).sum() > -_STRAIGHT * la * lb:
-                continue
-            bend = 2.0 * (a / la + b / lb) / (la + lb)
-            t = b - a
-            t /= np.sqrt((t * t).sum())
-            c = (t * sheets[k, j]).sum()
-            if abs(c) < _LEAST:
-                continue
-            v = eyes[k] - points[k, j]
-            v /= np.sqrt((v * v).sum())
-            across = (v * t).sum()
-            normal = v - across * t
-            facing = np.sqrt((normal * normal).sum())
-            if facing < _LEAST:
-                continue
-            normal /= facing
-            pixel = moves[k, j] / (moves[k, j] * moves[k, j]).sum()
-            ta = (t * pixel).sum()
-            sinks = (bend * pixel).sum() / 2
-            beside = ta * (bend * sheets[k, j]).sum() / (2 * c)
-            seen = ta * across * (bend * normal).sum() / facing
-            out[k, j] = (sinks - beside - seen) / c**2
-            over[k, j] = m
+            a, b = (
+                _from(here, _at(points, (k - m) % s, j)),
+                _from(here, _at(points, (k + m) % s, j)),
+            )
+            shift = _shift(a, b, _from(here, eye), _at(moves, k, j), _at(sheets, k, j))
+            if not np.isnan(shift):
+                out[k, j], over[k, j] = shift, m
     return out, over
+
+
+@njit(cache=True, nogil=True)
+def _shift(a: Vector, b: Vector, v: Vector, move: Vector, sheet: Vector) -> float:
+    """px/mm² of a point from which the curve goes on to ``a`` and ``b`` and the camera is at ``v``,
+    NaN where no curvature is known."""
+    la, lb = np.sqrt(_dot(a, a)), np.sqrt(_dot(b, b))
+    if not (la > 0.0 and lb > 0.0 and la < _LOPSIDED * lb and lb < _LOPSIDED * la):
+        return np.nan
+    if _dot(a, b) > -_STRAIGHT * la * lb:
+        return np.nan
+    one, two = _over(a, la), _over(b, lb)
+    bend = (
+        2.0 * (one[0] + two[0]) / (la + lb),
+        2.0 * (one[1] + two[1]) / (la + lb),
+        2.0 * (one[2] + two[2]) / (la + lb),
+    )
+    t = _from(a, b)
+    t = _over(t, np.sqrt(_dot(t, t)))
+    c = _dot(t, sheet)
+    if abs(c) < _LEAST:
+        return np.nan
+    v = _over(v, np.sqrt(_dot(v, v)))
+    across = _dot(v, t)
+    normal = (v[0] - across * t[0], v[1] - across * t[1], v[2] - across * t[2])
+    facing = np.sqrt(_dot(normal, normal))
+    if facing < _LEAST:
+        return np.nan
+    normal = _over(normal, facing)
+    pixel = _over(move, _dot(move, move))
+    ta = _dot(t, pixel)
+    sinks = _dot(bend, pixel) / 2
+    beside = ta * _dot(bend, sheet) / (2 * c)
+    seen = ta * across * _dot(bend, normal) / facing
+    return (sinks - beside - seen) / c**2  # type: ignore[no-any-return]
 
 
 @njit(cache=True, nogil=True)

@@ -3,7 +3,7 @@
 By cost alone, each vertex would be far from the one before, and memory be waited for. So the
 regions of the mesh take turns, four from a cost to its double, and within a turn the vertices of a
 region wait in four buckets. Who came first into a bucket leaves first. Each waits in one bucket,
-and whoever takes it out asks anew what it costs: more, mostly; who got a new neighbour may wait
+and whoever takes it out asks again what it costs: more, mostly; who got a new neighbour may wait
 longer than it need.
 """
 

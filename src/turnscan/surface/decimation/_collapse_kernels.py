@@ -87,7 +87,7 @@ def _move(at: Floats, ids: Ints, tri: Ints, v: int, u: int, ring: Ints, count: i
 def _stays_near(
     net: Net, v: int, u: int, ring: Ints, count: int, held: Ints, owner: Ints, n: Floats
 ) -> bool:
-    """Whether the surface stays within the limit when v becomes u; its samples are hung anew."""
+    """Whether the surface stays within the limit when v becomes u; its samples are hung again."""
     if net.ids[v, AHEAD] >= 0 and not keeps_rim(net, v):
         return False
     have = keeps_near(net, u, ring, count, held, owner)
@@ -148,7 +148,7 @@ def collapse(net: Net, ends: Ints, state: Ints, left: int, wanted: int, most: in
                 and (not limited or _stays_near(net, v, u, mine, count, held, owner, n))
             ):
                 left -= _move(at, ids, tri, v, u, mine, count)
-                # Who waits is asked anew when it is its turn. Who was out waits again.
+                # Who waits is asked again when it is its turn. Who was out waits again.
                 _, near = look(ids, tri, u, theirs)
                 for j in range(-1, near):
                     w = u if j < 0 else theirs[NEAR, j]
