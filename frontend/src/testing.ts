@@ -18,6 +18,8 @@ export interface Readable {
   readonly digest: string;
   readonly vertices: number;
   readonly faces: number;
+  /** How many different colours the vertices have from texture images. */
+  readonly shades: number;
   readonly selected: number;
   /** Selected faces that look away from the eye. */
   readonly selectedAway: number;
@@ -67,6 +69,12 @@ export function expose(): void {
     },
     get faces() {
       return mesh.value?.aliveCount ?? 0;
+    },
+    get shades() {
+      const colour = mesh.value?.colour ?? new Uint8Array();
+      const found = new Set<number>();
+      for (let i = 0; i < colour.length; i += 3) found.add((colour[i] << 16) | (colour[i + 1] << 8) | colour[i + 2]);
+      return found.size;
     },
     get selected() {
       return currentViewport()?.selection.count ?? 0;

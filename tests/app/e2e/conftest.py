@@ -176,10 +176,12 @@ def open_cup(new_page: Callable[..., Any], folder: Path, cup: Path) -> Callable[
     """Open a copy of the cup of this test's own in the Repair room."""
     name = f"cup-{sum(1 for _ in folder.iterdir()) + 1}"
 
-    def make(**options: Any) -> Any:
+    def make(prepare: Callable[[Path], None] | None = None, **options: Any) -> Any:
         target = folder / f"{name}.turnscan"
         if not target.exists():
             shutil.copy(cup, target)
+            if prepare is not None:
+                prepare(target)
         page = new_page(**options)
         page.get_by_role("button", name=name, exact=True).click()
         until(page, "turnscan.faces > 0", OPENING)

@@ -5,15 +5,35 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
+
 from tests.app.e2e.conftest import until
+from tests.texture.painted import paint
+from tests.texture.pillar import lathe
+from turnscan.arrays import Floats
 from turnscan.formats import read_mesh
+
+
+def darker_upwards(points: Floats) -> Floats:
+    """Grey levels of what is painted on the cup."""
+    return np.asarray(180.0 - 2.0 * points[:, 2])
+
+
+def painted(scan: Path) -> None:
+    closed = lathe(np.array([18.0, 28.0, 1e-3]), np.array([0.0, 45.0, 45.0]), 90)
+    paint(scan, closed, darker_upwards, every=9)
 
 
 def test_formats_are_written_and_read_back_and_nothing_chosen_is_not(
     open_cup, picture, tmp_path: Path
 ):
-    page = open_cup()
+    page = open_cup(painted)
     seen = page.evaluate("turnscan.faces")
+    assert page.evaluate("turnscan.shades") == 0
+    colours = page.get_by_role("combobox", name="Colours of the surface")
+    colours.select_option("colours of the texture images")
+    until(page, "turnscan.shades > 40")
+    picture(page, "colour")
     page.get_by_role("button", name="Export", exact=True).click()
     for name in ("DXF", "3MF", "GLB"):
         suffix = f".{name.lower()}"
@@ -27,7 +47,12 @@ def test_formats_are_written_and_read_back_and_nothing_chosen_is_not(
             link.click()
         target = tmp_path / f"part{suffix}"
         download.value.save_as(target)
-        assert len(read_mesh(target.read_bytes(), suffix).faces) == seen, name
+        mesh = read_mesh(target.read_bytes(), suffix)
+        assert len(mesh.faces) == seen, name
+        if name != "DXF":
+            assert mesh.colour is not None
+            off = mesh.colour[:, 0] - darker_upwards(mesh.vertices)
+            assert np.median(np.abs(off)) < 3.0, name
     page.get_by_role("radio", name="DXF").check()
     page.get_by_role("checkbox", name="3DFACE").uncheck()
     assert page.get_by_role("button", name="Export DXF").is_disabled()
