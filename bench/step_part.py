@@ -1,10 +1,12 @@
 """A part of many faces, drawn as STEP, scanned in two poses and recovered: what comes back of it.
 
-``python -m bench.step_part PART.STEP`` simulates the part on the paper's rig in two poses, lying on
-its face and on its back, both leaning; joins them, finds shapes, and holds these against the faces
-of the drawing: found, missed, invented, and how far points lie off. ``--steps`` (200) for each
-turn; ``--rig``; ``--keep FOLDER`` keeps the scans there and finds them again; ``--free`` joins the
-poses by their own shape, not by the drawing.
+``python -m bench step_part`` simulates `featuretype.STEP` of the shared data on the paper's rig in
+two poses, lying on its face and on its back, both leaning; joins them, finds shapes, and holds
+these against the faces of the drawing: found, missed, invented, and how far points lie off; then
+writes it as STEP and reads that back. ``--write`` puts the table into the page. ``python -m
+bench.step_part PART.STEP`` takes another part, ``--steps`` (200) for each turn; ``--rig``; ``--keep
+FOLDER`` keeps the scans there and finds them again; ``--free`` joins the poses by their own shape,
+not by the drawing.
 """
 
 from __future__ import annotations
@@ -17,17 +19,21 @@ from pathlib import Path
 
 import numpy as np
 
+from bench._page import DOCS, write
 from bench.surface_truth import scanned
 from turnscan import workflows as w
+from turnscan.drawings import read_step
 from turnscan.formats import export
 from turnscan.progress import no_progress
-from turnscan.shapes import deviation
+from turnscan.shapes import deviation, volume_sigma
 from turnscan.simulate import SimulationSpec
 from turnscan.workflows._aligning import labels_of
-from turnscan.workflows._compare import _own
+from turnscan.workflows._compare import measured_labels
 from turnscan.workflows._compared_features import matched
 from turnscan.workflows._nominal import Nominal, nominal
 
+PART = Path(__file__).parents[2] / "shared" / "data" / "parts" / "featuretype.STEP"
+PAGE = DOCS / "how-to" / "shapes.md"
 POSES = ((0.0, (55.0, 20.0)), (180.0, (55.0, -20.0)))
 """Degrees: how far the part is tipped over, then leans about x and y."""
 _SEEN = 60
@@ -53,14 +59,14 @@ def recovered(drawing: Path, rig: str, steps: int, folder: Path, free: bool) -> 
     ]
     scans = [scanned(wish, folder)[1] for wish in wishes]
     joined = w.join(scans, reference=None if free else drawing)
-    found = w.find_shapes(joined, as_measured=True)
+    found = w.find_shapes(joined)
     moved = w.compare(joined, drawing, align="shape" if free else "none")
     return _told(drawn, found, moved)
 
 
 def _told(drawn: Nominal, found: w.FoundShapes, moved: w.Comparison) -> list[str]:
     label = labels_of(drawn, moved.every.face, moved.every.beyond)
-    match = matched(drawn, label, found.found, _own(found.mesh, found))
+    match = matched(drawn, label, found.found, measured_labels(found.mesh, found))
     seen = np.bincount(label[label >= 0], minlength=len(drawn.shapes)) >= _SEEN
     lines = ["| kind | drawn | seen | found | missed | invented |", "|---|---|---|---|---|---|"]
     for kind in Counter(s.kind for s in (*drawn.shapes, *found.found.shapes)):
@@ -75,7 +81,35 @@ def _told(drawn: Nominal, found: w.FoundShapes, moved: w.Comparison) -> list[str
         *lines,
         f"measured points off the drawing: {1e3 * d.mean:+.1f} µm mean, {1e3 * d.rms:.1f} µm rms, "
         f"95 % within {1e3 * d.quantile(0.95):.1f} µm",
+        "",
+        *_solid(drawn, found),
     ]
+
+
+def _solid(drawn: Nominal, found: w.FoundShapes) -> list[str]:
+    """What the STEP holds, and its volume against the drawing's and the mesh's."""
+    made = found.step
+    back = read_step(made.data)
+    sigma = volume_sigma(found.mesh).total
+    held = f"{back.solids} solids, {back.faces} faces, {'valid' if back.valid else 'not valid'}"
+    volume = f", {back.volume:.0f} mm³" if back.solids else ""
+    return [
+        *(f"STEP: {f.message}" for f in made.findings),
+        f"read back by OpenCASCADE: {held}{volume}; drawn {drawn.mesh.volume:.0f} mm³, mesh "
+        f"{found.mesh.volume:.0f} ± {sigma:.0f} mm³",
+    ]
+
+
+def run(quick: bool = False, into_pages: bool = False) -> None:
+    """The part of the shared data."""
+    if not PART.exists():
+        print(f"{PART} is not there")
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        lines = recovered(PART, "paper", 60 if quick else 200, Path(scratch), free=False)
+    print("\n".join(lines))
+    if into_pages and not quick:
+        write(PAGE, "step-part", lines)
 
 
 def main() -> None:
@@ -86,10 +120,15 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=200)
     parser.add_argument("--keep", type=Path, help="folder of the simulated scans")
     parser.add_argument("--free", action="store_true", help="join by shape, without the drawing")
+    parser.add_argument("--write", action="store_true", help="put the table into the page")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = args.keep or Path(scratch)
-        print("\n".join(recovered(args.drawing, args.rig, args.steps, folder, args.free)))
+        folder.mkdir(parents=True, exist_ok=True)
+        lines = recovered(args.drawing, args.rig, args.steps, folder, args.free)
+        print("\n".join(lines))
+        if args.write:
+            write(PAGE, "step-part", lines)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from click.testing import CliRunner
 import turnscan as ts
 from tests.needs import needs
 from tests.shapes.solids import noisy, prism, turned
+from turnscan.arrays import Floats
 from turnscan.cli import main, turnscan
 from turnscan.drawings import StepPart, read_step, write_step
 from turnscan.errors import ExportError
@@ -68,12 +69,143 @@ def test_a_solid_is_written_as_iges_and_what_is_none_is_not(
     back = reader.OneShape()
     assert len(parts_of(back, "solid")) == 1
     assert volume_of(back) == pytest.approx(shaft.step.figures["volume_mm3"], rel=1e-6)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["again.iges", "shaft.igs"]
+
+
+def _lumpy(noise: float) -> tuple[Mesh, float]:
+    """A closed freeform body of some 5000 faces, no part of it analytic, and its volume, mm³."""
+    rings, around = 36, 72
+    u, v = np.meshgrid(
+        np.arange(around) * 2 * np.pi / around, np.pi * (np.arange(rings) + 0.5) / rings
+    )
+
+    def radius(u: Floats, v: Floats) -> Floats:
+        lobes = 2.5 * np.cos(2 * u) * np.sin(v) ** 2 + 1.5 * np.cos(3 * u + 1) * np.sin(v) ** 3
+        return np.asarray(20 + lobes + 2 * np.cos(v) + np.cos(2 * v))
+
+    def places(u: Floats, v: Floats) -> Floats:
+        out = [np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)]
+        return np.asarray(radius(u, v)[..., None] * np.stack(out, axis=-1))
+
+    low, high = places(np.zeros(1), np.array([np.pi])), places(np.zeros(1), np.zeros(1))
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(around), np.arange(rings - 1)))
+    a, b = j * around + i, j * around + (i + 1) % around
+    n = rings * around
+    ring, after = np.arange(around), (np.arange(around) + 1) % around
+    faces = [
+        np.stack([a, a + around, b + around], axis=1), np.stack([a, b + around, b], axis=1),
+        np.stack([n - around + after, n - around + ring, np.full(around, n)], axis=1),
+        np.stack([ring, after, np.full(around, n + 1)], axis=1),
+    ]  # fmt: skip
+    X = np.concatenate([places(u, v).reshape(-1, 3), low, high])
+    body = Mesh(X, np.concatenate(faces).astype(np.int32))
+    fine = np.pi * (np.arange(400) + 0.5) / 400
+    turn = np.arange(400) * 2 * np.pi / 400
+    U, V = np.meshgrid(turn, fine)
+    volume = float((radius(U, V) ** 3 / 3 * np.sin(V)).sum() * (2 * np.pi / 400) * (np.pi / 400))
+    return noisy(body, noise, 1), volume
+
+
+@pytest.fixture(scope="module")
+def lumpy() -> tuple[FoundShapes, float]:
+    needs("OpenCASCADE")
+    mesh, volume = _lumpy(0.01)
+    return find_shapes(mesh, tolerance=0.05), volume
+
+
+def test_a_freeform_part_is_a_valid_solid_of_splines(lumpy: tuple[FoundShapes, float]) -> None:
+    found, volume = lumpy
+    step = found.step
+    assert step.solid, step.findings
+    assert [f.code for f in step.findings] == ["shapes.solid"]
+    part = read_step(step.data, 0.05)
+    assert (part.solids, part.valid, part.lost) == (1, True, 0)
+    assert part.faces == step.figures["faces"]
+    assert part.volume == pytest.approx(volume, rel=1e-3)
+    assert step.figures["faces_bspline"] >= 6
+    assert step.figures["triangles"] == 0
+    # Noise, and nothing of it in the surface: neither followed nor smoothed over.
+    assert 0.007 < step.figures["deviation_rms_mm"] < 0.015
+    assert b"B_SPLINE_SURFACE" in step.data
+
+
+def test_faces_have_the_colour_of_their_deviation(lumpy: tuple[FoundShapes, float]) -> None:
+    import io
+
+    from OCP.Quantity import Quantity_Color
+    from OCP.STEPCAFControl import STEPCAFControl_Reader
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.XCAFApp import XCAFApp_Application
+    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
+
+    from turnscan.drawings._parts import parts_of
+
+    step = lumpy[0].step
+    off = step.deviations
+    assert off is not None
+    document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
+    XCAFApp_Application.GetApplication_s().InitDocument(document)
+    reader = STEPCAFControl_Reader()
+    reader.SetColorMode(True)
+    reader.ReadStream("part.step", io.BytesIO(step.data))
+    assert reader.Transfer(document)
+    paints = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    seen = set()
+    for face in parts_of(reader.Reader().OneShape(), "face"):
+        colour = Quantity_Color()
+        assert paints.GetColor(face, XCAFDoc_ColorType.XCAFDoc_ColorSurf, colour)
+        seen.add(colour.Name())
+    assert len(seen) == len(set(off.colours.values())) > 1
+    told = read_about(step.data)
+    assert "positive outside" in str(told["face_colours"])
+    means = [f.mean_mm for f in off.faces if f.points]
+    assert max(map(abs, means)) <= 3.5 * off.width
+    for face in off.faces:
+        red, _, blue = off.colours[face.face - 1]
+        if abs(face.mean_mm) > off.width:
+            assert (red > blue) == (face.mean_mm > 0)
+
+
+def test_the_report_has_the_legend_and_iges_the_same_faces(
+    lumpy: tuple[FoundShapes, float], tmp_path: Path
+) -> None:
+    found, _ = lumpy
+    found.save(tmp_path / "lumpy.step", tmp_path / "lumpy.igs")
+    found.save_report(tmp_path / "r.html")
+    found.save_report(tmp_path / "r.json")
+    text = (tmp_path / "r.html").read_text()
+    assert "colour of a face" in text
+    assert "not measured" in text
+    rows = json.loads((tmp_path / "r.json").read_text())["step"]["face_deviations"]
+    assert len(rows) == found.step.figures["faces"]
+    assert sum(r["points"] for r in rows) == len(found.mesh.vertices)
+
+
+def test_an_open_freeform_part_is_a_shell_and_says_so(tmp_path: Path) -> None:
+    needs("OpenCASCADE")
     t = np.linspace(0, 2 * np.pi, 90, endpoint=False)
     outline = [((12 + 2 * np.cos(3 * a)) * np.cos(a), (12 + np.sin(2 * a)) * np.sin(a)) for a in t]
     freeform = find_shapes(prism(outline, 9, 1.0))
-    with pytest.raises(ts.TurnscanError, match="IGES needs a solid: only"):
-        freeform.save(tmp_path / "free.ply", tmp_path / "free.igs")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["again.iges", "shaft.igs"]
+    [finding] = freeform.save(tmp_path / "free.step", tmp_path / "free.igs")
+    assert finding.code == "shapes.shell"
+    assert "open as the mesh is" in finding.message
+    part = read_step((tmp_path / "free.step").read_bytes(), 0.05)
+    assert (part.solids, part.valid) == (0, True)
+    assert part.mesh.area_of() == pytest.approx(freeform.mesh.area_of(), rel=5e-3)
+
+
+def test_what_no_surface_fits_stays_triangles_and_iges_is_refused(tmp_path: Path) -> None:
+    needs("OpenCASCADE")
+    mesh, _ = _lumpy(0.2)
+    found = find_shapes(mesh, tolerance=1e-3)
+    found = replace(found, mesh=mesh)
+    assert not found.step.solid
+    assert found.step.findings[-1].code == "shapes.triangles"
+    assert "tolerance" in str(found.step.findings[-1])
+    with pytest.raises(ExportError, match="IGES holds no triangles"):
+        found.save(tmp_path / "part.ply", tmp_path / "part.igs")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_shaft_is_a_valid_solid_of_its_five_faces(shaft: FoundShapes) -> None:
@@ -107,19 +239,19 @@ def test_it_says_where_it_comes_from_and_holds_no_date(shaft: FoundShapes) -> No
     assert re.search(r"FILE_NAME\('[^,]*','',", text)
 
 
-def test_an_open_block_is_its_triangles_and_says_why(tmp_path: Path) -> None:
+def test_an_open_block_is_a_shell_of_its_planes_and_says_why(tmp_path: Path) -> None:
     needs("OpenCASCADE")
     block = noisy(prism([(0, 0), (40, 0), (40, 30), (0, 30)], 20, 1.0), 0.02, 1)
     source, out = tmp_path / "block.ply", tmp_path / "block.step"
     source.write_bytes(write_ply(block))
     done = CliRunner().invoke(turnscan, ["export", str(source), "-o", str(out)])
     assert done.exit_code == 0, done.output
-    assert "shapes.triangles" in done.output
+    assert "shapes.shell" in done.output
     assert "do not close to a solid" in done.output
     part = read_step(out.read_bytes(), 0.1)
-    assert part.solids == 0
-    assert len(part.mesh.faces) == len(block.faces)
-    assert np.ptp(part.mesh.vertices, axis=0) == pytest.approx(np.ptp(block.vertices, axis=0))
+    assert (part.solids, part.valid, part.faces) == (0, True, 4)
+    assert {s.kind for s in part.shapes} == {"plane"}
+    assert part.mesh.area_of() == pytest.approx(2 * (40 + 30) * 20, rel=2e-3)
 
 
 def test_both_doors_write_the_same_solid(shaft: FoundShapes, tmp_path: Path) -> None:

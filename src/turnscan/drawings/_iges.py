@@ -1,38 +1,45 @@
-"""IGES 5.3 by OpenCASCADE, for programs that read no STEP: an analytic solid."""
+"""IGES 5.3 by OpenCASCADE, for programs that read no STEP: a solid or shell."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from typing import Any
 
+from turnscan.drawings._document import Colour, document_of, silence
 from turnscan.drawings._parts import parts_of, volume_of
 from turnscan.errors import ExportError
 
 _DAY = "20000101.000000"
 """A file does not depend on the clock."""
-_EXACT = 1e-6
+_ALIKE = 1e-3
+"""Of the volume: edges lie within a tolerance of their faces, and readers settle them anew."""
 _SOLIDS = 1
 """OpenCASCADE's mode in which solids stay solids (entity 186)."""
 
 
-def iges_of(shape: Any, name: str) -> bytes:
-    """A solid of OpenCASCADE as IGES, mm; ``name`` is that of the product.
+def iges_of(shape: Any, name: str, colours: Mapping[int, Colour]) -> bytes:
+    """A solid or shell of OpenCASCADE as IGES, mm; ``name`` is that of the product, ``colours``
+    those of its faces by their number.
 
     Raises ExportError where OpenCASCADE refuses.
     """
-    from OCP.IGESControl import IGESControl_Controller, IGESControl_Writer
-    from OCP.Message import Message
+    from OCP.IGESCAFControl import IGESCAFControl_Writer
+    from OCP.IGESControl import IGESControl_Controller
+    from OCP.Interface import Interface_Static
     from OCP.TCollection import TCollection_HAsciiString
 
-    Message.DefaultMessenger_s().ChangePrinters().Clear()
+    silence()
     IGESControl_Controller.Init_s()
-    writer = IGESControl_Writer("MM", _SOLIDS)
-    if not writer.AddShape(shape):
+    Interface_Static.SetCVal_s("write.iges.unit", "MM")
+    Interface_Static.SetIVal_s("write.iges.brep.mode", _SOLIDS)
+    writer = IGESCAFControl_Writer()
+    plain = name.encode("ascii", "replace").decode("ascii")
+    if not writer.Transfer(document_of(shape, plain, colours)):
         raise ExportError("OpenCASCADE could not turn the part into IGES")
     writer.ComputeModel()
     model = writer.Model()
     head, text = model.GlobalSection(), TCollection_HAsciiString
-    plain = name.encode("ascii", "replace").decode("ascii")
     for put, value in (
         (head.SetDate, _DAY), (head.SetLastChangeDate, _DAY), (head.SetSendName, plain),
         (head.SetFileName, f"{plain}.igs"), (head.SetSystemId, "turnscan"),
@@ -46,8 +53,9 @@ def iges_of(shape: Any, name: str) -> bytes:
     return out.getvalue()
 
 
-def reads_as(path: str, shape: Any) -> bool:
-    """Whether an IGES file holds the same solid, valid; OpenCASCADE reads it from files alone."""
+def reads_as(path: str, shape: Any, closed: bool) -> bool:
+    """Whether an IGES file holds the same solid, or the faces of the same shell, valid;
+    OpenCASCADE reads it from files alone."""
     from OCP.BRepCheck import BRepCheck_Analyzer
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.IGESControl import IGESControl_Reader
@@ -57,7 +65,11 @@ def reads_as(path: str, shape: Any) -> bool:
         return False
     reader.TransferRoots()
     back = reader.OneShape()
-    if back.IsNull() or len(parts_of(back, "solid")) != 1:
+    if back.IsNull() or len(parts_of(back, "face")) != len(parts_of(shape, "face")):
         return False
-    valid = bool(BRepCheck_Analyzer(back).IsValid())
-    return valid and abs(volume_of(back) / volume_of(shape) - 1) <= _EXACT
+    if not BRepCheck_Analyzer(back).IsValid():
+        return False
+    if not closed:
+        return True
+    alike = abs(volume_of(back) / volume_of(shape) - 1) <= _ALIKE
+    return len(parts_of(back, "solid")) == 1 and alike

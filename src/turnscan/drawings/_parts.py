@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+_VOLUME = 1e-6
+"""Of a volume."""
+
 
 def parts_of(shape: Any, kind: str) -> list[Any]:
     """The faces or solids of a shape of OpenCASCADE."""
@@ -31,10 +34,11 @@ def extent_of(shape: Any) -> float:
 
 
 def volume_of(shape: Any) -> float:
-    """mm³ that a shape of OpenCASCADE encloses."""
+    """mm³ that a shape of OpenCASCADE encloses, integrated until the error is below `_VOLUME`: what
+    it does without that is wrong by some tenths of a per cent under trimmed B-splines."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
     p = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, p)
+    BRepGProp.VolumeProperties_s(shape, p, _VOLUME)
     return float(p.Mass())

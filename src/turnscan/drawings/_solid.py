@@ -7,19 +7,22 @@ Edges are where surfaces meet, not where the mesh has its vertices.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from turnscan.arrays import Floats
+from turnscan.drawings._document import Colour, tessellated
+from turnscan.drawings._facets import Facets, facets_of
 from turnscan.drawings._iges import iges_of, reads_as
 from turnscan.drawings._parts import parts_of, volume_of
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import Shape
 
+ANALYTIC = "analytic solid"
 _BEYOND = 0.1
 """Of the part's size: how far each face reaches beyond what was measured on it."""
 _SLIVER = 1e-3
@@ -31,24 +34,50 @@ _PROBES = 15
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A solid of OpenCASCADE, and what it is."""
+    """A solid of OpenCASCADE, or a shell that does not close, and what it is."""
 
     shape: Any
     """TopoDS_Shape, mm."""
     volume: float
-    """mm³."""
+    """mm³; NaN for a shell."""
     faces: int
+    closed: bool = True
+    """Whether it is a solid."""
+    kind: str = ANALYTIC
+    """What the header of a file calls it."""
+    colours: Mapping[int, Colour] = field(default_factory=dict)
+    """Of its faces, by their number from 0."""
+    rest: Mesh | None = None
+    """Where no face could be made: triangles, which STEP can hold and IGES cannot."""
+
+    @property
+    def whole(self) -> Any:
+        """The shape and the rest, for a file that can hold triangles."""
+        if self.rest is None:
+            return self.shape
+        from OCP.BRep import BRep_Builder
+        from OCP.TopoDS import TopoDS_Compound
+
+        both = TopoDS_Compound()
+        BRep_Builder().MakeCompound(both)
+        BRep_Builder().Add(both, self.shape)
+        BRep_Builder().Add(both, tessellated(self.rest))
+        return both
+
+    def facets(self, deflection: float) -> Facets:
+        """Its faces as triangles within ``deflection`` mm of them, without the rest."""
+        return facets_of(self.shape, deflection)
 
     def iges(self, name: str) -> bytes:
-        """The solid as IGES, mm; ``name`` is that of the product.
+        """Its faces as IGES, mm, in their colours; ``name`` is that of the product.
 
         Raises ExportError where OpenCASCADE refuses.
         """
-        return iges_of(self.shape, name)
+        return iges_of(self.shape, name, self.colours)
 
     def is_in_iges(self, path: str) -> bool:
-        """Whether the IGES file at a path holds this solid, as OpenCASCADE reads it."""
-        return reads_as(path, self.shape)
+        """Whether the IGES file at a path holds it, as OpenCASCADE reads it."""
+        return reads_as(path, self.shape, self.closed)
 
 
 def check_opencascade() -> None:

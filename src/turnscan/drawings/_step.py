@@ -1,29 +1,25 @@
-"""STEP AP242 by OpenCASCADE: an analytic solid, or the triangles of a mesh."""
+"""STEP AP242 by OpenCASCADE: faces with colours, or the triangles of a mesh."""
 
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from turnscan.arrays import Ints
+from turnscan.drawings._document import document_of, silence, tessellated
+from turnscan.drawings._facets import facets_of
 from turnscan.drawings._parts import extent_of, parts_of, volume_of
 from turnscan.drawings._solid import Solid, check_opencascade
-from turnscan.drawings._step_shapes import merged, shape_of
+from turnscan.drawings._step_shapes import merged
 from turnscan.errors import ExportError, FormatError
 from turnscan.formats._text import about_lines
 from turnscan.mesh import Mesh
 from turnscan.shapes.primitives import Shape
 
 _NAME = "NAME"
-_NAMED = rb"'NAME \d+','NAME \d+'"
-"""OpenCASCADE counts the products of a process; the same part gives the same file."""
-_ANGLE = 0.2
-"""Radians between the facets of a curved face, at the most."""
+"""Stands for the name until the file is written: OpenCASCADE writes other letters its own way."""
 _FINE = 2e-5
 """Of the part's size: how far facets may be off the faces, usually."""
 
@@ -45,10 +41,12 @@ class StepPart:
     """(f,) index of the shape that a triangle of ``mesh`` belongs to; −1 for freeform faces."""
     lost: int = 0
     """Faces that OpenCASCADE could not turn into triangles: ``mesh`` lacks them."""
+    faces: int = 0
+    """All of its faces."""
 
 
 def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> bytes:
-    """A STEP file (AP242, mm) of an analytic solid, or of a mesh as tessellated geometry.
+    """A STEP file (AP242, mm) of faces with their colours, or of a mesh as tessellated geometry.
 
     ``name`` is that of the product; ``about`` says where it comes from and stands in a comment in
     front of the header, where `read_about` finds it. There is no date in it. Raises InputError
@@ -58,36 +56,37 @@ def write_step(what: Solid | Mesh, name: str, about: Mapping[str, object]) -> by
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.Interface import Interface_Static
-    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
+    from OCP.STEPControl import STEPControl_AsIs
     from OCP.TCollection import TCollection_HAsciiString
 
-    _silence()
-    writer = STEPControl_Writer()
+    silence()
+    caf = STEPCAFControl_Writer()
     for key, value in (
         ("write.step.schema", "AP242DIS"),
         ("write.step.unit", "MM"),
-        ("write.step.product.name", _NAME),
         ("write.step.tessellated", "On"),
     ):
         Interface_Static.SetCVal_s(key, value)
-    shape = what.shape if isinstance(what, Solid) else _tessellated(what)
-    if writer.Transfer(shape, STEPControl_AsIs) != IFSelect_RetDone:
+    shape = what.whole if isinstance(what, Solid) else tessellated(what)
+    document = document_of(shape, _NAME, what.colours if isinstance(what, Solid) else {})
+    if not caf.Transfer(document, STEPControl_AsIs):
         raise ExportError("OpenCASCADE could not turn the part into STEP")
-    text = TCollection_HAsciiString
+    writer, text = caf.ChangeWriter(), TCollection_HAsciiString
     header = APIHeaderSection_MakeHeader(writer.Model())
     header.SetName(text(_NAME))
     header.SetTimeStamp(text(""))
     header.SetAuthorValue(1, text(""))
     header.SetOrganizationValue(1, text(""))
     header.SetOriginatingSystem(text(str(about.get("software", "turnscan"))))
-    kind = "analytic solid" if isinstance(what, Solid) else "triangles"
-    header.SetDescriptionValue(1, text(kind))
+    header.SetDescriptionValue(1, text(what.kind if isinstance(what, Solid) else "triangles"))
     out = io.BytesIO()
     if writer.WriteStream(out) != IFSelect_RetDone:
         raise ExportError("OpenCASCADE could not write STEP")
     first, rest = out.getvalue().split(b"\n", 1)
-    rest = rest.replace(b"FILE_NAME('%b'" % _NAME.encode(), b"FILE_NAME('%b'" % _text(name), 1)
-    rest = re.sub(_NAMED, lambda _: b"'%b','%b'" % (2 * (_text(name),)), rest, count=1)
+    for place in (b"FILE_NAME('%b'", b"PRODUCT('%b','%b'"):
+        slots = place.count(b"%b")
+        rest = rest.replace(place % (slots * (_NAME.encode(),)), place % (slots * (_text(name),)))
     lines = [line.replace("*/", "*\\/") for line in about_lines(about)]  # JSON knows it as */ too
     return b"\n".join([first, b"/*", *(line.encode("ascii") for line in lines), b"*/", rest])
 
@@ -100,12 +99,10 @@ def read_step(data: bytes, deflection: float | None = None) -> StepPart:
     Raises InputError where OpenCASCADE is not installed, FormatError where it cannot read the file.
     """
     check_opencascade()
-    from OCP.BRepCheck import BRepCheck_Analyzer
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.STEPControl import STEPControl_Reader
 
-    _silence()
+    silence()
     reader = STEPControl_Reader()
     if reader.ReadStream("part.step", io.BytesIO(data)) != IFSelect_RetDone:
         raise FormatError("OpenCASCADE cannot read this STEP file", hint="export it again")
@@ -114,13 +111,28 @@ def read_step(data: bytes, deflection: float | None = None) -> StepPart:
     if shape.IsNull():
         raise FormatError("the STEP file holds no shape", hint="export it again")
     solids = parts_of(shape, "solid")
-    valid = bool(BRepCheck_Analyzer(shape).IsValid())
+    valid = _is_valid(shape)
     volume = volume_of(shape)
     if deflection is None:
         deflection = max(_FINE * extent_of(shape), 1e-9)
-    BRepMesh_IncrementalMesh(shape, deflection, False, _ANGLE)
-    mesh, shapes, label, lost = _facets(shape)
-    return StepPart(len(solids), valid, volume, mesh, shapes, label, lost)
+    told = facets_of(shape, deflection)
+    shapes, number = merged(told.surfaces)
+    return StepPart(
+        len(solids), valid, volume, told.mesh, shapes, number[told.face], told.lost,
+        len(parts_of(shape, "face")),
+    )  # fmt: skip
+
+
+def _is_valid(shape: Any) -> bool:
+    """Whether OpenCASCADE finds no fault; bare triangles, which it takes for one, are none."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepCheck import BRepCheck_Analyzer
+    from OCP.TopoDS import TopoDS
+
+    faces = [TopoDS.Face(f) for f in parts_of(shape, "face")]
+    real = [f for f in faces if BRep_Tool.Surface_s(f) is not None]
+    checked = [shape] if len(real) == len(faces) else real
+    return all(BRepCheck_Analyzer(s).IsValid() for s in checked)
 
 
 def _text(words: str) -> bytes:
@@ -129,63 +141,3 @@ def _text(words: str) -> bytes:
     return "".join(
         c if c.isascii() and c.isprintable() else f"\\X4\\{ord(c):08X}\\X0\\" for c in plain
     ).encode("ascii")
-
-
-def _silence() -> None:
-    """Turn off what OpenCASCADE prints while it works."""
-    from OCP.Message import Message
-
-    Message.DefaultMessenger_s().ChangePrinters().Clear()
-
-
-def _tessellated(mesh: Mesh) -> Any:
-    """A face that has triangles and no surface."""
-    from OCP.BRep import BRep_Builder
-    from OCP.gp import gp_Pnt
-    from OCP.Poly import Poly_Triangle, Poly_Triangulation
-    from OCP.TopoDS import TopoDS_Face
-
-    body = Poly_Triangulation(len(mesh.vertices), len(mesh.faces), False)
-    for k, (x, y, z) in enumerate(mesh.vertices.tolist()):
-        body.SetNode(k + 1, gp_Pnt(x, y, z))
-    for k, (a, b, c) in enumerate((mesh.faces + np.int32(1)).tolist()):
-        body.SetTriangle(k + 1, Poly_Triangle(a, b, c))
-    face = TopoDS_Face()
-    BRep_Builder().MakeFace(face, body)
-    return face
-
-
-def _facets(shape: Any) -> tuple[Mesh, tuple[Shape, ...], Ints, int]:
-    """The triangles that a shape's faces have, the analytic surfaces, whose each one is, and how
-    many faces have no triangles."""
-    from OCP.BRep import BRep_Tool
-    from OCP.TopAbs import TopAbs_REVERSED
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS
-
-    points, faces, owner, count = list[np.ndarray](), list[np.ndarray](), list[np.ndarray](), 0
-    surfaces, lost = list[Shape | None](), 0
-    for face in map(TopoDS.Face, parts_of(shape, "face")):
-        place = TopLoc_Location()
-        body = BRep_Tool.Triangulation_s(face, place)
-        if body is None or not body.NbTriangles():
-            lost += 1
-            continue
-        move = place.Transformation()
-        nodes = (body.Node(k + 1).Transformed(move) for k in range(body.NbNodes()))
-        X = np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
-        corners = [body.Triangle(k + 1).Get() for k in range(body.NbTriangles())]
-        some = np.array(corners, dtype=np.int64) - 1
-        some = some[:, ::-1] if face.Orientation() == TopAbs_REVERSED else some
-        owner.append(np.full(len(some), len(surfaces)))
-        surfaces.append(None if BRep_Tool.Surface_s(face) is None else shape_of(face, X[some]))
-        points.append(X)
-        faces.append(some + count)
-        count += len(X)
-    if not points:
-        none = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
-        return none, (), np.zeros(0, np.int32), lost
-    shapes, number = merged(surfaces)
-    label = number[np.concatenate(owner)]
-    X, corner = np.unique(np.concatenate(points), axis=0, return_inverse=True)
-    return Mesh(X, corner.reshape(-1)[np.concatenate(faces)]), shapes, label, lost

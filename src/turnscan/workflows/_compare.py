@@ -269,7 +269,7 @@ def compare(
     source = measured if isinstance(measured, ReconstructResult) else got.mesh
     # What is held against a tolerance must not have been made parallel, square or equal before.
     found = find_shapes(source, as_measured=True)
-    return _by_feature(plain, drawn, _own(got.mesh, found), found, rows)
+    return _by_feature(plain, drawn, measured_labels(got.mesh, found), found, rows)
 
 
 def _check_area(mesh: Mesh, name: str) -> None:
@@ -284,7 +284,7 @@ def _moved(mesh: Mesh, pose: Pose) -> Mesh:
     return replace(mesh, vertices=pose.apply(mesh.vertices))
 
 
-def _own(mesh: Mesh, found: FoundShapes) -> Ints:
+def measured_labels(mesh: Mesh, found: FoundShapes) -> Ints:
     """(n,) the shape of each vertex of the measured faces."""
     label: Ints = found.found.label
     if mesh.measured is None:

@@ -48,8 +48,8 @@ def export(
         A mesh, a mesh file in mm, the result of `reconstruct`, or a scan, which is reconstructed
         with its own settings.
     paths
-        Files to write: .dxf .stl .ply .obj .3mf .glb .xyz, and .step (or .stp): the solid that the
-        part's shapes close to, else its triangles.
+        Files to write: .dxf .stl .ply .obj .3mf .glb .xyz, and .step (or .stp): a solid or
+        shell of the part's shapes and of B-splines.
     formats
         Choices about the formats; None takes the usual ones.
     decimate
@@ -93,7 +93,7 @@ def export(
     rest = [path for path in map(Path, paths) if not is_step(path)]
     remarks = save(dict.fromkeys(rest, mesh), replace(chosen, about=about))
     if solid is not None:
-        remarks.append(solid.finding)
+        remarks += solid.findings
         for path in steps:
             write_atomically(path, solid.data)
     return Exported(mesh, tuple(findings), tuple(remarks))

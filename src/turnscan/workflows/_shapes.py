@@ -39,6 +39,7 @@ from turnscan.workflows._saving import save
 from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
 from turnscan.workflows._shapes_step import StepFile, iges_of, is_iges, is_step, step_of
 from turnscan.workflows._shapes_table import Dimension, dimensions, dimensions_csv, form_in_words
+from turnscan.workflows._solid_report import solid_blocks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -112,7 +113,7 @@ class FoundShapes:
 
     @cached_property
     def step(self) -> StepFile:
-        """The part as STEP AP242: a solid where its shapes close to one, else its triangles.
+        """The part as STEP AP242: a solid or shell of its shapes and of B-splines.
 
         Raises InputError where OpenCASCADE is not installed, ExportError where the file does not
         read back the same.
@@ -124,7 +125,7 @@ class FoundShapes:
         """Write the coloured mesh (.ply or .glb) or a solid (.step, .stp, .igs or .iges).
 
         Raises InputError for another suffix, and for a solid where OpenCASCADE is not installed;
-        ExportError where a file cannot be written, and for IGES where the shapes close to no solid.
+        ExportError where a file cannot be written, and for IGES where not all of it has a surface.
         """
         for path in map(Path, paths):
             if path.suffix.lower() not in SHAPES_SUFFIXES:
@@ -134,7 +135,7 @@ class FoundShapes:
                 )
         solids = [path for path in map(Path, paths) if is_step(path) or is_iges(path)]
         made = {path: self._solid(path) for path in solids}
-        remarks = [self.step.finding] if made else []
+        remarks = list(self.step.findings) if made else []
         rest = [path for path in map(Path, paths) if path not in made]
         if rest and self.with_edges:
             remarks.append(_constructed(self.sharpened))
@@ -144,13 +145,13 @@ class FoundShapes:
         return remarks
 
     def _solid(self, path: Path) -> bytes:
-        """The part as STEP or IGES; the latter has no triangles, and so needs a solid."""
+        """The part as STEP or IGES; the latter has no triangles, and so needs faces for all."""
         if is_step(path):
             return self.step.data
-        if self.step.made is None:
+        if self.step.made is None or self.step.made.rest is not None:
             raise ExportError(
-                f"{path}: IGES needs a solid: {self.step.finding.message.partition(': ')[2]}",
-                hint="write a .step, which can hold the triangles",
+                f"{path}: IGES holds no triangles: {self.step.findings[-1].message}",
+                hint="write a .step, which can hold them",
             )
         return iges_of(self.step.made, Path(self.name).stem or "part")
 
@@ -406,8 +407,7 @@ def _write_report(found: FoundShapes, path: Path) -> None:
 
 def _blocks(found: FoundShapes) -> list[doc.Block]:
     f, made = found.found, _made(found)
-    told = made.finding.message if made else ""
-    solid: list[doc.Block] = [doc.Heading("Solid"), doc.Paragraph(told)] if made else []
+    solid = solid_blocks(made) if made else []
     return [
         doc.Paragraph(
             f"{len(f.shapes)} shapes lie under {f.coverage:.1%} of the measured surface; a point "

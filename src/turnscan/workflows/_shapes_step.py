@@ -1,23 +1,35 @@
-"""Shapes as STEP: an analytic solid where they close, else the triangles, said why."""
+"""Shapes as STEP: a solid of them where they close, else with B-splines between, said why."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from turnscan.arrays import Floats
-from turnscan.drawings import Solid, StepPart, check_opencascade, read_step, solid_of, write_step
+from turnscan.drawings import (
+    ANALYTIC,
+    Shell,
+    Solid,
+    check_opencascade,
+    read_step,
+    shell_of,
+    solid_of,
+    write_step,
+)
 from turnscan.errors import ExportError
 from turnscan.findings import Finding
-from turnscan.mesh import Mesh, is_closed, measured_vertices
+from turnscan.mesh import Mesh, is_closed, measured_vertices, submesh
 from turnscan.remedy import Option, Remedy
-from turnscan.shapes import deviation, volume_sigma
+from turnscan.shapes import volume_sigma
+from turnscan.shapes.patches import Charts, SplinePatch, borders_of, charts_of
 from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes
+from turnscan.workflows._face_deviations import FaceDeviations, face_deviations, nearest_faces
+from turnscan.workflows._shapes_table import finite
 from turnscan.workflows._units import IGES_SUFFIXES, STEP_SUFFIXES
 
 _ALIKE = 0.01
@@ -26,6 +38,9 @@ _SURE = 3.0
 _EXACT = 1e-6
 _COVER = 0.8
 """Share of the measured surface that must lie on shapes for a solid of them."""
+_SETTLED = 1e-3
+"""Share of the volume that may change where edges lie within a tolerance of their faces: every
+reader settles them anew."""
 _FACETS = 0.1
 """Of the shapes' tolerance: how far facets may be off the faces that deviations refer to."""
 
@@ -35,14 +50,19 @@ class StepFile:
     """A STEP file of a part, read back."""
 
     data: bytes
-    solid: bool
-    """Whether it holds an analytic solid; else the triangles."""
-    finding: Finding
-    """What it holds, or why no solid."""
+    findings: tuple[Finding, ...]
+    """What it holds, and why no more than that."""
     made: Solid | None
-    """The solid, where there is one."""
+    """The solid or shell, where there is one; else the file holds the triangles."""
     figures: dict[str, Any]
     """Faces, volumes, and how far the measured points lie off it, by name with the unit."""
+    deviations: FaceDeviations | None = None
+    """How measured points lie to its faces."""
+
+    @property
+    def solid(self) -> bool:
+        """Whether it holds a solid."""
+        return self.made is not None and self.made.closed
 
 
 def is_step(path: Path) -> bool:
@@ -83,7 +103,11 @@ def iges_of(solid: Solid, name: str) -> bytes:
 
 
 def step_of(mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object]) -> StepFile:
-    """A part as STEP AP242: the solid that its shapes close to, or its triangles where they do not.
+    """A part as STEP AP242, each face in the colour of its deviation.
+
+    It is the solid that the shapes close to. Where they do not, it is made of their parts that were
+    measured and of B-splines fitted to the rest, a shell if the mesh is open; triangles stand where
+    no surface is within the tolerance.
 
     Raises InputError where OpenCASCADE is not installed, ExportError where the file does not read
     back the same.
@@ -93,29 +117,115 @@ def step_of(mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object])
     surfaces, added = _surfaces(mesh, found)
     solid = solid_of(mesh, surfaces) if found.coverage >= _COVER else None
     why = _against(mesh, found, solid)
-    if solid is None or why:
-        return _triangles(mesh, title, about, why)
-    data = write_step(solid, title, about)
-    part = read_step(data, _FACETS * found.tolerance)
-    if part.solids != 1 or not part.valid or abs(part.volume / solid.volume - 1) > _EXACT:
+    if solid is not None and not why:
+        facets = solid.facets(_FACETS * found.tolerance)
+        distance, face = nearest_faces(mesh.vertices[measured_vertices(mesh)], facets)
+        off = face_deviations(distance, face, facets, solid.faces)
+        made = _written(off, found, solid, title, about)
+        closing = f", {added} of them planes of fillings, not measured" if added else ""
+        return _told(mesh, found, made, closing, {"faces_not_measured": added})
+    return _of_patches(mesh, found, title, about, why)
+
+
+def _of_patches(
+    mesh: Mesh, found: ShapeSet, title: str, about: Mapping[str, object], why: str
+) -> StepFile:
+    shell, charts = _shell(mesh, found)
+    if not shell.charts:
+        return _triangles(mesh, title, about, f"{why}, and no B-spline is within the tolerance")
+    left = ~np.isin(charts.label, shell.charts)
+    solid = shell.solid()
+    if left.any():
+        solid = replace(solid, rest=submesh(mesh, left))
+    distance, chart = charts.distances(mesh)
+    face = np.full(len(charts.patches), -1, dtype=np.int32)
+    face[list(shell.charts)] = np.arange(solid.faces)
+    on = face[chart] >= 0
+    facets = solid.facets(found.tolerance)
+    off = face_deviations(distance[on], face[chart[on]], facets, solid.faces)
+    try:
+        made = _written(off, found, solid, title, about)
+    except ExportError as e:
+        return _triangles(mesh, title, about, f"{why}, and {e.message}")
+    splines = sum(isinstance(charts.patches[k], SplinePatch) for k in shell.charts)
+    pieces = f", {splines} of them B-splines: {why}"
+    more = {"faces_bspline": splines, "triangles": int(left.sum())}
+    told = _told(mesh, found, made, pieces, more)
+    if not left.any():
+        return told
+    text = f"no surface is within the tolerance on {left.sum()} triangles: they stand as they are"
+    remedy = Remedy("allow for more with ", Option("tolerance"))
+    rest = Finding("shapes.triangles", "warning", text, remedy=remedy)
+    return replace(told, findings=(*told.findings, rest))
+
+
+def _shell(mesh: Mesh, found: ShapeSet) -> tuple[Shell, Charts]:
+    """Faces on the charts of a mesh, on shapes where they can be; where this leaves gaps and
+    B-splines alone leave fewer, on those."""
+    tries = []
+    for shapes in (True, False) if found.shapes else (False,):
+        charts = charts_of(mesh, found, shapes)
+        shell = shell_of(charts, borders_of(mesh, charts))
+        if shell.bad:  # smooth edges may cross: there they follow the mesh
+            shell = shell_of(charts, borders_of(mesh, charts, shell.bad))
+        left = int(np.count_nonzero(~np.isin(charts.label, shell.charts)))
+        tries.append((left, shell, charts))
+        if left == 0:
+            break
+    _, shell, charts = min(tries, key=lambda t: t[0])
+    return shell, charts
+
+
+def _written(
+    off: FaceDeviations, found: ShapeSet, solid: Solid, title: str, about: Mapping[str, object]
+) -> StepFile:
+    """The file of a solid or shell in the colours of its faces, read back."""
+    solid = replace(solid, colours=off.colours)
+    data = write_step(solid, title, {**about, "face_colours": str(off)})
+    part = read_step(data, found.tolerance)
+    exact = _EXACT if solid.kind == ANALYTIC else _SETTLED
+    same = part.solids == int(solid.closed) and part.valid
+    if solid.closed:
+        same &= abs(part.volume / solid.volume - 1) <= exact
+    if not same:
+        wanted = f"one of {solid.volume:.3f} mm³" if solid.closed else "a shell"
         raise ExportError(
             f"the STEP reads back as {part.solids} solids of {part.volume:.3f} mm³, "
-            f"{'valid' if part.valid else 'not valid'}, expected one of {solid.volume:.3f} mm³",
+            f"{'valid' if part.valid else 'not valid'}, expected {wanted}",
             hint="write the mesh as .ply",
         )
-    figures = _figures(mesh, found, solid, part, added)
-    closing = f", {added} of them planes of fillings, not measured" if added else ""
-    return StepFile(
-        data, True,
-        Finding(
-            "shapes.solid", "note",
-            f"a valid solid of {solid.faces} faces{closing}: {solid.volume:.1f} mm³; measured "
-            f"points lie {figures['deviation_rms_mm']:.4f} mm (rms) off it, 95 % of them within "
-            f"{figures['deviation_p95_mm']:.4f} mm",
-        ),
-        solid,
-        figures,
-    )  # fmt: skip
+    return StepFile(data, (), solid, {}, off)
+
+
+def _told(
+    mesh: Mesh, found: ShapeSet, made: StepFile, pieces: str, more: Mapping[str, object]
+) -> StepFile:
+    """A file with what there is to say of it."""
+    solid, off = made.made, made.deviations
+    assert solid is not None
+    assert off is not None
+    figures = {
+        "solid": solid.closed,
+        "faces": solid.faces,
+        **more,
+        "volume_mm3": finite(solid.volume),
+        "mesh_volume_mm3": mesh.volume if is_closed(mesh) else None,
+        "coverage": found.coverage,
+        "deviation_mean_mm": finite(float(np.mean(off.distance)) if len(off.distance) else np.nan),
+        "deviation_rms_mm": finite(off.rms),
+        "deviation_p95_mm": finite(off.quantile(0.95)),
+        "deviation_max_mm": finite(off.quantile(1.0)),
+        "colour_width_mm": off.width,
+        "face_deviations": off.figures(),
+    }
+    what = f"a valid {'solid' if solid.closed else 'shell, open as the mesh is,'} of"
+    volume = f": {solid.volume:.1f} mm³" if solid.closed else ""
+    text = (
+        f"{what} {solid.faces} faces{pieces}{volume}; measured points lie {off.rms:.4f} mm (rms) "
+        f"off it, 95 % of them within {off.quantile(0.95):.4f} mm"
+    )
+    code = "shapes.solid" if solid.closed else "shapes.shell"
+    return replace(made, findings=(Finding(code, "note", text),), figures=figures)
 
 
 def _against(mesh: Mesh, found: ShapeSet, solid: Solid | None) -> str:
@@ -145,25 +255,7 @@ def _triangles(mesh: Mesh, title: str, about: Mapping[str, object], why: str) ->
     remedy = Remedy("close the mesh in the reconstruction, or give a larger ", Option("tolerance"))
     text = f"the STEP holds the triangles, not analytic faces: {why}"
     finding = Finding("shapes.triangles", "warning", text, remedy=remedy)
-    return StepFile(data, False, finding, None, {"solid": False, "triangles": len(mesh.faces)})
-
-
-def _figures(
-    mesh: Mesh, found: ShapeSet, solid: Solid, part: StepPart, added: int
-) -> dict[str, Any]:
-    d = deviation(mesh.vertices[measured_vertices(mesh)], part.mesh)
-    return {
-        "solid": True,
-        "faces": solid.faces,
-        "faces_not_measured": added,
-        "volume_mm3": solid.volume,
-        "mesh_volume_mm3": mesh.volume if is_closed(mesh) else None,
-        "coverage": found.coverage,
-        "deviation_mean_mm": d.mean,
-        "deviation_rms_mm": d.rms,
-        "deviation_p95_mm": d.quantile(0.95),
-        "deviation_max_mm": d.quantile(1.0),
-    }
+    return StepFile(data, (finding,), None, {"solid": False, "triangles": len(mesh.faces)})
 
 
 def _surfaces(mesh: Mesh, found: ShapeSet) -> tuple[list[tuple[Shape, Floats]], int]:

@@ -1,7 +1,7 @@
 """Planes, spheres, cylinders, cones and tori in a mesh, with uncertainty and relations."""
 
 from turnscan.shapes.primitives._caps import filled_planes
-from turnscan.shapes.primitives._edges import Edge, EdgeForm, find_edges
+from turnscan.shapes.primitives._edges import Edge, EdgeForm, find_edges, normals_and_distances
 from turnscan.shapes.primitives._find import find_shapes
 from turnscan.shapes.primitives._form_errors import FormError, FormKind, form_errors
 from turnscan.shapes.primitives._shapes import Kind, Relation, RelationKind, Shape, ShapeSet
@@ -25,6 +25,7 @@ __all__ = [
     "find_shapes",
     "form_errors",
     "neighbours_of",
+    "normals_and_distances",
     "sharpened",
     "sizes_between",
 ]

@@ -1,0 +1,294 @@
+"""A mesh in charts: pieces that one surface can be laid under, analytic or a B-spline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from turnscan.arrays import Bools, Floats, Ints
+from turnscan.mesh import Mesh, measured_vertices, opposite_half_edges, smoothed_normals
+from turnscan.shapes.patches._fit import Sample, fitted_patch
+from turnscan.shapes.patches._surfaces import Patch, SplinePatch, patch_of_shape
+from turnscan.shapes.primitives import ShapeSet
+
+_FEW = 40
+"""Faces: smaller pieces go to a neighbour, and charts are not cut into smaller ones."""
+_FILLING = 100
+"""Faces that a filling must have to be charts of its own; smaller ones belong to what is around."""
+_NEAR = 4.0
+"""Of the tolerance: so near to a shape a small piece within it goes to it."""
+_SPREAD = 8
+"""Rings of faces beside a shape that are looked at: whether they lie on it, too."""
+_OPEN = float(np.cos(np.deg2rad(55.0)))
+"""Cosine of how far normals may lean from the middle one of a chart, nearly all of them."""
+_NEARLY = 0.99
+_BEYOND = 2
+"""Rings of faces round a chart that its spline is fitted to as well, so neighbours meet."""
+_CREASE = float(np.cos(np.deg2rad(20.0)))
+"""Cosine between faces that share a side, from which on the surface may be creased there."""
+_PASSES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Charts:
+    """A mesh in pieces, each with the surface under it."""
+
+    label: Ints
+    """(f,) the chart of each face."""
+    patches: tuple[Patch | None, ...]
+    """None where no surface is within the tolerance."""
+    tolerance: float
+    """mm, median."""
+
+    def distances(self, mesh: Mesh) -> tuple[Floats, Ints]:
+        """(n,) mm that measured vertices lie outside the surface of a face about them, and (n,) the
+        chart of that face; vertices without a surface are left out."""
+        near = np.full(len(mesh.vertices), -1, dtype=np.int32)
+        have = np.array([p is not None for p in self.patches])[self.label]
+        near[mesh.faces[have]] = self.label[have, None]
+        some = np.flatnonzero(measured_vertices(mesh) & (near >= 0))
+        off = np.zeros(len(some))
+        for k in np.unique(near[some]):
+            patch, own = self.patches[k], near[some] == k
+            assert patch is not None
+            off[own] = patch.offsets(mesh.vertices[some[own]])[0]
+        return off, near[some]
+
+
+def charts_of(mesh: Mesh, found: ShapeSet, shapes: bool = True) -> Charts:
+    """The charts of a mesh: its shapes where vertices lie on them, else B-splines; without
+    ``shapes`` B-splines alone.
+
+    A freeform piece is cut in two, between the faces furthest apart along it, until a height over
+    its middle plane fits 99 % of its measured vertices within the tolerance of `found`, or three of
+    their standard deviations.
+    """
+    if not shapes:
+        none = np.zeros((0, 0))
+        free = np.full_like(found.label, -1)
+        found = replace(found, shapes=(), label=free, covariance=none, own_covariance=none)
+    return _Charting(mesh, found).charts()
+
+
+class _Charting:
+    def __init__(self, mesh: Mesh, found: ShapeSet) -> None:
+        self.mesh, self.found = mesh, found
+        twin = opposite_half_edges(mesh.faces).reshape(-1, 3)
+        self.beside = np.where(twin >= 0, twin // 3, -1)
+        normal = smoothed_normals(mesh)
+        self.normal = normal[mesh.faces].sum(axis=1)
+        size = np.linalg.norm(self.normal, axis=1, keepdims=True)
+        self.normal /= np.maximum(size, 1e-300)
+        self.vertex_normal = normal
+        self.middle = mesh.triangles.mean(axis=1)
+        self.known = measured_vertices(mesh)
+        usual = found.tolerance / 3
+        sigma = np.full(len(mesh.vertices), usual)
+        if mesh.provenance is not None:
+            told = mesh.provenance.sigma
+            sigma = np.where(np.isfinite(told) & (told > 0), told, usual)
+        self.sigma = sigma
+        self.limit = np.maximum(found.tolerance, 3 * sigma)
+
+    def charts(self) -> Charts:
+        kind = self._kinds()
+        piece = self._pieces(kind)
+        label = np.full(len(piece), -1, dtype=np.int32)
+        patches = list[Patch | None]()
+        for p in range(int(piece.max()) + 1):
+            whole = np.flatnonzero(piece == p).astype(np.int32)
+            shape = int(np.bincount(np.maximum(kind[whole], -1) + 1).argmax()) - 1
+            waiting = [whole]
+            while waiting:
+                faces = waiting.pop()
+                patch = self._patch(faces, shape, piece)
+                if patch is None and len(faces) > 2 * _FEW:
+                    waiting += self._halves(faces)
+                    continue
+                label[faces] = len(patches)
+                patches.append(patch)
+        return Charts(label, tuple(patches), self.found.tolerance)
+
+    def _kinds(self) -> Ints:
+        """(f,) the shape of each face; −1 for freeform, −2 in a filling of its own."""
+        corner = self.found.label[self.mesh.faces]
+        alike = (corner[:, 0] == corner[:, 1]) & (corner[:, 0] == corner[:, 2])
+        kind: Ints = np.where(alike, corner[:, 0], np.int32(-1)).astype(np.int32)
+        added = ~self.known[self.mesh.faces].all(axis=1)
+        if self.mesh.measured is not None:
+            added |= ~self.mesh.measured
+        filling = self._joined(np.asarray(added, dtype=np.int32))
+        large = np.bincount(filling)[filling] >= _FILLING
+        kind[added & large] = -2
+        self.far = far = np.full((len(self.found.shapes), len(self.mesh.vertices)), np.inf)
+        for k, s in enumerate(self.found.shapes):
+            far[k] = np.abs(s.distances(self.mesh.vertices))
+        for _ in range(_SPREAD if len(far) else 0):
+            near = np.where(self.beside >= 0, kind[self.beside], -1).max(axis=1)
+            free = np.flatnonzero((kind == -1) & (near >= 0))
+            off = far[near[free, None], self.mesh.faces[free]]
+            on = (off <= 2 * self.limit[self.mesh.faces[free]]).all(axis=1)
+            kind[free[on]] = near[free[on]]
+        return kind
+
+    def _pieces(self, kind: Ints) -> Ints:
+        """(f,) number of the connected piece of one kind, small ones added to a freeform one."""
+        piece = self._joined(kind)
+        for _ in range(_PASSES):
+            size = np.bincount(piece)
+            face, side = np.nonzero((size[piece] < _FEW)[:, None] & (self.beside >= 0))
+            other = piece[self.beside[face, side]]
+            there = kind[self.beside[face, side]]
+            differs = (other != piece[face]) & self._takes(piece, piece[face], there)
+            if not differs.any():
+                break
+            pair, many = np.unique(
+                np.stack([piece[face][differs], other[differs]], axis=1), axis=0, return_counts=True
+            )
+            order = np.lexsort((many, size[pair[:, 1]] >= _FEW, pair[:, 0]))
+            goes = np.arange(len(size))
+            goes[pair[order, 0]] = pair[order, 1]
+            # Two small ones that would change places: the one with the lower number stays.
+            back = (goes[goes] == np.arange(len(goes))) & (np.arange(len(goes)) < goes)
+            goes[back] = np.flatnonzero(back)
+            kind_of = np.zeros(len(size), np.int32)
+            kind_of[piece] = kind
+            kind[:] = kind_of[goes[piece]]
+            piece = np.unique(goes[piece], return_inverse=True)[1].reshape(-1).astype(np.int32)
+        return piece
+
+    def _takes(self, piece: Ints, small: Ints, kind: Ints) -> Bools:
+        """(n,) whether small pieces may go to a piece of a kind: freeform, or a shape near them."""
+        out = kind == -1
+        for p, k in np.unique(np.stack([small, kind], axis=1)[kind >= 0], axis=0):
+            corners = self.mesh.faces[piece == p]
+            if (self.far[k, corners] <= _NEAR * self.limit[corners]).all():
+                out |= (small == p) & (kind == k)
+        return np.asarray(out)
+
+    def _joined(self, kind: Ints) -> Ints:
+        """(f,) number of the piece of faces of one kind that share sides."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        face, side = np.nonzero(self.beside >= 0)
+        other = self.beside[face, side]
+        same = kind[face] == kind[other]
+        ones = np.ones(int(same.sum()), dtype=np.int8)
+        link = coo_array((ones, (face[same], other[same])), shape=(len(kind), len(kind)))
+        number: Ints = connected_components(link, directed=False)[1].astype(np.int32)
+        return number
+
+    def _patch(self, faces: Ints, shape: int, piece: Ints) -> Patch | None:
+        """The surface under a chart; None where it has to be cut, or has none."""
+        corners = np.unique(self.mesh.faces[faces])
+        if shape >= 0 and self.found.shapes[shape].kind == "plane":
+            return patch_of_shape(self.found.shapes[shape], self.mesh.vertices[corners])
+        up = self.normal[faces].sum(axis=0)
+        length = float(np.linalg.norm(up))
+        if length == 0:
+            return None
+        up = up / length
+        lean = self.normal[faces] @ up
+        if float(np.quantile(lean, 1 - _NEARLY)) < _OPEN:
+            return None
+        if shape >= 0:
+            return patch_of_shape(self.found.shapes[shape], self.mesh.vertices[corners])
+        return self._spline(faces, up, corners, piece)
+
+    def _spline(self, faces: Ints, up: Floats, corners: Ints, piece: Ints) -> SplinePatch | None:
+        wide = np.unique(self.mesh.faces[self._around(faces, piece)])
+        within = np.isin(wide, corners)
+        known = self.known[wide]
+        sample = Sample(
+            self.mesh.vertices[wide], self.vertex_normal[wide], self.sigma[wide], known, within
+        )
+        patch, off = fitted_patch(sample, up)
+        asked = within & known if (within & known).any() else within
+        good = np.abs(off[asked]) <= self.limit[wide[asked]]
+        return patch if float(good.mean()) >= _NEARLY else None
+
+    def _around(self, faces: Ints, piece: Ints) -> Ints:
+        """The faces of a chart and the rings beyond, up to a crease or the end of its piece."""
+        inside = np.zeros(len(piece), dtype=np.bool_)
+        inside[faces] = True
+        rim = faces
+        for _ in range(_BEYOND):
+            near = self.beside[rim]
+            face, side = np.nonzero((near >= 0) & ~inside[near])
+            other = near[face, side]
+            bend = np.einsum("ij,ij->i", self.normal[rim[face]], self.normal[other])
+            rim = np.unique(other[(bend > _CREASE) & (piece[other] == piece[rim[face]])])
+            inside[rim] = True
+        return np.flatnonzero(inside).astype(np.int32)
+
+    def _halves(self, faces: Ints) -> list[Ints]:
+        """A connected piece in two or more, about as long as wide, parted where it turns."""
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import dijkstra
+
+        n = len(faces)
+        place = np.full(len(self.beside), -1, dtype=np.int32)
+        place[faces] = np.arange(n)
+        near = np.where(self.beside[faces] >= 0, place[self.beside[faces]], -1)
+        a, side = np.nonzero(near >= 0)
+        b = near[a, side]
+        x, m = self.middle[faces], self.normal[faces]
+        bend = np.arccos(np.clip(np.einsum("ij,ij->i", m[a], m[b]), -1, 1))
+        width = float(np.linalg.norm(np.ptp(x, axis=0))) / 2
+        far = np.linalg.norm(x[a] - x[b], axis=1) + width * bend + 1e-9
+        graph = csr_array((far, (a, b)), shape=(n, n))
+
+        def furthest(start: int) -> int:
+            away = dijkstra(graph, indices=[start])[0]
+            return int(np.argmax(np.where(np.isfinite(away), away, -1.0)))
+
+        first = furthest(0)
+        ends = [first, furthest(first)]
+        _, _, source = dijkstra(graph, indices=ends, min_only=True, return_predecessors=True)
+        half = (source == ends[1]).astype(np.int8)
+        for smooth in (True, False):
+            kind = np.full(len(self.beside), -1, dtype=np.int32)
+            kind[faces] = _evened(half, near) if smooth else half
+            pieces = self._apart(faces, kind) if smooth else [faces[half == 0], faces[half == 1]]
+            if len(pieces) > 1:
+                break
+        return pieces
+
+    def _apart(self, faces: Ints, kind: Ints) -> list[Ints]:
+        """The connected pieces of both halves; small ones go to the half about them."""
+        for _ in range(2):
+            number = self._joined_in(faces, kind)
+            small = np.bincount(number)[number] < _FEW
+            kind[faces[small]] = 1 - kind[faces[small]]
+        number = self._joined_in(faces, kind)
+        return [faces[number == k] for k in range(int(number.max()) + 1)]
+
+    def _joined_in(self, faces: Ints, kind: Ints) -> Ints:
+        """(n,) number of the piece of one kind for some faces."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        place = np.full(len(kind), -1, dtype=np.int32)
+        place[faces] = np.arange(len(faces))
+        near = np.where(self.beside[faces] >= 0, place[self.beside[faces]], -1)
+        a, side = np.nonzero(near >= 0)
+        b = near[a, side]
+        same = kind[faces[a]] == kind[faces[b]]
+        link = coo_array(
+            (np.ones(int(same.sum()), np.int8), (a[same], b[same])), shape=(len(faces), len(faces))
+        )
+        number: Ints = connected_components(link, directed=False)[1].astype(np.int32)
+        return number
+
+
+def _evened(half: Ints, near: Ints) -> Ints:
+    """Halves with a straighter border: each face goes with most of its neighbours."""
+    there: Bools = near >= 0
+    for _ in range(_PASSES):
+        side = np.where(there, 2 * half[near] - 1, 0).sum(axis=1)
+        new = np.where(side > 0, 1, np.where(side < 0, 0, half)).astype(half.dtype)
+        alone = there.sum(axis=1) < 2
+        half = np.where(alone, half, new)
+    return half
