@@ -218,7 +218,8 @@ def _told(
         "colour_width_mm": off.width,
         "face_deviations": off.figures(),
     }
-    what = f"a valid {'solid' if solid.closed else 'shell, open as the mesh is,'} of"
+    where = "where triangles stand" if solid.rest is not None else "as the mesh is"
+    what = f"a valid {'solid' if solid.closed else f'shell, open {where},'} of"
     volume = f": {solid.volume:.1f} mm³" if solid.closed else ""
     text = (
         f"{what} {solid.faces} faces{pieces}{volume}; measured points lie {off.rms:.4f} mm (rms) "
