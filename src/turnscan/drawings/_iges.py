@@ -13,7 +13,7 @@ from turnscan.errors import ExportError
 _DAY = "20000101.000000"
 """A file does not depend on the clock."""
 _ALIKE = 1e-3
-"""Of the volume: edges lie within a tolerance of their faces, and readers settle them anew."""
+"""Of the volume: edges lie within a tolerance of their faces, and readers place them again."""
 _SOLIDS = 1
 """OpenCASCADE's mode in which solids stay solids (entity 186)."""
 

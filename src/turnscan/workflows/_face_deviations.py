@@ -102,7 +102,7 @@ class FaceDeviations:
 
 
 def nearest_faces(points: Floats, facets: Facets) -> tuple[Floats, Ints]:
-    """(n,) mm that points (n, 3) lie outside of faces, told from their triangles, and (n,) the
+    """(n,) mm that points (n, 3) lie outside of faces, by their triangles, and (n,) the
     number of the nearest face."""
     d = deviation(points, facets.mesh)
     return d.distance, np.asarray(facets.order, dtype=np.int32)[facets.face[d.face]]

@@ -40,7 +40,7 @@ _COVER = 0.8
 """Share of the measured surface that must lie on shapes for a solid of them."""
 _SETTLED = 1e-3
 """Share of the volume that may change where edges lie within a tolerance of their faces: every
-reader settles them anew."""
+reader places them again."""
 _FACETS = 0.1
 """Of the shapes' tolerance: how far facets may be off the faces that deviations refer to."""
 
