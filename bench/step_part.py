@@ -24,6 +24,7 @@ from bench.surface_truth import scanned
 from turnscan import workflows as w
 from turnscan.drawings import read_step
 from turnscan.formats import export
+from turnscan.mesh import is_closed
 from turnscan.progress import no_progress
 from turnscan.shapes import deviation, volume_sigma
 from turnscan.simulate import SimulationSpec
@@ -90,13 +91,14 @@ def _solid(drawn: Nominal, found: w.FoundShapes) -> list[str]:
     """What the STEP holds, and its volume against the drawing's and the mesh's."""
     made = found.step
     back = read_step(made.data)
-    sigma = volume_sigma(found.mesh).total
+    mesh = "the mesh is open"
+    if is_closed(found.mesh):
+        mesh = f"mesh {found.mesh.volume:.0f} ± {volume_sigma(found.mesh).total:.0f} mm³"
     held = f"{back.solids} solids, {back.faces} faces, {'valid' if back.valid else 'not valid'}"
     volume = f", {back.volume:.0f} mm³" if back.solids else ""
     return [
         *(f"STEP: {f.message}" for f in made.findings),
-        f"read back by OpenCASCADE: {held}{volume}; drawn {drawn.mesh.volume:.0f} mm³, mesh "
-        f"{found.mesh.volume:.0f} ± {sigma:.0f} mm³",
+        f"read back by OpenCASCADE: {held}{volume}; drawn {drawn.mesh.volume:.0f} mm³, {mesh}",
     ]
 
 

@@ -13,7 +13,7 @@ MOST_NAMES = {
     "app": 4,
     "calibrate": 43,  # with a part as it is drawn
     "devices": 25,
-    "drawings": 15,  # with the solid that a profile sweeps
+    "drawings": 20,  # with shells of faces, their triangles and colours
     "edit": 77,  # with measurements that follow a part to where it stands
     "formats": 17,
     "mesh": 24,  # with samples of a surface, which were of the shapes
