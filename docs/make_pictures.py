@@ -33,6 +33,7 @@ from turnscan.mesh import (
     submesh,
 )
 from turnscan.rig import Rig, design_preset, rig_to_json
+from turnscan.shapes import Cut
 from turnscan.simulate import (
     Bench,
     Renderer,
@@ -372,22 +373,38 @@ def section() -> None:
 
 def views() -> None:
     """A head from the side, and its surface unrolled: two sheets of ``turnscan section``."""
-    from turnscan.drawings import draw_section
-    from turnscan.shapes import fit_section
     from turnscan.shapes.views import silhouette_cut, unrolled_cut
 
-    true = part("head").mesh
-    rng = np.random.default_rng(1)
-    n = len(true.vertices)
-    none = np.zeros(n, np.int32)
-    known = Provenance(np.full(n, 0.03), none, none, none, ("laser",))
-    head = Mesh(true.vertices + rng.normal(0, 0.03, (n, 3)), true.faces, known)
+    _sheets(
+        "views", ("head", silhouette_cut([0, 1, 0], "silhouette from y")), ("head", unrolled_cut())
+    )
+
+
+def profiles() -> None:
+    """The wall of a cup, and a head cut across: two sheets of ``turnscan section``."""
+    from turnscan.shapes import half_plane_cut, plane_cut
+
+    cup = half_plane_cut(np.radians(30.0), "half plane at 30°")
+    _sheets("profiles", ("cup", cup), ("head", plane_cut([0, 0, 1], 40.0, "z = 40 mm")))
+
+
+def _sheets(picture: str, *wanted: tuple[str, Cut]) -> None:
+    """Sections of parts of which every point has 30 µm of noise, side by side."""
+    from turnscan.drawings import draw_section
+    from turnscan.shapes import fit_section
+
     sheets = []
-    for cut in (silhouette_cut([0, 1, 0], "silhouette from y"), unrolled_cut()):
+    for name, cut in wanted:
+        true = part(name).mesh
+        n = len(true.vertices)
+        none = np.zeros(n, np.int32)
+        known = Provenance(np.full(n, 0.03), none, none, none, ("laser",))
+        noise = np.random.default_rng(1).normal(0, 0.03, (n, 3))
         data = io.BytesIO()
-        draw_section(fit_section(head, cut), "head").savefig(data, dpi=110)
+        section = fit_section(Mesh(true.vertices + noise, true.faces, known), cut)
+        draw_section(section, name).savefig(data, dpi=110)
         sheets.append(Pillow.open(data).convert("RGB"))
-    strip([(sheets[0], sheets[1])], 1400).save(HERE / "views.png", optimize=True)
+    strip([tuple(sheets)], 1400).save(HERE / f"{picture}.png", optimize=True)
 
 
 def dense(corners: Floats, step: float) -> Floats:
@@ -441,6 +458,7 @@ DRAWN: dict[str, Callable[[], None]] = {
         poses,
         section,
         views,
+        profiles,
         verification,
     )
 }

@@ -177,6 +177,20 @@ def test_nothing_is_invented_and_nothing_missed_in_random_turned_parts(seed):
     assert [s.hollow for s in measured] == [bored and k == 0 for k in range(len(measured))]
 
 
+def test_points_that_are_known_badly_hide_no_face() -> None:
+    mesh = prism([(0, 0), (40, 0), (40, 30), (0, 30)], 20, 0.5)
+    dice = np.random.default_rng(1)
+    n = len(mesh.vertices)
+    sigma = np.where(dice.random(n) < 0.1, 0.3, 0.02)
+    out = np.nan_to_num(vertex_normals(mesh))
+    none = np.zeros(n, np.int32)
+    known = Provenance(sigma, none, none, none, ("laser",))
+    rough = mesh.vertices + out * (dice.normal(0, 1, n) * sigma)[:, None]
+    found = find_shapes(Mesh(rough, mesh.faces, known))
+    assert [s.kind for s in found.shapes] == 4 * ["plane"]
+    assert found.coverage > 0.9
+
+
 def test_a_hole_is_hollow():
     tube = turned([(8, 20), (8, 0)], 0.5, 100)
     (bore,) = find_shapes(noisy(tube, SIGMA, 4)).shapes

@@ -11,9 +11,10 @@ from scipy.spatial import ConvexHull
 from tests.shapes.outlines import along, regular, wall
 from turnscan.drawings import write_section_dxf, write_section_json, write_section_svg
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh
-from turnscan.shapes import Arc, fit_section
+from turnscan.mesh import Mesh, Provenance
+from turnscan.shapes import Arc, Spline, fit_section
 from turnscan.shapes.views import silhouette_cut, unrolled_cut
+from turnscan.simulate import part
 
 
 def _torus(ring: float = 20.0, tube: float = 6.0) -> Mesh:
@@ -104,6 +105,19 @@ def test_noise_has_no_lines_of_equal_radius_and_what_has_no_outside_is_refused()
         fit_section(Mesh(inward.vertices, inward.faces[:, ::-1].copy()), unrolled_cut())
     with pytest.raises(InputError, match="no faces"):
         fit_section(Mesh(np.eye(3), np.zeros((0, 3), np.int32)), unrolled_cut())
+
+
+def test_a_noisy_head_from_the_side_has_no_arc() -> None:
+    true = part("head").mesh
+    n = len(true.vertices)
+    none = np.zeros(n, np.int32)
+    noise = np.random.default_rng(1).normal(0, 0.03, (n, 3))
+    known = Provenance(np.full(n, 0.03), none, none, none, ("laser",))
+    head = fit_section(Mesh(true.vertices + noise, true.faces, known), silhouette_cut([0, 1, 0]))
+    outline = max(head.fitted, key=lambda o: float(np.ptp(o.box)))
+    assert not any(isinstance(p, Arc) for p in outline.pieces)
+    assert sum(p.length for p in outline.pieces if isinstance(p, Spline)) > 200
+    assert max(p.rest.rms for p in outline.pieces) < 0.06
 
 
 def test_views_are_drawn_beside_sections() -> None:

@@ -42,6 +42,9 @@ _SEAMS = 3
 """Places where a closed chain is opened in turn."""
 _ENOUGH, _LEAST_SHARE = 40, 0.65
 """Points whose scatter says that sigma is too large; how much of it is believed at the least."""
+_FREEFORM, _TURNED, _FEWEST = 0.5, float(np.deg2rad(120.0)), 6
+"""Share of an outline that is spline from which on it is freeform; radians that an arc of it turns
+by at the least, to be told as one; points that make it a spline instead."""
 _FORGIVEN = 16.0
 """Increase of chi2 for each tie that tangency may cost."""
 
@@ -146,9 +149,13 @@ def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outl
         if (start := spans[0][1]) and closed:
             chain, scale, noise = _turned(chain, scale, noise, start)
             spans = [(kind, i - start, j - start) for kind, i, j in spans]
-        bodies = _rounded(
-            chain, scale, noise, _bodies(chain, np.isfinite(scale), scale, noise, spans)
-        )
+        use = np.isfinite(scale)
+        bodies = _bodies(chain, use, scale, noise, spans)
+        if _freeform(chain, bodies):
+            spans = [("spline" if _by_chance(chain, b) else b.kind, *b.ways) for b in bodies]
+            bodies = _bodies(chain, use, scale, noise, spans)
+        else:
+            bodies = _rounded(chain, scale, noise, bodies)
         ties = _ties(chain, scale, noise, bodies, closed, tolerance)
     return assemble(Settled(chain, closed, bodies, ties, scale, noise, tolerance))
 
@@ -281,6 +288,23 @@ def _freed(chain: Chain, scale: Floats, bodies: list[Body], closed: bool) -> lis
         return chain.points[rows], scale[rows]
 
     return [s for s, _ in with_splines(spans, smooth, points, price, m - 1 if closed else 0)]
+
+
+def _freeform(chain: Chain, bodies: list[Body]) -> bool:
+    """Whether splines hold most of an outline: then it has no radius that somebody made."""
+    free = sum(_length(chain, b) for b in bodies if b.kind == "spline")
+    return free > _FREEFORM * chain.length
+
+
+def _by_chance(chain: Chain, body: Body) -> bool:
+    """Whether an arc of a freeform outline turns so little that any smooth stretch may be one."""
+    if body.kind != "arc" or len(body.rows) < _FEWEST:
+        return False
+    return _length(chain, body) < _TURNED * float(body.p[2])
+
+
+def _length(chain: Chain, body: Body) -> float:
+    return float(chain.steps[body.ways[0] : body.ways[1]].sum())
 
 
 def _goes_on(a: Body, b: Body, chain: Chain) -> bool:

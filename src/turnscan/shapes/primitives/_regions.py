@@ -482,14 +482,14 @@ def close(g: Ground, kind: int, q: Floats, member: Index) -> bool:
 
 
 def excess(g: Ground, kind: int, q: Floats, member: Index, most: int = _FIT) -> float:
-    """How far members miss the surface beyond their own noise, over the tolerance.
+    """How far members miss the surface beyond their own noise, each over its own tolerance.
 
     The noise is what each stands off its neighbours by, half of them less and half of them more.
     """
     some = _thinned(member, most)
-    d = surface.distances(kind, q, g.vertices[some])[0]
-    noise = 1.4826 * float(np.median(np.abs(g.off[some])))
-    return float(np.sqrt(max(float(np.mean(d * d)) - noise**2, 0.0)) / np.median(g.limit[some]))
+    d = surface.distances(kind, q, g.vertices[some])[0] / g.limit[some]
+    noise = 1.4826 * float(np.median(np.abs(g.off[some] / g.limit[some])))
+    return float(np.sqrt(max(float(np.mean(d * d)) - noise**2, 0.0)))
 
 
 def pattern(g: Ground, kind: int, q: Floats, member: Index) -> float:
