@@ -21,7 +21,7 @@ _NOISES = 6.0
 _FLAT_BAND, _FLAT_SHARE = 3.0, 0.1
 """A level is left out where this share of the surface lies within so many standard deviations of
 it: there the noise would be drawn, not the part."""
-_FEWEST, _SHORT = 8, 0.02
+_FEWEST, _SHORT = 8, 0.05
 """Points of a line, and share of the drawing's diagonal, below both of which it is a speck: on a
 mesh of few and large faces a line of two points may run across all of the part."""
 _SMOOTH, _MOST_OFF = 3.0, 3.0
