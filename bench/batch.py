@@ -78,8 +78,7 @@ def held() -> float:
     try:
         while waiting:
             place = Path(f"/proc/{waiting.pop()}")
-            lines = (place / "status").read_text().splitlines()
-            total += sum(int(x.split()[1]) for x in lines if x.startswith("RssAnon")) / 1e3
+            total += _own(place)
             for task in (place / "task").iterdir():
                 waiting += map(int, (task / "children").read_text().split())
     except OSError:  # one of them ended just now
@@ -87,14 +86,27 @@ def held() -> float:
     return total
 
 
+def _own(place: Path) -> float:
+    """MB that a process holds, by its folder in /proc."""
+    lines = (place / "status").read_text().splitlines()
+    return sum(int(x.split()[1]) for x in lines if x.startswith("RssAnon")) / 1e3
+
+
 def _many(folder: Path, quick: bool) -> None:
     scans, scan = QUICK_MANY if quick else MANY, folder / "tiny.turnscan"
     workflows.simulate("sphere", scan, workflows.SimulateOptions(steps=TINY))
     memory: list[float] = []
-    took, _ = _batch(folder, scan, scans, 2, Progress(lambda _, __: memory.append(held())))
+    alone: list[float] = []
+
+    def look(_: float, __: str) -> None:
+        memory.append(held())
+        alone.append(_own(Path("/proc/self")))
+
+    took, _ = _batch(folder, scan, scans, 2, Progress(look))
     print(f"{scans} scans of {TINY} steps, 2 workers: {took:.1f} s")
     for k, some in enumerate(np.array_split(memory, 4)):
         print(f"MB held in quarter {k + 1}: median {np.nanmedian(some):.0f}, {np.nanmax(some):.0f}")
+    print(f"MB of the batch's own process: {alone[0]:.0f} at first, {alone[-1]:.0f} at the end")
     # What the first quarter adds is what any first scan loads.
     done = np.linspace(0.0, scans, len(memory))
     late = (done > scans / 4) & np.isfinite(memory)

@@ -79,8 +79,8 @@ def test_nothing_is_in_a_shadow_where_none_may_fall() -> None:
 
 
 def test_of_an_open_body_no_place_is_known_to_be_lit() -> None:
-    made = part("sphere").mesh
-    half = Part("bowl", Mesh(made.vertices, made.faces[: len(made.faces) // 2]))
+    made = part("bracket").mesh
+    half = Part("half", Mesh(made.vertices, made.faces[: len(made.faces) // 2]))
     tri = triangles([Body(half)])
     assert not tri.closed
     assert Shadows(tri, tri.vertices, np.array([0.0, 0.0, 1.0])).may_fall(tri.vertices).all()

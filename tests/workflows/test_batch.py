@@ -183,6 +183,28 @@ def test_what_a_dead_process_left_is_removed_and_no_scratch_that_is_in_use(tmp_p
     assert set(living.parent.iterdir()) == elsewhere
 
 
+def test_scratch_whose_place_another_takes_away_at_every_turn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make, raced = Path.mkdir, []
+
+    def gone(self: Path, pattern: str) -> Iterator[Path]:
+        raise FileNotFoundError(f"{self}: between two looks")
+
+    def there_and_gone(self: Path, mode: int = 0o777) -> None:
+        if not raced:
+            raced.append(self)
+            raise FileExistsError(f"{self}: and gone")
+        make(self, mode)
+
+    monkeypatch.setattr(Path, "glob", gone)
+    monkeypatch.setattr(Path, "mkdir", there_and_gone)
+    with scratch(tmp_path) as folder:
+        assert folder.is_dir()
+    assert raced
+    assert not list(tmp_path.iterdir())
+
+
 def test_scratch_on_a_disk_without_locks_or_without_a_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

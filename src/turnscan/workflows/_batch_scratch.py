@@ -54,7 +54,10 @@ def scratch(output: Path | None) -> Iterator[Path]:
 
 def swept(output: Path) -> None:
     """Remove the scratch of this machine's processes that ended without doing so."""
-    for folder in (output / _FOLDER).glob(f"{_machine()}.*"):
+    left: list[Path] = []
+    with suppress(OSError):  # another took the empty place away just now
+        left = list((output / _FOLDER).glob(f"{_machine()}.*"))
+    for folder in left:
         try:
             held = os.open(folder / _HELD, os.O_RDWR)
         except OSError:  # just made, or just removed by another
@@ -74,7 +77,8 @@ def _rid_of_empty(output: Path) -> None:
 def _held(place: Path) -> tuple[Path, int]:
     tries = 0
     while True:
-        place.mkdir(exist_ok=True)
+        with suppress(FileExistsError):  # and it may be gone again before anyone looks
+            place.mkdir()
         with suppress(FileNotFoundError):  # another ended, and took the empty place away
             folder = Path(tempfile.mkdtemp(prefix=f"{_machine()}.", dir=place))
             held = os.open(folder / _HELD, os.O_RDWR | os.O_CREAT, 0o600)
