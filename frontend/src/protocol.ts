@@ -383,6 +383,13 @@ export interface FindDevices {
   probe?: boolean;
 }
 
+/** Find the shapes that the surface is made of: answered by ``shapes``. */
+export interface FindShapes {
+  id: number;
+  kind: "find_shapes";
+  scan: string;
+}
+
 /** How many findings a scan has. */
 export interface FindingCounts {
   errors: number;
@@ -1061,6 +1068,33 @@ export interface SettingsSet {
   options: Record<string, unknown>;
 }
 
+/** A shape of the surface. */
+export interface ShapeEntry {
+  /** With its sizes and their uncertainties. */
+  text: string;
+  /** Its middle, mm. */
+  place: [number, number, number];
+  /** mm: how far it reaches. */
+  size: number;
+}
+
+/**
+ * The shapes of a surface. Array ``shape`` i32 (v,): of each vertex the index of its shape, −1
+ * for freeform and for what was not measured.
+ */
+export interface ShapesShown {
+  kind: "shapes";
+  id: number;
+  scan: string;
+  revision: number;
+  shapes: ShapeEntry[];
+  /** Share of the measured area that lies on shapes. */
+  coverage: number;
+  relations: string[];
+  dimensions: ResultTable;
+  findings: Remark[];
+}
+
 /** Colours of the surface from its texture images: answered by ``colours``. */
 export interface ShowColours {
   id: number;
@@ -1312,6 +1346,7 @@ export type ServerMessage =
   | Measures
   | DeviationShown
   | ColoursShown
+  | ShapesShown
   | Found
   | Devices
   | Calibration
@@ -1354,6 +1389,7 @@ export type ClientMessage =
   | MeasureAgain
   | ShowDeviation
   | ShowColours
+  | FindShapes
   | SaveReport
   | FindDevices
   | Connect

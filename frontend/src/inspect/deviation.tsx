@@ -10,7 +10,7 @@ import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
 import type { Hit } from "../viewport/pick";
 import { colouring } from "../viewport/place";
-import { ReportButtons } from "./report";
+import { REPORTS, ReportButtons } from "./report";
 import { VerdictDot } from "./verdict";
 
 const UNITS = [
@@ -289,6 +289,7 @@ function Figures({ of }: { of: DeviationShown }) {
       </div>
       <Checked of={of} />
       <ReportButtons
+        suffixes={REPORTS}
         of="comparison"
         disabled={!asked}
         request={(name, suffix) => ({ kind: "run_verb", verb: "compare", name, values: reportValues(suffix) })}

@@ -13,20 +13,25 @@ import { freeName, runs } from "../verbs/state";
 const asked = signal<ReadonlyMap<string, string>>(new Map());
 
 export type Suffix = ".pdf" | ".html";
+export const REPORTS = [".pdf", ".html"] as const;
 
-interface ReportProps {
+interface ReportProps<S extends string> {
   /** What it is of: one report of each is shown. */
   of: string;
   disabled?: boolean;
   /** How it is asked for, under a name that is free. */
-  request: (name: string, suffix: Suffix) => Request;
+  request: (name: string, suffix: S) => Request;
+  /** What the file is called, where it is no report. */
+  what?: string;
+  suffixes: readonly S[];
 }
 
-export function ReportButtons({ of, disabled, request }: ReportProps) {
+export function ReportButtons<S extends string>({ of, disabled, request, what, suffixes }: ReportProps<S>) {
+  const title = what ?? "Report";
   const part = opened.value;
   const key = `${part?.scan} ${of}`;
   const job = runs.value.get(asked.value.get(key) ?? "");
-  async function start(suffix: Suffix): Promise<void> {
+  async function start(suffix: S): Promise<void> {
     try {
       const { header } = await link.request(request(freeName(`${part?.name} ${of}`), suffix));
       if (header.kind === "started") asked.value = new Map(asked.value).set(key, header.job);
@@ -38,14 +43,18 @@ export function ReportButtons({ of, disabled, request }: ReportProps) {
   return (
     <>
       <div class="grid-2">
-        {([".pdf", ".html"] as const).map((suffix) => (
+        {suffixes.map((suffix) => (
           <Button
             key={suffix}
-            label={`Report of ${of} as ${suffix.slice(1).toUpperCase()}`}
+            label={
+              what
+                ? `${what} as ${suffix.slice(1).toUpperCase()}`
+                : `Report of ${of} as ${suffix.slice(1).toUpperCase()}`
+            }
             disabled={disabled || running || !isOperator.value}
             onClick={() => void start(suffix)}
           >
-            Report as {suffix.slice(1).toUpperCase()}
+            {title} as {suffix.slice(1).toUpperCase()}
           </Button>
         ))}
       </div>
@@ -59,7 +68,7 @@ export function ReportButtons({ of, disabled, request }: ReportProps) {
         </p>
       )}
       {job?.state === "done" && (
-        <ul class="list whole" aria-label={`Report of ${of}`}>
+        <ul class="list whole" aria-label={what ?? `Report of ${of}`}>
           {job.files.map(({ file, name }) => (
             <li key={file}>
               <a
@@ -88,7 +97,11 @@ export function ReportPanel() {
         Your measurements with their limits, then every size that is found in the part, each with a picture and its
         uncertainty.
       </p>
-      <ReportButtons of="sizes" request={(name, suffix) => ({ kind: "save_report", scan, name, suffix })} />
+      <ReportButtons
+        of="sizes"
+        suffixes={REPORTS}
+        request={(name, suffix) => ({ kind: "save_report", scan, name, suffix })}
+      />
     </Section>
   );
 }

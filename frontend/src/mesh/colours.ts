@@ -1,7 +1,7 @@
 /** Colours of the surface. Maps and palettes are chosen for eyes that confuse red and green. */
 import type { MeshModel } from "./model";
 
-export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured", "deviation"] as const;
+export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured", "deviation", "shapes"] as const;
 /** `own` are the colours that the file of a mesh holds. */
 export type Colouring = (typeof COLOURINGS)[number] | "own";
 
@@ -101,6 +101,9 @@ export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
       colour = Number.isNaN(x) ? UNMEASURED : table[Math.max(0, Math.min(255, Math.round(t)))];
     } else if (by === "own" && mesh.colour && 3 * v < mesh.colour.length) {
       colour = [mesh.colour[3 * v], mesh.colour[3 * v + 1], mesh.colour[3 * v + 2]];
+    } else if (by === "shapes") {
+      const shape = mesh.shapes?.[v] ?? -1;
+      if (shape >= 0) colour = PALETTE[shape % PALETTE.length];
     } else if (by === "laser") {
       colour = mesh.laser[v] < 0 ? UNMEASURED : PALETTE[mesh.laser[v] % PALETTE.length];
     }

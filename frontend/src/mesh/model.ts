@@ -48,6 +48,8 @@ export class MeshModel {
   deviation: Float32Array | null = null;
   /** mm at the ends of the map of deviations; null: as the deviations are. */
   deviationEnd: number | null = null;
+  /** (v) index of the shape that a vertex lies on, −1 for none; null where none were sought. */
+  shapes: Int32Array | null = null;
   vertexCount: number;
   faceCount: number;
   aliveCount: number;

@@ -6,6 +6,7 @@ import type { AnyArray } from "../envelope";
 import { DeviationPanel, forgetProbes, probe, probeItems, probing } from "../inspect/deviation";
 import { DimensionsPanel, keepCurrent, written } from "../inspect/dimensions";
 import { ReportPanel } from "../inspect/report";
+import { SectionsPanel, ShapesPanel } from "../inspect/shapes";
 import { mark, measures, opened } from "../part";
 import type { TakeMeasure } from "../protocol";
 import { stepCommands } from "../repair/commands";
@@ -235,6 +236,8 @@ function MeasureRoom() {
       <aside class="inspector" aria-label="Inspect">
         <KindPanel />
         <DimensionsPanel />
+        <ShapesPanel />
+        <SectionsPanel />
         <DeviationPanel />
         <ReportPanel />
       </aside>

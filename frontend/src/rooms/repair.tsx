@@ -39,6 +39,7 @@ const COLOUR_WORDS = {
   height: "height",
   measured: "measured",
   deviation: "deviation from a reference",
+  shapes: "shapes found",
 };
 const COLOUR_OPTIONS = COLOURINGS.map((name) => [name, COLOUR_WORDS[name]] as const);
 const IMAGE_COLOURS = ["own", "colours of the texture images"] as const;

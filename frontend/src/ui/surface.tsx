@@ -68,7 +68,7 @@ export function NoWebGL() {
 function Legend() {
   const by = colouring.value;
   const range = legend.value;
-  if (by === "plain" || !mesh.value) return null;
+  if (by === "plain" || by === "shapes" || !mesh.value) return null;
   if (range) {
     const ramp = `linear-gradient(90deg, ${[0, 0.17, 0.33, 0.5, 0.67, 0.83, 1].map((t) => css(mapOf(by)(t))).join(",")})`;
     return (

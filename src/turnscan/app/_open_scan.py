@@ -281,6 +281,31 @@ class OpenScan:
         )
         return answer, encoded({"distance": shown.distance})
 
+    def shapes(self, id: int, job: Job) -> tuple[p.ShapesShown, dict[str, Array]]:
+        """The shapes of the surface. Raises InputError where there is nothing to fit."""
+        state, shown = self.session.shapes(job.progress)
+        table = shown.dimensions
+        answer = p.ShapesShown(
+            id=id,
+            scan=self.name,
+            revision=state.revision,
+            shapes=[
+                p.ShapeEntry(text=text, place=_vector(place), size=size)
+                for text, place, size in zip(
+                    shown.words, shown.places, shown.sizes.tolist(), strict=True
+                )
+            ],
+            coverage=shown.found.found.coverage,
+            relations=shown.relations,
+            dimensions=p.ResultTable(
+                title=table.title,
+                head=list(table.head),
+                rows=[[str(cell) for cell in row] for row in table.rows],
+            ),
+            findings=remarks(shown.found.findings),
+        )
+        return answer, encoded({"shape": shown.label})
+
     def undo(self, job: Job) -> None:
         """One edit back. Raises InputError where there is none."""
         self.session.undo(job)

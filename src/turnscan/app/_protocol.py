@@ -801,6 +801,33 @@ class ColoursShown(Model):
     revision: Count
 
 
+class ShapeEntry(Model):
+    """A shape of the surface."""
+
+    text: str
+    """With its sizes and their uncertainties."""
+    place: Vector
+    """Its middle, mm."""
+    size: float
+    """mm: how far it reaches."""
+
+
+class ShapesShown(Model):
+    """The shapes of a surface. Array ``shape`` i32 (v,): of each vertex the index of its shape, −1
+    for freeform and for what was not measured."""
+
+    kind: Literal["shapes"] = "shapes"
+    id: Count
+    scan: Opaque
+    revision: Count
+    shapes: list[ShapeEntry]
+    coverage: float
+    """Share of the measured area that lies on shapes."""
+    relations: list[str]
+    dimensions: ResultTable
+    findings: list[Remark]
+
+
 class Found(Model):
     """What is connected to the computer."""
 
@@ -938,6 +965,7 @@ ServerMessage = Annotated[
     | Measures
     | DeviationShown
     | ColoursShown
+    | ShapesShown
     | Found
     | Devices
     | Calibration

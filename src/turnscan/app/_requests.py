@@ -307,6 +307,13 @@ class ShowColours(Request):
     scan: Opaque
 
 
+class FindShapes(Request):
+    """Find the shapes that the surface is made of: answered by ``shapes``."""
+
+    kind: Literal["find_shapes"] = "find_shapes"
+    scan: Opaque
+
+
 class SaveReport(Request):
     """Write the report of all sizes and kept measurements into the folder: a job."""
 
@@ -523,6 +530,7 @@ ClientMessage = Annotated[
     | MeasureAgain
     | ShowDeviation
     | ShowColours
+    | FindShapes
     | SaveReport
     | FindDevices
     | Connect

@@ -123,6 +123,7 @@ class Workshop:
             q.MeasureAgain: (self._measure_again, False),
             q.ShowDeviation: (self._show_deviation, False),
             q.ShowColours: (self._show_colours, False),
+            q.FindShapes: (self._find_shapes, False),
             q.SaveReport: (self._save_report, True),
             q.FindDevices: (self._find_devices, True),
             q.Connect: (self._connect, True),
@@ -311,6 +312,10 @@ class Workshop:
     def _show_colours(self, call: Call) -> Answer:
         with self._editing(call, "Colouring the surface") as (scan, job):
             return scan.colours(call.id, job)
+
+    def _find_shapes(self, call: Call) -> Answer:
+        with self._editing(call, "Finding shapes") as (scan, job):
+            return scan.shapes(call.id, job)
 
     def _save_report(self, call: Call) -> p.Model:
         r: q.SaveReport = call.request

@@ -78,6 +78,8 @@ from turnscan.workflows._session_mesh import (
     surface_arrays,
     surface_patches,
 )
+from turnscan.workflows._session_shapes import ShownShapes, shown_shapes
+from turnscan.workflows._shapes import find_shapes
 from turnscan.workflows._texture import TextureSource, coloured, colours
 
 MOST_HOLES = 1000
@@ -518,6 +520,13 @@ class ScanSession:
             options, tolerance_table, progress.subrange(0.3, 1),
         )  # fmt: skip
         return state, found
+
+    def shapes(self, progress: Progress) -> tuple[SessionState, ShownShapes]:
+        """The shapes that the surface is made of. Raises as `find_shapes`."""
+        state = self.now
+        result = self.result(state, progress.subrange(0, 0.3))
+        found = find_shapes(result, progress=progress.subrange(0.3, 1))
+        return state, shown_shapes(state.document.body, found)
 
     def undo(self, work: Work) -> None:
         """One edit back. Raises InputError where there is none."""

@@ -49,6 +49,19 @@ def test_a_part_is_compared_with_cad_reported_and_measured_the_same_on_another_s
     budget = page.get_by_role("table", name="Uncertainty budget")
     expect(budget.get_by_role("row", name="Calibration")).to_contain_text(re.compile(r"0\.\d+ mm"))
 
+    # What it is made of, on the surface and in a list, and a section of it as a drawing.
+    page.get_by_text("Shapes", exact=True).click()
+    page.get_by_role("button", name="Find shapes").click()
+    found_shapes = page.get_by_role("list", name="Shapes of the part").get_by_role("listitem")
+    found_shapes.first.wait_for(timeout=LONG)
+    expect(found_shapes).to_have_count(5)
+    expect(found_shapes.first).to_contain_text("plane")
+    picture(page, "shapes")
+    page.get_by_text("Sections", exact=True).click()
+    page.get_by_role("button", name="Section as SVG").click()
+    page.get_by_role("link", name="block section.svg").wait_for(timeout=LONG)
+    assert "<svg" in (folder / "block section.svg").read_text()
+
     # Compared with the part as it is drawn, which lies elsewhere.
     page.get_by_text("Deviation from a reference").click()
     page.get_by_label("From this computer").set_input_files(tmp_path / "drawn.stl")

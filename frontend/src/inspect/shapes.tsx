@@ -1,0 +1,119 @@
+/** Shapes found in the scan: each on the surface and in a list, with every size; and sections as drawings. */
+import { computed, signal } from "@preact/signals";
+import { link } from "../bus";
+import { css, PALETTE } from "../mesh/colours";
+import { mesh, onMesh, opened, shownRevision } from "../part";
+import type { ShapesShown } from "../protocol";
+import { complain, notify } from "../state";
+import { Button, Section, TextField } from "../ui/controls";
+import { Tables } from "../verbs/result";
+import { colouring, currentViewport } from "../viewport/place";
+import { ReportButtons } from "./report";
+
+const shown = signal<ShapesShown | null>(null);
+/** The surface was changed since. */
+const old = signal(false);
+const busy = signal(false);
+const planes = signal("z=20");
+
+const here = computed(() => (shown.value?.scan === opened.value?.scan ? shown.value : null));
+
+/** Follow the surface: once. */
+export function startShapes(): void {
+  onMesh(() => {
+    old.value = true;
+  });
+}
+
+async function find(): Promise<void> {
+  const scan = opened.value?.scan;
+  if (!scan || busy.value) return;
+  busy.value = true;
+  try {
+    const { header, arrays } = await link.request({ kind: "find_shapes", scan });
+    const model = mesh.value;
+    if (header.kind !== "shapes" || !model || opened.value?.scan !== scan) return;
+    if (header.revision !== shownRevision()) {
+      notify("warning", "The surface was changed meanwhile.", "find the shapes again");
+      return;
+    }
+    model.shapes = arrays.i32("shape");
+    shown.value = header;
+    old.value = false;
+    colouring.value = "plain"; // the same name twice draws nothing anew
+    colouring.value = "shapes";
+  } catch (error) {
+    complain(error);
+  } finally {
+    busy.value = false;
+  }
+}
+
+export function ShapesPanel() {
+  const now = here.value;
+  return (
+    <Section title="Shapes" open={false}>
+      <p class="quiet">Planes, cylinders, spheres, cones and tori that the part is made of.</p>
+      <Button disabled={busy.value} onClick={() => void find()}>
+        Find shapes
+      </Button>
+      {now && (
+        <>
+          {old.value && <p class="quiet">Of an earlier surface: find them again.</p>}
+          <p class="num" role="status">
+            {now.shapes.length} shapes, {(100 * now.coverage).toFixed(0)} % of the measured surface
+          </p>
+          <ul class="list" aria-label="Shapes of the part">
+            {now.shapes.map(({ text, place, size }, i) => (
+              <li key={i}>
+                <button
+                  type="button"
+                  class="button plain grow"
+                  title="Zoom to this shape"
+                  onClick={() => currentViewport()?.lookAt([...place], Math.max(size, 4))}
+                >
+                  <span class="swatch" style={{ background: css(PALETTE[i % PALETTE.length]) }} />
+                  <span>
+                    {i + 1}. {text}
+                  </span>
+                </button>
+              </li>
+            ))}
+          </ul>
+          {now.relations.length > 0 && (
+            <ul class="quiet" aria-label="Relations of the shapes">
+              {now.relations.map((text) => (
+                <li key={text}>{text}</li>
+              ))}
+            </ul>
+          )}
+          <Tables of={[now.dimensions]} />
+        </>
+      )}
+    </Section>
+  );
+}
+
+/** Sections through the part, written into the folder as drawings. */
+export function SectionsPanel() {
+  const scan = opened.value?.scan ?? "";
+  const wanted = planes.value.split(/[;\s]+/).filter(Boolean);
+  return (
+    <Section title="Sections" open={false}>
+      <TextField label="Planes" value={planes.value} unit="mm" onChange={(text) => (planes.value = text)} />
+      <p class="quiet">z=20, x=0, or z=10:100:10 (from, to, step); several with ;</p>
+      <ReportButtons
+        of="section"
+        what="Section"
+        suffixes={[".dxf", ".svg", ".pdf"]}
+        disabled={!wanted.length}
+        request={(name, suffix) => ({
+          kind: "run_verb",
+          verb: "section",
+          name,
+          values: { part: scan, plane: wanted, outputs: [suffix] },
+        })}
+      />
+    </Section>
+  );
+}
