@@ -95,7 +95,7 @@ async function show(): Promise<void> {
   try {
     const tolerance_table = await tableFile();
     if (tolerance_table === undefined) return;
-    const wish = {
+    const request = {
       kind: "show_deviation",
       scan,
       reference: reference.value,
@@ -105,8 +105,8 @@ async function show(): Promise<void> {
       features: byFeature.value,
       tolerance_table,
     } as const;
-    const { header, arrays } = await link.request(wish);
-    asked = { ...wish, datums: [...wish.datums], id: 0 };
+    const { header, arrays } = await link.request(request);
+    asked = { ...request, datums: [...request.datums], id: 0 };
     const model = mesh.value;
     if (header.kind !== "deviation" || !model || opened.value?.scan !== scan) return;
     if (header.revision !== shownRevision()) {

@@ -149,7 +149,7 @@ export function SelectByPanel() {
   );
 }
 
-interface Wish {
+interface Chosen {
   laser: number;
   from: number;
   to: number;
@@ -158,7 +158,7 @@ interface Wish {
   cause: number;
 }
 
-function selectBy(by: By, wish: Wish): void {
+function selectBy(by: By, chosen: Chosen): void {
   const view = currentViewport();
   const model = mesh.value;
   if (!view || !model) return;
@@ -166,24 +166,24 @@ function selectBy(by: By, wish: Wish): void {
     view.selectWhere((face) => !model.measured[face], "replace");
     return;
   }
-  const takes = vertexRule(by, wish);
+  const takes = vertexRule(by, chosen);
   // A face is taken where most of its corners are.
   view.selectWhere((_, a, b, c) => Number(takes(a)) + Number(takes(b)) + Number(takes(c)) >= 2, "replace");
 }
 
-function vertexRule(by: By, wish: Wish): (vertex: number) => boolean {
+function vertexRule(by: By, chosen: Chosen): (vertex: number) => boolean {
   const model = mesh.value!;
   switch (by) {
     case "laser":
-      return (v) => model.laser[v] === wish.laser;
+      return (v) => model.laser[v] === chosen.laser;
     case "steps":
-      return (v) => model.step[v] >= wish.from && model.step[v] <= wish.to;
+      return (v) => model.step[v] >= chosen.from && model.step[v] <= chosen.to;
     case "sigma":
-      return (v) => model.sigma[v] > wish.sigma;
+      return (v) => model.sigma[v] > chosen.sigma;
     case "quality":
-      return inGrid((grid, row, line) => (grid.flags[row * grid.lines + line] & wish.flag) !== 0);
+      return inGrid((grid, row, line) => (grid.flags[row * grid.lines + line] & chosen.flag) !== 0);
     case "cause":
-      return inGrid((grid, row, line) => besideGap(grid, row, line, wish.cause));
+      return inGrid((grid, row, line) => besideGap(grid, row, line, chosen.cause));
     case "measured":
       return () => false;
   }

@@ -1,4 +1,4 @@
-/** How the stripe lies in the picture: one wish for live pictures, calibration and scans. */
+/** How the stripe lies in the picture: one choice for live pictures, calibration and scans. */
 import { SelectField } from "../ui/controls";
 import { orientation } from "./live";
 

@@ -17,9 +17,9 @@ export function findingWords(counts: FindingCounts | null): string {
 
 /** A name for a copy that no scan has. */
 export function copyName(name: string, taken: readonly string[]): string {
-  const wish = `${name} copy`;
-  let now = wish;
-  for (let number = 2; taken.includes(now); number++) now = `${wish} ${number}`;
+  const first = `${name} copy`;
+  let now = first;
+  for (let number = 2; taken.includes(now); number++) now = `${first} ${number}`;
   return now;
 }
 

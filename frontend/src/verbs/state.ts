@@ -80,7 +80,7 @@ export function resultName(verb: VerbEntry): string {
 /** A name, numbered where files of the folder have it. */
 export function freeName(name: string): string {
   const taken = [...scans.value.map((one) => `${one.name}.`), ...files.value.map((one) => one.name)];
-  const has = (wish: string) => taken.some((one) => one.startsWith(`${wish}.`) || one.startsWith(`${wish}-`));
+  const has = (wanted: string) => taken.some((one) => one.startsWith(`${wanted}.`) || one.startsWith(`${wanted}-`));
   let now = name;
   for (let number = 2; has(now); number++) now = `${name} ${number}`;
   return now;

@@ -10,17 +10,17 @@ from turnscan.errors import InputError
 from turnscan.workflows import ExportOptions, audited
 
 
-def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, wish: q.ExportRequest) -> Job:
-    """Begin to write a document as a file. Raises InputError where the wish is impossible."""
-    if not wish.dxf_forms:
+def export_job(jobs: Jobs, downloads: Downloads, scan: OpenScan, request: q.ExportRequest) -> Job:
+    """Begin to write a document as a file. Raises InputError where it is impossible."""
+    if not request.dxf_forms:
         raise InputError("dxf_forms: none chosen", hint="choose one or more")
-    version = wish.dxf_version or ("R2010" if "mesh" in wish.dxf_forms else "R12")
+    version = request.dxf_version or ("R2010" if "mesh" in request.dxf_forms else "R12")
     options = ExportOptions(
-        dxf_forms=tuple(dict.fromkeys(wish.dxf_forms)),
+        dxf_forms=tuple(dict.fromkeys(request.dxf_forms)),
         dxf_version=version,
-        ascii=wish.ascii,
+        ascii=request.ascii,
     )
-    suffix, state = f".{wish.format}", scan.now
+    suffix, state = f".{request.format}", scan.now
 
     def work(job: Job) -> Result:
         result = scan.result(state, job.progress)

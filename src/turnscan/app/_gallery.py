@@ -73,9 +73,9 @@ class Gallery:
 
     # What is done with scans
 
-    def rename(self, path: Path, wish: str) -> Path:
+    def rename(self, path: Path, name: str) -> Path:
         """Give a scan another name. Raises InputError where it is none, is taken or in use."""
-        target = self._library.new_path(wish)
+        target = self._library.new_path(name)
         self._move(path, target)
         for old, new in zip(self._kept(path), self._kept(target), strict=True):
             with contextlib.suppress(OSError):
@@ -84,9 +84,9 @@ class Gallery:
         self._library.moved(path, target)
         return target
 
-    def duplicate(self, path: Path, wish: str) -> Path:
+    def duplicate(self, path: Path, name: str) -> Path:
         """Copy a scan with its edits. Raises as `rename`, and as `duplicate_scan`."""
-        target = self._library.new_path(wish)
+        target = self._library.new_path(name)
         duplicate_scan(path, target)
         for old, new in zip(self._kept(path), self._kept(target), strict=True):
             with contextlib.suppress(OSError):

@@ -132,23 +132,23 @@ class Library:
             if self._only is not None and path in self._only:
                 self._only = self._only - {path} | {target}
 
-    def new_path(self, wish: str) -> Path:
+    def new_path(self, name: str) -> Path:
         """Where a new scan of this name goes. Raises as `new_file`."""
-        return self.new_file(wish, SUFFIX)
+        return self.new_file(name, SUFFIX)
 
-    def new_file(self, wish: str, suffix: str) -> Path:
+    def new_file(self, name: str, suffix: str) -> Path:
         """Where a new file of this name goes: a plain name in the folder, never one that is taken.
 
         Raises InputError where nothing of the name is left, or the name is taken.
         """
-        path = self.folder / (safe_name(wish.removesuffix(suffix)) + suffix)
+        path = self.folder / (safe_name(name.removesuffix(suffix)) + suffix)
         if path.exists():
             raise InputError(f"{path.name}: already exists", hint="choose another name")
         return path
 
-    def free_path(self, wish: str) -> Path:
+    def free_path(self, name: str) -> Path:
         """Where a new scan of this name goes, numbered where the name is taken."""
-        name, number = safe_name(wish), 2
+        name, number = safe_name(name), 2
         path = self.folder / (name + SUFFIX)
         while path.exists():
             path = self.folder / f"{name} {number}{SUFFIX}"
@@ -175,13 +175,13 @@ class Library:
         with self._lock:
             return self._names.setdefault(path, secrets.token_urlsafe(9))
 
-    async def add(self, wish: str, body: AsyncIterator[bytes], length: int | None) -> str:
+    async def add(self, name: str, body: AsyncIterator[bytes], length: int | None) -> str:
         """A scan file from its bytes; it appears only when it is whole and is one.
 
         Raises InputError for a name that is none or taken, LimitExceeded, StorageFull, and what
         `Scan.open` raises.
         """
-        path = self.new_path(wish)
+        path = self.new_path(name)
         await self.receive(path, body, length, lambda part: _check_scan(part, path.name))
         return self.name_of(path)
 
@@ -268,12 +268,12 @@ class Library:
             )
 
 
-def safe_name(wish: str) -> str:
+def safe_name(name: str) -> str:
     """A file name out of what a person typed: letters, digits, space, dot, dash, underscore.
 
     Raises InputError where nothing is left.
     """
-    text = unicodedata.normalize("NFC", wish[:1000]).removesuffix(SUFFIX)
+    text = unicodedata.normalize("NFC", name[:1000]).removesuffix(SUFFIX)
     kept = "".join(c if c.isalnum() or c in " ._-" else "_" for c in text)
     kept = kept.strip(" .")[:_LONGEST_NAME].strip(" .")
     while len(kept.encode()) > 200:

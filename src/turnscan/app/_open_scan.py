@@ -215,21 +215,21 @@ class OpenScan:
         shown = self.session.preview(base, value, arrays, job)
         return p.PreviewShown(id=id, figures=figures(shown.figures)), encoded(shown.arrays)
 
-    def measure(self, wish: q.TakeMeasure, arrays: Mapping[str, Array], job: Job) -> p.Measures:
+    def measure(self, request: q.TakeMeasure, arrays: Mapping[str, Array], job: Job) -> p.Measures:
         """Measure, and keep it in the history. Raises InputError where it cannot be measured."""
-        self.session.measure(wish.what, wish.places, arrays, job)
-        return self.measures(wish.id)
+        self.session.measure(request.what, request.places, arrays, job)
+        return self.measures(request.id)
 
     def forget_measure(self, id: int, name: str, job: Job) -> p.Measures:
         """Switch a measurement off. Raises InputError where there is none of that name."""
         self.session.forget_measure(_number(name), job)
         return self.measures(id)
 
-    def specify(self, wish: q.SpecifyMeasure, job: Job) -> p.Measures:
+    def specify(self, request: q.SpecifyMeasure, job: Job) -> p.Measures:
         """Name a measurement and give it limits. Raises InputError, FormatError."""
-        said = wish.name.strip(), wish.nominal, wish.lower, wish.upper
-        self.session.specify(_number(wish.measure), *said, job)
-        return self.measures(wish.id)
+        said = request.name.strip(), request.nominal, request.lower, request.upper
+        self.session.specify(_number(request.measure), *said, job)
+        return self.measures(request.id)
 
     def measure_again(self, id: int, job: Job) -> p.Measures:
         """Take measurements again of which the surface was changed since."""
@@ -248,18 +248,18 @@ class OpenScan:
         return answer, encoded(arrays)
 
     def deviation(
-        self, wish: q.ShowDeviation, reference: Item, table: Path | None, job: Job
+        self, request: q.ShowDeviation, reference: Item, table: Path | None, job: Job
     ) -> tuple[p.DeviationShown, dict[str, Array]]:
         """How far the surface lies from a reference. Raises InputError where it says nothing."""
         options = CompareOptions(
-            reference_unit=wish.unit, samples=1000, align=wish.align, datums=wish.datums,
-            features=wish.features,
+            reference_unit=request.unit, samples=1000, align=request.align, datums=request.datums,
+            features=request.features,
         )  # fmt: skip
         state, shown = self.session.deviation(reference.path, options, table, job.progress)
         found = shown.comparison
         d = found.deviation
         answer = p.DeviationShown(
-            id=wish.id,
+            id=request.id,
             scan=self.name,
             revision=state.revision,
             reference=reference.name,

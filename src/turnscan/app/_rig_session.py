@@ -194,16 +194,18 @@ class RigRoom:
 
     # Looking
 
-    def look(self, wish: q.Look) -> None:
+    def look(self, request: q.Look) -> None:
         """Begin live pictures, or change how they are taken. Raises InputError."""
         self.look_off()
         bench = self._there()
-        unknown = set(wish.lit) - set(bench.hardware.lasers.names)
+        unknown = set(request.lit) - set(bench.hardware.lasers.names)
         if unknown:
             there = ", ".join(bench.hardware.lasers.names)
             raise InputError(f"no laser {min(unknown)!r}", hint=f"there is {there}")
         self._looking.set()
-        self._looker = threading.Thread(target=self._look, args=(wish,), name="look", daemon=True)
+        self._looker = threading.Thread(
+            target=self._look, args=(request,), name="look", daemon=True
+        )
         self._looker.start()
 
     def look_off(self) -> None:
@@ -213,15 +215,17 @@ class RigRoom:
         if looker is not None:
             looker.join(30.0)
 
-    def _look(self, wish: q.Look) -> None:
-        lit, number = frozenset(wish.lit), 0
+    def _look(self, request: q.Look) -> None:
+        lit, number = frozenset(request.lit), 0
         try:
             with self.using() as bench:
-                pictures = live_pictures(bench, lit, wish.seconds, wish.gain, self._looking.is_set)
+                pictures = live_pictures(
+                    bench, lit, request.seconds, request.gain, self._looking.is_set
+                )
                 with contextlib.closing(pictures):
                     for picture in pictures:
                         number += 1
-                        way, find = wish.orientation, self.find_board if wish.board else None
+                        way, find = request.orientation, self.find_board if request.board else None
                         stripe = seen_stripe(picture, None, way) if lit else None
                         board = None if find is None else find(picture)
                         see(self._hub, number, picture, lit, stripe, None, way, board)

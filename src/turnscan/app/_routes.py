@@ -139,10 +139,10 @@ def _invite(keys: Keys) -> Endpoint:
 
 def _add_scan(workshop: Workshop) -> Endpoint:
     async def add(request: Request) -> Response:
-        wish = request.query_params.get("name", "")
+        name = request.query_params.get("name", "")
         given = request.headers.get("content-length")
         length = int(given) if given is not None else None
-        name = await workshop.library.add(wish, request.stream(), length)
+        name = await workshop.library.add(name, request.stream(), length)
         workshop.tell_scans()
         return _json(q.Added(scan=name), 201)
 
@@ -324,8 +324,8 @@ def _stop(workshop: Workshop) -> Endpoint:
 def _export(workshop: Workshop) -> Endpoint:
     async def start(request: Request) -> Response:
         scan = _opened(workshop, request)
-        wish = await _body(request, q.ExportRequest)
-        job = export_job(workshop.jobs, workshop.downloads, scan, wish)
+        asked = await _body(request, q.ExportRequest)
+        job = export_job(workshop.jobs, workshop.downloads, scan, asked)
         return _json(q.StartedExport(job=job.id), 202)
 
     return start

@@ -39,14 +39,14 @@ class ScanRoom:
         self._lock = threading.Lock()
         self._control: workflows.ScanControl | None = None
 
-    def start(self, wish: q.ScanPlan) -> Job:
+    def start(self, request: q.ScanPlan) -> Job:
         """Take a scan, as a job.
 
         Raises InputError for a name or a plan that cannot be, and where nothing is connected or
         another scan is under way.
         """
         _ = self._rig.connected
-        path, options = self._library.new_path(wish.name), _options(wish)
+        path, options = self._library.new_path(request.name), _options(request)
 
         def take(taking: _Taking, bench: Opened) -> TakenScan:
             return workflows.scan(
@@ -56,7 +56,7 @@ class ScanRoom:
 
         return self._begin(f"Scanning {path.stem}", path, take)
 
-    def resume(self, path: Path, wish: q.Resume) -> Job:
+    def resume(self, path: Path, request: q.Resume) -> Job:
         """Take what an interrupted scan is missing, as a job, which fails where that is impossible.
 
         Raises InputError where nothing is connected or another scan is under way.
@@ -65,7 +65,7 @@ class ScanRoom:
 
         def take(taking: _Taking, bench: Opened) -> TakenScan:
             return workflows.resume(
-                path, devices=bench, at_deg=wish.at_deg, retake=wish.retake,
+                path, devices=bench, at_deg=request.at_deg, retake=request.retake,
                 planned=taking.planned, listener=taking.hear, control=taking.control,
             )  # fmt: skip
 
@@ -209,18 +209,18 @@ class _Story:
         )
 
 
-def _options(wish: q.ScanPlan) -> ScanOptions:
+def _options(request: q.ScanPlan) -> ScanOptions:
     """The options of the workflow; angles to a ten-thousandth of a degree."""
     return ScanOptions(
-        steps=wish.steps,
-        range_deg=f"{wish.from_deg:.4f}:{wish.to_deg:.4f}",
-        laser_names=None if wish.lasers is None else ",".join(wish.lasers),
-        exposures=wish.seconds,
-        gain=wish.gain,
-        keep=wish.keep,
-        threshold=wish.threshold,
-        orientation=wish.orientation,
-        texture=wish.texture,
-        texture_every=wish.texture_every,
-        lamps=wish.lamps,
+        steps=request.steps,
+        range_deg=f"{request.from_deg:.4f}:{request.to_deg:.4f}",
+        laser_names=None if request.lasers is None else ",".join(request.lasers),
+        exposures=request.seconds,
+        gain=request.gain,
+        keep=request.keep,
+        threshold=request.threshold,
+        orientation=request.orientation,
+        texture=request.texture,
+        texture_every=request.texture_every,
+        lamps=request.lamps,
     )
