@@ -343,9 +343,9 @@ class Scan:
         return step in self._index.textures
 
     @property
-    def texture_steps(self) -> list[int]:
-        """Steps that have a picture without laser light, in order."""
-        return sorted(self._index.textures)
+    def texture_angles(self) -> dict[int, float]:
+        """Steps that have a picture without laser light, in order, and the commanded angle, rad."""
+        return {step: row.commanded for step, row in sorted(self._index.textures.items())}
 
     def texture(self, step: int) -> Frame:
         """The picture without laser light of a step. Raises InputError where there is none."""

@@ -320,7 +320,7 @@ class ScanSession:
     @property
     def textured(self) -> bool:
         """Whether there are texture pictures, which `colours` takes the colours from."""
-        return bool(self.scan.texture_steps)
+        return bool(self.scan.texture_angles)
 
     def colours(self, progress: Progress) -> tuple[SessionState, Arrays]:
         """``colour`` (v, 3) of each vertex there is a number for, from the texture pictures.

@@ -70,7 +70,7 @@ def colours(
     """Colours of the vertices, None without a picture; and which pictures could not be used."""
     known = {k: _angles(s.scan) for k, s in enumerate(sources)}
     steps = {
-        k: [step for step in s.scan.texture_steps if not math.isnan(known[k][step])]
+        k: [step for step, angle in known[k].items() if not math.isnan(angle)]
         for k, s in enumerate(sources)
     }
     left = [f for k, s in enumerate(sources) for f in _without_angle(s.scan, steps[k])]
@@ -94,7 +94,7 @@ def colours(
 
 def _angles(scan: Scan) -> dict[int, float]:
     """rad, the table's angle of each texture picture: that of the step's own frames if measured."""
-    turned = {step: scan.texture(step).commanded for step in scan.texture_steps}
+    turned = scan.texture_angles
     for step, angle in zip(scan.steps(), scan.angles(), strict=True):
         if step in turned and not math.isnan(angle):
             turned[step] = float(angle)
@@ -102,7 +102,7 @@ def _angles(scan: Scan) -> dict[int, float]:
 
 
 def _without_angle(scan: Scan, used: Sequence[int]) -> list[Finding]:
-    lost = len(scan.texture_steps) - len(used)
+    lost = len(scan.texture_angles) - len(used)
     if not lost:
         return []
     text = f"{lost} texture pictures of {scan.path.name} give no colour: their angle is not known"
@@ -113,6 +113,6 @@ def _white(scan: Scan, steps: Sequence[int]) -> float:
     """The grey level of a full pixel; of more than 8 bits, the least camera that can show these."""
     if scan.plan.dtype == "uint8":
         return 255.0
-    some = {steps[k] for k in np.linspace(0, len(steps) - 1, _LOOKED_AT).astype(int)}
-    most = max(int(scan.texture(step).lit.max()) for step in some)
+    some = steps[:: max(1, len(steps) // _LOOKED_AT)]
+    most = max((int(scan.texture(step).lit.max()) for step in some), default=0)
     return next(2.0**bits - 1 for bits in (10, 12, 14, 16) if most < 2**bits)
