@@ -79,8 +79,8 @@ def test_mixed_pixels_go_where_the_light_ends_one_sidedly():
     flags[:, 29] = StripeFlag.EDGE
     out, findings = clean(replace(grid, points=points, flags=flags))
     assert not out.found[:, 29].any()
-    assert out.found[:, 28].all()
-    assert out.found[:, 33].all()  # its light was whole
+    # The light of line 33 was whole. Of the ends themselves chance takes one now and then.
+    assert out.found[:, [28, 33]].sum() >= 78
     assert findings[0].code == "surface.edges"
     kept, none = clean(replace(grid, points=points, flags=flags), Clean(edge=0))
     assert kept.found[:, 29].all()
@@ -197,3 +197,21 @@ def test_points_far_off_the_line_of_their_profile_go_and_grooves_stay():
     flags = rough.flags.copy()
     flags[lone] |= np.uint16(StripeFlag.HAND)
     assert clean(replace(rough, flags=flags))[0].found[80, 20], "set by a person"
+
+
+def test_the_last_point_of_a_run_is_believed_less_than_one_within_it():
+    """Both lie four sigma off; where a run ends the light may lie on two surfaces."""
+    grid = wall(120, 60, noise=0.02)
+    points, flags = grid.points.copy(), grid.flags.copy()
+    points[30, 40:], flags[30, 40:] = np.nan, StripeFlag.DARK
+    # Without noise of their own, so that they lie off by what is said here.
+    for step, lines in ((30, slice(31, 40)), (80, slice(13, 28))):
+        r = np.hypot(*points[step, lines, :2].T)
+        points[step, lines, :2] *= (30.0 / r)[:, None]
+    grid = replace(grid, points=points, flags=flags)
+    end = 4.0 * 0.02 * np.sqrt(1.0 + 1.0 / 7.0 + 25.0 / 28.0)
+    within = 4.0 * 0.02 * np.sqrt(1.0 + 1.0 / 14.0)
+    out, _ = clean(moved(moved(grid, (30, 39), end), (80, 20), within))
+    assert not out.found[30, 39]
+    assert out.found[30, 38]
+    assert out.found[80, 20]

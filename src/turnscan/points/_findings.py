@@ -50,8 +50,7 @@ def grid_findings(
     """Findings on one laser's points: ``grid`` as triangulated, ``clipped`` as kept.
 
     ``strategy`` is how the stripes were measured, so that what was done is not recommended again;
-    ``stated``
-    mm rms is how thick the rig says that the sheet of light is.
+    ``stated`` mm rms is how thick the rig says that the sheet of light is.
     """
     where = f"laser {grid.laser}"
     before, after = int(grid.found.sum()), int(clipped.found.sum())

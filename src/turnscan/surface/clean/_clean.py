@@ -26,6 +26,9 @@ lie off the line that the points before make."""
 _OFF, _RUN, _NEXT = 4.5, 7, 1
 """Sigma by which a point may lie off the line of its run, the points to either side that make that
 line, and those next to it that do not at the end of a run, …"""
+_OFF_END = 3.0
+"""… fewer at an end itself, where the light may lie on two surfaces; chance takes one of a few
+hundred, …"""
 _ALIKE, _LINES = 0.5, 2
 """… unless in the profiles beside one lies this part as far off, so many lines away at most."""
 _TOGETHER = 32
@@ -198,7 +201,10 @@ def _off_run(grid: RangeGrid) -> Bools:
             kernels.off_runs(points, sigma, _RUN, _NEXT, rows[first:end], off, ratio)
 
         in_parts(part, len(rows), -(-len(rows) // _TOGETHER))
-        step, line = np.nonzero((ratio > _OFF) & ((grid.flags & StripeFlag.HAND) == 0))
+        there = ~np.isnan(points[..., 0])
+        inside = _shifted(there, 1) & _shifted(there, -1)
+        far = ratio > np.where(inside, _OFF, _OFF_END)
+        step, line = np.nonzero(far & ((grid.flags & StripeFlag.HAND) == 0))
         alone = ~_alike(off, step, line, grid.closed)
         step, line = step[alone], line[alone]
         drop[step, line], points[step, line] = True, np.nan
