@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -87,3 +89,12 @@ def test_an_unknown_part_names_the_known_ones() -> None:
 def test_a_mesh_without_faces_is_refused() -> None:
     with pytest.raises(InputError, match="no faces"):
         from_mesh("empty.stl", Mesh(np.zeros((3, 3)), np.zeros((0, 3), np.int32)))
+
+
+def test_a_mesh_that_is_inside_out_is_turned_and_an_open_one_is_left_as_it_is() -> None:
+    made = part("plate").mesh
+    out = replace(made, faces=made.faces[:, ::-1])
+    assert from_mesh("out", out).mesh.volume == pytest.approx(made.volume)
+    assert from_mesh("plate", made).mesh is made
+    open_ = replace(out, faces=out.faces[1:])
+    assert from_mesh("open", open_).mesh is open_

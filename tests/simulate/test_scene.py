@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,6 +78,22 @@ def test_nothing_is_in_a_shadow_where_none_may_fall() -> None:
         assert lit[~may].all()
         assert (~may).sum() > 0.5 * lit.sum(), "most places are known to be lit"
         assert not lit.all()
+
+
+def test_what_rays_meet_of_a_body_that_is_inside_out_is_drawn() -> None:
+    good = bench(SimulationSpec("cup", "paper"))
+    cup = good.scene.bodies[0]
+    mesh = cup.part.mesh
+    turned = Part("cup", Mesh(mesh.vertices, mesh.faces[:, ::-1]))
+    scene = replace(good.scene, bodies=(replace(cup, part=turned), *good.scene.bodies[1:]))
+    renderer = Renderer(replace(good, scene=scene))
+    assert Renderer(good)._tri.closed
+    assert not renderer._tri.closed
+    camera, T = good.rig.camera, good.rig.T_camera_table
+    pixels = np.stack(np.mgrid[: camera.height, : camera.width][::-1], axis=-1).reshape(-1, 2)
+    ways = T.inverse().turn(camera.rays(pixels))
+    met = renderer._caster.first_hits(T.inverse().translation, ways)
+    assert np.array_equal(renderer.view.seen(T), met)
 
 
 def test_of_an_open_body_no_place_is_known_to_be_lit() -> None:

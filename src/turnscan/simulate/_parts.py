@@ -6,12 +6,12 @@ Parts stand on z = 0 with z up, in mm. `part` finds one by name.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, is_closed
 from turnscan.simulate import _forms as forms
 from turnscan.simulate import _solids as solids
 from turnscan.simulate import _truth as truth
@@ -238,7 +238,12 @@ def part(name: str) -> Part:
 
 
 def from_mesh(name: str, mesh: Mesh) -> Part:
-    """Any triangles as a part; its truth is the mesh itself. Raises InputError without faces."""
+    """Any triangles as a part; its truth is the mesh itself, turned where it is inside out.
+
+    Raises InputError without faces.
+    """
     if not len(mesh.faces):
         raise InputError(f"{name}: the mesh has no faces", hint="export it again as triangles")
+    if mesh.volume < 0 and is_closed(mesh):
+        mesh = replace(mesh, faces=mesh.faces[:, ::-1])
     return Part(name, mesh, None, {}, 0.0)

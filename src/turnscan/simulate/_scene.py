@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from turnscan.arrays import Floats, Ints, frozen
 from turnscan.errors import InputError
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, components
 from turnscan.rig import Pose
 from turnscan.simulate._parts import Part
 from turnscan.simulate._solids import bisected
@@ -158,10 +158,17 @@ class Triangles:
 
     @cached_property
     def closed(self) -> bool:
-        """Whether every edge has its opposite, so that there is an inside."""
+        """Whether every edge has its opposite and no piece is inside out: there is an inside.
+
+        Also False where that cannot be said, as of a hollow, whose wall turns inwards.
+        """
         from turnscan.simulate import _raster
 
-        return not _raster.open_edges(self.vertices, self.faces)
+        if _raster.open_edges(self.vertices, self.faces):
+            return False
+        t = self.vertices[self.faces]
+        volume = np.einsum("ij,ij->i", t[:, 0], np.cross(t[:, 1], t[:, 2]))
+        return bool((np.bincount(components(Mesh(self.vertices, self.faces)), volume) > 0).all())
 
     @cached_property
     def clusters(self) -> tuple[Floats, Floats, Floats]:
