@@ -672,7 +672,10 @@ export interface Measure {
   /** Limits of the deviation from the nominal value. */
   lower: number | null;
   upper: number | null;
-  /** By ISO 14253-1, with the uncertainty; None without limits, or where outdated. */
+  /**
+   * By ISO 14253-1, with the uncertainty; None without limits, or where outdated; undecided where
+   * in doubt.
+   */
   verdict: "pass" | "fail" | "undecided" | null;
   /** The surface was changed since it was measured. */
   outdated: boolean;
@@ -682,6 +685,8 @@ export interface Measure {
   shared: number | null;
   /** Whether that was worked out; ``measure_again`` does it. */
   complete: boolean;
+  /** What speaks against it being of the same part as where it was made. */
+  doubt: string;
 }
 
 /** Take measurements again of which the surface was changed since: answered by ``measures``. */

@@ -21,6 +21,7 @@ const MEASURE: Measure = {
   noise: 0.01,
   shared: null,
   complete: true,
+  doubt: "",
 };
 
 test("a figure has the digits that its uncertainty leaves", () => {

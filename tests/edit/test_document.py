@@ -262,6 +262,7 @@ def test_small_pieces_go_and_what_is_taken_away_is_known_by_its_vertices() -> No
 
 def test_a_cut_along_an_axis_is_told_by_the_axis() -> None:
     assert describe(Cut((0.0, 0.0, 2.0), 22.5)) == "cut at z = 22.5 mm, what is above stays, capped"
+    assert describe(Cut((0.0, 0.0, -1.0), 0.0)) == "cut at z = 0 mm, what is below stays, capped"
     assert describe(Cut((-1.0, 0.0, 0.0), 3.0, False)) == "cut at x = -3 mm, what is below stays"
     assert "(0, 0.6, 0.8)" in describe(Cut((0.0, 0.6, 0.8), 1.0))
 

@@ -26,7 +26,8 @@ from turnscan.edit import (
     describe,
     history_from_log,
 )
-from turnscan.mesh import Provenance
+from turnscan.mesh import Mesh, Provenance
+from turnscan.workflows._session_measures import Renewed, measures_of
 
 
 def session(seed: int) -> tuple[Document, list[str]]:
@@ -73,6 +74,37 @@ def test_every_measurement_is_near_the_truth_here_and_on_another_scan() -> None:
         for (_, m), wanted in list(zip(done.measured, truth, strict=True))[:6]:
             assert abs(m.value - wanted) < 6 * m.sigma
     assert all(describe(entry.edit).startswith("measure") for entry, _ in document.measured)
+
+
+def placed(turn_deg: float, shift: float, seed: int) -> Mesh:
+    """The cylinder turned about x at the middle of its top, and shifted along x."""
+    mesh = noisy(cylinder(10.0, 30.0, n=44, m=17), np.random.default_rng(seed))
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    top = np.array([0.0, 0.0, 30.0])
+    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    return replace(mesh, vertices=(mesh.vertices - top) @ turn.T + top + [shift, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("turn", "shift", "doubtful"),
+    [(0.0, 0.0, set()), (4.0, 0.5, set()), (0.0, 7.0, {1, 6, 7}), (35.0, 0.0, {1, 5, 7})],
+)
+def test_a_measurement_says_where_another_surface_is_not_that_of_the_part(
+    turn: float, shift: float, doubtful: set[int]
+) -> None:
+    _, log = session(0)
+    other = placed(turn, shift, 9)
+    replayed = Document.open(lambda *_: (other, ()), history_from_log(log))
+    assert set(replayed.doubts) == doubtful
+    said = [f for f in replayed.findings if f.code == "edit.misfit"]
+    assert bool(said) == bool(doubtful)
+    assert all(f.severity == "warning" and f.remedy for f in said)
+    uncut, _ = replayed.switch(10, False)
+    limited, _ = uncut.add(Specify(1, "diameter", 20.0, -9.0, 9.0))
+    known = Renewed(shared={1: 0.0})
+    diameter = next(m for m in measures_of(limited, known) if m.edit == 1)
+    assert diameter.verdict == ("undecided" if doubtful else "pass")
+    assert bool(diameter.doubt) == bool(doubtful)
 
 
 def test_they_follow_undo_and_their_place_in_the_history() -> None:

@@ -4,12 +4,12 @@ import { link } from "../bus";
 import { mesh, onMesh, opened, shownRevision } from "../part";
 import type { DeviationShown, ShowDeviation, SizeCheck } from "../protocol";
 import { complain, notify, place, scans } from "../state";
-import { Button, Check, mm, NumberField, Section, SelectField, TextField } from "../ui/controls";
+import { Button, bound, Check, mm, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import { files, send, sendTable } from "../verbs/state";
 import type { Vec } from "../viewport/camera";
 import type { Item } from "../viewport/overlay";
 import type { Hit } from "../viewport/pick";
-import { colouring } from "../viewport/place";
+import { colourAnew, colouring } from "../viewport/place";
 import { REPORTS, ReportButtons } from "./report";
 import { VerdictDot } from "./verdict";
 
@@ -129,8 +129,7 @@ async function show(): Promise<void> {
 /** Draw the map anew. */
 function drawMap(): void {
   if (mesh.value) mesh.value.deviationEnd = end.value;
-  colouring.value = "plain"; // the same name twice draws nothing anew
-  colouring.value = "deviation";
+  colourAnew("deviation");
 }
 
 /** Read the deviation where the surface was clicked; false where clicks are for something else. */
@@ -170,12 +169,7 @@ export function DeviationPanel() {
   const now = here.value;
   return (
     <Section title="Deviation from a reference" open={false} count={now ? mm(now.rms) : undefined}>
-      <SelectField
-        label="Reference"
-        value={reference.value}
-        options={options()}
-        onChange={(file) => (reference.value = file)}
-      />
+      <SelectField label="Reference" options={options()} {...bound(reference)} />
       <label class="button">
         From this computer
         <input
@@ -188,42 +182,22 @@ export function DeviationPanel() {
           }}
         />
       </label>
-      <SelectField label="In" value={unit.value} options={UNITS} onChange={(value) => (unit.value = value)} />
-      <SelectField label="Align" value={way.value} options={WAYS} onChange={(value) => (way.value = value)} />
-      {way.value === "datums" && (
-        <TextField
-          label="Datums"
-          value={datums.value}
-          placeholder="1, 2, 3"
-          onChange={(text) => (datums.value = text)}
-        />
-      )}
+      <SelectField label="In" options={UNITS} {...bound(unit)} />
+      <SelectField label="Align" options={WAYS} {...bound(way)} />
+      {way.value === "datums" && <TextField label="Datums" placeholder="1, 2, 3" {...bound(datums)} />}
       <Check label="Features and their sizes" checked={byFeature.value} onChange={(on) => (byFeature.value = on)} />
       <SelectField
         label="Tolerances"
-        value={table.value}
+        {...bound(table)}
         options={[
           ["", "as below"] as const,
           ...files.value.filter(({ kinds }) => kinds.includes("table")).map(({ file, name }) => [file, name] as const),
         ]}
-        onChange={(file) => (table.value = file)}
       />
       {!table.value && (
         <>
-          <TextField
-            label="Of every size"
-            value={tolerance.value}
-            placeholder="ISO 2768-m, ±0.1"
-            onChange={(text) => (tolerance.value = text)}
-          />
-          <NumberField
-            label="Of profiles"
-            value={profile.value}
-            unit="mm"
-            min={0.001}
-            placeholder="none"
-            onChange={(value) => (profile.value = value)}
-          />
+          <TextField label="Of every size" placeholder="ISO 2768-m, ±0.1" {...bound(tolerance)} />
+          <NumberField label="Of profiles" unit="mm" min={0.001} placeholder="none" {...bound(profile)} />
         </>
       )}
       <Button kind="primary" disabled={!reference.value || busy.value} onClick={() => void show()}>

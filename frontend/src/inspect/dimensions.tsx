@@ -140,6 +140,7 @@ function Row({ of }: { of: Measure }) {
             {wordOf(of)}
             {limits(of) && ` · ${limits(of)}`}
             {of.outdated && " · of an earlier surface"}
+            {of.doubt && " · may be of another part"}
           </span>
         </span>
       </button>
@@ -200,6 +201,7 @@ function Dimension({ of }: { of: Measure }) {
         />
       ))}
       <p class="quiet">{of.text}.</p>
+      {of.doubt && <p class="remark warning">{of.doubt}.</p>}
       <Budget of={of} />
     </fieldset>
   );

@@ -5,9 +5,9 @@ import { css, PALETTE } from "../mesh/colours";
 import { mesh, onMesh, opened, shownRevision } from "../part";
 import type { ShapesShown } from "../protocol";
 import { complain, notify } from "../state";
-import { Button, Section, TextField } from "../ui/controls";
+import { Button, bound, Section, TextField } from "../ui/controls";
 import { Tables } from "../verbs/result";
-import { colouring, currentViewport } from "../viewport/place";
+import { colourAnew, currentViewport } from "../viewport/place";
 import { ReportButtons } from "./report";
 
 const shown = signal<ShapesShown | null>(null);
@@ -40,8 +40,7 @@ async function find(): Promise<void> {
     model.shapes = arrays.i32("shape");
     shown.value = header;
     old.value = false;
-    colouring.value = "plain"; // the same name twice draws nothing anew
-    colouring.value = "shapes";
+    colourAnew("shapes");
   } catch (error) {
     complain(error);
   } finally {
@@ -100,7 +99,7 @@ export function SectionsPanel() {
   const wanted = planes.value.split(/[;\s]+/).filter(Boolean);
   return (
     <Section title="Sections" open={false}>
-      <TextField label="Planes" value={planes.value} unit="mm" onChange={(text) => (planes.value = text)} />
+      <TextField label="Planes" unit="mm" {...bound(planes)} />
       <p class="quiet">z=20, x=0, or z=10:100:10 (from, to, step); several with ;</p>
       <ReportButtons
         of="section"

@@ -11,7 +11,7 @@ import { mark, measures, opened } from "../part";
 import type { TakeMeasure } from "../protocol";
 import { stepCommands } from "../repair/commands";
 import { complain, isOperator } from "../state";
-import { Button, Section } from "../ui/controls";
+import { Button, openSection, Section } from "../ui/controls";
 import { hint } from "../ui/frame";
 import type { IconName } from "../ui/icons";
 import { SurfaceView, viewCommands } from "../ui/surface";
@@ -245,6 +245,9 @@ function MeasureRoom() {
   );
 }
 
+/** What has settings of its own: the command leads to them. */
+const PANELS = ["Shapes", "Sections", "Deviation from a reference", "Report"] as const;
+
 export const measure: Room = {
   id: "measure",
   title: "Inspect",
@@ -255,6 +258,7 @@ export const measure: Room = {
     ...viewCommands,
     ...stepCommands,
     ...TOOLS.map(([name, title, keys]) => ({ title, group: "Tools", keys, run: () => (tool.value = name) })),
+    ...PANELS.map((title) => ({ title: `${title} …`, group: "Measure", run: () => openSection(title) })),
     { title: "Take the marked point", group: "Measure", keys: "M", run: addMarked, enabled: () => marked() !== null },
     { title: "Measure it", group: "Measure", keys: "Enter", run: () => void take(), enabled: enough },
     {

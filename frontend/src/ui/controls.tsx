@@ -1,4 +1,5 @@
 /** The few controls that all rooms are made of. */
+import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useId, useState } from "preact/hooks";
 import { Icon, type IconName } from "./icons";
@@ -228,6 +229,16 @@ export function Check({
 
 export function mm(value: number): string {
   return `${value.toFixed(Math.abs(value) < 10 ? 3 : 2)} mm`;
+}
+
+/** What a field needs to show a signal and to set it. */
+export function bound<T>(to: Signal<T>): { value: T; onChange: (value: T) => void } {
+  return {
+    value: to.value,
+    onChange: (value) => {
+      to.value = value;
+    },
+  };
 }
 
 /** So many significant digits, and never a power of ten for what people write out. */

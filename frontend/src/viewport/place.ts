@@ -13,6 +13,11 @@ export const selected = signal(0);
 export const legend = signal<Legend | null>(null);
 export const tool = signal<Tool>("navigate");
 export const colouring = signal<Colouring>("plain");
+/** Colour by something that has changed: the same name twice draws nothing anew. */
+export function colourAnew(by: Colouring): void {
+  colouring.value = "plain";
+  colouring.value = by;
+}
 export const visibleOnly = signal(true);
 export const brushRadius = signal(24);
 export const angleLimit = signal(20);

@@ -32,8 +32,8 @@ void main() {
   vec3 n = normalize(gl_FrontFacing ? vNormal : -vNormal);
   float light = 0.38 + 0.56 * max(dot(n, key), 0.0) + 0.2 * max(dot(n, fill), 0.0);
   vec3 base = mix(vTint, flatTint.rgb, flatTint.a);
-  // The inside of the surface is darker and bluish, so that a hole shows what it is.
-  // Warm and dark, unlike the blue of what was not measured.
+  // The inside of the surface is dark and warm, so that a hole shows what it is: unlike the blue
+  // of what was not measured.
   if (!gl_FrontFacing) base = base * vec3(0.5, 0.42, 0.36);
   // What a cut would take away is shown faded.
   if (dot(plane.xyz, vPlace) < plane.w) base = mix(base, vec3(0.85, 0.3, 0.2), 0.6);

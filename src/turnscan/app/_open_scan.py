@@ -426,6 +426,7 @@ def _measures(state: SessionState) -> list[p.Measure]:
             noise=m.noise,
             shared=m.shared,
             complete=m.complete,
+            doubt=m.doubt,
         )
         for m in state.measures
     ]

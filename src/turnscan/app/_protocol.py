@@ -264,7 +264,8 @@ class Measure(Model):
     """Limits of the deviation from the nominal value."""
     upper: float | None = None
     verdict: Literal["pass", "fail", "undecided"] | None = None
-    """By ISO 14253-1, with the uncertainty; None without limits, or where outdated."""
+    """By ISO 14253-1, with the uncertainty; None without limits, or where outdated; undecided where
+    in doubt."""
     outdated: bool = False
     """The surface was changed since it was measured."""
     noise: float | None
@@ -273,6 +274,8 @@ class Measure(Model):
     """Standard uncertainty from the calibration, table axis included; None where not known."""
     complete: bool
     """Whether that was worked out; ``measure_again`` does it."""
+    doubt: str = ""
+    """What speaks against it being of the same part as where it was made."""
 
 
 class FeatureShown(Model):

@@ -48,6 +48,9 @@ from turnscan.surface.holes import (
 )
 
 _WAYS: tuple[FillHow, ...] = ("membrane", "tangent", "flat", "curvature")
+MISFIT = "edit.misfit"
+"""The finding of a measurement that was made on another surface, which this one is unlike."""
+_SAME = "make sure that it is the same part and stands there in the same place"
 _LIKE = 3.0
 """A hole of a third to three times the size may be the one that was meant."""
 
@@ -80,7 +83,9 @@ def apply(
     measured: Measured | None = None
     try:
         if isinstance(entry.edit, Measure):
-            measured = taken(body, entry.edit, source)
+            doubts = list[str]()
+            measured = taken(body, entry.edit, source, doubts)
+            findings += [Finding(MISFIT, "warning", said, remedy=_SAME) for said in doubts]
         elif not isinstance(entry.edit, Specify):
             patches = _patches(body, entry.edit, findings, progress)
     except (InputError, CalibrationError) as e:
@@ -103,7 +108,7 @@ def repair_mesh(
 ) -> tuple[Mesh, list[Finding]]:
     """A mesh with the mesh edits among these done, in their order.
 
-    What was measured is progress among the findings.
+    What was measured stands among the findings.
     """
     body, findings = Body.of(mesh), list[Finding]()
     done = 0

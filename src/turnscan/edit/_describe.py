@@ -115,7 +115,7 @@ def _of_cut(edit: Cut) -> str:
     along = [k for k in (0, 1, 2) if edit.normal[k]]
     if len(along) == 1:
         up = edit.normal[along[0]] > 0
-        where = f"{'xyz'[along[0]]} = {edit.distance if up else -edit.distance:g} mm"
+        where = f"{'xyz'[along[0]]} = {(edit.distance if up else -edit.distance) + 0.0:g} mm"
         where += ", what is above stays" if up else ", what is below stays"
     else:
         x, y, z = edit.normal

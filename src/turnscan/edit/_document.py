@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
 from turnscan.arrays import Bools
-from turnscan.edit._apply import Done, apply
+from turnscan.edit._apply import MISFIT, Done, apply
 from turnscan.edit._body import Alive, Body, Patch, Replace
 from turnscan.edit._edits import (
     Cut,
@@ -110,6 +110,14 @@ class Document:
     def measured(self) -> tuple[tuple[Entry, Measured], ...]:
         """The measurements that count and could be taken, in their order."""
         return tuple((d.entry, d.measured) for d in self.done if d.measured is not None)
+
+    @property
+    def doubts(self) -> Mapping[int, str]:
+        """What speaks against measurements made elsewhere being of this part, by their numbers."""
+        said = (
+            (d.entry.id, [f.message for f in d.findings if f.code == MISFIT]) for d in self.done
+        )
+        return {id: "; ".join(messages) for id, messages in said if messages}
 
     def outdated(self, id: int) -> bool:
         """Whether the surface was changed after the measurement of this number was taken."""

@@ -15,6 +15,7 @@ from pydantic import ConfigDict, Field
 from turnscan import shapes
 from turnscan.arrays import Bools, Floats
 from turnscan.edit._body import Body, Compact
+from turnscan.edit._misfit import misfit
 from turnscan.edit._region import Region
 from turnscan.errors import FormatError, InputError
 from turnscan.mesh import Mesh, submesh
@@ -26,6 +27,8 @@ Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
 REACH = 5.0
 """mm from the surface within which a point that was picked on another scan still is on this one."""
+_BESIDE = 1.0
+"""mm from the surface at which a point that was picked on another scan is doubtful."""
 
 
 @dataclass(frozen=True)
@@ -193,12 +196,18 @@ _BAND = 5.0
 """mm on both sides of a section whose faces are moved with it."""
 
 
-def taken(body: Body, measure: Measure, source: Sources = Source) -> Measured:
-    """A measurement on the living surface. Raises InputError, DidNotConverge where it cannot be."""
+def taken(
+    body: Body, measure: Measure, source: Sources = Source, doubts: list[str] | None = None
+) -> Measured:
+    """A measurement on the living surface. Raises InputError, DidNotConverge where it cannot be.
+
+    Where it was made on another surface, ``doubts`` gets what speaks against this one being of the
+    same part: points or patches that lie beside it.
+    """
     live = Compact.of(body)
     if isinstance(measure, MeasureVolume):
         return shapes.volume(live.mesh, source())
-    return _taker(live.mesh, measure, _finder(body, live))(None)
+    return _taker(live.mesh, measure, _finder(body, live, doubts), doubts)(None)
 
 
 def shared_sigma(body: Body, measure: Measure, source: Source) -> float | None:
@@ -221,8 +230,11 @@ def shared_sigma(body: Body, measure: Measure, source: Source) -> float | None:
     return float(np.sqrt(np.square(changes).sum())) if changes else None
 
 
-def _finder(body: Body, live: Compact) -> _Faces:
+def _finder(body: Body, live: Compact, doubts: list[str] | None = None) -> _Faces:
     def faces(region: Region) -> Bools:
+        if doubts is not None and region.mesh != body.key:
+            said = misfit(region, live.mesh)
+            doubts.extend([said] if said else [])
         chosen = np.zeros(len(body.alive), dtype=np.bool_)
         chosen[region.find(body)] = True
         if not chosen.any():
@@ -255,12 +267,14 @@ def _bearing(mesh: Mesh, measure: Measure, faces: _Faces) -> Bools:
     return np.ones(len(mesh.faces), dtype=np.bool_)
 
 
-def _taker(mesh: Mesh, measure: Measure, faces: _Faces) -> _Taker:
+def _taker(mesh: Mesh, measure: Measure, faces: _Faces, doubts: list[str] | None = None) -> _Taker:
     def moved(move: Floats | None) -> Mesh:
         return mesh if move is None else replace(mesh, vertices=mesh.vertices + move)
 
     def spot(at: Vector) -> Callable[[Floats | None], Spot]:
-        found, vertex = _spot(mesh, at)
+        found, vertex, gap = _spot(mesh, at)
+        if doubts is not None and gap > _BESIDE:
+            doubts.append(f"the surface is {gap:.1f} mm away from where a point was picked")
         return lambda move: found if move is None else replace(found, at=found.at + move[vertex])
 
     match measure:
@@ -303,8 +317,10 @@ def _near(mesh: Mesh, at: Vector) -> Bools:
     return np.asarray(away[mesh.faces].min(axis=1) <= away.min() + sides, dtype=np.bool_)
 
 
-def _spot(mesh: Mesh, at: Vector) -> tuple[Spot, int]:
-    """The nearest point of the surface, with the sigma of the vertex nearest to it, and that."""
+def _spot(mesh: Mesh, at: Vector) -> tuple[Spot, int, float]:
+    """The nearest point of the surface, with the sigma of the vertex nearest to it, that vertex,
+    and how far off the point is, mm.
+    """
     found = shapes.deviation(np.array(at)[None], submesh(mesh, _near(mesh, at)))
     gap = abs(float(found.distance[0]))
     if gap > REACH:
@@ -312,4 +328,4 @@ def _spot(mesh: Mesh, at: Vector) -> tuple[Spot, int]:
     on = found.closest[0]
     vertex = int(np.linalg.norm(mesh.vertices - on, axis=1).argmin())
     sigma = np.nan if mesh.provenance is None else float(mesh.provenance.sigma[vertex])
-    return Spot(on, sigma), vertex
+    return Spot(on, sigma), vertex, gap

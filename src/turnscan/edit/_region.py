@@ -52,14 +52,23 @@ class Place:
             if len(getattr(self, name)) % 3:
                 raise FormatError(f"place.{name}: {len(getattr(self, name))} numbers, not triples")
 
+    @property
+    def reach(self) -> float:
+        """mm from a sample within which a face of another mesh belongs."""
+        return _REACH * self.spacing
+
+    def samples(self) -> Floats:
+        """(n, 3) mm: the points on it."""
+        return _points(self.inside)
+
     def holds(self, points: Floats) -> Bools:
         """(n,) True for points (n, 3) mm that belong: an inside sample is near, and the nearest."""
         from scipy.spatial import cKDTree
 
-        inside, outside = _points(self.inside), _points(self.outside)
+        inside, outside = self.samples(), _points(self.outside)
         if not len(inside):
             return np.zeros(len(points), dtype=np.bool_)
-        reach = _REACH * self.spacing
+        reach = self.reach
         low, high = inside.min(axis=0) - reach, inside.max(axis=0) + reach
         near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
         to_in = np.asarray(cKDTree(inside).query(points[near], distance_upper_bound=reach)[0])

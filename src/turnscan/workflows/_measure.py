@@ -61,7 +61,7 @@ class Measured:
         return [dimension_table(self.dimensions)]
 
     def summary(self) -> list[str]:
-        """Size, volume, and the shapes that were asked for, a line each."""
+        """Size, volume, area, and the shapes that were asked for, a line each."""
         return _lines(self.figures)
 
     def __str__(self) -> str:

@@ -56,6 +56,8 @@ class KeptMeasure:
     """Standard uncertainty from the calibration; None where it is not known."""
     complete: bool = True
     """Whether it was worked out what the calibration does."""
+    doubt: str = ""
+    """What speaks against it being of the same part as where it was made."""
 
     @property
     def uncertainty(self) -> float | None:
@@ -64,7 +66,8 @@ class KeptMeasure:
 
     @property
     def verdict(self) -> Verdict | None:
-        """By ISO 14253-1: inside or outside by more than U (k = 2), else undecided.
+        """By ISO 14253-1: inside or outside by more than U (k = 2), else undecided;
+        and undecided where it may be of another part.
 
         None without limits, where the value is not of the surface as it is, and until its
         uncertainty is worked out.
@@ -74,7 +77,7 @@ class KeptMeasure:
         if self.outdated or not self.complete:
             return None
         off, u = self.value - self.nominal, self.uncertainty
-        if u is None:
+        if u is None or self.doubt:
             return "undecided"
         if self.lower + u <= off <= self.upper - u:
             return "pass"
@@ -124,6 +127,8 @@ def named_table(measures: Sequence[KeptMeasure]) -> ReportTable | None:
         said = f"{m.text}; U of the noise alone" if alone else m.text
         if m.outdated:
             said = f"{m.text}; of an earlier surface"
+        if m.doubt:
+            said += f"; {m.doubt}"
         rows.append([m.name or m.what, value, m.unit, nominal, limits, m.verdict or "", said])
     values = [{**asdict(m), "uncertainty": m.uncertainty, "verdict": m.verdict} for m in measures]
     return ReportTable("Named dimensions", head, rows, "named", values)
@@ -142,7 +147,7 @@ class Renewed:
 def measures_of(document: edit.Document, known: Renewed | None = None) -> tuple[KeptMeasure, ...]:
     """What the measurements that count came to, with what is known of them as they are now."""
     out = []
-    renewed = known or Renewed()
+    renewed, doubts = known or Renewed(), document.doubts
     said = {
         e.edit.measure: e.edit for e in document.history.enabled if isinstance(e.edit, edit.Specify)
     }
@@ -169,6 +174,7 @@ def measures_of(document: edit.Document, known: Renewed | None = None) -> tuple[
                 outdated=again is None and document.outdated(entry.id),
                 shared=None if shared is None else shared * scale,
                 complete=entry.id in renewed.shared,
+                doubt=doubts.get(entry.id, ""),
             )
         )
     return tuple(out)
