@@ -214,6 +214,10 @@ def test_scratch_on_a_disk_without_locks_or_without_a_place(
     assert not list(tmp_path.iterdir())
     with pytest.raises(ExportError, match="cannot be written"), scratch(tmp_path / "none"):
         raise AssertionError
+    # A link to a disk that is not there: it is neither made nor taken away by others.
+    (tmp_path / ".turnscan").symlink_to(tmp_path / "unplugged")
+    with pytest.raises(ExportError, match="cannot be written"), scratch(tmp_path):
+        raise AssertionError
 
 
 def test_a_cluster_leaves_a_scan_behind_that_takes_too_long(

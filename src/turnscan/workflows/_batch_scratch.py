@@ -79,14 +79,18 @@ def _held(place: Path) -> tuple[Path, int]:
     while True:
         with suppress(FileExistsError):  # and it may be gone again before anyone looks
             place.mkdir()
-        with suppress(FileNotFoundError):  # another ended, and took the empty place away
+        try:
             folder = Path(tempfile.mkdtemp(prefix=f"{_machine()}.", dir=place))
             held = os.open(folder / _HELD, os.O_RDWR | os.O_CREAT, 0o600)
-            tries += 1
-            if take(held) or tries == _TRIES:
-                return folder, held
-            os.close(held)  # another took it for dead, and removes it
-            shutil.rmtree(folder, ignore_errors=True)
+        except FileNotFoundError:
+            if place.is_symlink():  # to nowhere, and that stays so
+                raise
+            continue  # another ended, and took the empty place away
+        tries += 1
+        if take(held) or tries == _TRIES:
+            return folder, held
+        os.close(held)  # another took it for dead, and removes it
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _machine() -> str:
