@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,10 +21,11 @@ from tests.needs import needs
 from tests.shapes.solids import noisy, prism, turned
 from turnscan.arrays import Floats
 from turnscan.cli import main, turnscan
-from turnscan.drawings import StepPart, read_step, write_step
+from turnscan.drawings import Colour, Solid, StepPart, read_step, write_step
 from turnscan.errors import ExportError
 from turnscan.formats import read_about, write_ply
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, submesh
+from turnscan.workflows import _shapes_step
 from turnscan.workflows._reading import step_findings
 from turnscan.workflows._shapes import FoundShapes, find_shapes
 from turnscan.workflows._shapes_step import iges_of
@@ -72,9 +77,9 @@ def test_a_solid_is_written_as_iges_and_what_is_none_is_not(
     assert sorted(p.name for p in tmp_path.iterdir()) == ["again.iges", "shaft.igs"]
 
 
-def _lumpy(noise: float) -> tuple[Mesh, float]:
-    """A closed freeform body of some 5000 faces, no part of it analytic, and its volume, mm³."""
-    rings, around = 36, 72
+def _lumpy(noise: float, rings: int) -> tuple[Mesh, float]:
+    """A closed freeform body, no part of it analytic, and its volume, mm³."""
+    around = 2 * rings
     u, v = np.meshgrid(
         np.arange(around) * 2 * np.pi / around, np.pi * (np.arange(rings) + 0.5) / rings
     )
@@ -109,7 +114,7 @@ def _lumpy(noise: float) -> tuple[Mesh, float]:
 @pytest.fixture(scope="module")
 def lumpy() -> tuple[FoundShapes, float]:
     needs("OpenCASCADE")
-    mesh, volume = _lumpy(0.01)
+    mesh, volume = _lumpy(0.01, 36)
     return find_shapes(mesh, tolerance=0.05), volume
 
 
@@ -129,11 +134,9 @@ def test_a_freeform_part_is_a_valid_solid_of_splines(lumpy: tuple[FoundShapes, f
     assert b"B_SPLINE_SURFACE" in step.data
 
 
-def test_faces_have_the_colour_of_their_deviation(lumpy: tuple[FoundShapes, float]) -> None:
-    import io
-
-    from OCP.Quantity import Quantity_Color
-    from OCP.STEPCAFControl import STEPCAFControl_Reader
+def _paints(reader: Any, name: str) -> Counter[Colour | None]:
+    """The colours of the faces that a reader of OpenCASCADE finds, and how many have each."""
+    from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDocStd import TDocStd_Document
     from OCP.XCAFApp import XCAFApp_Application
@@ -141,22 +144,42 @@ def test_faces_have_the_colour_of_their_deviation(lumpy: tuple[FoundShapes, floa
 
     from turnscan.drawings._parts import parts_of
 
+    document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
+    XCAFApp_Application.GetApplication_s().InitDocument(document)
+    reader.SetColorMode(True)
+    assert reader.Transfer(document), name
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    paints = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    seen: Counter[Colour | None] = Counter()
+    for face in parts_of(shapes.GetOneShape(), "face"):
+        colour = Quantity_Color()
+        kinds = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen)
+        there = any(paints.GetColor(face, kind, colour) for kind in kinds)
+        red, green, blue = (round(255 * x) for x in colour.Values(Quantity_TOC_sRGB))
+        seen[(red, green, blue) if there else None] += 1
+    return seen
+
+
+def test_faces_have_the_colour_of_their_deviation(
+    lumpy: tuple[FoundShapes, float], tmp_path: Path
+) -> None:
+    from OCP.IGESCAFControl import IGESCAFControl_Reader
+    from OCP.STEPCAFControl import STEPCAFControl_Reader
+
     step = lumpy[0].step
     off = step.deviations
     assert off is not None
-    document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
-    XCAFApp_Application.GetApplication_s().InitDocument(document)
-    reader = STEPCAFControl_Reader()
-    reader.SetColorMode(True)
-    reader.ReadStream("part.step", io.BytesIO(step.data))
-    assert reader.Transfer(document)
-    paints = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
-    seen = set()
-    for face in parts_of(reader.Reader().OneShape(), "face"):
-        colour = Quantity_Color()
-        assert paints.GetColor(face, XCAFDoc_ColorType.XCAFDoc_ColorSurf, colour)
-        seen.add(colour.Name())
-    assert len(seen) == len(set(off.colours.values())) > 1
+    assert step.made is not None
+    wanted = Counter(off.colours.values())
+    assert len(wanted) > 1
+    caf = STEPCAFControl_Reader()
+    caf.ReadStream("part.step", io.BytesIO(step.data))
+    assert _paints(caf, "STEP") == wanted
+    path = tmp_path / "part.igs"
+    path.write_bytes(iges_of(step.made, "part"))
+    iges = IGESCAFControl_Reader()
+    iges.ReadFile(str(path))
+    assert _paints(iges, "IGES") == wanted
     told = read_about(step.data)
     assert "positive outside" in str(told["face_colours"])
     means = [f.mean_mm for f in off.faces if f.points]
@@ -167,11 +190,9 @@ def test_faces_have_the_colour_of_their_deviation(lumpy: tuple[FoundShapes, floa
             assert (red > blue) == (face.mean_mm > 0)
 
 
-def test_the_report_has_the_legend_and_iges_the_same_faces(
-    lumpy: tuple[FoundShapes, float], tmp_path: Path
-) -> None:
+def test_the_report_has_the_legend(lumpy: tuple[FoundShapes, float], tmp_path: Path) -> None:
     found, _ = lumpy
-    found.save(tmp_path / "lumpy.step", tmp_path / "lumpy.igs")
+    found.save(tmp_path / "lumpy.step")
     found.save_report(tmp_path / "r.html")
     found.save_report(tmp_path / "r.json")
     text = (tmp_path / "r.html").read_text()
@@ -197,7 +218,7 @@ def test_an_open_freeform_part_is_a_shell_and_says_so(tmp_path: Path) -> None:
 
 def test_what_no_surface_fits_stays_triangles_and_iges_is_refused(tmp_path: Path) -> None:
     needs("OpenCASCADE")
-    mesh, _ = _lumpy(0.2)
+    mesh, _ = _lumpy(0.2, 12)
     found = find_shapes(mesh, tolerance=1e-3)
     found = replace(found, mesh=mesh)
     assert not found.step.solid
@@ -206,6 +227,25 @@ def test_what_no_surface_fits_stays_triangles_and_iges_is_refused(tmp_path: Path
     with pytest.raises(ExportError, match="IGES holds no triangles"):
         found.save(tmp_path / "part.ply", tmp_path / "part.igs")
     assert not list(tmp_path.iterdir())
+
+
+def test_no_solid_of_splines_contradicts_the_volume_of_the_mesh(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    needs("OpenCASCADE")
+    mesh, _ = _lumpy(0.01, 8)
+    near, far = (Solid(None, times * mesh.volume, 9) for times in (1.005, 0.37))
+    assert not _shapes_step._other_volume(mesh, near)
+    assert not _shapes_step._other_volume(submesh(mesh, np.arange(len(mesh.faces)) > 0), far)
+    shell = SimpleNamespace(charts=(0,), solid=lambda: far)
+    whole = SimpleNamespace(label=np.zeros(len(mesh.faces), int))
+    monkeypatch.setattr(_shapes_step, "_shell", lambda *_: (shell, whole))
+    step = find_shapes(mesh, tolerance=0.05).step
+    assert not step.solid
+    [finding] = step.findings
+    assert finding.code == "shapes.triangles"
+    wanted = f"the volume is {far.volume:.0f} mm³, of the mesh {mesh.volume:.0f} ±"
+    assert wanted in finding.message
 
 
 def test_a_shaft_is_a_valid_solid_of_its_five_faces(shaft: FoundShapes) -> None:

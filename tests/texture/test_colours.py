@@ -104,6 +104,8 @@ def test_what_no_picture_shows_is_said_and_grey() -> None:
     assert "texture.dark" not in said
     dim = colours_of(PART, shots([p // 16 for p in taken()]))
     assert "texture.dark" in {f.code for f in texture_findings(PART, dim)}
+    red = replace(found, colour=np.broadcast_to(np.uint8([140, 15, 15]), found.colour.shape))
+    assert "texture.dark" not in {f.code for f in texture_findings(PART, red)}
 
 
 def test_grey_pictures_and_none_at_all() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,16 +12,17 @@ import pytest
 from click.testing import CliRunner
 
 from tests.texture.painted import paint
-from tests.workflows.scans import write_can
+from tests.workflows.scans import CAN_RIG, write_can
 from turnscan.arrays import Floats
 from turnscan.cli import turnscan
 from turnscan.errors import InputError
 from turnscan.formats import read_mesh
-from turnscan.mesh import measured_vertices
+from turnscan.mesh import Mesh, measured_vertices
 from turnscan.progress import no_progress
-from turnscan.scan import Scan
-from turnscan.texture import NEUTRAL
-from turnscan.workflows import ScanSession, reconstruct
+from turnscan.rig import TableMotion
+from turnscan.scan import Frame, Scan, ScanPlan
+from turnscan.texture import NEUTRAL, Colours, TexturePicture, colours_of
+from turnscan.workflows import ScanSession, _texture, reconstruct
 
 
 def bands(points: Floats) -> Floats:
@@ -98,3 +101,66 @@ def test_a_picture_without_an_angle_gives_no_colour(can: Path, tmp_path: Path) -
     said = {f.code: f.message for f in part.findings}
     assert said["texture.no-angle"].startswith("1 texture pictures of lost.turnscan")
     assert "colour from 1 pictures" in said["texture.colour"]
+
+
+@pytest.fixture
+def used(monkeypatch: pytest.MonkeyPatch) -> list[TexturePicture]:
+    """The pictures that colours are taken from, as they come."""
+    out: list[TexturePicture] = []
+
+    def look(mesh: Mesh, pictures: Iterable[TexturePicture], channels: int) -> Colours:
+        out.extend(pictures)
+        return colours_of(mesh, out, channels)
+
+    monkeypatch.setattr(_texture, "colours_of", look)
+    return out
+
+
+SURFACE = Mesh(np.eye(3), [[0, 1, 2]])
+
+
+def test_pictures_are_where_a_table_with_errors_of_its_own_really_was(
+    can: Path, tmp_path: Path, used: list[TexturePicture]
+) -> None:
+    path = tmp_path / "between.turnscan"
+    with Scan.open(can) as scan, Scan.create(path, scan.plan, CAN_RIG) as new:
+        picture = scan.texture(0).lit
+        for frame in scan.frames():
+            if frame.step % 2:  # a picture at each other step: its own angle alone is known
+                new.add(
+                    replace(frame, measured=0.1, angle_sigma=1e-4) if frame.step == 5 else frame
+                )
+            else:
+                new.add_texture(frame.step, picture, commanded=frame.commanded)
+        new.add_texture(5, picture, commanded=frame.commanded)
+    motion = TableMotion(np.array([[0.0, 0.05]]), start=0.02)
+    rig = replace(CAN_RIG, motion=motion)
+    with Scan.open(path) as scan:
+        told = np.arange(24) * 2 * np.pi / 24
+        told[5] = 0.1
+        true = motion.angle(told)
+        true[5] = told[5]  # what an encoder said needs no correction
+        _texture.colours(SURFACE, [_texture.TextureSource(scan, rig)], no_progress)
+        steps = list(scan.texture_angles)
+    assert steps == sorted([*range(0, 24, 2), 5])
+    for step, shot in zip(steps, used, strict=True):
+        turn = rig.T_camera_table.rotation.T @ shot.T_camera_object.rotation
+        off = np.arctan2(turn[1, 0], turn[0, 0]) - true[step]
+        assert abs((off + np.pi) % (2 * np.pi) - np.pi) < 1e-9, step
+
+
+@pytest.mark.parametrize(("stripe", "white"), [(3900, 4095.0), (60000, 65535.0)])
+def test_stripes_tell_the_scale_of_dark_pictures_of_more_than_8_bits(
+    stripe: int, white: float, tmp_path: Path, used: list[TexturePicture]
+) -> None:
+    path = tmp_path / "dark.turnscan"
+    plan = ScanPlan(320, 240, "uint16", 1, ("L0",), 2, 12.0)
+    lit = np.full((240, 320), 40, np.uint16)
+    dark = lit.copy()
+    lit[:, 150:156] = stripe
+    with Scan.create(path, plan, CAN_RIG) as scan:
+        scan.add(Frame(0, "L0", lit, dark, commanded=0.0))
+        scan.add_texture(0, np.full((240, 320), 900, np.uint16))
+    with Scan.open(path) as scan:
+        _texture.colours(SURFACE, [_texture.TextureSource(scan, CAN_RIG)], no_progress)
+    assert [shot.white for shot in used] == [white]

@@ -88,7 +88,8 @@ def texture_findings(mesh: Mesh, found: Colours) -> list[Finding]:
                 remedy=Remedy("take more of them: ", Option("texture_every", "1")),
             )
         )
-    if found.seen.any() and float(np.median(found.colour[found.seen])) < 255.0 * _DIM:
+    # A red part is dark in green and blue, and well lit all the same.
+    if found.seen.any() and float(np.median(found.colour[found.seen].max(axis=1))) < 255.0 * _DIM:
         findings.append(
             Finding(
                 "texture.dark",

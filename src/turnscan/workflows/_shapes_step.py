@@ -135,6 +135,8 @@ def _of_patches(
         return _triangles(mesh, title, about, f"{why}, and no B-spline is within the tolerance")
     left = ~np.isin(charts.label, shell.charts)
     solid = shell.solid()
+    if solid.closed and (wrong := _other_volume(mesh, solid)):
+        return _triangles(mesh, title, about, f"{why}, and of the solid with B-splines {wrong}")
     if left.any():
         solid = replace(solid, rest=submesh(mesh, left))
     distance, chart = charts.distances(mesh)
@@ -235,14 +237,19 @@ def _against(mesh: Mesh, found: ShapeSet, solid: Solid | None) -> str:
         return f"only {found.coverage:.0%} of the measured surface lies on shapes"
     if solid is None:
         return "the shapes do not close to a solid"
-    if is_closed(mesh):
-        sigma = float(np.nan_to_num(volume_sigma(mesh).total))
-        if abs(solid.volume - mesh.volume) > max(_SURE * sigma, _ALIKE * mesh.volume):
-            return (
-                f"their solid has {solid.volume:.0f} mm³, the mesh {mesh.volume:.0f} ± "
-                f"{sigma:.0f} mm³"
-            )
-    return ""
+    wrong = _other_volume(mesh, solid)
+    return f"of their solid {wrong}" if wrong else ""
+
+
+def _other_volume(mesh: Mesh, solid: Solid) -> str:
+    """How the volume of a solid contradicts the mesh; nothing where it does not, or the mesh is
+    open and tells none."""
+    if not is_closed(mesh):
+        return ""
+    sigma = float(np.nan_to_num(volume_sigma(mesh).total))
+    if abs(solid.volume - mesh.volume) <= max(_SURE * sigma, _ALIKE * abs(mesh.volume)):
+        return ""
+    return f"the volume is {solid.volume:.0f} mm³, of the mesh {mesh.volume:.0f} ± {sigma:.0f} mm³"
 
 
 def _triangles(mesh: Mesh, title: str, about: Mapping[str, object], why: str) -> StepFile:

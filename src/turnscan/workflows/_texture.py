@@ -7,9 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
+from turnscan.detection import moved
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
 from turnscan.progress import Progress
@@ -17,8 +19,9 @@ from turnscan.rig import Pose, Rig, rotation_z
 from turnscan.scan import Scan
 from turnscan.texture import Colours, TexturePicture, colours_of, texture_findings
 
+T = TypeVar("T")
 _LOOKED_AT = 5
-"""Pictures whose brightest pixel tells how many bits the camera has."""
+"""Pictures of each kind whose brightest pixel tells how many bits the camera has."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ def colours(
     mesh: Mesh, sources: Sequence[TextureSource], progress: Progress
 ) -> tuple[Colours | None, list[Finding]]:
     """Colours of the vertices, None without a picture; and which pictures could not be used."""
-    known = {k: _angles(s.scan) for k, s in enumerate(sources)}
+    known = {k: _angles(s) for k, s in enumerate(sources)}
     steps = {
         k: [step for step, angle in known[k].items() if not math.isnan(angle)]
         for k, s in enumerate(sources)
@@ -92,13 +95,20 @@ def colours(
     return colours_of(mesh, pictures(), channels), left
 
 
-def _angles(scan: Scan) -> dict[int, float]:
-    """rad, the table's angle of each texture picture: that of the step's own frames if measured."""
-    turned = scan.texture_angles
-    for step, angle in zip(scan.steps(), scan.angles(), strict=True):
-        if step in turned and not math.isnan(angle):
-            turned[step] = float(angle)
-    return turned
+def _angles(source: TextureSource) -> dict[int, float]:
+    """rad, the table's angle of each texture picture, NaN where not known: that of the step's own
+    frames where there is one, with the table's own errors as in the points of these frames."""
+    angle = source.scan.texture_angles
+    pictures, sigma = list(angle), dict.fromkeys(angle, math.nan)
+    for shot in source.scan.stored():
+        if not math.isnan(shot.angle):
+            angle[shot.row.step], sigma[shot.row.step] = shot.angle, shot.row.sigma
+    steps = sorted(step for step in angle if not math.isnan(angle[step]))
+    if source.rig.motion is not None and steps:
+        told, sure = (np.array([of[step] for step in steps]) for of in (angle, sigma))
+        true, _ = moved(source.rig.motion, told, sure, np.isnan(sure))
+        angle.update(zip(steps, true.tolist(), strict=True))
+    return {step: angle[step] for step in pictures}
 
 
 def _without_angle(scan: Scan, used: Sequence[int]) -> list[Finding]:
@@ -110,9 +120,16 @@ def _without_angle(scan: Scan, used: Sequence[int]) -> list[Finding]:
 
 
 def _white(scan: Scan, steps: Sequence[int]) -> float:
-    """The grey level of a full pixel; of more than 8 bits, the least camera that can show these."""
+    """The grey level of a full pixel. Of more than 8 bits it is the top of the least camera that
+    can show both these pictures and the stripes, which tell where the pictures are dark."""
     if scan.plan.dtype == "uint8":
         return 255.0
-    some = steps[:: max(1, len(steps) // _LOOKED_AT)]
-    most = max((int(scan.texture(step).lit.max()) for step in some), default=0)
+    shown = [scan.texture(step).lit for step in _few(steps)]
+    shown += [stripe.decode().lit for stripe in _few(list(scan.stored()))]
+    most = max((int(picture.max()) for picture in shown), default=0)
     return next(2.0**bits - 1 for bits in (10, 12, 14, 16) if most < 2**bits)
+
+
+def _few(every: Sequence[T]) -> Sequence[T]:
+    """Some of them, spread evenly."""
+    return every[:: max(1, len(every) // _LOOKED_AT)]
