@@ -145,7 +145,6 @@ def compared(grids: Sequence[RangeGrid], rig: Rig, whole: FittedSection) -> list
             told = "; ".join(str(f) if f is not None else "no arc" if size.name != "width" else
                              "not parallel" for f in found)  # fmt: skip
             end = "" if worst is None else f"{worst:.2f}"
-            end = "" if worst is None else f"{worst:.2f}"
             out.append(f"| {size.name} | {size} | {way} | {told} | {end} |")
     return out
 

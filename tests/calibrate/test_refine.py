@@ -274,12 +274,17 @@ def test_a_drawn_part_that_lies_anyhow_makes_a_rig() -> None:
     """A block of three steps, 27 mm long; the rig is 5 mm and 2° off in every number."""
     true = two_lasers()
     lies = Pose(rotation_from_vector([0.3, 0.5, 1.1]), np.array([0.2, 7.6, 12.7]))
-    sweeps = both(true, drawn(BLOCK, lies), STEPS, STEPS, 2, every=6)
+    sweeps = both(true, drawn(BLOCK, lies), STEPS[::2], STEPS[::2], 2, every=6)
+    seen: list[tuple[float, str]] = []
     done = refine(
         ruled(true, 2),
         sweeps,
         RefineSettings(body=(Part(BLOCK), ((1.0, 1e-4),)), rounds=4, queries=200),
+        Progress(lambda share, text: seen.append((share, text))),
     )
+    placing = [share for share, text in seen if text == "placing the drawn part"]
+    assert len(set(placing)) > 100
+    assert [share for share, _ in seen] == sorted(share for share, _ in seen)
     assert done.gap_before > 4.0
     assert done.gap_after < 1.2 * done.gap_noise < 0.05
     other = both(true, sphere((-8.0, 10.0, 20.0), 12.0), STEPS, STEPS, 5, every=8)

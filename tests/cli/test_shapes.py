@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,9 @@ def test_a_block_is_told_coloured_and_reported(part: Path, tmp_path: Path) -> No
     assert said.count(": edge between normals 90.") + said.count(": edge between normals 89.") == 4
     assert "4 shapes on" in said
     assert said.count(": plane, normal") == 4
+    sure = re.findall(r"normal \([^)]*\) ± (\S+)°", said)
+    assert len(sure) == 4
+    assert all(0 < float(x) < 0.1 and re.search(r"[1-9]\d$", x) for x in sure)
     assert "perpendicular (measured" in said
     assert said.count(": distance ") == 2
     colour = read_mesh_file(coloured).colour

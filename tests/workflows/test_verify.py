@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tests.analytic import full_turn, make_rig, scan_shape, sphere
 from tests.once import once
 from turnscan.cli import turnscan
 from turnscan.errors import FormatError, InputError, ScanCorrupt, ScanNewer
 from turnscan.formats import export
 from turnscan.mesh import Mesh
-from turnscan.scan import read_verifications
+from turnscan.scan import Frame, Scan, ScanPlan, read_verifications
 from turnscan.simulate import part
 from turnscan.workflows import verification_history, verify
 
@@ -212,3 +213,24 @@ def test_a_history_is_read_by_artefact_and_rig(room: Path, tmp_path: Path) -> No
     assert len(one.trends) == 7
     assert all(t.times == (1e9, 2e9) for t in one.trends)
     assert all(len(t.values) == len(t.noise) == 2 for t in one.trends)
+
+
+def test_what_is_wrong_with_the_points_of_a_scan_is_said_but_fails_nothing(tmp_path: Path) -> None:
+    """Half a turn about a ball; the stripes are drawn."""
+    rig, angles, columns = make_rig(elevation=0.1, lift=20.0), full_turn(24)[:12], np.arange(320)
+    path, ball = tmp_path / "half.turnscan", tmp_path / "ball.toml"
+    with Scan.create(path, ScanPlan(320, 240, "uint8", 1, ("L0",), 12, 12.0), rig) as scan:
+        for k, s in enumerate(scan_shape(rig, sphere(20.0, (0.0, 0.0, 25.0)), angles)):
+            at = np.nan_to_num(s.position, nan=-1e3)[:, None]
+            light = 12 + 180 * np.exp(-0.5 * ((columns - at) / 1.5) ** 2)
+            scan.add(Frame(k, "L0", light.astype(np.uint8), None, commanded=float(angles[k])))
+    ball.write_text(
+        'format = "turnscan-artefact"\nversion = 1\nkind = "sphere"\nname = "ball"\n'
+        'measured = "exact"\ndiameter_mm = 40.0\ndiameter_U_mm = 0.001\nform_mm = 0.0\n'
+    )
+    found = verify([path], ball, time=0.0)
+    [half] = [f for f in found.findings if f.code == "points.open-turn"]
+    assert half.severity == "warning"
+    assert half.where == "half.turnscan, laser L0"
+    assert found.passed
+    assert not any(f.severity == "note" for f in found.scans[0].findings)

@@ -12,7 +12,7 @@ from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._bodies import Body, Form, Known, Smooth
 from turnscan.calibrate._bodies_found import again, find_body, refuse_other_unit
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
-from turnscan.calibrate._part import Loose, Part
+from turnscan.calibrate._part import Loose, Part, Placement
 from turnscan.calibrate._prior import prior_of
 from turnscan.calibrate._surfaces import Surfaces, Sweep, doubt_of
 from turnscan.errors import CalibrationError, DidNotConverge
@@ -31,7 +31,7 @@ _FINER = 0.3
 _STRAYED = 3.0
 """Standard uncertainties, rms, that a rig may be off what was known of it."""
 _EACH = 0.5
-"""Of the progress that is left, for each start: most need one."""
+"""Of the progress that is left, for each search and start: most need one."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,19 @@ class _End:
     """mm rms by which the points are off the body."""
     times: float
     """The same in terms of their noise."""
+
+
+class _Ahead:
+    """Progress of work of which nobody knows how often it is done again."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._begin = progress, 0.0
+
+    def __call__(self, text: str) -> Progress:
+        """That of the next piece of it."""
+        begin = self._begin
+        self._begin += _EACH * (1 - begin)
+        return self._progress.subrange(begin, self._begin, text)
 
 
 def approach(
@@ -70,12 +83,9 @@ def approach(
     moves = free & (np.arange(len(free)) < own)
     ends = list[_End]()
     failed: CalibrationError | None = None
-    left = 0.0
-    for k, start in enumerate(_starts(rig, few, moves[:own], body, doubt)):
-        part = progress.subrange(
-            left, left + _EACH * (1 - left), f"fitting the surfaces, start {k + 1}"
-        )
-        left += _EACH * (1 - left)
+    ahead = _Ahead(progress)
+    for k, start in enumerate(_starts(rig, few, moves[:own], body, doubt, ahead)):
+        part = ahead(f"fitting the surfaces, start {k + 1}")
         try:
             end = _led(rig, start(), state, few, moves, part)
         except (CalibrationError, np.linalg.LinAlgError) as e:
@@ -109,6 +119,7 @@ def _starts(
     moves: Bools,
     body: tuple[Form, tuple[Known | None, ...]],
     doubt: float,
+    ahead: _Ahead,
 ) -> Iterator[Callable[[], _Start]]:
     """What finds each start, the likeliest first; they raise Degenerate where there is no body."""
     form, known = body
@@ -119,7 +130,8 @@ def _starts(
         return
     refuse_other_unit(form, _places(rig, sweeps), doubt)
     for k in range(_STARTS // _WAYS):
-        yield from _standing(form, known, rig.perturbed(_drawn(rig, moves, k)), sweeps, moves)
+        begin = rig.perturbed(_drawn(rig, moves, k))
+        yield from _standing(form, known, begin, sweeps, moves, ahead("placing the drawn part"))
 
 
 def _found(
@@ -134,6 +146,7 @@ def _standing(
     rig: Rig,
     sweeps: tuple[Sweep, ...],
     moves: Bools,
+    progress: Progress,
 ) -> Iterator[Callable[[], _Start]]:
     """The ways in which a drawn part may stand, by all sweeps together: one alone fits in more."""
     ways = _spread(rig, moves)
@@ -147,11 +160,20 @@ def _standing(
     eyes = np.concatenate([(rotation_z(-s.angles) @ camera)[s.step] for s in sweeps])
     towards = eyes - at[0]
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    for placed in form.placements(Loose(at[0], towards, modes), doubt, _WAYS):
-        begin = rig.perturbed(placed.off @ ways)
-        there = [s.points(begin, begin.camera.rays(s.pixels)) for s in sweeps]
-        body = Body(form, placed.pose, np.ones(1), known, tuple(np.arange(len(a)) for a in there))
-        yield partial(_Start, begin, again(body, there), placed.gap)
+    for placed in form.placements(Loose(at[0], towards, modes), doubt, _WAYS, progress):
+        yield partial(_stood, form, known, sweeps, rig.perturbed(placed.off @ ways), placed)
+
+
+def _stood(
+    form: Part,
+    known: tuple[Known | None, ...],
+    sweeps: tuple[Sweep, ...],
+    rig: Rig,
+    placed: Placement,
+) -> _Start:
+    there = [s.points(rig, rig.camera.rays(s.pixels)) for s in sweeps]
+    body = Body(form, placed.pose, np.ones(1), known, tuple(np.arange(len(a)) for a in there))
+    return _Start(rig, again(body, there), placed.gap)
 
 
 def _places(rig: Rig, sweeps: Sequence[Sweep]) -> Floats:

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh
+from turnscan.progress import Progress, no_progress
 from turnscan.rig import Pose, nearest_rotation, rotation_from_vector
 
 _TURNS = 480
@@ -149,7 +150,9 @@ class Part:
         )
         return side * far, unit, normal
 
-    def placements(self, seen: Loose, doubt: float, count: int) -> list[Placement]:
+    def placements(
+        self, seen: Loose, doubt: float, count: int, progress: Progress = no_progress
+    ) -> list[Placement]:
         """Ways in which the part may stand, the best first; ``doubt`` mm is how far the rig may put
         points beside their places.
 
@@ -162,16 +165,21 @@ class Part:
         few = seen.some(_TRIES[0][1])
         size = float(np.linalg.norm(np.ptp(corners, axis=0)))
         sigma = max(doubt, _ASIDE * size)
+        done = progress.counter(_TURNS + sum(best for best, _, _ in _TRIES))
         tried = []
         for R in _rotations(_TURNS):
             turned = few.points @ R.T
             shift = middle - (turned.min(axis=0) + turned.max(axis=0)) / 2
             held = self._brought(few.points, Pose(R, shift))
             tried.append(Placement(held.inverse(), np.zeros(few.modes.shape[2]), size))
+            done()
         for best, most, rounds in _TRIES:
             few = seen.some(most)
-            tried = [self._loosened(few, one, sigma, rounds) for one in tried[:best]]
-            tried.sort(key=lambda one: one.gap)
+            nearer = []
+            for one in tried[:best]:
+                nearer.append(self._loosened(few, one, sigma, rounds))
+                done()
+            tried = sorted(nearer, key=lambda one: one.gap)
             sigma *= _FINER**rounds
         out = list[Placement]()
         for one in tried:

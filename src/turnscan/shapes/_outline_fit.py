@@ -45,6 +45,9 @@ _ENOUGH, _LEAST_SHARE = 40, 0.65
 _FREEFORM, _TURNED, _FEWEST = 0.5, float(np.deg2rad(120.0)), 6
 """Share of an outline that is spline from which on it is freeform; radians that an arc of it turns
 by at the least, to be told as one; points that make it a spline instead."""
+_KNOWN, _SPLINED = 0.5, 8
+"""Of its radius, that an arc's standard uncertainty is at most; points of another that are a spline
+instead of a line."""
 _FORGIVEN = 16.0
 """Increase of chi2 for each tie that tangency may cost."""
 
@@ -59,8 +62,9 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
 
     ``tolerance`` mm is what a misfit may be; noise beyond it is forgiven. Without one it is, for
     each outline, three standard deviations of its points, at least 1e-4 of the size of all. What
-    is no longer than its own noise has no outline. Uncertainties are those from the noise of the
-    points, independent from vertex to vertex of the mesh.
+    is no longer than its own noise, or closes round no area or a circle of unknown radius, has no
+    outline. Uncertainties are those from the noise of the points, independent from vertex to
+    vertex of the mesh.
 
     Raises InputError for a tolerance that is not positive.
     """
@@ -75,7 +79,7 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
     ]
     points = [c.points for c in chains]
     size = float(np.linalg.norm(np.ptp(np.vstack(points), axis=0))) if points else 0.0
-    return [
+    rows = [
         [
             _outline(*stretch, tolerance or default_tolerance(size, stretch[2]))
             for stretch in row
@@ -83,6 +87,7 @@ def fit_outlines(chains: Sequence[Chain], tolerance: float | None = None) -> lis
         ]
         for row in stretches
     ]
+    return [[o for o in row if o is not None] for row in rows]
 
 
 def _resolved(chain: Chain, closed: bool, noise: Noise) -> bool:
@@ -123,7 +128,8 @@ def _fair(chain: Chain, noise: Noise) -> Noise:
     return replace(noise, share=float(np.clip(seen, _LEAST_SHARE, 1.0)))
 
 
-def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outline:
+def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outline | None:
+    """The outline of a stretch; None where a closed one encloses nothing that is known."""
     use = chain.measured
     scale = np.where(use, noise.scale(tolerance), np.inf)
     if closed:
@@ -157,7 +163,28 @@ def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outl
         else:
             bodies = _rounded(chain, scale, noise, bodies)
         ties = _ties(chain, scale, noise, bodies, closed, tolerance)
+        while not all(map(_known, bodies)):  # the next may be known by this one alone
+            spans = [(b.kind if _known(b) else _plainer(b), *b.ways) for b in bodies]
+            bodies = _bodies(chain, use, scale, noise, spans)
+            ties = _ties(chain, scale, noise, bodies, closed, tolerance)
+    if closed and not _encloses(bodies):
+        return None
     return assemble(Settled(chain, closed, bodies, ties, scale, noise, tolerance))
+
+
+def _known(body: Body) -> bool:
+    """Whether it is no arc, or one whose radius is known."""
+    return body.kind != "arc" or bool(np.sqrt(body.covariance[2, 2]) <= _KNOWN * body.p[2])
+
+
+def _plainer(body: Body) -> str:
+    """What an arc of unknown radius is instead."""
+    return "spline" if len(body.rows) >= _SPLINED else "line"
+
+
+def _encloses(bodies: list[Body]) -> bool:
+    """Whether a closed outline has an inside: two lines have none."""
+    return len(bodies) > 2 or any(b.kind != "line" and _known(b) for b in bodies)
 
 
 def _is_circle(bodies: list[Body], closed: bool) -> bool:

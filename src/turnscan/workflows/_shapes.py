@@ -337,16 +337,15 @@ def in_words(found: FoundShapes) -> list[str]:
 
 def shape_in_words(s: Shape) -> str:
     """A shape in a line."""
-    axis = ", ".join(f"{x:+.5f}" for x in s.axis)
     tail = f"rms {s.rms:.4f} mm over {s.count} points, {s.area:.1f} mm²"
     if s.kind == "plane":
-        return f"plane, normal ({axis}) ± {np.rad2deg(s.axis_sigma):.4f}°, {tail}"
+        return f"plane, normal {_way_in_words(s)}, {tail}"
     hole = "hollow " if s.hollow else ""
     if s.kind == "sphere":
         middle = ", ".join(f"{x:.4f}" for x in s.point)
         return (f"{hole}sphere ⌀ {with_sigma(2 * s.radius, 2 * s.radius_sigma)} mm about "
                 f"({middle}) mm, {tail}")  # fmt: skip
-    along = f"axis ({axis}) ± {np.rad2deg(s.axis_sigma):.4f}°"
+    along = f"axis {_way_in_words(s)}"
     if s.kind == "cylinder":
         return (f"{hole}cylinder ⌀ {with_sigma(2 * s.radius, 2 * s.radius_sigma)} mm, "
                 f"{s.length:.3f} mm of it, {along}, {tail}")  # fmt: skip
@@ -357,6 +356,18 @@ def shape_in_words(s: Shape) -> str:
             f"{with_sigma(2 * s.second, 2 * s.second_sigma)} mm, {along}, {tail}")  # fmt: skip
 
 
+def _way_in_words(s: Shape) -> str:
+    """Its normal or axis with the standard uncertainty, both to that one's second digit."""
+    sigma = float(s.axis_sigma)
+    if not (np.isfinite(sigma) and sigma > 0):
+        return "(" + ", ".join(f"{x:+.5f}" for x in s.axis) + ")"
+    places, digits = (
+        int(np.clip(1 - np.floor(np.log10(x)), 0, 12)) for x in (sigma, np.rad2deg(sigma))
+    )
+    way = ", ".join(f"{x:+.{max(places, 3)}f}" for x in s.axis)
+    return f"({way}) ± {np.rad2deg(sigma):.{digits}f}°"
+
+
 def relation_in_words(r: Relation) -> str:
     """A relation in a line: what was adopted, and how far off it was measured."""
     about = "" if r.third is None else f" about the axis of {r.third + 1}"
@@ -364,9 +375,9 @@ def relation_in_words(r: Relation) -> str:
     if r.sigma == 0:
         return f"{who} (the others imply it)"
     if r.kind in ("parallel", "perpendicular"):
-        off = f"{np.rad2deg(r.off):.4f}° ± {np.rad2deg(r.sigma):.4f}°"
+        off = f"{with_sigma(np.rad2deg(r.off), np.rad2deg(r.sigma))}°"
     else:
-        off = f"{r.off:.4f} ± {r.sigma:.4f} mm"
+        off = f"{with_sigma(r.off, r.sigma)} mm"
     return f"{who} (measured {off} off)"
 
 

@@ -57,6 +57,8 @@ class Verified:
     values: tuple[TestValue, ...]
     rig_key: str
     """Digest of its rig; empty where unknown."""
+    findings: tuple[Finding, ...] = ()
+    """What is wrong with its points; notes are left out."""
 
 
 @dataclass(frozen=True)
@@ -241,23 +243,29 @@ def _with_limits(body: Artefact, given: Mapping[str, float]) -> Artefact:
 
 def _verified(source: Path, body: Artefact, rig: Rig | None, progress: Progress) -> Verified:
     try:
-        survey, key = _survey(source, rig, progress)
-        return Verified(source, tuple(values_of(body, survey)), key)
+        survey, key, said = _survey(source, rig, progress)
+        return Verified(source, tuple(values_of(body, survey)), key, tuple(said))
     except InputError as e:
         if str(source) in e.message:
             raise
         raise type(e)(f"{source}: {e.message}", hint=e.hint) from None
 
 
-def _survey(source: Path, rig: Rig | None, progress: Progress) -> tuple[Survey, str]:
+def _survey(source: Path, rig: Rig | None, progress: Progress) -> tuple[Survey, str, list[Finding]]:
+    """What was seen of the artefact, the digest of the rig, and what is wrong with the points."""
     if source.suffix.lower() in EXPORTERS:
-        return survey_of_mesh(read_mesh(_read(source, _MAX_MESH), source.suffix)), ""
+        return survey_of_mesh(read_mesh(_read(source, _MAX_MESH), source.suffix)), "", []
     with Scan.open(source) as scan:
         known, s = rig_for(scan, rig), Settings()
         looks = sum(len(lit_in(n, known)) * len(scan.steps(n)) for n in scan.plan.lasers)
         tick = progress.counter(looks, "verifying")
-        grids, _, _ = to_grids(detect_scan(scan, known, s.stripes, s.volume, tick), s)
-    return survey_of_grids(grids, known), _key(rig_to_json(known))
+        grids, _, found = to_grids(detect_scan(scan, known, s.stripes, s.volume, tick), s)
+    said = [
+        replace(f, where=", ".join(filter(None, (source.name, f.where))))
+        for f in found
+        if f.severity != "note"
+    ]
+    return survey_of_grids(grids, known), _key(rig_to_json(known)), said
 
 
 def _read(path: Path, limit: int) -> bytes:
@@ -346,6 +354,7 @@ def _findings(
             )
         )  # fmt: skip
     for s in scans:
+        said += s.findings
         for v in s.values:
             said += _of_value(v, s.source.name)
     for v in repeated:
