@@ -46,7 +46,7 @@ class _End:
 
 
 class _Ahead:
-    """Progress of work of which nobody knows how often it is done again."""
+    """Progress of work that is done again an unknown number of times."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress, self._begin = progress, 0.0
