@@ -273,3 +273,11 @@ def test_where_nothing_is_dissolved_nothing_changes() -> None:
     assert not left.any()
     assert np.array_equal(less.faces, mesh.faces)
     assert np.array_equal(less.vertices, mesh.vertices)
+
+
+@pytest.mark.parametrize("power", [-20, 20])
+def test_the_unit_of_length_changes_nothing(power: int) -> None:
+    mesh = mesh_grid(random_grid(3, 40, 48, 0.05, True, 0.0))
+    same = Mesh(mesh.vertices * 2.0**power, mesh.faces)
+    less = decimate(mesh, faces=1000)
+    assert np.array_equal(decimate(same, faces=1000).faces, less.faces)

@@ -22,24 +22,33 @@ _TURNS, _FINE = 2, 2
 _MANTISSA, _BIAS = 52, 1023
 """Bits of a number, and what is added to its power of two."""
 _LOW, _HIGH = -70, 50
-"""Powers of two; what costs less or more waits with those."""
-LEAST, SIZE, REGIONS = 0, 1, 2
-"""Of the state of a queue: a bucket below which none waits, how many wait, and the regions."""
+"""Powers of two; what costs less or more waits with those, in a mesh that reaches `_USUAL`."""
+_USUAL, _DEGREE = 32.0, 4
+"""mm, and the power of the size of a mesh by which all its costs grow."""
+LEAST, SIZE, REGIONS, FROM = 0, 1, 2, 3
+"""Of the state of a queue: a bucket below which none waits, how many wait, the regions, and the
+bits of the least cost."""
 
 
 @njit(cache=True, nogil=True)
-def empty(vertices: int) -> tuple[Ints, Ints]:
-    """Of each bucket who leaves next and who came last, (2, buckets), −1 for none; the state."""
+def empty(vertices: int, reach: float) -> tuple[Ints, Ints]:
+    """Of each bucket who leaves next and who came last, (2, buckets), −1 for none; the state.
+
+    ``reach`` mm is how far the mesh goes from its middle.
+    """
     regions = (vertices >> _REGION) + 1
     buckets = ((_HIGH - _LOW) << (_TURNS + _FINE)) * regions
-    return np.full((2, buckets), -1, dtype=np.int32), np.array([buckets, 0, regions])
+    larger = int(np.floor(np.log2(reach / _USUAL))) if reach > 0.0 else 0
+    least = max(_BIAS + _LOW + _DEGREE * larger, 0) << _MANTISSA
+    return np.full((2, buckets), -1, dtype=np.int32), np.array([buckets, 0, regions, least])
 
 
 @njit(cache=True, nogil=True, forceinline=True)
 def bucket(state: Ints, v: int, cost: float) -> int:
     """Where v waits that costs so much, ≥ 0."""
-    limited = max(min(cost, 2.0 ** (_HIGH - 1)), 2.0**_LOW)
-    bits = np.float64(limited).view(np.int64) - ((_BIAS + _LOW) << _MANTISSA)
+    # Numbers that are not negative stand in the order of their bits.
+    bits = np.float64(cost).view(np.int64) - state[FROM]
+    bits = max(min(bits, (_HIGH - 1 - _LOW) << _MANTISSA), 0)
     turn = bits >> (_MANTISSA - _TURNS)
     fine = (bits >> (_MANTISSA - _TURNS - _FINE)) & ((1 << _FINE) - 1)
     return ((turn * state[REGIONS] + (v >> _REGION)) << _FINE) + fine  # type: ignore[no-any-return]

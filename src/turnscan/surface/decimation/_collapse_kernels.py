@@ -18,6 +18,7 @@ from turnscan.surface.decimation._net_kernels import (
     MOST,
     NEAR,
     OWN,
+    PLACE,
     RIGHT,
     SAMPLE,
     SEEN,
@@ -106,7 +107,11 @@ def queue(net: Net) -> tuple[Ints, Ints]:
     """All vertices that may move, each where its cheapest move belongs, and how many."""
     at, ids, tri = net.at, net.ids, net.tri
     ring, costs = room(), np.empty(2 * MOST)
-    ends, state = empty(len(at))
+    reach = 0.0
+    for v in range(len(at)):
+        for i in range(PLACE, PLACE + 3):
+            reach = max(reach, abs(at[v, i]))
+    ends, state = empty(len(at), reach)
     for v in range(len(at)):
         _, _, least = _price(at, ids, tri, v, ring, costs)
         if least < np.inf:
