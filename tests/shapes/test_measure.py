@@ -11,13 +11,14 @@ from tests.shapes.tubes import NOISE, cylinder, noisy, wall_of
 from turnscan import shapes
 from turnscan.errors import InputError
 from turnscan.mesh import Mesh, is_closed
+from turnscan.workflows import measure
 
 ROUNDS = 60
 
 
-def rounds(mesh: Mesh, measure) -> tuple[np.ndarray, np.ndarray]:
+def rounds(mesh: Mesh, taken) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(3)
-    done = [measure(noisy(mesh, rng)) for _ in range(ROUNDS)]
+    done = [taken(noisy(mesh, rng)) for _ in range(ROUNDS)]
     return np.array([d.value for d in done]), np.array([d.sigma for d in done])
 
 
@@ -109,6 +110,9 @@ def test_what_was_not_measured_does_not_count_and_is_named() -> None:
     wall = wall_of(mesh)
     capped = replace(mesh, measured=wall)
     assert "% of its area was not measured" in shapes.volume(capped).text
+    share = 1 - capped.area_of(wall) / capped.area_of()
+    assert f"mm², {share:.1%} of it not measured" in str(measure(capped))
+    assert "not measured" not in str(measure(mesh))
     assert np.isnan(shapes.volume(capped).sigma)
     with pytest.raises(InputError, match="no measured faces"):
         shapes.plane_of(capped, ~wall)

@@ -112,10 +112,8 @@ def _blocks(
 
 
 def _row(d: Dimension) -> list[object]:
-    return [
-        d.feature, d.quantity, with_sigma(d.value, d.sigma), d.unit, f"{COVERAGE * d.sigma:.2g}",
-        d.rests_on,
-    ]  # fmt: skip
+    u = f"{COVERAGE * d.sigma:.2g}" if np.isfinite(d.sigma) else "not known"
+    return [d.feature, d.quantity, with_sigma(d.value, d.sigma), d.unit, u, d.rests_on]
 
 
 def _picture(found: FoundShapes, shapes: Sequence[int], normals: Floats) -> Image:

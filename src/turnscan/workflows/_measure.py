@@ -180,10 +180,13 @@ def _whole(mesh: Mesh, about: Mapping[str, object]) -> dict[str, Any]:
 
 def _area(mesh: Mesh) -> dict[str, float | None]:
     if not len(mesh.faces):
-        return {"area_mm2": None, "area_sigma_mm2": None}
-    found = area(mesh)
+        return {"area_mm2": None, "area_sigma_mm2": None, "area_unmeasured": None}
+    found, filled = area(mesh), 0.0
+    if mesh.measured is not None:
+        filled = mesh.area_of(~mesh.measured) / max(mesh.area_of(), 1e-12)
     return {
         "area_mm2": found.value,
+        "area_unmeasured": filled,
         "area_sigma_mm2": None if np.isnan(found.sigma) else found.sigma,
     }
 
@@ -260,7 +263,9 @@ def _lines(r: Mapping[str, Any]) -> list[str]:
     lines = [f"{r['vertices']} vertices, {r['faces']} faces, {size} mm, {volume}"]
     if r["area_mm2"] is not None:
         known = "" if r["area_sigma_mm2"] is None else f" ± {r['area_sigma_mm2']:.3g}"
-        lines.append(f"area {r['area_mm2']:.1f}{known} mm²")
+        share = r["area_unmeasured"]
+        filled = f", {share:.1%} of it not measured" if share else ""
+        lines.append(f"area {r['area_mm2']:.1f}{known} mm²{filled}")
     for number, p in enumerate(r.get("planes", ()), start=1):
         normal = ", ".join(f"{x:+.4f}" for x in p["normal"])
         lines.append(

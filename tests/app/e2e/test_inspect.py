@@ -10,7 +10,7 @@ import numpy as np
 from playwright.sync_api import expect
 
 from tests.app.e2e.conftest import OPENING, until
-from tests.app.e2e.pages import click_at, download_sizes, rows
+from tests.app.e2e.pages import click_at, download_sizes, rows, run_command
 from tests.poses.scenes import rig_for, write_scan
 from tests.web.uploads import box
 from turnscan.formats import export
@@ -50,7 +50,7 @@ def test_a_part_is_compared_with_cad_reported_and_measured_the_same_on_another_s
     expect(budget.get_by_role("row", name="Calibration")).to_contain_text(re.compile(r"0\.\d+ mm"))
 
     # What it is made of, on the surface and in a list, and a section of it as a drawing.
-    page.get_by_text("Shapes", exact=True).click()
+    run_command(page, "shapes", "Shapes")
     page.get_by_role("button", name="Find shapes").click()
     found_shapes = page.get_by_role("list", name="Shapes of the part").get_by_role("listitem")
     found_shapes.first.wait_for(timeout=LONG)

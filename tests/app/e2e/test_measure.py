@@ -79,7 +79,7 @@ def deviates(page: Any, path: Path) -> None:
     page.get_by_text("Root mean square").wait_for(timeout=1000 * OPENING)
     page.get_by_label("Map to ±").fill("0.1")
     page.get_by_label("Map to ±").press("Enter")
-    page.locator(".legend").filter(has_text="0.100 mm").wait_for()
+    page.locator(".legend").filter(has_text="0.1 mm").wait_for()
     click_at(page, *towards_the_eye(page, 20.0))
     probes = page.get_by_role("list", name="Probes").get_by_role("listitem")
     probes.first.wait_for()
