@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -174,13 +176,18 @@ def test_a_ring_stays_a_ring_as_round_as_it_is() -> None:
     open_at = turned([(20 + 4 * np.cos(a), 4 * np.sin(a)) for a in t], 0.42, 160)
     last = len(open_at.vertices) - 160
     ring = Mesh(open_at.vertices[:last], open_at.faces % last)
-    _, chains = wall_profile(turned_about(noisy(ring, 0.005, 3)))
+    found = turned_about(noisy(ring, 0.005, 3))
+    _, chains = wall_profile(found)
     assert [c.closed for c in chains] == [True]
     (outline,) = fit_outlines(chains)[0]
     assert outline.closed
     (arc,) = outline.pieces
     assert isinstance(arc, Arc)
     assert arc.radius == pytest.approx(4, abs=0.02), "means over a bend do not flatten it"
+    beside = found.z.copy()
+    beside[np.flatnonzero(found.on)[0]] += 20.0  # of another wall, above the ring
+    counted = axis_counted(outline, replace(found, z=beside))
+    assert counted.box_sigma.max() < 0.1
 
 
 def test_too_few_points_have_no_noise_to_compare_with() -> None:

@@ -30,8 +30,10 @@ def axis_counted(outline: Outline, turned: Turned) -> Outline:
     for axis, of in enumerate((turned.r, turned.z)):
         for k in range(2):
             some = turned.on & (np.abs(of - outline.box[k, axis]) <= turned.spacing)
-            beyond = _beyond(of[turned.on], float(outline.box[k, axis]), -1.0 if k == 0 else 1.0)
-            box[k, axis] = np.hypot(box[k, axis], max(beyond - _SIGMAS * turned.sigma, 0.0))
+            if not outline.closed:  # a closed one ends nowhere
+                end, sign = float(outline.box[k, axis]), -1.0 if k == 0 else 1.0
+                beyond = _beyond(of[turned.on], end, sign) - _SIGMAS * turned.sigma
+                box[k, axis] = np.hypot(box[k, axis], max(beyond, 0.0))
             if int(some.sum()) >= _LEAST:
                 moves = _moves(turned, some, np.eye(2)[axis]).mean(axis=0)
                 box[k, axis] = np.hypot(box[k, axis], _sigma(turned, moves))
