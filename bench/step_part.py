@@ -80,6 +80,7 @@ def _told(drawn: Nominal, found: w.FoundShapes, moved: w.Comparison) -> list[str
     d = deviation(moved.mesh.vertices, drawn.mesh)
     return [
         *lines,
+        "",
         f"measured points off the drawing: {1e3 * d.mean:+.1f} µm mean, {1e3 * d.rms:.1f} µm rms, "
         f"95 % within {1e3 * d.quantile(0.95):.1f} µm",
         "",
