@@ -135,9 +135,11 @@ def collapse(net: Net, ends: Ints, state: Ints, left: int, wanted: int, most: in
             break
         v = take(ends, state, ids)
         count, have, least = _price(at, ids, tri, v, mine, costs)
+        refused = False
         while least < np.inf:
             turn = bucket(state, v, least)
-            if turn > state[LEAST]:
+            # Distances are not measured twice: who is refused for them tries the others at once.
+            if turn > state[LEAST] and not (limited and refused):
                 put(ends, state, ids, v, turn)
                 break
             i = 0
@@ -162,7 +164,7 @@ def collapse(net: Net, ends: Ints, state: Ints, left: int, wanted: int, most: in
                         if least < np.inf:
                             put(ends, state, ids, w, bucket(state, w, least))
                 break
-            costs[i] = np.inf
+            costs[i], refused = np.inf, True
             least = costs[0]
             for j in range(1, have):
                 least = min(least, costs[j])
