@@ -215,9 +215,9 @@ def test_random_rounded_polygons_are_lines_and_arcs(
     arcs = [p for p in pieces if isinstance(p, Arc)]
     lines = [p for p in pieces if isinstance(p, Line)]
     assert len(arcs) == len(lines) == count, _kinds(o)
-    # At which point an arc of some points ends is not sure, and its sigma leaves that out.
-    z = [(p.radius - radius) / np.hypot(p.radius_sigma, 2 * sigma) for p in arcs]
-    assert np.abs(z).max() < 5.5
+    # A line that was not found tangent, of some hundred, leaves an arc freer than its sigma says.
+    z = [(p.radius - radius) / p.radius_sigma for p in arcs]
+    assert np.abs(z).max() < 6.5
 
 
 def test_an_arc_and_lines_of_an_open_chain_keep_their_ends() -> None:
@@ -272,3 +272,18 @@ def test_a_speck_inside_its_noise_is_no_circle_and_encloses_nothing(count: int) 
     assert not row
     [known] = fit_outlines([chain_of(_noisy(regular(24, 1.0), 0.1, 1), 0.1)])
     assert _kinds(known[0]) == "a"
+
+
+def test_fillets_of_few_points_count_that_their_ends_are_not_sure() -> None:
+    """Three to five points on an arc: with one more or less its radius is another."""
+    sigma, radius, z, known = 0.01, 0.6, [], []
+    clean = rounded_polygon(regular(4, 20.0), radius, 0.2)
+    for seed in range(12):
+        [[o]] = fit_outlines([chain_of(_noisy(clean, sigma, seed), sigma)])
+        arcs = [p for p in o.pieces if isinstance(p, Arc)]
+        z += [(p.radius - radius) / p.radius_sigma for p in arcs]
+        known += [p.radius_sigma for p in arcs]
+    assert len(z) >= 46
+    assert np.abs(z).max() < 4.0
+    assert 0.7 < float(np.std(z)) < 1.3
+    assert 0.012 < float(np.mean(known)) < 0.03

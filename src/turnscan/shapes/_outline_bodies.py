@@ -125,54 +125,83 @@ def adjust(
     each of which moves all points that hang on it; larger where the residuals are larger than it
     says, and by the residuals alone where the mesh says nothing.
     """
-    sizes = [len(b.p) for b in bodies]
-    starts = np.r_[0, np.cumsum(sizes)].astype(int)
-    total = int(starts[-1])
+    found = weighed(chain, bodies, scale)
+    total = len(found.right)
     if not total:
         return 0.0
-    chi2 = 0.0
-    inverse = np.zeros((total + len(ties),) * 2)
-    pulls: list[Floats] = []
-    for _ in range(_ROUNDS):
-        normal, right = np.zeros((total, total)), np.zeros(total)
-        chi2, pulls = 0.0, []
-        for b, at in zip(bodies, starts, strict=False):
-            if not len(b.p):
-                pulls.append(np.zeros((0, 0)))
-                continue
-            r, J = b.residuals(chain, b.p)
-            s = scale[b.rows]
-            w = np.minimum(1.0, _HUBER / np.maximum(np.abs(r / s), 1e-12)) / s**2
-            chi2 += float((w * r**2).sum())
-            pull = J.T * w
-            pulls.append(pull)
-            k = slice(at, at + len(b.p))
-            normal[k, k] = pull @ J
-            right[k] = -pull @ r
-        values, slopes = _ties(bodies, ties, starts)
-        whole = np.block([[normal, slopes.T], [slopes, np.zeros((len(ties),) * 2)]])
-        d = 1.0 / np.sqrt(np.r_[np.maximum(np.diag(normal), 1e-300), np.ones(len(ties))])
-        inverse = np.linalg.pinv(whole * d[:, None] * d, rcond=1e-13) * d[:, None] * d
-        step = (inverse @ np.r_[right, -values])[:total]
-        for b, at in zip(bodies, starts, strict=False):
+    for turn in range(_ROUNDS):
+        found = weighed(chain, bodies, scale) if turn else found
+        inverse, values = _solved(bodies, ties, found)
+        step = (inverse @ np.r_[found.right, -values])[:total]
+        for b, at in zip(bodies, found.starts, strict=False):
             b.p = b.p + step[at : at + len(b.p)]
-        if (
-            float(np.abs(step / d[:total]).max()) < 1e-6
-            and float(np.abs(values).max(initial=0)) < 1e-9
-        ):
+        size = np.sqrt(np.maximum(np.diag(found.normal), 1e-300))
+        if float(np.abs(step * size).max()) < 1e-6 and float(np.abs(values).max(initial=0)) < 1e-9:
             break
-    _covariances(chain, bodies, starts, inverse[:total, :total], pulls, noise)
-    return chi2
+    _covariances(chain, bodies, found, inverse[:total, :total], noise)
+    return found.chi2
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """The normal equations of all bodies at their present parameters."""
+
+    starts: Index
+    """(bodies + 1,) where the parameters of each begin."""
+    normal: Floats
+    right: Floats
+    pulls: list[Floats]
+    """(k, n) of each body: what its residuals do to ``right``."""
+    chi2: float
+
+
+def weights(chain: Chain, body: Body, scale: Floats) -> tuple[Floats, Floats, Floats]:
+    """(n,) mm off the body, (n, k) their derivatives, and (n,) Huber's weights, 1/mm²."""
+    r, J = body.residuals(chain, body.p)
+    s = scale[body.rows]
+    return r, J, np.minimum(1.0, _HUBER / np.maximum(np.abs(r / s), 1e-12)) / s**2
+
+
+def weighed(chain: Chain, bodies: list[Body], scale: Floats) -> Weighed:
+    """The normal equations without ties."""
+    starts = np.r_[0, np.cumsum([len(b.p) for b in bodies])].astype(np.intp)
+    total = int(starts[-1])
+    normal, right = np.zeros((total, total)), np.zeros(total)
+    chi2, pulls = 0.0, list[Floats]()
+    for b, at in zip(bodies, starts, strict=False):
+        if not len(b.p):
+            pulls.append(np.zeros((0, 0)))
+            continue
+        r, J, w = weights(chain, b, scale)
+        chi2 += float((w * r**2).sum())
+        pull = J.T * w
+        pulls.append(pull)
+        k = slice(at, at + len(b.p))
+        normal[k, k] = pull @ J
+        right[k] = -pull @ r
+    return Weighed(starts, normal, right, pulls, chi2)
+
+
+def solved(bodies: list[Body], ties: list[Tangency], found: Weighed) -> Floats:
+    """(k, k) the inverse of the normal equations under the ties: what a pull does to parameters."""
+    total = len(found.right)
+    return _solved(bodies, ties, found)[0][:total, :total]
+
+
+def _solved(bodies: list[Body], ties: list[Tangency], found: Weighed) -> tuple[Floats, Floats]:
+    values, slopes = _ties(bodies, ties, found.starts)
+    whole = np.block([[found.normal, slopes.T], [slopes, np.zeros((len(ties),) * 2)]])
+    d = 1.0 / np.sqrt(np.r_[np.maximum(np.diag(found.normal), 1e-300), np.ones(len(ties))])
+    return np.linalg.pinv(whole * d[:, None] * d, rcond=1e-13) * d[:, None] * d, values
 
 
 def _covariances(
-    chain: Chain, bodies: list[Body], starts: Floats, inverse: Floats, pulls: list[Floats],
-    noise: Noise,
-) -> None:  # fmt: skip
+    chain: Chain, bodies: list[Body], found: Weighed, inverse: Floats, noise: Noise
+) -> None:
     total = len(inverse)
     moved = np.zeros((total, noise.vertex.shape[1]))
     seen = due = 0.0
-    for b, at, pull in zip(bodies, starts, pulls, strict=False):
+    for b, at, pull in zip(bodies, found.starts, found.pulls, strict=False):
         k = len(b.p)
         if not k:
             continue
@@ -184,7 +213,7 @@ def _covariances(
     move = inverse @ moved
     ratio = max(seen / max(due, 1e-300), _together(chain, bodies, noise))
     factor = max(ratio, 1.0) if noise.known else max(ratio, 1e-12)
-    for b, at in zip(bodies, starts, strict=False):
+    for b, at in zip(bodies, found.starts, strict=False):
         b.moves = np.sqrt(factor) * move[at : at + len(b.p)]
 
 
@@ -220,7 +249,7 @@ def _together(chain: Chain, bodies: list[Body], noise: Noise) -> float:
 
 
 def _ties(
-    bodies: list[Body], ties: list[Tangency], starts: Floats
+    bodies: list[Body], ties: list[Tangency], starts: Index
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Values (t,) mm of the conditions and their derivatives (t, parameters)."""
     values, slopes = np.zeros(len(ties)), np.zeros((len(ties), int(starts[-1])))

@@ -21,6 +21,7 @@ from turnscan.shapes._outline_bodies import (
     tangencies,
     used,
 )
+from turnscan.shapes._outline_borders import count_borders
 from turnscan.shapes._outline_curves import Outline
 from turnscan.shapes._outline_noise import Noise, chain_noise, default_tolerance
 from turnscan.shapes._outline_rounds import rounded
@@ -169,6 +170,7 @@ def _outline(chain: Chain, closed: bool, noise: Noise, tolerance: float) -> Outl
             ties = _ties(chain, scale, noise, bodies, closed, tolerance)
     if closed and not _encloses(bodies):
         return None
+    count_borders(chain, bodies, ties, scale, noise, closed)
     return assemble(Settled(chain, closed, bodies, ties, scale, noise, tolerance))
 
 

@@ -80,7 +80,7 @@ def corner(s: Settled, k: int) -> Meet:
 def derived(s: Settled, value: Callable[[], float], of: list[int]) -> float:
     """Standard uncertainty of a figure that follows from the parameters of the bodies ``of``."""
     about = value()
-    total = 0.0 * np.zeros(s.noise.vertex.shape[1])
+    total = np.zeros(max(b.moves.shape[1] for b in s.bodies))
     for k in dict.fromkeys(of):
         b = s.bodies[k]
         for i in range(len(b.p)):
