@@ -225,12 +225,16 @@ def test_two_hundred_moments(commands: Commands, tmp_path: Path) -> None:
     assert not wrong, "\n".join(str(e)[:600] for e in wrong[:10])
     for m in lost:
         # An alarm in a move loses steps. FabScanPi does not say where it is: who is killed between
-        # an order to move and its echo leaves the angle unknown whether it was heard. A frame is
-        # stored while the table turns.
+        # an order to move and its echo leaves the angle unknown whether it was heard; a signal that
+        # falls into the moment of sending leaves it unknown whether it was sent. A frame is stored
+        # while the table turns.
         unheard = (
-            m.dialect == "fabscan" and m.how == "SIGKILL" and m.phase in ("turning", "storing")
+            m.dialect == "fabscan"
+            and m.phase in ("turning", "storing")
+            and m.how in ("SIGINT", "SIGKILL")
         )
         # The alarm may also come when the table is there and the driver does not know it yet.
         alarm = m.how == "alarm" and (m.turning or m.phase in ("turning", "storing"))
         assert alarm or unheard, (m, m.lost)
     assert sum(m.dialect == "fabscan" for m in lost) <= MOMENTS // 20
+    assert sum(m.how == "SIGINT" for m in lost) <= MOMENTS // 100

@@ -42,7 +42,8 @@ def count_borders(
             _moved(chain, bodies, found.starts, inverse, scale, m)
             for m in _ways(chain, bodies, *pair)
         ]
-        odds = np.exp(-0.5 * np.minimum([cost / noise.shared for _, cost in trials], 1e3))
+        costs = [cost / noise.shared for _, cost in trials]
+        odds = np.exp(-0.5 * np.clip(costs, 0.0, 1e3))
         shares = odds / (1.0 + odds.sum())
         columns += [np.sqrt(share) * by for share, (by, _) in zip(shares, trials, strict=True)]
     if not columns:
