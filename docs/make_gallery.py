@@ -36,7 +36,7 @@ STEPS = 72
 WIDTH = 880
 """px of a picture."""
 SIGMA, DEVIATION = "viridis", "RdYlBu_r"
-"""Colour maps that are told apart with every common colour blindness."""
+"""Colour maps that are distinct with every common colour blindness."""
 
 
 @dataclass(frozen=True)

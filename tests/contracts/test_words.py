@@ -31,7 +31,7 @@ BANNED = {
     r"known only together": "strongly correlated",
     r"merely touch|wind against": "non-manifold, opposite orientation",
     r"cuts? through itself|cut through themselves": "self-intersection, intersects itself",
-    r"told(?! apart)": "reported, stated, commanded, known",
+    r"told": "reported, stated, commanded, known",
     r"thin(s|ned|ning)? (it |them |the mesh )?out": "decimate",
     r"mend(s|ed|ing)?": "repair, correct",
     r"anew": "again, new",

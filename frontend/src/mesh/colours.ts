@@ -20,7 +20,7 @@ const CIVIDIS: readonly Rgb[] = [
   [254, 232, 56],
 ];
 
-/** Okabe & Ito 2008: eight colours that can be told apart. */
+/** Okabe & Ito 2008: eight colours that anybody can distinguish. */
 export const PALETTE: readonly Rgb[] = [
   [86, 180, 233],
   [230, 159, 0],

@@ -16,7 +16,7 @@ Singles = npt.NDArray[np.float32]
 Spectrum = npt.NDArray[np.complex128]
 
 VIEWS = 16
-"""Of a whole turn; symmetries up to half as many fold are told apart."""
+"""Of a whole turn; symmetries up to half as many fold are distinguished."""
 _ANGLES_DEG = tuple(range(8, 62, 3))
 """Of triangulation, as a rig may have it: it is not known here."""
 _ROUND = 0.1

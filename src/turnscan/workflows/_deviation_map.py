@@ -14,7 +14,7 @@ from turnscan.shapes import Deviation
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_MAP = "RdYlBu_r"  # told apart with every common colour blindness
+_MAP = "RdYlBu_r"  # distinct with every common colour blindness
 
 
 def deviation_figure(mesh: Mesh, found: Deviation, limit: float | None = None) -> Figure:

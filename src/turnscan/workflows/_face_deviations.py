@@ -19,7 +19,7 @@ _COLOURS: tuple[tuple[str, Colour], ...] = (
     ("yellow", (255, 255, 191)),
     ("pale orange", (254, 224, 144)), ("orange", (252, 141, 89)), ("red", (215, 48, 39)),
 )  # fmt: skip
-"""From inside to outside, told apart with every common colour blindness (ColorBrewer RdYlBu)."""
+"""From inside to outside, distinct with every common colour blindness (ColorBrewer RdYlBu)."""
 _MIDDLE = len(_COLOURS) // 2
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _FINEST = 1e-4

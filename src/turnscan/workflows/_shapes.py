@@ -49,7 +49,7 @@ _COLOURS = (
     (86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0),
     (204, 121, 167), (148, 103, 189), (140, 86, 75), (23, 190, 207),
 )  # fmt: skip
-"""Neighbouring numbers are told apart with every common colour blindness (Okabe & Ito)."""
+"""Neighbouring numbers differ with every common colour blindness (Okabe & Ito)."""
 
 
 @dataclass(frozen=True, eq=False)

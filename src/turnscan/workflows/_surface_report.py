@@ -28,7 +28,7 @@ _ANGLES, _HEIGHTS = 120, 60
 _ROWS = 40
 """Holes in the table of the HTML page; the JSON file has all."""
 _MEASURED, _FILLED = (122.0, 158.0, 196.0), (204.0, 121.0, 167.0)
-"""Told apart with every common colour blindness (Okabe & Ito)."""
+"""Distinct with every common colour blindness (Okabe & Ito)."""
 _VIEWS = (0.6, 0.6 + np.pi)
 
 

@@ -19,7 +19,7 @@ height         Height of a level above the first (planes of one common normal) m
 repeatability  Standard deviation of one of these over several scans.
 =============  =====================================================================================
 
-Three parts of the standard uncertainty are told apart. **noise**: the scatter of the points about
+Three parts of the standard uncertainty are kept apart. **noise**: the scatter of the points about
 the fit, enlarged where neighbours share their errors; a new scan would differ by this much.
 **calibration**: how far the value moves within the uncertainty of the rig's own calibration, which
 all scans with this rig have in common. **artefact**: what is not known of the artefact. Expanded by
