@@ -16,7 +16,7 @@ MOST_NAMES = {
     "drawings": 20,  # with shells of faces, their triangles and colours
     "edit": 77,  # with measurements that follow a part to where it stands
     "formats": 17,
-    "mesh": 24,  # with samples of a surface, which were of the shapes
+    "mesh": 25,  # with samples of a surface and faces about vertices, which other rooms had
     "points": 40,
     "poses": 16,
     "rig": 26,

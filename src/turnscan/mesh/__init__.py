@@ -18,6 +18,7 @@ from turnscan.mesh._soundness import crossings, soundness
 from turnscan.mesh._topology import (
     boundary_loops,
     cut_touching,
+    faces_about,
     half_edges,
     is_closed,
     opposite_half_edges,
@@ -35,6 +36,7 @@ __all__ = [
     "crossings",
     "cut",
     "cut_touching",
+    "faces_about",
     "half_edges",
     "is_closed",
     "join",

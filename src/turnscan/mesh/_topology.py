@@ -100,6 +100,16 @@ def vertex_fans(faces: Ints) -> tuple[Ints, Ints]:
     return fan, faces.ravel()[first]
 
 
+def faces_about(faces: Ints, count: int) -> tuple[npt.NDArray[np.int64], Ints]:
+    """The faces (f, 3) about each of ``count`` vertices, as a compressed list.
+
+    Returns (count + 1,) where those of each vertex begin, and (3 f,) their numbers.
+    """
+    from turnscan.mesh import _topology_kernels as kernels
+
+    return kernels.faces_about(faces, count)
+
+
 def half_edges(faces: Ints) -> tuple[Ints, Ints]:
     """Start and end of the sides that have one face only."""
     a, b = unpaired(faces)

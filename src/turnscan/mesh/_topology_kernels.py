@@ -186,3 +186,22 @@ def diameter(points: Floats) -> float:
                 d += (points[i, k] - points[j, k]) ** 2
             most = max(most, d)
     return np.sqrt(most)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def faces_about(faces: Ints, count: int) -> tuple[Longs, Ints]:
+    """See `turnscan.mesh.faces_about`."""
+    start = np.zeros(count + 1, dtype=np.int64)
+    for f in range(len(faces)):
+        for c in range(3):
+            start[faces[f, c] + 1] += 1
+    for v in range(count):
+        start[v + 1] += start[v]
+    fill = start[:-1].copy()
+    numbers = np.empty(3 * len(faces), dtype=np.int32)
+    for f in range(len(faces)):
+        for c in range(3):
+            v = faces[f, c]
+            numbers[fill[v]] = f
+            fill[v] += 1
+    return start, numbers

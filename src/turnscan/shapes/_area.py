@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats
-from turnscan.mesh import Mesh
+from turnscan.mesh import Mesh, faces_about
 
 _ROUNDS = 8
 """How often normals are averaged: of 6 % of roughness 0.1 to 0.3 % are left then."""
@@ -35,9 +35,9 @@ def smooth_normals(mesh: Mesh) -> Floats | None:
     s = np.nan_to_num(mesh.provenance.sigma)[mesh.faces]
     tilts = (s**2 * (_opposite(mesh) ** 2).sum(axis=2)).sum(axis=1) / (4 * fair**2)
     normals = vectors / fair[:, None]
-    return np.asarray(
-        kernels.smooth_normals(normals, size, tilts, mesh.faces, len(mesh.vertices), _ROUNDS, _EDGE)
-    )
+    start, about = faces_about(mesh.faces, len(mesh.vertices))
+    found = kernels.smooth_normals(normals, size, tilts, mesh.faces, start, about, _ROUNDS, _EDGE)
+    return np.asarray(found)
 
 
 def smooth_area(mesh: Mesh, chosen: Bools, normals: Floats | None) -> tuple[float, float]:

@@ -6,41 +6,28 @@ import math
 
 import numpy as np
 
-from turnscan.arrays import Floats, Ints
+from turnscan.arrays import Floats, Ints, Longs
 from turnscan.compiled import njit
-
-
-@njit(cache=True, nogil=True)
-def _faces_about(faces: Ints, count: int) -> tuple[Ints, Ints]:
-    """Of each vertex the faces about it: where they begin (count + 1,), and those."""
-    start = np.zeros(count + 1, dtype=np.int32)
-    for f in range(len(faces)):
-        for i in range(3):
-            start[faces[f, i] + 1] += 1
-    for v in range(count):
-        start[v + 1] += start[v]
-    fill = start[:-1].copy()
-    about = np.empty(3 * len(faces), dtype=np.int32)
-    for f in range(len(faces)):
-        for i in range(3):
-            v = faces[f, i]
-            about[fill[v]] = f
-            fill[v] += 1
-    return start, about
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def smooth_normals(
-    normals: Floats, areas: Floats, tilts: Floats, faces: Ints, count: int, rounds: int, edge: float
+    normals: Floats,
+    areas: Floats,
+    tilts: Floats,
+    faces: Ints,
+    start: Longs,
+    about: Ints,
+    rounds: int,
+    edge: float,
 ) -> Floats:
     """(f, 3) unit normals (f, 3), each the mean of those about it that are alike, again and again.
 
     ``tilts`` (f,) are the variances of the normals' noise; normals that differ by more than
     ``edge`` and twice the noise of both are those of another side of an edge. A face counts up to
     three times as much as the one that takes it, so that a lid of a few large faces tilts no wall.
-    ``count`` is the number of vertices.
+    ``start`` and ``about`` are those of `turnscan.mesh.faces_about`.
     """
-    start, about = _faces_about(faces, count)
     old, noise = normals.copy(), tilts.copy()
     new, less = np.empty_like(old), np.empty_like(noise)
     for _ in range(rounds):

@@ -10,6 +10,7 @@ import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints, Longs
 from turnscan.findings import Finding
+from turnscan.mesh import faces_about
 from turnscan.points import RangeGrid
 from turnscan.surface.fusion._range_surface import RangeSurface, spacing
 
@@ -116,7 +117,7 @@ class _Woven:
             bend = np.abs(np.einsum("ij,ij->i", s.normals, fourth))
             most = _KINK * _FOURTH * s.sigma
             smooth = kernels.inner(faces, len(X)) & (bend <= most)
-        start, numbers = kernels.about(faces, len(X))
+        start, numbers = faces_about(faces, len(X))
         return cls(s, start, numbers, s.ranks, before, after, second, smooth, noise)
 
 

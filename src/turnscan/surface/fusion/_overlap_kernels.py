@@ -13,25 +13,6 @@ _SLACK = 1e-6
 
 
 @njit(cache=True, nogil=True)
-def about(faces: Ints, count: int) -> tuple[Longs, Ints]:
-    """The faces about each of ``count`` vertices: where they begin (v + 1,), and their numbers."""
-    start = np.zeros(count + 1, dtype=np.int64)
-    for f in range(len(faces)):
-        for c in range(3):
-            start[faces[f, c] + 1] += 1
-    for v in range(count):
-        start[v + 1] += start[v]
-    fill = start[:-1].copy()
-    numbers = np.empty(3 * len(faces), dtype=np.int32)
-    for f in range(len(faces)):
-        for c in range(3):
-            v = faces[f, c]
-            numbers[fill[v]] = f
-            fill[v] += 1
-    return start, numbers
-
-
-@njit(cache=True, nogil=True)
 def inner(faces: Ints, count: int) -> Bools:
     """(v,) True where faces go all the way round a vertex.
 

@@ -17,7 +17,7 @@ from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._normals import smoothed_normals
 from turnscan.mesh._parts import longest_sides, submesh
 from turnscan.mesh._soundness import crossings
-from turnscan.mesh._topology import half_edges, hanging_together
+from turnscan.mesh._topology import faces_about, half_edges, hanging_together
 
 _ALIKE = 0.5
 """Two surfaces are the same one where their normals are within 60°."""
@@ -103,7 +103,7 @@ class _Patch:
         away, nearest = tree.query(self.mesh.vertices, distance_upper_bound=far)
         some = np.flatnonzero(np.isfinite(away))
         near = np.asarray(nearest, dtype=np.int32)[some]
-        start, numbers = kernels.about(there.faces, len(there.vertices))
+        start, numbers = faces_about(there.faces, len(there.vertices))
         face, _, off = kernels.feet(
             self.mesh.vertices[some], other.normals[near], near,
             there.vertices, there.faces, start, numbers,
