@@ -115,10 +115,10 @@ def read_step(data: bytes, deflection: float | None = None) -> StepPart:
     volume = volume_of(shape)
     if deflection is None:
         deflection = max(_FINE * extent_of(shape), 1e-9)
-    told = facets_of(shape, deflection)
-    shapes, number = merged(told.surfaces)
+    facets = facets_of(shape, deflection)
+    shapes, number = merged(facets.surfaces)
     return StepPart(
-        len(solids), valid, volume, told.mesh, shapes, number[told.face], told.lost,
+        len(solids), valid, volume, facets.mesh, shapes, number[facets.face], facets.lost,
         len(parts_of(shape, "face")),
     )  # fmt: skip
 

@@ -11,13 +11,13 @@ from turnscan.mesh import Mesh, faces_about
 _ROUNDS = 8
 """How often normals are averaged: of 6 % of roughness 0.1 to 0.3 % are left then."""
 _EDGE = 0.35
-"""Normals that differ by more than this (20°), noise aside, are those of two sides of an edge."""
+"""Normals that differ by more than this (20°), noise aside, are those beside an edge."""
 _LEFT = 0.1
 """Share of the roughness taken off that may be left: of spheres and boxes with noise it is 0.02 to
 0.07."""
 _BENT = 0.2
-"""Share of the bend between faces and their corners' normals by which a coarse form may be smoothed
-away."""
+"""Share of the bend between faces and the normals of their vertices by which a coarse form may be
+smoothed away."""
 
 
 def smooth_normals(mesh: Mesh) -> Floats | None:
@@ -62,7 +62,7 @@ def smooth_area(mesh: Mesh, chosen: Bools, normals: Floats | None) -> tuple[floa
 
 
 def _bend(mesh: Mesh, normals: Floats) -> Floats:
-    """(f,) one less the mean cosine between the normal of a face and those of its corners.
+    """(f,) one less the mean cosine between the normal of a face and those of its vertices.
 
     At edges, where nothing is smoothed, it is 0.
     """
@@ -80,7 +80,7 @@ def _vectors(mesh: Mesh) -> tuple[Floats, Floats]:
 
 
 def _opposite(mesh: Mesh) -> Floats:
-    """(f, 3, 3) the side opposite to each corner."""
+    """(f, 3, 3) the edge opposite to each vertex."""
     t = mesh.triangles
     return np.asarray(np.roll(t, -2, axis=1) - np.roll(t, -1, axis=1))
 

@@ -125,12 +125,11 @@ def adjust(
     each of which moves all points that hang on it; larger where the residuals are larger than it
     says, and by the residuals alone where the mesh says nothing.
     """
-    found = weighed(chain, bodies, scale)
-    total = len(found.right)
+    total = sum(len(b.p) for b in bodies)
     if not total:
         return 0.0
-    for turn in range(_ROUNDS):
-        found = weighed(chain, bodies, scale) if turn else found
+    for _ in range(_ROUNDS):
+        found = weighed(chain, bodies, scale)
         inverse, values = _solved(bodies, ties, found)
         step = (inverse @ np.r_[found.right, -values])[:total]
         for b, at in zip(bodies, found.starts, strict=False):
