@@ -14,6 +14,7 @@ from typing import Any
 from pydantic.json_schema import models_json_schema
 
 from turnscan.app import _envelope as envelope
+from turnscan.app import _messages as messages
 from turnscan.app import _protocol as protocol
 from turnscan.app import _requests as requests
 
@@ -26,11 +27,10 @@ _PLAIN = {"string": "string", "integer": "number", "number": "number", "boolean"
 
 def typescript() -> str:
     """The whole file."""
-    unions = {"ServerMessage": protocol.ANSWERS, "ClientMessage": requests.REQUESTS}
+    unions = {"ServerMessage": messages.ANSWERS, "ClientMessage": requests.REQUESTS}
     names = {name: _members(adapter.json_schema()) for name, adapter in unions.items()}
-    members = [getattr(protocol, n) for n in names["ServerMessage"]]
     asked = [getattr(requests, n) for n in names["ClientMessage"]]
-    models = [(m, "serialization") for m in (*members, *protocol.HEADERS)]
+    models = [(m, "serialization") for m in (*messages.MESSAGES, *messages.HEADERS)]
     models += [(m, "validation") for m in (*asked, *requests.BODIES)]
     _, schema = models_json_schema(models)  # type: ignore[arg-type]
     parts = [_HEAD, f"export const PROTOCOL = {protocol.VERSION};\n"]

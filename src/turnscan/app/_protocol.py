@@ -55,7 +55,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field
 
 VERSION = 1
 """Of the protocol; the page reloads itself where it has another one."""
@@ -941,45 +941,3 @@ class Scanning(Model):
     seconds_left: float | None
     missing: Count
     text: str
-
-
-ServerMessage = Annotated[
-    Hello
-    | Done
-    | Refused
-    | StartedJob
-    | JobState
-    | Verbs
-    | Files
-    | ImportPreviewed
-    | Control
-    | Beat
-    | Stopped
-    | Scans
-    | Opened
-    | Closed
-    | Patch
-    | History
-    | SettingsChanged
-    | GridChanged
-    | PreviewShown
-    | Holes
-    | Defects
-    | Measures
-    | DeviationShown
-    | ColoursShown
-    | ShapesShown
-    | Found
-    | Devices
-    | Calibration
-    | Verifications
-    | Seen
-    | Points
-    | Scanning,
-    Field(discriminator="kind"),
-]
-
-
-ANSWERS: TypeAdapter[ServerMessage] = TypeAdapter(ServerMessage)
-HEADERS = (MeshHeader, FileMeshHeader, GridHeader, ProfileHeader)
-"""Models that no message holds."""
