@@ -1,6 +1,6 @@
 /** The panel of repairs. */
 import { useSignal } from "@preact/signals";
-import { doEdit, figures, opened } from "../part";
+import { doEdit, type EditValue, figures, opened, type Preview } from "../part";
 import { level } from "../state";
 import { Button, count, NumberField, Section, SelectField } from "../ui/controls";
 import { selected, tool } from "../viewport/place";
@@ -17,6 +17,43 @@ export function RepairPanels() {
       <DecimatePanel />
       {level.value === "expert" && <SeamPanel />}
       <FiguresPanel />
+    </>
+  );
+}
+
+/** Preview and apply of one edit, and what the preview says that it would do. */
+function PreviewAndApply(given: {
+  edit: () => EditValue;
+  label: string;
+  disabled?: boolean;
+  /** Where the edit goes; all faces where left out. */
+  where?: () => ReturnType<typeof selectionArrays>;
+  words?: (shown: Preview) => string;
+}) {
+  const would = useSignal<string | null>(null);
+  const preview = async () => {
+    const shown = await show(given.edit(), given.where?.());
+    would.value = shown && given.words ? given.words(shown) : null;
+  };
+  const change = async () => {
+    await apply(given.edit(), given.where?.());
+    would.value = null;
+  };
+  return (
+    <>
+      {would.value !== null && (
+        <p class="quiet num" role="status">
+          {would.value}
+        </p>
+      )}
+      <div class="grid-2">
+        <Button disabled={given.disabled} onClick={() => void preview()}>
+          Preview
+        </Button>
+        <Button disabled={given.disabled} onClick={() => void change()}>
+          {given.label}
+        </Button>
+      </div>
     </>
   );
 }
@@ -59,8 +96,6 @@ function SmoothPanel() {
 
 function SpikesPanel() {
   const beyond = useSignal(6);
-  const would = useSignal<number | null>(null);
-  const value = () => ({ kind: "despike", beyond: beyond.value });
   return (
     <Section title="Spikes" open={false}>
       <NumberField
@@ -72,29 +107,18 @@ function SpikesPanel() {
         onChange={(times) => (beyond.value = times ?? 6)}
       />
       <p class="quiet">times the usual roughness, {selected.value ? "in the selection" : "everywhere"}.</p>
-      {would.value !== null && (
-        <p class="quiet num" role="status">
-          {count(would.value)} triangles would go and be filled.
-        </p>
-      )}
-      <div class="grid-2">
-        <Button
-          onClick={() =>
-            void show(value(), selectionArrays()).then((shown) => (would.value = shown?.dead.length ?? null))
-          }
-        >
-          Preview
-        </Button>
-        <Button onClick={() => void apply(value(), selectionArrays()).then(() => (would.value = null))}>Remove</Button>
-      </div>
+      <PreviewAndApply
+        label="Remove"
+        edit={() => ({ kind: "despike", beyond: beyond.value })}
+        where={selectionArrays}
+        words={({ dead }) => `${count(dead.length)} triangles would go and be filled.`}
+      />
     </Section>
   );
 }
 
 function PiecesPanel() {
   const fewer = useSignal(100);
-  const would = useSignal<number | null>(null);
-  const value = () => ({ kind: "remove_pieces", fewer: fewer.value });
   return (
     <Section title="Small pieces" open={false}>
       <NumberField
@@ -105,17 +129,11 @@ function PiecesPanel() {
         step={1}
         onChange={(n) => (fewer.value = n ?? 100)}
       />
-      {would.value !== null && (
-        <p class="quiet num" role="status">
-          {count(would.value)} triangles would go.
-        </p>
-      )}
-      <div class="grid-2">
-        <Button onClick={() => void show(value()).then((shown) => (would.value = shown?.dead.length ?? null))}>
-          Preview
-        </Button>
-        <Button onClick={() => void apply(value()).then(() => (would.value = null))}>Remove</Button>
-      </div>
+      <PreviewAndApply
+        label="Remove"
+        edit={() => ({ kind: "remove_pieces", fewer: fewer.value })}
+        words={({ dead }) => `${count(dead.length)} triangles would go.`}
+      />
     </Section>
   );
 }
@@ -125,7 +143,6 @@ function ClosePanel() {
   const top = useSignal<"plane" | "smooth" | "open">("plane");
   const bottom = useSignal<"floor" | "open">("floor");
   const holes = useSignal<FillHow>("auto");
-  const value = () => ({ kind: "close", floor: floor.value, bottom: bottom.value, top: top.value, holes: holes.value });
   return (
     <Section title="Make watertight" open={false}>
       <NumberField
@@ -155,10 +172,16 @@ function ClosePanel() {
         onChange={(how) => (top.value = how)}
       />
       <SelectField label="Holes" value={holes.value} options={FILL_HOW} onChange={(how) => (holes.value = how)} />
-      <div class="grid-2">
-        <Button onClick={() => void show(value())}>Preview</Button>
-        <Button onClick={() => void apply(value())}>Close</Button>
-      </div>
+      <PreviewAndApply
+        label="Close"
+        edit={() => ({
+          kind: "close",
+          floor: floor.value,
+          bottom: bottom.value,
+          top: top.value,
+          holes: holes.value,
+        })}
+      />
     </Section>
   );
 }
@@ -166,8 +189,6 @@ function ClosePanel() {
 function DecimatePanel() {
   const tolerance = useSignal<number | null>(0.05);
   const faces = useSignal<number | null>(null);
-  const would = useSignal<number | null>(null);
-  const value = () => ({ kind: "decimate", tolerance: tolerance.value, faces: faces.value });
   const none = tolerance.value === null && faces.value === null;
   return (
     <Section title="Decimate" open={false}>
@@ -187,22 +208,14 @@ function DecimatePanel() {
         placeholder="any number"
         onChange={(n) => (faces.value = n)}
       />
-      {would.value !== null && (
-        <p class="quiet num" role="status">
-          {count(would.value)} of {count(figures.value?.faces ?? 0)} triangles would be left.
-        </p>
-      )}
-      <div class="grid-2">
-        <Button
-          disabled={none}
-          onClick={() => void show(value()).then((shown) => (would.value = shown?.figures.faces ?? null))}
-        >
-          Preview
-        </Button>
-        <Button disabled={none} onClick={() => void apply(value()).then(() => (would.value = null))}>
-          Decimate
-        </Button>
-      </div>
+      <PreviewAndApply
+        label="Decimate"
+        disabled={none}
+        edit={() => ({ kind: "decimate", tolerance: tolerance.value, faces: faces.value })}
+        words={({ figures: left }) =>
+          `${count(left.faces)} of ${count(figures.value?.faces ?? 0)} triangles would be left.`
+        }
+      />
     </Section>
   );
 }

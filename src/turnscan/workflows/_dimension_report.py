@@ -13,8 +13,9 @@ from turnscan.drawings import with_sigma
 from turnscan.findings import Finding
 from turnscan.mesh import vertex_normals
 from turnscan.workflows import _document as doc
+from turnscan.workflows._colours import GREY
 from turnscan.workflows._report import ReportTable
-from turnscan.workflows._shapes import FREEFORM, FoundShapes
+from turnscan.workflows._shapes import FoundShapes
 from turnscan.workflows._shapes_table import COVERAGE, Dimension, dimensions_csv, finite
 
 _MARKED = ((213, 94, 0), (0, 114, 178))
@@ -119,7 +120,7 @@ def _row(d: Dimension) -> list[object]:
 def _picture(found: FoundShapes, shapes: Sequence[int], normals: Floats) -> Image:
     """The part in grey with the shapes of a feature marked, seen from where they look to."""
     label = found.found.label
-    colour = np.full((len(label), 3), FREEFORM, dtype=np.uint8)
+    colour = np.full((len(label), 3), GREY, dtype=np.uint8)
     for k, shape in enumerate(shapes):
         colour[label == shape] = _MARKED[k % len(_MARKED)]
     to = normals[np.isin(label, shapes)].sum(axis=0)

@@ -12,15 +12,9 @@ from turnscan.arrays import Floats, Ints
 from turnscan.drawings import Colour, Facets
 from turnscan.mesh import Mesh
 from turnscan.shapes import deviation
+from turnscan.workflows._colours import DEVIATION_STEPS, GREY
 
-NOT_MEASURED: Colour = (190, 190, 190)
-_COLOURS: tuple[tuple[str, Colour], ...] = (
-    ("dark blue", (69, 117, 180)), ("blue", (145, 191, 219)), ("pale blue", (224, 243, 248)),
-    ("yellow", (255, 255, 191)),
-    ("pale orange", (254, 224, 144)), ("orange", (252, 141, 89)), ("red", (215, 48, 39)),
-)  # fmt: skip
-"""From inside to outside, distinct with every common colour blindness (ColorBrewer RdYlBu)."""
-_MIDDLE = len(_COLOURS) // 2
+_MIDDLE = len(DEVIATION_STEPS) // 2
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _FINEST = 1e-4
 """mm: no colour stands for less."""
@@ -67,13 +61,13 @@ class FaceDeviations:
 
     def _colour(self, f: FaceDeviation) -> Colour:
         if not f.points:
-            return NOT_MEASURED
+            return GREY
         k = int(np.clip(np.rint(f.mean_mm / self.width), -_MIDDLE, _MIDDLE))
-        return _COLOURS[k + _MIDDLE][1]
+        return DEVIATION_STEPS[k + _MIDDLE][1]
 
     def legend(self) -> Iterator[tuple[str, str]]:
         """Each colour, and the mean deviations that it stands for."""
-        for k, (name, _) in enumerate(_COLOURS):
+        for k, (name, _) in enumerate(DEVIATION_STEPS):
             low, high = ((k - _MIDDLE + h) * self.width for h in (-0.5, 0.5))
             yield name, f"{low:+.4g} to {high:+.4g} mm"
         yield "grey", "not measured"
@@ -86,7 +80,7 @@ class FaceDeviations:
     def painted(self) -> Mesh:
         """The faces in their colours, as triangles."""
         t = self.facets.mesh.triangles
-        colour = np.full((len(self.faces), 3), NOT_MEASURED, dtype=np.uint8)
+        colour = np.full((len(self.faces), 3), GREY, dtype=np.uint8)
         for k, c in self.colours.items():
             colour[k] = c
         of = np.asarray(self.facets.order, dtype=np.int64)[self.facets.face]

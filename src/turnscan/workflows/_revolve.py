@@ -37,6 +37,7 @@ from turnscan.shapes.revolved import (
 )
 from turnscan.workflows import _document as doc
 from turnscan.workflows._check_tolerance import check_tolerance
+from turnscan.workflows._colours import DEVIATION
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_apart, check_output, write_atomically
 from turnscan.workflows._loading import Source
@@ -387,7 +388,7 @@ def _map(part: RevolvedPart) -> Any:
     top = 3 * max(t.sigma, 1e-9)
     some = np.flatnonzero(t.on)[:: max(1, int(t.on.sum()) // 60_000)]
     dots = axes.scatter(
-        np.rad2deg(t.angle[some]), t.z[some] - part.foot, c=t.off[some], s=1, cmap="RdYlBu_r",
+        np.rad2deg(t.angle[some]), t.z[some] - part.foot, c=t.off[some], s=1, cmap=DEVIATION,
         vmin=-top, vmax=top, linewidths=0,
     )  # fmt: skip
     axes.set_xlabel("angle, °")

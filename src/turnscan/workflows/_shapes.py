@@ -31,7 +31,9 @@ from turnscan.shapes.primitives import (
 from turnscan.shapes.primitives import find_shapes as find_in_mesh
 from turnscan.workflows import _document as doc
 from turnscan.workflows._check_tolerance import check_tolerance
+from turnscan.workflows._colours import DISTINCT, GREY
 from turnscan.workflows._declare import chosen
+from turnscan.workflows._deviation_map import VIEWS, distance_figure
 from turnscan.workflows._files import write_atomically
 from turnscan.workflows._loading import Source
 from turnscan.workflows._measured_surface import measured_surface
@@ -43,13 +45,6 @@ from turnscan.workflows._solid_report import solid_blocks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-FREEFORM = (190, 190, 190)
-_COLOURS = (
-    (86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0),
-    (204, 121, 167), (148, 103, 189), (140, 86, 75), (23, 190, 207),
-)  # fmt: skip
-"""Neighbouring numbers differ with every common colour blindness (Okabe & Ito)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +101,9 @@ class FoundShapes:
         """The mesh with a colour for each shape, grey where it is freeform or not measured."""
         sharp = self.sharpened if self.with_edges else None
         mesh, label = (sharp.mesh, sharp.label) if sharp else (self.mesh, self.found.label)
-        colour = np.full((len(mesh.vertices), 3), FREEFORM, dtype=np.uint8)
+        colour = np.full((len(mesh.vertices), 3), GREY, dtype=np.uint8)
         on = label >= 0
-        colour[on] = np.array(_COLOURS, dtype=np.uint8)[label[on] % len(_COLOURS)]
+        colour[on] = np.array(DISTINCT, dtype=np.uint8)[label[on] % len(DISTINCT)]
         return replace(mesh, colour=colour)
 
     @cached_property
@@ -401,10 +396,6 @@ def edge_in_words(e: Edge) -> str:
     return f"{who}{what} {with_sigma(e.size, e.sigma)} mm {between}{own}"
 
 
-_MAP = "RdYlBu_r"
-_VIEWS = (0.6, 0.6 + np.pi)
-
-
 def _write_report(found: FoundShapes, path: Path) -> None:
     doc.write_report(
         path,
@@ -473,7 +464,7 @@ def shapes_figure(found: FoundShapes) -> Figure:
 
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     mesh = found.coloured()
-    for axes, azimuth in zip(figure.subplots(1, 2), _VIEWS, strict=True):
+    for axes, azimuth in zip(figure.subplots(1, 2), VIEWS, strict=True):
         axes.imshow(mesh.show(azimuth=azimuth, size=(520, 440)).pixels)
         axes.set_axis_off()
     return figure
@@ -481,23 +472,5 @@ def shapes_figure(found: FoundShapes) -> Figure:
 
 def residual_figure(found: FoundShapes) -> Figure:
     """Two views coloured by residual, and the histogram of all of them."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    r = found.found.residual
-    on = np.isfinite(r)
     top = max(found.found.tolerance, 1e-6)
-    colour = np.full((len(r), 3), FREEFORM, dtype=np.float64)
-    shade = mpl.colormaps[_MAP](np.clip(r[on] / top, -1, 1) * 0.5 + 0.5)[:, :3]
-    colour[on] = shade * 255
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    left, right, chart = figure.subplots(1, 3, width_ratios=[1, 1, 0.8])
-    for axes, azimuth in zip((left, right), _VIEWS, strict=True):
-        axes.imshow(found.mesh.show(azimuth=azimuth, size=(480, 420), colour=colour).pixels)
-        axes.set_axis_off()
-    chart.hist(np.clip(r[on], -top, top), bins=61, range=(-top, top), color="#4a7fb0")
-    chart.set_xlabel("residual, mm (ends: beyond)")
-    chart.set_ylabel("vertices")
-    shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(-top, top), _MAP)
-    figure.colorbar(shades, ax=[left, right], fraction=0.03, label="mm, positive outside")
-    return figure
+    return distance_figure(found.mesh, found.found.residual, top, "residual")

@@ -18,6 +18,7 @@ from turnscan.pipeline import Reconstruction
 from turnscan.points import RangeGrid
 from turnscan.shapes import area
 from turnscan.surface.holes import CAUSE_WORDS, Hole, closings
+from turnscan.workflows._deviation_map import VIEWS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +30,6 @@ _ROWS = 40
 """Holes in the table of the HTML page; the JSON file has all."""
 _MEASURED, _FILLED = (122.0, 158.0, 196.0), (204.0, 121.0, 167.0)
 """Distinct with every common colour blindness (Okabe & Ito)."""
-_VIEWS = (0.6, 0.6 + np.pi)
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def surface_parts(done: Reconstruction) -> list[str]:
         parts.append(html.paragraph(text))
     parts.append(html.heading("Surface"))
     before = _before(done)
-    for azimuth in _VIEWS:
+    for azimuth in VIEWS:
         at = f"from {np.rad2deg(azimuth):.0f}°"
         parts.append(html.picture(_picture(before, azimuth), f"as measured, {at}"))
         if done.mesh is not before:
