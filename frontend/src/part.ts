@@ -28,6 +28,8 @@ export const figures = signal<Figures | null>(null);
 export const history = signal<readonly HistoryEntry[]>([]);
 /** Other histories, left when an edit was made after stepping back. */
 export const branches = signal<readonly BranchEntry[]>([]);
+/** Names the picture of the surface before any edit; empty for none. */
+export const scannedPicture = signal("");
 export const cursor = signal(0);
 /** What the surface is made with. */
 export const settings = signal<ScanSettings | null>(null);
@@ -103,6 +105,7 @@ async function show(message: Opened): Promise<void> {
     figures.value = message.figures;
     history.value = message.history;
     branches.value = message.branches;
+    scannedPicture.value = message.scanned_picture;
     cursor.value = message.cursor;
     measures.value = message.measures;
     settings.value = message.settings;
@@ -261,8 +264,8 @@ async function toScan(
   what:
     | { kind: "undo" }
     | { kind: "redo" }
-    | { kind: "go_to"; cursor: number }
-    | { kind: "take_branch"; edit: number }
+    | { kind: "go_to"; edit: number }
+    | { kind: "name_edit"; edit: number; name: string }
     | { kind: "switch"; edit: number; on: boolean },
 ) {
   const scan = opened.value?.scan;
@@ -276,8 +279,9 @@ async function toScan(
 
 export const undo = () => toScan({ kind: "undo" });
 export const redo = () => toScan({ kind: "redo" });
-export const takeBranch = (edit: number) => toScan({ kind: "take_branch", edit });
-export const goTo = (to: number) => toScan({ kind: "go_to", cursor: to });
+/** To the state after an edit, of a branch too; 0: as scanned. */
+export const goTo = (edit: number) => toScan({ kind: "go_to", edit });
+export const nameEdit = (edit: number, name: string) => toScan({ kind: "name_edit", edit, name });
 export const switchEdit = (edit: number, isOn: boolean) => toScan({ kind: "switch", edit, on: isOn });
 
 /** Other settings hold: the grids have other steps, and what was marked may be gone. */
@@ -412,6 +416,7 @@ function hearServer(): void {
     if (message.scan !== opened.value?.scan) return;
     history.value = message.history;
     branches.value = message.branches;
+    scannedPicture.value = message.scanned_picture;
     cursor.value = message.cursor;
   });
   on("closed", ({ scan }) => {

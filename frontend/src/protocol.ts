@@ -64,16 +64,12 @@ export interface BinEntry {
   at: string;
 }
 
-/** Another history, left when an edit was made after stepping back. */
+/** A piece of another history, left when an edit was made after stepping back. */
 export interface BranchEntry {
-  /** Number of its last edit, by which it is taken up. */
-  edit: number;
-  /** How many edits it has that the history has not. */
-  edits: number;
-  /** Its last edit in words. */
-  text: string;
-  /** ISO time of that, UTC. */
-  at: string;
+  /** Number of the edit it grows from; 0: it begins with the first edit. */
+  after: number;
+  /** Those that neither the history nor a newer branch has. */
+  edits: HistoryEntry[];
 }
 
 /**
@@ -188,7 +184,11 @@ export interface Control {
   clients: number;
 }
 
-/** Add edits of a scan to another one, in their order; a document of that is closed. */
+/**
+ * Add edits of a scan to another one, in their order; a document of that is closed.
+ *
+ * ``done`` says which of them do not fit there.
+ */
 export interface CopyEdits {
   id: number;
   kind: "copy_edits";
@@ -444,12 +444,13 @@ export interface GoOn {
   kind: "go_on";
 }
 
-/** To the state after the first ``cursor`` edits. */
+/** To the state after an edit, of the history or of a branch, which becomes the history. */
 export interface GoTo {
   id: number;
   kind: "go_to";
   scan: string;
-  cursor: number;
+  /** Its number; 0: as scanned. */
+  edit: number;
 }
 
 /** Rows of a grid are others now: get them. */
@@ -505,6 +506,8 @@ export interface History {
   history: HistoryEntry[];
   cursor: number;
   branches: BranchEntry[];
+  /** As that of an edit, before all of them. */
+  scanned_picture: string;
 }
 
 /** An edit in the list. */
@@ -518,6 +521,10 @@ export interface HistoryEntry {
   on: boolean;
   /** ISO time, UTC. */
   at: string;
+  /** Name that a person gave it; empty for none. */
+  title: string;
+  /** Of the surface after it, at ``/api/scans/{scan}/steps/{picture}.png``; empty for none. */
+  picture: string;
 }
 
 /** A hole in the surface. Its border is the array ``loop_{hole}``, f32 (m, 3). */
@@ -714,6 +721,15 @@ export interface MeshHeader {
   unit: "mm";
 }
 
+/** Name an edit, of a branch too; an empty name takes it away. */
+export interface NameEdit {
+  id: number;
+  kind: "name_edit";
+  scan: string;
+  edit: number;
+  name: string;
+}
+
 /** Open a scan: answered by ``opened``, or by ``started`` and, later, ``opened``. */
 export interface Open {
   id: number;
@@ -738,6 +754,8 @@ export interface Opened {
   history: HistoryEntry[];
   cursor: number;
   branches: BranchEntry[];
+  /** As that of an edit, before all of them. */
+  scanned_picture: string;
   findings: Remark[];
   measures: Measure[];
   settings: ScanSettings;
@@ -1207,14 +1225,6 @@ export interface Switch {
   on: boolean;
 }
 
-/** The branch of the history that ends with an edit becomes the history. */
-export interface TakeBranch {
-  id: number;
-  kind: "take_branch";
-  scan: string;
-  edit: number;
-}
-
 /** Become the operator. */
 export interface TakeControl {
   id: number;
@@ -1382,7 +1392,7 @@ export type ClientMessage =
   | Undo
   | Redo
   | GoTo
-  | TakeBranch
+  | NameEdit
   | Switch
   | CopyEdits
   | KeepSettings

@@ -21,6 +21,7 @@ function opened(scan: string, revision = 3, epoch = 1) {
     history: [],
     cursor: 0,
     branches: [],
+    scanned_picture: "",
     findings: [],
     measures: [],
   } as const;
@@ -229,10 +230,10 @@ describe("an edit", () => {
 describe("what belongs to the scan", () => {
   it("follows the server, and only for this scan", async () => {
     const page = await shown();
-    const entry = { index: 0, edit: 1, name: "close", text: "", on: true, at: "" };
-    await page.say({ kind: "history", scan: "box", history: [entry], cursor: 1, branches: [] });
+    const entry = { index: 0, edit: 1, name: "close", text: "", on: true, at: "", title: "", picture: "" };
+    await page.say({ kind: "history", scan: "box", history: [entry], cursor: 1, branches: [], scanned_picture: "" });
     expect(page.part.history.value).toEqual([]);
-    await page.say({ kind: "history", scan: "cup", history: [entry], cursor: 1, branches: [] });
+    await page.say({ kind: "history", scan: "cup", history: [entry], cursor: 1, branches: [], scanned_picture: "" });
     expect([page.part.history.value.length, page.part.cursor.value]).toEqual([1, 1]);
   });
 

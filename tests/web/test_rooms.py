@@ -32,15 +32,35 @@ def _another_branch(
 ) -> None:
     """An edit after going back begins a branch, and the first can be taken again."""
     first = history["history"][0]["edit"]
-    assert one.ask("go_to", scan=scan, cursor=0)["kind"] == "done"
+    assert one.ask("go_to", scan=scan, edit=0)["kind"] == "done"
     state = next(m for m in reversed(one.heard) if m["kind"] == "patch")
     again = one.ask("edit", arrays, scan=scan, base_revision=state["revision"], edit=edit)
     assert again["kind"] == "done"
     history = next(m for m in reversed(one.heard) if m["kind"] == "history")
-    assert [(b["edit"], b["edits"]) for b in history["branches"]] == [(first, 1)]
-    assert one.ask("take_branch", scan=scan, edit=first)["kind"] == "done"
+    (branch,) = history["branches"]
+    assert (branch["after"], [e["edit"] for e in branch["edits"]]) == (0, [first])
+    assert one.ask("name_edit", scan=scan, edit=first, name="with a gap")["kind"] == "done"
+    refused = one.ask("name_edit", scan=scan, edit=77, name="nobody")
+    assert "no edit 77" in refused["text"]
+    assert one.ask("go_to", scan=scan, edit=first)["kind"] == "done"
     history = next(m for m in reversed(one.heard) if m["kind"] == "history")
-    assert [e["edit"] for e in history["history"]] == [first]
+    assert [(e["edit"], e["title"]) for e in history["history"]] == [(first, "with a gap")]
+
+
+def _pictures_come(one: Browser, http: Any, scan: str) -> None:
+    """Every step of history and branches gets a picture of its surface, drawn once."""
+
+    def drawn(m: Message) -> bool:
+        rows = [*m["history"], *(e for b in m["branches"] for e in b["edits"])]
+        return all(e["picture"] for e in rows) and bool(m["scanned_picture"])
+
+    last = next(m for m in reversed(one.heard) if m["kind"] == "history")
+    told = last if drawn(last) else one.until("history", drawn)
+    names = {e["picture"] for e in told["history"]} | {told["scanned_picture"]}
+    for name in names:
+        answer = http.get(f"/api/scans/{scan}/steps/{name}.png")
+        assert answer.content.startswith(b"\x89PNG")
+    assert http.get(f"/api/scans/{scan}/steps/{'0' * 16}.png").status_code == 404
 
 
 def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
@@ -105,6 +125,14 @@ def test_edits_reach_everybody_and_are_in_the_file(folder: Path) -> None:
         _, arrays = unpack(http.get(f"/api/scans/{scan}/mesh").content)
         assert arrays["alive"].all()
         _another_branch(one, scan, history, {"faces": chosen[:9]}, edit)
+        _pictures_come(one, http, scan)
+        switch = {"scan": scan, "edit": history["history"][0]["edit"], "on": True}
+        assert one.ask("switch", **switch)["kind"] == "done"
+        _, touched = unpack(http.get(f"/api/scans/{scan}/edits").content)
+        assert set(touched["touch"]) == {0, 3}
+        rim = np.unique(arrays["faces"].reshape(-1, 3)[chosen])
+        assert not touched["touch"][rim].tolist().count(0)
+        assert one.ask("switch", **{**switch, "on": False})["kind"] == "done"
         with serving(folder) as second, Browser(second) as other:
             other.send("open", scan=other.hello["scans"][0]["scan"])
             failed = other.until("job", lambda m: m["state"] == "failed")

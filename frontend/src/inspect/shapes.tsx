@@ -1,20 +1,18 @@
-/** Shapes found in the scan: each on the surface and in a list, with every size; and sections as drawings. */
+/** Shapes found in the scan: each on the surface and in a list, with every size. */
 import { computed, signal } from "@preact/signals";
 import { link } from "../bus";
 import { css, PALETTE } from "../mesh/colours";
 import { mesh, onMesh, opened, shownRevision } from "../part";
 import type { ShapesShown } from "../protocol";
 import { complain, notify } from "../state";
-import { Button, bound, Section, TextField } from "../ui/controls";
+import { Button, Section } from "../ui/controls";
 import { Tables } from "../verbs/result";
 import { colourAnew, currentViewport } from "../viewport/place";
-import { ReportButtons } from "./report";
 
 const shown = signal<ShapesShown | null>(null);
 /** The surface was changed since. */
 const old = signal(false);
 const busy = signal(false);
-const planes = signal("z=20");
 
 const here = computed(() => (shown.value?.scan === opened.value?.scan ? shown.value : null));
 
@@ -89,30 +87,6 @@ export function ShapesPanel() {
           <Tables of={[now.dimensions]} />
         </>
       )}
-    </Section>
-  );
-}
-
-/** Sections through the part, written into the folder as drawings. */
-export function SectionsPanel() {
-  const scan = opened.value?.scan ?? "";
-  const wanted = planes.value.split(/[;\s]+/).filter(Boolean);
-  return (
-    <Section title="Sections" open={false}>
-      <TextField label="Planes" unit="mm" {...bound(planes)} />
-      <p class="quiet">z=20, x=0, or z=10:100:10 (from, to, step); several with ;</p>
-      <ReportButtons
-        of="section"
-        what="Section"
-        suffixes={[".dxf", ".svg", ".pdf"]}
-        disabled={!wanted.length}
-        request={(name, suffix) => ({
-          kind: "run_verb",
-          verb: "section",
-          name,
-          values: { part: scan, plane: wanted, outputs: [suffix] },
-        })}
-      />
     </Section>
   );
 }

@@ -1,7 +1,7 @@
 /** Colours of the surface. Maps and palettes are chosen for eyes that confuse red and green. */
 import type { MeshModel } from "./model";
 
-export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured", "deviation", "shapes"] as const;
+export const COLOURINGS = ["plain", "sigma", "laser", "height", "measured", "deviation", "shapes", "edits"] as const;
 /** `own` are the colours that the file of a mesh holds. */
 export type Colouring = (typeof COLOURINGS)[number] | "own";
 
@@ -33,6 +33,14 @@ export const PALETTE: readonly Rgb[] = [
 
 export const PLAIN: Rgb = [178, 187, 199];
 export const UNMEASURED: Rgb = [122, 132, 214];
+/** What was done by hand at a vertex: colour and word by the server's number. */
+export const TOUCHES: readonly (readonly [Rgb, string])[] = [
+  [PLAIN, "as measured"],
+  [PALETTE[0], "smoothed"],
+  [PALETTE[2], "added"],
+  [PALETTE[5], "beside what was deleted"],
+  [PALETTE[6], "changed in the scan grid"],
+];
 export const SELECTED = "#f0691e";
 
 export function cividis(t: number): Rgb {
@@ -104,6 +112,8 @@ export function colourVertices(mesh: MeshModel, by: Colouring): Coloured {
     } else if (by === "shapes") {
       const shape = mesh.shapes?.[v] ?? -1;
       if (shape >= 0) colour = PALETTE[shape % PALETTE.length];
+    } else if (by === "edits") {
+      colour = TOUCHES[mesh.touch?.[v] ?? 0]?.[0] ?? PLAIN;
     } else if (by === "laser") {
       colour = mesh.laser[v] < 0 ? UNMEASURED : PALETTE[mesh.laser[v] % PALETTE.length];
     }

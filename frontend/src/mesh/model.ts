@@ -50,6 +50,8 @@ export class MeshModel {
   deviationEnd: number | null = null;
   /** (v) index of the shape that a vertex lies on, −1 for none; null where none were sought. */
   shapes: Int32Array | null = null;
+  /** (v) what was done by hand at a vertex, see `TOUCHES`; null where it is not known yet. */
+  touch: Uint8Array | null = null;
   vertexCount: number;
   faceCount: number;
   aliveCount: number;

@@ -1,8 +1,37 @@
-/** Colours from texture images: fetched when they are shown, and again when the surface was changed. */
+/** Colours that the server knows: fetched when they are shown, and again when the surface was changed. */
 import { link } from "../bus";
+import { getArrays } from "../link";
+import type { Colouring } from "../mesh/colours";
+import type { MeshModel } from "../mesh/model";
 import { mesh, onMesh, opened, shownRevision } from "../part";
+import type { MeshHeader } from "../protocol";
 import { complain } from "../state";
 import { colouring, currentViewport } from "../viewport/place";
+
+/** Gets the colours of a scan: the revision they are of, and what puts them on its surface. */
+type Source = (scan: string) => Promise<{ revision: number; put: (model: MeshModel) => void }>;
+
+const SOURCES: Partial<Record<Colouring, Source>> = {
+  own: async (scan) => {
+    const { header, arrays } = await link.request({ kind: "show_colours", scan });
+    if (header.kind !== "colours") throw new Error(header.kind);
+    return {
+      revision: header.revision,
+      put: (model) => {
+        model.colour = arrays.u8("colour");
+      },
+    };
+  },
+  edits: async (scan) => {
+    const { header, arrays } = await getArrays<MeshHeader>(`api/scans/${scan}/edits`);
+    return {
+      revision: header.revision,
+      put: (model) => {
+        model.touch = arrays.u8("touch");
+      },
+    };
+  },
+};
 
 let asked = false;
 
@@ -14,18 +43,19 @@ export function startColours(): void {
 
 /** One request at a time; a newer surface asks again when the answer is there. */
 async function refresh(): Promise<void> {
-  const scan = opened.value?.textured ? opened.value.scan : null;
-  if (!scan || !mesh.value || colouring.value !== "own" || asked) return;
+  const by = colouring.value;
+  const scan = by === "own" && !opened.value?.textured ? null : opened.value?.scan;
+  const source = SOURCES[by];
+  if (!scan || !source || !mesh.value || asked) return;
   asked = true;
   let old = false;
   try {
-    const { header, arrays } = await link.request({ kind: "show_colours", scan });
+    const { revision, put } = await source(scan);
     const model = mesh.value;
-    if (header.kind !== "colours") return;
-    old = opened.value?.scan !== scan || header.revision !== shownRevision();
+    old = opened.value?.scan !== scan || revision !== shownRevision() || colouring.value !== by;
     if (old || !model) return;
-    model.colour = arrays.u8("colour");
-    if (colouring.value === "own") currentViewport()?.setColouring("own");
+    put(model);
+    currentViewport()?.setColouring(by);
   } catch (error) {
     complain(error);
   } finally {

@@ -12,24 +12,32 @@ type Vec = [number, number, number];
 const DEGREE = Math.PI / 180;
 
 /** The direction of the normal: azimuth about z from x, and height above the horizontal. */
-function angles(n: Vec): [number, number] {
+export function angles(n: Vec): [number, number] {
   return [Math.atan2(n[1], n[0]) / DEGREE, Math.atan2(n[2], Math.hypot(n[0], n[1])) / DEGREE];
 }
 
-function normalOf(azimuth: number, height: number): Vec {
+export function normalOf(azimuth: number, height: number): Vec {
   const c = Math.cos(height * DEGREE);
   return [c * Math.cos(azimuth * DEGREE), c * Math.sin(azimuth * DEGREE), Math.sin(height * DEGREE)];
 }
 
-/** A plane across a direction, a tenth of the part above its lowest place in it. */
-function starting(normal: Vec): CutPlane {
+/** How far the part reaches along a direction, mm from the origin. */
+export function reach(normal: Vec): [number, number] {
   const box = mesh.value?.bounds();
-  if (!box) return { normal, offset: 0 };
+  if (!box) return [0, 0];
   const ends = normal.map((n, i) => [n * box.low[i], n * box.high[i]]);
   const low = ends.reduce((sum, [a, b]) => sum + Math.min(a, b), 0);
   const high = ends.reduce((sum, [a, b]) => sum + Math.max(a, b), 0);
-  return { normal, offset: low + 0.1 * (high - low) };
+  return [low, high];
 }
+
+/** A plane across a direction, at a share of the part above its lowest place in it. */
+export function across(normal: Vec, share: number): CutPlane {
+  const [low, high] = reach(normal);
+  return { normal, offset: low + share * (high - low) };
+}
+
+const starting = (normal: Vec) => across(normal, 0.1);
 
 export function CutPanel() {
   const cap = useSignal(true);

@@ -1,28 +1,10 @@
-/** Holes, defects and the history. */
+/** Holes and defects. */
 import { useSignal, useSignalEffect } from "@preact/signals";
-import {
-  branches,
-  cursor,
-  defects,
-  goTo,
-  type Hole,
-  history,
-  holeCount,
-  holes,
-  listDefects,
-  listHoles,
-  listsAreOld,
-  opened,
-  redo,
-  switchEdit,
-  takeBranch,
-  undo,
-} from "../part";
+import { defects, type Hole, holeCount, holes, listDefects, listHoles, listsAreOld, opened } from "../part";
 import { Button, count, mm, NumberField, Section, SelectField } from "../ui/controls";
 import { currentViewport } from "../viewport/place";
-import { CopyEdits } from "./copying";
 import { apply, bridgeValue, chosenHoleList, FILL_HOW, type FillHow, fillValue, show } from "./edits";
-import { chosenHoles, markPlace, preview, tab } from "./state";
+import { chosenHoles, markPlace, preview } from "./state";
 
 function zoomTo(hole: Hole): void {
   chosenHoles.value = new Set([hole.hole]);
@@ -154,93 +136,6 @@ function DefectsPanel() {
           </li>
         ))}
       </ul>
-    </Section>
-  );
-}
-
-/** The last edit that counts, for the status line; a click shows the whole list. */
-export function LastEdit() {
-  const list = history.value;
-  const last = list[cursor.value - 1];
-  if (!list.length) return null;
-  return (
-    <Button kind="plain" small label="The last edit; show the history" onClick={() => (tab.value = "history")}>
-      <span class={last?.on === false ? "off" : ""}>{last ? last.text : "as scanned"}</span>
-      <span class="quiet num">
-        {cursor.value} of {list.length}
-      </span>
-    </Button>
-  );
-}
-
-export function HistoryPanel() {
-  const list = history.value;
-  const at = cursor.value;
-  return (
-    <Section title="History" count={list.length}>
-      <div class="grid-2">
-        <Button icon="undo" keys="Ctrl+Z" label="Undo" disabled={at === 0} onClick={() => void undo()}>
-          Undo
-        </Button>
-        <Button icon="redo" keys="Ctrl+Shift+Z" label="Redo" disabled={at >= list.length} onClick={() => void redo()}>
-          Redo
-        </Button>
-      </div>
-      <ol class="list whole" aria-label="Edits, the first one first">
-        <li class={at === 0 ? "current" : ""}>
-          <button type="button" class="button plain grow" onClick={() => void goTo(0)}>
-            As scanned
-          </button>
-        </li>
-        {list.map((entry) => (
-          <li
-            key={entry.edit}
-            class={`${entry.index + 1 === at ? "current" : ""} ${entry.index >= at ? "undone" : ""}`}
-          >
-            <input
-              type="checkbox"
-              checked={entry.on}
-              title={entry.on ? "Disable this edit" : "Enable this edit"}
-              aria-label={`${entry.text}: in use`}
-              disabled={entry.index >= at}
-              onChange={(event) => void switchEdit(entry.edit, event.currentTarget.checked)}
-            />
-            <button
-              type="button"
-              class="button plain grow"
-              title="Go to the state after this edit"
-              onClick={() => void goTo(entry.index + 1)}
-            >
-              <span class={entry.on ? "" : "off"}>{entry.text}</span>
-              <span class="quiet num">{new Date(entry.at).toLocaleTimeString("sv").slice(0, 5)}</span>
-            </button>
-          </li>
-        ))}
-      </ol>
-      {branches.value.length > 0 && (
-        <>
-          <h3>Branches</h3>
-          <ul class="list" aria-label="Branches of the history, the newest first">
-            {branches.value.toReversed().map((branch) => (
-              <li key={branch.edit}>
-                <button
-                  type="button"
-                  class="button plain grow"
-                  title="Return to this branch; the history as it is now becomes a branch"
-                  onClick={() => void takeBranch(branch.edit)}
-                >
-                  <span>
-                    {branch.edits} other {branch.edits === 1 ? "edit" : "edits"}, the last: {branch.text}
-                  </span>
-                  <span class="quiet num">{new Date(branch.at).toLocaleTimeString("sv").slice(0, 5)}</span>
-                </button>
-              </li>
-            ))}
-          </ul>
-        </>
-      )}
-      <CopyEdits />
-      <p class="quiet">Every edit is in the scan file; the pictures are never changed.</p>
     </Section>
   );
 }

@@ -6,7 +6,8 @@ import type { AnyArray } from "../envelope";
 import { DeviationPanel, forgetProbes, probe, probeItems, probing } from "../inspect/deviation";
 import { DimensionsPanel, keepCurrent, written } from "../inspect/dimensions";
 import { ReportPanel } from "../inspect/report";
-import { SectionsPanel, ShapesPanel } from "../inspect/shapes";
+import { SectionsPanel, sectionItems } from "../inspect/sections";
+import { ShapesPanel } from "../inspect/shapes";
 import { mark, measures, opened } from "../part";
 import type { TakeMeasure } from "../protocol";
 import { stepCommands } from "../repair/commands";
@@ -145,7 +146,7 @@ function items(): Item[] {
       out.push({ kind: "line", points, colour: "#ffc24a", label, closed: measure.what === "diameter" });
     else if (points.length) out.push({ kind: "point", at: points[0], colour: "#ffc24a", label });
   }
-  return [...out, ...probeItems()];
+  return [...out, ...probeItems(), ...sectionItems()];
 }
 
 function Rail() {

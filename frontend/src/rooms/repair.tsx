@@ -6,7 +6,8 @@ import { cursor, figures, history, holes, mark, opened, redo, undo } from "../pa
 import { commands, TOOL_NAMES, take } from "../repair/commands";
 import { CutPanel } from "../repair/cutting";
 import { bridgeAt, smoothFaces } from "../repair/edits";
-import { HistoryPanel, HolesPanel, LastEdit } from "../repair/lists";
+import { HistoryPanel, LastEdit } from "../repair/history";
+import { HolesPanel } from "../repair/lists";
 import { Pane } from "../repair/pane";
 import { GridPane, PicturePane, ProfilePane } from "../repair/panes";
 import { PointPanel } from "../repair/point";
@@ -40,6 +41,7 @@ const COLOUR_WORDS = {
   measured: "measured",
   deviation: "deviation from a reference",
   shapes: "shapes found",
+  edits: "edits by hand",
 };
 const COLOUR_OPTIONS = COLOURINGS.map((name) => [name, COLOUR_WORDS[name]] as const);
 const IMAGE_COLOURS = ["own", "colours of the texture images"] as const;

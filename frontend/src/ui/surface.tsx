@@ -2,7 +2,7 @@
 import { useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Command } from "../commands";
-import { css, mapOf, PALETTE, UNMEASURED } from "../mesh/colours";
+import { css, mapOf, PALETTE, TOUCHES, UNMEASURED } from "../mesh/colours";
 import { lasers, loading, mesh } from "../part";
 import { jobs, place, theme } from "../state";
 import { VIEWS, type ViewName } from "../viewport/camera";
@@ -76,6 +76,18 @@ function Legend() {
         {by === "sigma" ? "uncertainty" : by} {figure(range.low, 3)}
         <span class="ramp" style={{ background: ramp }} />
         {figure(range.high, 3)} {range.unit}
+      </div>
+    );
+  }
+  if (by === "edits") {
+    return (
+      <div class="legend">
+        {TOUCHES.map(([colour, word]) => (
+          <span key={word} class="row">
+            <span class="swatch" style={{ background: css(colour) }} />
+            {word}
+          </span>
+        ))}
       </div>
     );
   }

@@ -28,7 +28,6 @@ export interface HandledView {
   select(faces: Iterable<number>, mode: Mode): void;
   clearSelection(): void;
   flood(face: number, mode: Mode): void;
-  setPlane(plane: CutPlane): void;
   view(name: ViewName): void;
   moved(): void;
   repaint(): void;
@@ -275,7 +274,6 @@ export class Hands {
       normal = [tip[0] / length, tip[1] / length, tip[2] / length];
       offset = normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2];
     }
-    this.view.setPlane({ normal, offset });
     this.view.events.plane({ normal, offset });
   }
 

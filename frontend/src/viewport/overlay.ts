@@ -4,7 +4,9 @@ import type { Point } from "./region";
 
 export type Item =
   | { kind: "point"; at: Vec; colour: string; label?: string }
-  | { kind: "line"; points: Vec[]; colour: string; closed?: boolean; label?: string };
+  | { kind: "line"; points: Vec[]; colour: string; closed?: boolean; label?: string }
+  /** Many short lines: (6n) mm, two ends each. */
+  | { kind: "pieces"; ends: Float32Array; colour: string };
 
 export interface Stroke {
   outline: readonly Point[];
@@ -85,6 +87,10 @@ export class Overlay {
       if (item.label) this.label(item.label, [at[0] + 12, at[1] - 8]);
       return;
     }
+    if (item.kind === "pieces") {
+      this.drawPieces(item.ends, item.colour);
+      return;
+    }
     const places = item.points.map((point) => this.place(point));
     this.path(places, item.closed ?? false);
     this.pen.strokeStyle = "#000a";
@@ -97,6 +103,26 @@ export class Overlay {
       const middle = places[Math.floor(places.length / 2)];
       const first = places[Math.max(0, Math.floor(places.length / 2) - 1)];
       this.label(item.label, [(middle[0] + first[0]) / 2 + 8, (middle[1] + first[1]) / 2 - 8]);
+    }
+  }
+
+  private drawPieces(ends: Float32Array, colour: string): void {
+    const { pen } = this;
+    const project = this.camera.projector();
+    const at = new Float64Array(3);
+    pen.beginPath();
+    for (let i = 0; i < ends.length; i += 3) {
+      project(ends[i], ends[i + 1], ends[i + 2], at);
+      if (i % 6) pen.lineTo(at[0], at[1]);
+      else pen.moveTo(at[0], at[1]);
+    }
+    for (const [style, width] of [
+      ["#000a", 4],
+      [colour, 2],
+    ] as const) {
+      pen.strokeStyle = style;
+      pen.lineWidth = width;
+      pen.stroke();
     }
   }
 

@@ -82,7 +82,7 @@ function create(element: HTMLElement): Viewport {
   });
   colouring.subscribe((value) => view.setColouring(value));
   bordersShown.subscribe((value) => view.showBorders(value));
-  plane.subscribe((value) => view.setPlane(value));
+  plane.subscribe((value) => view.setPlane(value, tool.peek() === "cut"));
   let shown: string | null = null;
   const follow = () => {
     const part = location.hash.split("/")[1] ?? null;

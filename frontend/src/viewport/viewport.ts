@@ -189,11 +189,12 @@ export class Viewport implements HandledView {
     this.redraw();
   }
 
-  setPlane(plane: CutPlane | null): void {
+  /** Show a plane with its handles; where it cuts, what goes is tinted. */
+  setPlane(plane: CutPlane | null, cuts: boolean): void {
     this.plane = plane;
     const box = this.mesh?.bounds();
     this.overlay.plane = plane && box ? { ...placed(plane, box), normal: plane.normal } : null;
-    this.surface.setPlane(plane);
+    this.surface.setPlane(cuts ? plane : null);
     this.repaint();
   }
 

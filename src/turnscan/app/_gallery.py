@@ -16,7 +16,7 @@ from turnscan.errors import ExportError, InputError, ScanBusy, StorageFull
 from turnscan.findings import Finding
 from turnscan.workflows import duplicate_scan, frame_thumbnail, write_atomically
 
-_OWN = ".turnscan-app"
+OWN = ".turnscan-app"
 """Folder beside the scans in which the bin and what is shown of scans are."""
 
 
@@ -25,7 +25,7 @@ class Gallery:
 
     def __init__(self, library: Library) -> None:
         self._library = library
-        self._own = library.folder / _OWN
+        self._own = library.folder / OWN
         self._counts: dict[Path, tuple[str, FindingCounts]] = {}
         library.counts = self.counts
 

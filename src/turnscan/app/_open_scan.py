@@ -19,12 +19,14 @@ from turnscan.app._envelope import Array
 from turnscan.app._files import Item
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
+from turnscan.app._step_pictures import StepPictures
 from turnscan.errors import InputError
 from turnscan.findings import Finding
 from turnscan.progress import Progress
 from turnscan.workflows import (
     CAUSE_TEXTS,
     CompareOptions,
+    HistoryRow,
     PlacedFinding,
     ReconstructOptions,
     ReconstructResult,
@@ -42,10 +44,11 @@ _PREFIX = "edit-"
 class OpenScan:
     """One scan that browsers look at and repair; all of them hear what changes."""
 
-    def __init__(self, name: str, path: Path, hub: Hub, job: Job) -> None:
+    def __init__(self, name: str, path: Path, hub: Hub, job: Job, pictures: StepPictures) -> None:
         """Reconstruct, and replay the edits in the file. Raises as `ScanSession`."""
-        self.name, self.path, self._hub = name, path, hub
+        self.name, self.path, self._hub, self._pictures = name, path, hub, pictures
         self.session = ScanSession(path, job.progress, self._tell)
+        self._draw(self.now)
 
     def close(self) -> None:
         """Let the file go."""
@@ -89,6 +92,7 @@ class OpenScan:
             history=self._entries(state),
             cursor=state.document.history.cursor,
             branches=self._branches(state),
+            scanned_picture=self._picture(self.session.picture_as_scanned()),
             findings=remarks(self.findings),
             measures=_measures(state),
             settings=self._settings(state),
@@ -306,6 +310,11 @@ class OpenScan:
         )
         return answer, encoded({"shape": shown.label})
 
+    def touched(self) -> tuple[p.MeshHeader, dict[str, Array]]:
+        """What was last done by hand at each vertex."""
+        state, arrays = self.session.touched()
+        return self._mesh_header(state), encoded(arrays)
+
     def undo(self, job: Job) -> None:
         """One edit back. Raises InputError where there is none."""
         self.session.undo(job)
@@ -314,13 +323,13 @@ class OpenScan:
         """One edit on again. Raises InputError where there is none."""
         self.session.redo(job)
 
-    def go(self, cursor: int, job: Job) -> None:
-        """To the state after the first ``cursor`` edits. Raises InputError."""
-        self.session.go(cursor, job)
+    def go(self, id: int, job: Job) -> None:
+        """To the state after an edit, of a branch too; 0: as scanned. Raises InputError."""
+        self.session.go(id, job)
 
-    def branch(self, id: int, job: Job) -> None:
-        """The branch that ends with this edit becomes the history. Raises InputError."""
-        self.session.branch(id, job)
+    def name_edit(self, id: int, name: str, job: Job) -> None:
+        """Name an edit. Raises InputError where there is none of that number."""
+        self.session.name_edit(id, name, job)
 
     def switch(self, id: int, on: bool, job: Job) -> None:
         """One edit off, or on again. Raises InputError where there is none of that number."""
@@ -354,14 +363,27 @@ class OpenScan:
             self._tell_settings(state)
         for k, steps in change.grids():
             self._hub.tell(p.GridChanged(scan=self.name, grid=k, steps=steps))
+        self._tell_history(state)
+        self._draw(state)
+
+    def _tell_history(self, state: SessionState) -> None:
         self._hub.tell(
             p.History(
                 scan=self.name,
                 history=self._entries(state),
                 cursor=state.document.history.cursor,
                 branches=self._branches(state),
+                scanned_picture=self._picture(self.session.picture_as_scanned()),
             )
         )
+
+    def _draw(self, state: SessionState) -> None:
+        """Draw the pictures that the history lacks, meanwhile; then it is told with them."""
+        wanted = self.session.step_pictures(state)
+        self._pictures.draw(wanted, lambda: self._tell_history(self.now))
+
+    def _picture(self, key: str) -> str:
+        return key if self._pictures.has(key) else ""
 
     def _tell_settings(self, state: SessionState) -> None:
         self._hub.tell(
@@ -381,18 +403,21 @@ class OpenScan:
         return p.ScanSettings(options=asdict(state.options), sets=sets)
 
     def _entries(self, state: SessionState) -> list[p.HistoryEntry]:
-        return [
-            p.HistoryEntry(
-                index=k, edit=row.edit, name=row.kind, text=row.text, on=row.on, at=_iso(row.at)
-            )
-            for k, row in enumerate(self.session.history(state))
-        ]
+        return [self._entry(k, row) for k, row in enumerate(self.session.history(state))]
 
     def _branches(self, state: SessionState) -> list[p.BranchEntry]:
         return [
-            p.BranchEntry(edit=row.edit, edits=row.edits, text=row.text, at=_iso(row.at))
-            for row in self.session.branches(state)
+            p.BranchEntry(
+                after=branch.after, edits=[self._entry(k, row) for k, row in enumerate(branch.rows)]
+            )
+            for branch in self.session.branches(state)
         ]
+
+    def _entry(self, index: int, row: HistoryRow) -> p.HistoryEntry:
+        return p.HistoryEntry(
+            index=index, edit=row.edit, name=row.kind, text=row.text, on=row.on, at=_iso(row.at),
+            title=row.name, picture=self._picture(row.picture),
+        )  # fmt: skip
 
 
 def _grid_entries(state: SessionState) -> list[p.GridEntry]:

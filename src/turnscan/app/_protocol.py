@@ -38,6 +38,9 @@ Binary GETs, under ``/api/scans/{scan}/``:
 - ``profile/{grid}/{step}``: header `ProfileHeader`; position f32 (n), the stripe as it is used now,
   candidates f32 (n, K), candidate_amplitude f32 (n, K), candidate_points f32 (n, K, 3), all NaN
   where there is none, chosen i8 (n): −1 none, −2 a person's own place.
+- ``edits``: header `MeshHeader`; touch u8 (v), what was last done by hand at each vertex:
+  0 nothing, 1 moved, 2 added, 3 faces about it deleted, 4 its point changed in the grid.
+- ``steps/{picture}.png``: the surface after an edit, small.
 - ``picture/{grid}/{step}.png``: the picture as it was stored, lit; what was not kept is black.
 
 ``grid`` is the number of a `GridEntry`.
@@ -209,19 +212,19 @@ class HistoryEntry(Model):
     on: bool
     at: str
     """ISO time, UTC."""
+    title: str
+    """Name that a person gave it; empty for none."""
+    picture: str
+    """Of the surface after it, at ``/api/scans/{scan}/steps/{picture}.png``; empty for none."""
 
 
 class BranchEntry(Model):
-    """Another history, left when an edit was made after stepping back."""
+    """A piece of another history, left when an edit was made after stepping back."""
 
-    edit: Count
-    """Number of its last edit, by which it is taken up."""
-    edits: Count
-    """How many edits it has that the history has not."""
-    text: str
-    """Its last edit in words."""
-    at: str
-    """ISO time of that, UTC."""
+    after: Count
+    """Number of the edit it grows from; 0: it begins with the first edit."""
+    edits: list[HistoryEntry]
+    """Those that neither the history nor a newer branch has."""
 
 
 class HoleEntry(Model):
@@ -637,6 +640,8 @@ class Opened(Model):
     history: list[HistoryEntry]
     cursor: Count
     branches: list[BranchEntry]
+    scanned_picture: str
+    """As that of an edit, before all of them."""
     findings: list[Remark]
     measures: list[Measure]
     settings: ScanSettings
@@ -710,6 +715,8 @@ class History(Model):
     history: list[HistoryEntry]
     cursor: Count
     branches: list[BranchEntry]
+    scanned_picture: str
+    """As that of an edit, before all of them."""
 
 
 class SettingsChanged(Model):

@@ -179,19 +179,21 @@ class Redo(Request):
 
 
 class GoTo(Request):
-    """To the state after the first ``cursor`` edits."""
+    """To the state after an edit, of the history or of a branch, which becomes the history."""
 
     kind: Literal["go_to"] = "go_to"
     scan: Opaque
-    cursor: Count
+    edit: Count
+    """Its number; 0: as scanned."""
 
 
-class TakeBranch(Request):
-    """The branch of the history that ends with an edit becomes the history."""
+class NameEdit(Request):
+    """Name an edit, of a branch too; an empty name takes it away."""
 
-    kind: Literal["take_branch"] = "take_branch"
+    kind: Literal["name_edit"] = "name_edit"
     scan: Opaque
     edit: Count
+    name: Annotated[str, Field(max_length=80)]
 
 
 class Switch(Request):
@@ -204,7 +206,10 @@ class Switch(Request):
 
 
 class CopyEdits(Request):
-    """Add edits of a scan to another one, in their order; a document of that is closed."""
+    """Add edits of a scan to another one, in their order; a document of that is closed.
+
+    ``done`` says which of them do not fit there.
+    """
 
     kind: Literal["copy_edits"] = "copy_edits"
     scan: Opaque
@@ -518,7 +523,7 @@ ClientMessage = Annotated[
     | Undo
     | Redo
     | GoTo
-    | TakeBranch
+    | NameEdit
     | Switch
     | CopyEdits
     | KeepSettings

@@ -64,6 +64,8 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/api/scans/{scan}/thumbnail.png", _thumbnail(workshop)),
         Route("/api/scans/{scan}/file", _scan_file(workshop)),
         Route("/api/scans/{scan}/mesh", _data(workshop, _mesh)),
+        Route("/api/scans/{scan}/edits", _data(workshop, lambda scan, request: scan.touched())),
+        Route("/api/scans/{scan}/steps/{picture}.png", _step_picture(workshop)),
         Route("/api/scans/{scan}/grid/{grid:int}", _data(workshop, _grid)),
         Route("/api/scans/{scan}/profile/{grid:int}/{step:int}", _data(workshop, _profile)),
         Route("/api/scans/{scan}/picture/{grid:int}/{step:int}.png", _picture(workshop)),
@@ -240,6 +242,14 @@ def _thumbnail(workshop: Workshop) -> Endpoint:
         return Response(png, media_type="image/png", headers=kept)
 
     return _or_not_found(thumbnail)
+
+
+def _step_picture(workshop: Workshop) -> Endpoint:
+    async def picture(request: Request) -> Response:
+        png = await asyncio.to_thread(workshop.pictures.get, request.path_params["picture"])
+        return Response(png, media_type="image/png", headers={"Cache-Control": _FOREVER})
+
+    return _or_not_found(picture)
 
 
 def _scan_file(workshop: Workshop) -> Endpoint:

@@ -18,6 +18,7 @@ from turnscan.app._calibrate_session import CalibrateRoom, verifications
 from turnscan.app._downloads import Downloads
 from turnscan.app._envelope import Array
 from turnscan.app._files import Files
+from turnscan.app._gallery import OWN
 from turnscan.app._hub import Client, Hub
 from turnscan.app._import_session import ImportRoom
 from turnscan.app._jobs import Job, Jobs, Result, in_words, options_of, remarks
@@ -27,6 +28,7 @@ from turnscan.app._request_guard import name_of
 from turnscan.app._rig_session import RigRoom
 from turnscan.app._scan_session import ScanRoom
 from turnscan.app._start_session import StartRoom
+from turnscan.app._step_pictures import StepPictures
 from turnscan.app._verbs import list_verbs, run_verb
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.progress import Cancelled
@@ -88,6 +90,7 @@ class Workshop:
         """Documents that are closed to make room, until they are."""
         self._lock = threading.RLock()
         self._pool = ThreadPoolExecutor(8, "request")
+        self.pictures = StepPictures(library.folder / OWN)
         self.start = StartRoom(self.jobs, library, self._release, self.tell_results)
         self._answers: dict[type, tuple[Callable[[Call], Answer], bool]] = {
             q.Stop: (self._stop, False),
@@ -105,7 +108,7 @@ class Workshop:
             q.Undo: (self._undo, True),
             q.Redo: (self._redo, True),
             q.GoTo: (self._go_to, True),
-            q.TakeBranch: (self._take_branch, True),
+            q.NameEdit: (self._name_edit, True),
             q.Switch: (self._switch, True),
             q.CopyEdits: (self._copy_edits, True),
             q.KeepSettings: (
@@ -187,6 +190,7 @@ class Workshop:
                 self._put_away()
 
     def _put_away(self) -> None:
+        self.pictures.close()
         self.start.close()
         self._pool.shutdown(wait=True, cancel_futures=True)
         with self._lock:
@@ -435,7 +439,7 @@ class Workshop:
                 closing = self._leaving.get(name)
             if closing is not None:
                 closing.wait()  # a scan file has one writer
-            scan = OpenScan(name, path, self.hub, job)
+            scan = OpenScan(name, path, self.hub, job, self.pictures)
             with self._lock:
                 self._scans[name] = scan
             self.start.gallery.keep(path, scan.thumbnail(), scan.findings)
@@ -515,11 +519,11 @@ class Workshop:
 
     def _go_to(self, call: Call) -> None:
         with self._editing(call, "Replaying the history") as (scan, job):
-            scan.go(call.request.cursor, job)
+            scan.go(call.request.edit, job)
 
-    def _take_branch(self, call: Call) -> None:
-        with self._editing(call, "Taking up a branch of the history") as (scan, job):
-            scan.branch(call.request.edit, job)
+    def _name_edit(self, call: Call) -> None:
+        with self._editing(call, "Naming an edit") as (scan, job):
+            scan.name_edit(call.request.edit, call.request.name, job)
 
     def _switch(self, call: Call) -> None:
         with self._editing(call, "Enabling or disabling an edit") as (scan, job):
@@ -532,7 +536,7 @@ class Workshop:
             raise InputError("this is the scan itself", hint="choose another one")
         with self.jobs.perhaps("edit", "Copying edits", r.scan) as job:
             self._release(r.to)
-            wanted = EditChanges(source, only=r.edits, by_shape=r.by_shape)
+            wanted = EditChanges(source, only=r.edits, by_shape=r.by_shape, check=True)
             kept = edits(target, wanted, progress=job.progress)
         self.tell_scans()
         return p.Done(id=call.id, findings=remarks(kept.findings))

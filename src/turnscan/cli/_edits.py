@@ -39,6 +39,11 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
     is_flag=True,
     help="Of --add: its measurements alone, where the part stands in SCAN.",
 )
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Of --add: make the surface, and say which of the edits do not fit SCAN.",
+)
 @click.option("--make", multiple=True, metavar="JSON", help="Apply an edit, given as JSON.")
 @click.option(
     "--delete",
@@ -54,6 +59,19 @@ the edits of docs/reference/edits.md; --delete faces of the surface with all edi
 )
 @click.option("--off", type=int, multiple=True, metavar="N", help="Disable edit N.")
 @click.option("--on", type=int, multiple=True, metavar="N", help="Enable edit N again.")
+@click.option(
+    "--name",
+    type=(int, str),
+    multiple=True,
+    metavar="N TEXT",
+    help="Name edit N; an empty text takes the name away.",
+)
+@click.option(
+    "--to",
+    type=click.IntRange(0),
+    metavar="N",
+    help="Go to the state after edit N, of a branch too; 0: as scanned.",
+)
 @click.option("--undo", is_flag=True, help="Undo the last edit.")
 @click.option("--redo", is_flag=True, help="Redo the next undone edit.")
 def verb(

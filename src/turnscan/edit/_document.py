@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from typing import cast
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Bools
 from turnscan.edit._apply import MISFIT, Done, apply
-from turnscan.edit._body import Alive, Body, Patch, Replace
+from turnscan.edit._body import Alive, Body, Patch, Replace, Verts
 from turnscan.edit._edits import (
     Cut,
     Delete,
@@ -30,6 +32,18 @@ from turnscan.shapes import Measured, Source
 
 Build = Callable[[Sequence[Entry], Progress], tuple[Mesh, Sequence[Finding]]]
 """Settings and grid edits → the surface with them, before any mesh edit, and what is to be said."""
+
+
+class Touch(IntEnum):
+    """What was done by hand at a vertex."""
+
+    NOTHING = 0
+    MOVED = 1
+    """Smoothed, or its spike taken away."""
+    ADDED = 2
+    """It belongs to what was filled, bridged or closed."""
+    CUT = 3
+    """Faces about it were taken away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +102,27 @@ class Document:
     def done(self) -> tuple[Done, ...]:
         """The mesh edits that count, in their order."""
         return self.chain[: self.count]
+
+    def touched(self) -> npt.NDArray[np.uint8]:
+        """(v,) what was last done by hand to the surface at each vertex: a number of `Touch`.
+
+        Counted are the mesh edits that count, since vertices got other numbers last (`Replace`).
+        """
+        patches = [patch for done in self.done for patch in done.forward]
+        start = max((k for k, p in enumerate(patches) if isinstance(p, Replace)), default=-1)
+        out = np.zeros(len(self.body.mesh.vertices), dtype=np.uint8)
+        for patch in patches[start + 1 :]:
+            match patch:
+                case Alive():
+                    out[self.body.mesh.faces[patch.faces]] = Touch.CUT
+                case Verts():
+                    out[patch.ids] = Touch.MOVED
+        given = patches[start].body if start >= 0 else self.base  # type: ignore[union-attr]
+        out[len(given.mesh.vertices) :] = Touch.ADDED
+        added = np.arange(len(self.body.mesh.faces)) >= len(given.mesh.faces)
+        rim = np.unique(self.body.mesh.faces[added & self.body.alive])
+        out[rim[out[rim] == Touch.CUT]] = Touch.ADDED
+        return out
 
     def taken_away(self) -> Bools:
         """(v,) vertices whose faces were all deleted, cut off or removed as spikes or pieces."""
@@ -160,10 +195,6 @@ class Document:
     def go(self, cursor: int, progress: Progress = no_progress) -> tuple[Document, Change]:
         """Let the first ``cursor`` edits count. Raises InputError where there are fewer."""
         return self.after(Go(cursor), progress)
-
-    def branch(self, id: int, progress: Progress = no_progress) -> tuple[Document, Change]:
-        """Take up the branch that ends with this edit. Raises InputError where there is none."""
-        return self.after(self.history.branch(id), progress)
 
     def switch(
         self, id: int, on: bool, progress: Progress = no_progress

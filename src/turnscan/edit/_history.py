@@ -22,8 +22,12 @@ from turnscan.edit._edits import (
 from turnscan.errors import FormatError, InputError, ScanNewer
 from turnscan.json_text import strict_json
 
-VERSION = 3
+VERSION = 4
 """Of the log; what older programs can read is written as version 1."""
+MOST_NAME = 80
+"""Letters of the name of an edit."""
+_NEWEST_FILE = 3
+"""Version of a file of edits; one without names and settings is written as version 1."""
 _MOST_BRANCHES = 200
 _MOST = 100_000
 _STRICT = ConfigDict(extra="forbid")
@@ -65,10 +69,22 @@ class Branch:
 
     __pydantic_config__ = _STRICT
     id: Id
+    cursor: Annotated[int, Field(ge=0, le=_MOST, strict=True)] | None = None
+    """So many edits of it count; None: all."""
     do: Literal["branch"] = "branch"
 
 
-Action = Add | Branch | Go | Switch
+@dataclass(frozen=True)
+class Name:
+    """An edit got a name by which a person finds it again; an empty one takes it away."""
+
+    __pydantic_config__ = _STRICT
+    id: Id
+    name: Annotated[str, Field(max_length=MOST_NAME, strict=True)]
+    do: Literal["name"] = "name"
+
+
+Action = Add | Branch | Go | Name | Switch
 _ACTION: TypeAdapter[Action] = TypeAdapter(Annotated[Action, Field(discriminator="do")])
 
 
@@ -81,11 +97,23 @@ class Entry:
     edit: Edit
     on: bool = True
     """False for one that was switched off."""
+    name: str = ""
+    """Given by a person; empty for none."""
 
     @property
     def place(self) -> str:
         """How findings name it."""
         return f"edit {self.id} ({self.edit.kind})"
+
+
+@dataclass(frozen=True)
+class Fork:
+    """A piece of the tree of all edits that is not in the history."""
+
+    after: int
+    """Number of the edit it grows from; 0: it begins with the first edit."""
+    entries: tuple[Entry, ...]
+    """Its edits in their order, none of which is in another piece."""
 
 
 @dataclass(frozen=True)
@@ -127,11 +155,51 @@ class History:
             raise InputError("there is nothing to redo")
         return Go(ahead[0] + 1)
 
+    @property
+    def forks(self) -> tuple[Fork, ...]:
+        """The branches without what they share with the history or a newer branch, newest first."""
+        seen = {e.id for e in self.entries}
+        out = list[Fork]()
+        for path in reversed(self.branches):
+            own = tuple(e for e in path if e.id not in seen)
+            start = len(path) - len(own)
+            if own:
+                out.append(Fork(path[start - 1].id if start else 0, own))
+            seen |= {e.id for e in own}
+        return tuple(out)
+
     def branch(self, id: int) -> Branch:
-        """The action that takes up the branch that ends with this edit. Raises InputError."""
-        if all(path[-1].id != id for path in self.branches):
-            raise InputError(f"no branch of the history ends with edit {id}")
-        return Branch(id)
+        """The action that takes up the newest branch with this edit, up to it. Raises InputError.
+
+        What comes after the edit in that branch can be redone.
+        """
+        for path in reversed(self.branches):
+            at = next((i for i, e in enumerate(path, start=1) if e.id == id), None)
+            if at is not None:
+                return Branch(path[-1].id, None if at == len(path) else at)
+        raise InputError(f"neither the history nor a branch has an edit {id}")
+
+    def to(self, id: int) -> Go | Branch:
+        """The action to the state after an edit of the history or of a branch; 0: as scanned.
+
+        Raises InputError.
+        """
+        if id == 0:
+            return Go(0)
+        at = next((i for i, e in enumerate(self.entries, start=1) if e.id == id), None)
+        return self.branch(id) if at is None else Go(at)
+
+    def naming(self, id: int, name: str) -> Name:
+        """The action that names an edit, of the history or a branch. Raises InputError."""
+        name = name.strip()
+        if len(name) > MOST_NAME or not name.isprintable():
+            raise InputError(
+                f"{name[:MOST_NAME]!r}: no name of an edit",
+                hint=f"take at most {MOST_NAME} letters, in one line",
+            )
+        if all(e.id != id for path in (self.entries, *self.branches) for e in path):
+            raise _unknown(id)
+        return Name(id, name)
 
     def switch(self, id: int, on: bool) -> Switch:
         """The action that switches one edit on or off. Raises InputError where there is none."""
@@ -151,9 +219,18 @@ class History:
                 path = next((p for p in self.branches if p[-1].id == action.id), None)
                 if path is None:
                     raise InputError(f"no branch of the history ends with edit {action.id}")
-                return replace(
-                    self, entries=path, cursor=len(path), branches=self._with_branch(path)
+                cursor = len(path) if action.cursor is None else action.cursor
+                if cursor > len(path):
+                    raise InputError(f"that branch has {len(path)} edits, so none after {cursor}")
+                return replace(self, entries=path, cursor=cursor, branches=self._with_branch(path))
+            case Name():
+                entries, *branches = (
+                    tuple(replace(e, name=action.name) if e.id == action.id else e for e in path)
+                    for path in (self.entries, *self.branches)
                 )
+                if (entries, *branches) == (self.entries, *self.branches):
+                    self.naming(action.id, action.name)  # whether there is such an edit
+                return replace(self, entries=entries, branches=tuple(branches))
             case Go():
                 if action.cursor > len(self.entries):
                     raise InputError(
@@ -187,11 +264,18 @@ def _unknown(id: int) -> InputError:
 
 def action_to_json(action: Action) -> str:
     """An action as the text that the log keeps."""
-    version = 2 if isinstance(action, Branch) else 1
-    if isinstance(action, Add) and isinstance(action.edit, ChangeSettings):
-        version = 3
-    body: dict[str, Any] = {"version": version, **asdict(action)}
-    return _dump(body)
+    body = asdict(action)
+    match action:
+        case Add(edit=ChangeSettings()):
+            version = 3
+        case Branch(cursor=None):
+            version = 2
+            del body["cursor"]
+        case Branch() | Name():
+            version = 4
+        case _:
+            version = 1
+    return _dump({"version": version, **body})
 
 
 def action_from_json(text: str, source: str = "edits") -> Action:
@@ -222,17 +306,16 @@ def history_from_log(texts: Iterable[str], source: str = "edits") -> History:
 
 def history_to_json(history: History) -> str:
     """The edits that are done, as a file to be kept, read and replayed elsewhere."""
-    settings = any(isinstance(e.edit, ChangeSettings) for e in history.entries[: history.cursor])
-    return _dump(
-        {
-            "format": "turnscan-edits",
-            "version": 2 if settings else 1,
-            "edits": [
-                {"id": e.id, "on": e.on, "edit": edit_to_value(e.edit)}
-                for e in history.entries[: history.cursor]
-            ],
-        }
-    )
+    done = history.entries[: history.cursor]
+    version = 2 if any(isinstance(e.edit, ChangeSettings) for e in done) else 1
+    if any(e.name for e in done):
+        version = _NEWEST_FILE
+    edits = [
+        {"id": e.id, "on": e.on, "edit": edit_to_value(e.edit)}
+        | ({"name": e.name} if e.name else {})
+        for e in done
+    ]
+    return _dump({"format": "turnscan-edits", "version": version, "edits": edits})
 
 
 def history_from_json(text: str, source: str = "edits") -> History:
@@ -243,25 +326,32 @@ def history_from_json(text: str, source: str = "edits") -> History:
             f"{source}: format: not an edits file",
             hint="make one with turnscan edits SCAN -o FILE.json",
         )
-    body = _versioned(body, source, 2)
+    body = _versioned(body, source, _NEWEST_FILE)
     edits = body.get("edits")
     if set(body) != {"format", "edits"} or not isinstance(edits, list) or len(edits) > _MOST:
         raise FormatError(f"{source}: edits: not a list of at most {_MOST} edits")
     history = History()
     for i, item in enumerate(edits):
         where = f"{source}: edits.{i}"
-        if not isinstance(item, dict) or set(item) != {"id", "on", "edit"}:
-            raise FormatError(f"{where}: not an object of id, on and edit")
+        if not isinstance(item, dict) or set(item) - {"name"} != {"id", "on", "edit"}:
+            raise FormatError(f"{where}: not an object of id, on and edit, and perhaps a name")
         if type(item["id"]) is not int or type(item["on"]) is not bool:
             raise FormatError(f"{where}: id is not a whole number, or on not true or false")
         if not isinstance(item["edit"], dict):
             raise FormatError(f"{where}.edit: not an object")
+        if not isinstance(item.get("name", ""), str):
+            raise FormatError(f"{where}.name: not a text")
         try:
             history = history.after(Add(item["id"], edit_from_value(item["edit"], where)))
         except FormatError:
             raise
         except InputError as e:
             raise FormatError(f"{where}.id: {e.message}") from None
+        if item.get("name"):
+            try:
+                history = history.after(history.naming(item["id"], item["name"]))
+            except InputError as e:
+                raise FormatError(f"{where}.name: {e.message}") from None
         history = history.after(Switch(item["id"], item["on"]))
     return history
 

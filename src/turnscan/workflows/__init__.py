@@ -122,6 +122,7 @@ if TYPE_CHECKING:
     from turnscan.workflows._sections import Sections, cuts_of
     from turnscan.workflows._selection_rules import SELECTION_RULES
     from turnscan.workflows._session import (
+        HistoryRow,
         PlacedFinding,
         ScanSession,
         SessionChange,
@@ -261,6 +262,7 @@ _MODULES = {
     "_sections": ("Sections", "cuts_of"),
     "_selection_rules": ("SELECTION_RULES",),
     "_session": (
+        "HistoryRow",
         "PlacedFinding",
         "ScanSession",
         "SessionChange",
@@ -372,6 +374,7 @@ __all__ = [
     "FoundDevices",
     "FoundShapes",
     "GrowingScan",
+    "HistoryRow",
     "ImportOptions",
     "ImportPreview",
     "ImportedScan",

@@ -53,6 +53,8 @@ class EditChanges:
     """Numbers of edits to switch off."""
     on: tuple[int, ...] = ()
     """Numbers of edits to switch on again."""
+    to: int | None = None
+    """Go to the state after this edit, of the history or of a branch; 0: as scanned."""
     undo: bool = False
     """Take back the last edit."""
     redo: bool = False
@@ -62,11 +64,15 @@ class EditChanges:
     by_shape: bool = False
     """Whether the part stands elsewhere in this scan: measurements are brought along by its shape,
     and no other edits are added."""
+    name: tuple[tuple[int, str], ...] = ()
+    """Numbers of edits and the names they get; an empty name takes it away."""
+    check: bool = False
+    """Whether the surface is made, to say which of the added edits do not fit this scan."""
 
     @property
     def nothing(self) -> bool:
         """Whether nothing is to be changed."""
-        return self == EditChanges(grow=self.grow)
+        return self == EditChanges(grow=self.grow, check=self.check)
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,8 @@ class KeptEdits:
     times: dict[int, float]
     """When each was made, s since 1970; NaN where unknown."""
     findings: tuple[Finding, ...] = ()
-    """What is open about where measurements were brought along to."""
+    """What does not fit of edits that were added, and what is open about where measurements were
+    brought along to."""
 
     @property
     def done(self) -> int:
@@ -85,17 +92,23 @@ class KeptEdits:
         return self.history.cursor
 
     def lines(self) -> list[str]:
-        """One line for each, in words."""
-        if not self.history.entries:
+        """One line for each, in words; then the branches, the newest first."""
+        if not self.history.entries and not self.history.branches:
             return ["no edits"]
         lines = []
         for place, entry in enumerate(self.history.entries):
-            state = "done" if place < self.history.cursor else "undone"
-            at = self.times[entry.id]
-            when = datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M  ") if at == at else ""
-            mark = state if entry.on else f"{state}, off"
-            lines.append(f"{entry.id:>4}  {when}{mark:<11}  {edit_in_words(entry.edit)}")
+            lines.append(self._line(entry, "done" if place < self.history.cursor else "undone"))
+        for fork in self.history.forks:
+            lines.append(f"branch after edit {fork.after}" if fork.after else "branch as scanned")
+            lines += [self._line(entry, "branch") for entry in fork.entries]
         return lines
+
+    def _line(self, entry: Entry, state: str) -> str:
+        at = self.times[entry.id]
+        when = datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M  ") if at == at else ""
+        mark = state if entry.on else f"{state}, off"
+        named = f"{entry.name}: " if entry.name else ""
+        return f"{entry.id:>4}  {when}{mark:<11}  {named}{edit_in_words(entry.edit)}"
 
 
 def edits(
@@ -140,6 +153,9 @@ def edits(
     if c.by_shape and c.source is None:
         hint = Remedy("name the scan that they are in with ", Option("add", "SCAN"))
         raise InputError("nothing is brought along", hint=hint, option=Option("by_shape"))
+    if c.check and c.source is None:
+        hint = Remedy("name the scan that they are in with ", Option("add", "SCAN"))
+        raise InputError("no edits are added that could fit", hint=hint, option=Option("check"))
     if c.grow and not c.delete:
         hint = Remedy("name the faces to delete with ", Option("delete", "RULE"))
         raise InputError("there is nothing to grow", hint=hint, option=Option("grow", c.grow))
@@ -166,21 +182,47 @@ def _change(path: Path, c: EditChanges, progress: Progress) -> tuple[Finding, ..
         for entry in added:
             numbers[entry.id] = history.next_id
             history = _then(actions, history, history.add(_numbered(entry.edit, numbers)))
+            if entry.name:
+                history = _then(actions, history, history.naming(numbers[entry.id], entry.name))
         for edit in made:
             history = _then(actions, history, history.add(edit))
         if c.delete:
             region = region_where(opened, history, c.delete, c.grow, progress)
             history = _then(actions, history, history.add(Delete(region)))
-        for number in (*c.off, *c.on):
-            history = _then(actions, history, history.switch(number, number in c.on))
-        if c.undo:
-            history = _then(actions, history, history.undo())
-        if c.redo:
-            _then(actions, history, history.redo())
+        _stepped(actions, history, c)
         # Every one fits the history; only now is anything written.
         for action in actions:
             opened.append_edit(action_to_json(action), time.time())
+    if c.check:
+        findings += _unfit(path, set(numbers.values()), progress.subrange(0.8, 1))
     return findings
+
+
+def _stepped(actions: list[Action], history: History, c: EditChanges) -> None:
+    """Switch, name, and step through the history, after what is made."""
+    for number in (*c.off, *c.on):
+        history = _then(actions, history, history.switch(number, number in c.on))
+    for number, name in c.name:
+        history = _then(actions, history, history.naming(number, name))
+    if c.to is not None:
+        history = _then(actions, history, history.to(c.to))
+    if c.undo:
+        history = _then(actions, history, history.undo())
+    if c.redo:
+        _then(actions, history, history.redo())
+
+
+def _unfit(path: Path, added: set[int], progress: Progress) -> tuple[Finding, ...]:
+    """What the surface says of edits that were added: those that change nothing, are refused,
+    or lie where this part has no such surface."""
+    places = {e.place for e in _entries(path) if e.id in added}
+    said = reconstruct(path, progress=progress).findings
+    return tuple(f for f in said if f.where in places and f.severity != "note")
+
+
+def _entries(path: Path) -> tuple[Entry, ...]:
+    with Scan.open(path) as opened:
+        return history_of(opened).entries
 
 
 def _added(history: History, c: EditChanges) -> list[Entry]:

@@ -60,7 +60,9 @@ def about(
 def _repaired(edits: Sequence[Entry]) -> dict[str, object]:
     texts = "\n".join(json.dumps(edit_to_value(e.edit), sort_keys=True) for e in edits)
     return {
-        "edits": [f"{e.id}: {describe(e.edit)}" for e in edits],
+        "edits": [
+            f"{e.id}: {describe(e.edit)}" + (f" ({e.name})" if e.name else "") for e in edits
+        ],
         "edits_sha256": hashlib.sha256(texts.encode()).hexdigest(),
     }
 

@@ -6,6 +6,8 @@ What a browser shows, without a word of how it is told: values and arrays out, e
 from __future__ import annotations
 
 import contextlib
+import functools
+import hashlib
 import math
 import re
 import threading
@@ -59,6 +61,7 @@ from turnscan.workflows._session_grid import (
     grid_arrays,
     shown_profile,
     steps_taken_away,
+    touched,
 )
 from turnscan.workflows._session_measures import (
     KeptMeasure,
@@ -84,6 +87,8 @@ from turnscan.workflows._texture import TextureSource, coloured, colours
 
 MOST_HOLES = 1000
 """So many are reported at once."""
+_STEP = (96, 72)
+"""px, width and height of the picture of a step."""
 _MOST_DETECTIONS = 3
 """Stripes found with other settings that are held, so that undo does not look for them again."""
 _DETECTION = 0.8
@@ -166,18 +171,20 @@ class HistoryRow:
     on: bool
     at: float
     """s since 1970; NaN where unknown."""
+    name: str
+    """Given by a person; empty for none."""
+    picture: str
+    """Names a picture of the surface after this edit (`step_pictures`); of a branch, too."""
 
 
 @dataclass(frozen=True)
 class BranchRow:
-    """Another history, left when an edit was made after stepping back."""
+    """A piece of another history, left when an edit was made after stepping back."""
 
-    edit: int
-    """Number of its last edit."""
-    edits: int
-    """How many edits it has that the history has not."""
-    text: str
-    at: float
+    after: int
+    """Number of the edit it grows from; 0: it begins with the first edit."""
+    rows: tuple[HistoryRow, ...]
+    """Its edits that neither the history nor a newer branch has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,14 +226,15 @@ class ScanSession:
         self._said: tuple[int, tuple[Finding, ...]] | None = None
         self._known: tuple[edit.Body | None, Renewed] = None, Renewed()
         """A surface, and what is known of the measurements on it."""
-        self._built: dict[tuple[edit.Entry, ...], Reconstruction] = {}
+        self._built: dict[tuple[int, ...], Reconstruction] = {}
+        """What was built, by the numbers of the edits that it was built with."""
         self._seen: dict[tuple[StripeSettings, Volume | None], list[Detection]] = {}
         self._current: tuple[StripeSettings, Volume | None] | None = None
         """Of the stripes that `now` is made of."""
         self._times: dict[int, float] = {}
         self.scan = Scan.resume(path)
         try:
-            self._rig = rig_for(self.scan)
+            self._rig, self._digest = rig_for(self.scan), str(self.scan.digest)
             for entry in self.scan.edits():
                 action = edit.action_from_json(entry.text)
                 if isinstance(action, edit.Add):
@@ -386,24 +394,65 @@ class ScanSession:
 
     def history(self, state: SessionState) -> list[HistoryRow]:
         """The edits in their order; the first ``cursor`` of them count."""
-        return [
-            HistoryRow(e.id, e.edit.kind, edit_in_words(e.edit), e.on, self._at(e.id))
-            for e in state.document.history.entries
-        ]
+        return list(self._rows(state.document.history.entries))
 
     def branches(self, state: SessionState) -> list[BranchRow]:
-        """Other histories, the newest last."""
+        """The other pieces of the tree of edits, the newest first."""
         history = state.document.history
-        here = {e.id for e in history.entries}
-        return [
-            BranchRow(
-                edit=path[-1].id,
-                edits=sum(e.id not in here for e in path),
-                text=edit_in_words(path[-1].edit),
-                at=self._at(path[-1].id),
-            )
-            for path in history.branches
-        ]
+        paths = {e.id: path for path in history.branches for e in path}
+        out = []
+        for fork in history.forks:
+            rows = self._rows(paths[fork.entries[-1].id])
+            out.append(BranchRow(fork.after, rows[-len(fork.entries) :]))
+        return out
+
+    def _rows(self, path: Sequence[edit.Entry]) -> tuple[HistoryRow, ...]:
+        keys = self._picture_keys(path)
+        return tuple(
+            HistoryRow(e.id, e.edit.kind, edit_in_words(e.edit), e.on, self._at(e.id), e.name, key)
+            for e, key in zip(path, keys[1:], strict=True)
+        )
+
+    def _picture_keys(self, path: Sequence[edit.Entry]) -> list[str]:
+        """Names of pictures: as scanned, and after each edit; others where the surface may be."""
+        total = hashlib.sha256(self._digest.encode())
+        keys = [total.hexdigest()[:16]]
+        for e in path:
+            if e.on:
+                total.update(f"{e.id} {self._at(e.id)};".encode())
+            keys.append(total.hexdigest()[:16])
+        return keys
+
+    def picture_as_scanned(self) -> str:
+        """Names the picture of the surface before any edit."""
+        return self._picture_keys(())[0]
+
+    def step_pictures(self, state: SessionState) -> Iterator[tuple[str, Callable[[], bytes]]]:
+        """Pictures that can be drawn of steps up to the present one: names, and what draws them.
+
+        The newest first, back to the last step that made the surface anew.
+        """
+        document = state.document
+        keys = self._picture_keys(document.history.entries)
+        body, done = document.body, list(document.done)
+        for at in range(document.history.cursor, -1, -1):
+            yield keys[at], functools.partial(_step_picture, body)
+            if at == 0:
+                return
+            entry = document.history.entries[at - 1]
+            if entry.on and edit.needs_rebuild(entry.edit):
+                return
+            if entry.on:
+                for patch in done.pop().back:
+                    body = patch.on(body)
+
+    def touched(self) -> tuple[SessionState, Arrays]:
+        """``touch`` (v,): what was last done by hand at each vertex, a number of `Touch`.
+
+        4 where its point of the scan grid was moved, added or picked.
+        """
+        state = self.now
+        return state, {"touch": touched(state.document, state.grids)}
 
     # Repairing: until its result is stored, each may be cancelled, and then nothing has happened
 
@@ -536,13 +585,16 @@ class ScanSession:
         """One edit on again. Raises InputError where there is none."""
         self._step(lambda history: history.redo(), work)
 
-    def go(self, cursor: int, work: Work) -> None:
-        """To the state after the first ``cursor`` edits. Raises InputError."""
-        self._step(lambda history: edit.Go(cursor), work)
+    def go(self, id: int, work: Work) -> None:
+        """To the state after an edit, of the history or a branch; 0: as scanned. Raises InputError.
 
-    def branch(self, id: int, work: Work) -> None:
-        """The branch that ends with this edit becomes the history. Raises InputError."""
-        self._step(lambda history: history.branch(id), work)
+        A branch becomes the history, and what was the history a branch.
+        """
+        self._step(lambda history: history.to(id), work)
+
+    def name_edit(self, id: int, name: str, work: Work) -> None:
+        """Name an edit, of a branch too. Raises InputError where there is none of that number."""
+        self._step(lambda history: history.naming(id, name), work)
 
     def switch(self, id: int, on: bool, work: Work) -> None:
         """One edit off, or on again. Raises InputError where there is none of that number."""
@@ -639,7 +691,7 @@ class ScanSession:
     ) -> tuple[Mesh, Sequence[Finding]]:
         _, s = self._options(entries)
         done = build(self._detected(s, progress), s, entries, progress, finish=False)
-        self._built[tuple(entries)] = done
+        self._built[tuple(e.id for e in entries)] = done
         return done.mesh, done.findings
 
     def _source(self) -> Source:
@@ -650,8 +702,9 @@ class ScanSession:
     def _state(self, document: edit.Document, revision: int, epoch: int) -> SessionState:
         """What stands now; of what was built, only this is kept, for a preview builds, too."""
         entries = tuple(e for e in document.history.enabled if edit.needs_rebuild(e.edit))
-        done = self._built[entries]
-        self._built = {entries: done}
+        numbers = tuple(e.id for e in entries)
+        done = self._built[numbers]
+        self._built = {numbers: done}
         options, s = self._options(entries)
         self._current = s.stripes, s.volume
         views = {d.view.laser: d.view for d in self._seen[self._current]}
@@ -683,6 +736,12 @@ class ScanSession:
                 found = sorted(found, key=lambda h: -h.size)
                 self._found = state.revision, mesh, found
             return self._found[1:]
+
+
+def _step_picture(body: edit.Body) -> bytes:
+    """A small picture of a surface as PNG; one without faces is empty."""
+    mesh = edit.Compact.of(body).mesh
+    return png(mesh.show(size=_STEP, transparent=True).pixels)
 
 
 def hole_in_words(hole: Hole) -> str:
@@ -731,6 +790,8 @@ def _what(action: edit.Action | None, history: edit.History) -> str:
             return f"edit {action.id} switched {'on' if action.on else 'off'}"
         case edit.Branch():
             return f"branch of {len(history.entries)} edits taken up"
+        case edit.Name():
+            return f"edit {action.id} named {action.name!r}"
         case edit.Go():
             return f"{action.cursor} of {len(history.entries)} edits"
         case None:

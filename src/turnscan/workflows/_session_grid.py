@@ -30,6 +30,8 @@ _FLAG_CAUSES: tuple[tuple[StripeFlag, Cause], ...] = (
     (StripeFlag.DARK, "dark"),
 )
 """Which flag of a missing point tells its cause, the most telling last."""
+BY_GRID = 4
+"""Of a vertex whose point in the scan grid was moved, added or picked by hand."""
 _SAME = 0.5
 """px within which a point is one of the candidates."""
 
@@ -76,6 +78,22 @@ def grid_arrays(grid: RangeGrid, document: edit.Document, step: int | None) -> A
         "edited": edited[rows],
         "off": off[rows],
     }
+
+
+def touched(document: edit.Document, grids: Sequence[RangeGrid]) -> npt.NDArray[np.uint8]:
+    """(v,) what was last done by hand at each vertex: a number of `edit.Touch`, or `BY_GRID`."""
+    out = document.touched()
+    known = document.body.mesh.provenance
+    for grid in grids:
+        if known is None or grid.laser not in known.lasers:
+            continue
+        edited, _ = _edited(grid, document.history.enabled)
+        there = (known.laser == known.lasers.index(grid.laser)) & (known.line >= 0)
+        there &= (known.line < edited.shape[1]) & np.isin(known.step, grid.steps) & (out == 0)
+        order = np.argsort(grid.steps)
+        row = order[np.searchsorted(grid.steps, known.step[there], sorter=order)]
+        out[there] = np.where(edited[row, known.line[there]] == 1, BY_GRID, 0)
+    return out
 
 
 def shown_profile(view: View, grid: RangeGrid, step: int) -> ShownProfile:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+import shutil
 from typing import Any
 
 import pytest
 
-from tests.app.e2e.conftest import until
+from tests.app.e2e.conftest import OPENING, until
 from tests.app.e2e.cup import (
     GHOST_LINES,
     GHOST_STEPS,
@@ -276,3 +277,49 @@ def test_selecting_by_what_is_known_of_the_faces(open_cup):
     until(page, f"turnscan.selected !== {inverted} && turnscan.selected > 0")
     ghost = (len(GHOST_STEPS) - 1) * 2 * (GHOST_LINES.stop - GHOST_LINES.start - 1)
     assert 0.5 * ghost < page.evaluate("turnscan.selected") < 2 * ghost
+
+
+def test_history_is_a_tree_with_names_and_pictures_and_edits_go_to_another_scan(
+    open_cup, picture, folder, cup
+):
+    shutil.copy(cup, folder / "second cup.turnscan")
+    page = open_cup()
+    scanned = state(page)[0]
+    page.keyboard.press("h")
+    until(page, "turnscan.holes >= 3")
+    page.get_by_role("button", name="Fill all").click()
+    until(page, "turnscan.edits === 1")
+    filled = state(page)[0]
+    page.keyboard.press("y")
+    tree = page.get_by_role("list", name="Edits, the first one first")
+    tree.get_by_role("button", name=re.compile("^Name: fill")).click()
+    tree.get_by_role("textbox", name="Name of this edit").fill("all holes filled")
+    tree.get_by_role("textbox", name="Name of this edit").press("Enter")
+    first = tree.get_by_role("button", name=re.compile("^all holes filled"))
+    first.wait_for()
+    tree.get_by_role("button", name="As scanned").click()
+    until(page, f"turnscan.cursor === 0 && turnscan.faces === {scanned}")
+    page.get_by_role("tab", name="Repair", exact=True).click()
+    page.keyboard.press("Control+a")
+    section = page.locator("details", has=page.get_by_text("Smooth", exact=True))
+    section.locator("summary").click()
+    section.get_by_role("button", name="Selection").click()
+    until(page, "turnscan.edits === 1 && turnscan.cursor === 1")
+    page.get_by_label("Colours of the surface").select_option(label="edits by hand")
+    page.locator(".legend").get_by_text("smoothed").wait_for()
+    page.keyboard.press("y")
+    branch = tree.get_by_role("list", name="Branch all holes filled")
+    # As scanned, smoothed, and the branch: each has its picture.
+    until(page, "[...document.querySelectorAll('.tree img')].filter((i) => i.complete "
+          "&& i.naturalWidth > 50).length === 3")  # fmt: skip
+    picture(page, "history")
+    branch.get_by_role("button", name=re.compile("^all holes filled")).click()
+    until(page, f"turnscan.faces === {filled}")
+    tree.get_by_role("list", name="Branch of 1 other edits").wait_for()
+    page.get_by_role("button", name="Copy edits to another scan …").click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_label("To").select_option(label="second cup")
+    dialog.get_by_role("button", name="Copy 1 edit").click()
+    dialog.get_by_text("all of them fit").wait_for(timeout=1000 * OPENING)
+    dialog.get_by_role("button", name="Open that scan").click()
+    until(page, f"turnscan.edits === 1 && turnscan.faces === {filled}", OPENING)
