@@ -232,6 +232,7 @@ def test_doctor_measures_and_finds() -> None:
     left, right = sorted(facts["lasers"], key=lambda x: x["name"])
     assert left["column"] < right["column"]
     assert 0.5 < left["width"] < 4.0
+    assert (facts["verdict"], facts["next_step"]) == ("ready", "scan the part")
 
 
 @pytest.mark.parametrize(
@@ -242,8 +243,11 @@ def test_doctor_names_what_is_wrong(fault: str, code: str) -> None:
     bench = f"sim:hexagon?x=6&lasers=2&speckle=0&room=0.3&{fault}"
     done = cli("doctor", "--device", bench, "--json")
     assert done.exit_code == 1
-    found = json.loads(done.output)["findings"]
-    assert [f["code"] for f in found if f["severity"] != "note"] == [code]
+    facts = json.loads(done.output)
+    (worst,) = [f for f in facts["findings"] if f["severity"] != "note"]
+    assert worst["code"] == code
+    assert facts["verdict"] == "not ready"
+    assert facts["next_step"] == f"{worst['where']}: {worst['remedy']}"
 
 
 def test_devices_lists_without_opening_anything() -> None:

@@ -14,7 +14,7 @@ MOST_NAMES = {
     "calibrate": 43,  # with a part as it is drawn
     "devices": 25,
     "drawings": 20,  # with shells of faces, their triangles and colours
-    "edit": 77,  # with measurements that follow a part to where it stands
+    "edit": 78,  # with names of edits
     "formats": 17,
     "mesh": 25,  # with samples of a surface and faces about vertices, which other rooms had
     "points": 40,
@@ -28,7 +28,7 @@ MOST_NAMES = {
     "surface": 4,
     "testing": 6,
     "texture": 5,
-    "workflows": 187,  # with a gallery, previews, live views, tables and surfaces of results
+    "workflows": 188,  # with a gallery, previews, live views, tables, surfaces and histories
 }
 """Public names of each room at most. A room that needs more raises this and says why."""
 

@@ -619,7 +619,10 @@ def test_the_doctor_is_a_job_with_findings(server: Running) -> None:
         assert one.ask("doctor", still=True)["kind"] == "started"
         done = one.once("job", lambda m: m["state"] != "running")
         assert done["state"] == "done"
-        assert done["text"] == "ready" or done["findings"]
+        verdict, step = done["text"].splitlines()
+        worst = {f["severity"] for f in done["findings"]} - {"note"}
+        assert (verdict == "verdict: ready for a scan") == (not worst)
+        assert worst or step == "next step: scan the part"
 
 
 def test_a_remark_names_settings_and_no_flags() -> None:

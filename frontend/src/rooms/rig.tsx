@@ -215,8 +215,20 @@ function DoctorPanel() {
       {report?.state === "running" && (
         <p class="quiet">Looking; the table turns a little, each laser is lit for a moment.</p>
       )}
-      {report?.state === "done" && report.findings.length === 0 && <p>Ready: no findings.</p>}
-      {report?.state === "done" && report.findings.map((remark) => <RemarkLine key={remark.text} remark={remark} />)}
+      {report?.state === "done" && (
+        <>
+          <div role="status" aria-label="Verdict of the doctor">
+            {report.text.split("\n").map((line) => (
+              <p key={line} class={line.startsWith("verdict") ? "verdict" : "next-step"}>
+                {line}
+              </p>
+            ))}
+          </div>
+          {report.findings.map((remark) => (
+            <RemarkLine key={remark.text} remark={remark} />
+          ))}
+        </>
+      )}
     </Section>
   );
 }

@@ -85,7 +85,8 @@ function Histogram({ now }: { now: LivePicture }) {
 export function Meters() {
   const now = picture.value;
   if (!now || !devices.value?.looking) return null;
-  const { sharpness, lit } = now.header;
+  const { sharpness, lit, saturated } = now.header;
+  const angle = devices.value.angle_deg;
   if (sharpness > best.peek()) best.value = sharpness;
   const share = best.value > 0 ? sharpness / best.value : 0;
   return (
@@ -98,6 +99,16 @@ export function Meters() {
         <meter min={0} max={1} low={0.6} high={0.9} optimum={1} value={share} aria-label="Focus" />
       </figure>
       <Histogram now={now} />
+      <dl class="facts">
+        {lit.length > 0 && (
+          <>
+            <dt>Stripe clipped</dt>
+            <dd>{(100 * saturated).toFixed(0)} % of its lines</dd>
+          </>
+        )}
+        <dt>Table angle</dt>
+        <dd>{angle === null ? "not known" : `${angle.toFixed(2)}°`}</dd>
+      </dl>
       {lit.length > 0 && <Along title="Stripe width (rms)" values={now.width} unit="px" />}
       {lit.length > 0 && <Along title="Stripe signal" values={now.signal} unit="grey levels" />}
     </div>

@@ -14,7 +14,7 @@ _TYPES = {
     "colour": "u1", "dead": "<u4", "distance": "<f4", "edited": "u1",
     "faces": "<u4", "flags": "<u2", "ids": "<u4", "laser": "<i4", "line": "<i4",
     "measured": "u1", "off": "u1", "points": "<f4", "position": "<f4", "positions": "<f4",
-    "shape": "<i4", "sigma": "<f4", "step": "<i4", "steps": "<i4",
+    "shape": "<i4", "sigma": "<f4", "step": "<i4", "steps": "<i4", "touch": "u1",
 }  # fmt: skip
 """Of the arrays by name."""
 

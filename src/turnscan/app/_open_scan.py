@@ -378,7 +378,7 @@ class OpenScan:
         )
 
     def _draw(self, state: SessionState) -> None:
-        """Draw the pictures that the history lacks, meanwhile; then it is told with them."""
+        """Draw the pictures that the history lacks, meanwhile; then everybody gets it with them."""
         wanted = self.session.step_pictures(state)
         self._pictures.draw(wanted, lambda: self._tell_history(self.now))
 

@@ -266,9 +266,8 @@ class RigRoom:
         def work(job: Job) -> Result:
             with self.using("the doctor is running", job) as bench:
                 options = DoctorOptions(exposure=seconds, still=still)
-                seen = doctor(bench, options, progress=job.progress)
-            wrong = [f for f in seen.findings if f.severity != "note"]
-            text = f"{len(wrong)} findings" if wrong else "ready"
+                seen = doctor(bench, options, rig=self.rig, progress=job.progress)
+            text = "\n".join(seen.conclusion)
             return Result(text, findings=seen.findings)
 
         return self._jobs.start("doctor", "Checking the devices", work)

@@ -3,7 +3,7 @@
 from turnscan.edit._apply import repair_mesh
 from turnscan.edit._body import Alive, Append, Body, Compact, Patch, Replace, Truncate, Verts
 from turnscan.edit._describe import describe
-from turnscan.edit._document import Change, Document, Touch
+from turnscan.edit._document import Change, Document
 from turnscan.edit._edits import (
     BridgeHoles,
     BridgeSides,
@@ -42,7 +42,6 @@ from turnscan.edit._history import (
     Add,
     Branch,
     Entry,
-    Fork,
     Go,
     History,
     Name,
@@ -105,7 +104,6 @@ __all__ = [
     "Entry",
     "Figures",
     "Fill",
-    "Fork",
     "Go",
     "History",
     "HoleName",
@@ -130,7 +128,6 @@ __all__ = [
     "Specify",
     "StripeSearch",
     "Switch",
-    "Touch",
     "Truncate",
     "Verts",
     "action_from_json",

@@ -39,11 +39,11 @@ class Touch(IntEnum):
 
     NOTHING = 0
     MOVED = 1
-    """Smoothed, or its spike taken away."""
+    """Smoothed, or a spike of it removed."""
     ADDED = 2
     """It belongs to what was filled, bridged or closed."""
     CUT = 3
-    """Faces about it were taken away."""
+    """Faces about it were removed."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,11 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from turnscan.findings import Finding
 from turnscan.scanner._examine import CameraFacts, Examination, LaserFacts
 from turnscan.scanner._open import Opened
 
+Verdict = Literal["ready", "usable", "not ready"]
+_VERDICTS: dict[Verdict, str] = {
+    "ready": "ready for a scan",
+    "usable": "a scan is possible, but will be worse than it could be",
+    "not ready": "not ready for a scan",
+}
 _LIES = 0.02
 _FLICKER = 0.005
 _BRIGHT_ROOM = 0.25
@@ -35,6 +42,32 @@ class Diagnosis:
     table: TableFacts | None
     """None where it was not turned."""
     findings: tuple[Finding, ...]
+    calibrated: bool = False
+    """Whether a rig is known, so that a scan has somewhere to go."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """``not ready`` with an error, ``usable`` with a warning, else ``ready``."""
+        found = {f.severity for f in self.findings}
+        return "not ready" if "error" in found else "usable" if "warning" in found else "ready"
+
+    @property
+    def next_step(self) -> str:
+        """The one thing to do next: the remedy of the first of the worst findings.
+
+        Where nothing is wrong: to calibrate, or to scan where a rig is known.
+        """
+        for severity in ("error", "warning"):
+            worst = [f for f in self.findings if f.severity == severity and f.remedy]
+            if worst:
+                place = f"{worst[0].where}: " if worst[0].where else ""
+                return f"{place}{worst[0].remedy}"
+        return "scan the part" if self.calibrated else "calibrate the scanner"
+
+    @property
+    def conclusion(self) -> list[str]:
+        """Verdict and next step in words, a line each."""
+        return [f"verdict: {_VERDICTS[self.verdict]}", f"next step: {self.next_step}"]
 
 
 def examine(
@@ -62,7 +95,7 @@ def examine(
             found += _laser(lasers[-1])
         found += _sides(lasers)
         table = None if still else _table(look, found, tick)
-    return Diagnosis(camera, tuple(lasers), table, tuple(found))
+    return Diagnosis(camera, tuple(lasers), table, tuple(found), bench.rig is not None)
 
 
 def _camera(camera: CameraFacts, seconds: float, gain: float) -> list[Finding]:

@@ -11,9 +11,11 @@ from typing import Any
 
 from turnscan.findings import findings_json
 from turnscan.progress import Progress, no_progress
+from turnscan.rig import Rig
 from turnscan.scanner import Diagnosis, Opened, examine, verification_findings
 from turnscan.workflows._device_options import DeviceOptions
 from turnscan.workflows._doctor_options import DoctorOptions
+from turnscan.workflows._reading import read_rig_file
 from turnscan.workflows._scan import opened_devices
 
 _LOOKS = 30
@@ -25,6 +27,7 @@ def doctor(
     options: DoctorOptions | None = None,
     *,
     history: str | Path | None = None,
+    rig: Rig | str | Path | None = None,
     progress: Progress = no_progress,
 ) -> Diagnosis:
     """Take dark pictures and one of each laser, then turn the table once.
@@ -37,18 +40,21 @@ def doctor(
         How they are looked over; None takes the usual exposure.
     history
         The history of `verify`, to say also how old the last verification is.
+    rig
+        The calibrated rig, or its file: without one, the next step is to calibrate. A simulated
+        rig needs none.
     progress
         Told how far it is; it may cancel.
 
     Returns
     -------
     Diagnosis
-        What was measured, and what is wrong.
+        What was measured, what is wrong, the verdict, and the one step to take next.
 
     Raises
     ------
     FormatError
-        Where the history is none.
+        Where the history is none, or the rig.
     DeviceError, SafetyError
         As the devices do; the lasers are dark then.
     """
@@ -56,10 +62,12 @@ def doctor(
     past = []
     if history is not None:
         past = verification_findings(Path(history), time.time(), o.verified_within)
+    known = read_rig_file(rig) if isinstance(rig, str | Path) else rig
     tick = progress.counter(_LOOKS, "looking")
     with opened_devices(devices) as bench:
         seen = examine(bench, o.exposure, o.gain, still=o.still, tick=tick)
-    return replace(seen, findings=(*seen.findings, *past))
+    calibrated = seen.calibrated or known is not None
+    return replace(seen, findings=(*seen.findings, *past), calibrated=calibrated)
 
 
 def diagnosis_json(seen: Diagnosis) -> dict[str, Any]:
@@ -69,6 +77,8 @@ def diagnosis_json(seen: Diagnosis) -> dict[str, Any]:
         "lasers": [_plain(asdict(laser)) for laser in seen.lasers],
         "table": None if seen.table is None else asdict(seen.table),
         "findings": json.loads(findings_json(seen.findings)),
+        "verdict": seen.verdict,
+        "next_step": seen.next_step,
     }
 
 

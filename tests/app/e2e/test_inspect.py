@@ -20,6 +20,36 @@ SIZE = np.array([40.0, 40.0, 56.0])
 """mm: the prism; its foot is hidden by the table."""
 
 
+def _section_on_the_surface(page) -> None:
+    """Its plane is moved by the handle and by the keyboard, and the outline follows."""
+    page.get_by_role("button", name="Across z").click()
+    outline = page.get_by_text(re.compile(r"^Outline of [\d.]+ mm$"))
+    outline.wait_for()
+    around = float(re.search(r"[\d.]+", outline.inner_text())[0])
+    assert abs(around - 2 * (SIZE[0] + SIZE[1])) < 8.0
+    distance = page.get_by_label("Distance from the origin")
+    before = float(distance.input_value())
+    slider = page.get_by_role("slider", name="Position in the part")
+    slider.focus()
+    for _ in range(10):
+        page.keyboard.press("ArrowRight")
+    moved = float(distance.input_value())
+    assert moved > before + 1.0
+    # The disc is in the middle of the part, in the plane.
+    at = page.evaluate(f"turnscan.place([0, 0, {moved}])")
+    page.mouse.move(at["x"], at["y"])
+    page.mouse.down()
+    page.mouse.move(at["x"], at["y"] - 30, steps=4)
+    page.mouse.up()
+    until(
+        page, f"Number(document.querySelector('#{distance.get_attribute('id')}').value) > {moved}"
+    )
+    distance.fill("20")
+    distance.press("Enter")
+    page.get_by_role("button", name="Draw this alone").click()
+    expect(page.get_by_label("Planes")).to_have_value("z=20")
+
+
 def test_a_part_is_compared_with_cad_reported_and_measured_the_same_on_another_scan(
     new_page, folder: Path, tmp_path: Path, picture
 ) -> None:
@@ -58,6 +88,8 @@ def test_a_part_is_compared_with_cad_reported_and_measured_the_same_on_another_s
     expect(found_shapes.first).to_contain_text("plane")
     picture(page, "shapes")
     page.get_by_text("Sections", exact=True).click()
+    _section_on_the_surface(page)
+    picture(page, "section")
     page.get_by_role("button", name="Section as SVG").click()
     page.get_by_role("link", name="block section.svg").wait_for(timeout=LONG)
     assert "<svg" in (folder / "block section.svg").read_text()
