@@ -4,6 +4,7 @@ import { useEffect, useState } from "preact/hooks";
 import { link, on } from "../bus";
 import { getArrays, RefusedError } from "../link";
 import type { MeshModel } from "../mesh/model";
+import { residuals } from "../mesh/rigid";
 import { modelOf } from "../part";
 import type { MeshHeader, VerbEntry } from "../protocol";
 import { complain, scans } from "../state";
@@ -160,12 +161,29 @@ function setPlace(row: number, pose: string, text: string): void {
   });
 }
 
-function PointRows({ poses }: { poses: readonly string[] }) {
+/** mm: how far each point is off in two poses when one is moved onto the other, by the row. */
+export function misfits(points: readonly Picked[], one: string, other: string): ReadonlyMap<number, number> {
+  const rows = points.flatMap((point, row) => (point.has(one) && point.has(other) ? [row] : []));
+  if (rows.length < NEEDED) return new Map();
+  const off = residuals(
+    rows.map((row) => points[row].get(one)!),
+    rows.map((row) => points[row].get(other)!),
+  );
+  return new Map(rows.map((row, k) => [row, off[k]]));
+}
+
+function PointRows({ poses, pair }: { poses: readonly string[]; pair: readonly [string, string] }) {
+  const off = misfits(picked.value, ...pair);
   return (
     <ul class="list whole points" aria-label="Picked points">
       {picked.value.map((one, row) => (
         <li key={row}>
           <strong class="num">{row + 1}</strong>
+          {off.has(row) && (
+            <span class="num" title="Distance between the two places when the poses are moved together">
+              off {off.get(row)!.toFixed(2)} mm
+            </span>
+          )}
           {poses.map((pose) => (
             <TextField
               key={pose}
@@ -186,6 +204,19 @@ function PointRows({ poses }: { poses: readonly string[] }) {
         </li>
       ))}
     </ul>
+  );
+}
+
+/** How well the picked points fit, before anything is joined. */
+function Fit({ pair }: { pair: readonly [string, string] }) {
+  const off = [...misfits(picked.value, ...pair).entries()];
+  if (!off.length) return null;
+  const rms = Math.sqrt(off.reduce((sum, [, one]) => sum + one * one, 0) / off.length);
+  const [worst, most] = off.reduce((a, b) => (b[1] > a[1] ? b : a));
+  return (
+    <p class="num" role="status" aria-label="Fit of the picked points">
+      The points fit to {rms.toFixed(2)} mm (rms); the worst is point {worst + 1}, {most.toFixed(2)} mm.
+    </p>
   );
 }
 
@@ -213,7 +244,8 @@ export function PickPoints({ verb }: { verb: VerbEntry }) {
             <Pose scan={first} choice={[]} />
             <Pose scan={second} choice={others} />
           </div>
-          <PointRows poses={poses} />
+          <Fit pair={[first, second]} />
+          <PointRows poses={poses} pair={[first, second]} />
           <span class="row">
             <Button onClick={() => (picked.value = [...picked.value, new Map()])}>Type in a point</Button>
             <Button disabled={!picked.value.length} onClick={() => (picked.value = [])}>

@@ -70,6 +70,10 @@ def test_two_poses_are_joined_by_picked_points(new_page, folder: Path, picture) 
             truth = STANDS[name].apply(np.array([flank(*pick)]))[0]
             assert np.linalg.norm(there - truth) < 1.0
     form.get_by_text("Joined by 3 picked points").wait_for()
+    fit = form.get_by_role("status", name="Fit of the picked points")
+    off = re.search(r"fit to ([\d.]+) mm", fit.inner_text())
+    assert off
+    assert float(off[1]) < 1.0
     form.get_by_role("img", name="Pose up").evaluate("e => e.scrollIntoView({block: 'center'})")
     picture(page, "join-points")
     begin.click()
