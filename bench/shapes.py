@@ -136,7 +136,7 @@ def found_on(task: Task, folder: Path) -> Found:
         seen = detect_scan(kept, believed, wanted.stripes)
     grids = to_grids(seen, wanted).grids
     mesh = to_mesh(grids, wanted, rig=believed).mesh
-    moves = list(calibration_moves(mesh, source_of(grids, believed))) if task.calibrated else []
+    moves = list(calibration_moves(mesh, source_of(grids, believed)))
     start = time.process_time()
     found = find_shapes(mesh, moves=moves)
     sizes = sizes_between(mesh, found)

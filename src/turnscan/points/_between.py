@@ -122,6 +122,7 @@ def _between(
         behind=None
         if grid.behind is None
         else there & np.where(w == 1, grid.behind[b], grid.behind[a]),
+        light_doubt=None if grid.light_doubt is None else np.nan_to_num(mean(grid.light_doubt)),
     )
 
 

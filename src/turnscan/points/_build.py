@@ -25,8 +25,10 @@ _CLAIMED = 0.15
 """Part of the usual variance for its width below which a frame's own is not believed."""
 _TOGETHER = 16
 """Steps whose points are computed at a time."""
-_CURVED = 0.3
-"""Part of what a thick sheet shifts on a curved surface that is doubted: the detector's window."""
+_CURVED = 0.15
+"""Part of what a thick sheet shifts that is doubted, one standard deviation. The thickness is known
+to a twentieth, and the shift is its square: 0.10. How a surface sends light back, and how a sheet's
+profile differs from a Gaussian: 0.10. The formula itself (`curvature_shift`): 0.03."""
 
 
 def build_grid(
@@ -161,6 +163,7 @@ def _judged(
     # A centre that was refined by its own surface element does not depend on the stripe's width.
     single = (grid.flags & StripeFlag.REFINED) == 0
     points, sigma = np.empty_like(grid.points), np.empty_like(grid.sigma)
+    common = np.zeros(grid.points.shape, np.float32) if thick > 0 else None
 
     def part(a: int, b: int) -> None:
         aside, X = seen.moves[a:b], grid.points[a:b]
@@ -173,11 +176,17 @@ def _judged(
         points[a:b] = X - along * ((light.shift[a:b] + bent[a:b]) * single[a:b])[..., None]
         more = (doubt * single[a:b] * scale[a:b]) ** 2
         sigma[a:b] = np.sqrt(grid.sigma[a:b] ** 2 + more + carried**2)
+        if common is not None:
+            shift = _CURVED * bent[a:b] * single[a:b]
+            common[a:b] = np.nan_to_num(along * shift[..., None])
 
     in_parts(part, len(points), _blocks(len(points)))
     edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
     flags = (grid.flags | edge).astype(np.uint16)
-    return replace(grid, points=points, sigma=sigma, flags=flags, thickness=light.thickness)
+    return replace(
+        grid, points=points, sigma=sigma, flags=flags, thickness=light.thickness,
+        light_doubt=common,
+    )  # fmt: skip
 
 
 def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:
@@ -257,5 +266,6 @@ def take_steps(grid: RangeGrid, index: npt.NDArray[np.intp]) -> RangeGrid:
         closed=goes_round(grid.angles[index]),
         eyes=None if grid.eyes is None else grid.eyes[index],
         behind=None if grid.behind is None else grid.behind[index],
+        light_doubt=None if grid.light_doubt is None else grid.light_doubt[index],
         thickness=grid.thickness,
     )

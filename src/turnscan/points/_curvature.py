@@ -21,24 +21,32 @@ _WIDEST = 0.5
 
 
 def curvature_shift(light: LitPoints, thickness: float) -> Floats:
-    """(s, n) px by which the centre of each stripe lies beside the sheet's middle; 0 where no
-    curvature is known.
+    """(s, n) px by which the centre of each stripe lies beside the sheet's middle; 0 where the
+    surface about it is not known.
 
     The curve that the sheet's light lies on runs across the profiles, X(s) ≈ X₀ + t s + K s²/2.
-    With d the distance from the sheet, c = t·n its slope there, a the picture's direction and v the
-    one to the camera, a Gaussian sheet of rms ``thickness`` σ mm has its centre of light at
+    With d the distance from the sheet, c = t·n its slope there, a the picture's direction, v the
+    one to the camera and r the way to it, a Gaussian sheet of rms ``thickness`` σ mm has its centre
+    of light at
 
-        ū = σ²/c² [ K·a/2 − (t·a)(K·n)/2c − (t·a)(v·t)(K·m)/(v·m) ],
+        ū = σ²/c² [ K·a/2 − (q − 2)(t·a)(K·n)/2c − (q − 1)(t·a)(v·t)(K·m)/2(v·m) + q (t·a)(v·t)/r ],
 
     m the curve's normal towards the camera: what the surface sinks, what the sheet meets beside,
-    and the pixels that see each side. Curvature is taken over ± `_SPAN` σ, steadied along the
-    profile, and counts as far as the neighbours over and beyond have the same: an edge is none.
+    and the pixels that see each side, for it is turned away or nearer to the camera. The last does
+    not need a curve: planes have it, too. q is 3 for all of the light. The detector's window of
+    ± 2.5 widths leaves out 0.609 of the profile's skewness, as much of it as is the sheet's and not
+    a blur's: q = 3 − 0.609 (σ t·a / c w)², w the stripe's width.
+
+    Curvature is taken over ± `_SPAN` σ, steadied along the profile and over the neighbours over and
+    beyond, and counts as far as they have the same: an edge is none.
     """
     from turnscan.points import _curvature_kernels as kernels
 
-    per_square, steps = kernels.shifts(
-        light.points, light.eyes, light.moves, light.sheets, _SPAN * thickness, light.closed
-    )
-    common = kernels.agreed(kernels.evened(per_square), steps, light.closed)
-    most = _WIDEST * np.nan_to_num(light.width)
-    return np.asarray(np.clip(np.nan_to_num(common) * thickness**2, -most, most))
+    width = np.nan_to_num(light.width)
+    curve, slant, steps = kernels.shifts(
+        light.points, light.eyes, light.moves, light.sheets, width, thickness, _SPAN * thickness,
+        light.closed,
+    )  # fmt: skip
+    common = kernels.agreed(kernels.evened(curve), steps, light.closed)
+    most = _WIDEST * width
+    return np.asarray(np.clip(np.nan_to_num(common) + np.nan_to_num(slant), -most, most))

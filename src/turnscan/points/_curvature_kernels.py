@@ -21,6 +21,11 @@ _LEAST = 0.2
 """Slope of the curve to the sheet, below which the sheet runs along the surface."""
 _BESIDE = 6
 """Lines on either side over which curvatures are averaged."""
+_SAME = 1 / 3
+"""Of the largest of three curvatures, what the least must have for them to be alike."""
+_CUT_OFF = 0.609
+"""Share of a profile's skewness that a window of ± 2.5 widths leaves out: 2 b³ φ(b) over what it
+has of the variance, Φ(b) − Φ(−b) − 2 b φ(b), b = 2.5."""
 
 
 @njit(cache=True, nogil=True)
@@ -45,15 +50,18 @@ def _over(p: Vector, by: float) -> Vector:
 
 @njit(cache=True, nogil=True)
 def shifts(
-    points: Floats, eyes: Floats, moves: Floats, sheets: Floats, span: float, closed: bool
-) -> tuple[Floats, Counts]:
-    """(s, n) px/mm² that a centre shifts for each square of the sheet's thickness, NaN where no
-    curvature is known; and how many steps to either side it was taken over, 0 there.
+    points: Floats, eyes: Floats, moves: Floats, sheets: Floats, width: Floats, thickness: float,
+    span: float, closed: bool,
+) -> tuple[Floats, Floats, Counts]:  # fmt: skip
+    """(s, n) px that a centre shifts for a sheet of rms ``thickness`` mm: for the curve of the
+    surface, and for its slant alone; NaN where that is not known. Then how many steps to either
+    side the curve was taken over, 0 there. ``width`` (s, n) px rms of the stripe.
 
     The last points of a profile have no curvature; what they lie beside is not seen.
     """
     s, n, _ = points.shape
-    out, over = np.full((s, n), np.nan), np.zeros((s, n), np.int16)
+    curve, slant = np.full((s, n), np.nan), np.full((s, n), np.nan)
+    over = np.zeros((s, n), np.int16)
     for k in range(s):
         eye = (eyes[k, 0], eyes[k, 1], eyes[k, 2])
         for j in range(n):
@@ -76,21 +84,26 @@ def shifts(
                 _from(here, _at(points, (k - m) % s, j)),
                 _from(here, _at(points, (k + m) % s, j)),
             )
-            shift = _shift(a, b, _from(here, eye), _at(moves, k, j), _at(sheets, k, j))
-            if not np.isnan(shift):
-                out[k, j], over[k, j] = shift, m
-    return out, over
+            sight = _from(here, eye)
+            one, other = _shift(
+                a, b, sight, _at(moves, k, j), _at(sheets, k, j), thickness, width[k, j]
+            )
+            if not np.isnan(one):
+                curve[k, j], slant[k, j], over[k, j] = one, other, m
+    return curve, slant, over
 
 
 @njit(cache=True, nogil=True)
-def _shift(a: Vector, b: Vector, v: Vector, move: Vector, sheet: Vector) -> float:
-    """px/mm² of a point from which the curve goes on to ``a`` and ``b`` and the camera is at ``v``,
-    NaN where no curvature is known."""
+def _shift(
+    a: Vector, b: Vector, v: Vector, move: Vector, sheet: Vector, thickness: float, width: float
+) -> tuple[float, float]:
+    """px that the centre of a point shifts for its curve and for its slant; NaN where no curvature
+    is known. The curve goes on to ``a`` and ``b`` from there, and the camera is at ``v``."""
     la, lb = np.sqrt(_dot(a, a)), np.sqrt(_dot(b, b))
     if not (la > 0.0 and lb > 0.0 and la < _LOPSIDED * lb and lb < _LOPSIDED * la):
-        return np.nan
+        return np.nan, np.nan
     if _dot(a, b) > -_STRAIGHT * la * lb:
-        return np.nan
+        return np.nan, np.nan
     one, two = _over(a, la), _over(b, lb)
     bend = (
         2.0 * (one[0] + two[0]) / (la + lb),
@@ -101,20 +114,27 @@ def _shift(a: Vector, b: Vector, v: Vector, move: Vector, sheet: Vector) -> floa
     t = _over(t, np.sqrt(_dot(t, t)))
     c = _dot(t, sheet)
     if abs(c) < _LEAST:
-        return np.nan
-    v = _over(v, np.sqrt(_dot(v, v)))
+        return np.nan, np.nan
+    far = np.sqrt(_dot(v, v))
+    v = _over(v, far)
     across = _dot(v, t)
     normal = (v[0] - across * t[0], v[1] - across * t[1], v[2] - across * t[2])
     facing = np.sqrt(_dot(normal, normal))
     if facing < _LEAST:
-        return np.nan
+        return np.nan, np.nan
     normal = _over(normal, facing)
-    pixel = _over(move, _dot(move, move))
+    along = _dot(move, v)
+    flat = (move[0] - along * v[0], move[1] - along * v[1], move[2] - along * v[2])
+    pixel = _over(flat, _dot(flat, flat))
     ta = _dot(t, pixel)
+    drawn = (thickness / c) ** 2
+    whole = 3.0
+    if width > 0.0:
+        whole -= _CUT_OFF * min(drawn * ta**2 / width**2, 1.0)
     sinks = _dot(bend, pixel) / 2
-    beside = ta * _dot(bend, sheet) / (2 * c)
-    seen = ta * across * _dot(bend, normal) / facing
-    return (sinks - beside - seen) / c**2  # type: ignore[no-any-return]
+    beside = (whole - 2.0) * ta * _dot(bend, sheet) / (2 * c)
+    seen = (whole - 1.0) / 2 * ta * across * _dot(bend, normal) / facing
+    return (sinks - beside - seen) * drawn, whole * ta * across / far * drawn
 
 
 @njit(cache=True, nogil=True)
@@ -145,26 +165,34 @@ def evened(values: Floats) -> Floats:
 
 @njit(cache=True, nogil=True)
 def agreed(values: Floats, steps: Counts, closed: bool) -> Floats:
-    """(s, n) the least of each value and those as many ``steps`` before and after as it was taken
-    over; 0 where they differ in sign. A neighbour that is missing says nothing.
+    """(s, n) what each value and those as many ``steps`` before and after as it was taken over say
+    together: their mean where they are alike, else the least; 0 where they differ in sign.
+
+    The least of three that differ by noise alone would be too small. A neighbour that is missing
+    says nothing.
     """
     s, n = values.shape
     out = np.full((s, n), np.nan)
     for k in range(s):
         for j in range(n):
-            least = values[k, j]
-            if np.isnan(least):
+            if np.isnan(values[k, j]):
                 continue
+            low = high = total = values[k, j]
+            count = 1
             for way in (-1, 1):
                 m = k + way * steps[k, j]
                 if closed:
                     m %= s
                 if m < 0 or m >= s or np.isnan(values[m, j]):
                     continue
-                other = values[m, j]
-                if other * least <= 0.0:
-                    least = 0.0
-                elif abs(other) < abs(least):
-                    least = other
-            out[k, j] = least
+                low, high = min(low, values[m, j]), max(high, values[m, j])
+                total += values[m, j]
+                count += 1
+            least = low if low > 0.0 else high
+            if low <= 0.0 <= high:
+                out[k, j] = 0.0
+            elif abs(least) >= _SAME * max(-low, high):
+                out[k, j] = total / count
+            else:
+                out[k, j] = least
     return out

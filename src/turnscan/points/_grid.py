@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Flags, Floats, Ints, frozen
+from turnscan.arrays import Bools, Flags, Floats, Ints, Singles, frozen
 from turnscan.picture import Picture, card, coloured, image, shrunk
 
 _BESIDE = 16
@@ -59,6 +59,10 @@ class RangeGrid:
     """The grid that this one was resampled from; None for one that was measured so."""
     thickness: float = 0.0
     """mm rms of the sheet of light, as the stripes' widths say; 0 where they do not."""
+    light_doubt: Singles | None = None
+    """(s, n, 3) mm by which one standard deviation of what is not known of the thick sheet moves
+    the points, all of them at once, so that it does not average out; None where its thickness is
+    not known."""
 
     def __post_init__(self) -> None:
         if self.points.ndim != 3:
@@ -73,6 +77,9 @@ class RangeGrid:
         put(self, "flags", frozen(self.flags, (s, n), "RangeGrid.flags", np.uint16))
         if self.eyes is not None:
             put(self, "eyes", frozen(self.eyes, (s, 3), "RangeGrid.eyes"))
+        if self.light_doubt is not None:
+            doubt = frozen(self.light_doubt, (s, n, 3), "RangeGrid.light_doubt", np.float32)
+            put(self, "light_doubt", doubt)
         if self.behind is not None:
             put(self, "behind", frozen(self.behind, (s, n), "RangeGrid.behind", np.bool_))
 
@@ -126,6 +133,7 @@ class RangeGrid:
             amplitude=self.amplitude[:, lines],
             flags=self.flags[:, lines],
             behind=None if self.behind is None else self.behind[:, lines],
+            light_doubt=None if self.light_doubt is None else self.light_doubt[:, lines],
         )
 
     def among(self, lines: slice, light: Floats, flags: Flags) -> RangeGrid:
@@ -140,7 +148,8 @@ class RangeGrid:
             empty[:, lines] = values
             return empty
 
-        behind = self.behind
+        behind, doubt = self.behind, self.light_doubt
+        no_doubt = np.zeros((*flags.shape, 3), np.float32)
         return replace(
             self,
             points=all_of(self.points, np.full((*flags.shape, 3), np.nan)),
@@ -148,6 +157,7 @@ class RangeGrid:
             amplitude=all_of(self.amplitude, light.copy()),
             flags=all_of(self.flags, flags.copy()),
             behind=None if behind is None else all_of(behind, np.zeros(flags.shape, np.bool_)),
+            light_doubt=None if doubt is None else all_of(doubt, no_doubt),
         )
 
 

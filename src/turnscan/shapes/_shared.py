@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
-from turnscan.arrays import Floats, Longs
+from turnscan.arrays import Floats, Ints, Longs
 from turnscan.mesh import Mesh
 from turnscan.points import RangeGrid, pixels_of, rig_moves
 from turnscan.rig import Pose, Rig
@@ -49,14 +50,19 @@ class Source:
 
     @property
     def views(self) -> list[View]:
-        """All grids whose rig is known with a covariance."""
+        """All grids whose rig is known, where it has a covariance or its light is thick."""
         rig = self.rig
         alone = [] if rig is None else [View(g, rig, g.laser) for g in self.grids]
-        return [v for v in (self.placed or alone) if v.rig.covariance is not None]
+        return [
+            v
+            for v in (self.placed or alone)
+            if v.rig.covariance is not None or v.grid.light_doubt is not None
+        ]
 
 
 def calibration_moves(mesh: Mesh, source: Source) -> Iterator[Floats]:
-    """(v, 3) mm: how the vertices of a mesh move with the rig's calibration (`points.rig_moves`).
+    """(v, 3) mm: how the vertices of a mesh move with the rig's calibration (`points.rig_moves`),
+    and with what is not known of its thick sheet of light (`RangeGrid.light_doubt`).
 
     What one rig measured moves together, in all poses of the part; rigs are independent of each
     other. Vertices that were not measured go with the nearest that somebody did. Nothing where rig
@@ -76,8 +82,8 @@ def calibration_moves(mesh: Mesh, source: Source) -> Iterator[Floats]:
         mine = np.flatnonzero((p.laser == laser) & np.isin(p.step, grid.steps) & ~known)
         known[mine] = True
         order = np.argsort(grid.steps, kind="stable")
-        angles = grid.angles[order[np.searchsorted(grid.steps[order], p.step[mine])]]
-        fields = _moves_of(view, mesh.vertices[mine], angles)
+        row = order[np.searchsorted(grid.steps[order], p.step[mine])]
+        fields = _moves_of(view, mesh.vertices[mine], row, p.line[mine])
         by_rig.setdefault(id(view.rig), []).append((mine, fields))
     if not known.any():
         return
@@ -91,12 +97,17 @@ def calibration_moves(mesh: Mesh, source: Source) -> Iterator[Floats]:
             yield field[near]
 
 
-def _moves_of(view: View, points: Floats, angles: Floats) -> Iterator[Floats]:
-    """(m, 3) mm: how points of a view move with its rig, in the frame of the mesh."""
-    pose = view.pose
+def _moves_of(view: View, points: Floats, row: Longs, line: Ints) -> Iterator[Floats]:
+    """(m, 3) mm: how points of a view, measured in those rows and lines of its grid, move with its
+    rig, in the frame of the mesh."""
+    pose, grid = view.pose, view.grid
     own = points if pose is None else pose.inverse().apply(points)
-    fields = rig_moves(view.rig, view.grid.laser, pixels_of(view.rig, own, angles), angles)
-    return fields if pose is None else (pose.turn(field) for field in fields)
+    angles, doubt = grid.angles[row], np.zeros_like(points)
+    fields = rig_moves(view.rig, grid.laser, pixels_of(view.rig, own, angles), angles)
+    if grid.light_doubt is not None:
+        doubt = np.where(line[:, None] >= 0, grid.light_doubt[row, line], 0.0)
+    for field in chain(fields, [doubt]):
+        yield field if pose is None else pose.turn(field)
 
 
 def moved(shares: Floats, moves: Iterable[Floats]) -> float:

@@ -96,7 +96,7 @@ def shaft() -> Part:
     n = solids.sides(18.0)
     edge = float(np.arcsin(4 / 18))
     turn = edge + np.arange(n + 1) / n * (2 * np.pi - 2 * edge)
-    arc = 18 * np.column_stack([np.cos(turn), np.sin(turn)])
+    arc = 18 * solids.even_radius(n) * np.column_stack([np.cos(turn), np.sin(turn)])
     outline = np.concatenate([arc, [(14.0, -4.0), (14.0, 4.0)]])
     keyed = solids.extruded(outline, 25, 65)
     mesh = solids.joined([solids.revolved(low), keyed, solids.revolved(high)])
@@ -136,7 +136,8 @@ def bracket(hole: float = 24.0) -> Part:
     ring = np.column_stack([np.cos(turn), np.sin(turn)])
     # Wall seen along y: a rectangle 60 × 60 (x, z − 40), met from the hole along each direction.
     out = ring * (30.0 / np.abs(ring).max(axis=1, keepdims=True))
-    rims = [(out, -5.0), (out, 5.0), (ring * hole / 2, 5.0), (ring * hole / 2, -5.0), (out, -5.0)]
+    bore = solids.even_radius(n) * hole / 2 * ring
+    rims = [(out, -5.0), (out, 5.0), (bore, 5.0), (bore, -5.0), (out, -5.0)]
     grid = np.stack([np.column_stack([a[:, 0], -np.full(n + 1, y), a[:, 1]]) for a, y in rims])
     wall = solids.patch(grid + (0, -15, 40))
     d = truth.union(

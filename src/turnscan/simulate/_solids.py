@@ -23,6 +23,12 @@ def sides(radius: float, chord: float = CHORD) -> int:
     return int(np.clip(8 * np.ceil(np.pi / np.arccos(1.0 - ratio) / 8), 48, 2400))
 
 
+def even_radius(count: int) -> float:
+    """How much further out the vertices of a polygon lie than the circle that it stands for, so
+    that its sides are as far from the middle as the circle is, on average."""
+    return 1.0 + (np.pi / count) ** 2 / 3.0
+
+
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one; overlaps stay (a ray meets the outermost surface first)."""
     starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
@@ -58,11 +64,12 @@ def revolved(profile: npt.ArrayLike, count: int | None = None) -> Mesh:
 
     ``profile`` (n, 2) is the polyline (r, z) seen with r to the right, going round the solid's
     half section counter-clockwise: from the bottom on the axis, out, up, and back to the axis.
+    The mean distance of its sides from the axis is that of the profile.
     """
     p = np.asarray(profile, dtype=np.float64)
     n = count or sides(float(p[:, 0].max()))
     turn = np.arange(n) * (2 * np.pi / n)
-    r, z = p[:, :1], p[:, 1:]
+    r, z = p[:, :1] * even_radius(n), p[:, 1:]
     grid = np.stack([r * np.cos(turn), r * np.sin(turn), z + 0 * turn], axis=-1)
     return _without_slivers(grid.reshape(-1, 3), _grid_faces(len(p), n, wrap=True))
 
