@@ -41,6 +41,13 @@ def test_colours_come_back(suffix: str, mesh: Mesh) -> None:
     assert "export.values" in [f.code for f in audit(export(PLAIN, suffix), PART, suffix)]
 
 
+@pytest.mark.parametrize("suffix", [".stl", ".dxf", ".xyz"])
+def test_a_format_without_colours_says_that_they_are_lost(suffix: str) -> None:
+    said = [f.code for f in audit(export(PART, suffix), PART, suffix)]
+    assert said == ["export.no-colours"]
+    assert not audit(export(PLAIN, suffix), PLAIN, suffix)
+
+
 @pytest.mark.parametrize("suffix", [".obj", ".ply"])
 def test_assimp_sees_the_same_colours(suffix: str, tmp_path: Path) -> None:
     needs("assimp")

@@ -22,7 +22,7 @@ from turnscan.progress import no_progress
 from turnscan.rig import TableMotion
 from turnscan.scan import Frame, Scan, ScanPlan
 from turnscan.texture import NEUTRAL, Colours, TexturePicture, colours_of
-from turnscan.workflows import ScanSession, _texture, reconstruct
+from turnscan.workflows import ScanOptions, ScanSession, _texture, reconstruct, simulate
 
 
 def bands(points: Floats) -> Floats:
@@ -164,3 +164,13 @@ def test_stripes_tell_the_scale_of_dark_pictures_of_more_than_8_bits(
     with Scan.open(path) as scan:
         _texture.colours(SURFACE, [_texture.TextureSource(scan, CAN_RIG)], no_progress)
     assert [shot.white for shot in used] == [white]
+
+
+def test_texture_images_that_are_counted_but_not_captured_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="every 4 steps") as refused:
+        ScanOptions(texture_every=4).request()
+    assert [option.name for option in refused.value.hint.options] == ["texture"]
+    assert ScanOptions(texture=0.01, texture_every=4).request().texture_every == 4
+    with pytest.raises(InputError, match="every 4 steps"):
+        simulate("sphere", tmp_path / "ball.turnscan", texture_every=4)
+    assert not list(tmp_path.iterdir())

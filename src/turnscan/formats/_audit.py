@@ -23,6 +23,9 @@ EZDXF_BYTES = 2_000_000
 """ezdxf reads about half a megabyte of faces a second; larger files only our own reader reads."""
 VOLUME = 1e-6
 """A part's volume should survive its file to this relative accuracy."""
+_COLOURED = (".ply", ".obj", ".3mf", ".glb")
+"""Formats that hold vertices and their colours."""
+_COLOURLESS = (".stl", ".dxf", ".xyz")
 _THINNER = "choose a format with more digits, such as PLY, or decimate the mesh first"
 _REMEDY = "write the file again; if the error persists, report it as a defect of turnscan"
 
@@ -52,7 +55,7 @@ def audit(
             forms = (content.faces, content.polyfaces, content.meshes)
             one = next((triangles for triangles in forms if len(triangles)), None)
             seen = [] if one is None else less_sound(soup("DXF", one), what)
-            return found + _by_ezdxf(data) + seen
+            return found + _by_ezdxf(data) + seen + _uncoloured(what, suffix)
         read = exporter_for(suffix).read(data)
     except InputError as e:
         return [_error("unreadable", e.message)]
@@ -66,12 +69,12 @@ def audit(
     else:
         wanted = what.triangles[_drawn(what)] if suffix.lower() == ".glb" else what.triangles
         found = _compare_faces(read.triangles, wanted, step, "faces")
-        if suffix.lower() in (".ply", ".obj", ".3mf", ".glb"):
+        if suffix.lower() in _COLOURED:
             found += _compare_points(read.vertices, points, step, "vertices")
     if _errors(found):
         return found
     found += _values(read, what, suffix, options) + less_sound(read, what)
-    return found + (_unmarked(what) if suffix.lower() == ".stl" else [])
+    return found + (_unmarked(what) if suffix.lower() == ".stl" else []) + _uncoloured(what, suffix)
 
 
 def _unmarked(what: Mesh | PointCloud) -> list[Finding]:
@@ -80,6 +83,14 @@ def _unmarked(what: Mesh | PointCloud) -> list[Finding]:
         return []
     text = f"{int((~what.measured).sum())} faces were not measured; an STL cannot mark them"
     return [Finding("export.unmarked", "note", text, "", "write a PLY, OBJ, 3MF or DXF as well")]
+
+
+def _uncoloured(what: Mesh | PointCloud | Profiles, suffix: str) -> list[Finding]:
+    """That a format holds no colours, where the mesh has some."""
+    if not isinstance(what, Mesh) or what.colour is None or suffix.lower() not in _COLOURLESS:
+        return []
+    text = f"the mesh has colours; a {suffix.lower()} file holds none"
+    return [Finding("export.no-colours", "note", text, "", "write a PLY, OBJ, 3MF or GLB as well")]
 
 
 def less_sound(read: Mesh, what: Mesh | PointCloud | Profiles) -> list[Finding]:
@@ -299,7 +310,7 @@ def _values(
 def _same_colour(read: Mesh, what: Mesh, suffix: str) -> bool:
     """Whether the vertices have their colours, in formats that hold them; 3MF those of faces that
     were measured."""
-    if what.colour is None or suffix.lower() not in (".ply", ".obj", ".3mf", ".glb"):
+    if what.colour is None or suffix.lower() not in _COLOURED:
         return True
     some = measured(what) if suffix.lower() == ".3mf" else np.ones(len(what.faces), np.bool_)
     used = np.unique(what.faces[some])

@@ -16,6 +16,7 @@ from turnscan.points._profile import Along, Spacing, profiles, resample
 from turnscan.points._range_scan import RangeScan, range_scan_from_ply
 from turnscan.points._sweep import Swept, paths_of, refine
 from turnscan.points._triangulate import (
+    pixel_moves,
     pixels_of,
     point_covariance,
     rig_moves,
@@ -53,6 +54,7 @@ __all__ = [
     "lost_frames",
     "normal_sigma",
     "paths_of",
+    "pixel_moves",
     "pixels_of",
     "placed",
     "placements_from_conf",

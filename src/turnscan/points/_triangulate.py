@@ -12,6 +12,9 @@ from turnscan.points._grid import RangeGrid
 from turnscan.rig import LaserSheet, Rig, rotation_z
 
 _SMALL = 1e-3
+_LOCKED = 0.005
+"""px by which a centre swings with its place in the pixel: of a Gaussian stripe of 1 to 1.6 px rms
+in the window of ± 2.5 widths, with 8 bits."""
 """Step of the finite differences of `point_covariance`, in standard deviations."""
 
 
@@ -116,6 +119,30 @@ def rig_moves(
             X = moved.sheet(laser).intersect(moved.camera.rays(uv))
             ends.append(to_object(moved, X, angles))
         yield (ends[0] - ends[1]) / (2.0 * _SMALL)
+
+
+def pixel_moves(
+    rig: Rig, laser: str, pixels: npt.ArrayLike, angles: npt.ArrayLike, across: int
+) -> Iterator[Floats]:
+    """How points seen at pixels (m, 2) and table angles (m,) move with the pixels' grid, (m, 3) mm.
+
+    The detector's window ends inside pixels, so its centre swings about the true one with its place
+    in the pixel, by `_LOCKED` px at the most. What has the same place in all pictures, as a round
+    part on the axis has, is off by the same everywhere. How the swing lies is not known: there are
+    two fields, one standard deviation each. ``across`` is 0 where the stripe moves along the rows,
+    1 along the columns.
+    """
+    uv = np.asarray(pixels, dtype=np.float64)
+    beside = np.zeros(2)
+    beside[across] = _SMALL
+    sheet, ends = rig.sheet(laser), list[Floats]()
+    for sign in (1.0, -1.0):
+        X = sheet.intersect(rig.camera.rays(uv + sign * beside))
+        ends.append(to_object(rig, X, angles))
+    per_pixel = (ends[0] - ends[1]) / (2.0 * _SMALL)
+    phase = 2.0 * np.pi * uv[:, across, None]
+    for swing in (np.cos(phase), np.sin(phase)):
+        yield _LOCKED / np.sqrt(2.0) * swing * per_pixel
 
 
 def pixels_of(rig: Rig, points: Floats, angles: Floats) -> Floats:

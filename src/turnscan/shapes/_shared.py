@@ -10,7 +10,7 @@ import numpy as np
 
 from turnscan.arrays import Floats, Ints, Longs
 from turnscan.mesh import Mesh
-from turnscan.points import RangeGrid, pixels_of, rig_moves
+from turnscan.points import RangeGrid, pixel_moves, pixels_of, rig_moves
 from turnscan.rig import Pose, Rig
 from turnscan.surface.fusion import RangeSurface
 
@@ -62,7 +62,8 @@ class Source:
 
 def calibration_moves(mesh: Mesh, source: Source) -> Iterator[Floats]:
     """(v, 3) mm: how the vertices of a mesh move with the rig's calibration (`points.rig_moves`),
-    and with what is not known of its thick sheet of light (`RangeGrid.light_doubt`).
+    with what is not known of its thick sheet of light (`RangeGrid.light_doubt`), and with the place
+    of stripes in their pixels (`points.pixel_moves`).
 
     What one rig measured moves together, in all poses of the part; rigs are independent of each
     other. Vertices that were not measured go with the nearest that somebody did. Nothing where rig
@@ -102,11 +103,16 @@ def _moves_of(view: View, points: Floats, row: Longs, line: Ints) -> Iterator[Fl
     rig, in the frame of the mesh."""
     pose, grid = view.pose, view.grid
     own = points if pose is None else pose.inverse().apply(points)
-    angles, doubt = grid.angles[row], np.zeros_like(points)
-    fields = rig_moves(view.rig, grid.laser, pixels_of(view.rig, own, angles), angles)
-    if grid.light_doubt is not None:
+    angles = grid.angles[row]
+    pixels = pixels_of(view.rig, own, angles)
+    fields: Iterable[Floats] = rig_moves(view.rig, grid.laser, pixels, angles)
+    own_light: Iterable[Floats] = [np.zeros_like(points)] * 3
+    if grid.light_doubt is not None and len(points):
         doubt = np.where(line[:, None] >= 0, grid.light_doubt[row, line], 0.0)
-    for field in chain(fields, [doubt]):
+        # A line is a row of the picture, or a column where the stripe runs along the rows.
+        across = int(np.argmax(np.median(np.abs(pixels - line[:, None]), axis=0)))
+        own_light = chain([doubt], pixel_moves(view.rig, grid.laser, pixels, angles, across))
+    for field in chain(fields, own_light):
         yield field if pose is None else pose.turn(field)
 
 

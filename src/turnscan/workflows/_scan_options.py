@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from turnscan.errors import InputError
+from turnscan.remedy import Option, Remedy
 from turnscan.workflows._choices import KEEP, ORIENTATION
 from turnscan.workflows._declare import Checked, option
 from turnscan.workflows._degrees import degrees_range, exact_degrees
@@ -13,6 +15,15 @@ if TYPE_CHECKING:
     from turnscan.scan import Keep
     from turnscan.scanner import ScanRequest
     from turnscan.stripes import Orientation
+
+
+def check_texture(exposure: float | None, every: int) -> None:
+    """Raises InputError where texture images are counted, but none are captured."""
+    if exposure is None and every != 1:
+        raise InputError(
+            f"a texture image every {every} steps, but no texture images are captured",
+            hint=Remedy("give their exposure time, too: ", Option("texture")),
+        )
 
 
 @dataclass(frozen=True)
@@ -71,8 +82,10 @@ class ScanOptions(Checked):
     )
 
     def request(self) -> ScanRequest:
-        """The same for the devices."""
+        """The same for the devices. Raises InputError for options that contradict each other."""
         from turnscan.scanner import ScanRequest
+
+        check_texture(self.texture, self.texture_every)
 
         names = self.laser_names
         return ScanRequest(

@@ -14,6 +14,7 @@ from turnscan.simulate import simulated, wish_of
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output
 from turnscan.workflows._history import refuse_over_repairs
+from turnscan.workflows._scan_options import check_texture
 from turnscan.workflows._simulate_options import SimulateOptions
 from turnscan.workflows._simulated import plan_of, scan_into_file, scan_into_folder
 
@@ -81,6 +82,7 @@ def simulate(
     (1, ('right',))
     """
     output, wanted = Path(output), chosen(SimulateOptions, options, changes)
+    check_texture(wanted.texture, wanted.texture_every)
     into_file = output.suffix == ".turnscan"
     if into_file:
         check_output(output)

@@ -468,7 +468,10 @@ def _bent(g: Ground, member: Index) -> bool:
     there does so alike all along it, and a band of such stripes is as smooth as a face."""
     if g.stripe is None or float(np.median(g.scale[member])) <= _POOR * g.usual:
         return False
-    return len(np.unique(g.stripe[member])) < _FEW <= g.stripes / _MANY
+    many = np.unique(g.stripe[member], return_counts=True)[1].astype(float)
+    # A stripe of which a point or two lie at the end of the band is no stripe of it.
+    full = float(many.sum()) ** 2 / float((many**2).sum())
+    return full < _FEW <= g.stripes / _MANY
 
 
 def close(g: Ground, kind: int, q: Floats, member: Index) -> bool:
