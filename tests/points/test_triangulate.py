@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 
 from tests.analytic import full_turn, make_rig, scan_shape, sphere, with_noise
 from turnscan.errors import InputError
-from turnscan.points import build_grid, point_covariance, systematic_sigma, to_object, triangulate
+from turnscan.points import (
+    build_grid,
+    pixel_moves,
+    point_covariance,
+    systematic_sigma,
+    to_object,
+    triangulate,
+)
 from turnscan.rig import planar_point
 from turnscan.stripes import Stripe, StripeFlag
 
@@ -159,3 +166,20 @@ def test_a_ray_that_misses_the_sheet_is_missing_not_guessed():
     assert (grid.flags == StripeFlag.OUTSIDE).all()
     assert np.isnan(grid.sigma).all()
     assert np.isnan(grid.amplitude).all()
+
+
+def test_a_place_in_the_pixel_moves_all_points_that_have_it_alike():
+    rig = make_rig()
+    laser = rig.sheets[0].name
+    middle = rig.camera.project(rig.T_camera_table.apply([[0.0, 0.0, 30.0]]))[0]
+    here = np.floor(middle) + [0.3, 0.0]
+    pixels = here + [[0.0, 0.0], [0.5, 0.0], [0.25, 0.0], [0.0, 0.5]]
+    still = to_object(rig, rig.sheet(laser).intersect(rig.camera.rays(pixels)), np.zeros(4))
+    aside = rig.sheet(laser).intersect(rig.camera.rays(pixels + [1e-3, 0.0]))
+    per_pixel = 1e3 * (to_object(rig, aside, np.zeros(4)) - still)
+    fields = np.stack(list(pixel_moves(rig, laser, pixels, np.zeros(4), 0)))
+    share = np.einsum("kij,ij->ki", fields, per_pixel) / (per_pixel**2).sum(axis=1)
+    assert np.allclose((share**2).sum(axis=0), 0.005**2 / 2, rtol=1e-3), "as uncertain everywhere"
+    assert np.allclose(share[:, 1], -share[:, 0], rtol=1e-3), "half a pixel on: the other way"
+    assert np.isclose(share[:, 2] @ share[:, 0], 0.0, atol=1e-9), "a quarter: independent"
+    assert np.allclose(share[:, 3], share[:, 0], rtol=1e-3), "lines are alike"

@@ -302,6 +302,16 @@ def test_the_calibration_moves_a_volume_as_a_rig_that_is_off_does() -> None:
     assert unknown.shared == 0.0
 
 
+def test_the_light_moves_a_volume_without_averaging_out() -> None:
+    """Of a rig that is known exactly: every point is off outward by as much."""
+    rig, mesh, grid = seen_ball()
+    bare = replace(rig, covariance=None)
+    outward = (mesh.vertices - (0.0, 0.0, 25.0)) / 20.0
+    thick = replace(grid, light_doubt=(0.01 * outward[:, None]).astype(np.float32))
+    said = shapes.volume_sigma(mesh, shapes.Source((thick,), bare)).shared
+    assert said == pytest.approx(4 * np.pi * 20.0**2 * 0.01, rel=0.02)
+
+
 def test_poses_that_one_rig_measured_share_its_calibration() -> None:
     rig, mesh, grid = seen_ball()
     alone = shapes.volume_sigma(mesh, shapes.Source((grid,), rig)).shared

@@ -12,10 +12,10 @@ from turnscan.points._grid import RangeGrid
 from turnscan.rig import LaserSheet, Rig, rotation_z
 
 _SMALL = 1e-3
+"""Step of the finite differences of `point_covariance`, in standard deviations."""
 _LOCKED = 0.005
 """px by which a centre swings with its place in the pixel: of a Gaussian stripe of 1 to 1.6 px rms
 in the window of ± 2.5 widths, with 8 bits."""
-"""Step of the finite differences of `point_covariance`, in standard deviations."""
 
 
 def triangulate(

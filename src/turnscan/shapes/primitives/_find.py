@@ -16,6 +16,7 @@ from turnscan.shapes.primitives._regions import (
     Ground,
     Index,
     Region,
+    bent,
     cells,
     centred,
     close,
@@ -189,7 +190,7 @@ def _finished(
     fits, owns = list[_Fit](), list[Bools]()
     for k, r in enumerate(found):
         own = label == k
-        if g.firm[own].sum() < LEAST[r.kind]:
+        if g.firm[own].sum() < LEAST[r.kind] or bent(g, np.flatnonzero(own)):
             continue
         for core in _cores(g, own):
             fit = _Fit(g, r, own, core)

@@ -458,12 +458,10 @@ def cells(g: Ground, member: Index) -> Index:
 def fair(g: Ground, kind: int, q: Floats, member: Index) -> bool:
     """Whether firm members are enough, in number and share, and miss the surface by noise."""
     enough = max(LEAST[kind], _FIRM * len(member))
-    return (
-        int(g.firm[member].sum()) >= enough and not _bent(g, member) and close(g, kind, q, member)
-    )
+    return int(g.firm[member].sum()) >= enough and not bent(g, member) and close(g, kind, q, member)
 
 
-def _bent(g: Ground, member: Index) -> bool:
+def bent(g: Ground, member: Index) -> bool:
     """Whether members are a few stripes that are known badly, as beside edges: what bends a stripe
     there does so alike all along it, and a band of such stripes is as smooth as a face."""
     if g.stripe is None or float(np.median(g.scale[member])) <= _POOR * g.usual:
