@@ -109,6 +109,9 @@ def _between(
     if eyes is not None:
         # The camera stands still: in the object's frame it turns back as the table turns.
         eyes = np.einsum("sij,sj->si", rotation_z(before - wanted), eyes[a])
+    doubt = grid.light_doubt
+    if doubt is not None:
+        doubt = np.nan_to_num(mean(doubt.astype(np.float64))).astype(np.float32)
     return replace(
         grid,
         steps=np.arange(len(wanted), dtype=np.int32),
@@ -122,7 +125,7 @@ def _between(
         behind=None
         if grid.behind is None
         else there & np.where(w == 1, grid.behind[b], grid.behind[a]),
-        light_doubt=None if grid.light_doubt is None else np.nan_to_num(mean(grid.light_doubt)),
+        light_doubt=doubt,
     )
 
 

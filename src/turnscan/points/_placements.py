@@ -26,7 +26,9 @@ def placed(grid: RangeGrid, pose: Pose, name: str) -> RangeGrid:
         angles=np.zeros(len(grid.angles)),
         points=pose.apply(grid.points),
         eyes=None if grid.eyes is None else pose.apply(grid.eyes),
-        light_doubt=None if grid.light_doubt is None else pose.turn(grid.light_doubt),
+        light_doubt=None
+        if grid.light_doubt is None
+        else pose.turn(grid.light_doubt).astype(np.float32),
     )
 
 
