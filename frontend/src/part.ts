@@ -300,19 +300,6 @@ function changeSettings(message: SettingsChanged): void {
   if (!same) for (const k of shown) if (k < message.grids.length) loadGrid(k).catch(complain);
 }
 
-/** Keep the settings that hold under a name in the scan file. */
-export async function keepSettings(name: string): Promise<boolean> {
-  const scan = opened.value?.scan;
-  if (!scan) return false;
-  try {
-    await link.request({ kind: "keep_settings", scan, name });
-    return true;
-  } catch (error) {
-    complain(error);
-    return false;
-  }
-}
-
 // Lists
 
 /** The largest holes; with `more` the next ones, after those that are listed. */

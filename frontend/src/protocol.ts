@@ -168,6 +168,18 @@ export interface ColoursShown {
   revision: number;
 }
 
+/** Two settings side by side, with all edits: answered by ``settings_compared``. */
+export interface CompareSettings {
+  id: number;
+  kind: "compare_settings";
+  scan: string;
+  /** Options by name; those left out are at their default. */
+  first: Record<string, unknown>;
+  second: Record<string, unknown>;
+  /** mm: what is further than this from the other surface has no counterpart there. */
+  gap?: number;
+}
+
 /** Open devices by address; a simulated rig is one address for all three. */
 export interface Connect {
   id: number;
@@ -594,14 +606,6 @@ export interface JobState {
   findings: Remark[];
 }
 
-/** Keep the settings that hold as a named set of the scan: ``settings`` tells it. */
-export interface KeepSettings {
-  id: number;
-  kind: "keep_settings";
-  scan: string;
-  name: string;
-}
-
 /** What is known of a laser. Where dark is not confirmed, show it as lit. */
 export interface LaserState {
   name: string;
@@ -1008,6 +1012,8 @@ export interface ScanPlan {
 export interface ScanSettings {
   /** Every option of a reconstruction, by name; null leaves it to turnscan. */
   options: Record<string, unknown>;
+  /** Radius, lowest and largest height of the rig's own working volume, mm; None for no limit. */
+  volume: [number, number | null, number | null];
   /** The named sets in the file; to take one up is an edit with its options. */
   sets: SettingsSet[];
 }
@@ -1085,10 +1091,48 @@ export interface SettingsChanged {
   findings: Remark[];
 }
 
+/**
+ * Two settings side by side. Arrays positions f32 (v, 3), faces u32 (f, 3) and distance f32
+ * (v,) of both, as ``first.positions`` and so on: mm from the other surface, NaN where that has
+ * nothing.
+ */
+export interface SettingsCompared {
+  kind: "settings_compared";
+  id: number;
+  scan: string;
+  /** mm, of the second surface from the first. */
+  mean: number;
+  rms: number;
+  p95: number;
+  worst: number;
+  /** mm², of both. */
+  areas: [number, number];
+  /** mm² of the second where the first has nothing. */
+  won: number;
+  /** mm² of the first where the second has nothing. */
+  lost: number;
+}
+
 /** A named set of settings in a scan file. */
 export interface SettingsSet {
   name: string;
   options: Record<string, unknown>;
+}
+
+/**
+ * What settings would make of a part of the scan. Arrays ``old.K`` and ``new.K`` f32 (n, 3) of
+ * profile K, NaN where it is torn; positions f32 (v, 3) and faces u32 (f, 3) of the patches as
+ * ``old.positions`` and so on; ``new.distance`` f32 (v,) from the old one, NaN where it has
+ * nothing.
+ */
+export interface SettingsTried {
+  kind: "settings_tried";
+  id: number;
+  scan: string;
+  laser: string;
+  /** Of the profiles, the one at hand first. */
+  steps: number[];
+  findings: Remark[];
 }
 
 /** A shape of the surface. */
@@ -1266,6 +1310,21 @@ export interface TryDemo {
   kind: "try_demo";
 }
 
+/**
+ * What settings would make of a few profiles and a patch: answered by ``settings_tried``.
+ *
+ * An earlier trial of the same browser that is still under way is refused as ``cancelled``.
+ */
+export interface TrySettings {
+  id: number;
+  kind: "try_settings";
+  scan: string;
+  options: Record<string, unknown>;
+  grid: number;
+  /** None takes the middle one. */
+  step?: number | null;
+}
+
 /** Turn the table to an angle. */
 export interface Turn {
   id: number;
@@ -1354,6 +1413,8 @@ export type ServerMessage =
   | Patch
   | History
   | SettingsChanged
+  | SettingsTried
+  | SettingsCompared
   | GridChanged
   | PreviewShown
   | Holes
@@ -1395,7 +1456,8 @@ export type ClientMessage =
   | NameEdit
   | Switch
   | CopyEdits
-  | KeepSettings
+  | TrySettings
+  | CompareSettings
   | ListHoles
   | ListDefects
   | TakeMeasure

@@ -37,6 +37,8 @@ export interface Readable {
   place(point: [number, number, number]): { x: number; y: number } | null;
   /** The same in a view of its own, by its label. */
   placeIn(label: string, point: [number, number, number]): { x: number; y: number } | null;
+  /** Where a handle of the working volume is in the window, CSS pixels. */
+  handle(part: string): { x: number; y: number } | null;
   /** Where a step and a line of the grid on the page are in the window, CSS pixels. */
   cell(step: number, line: number): { x: number; y: number } | null;
 }
@@ -118,6 +120,9 @@ export function expose(): void {
     },
     placeIn(label, point) {
       return ownViews.get(label)?.windowPlace(point) ?? null;
+    },
+    handle(part) {
+      return currentViewport()?.handlePlace(part) ?? null;
     },
     cell(step, line) {
       return onPage.grid?.cell(step, line) ?? null;

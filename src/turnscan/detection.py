@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -60,15 +60,18 @@ class View:
         return set(lit_in(self.lit, self.rig)) - {self.laser}
 
     def seek(
-        self, tick: Callable[[], None], jobs: int | None = None
+        self,
+        tick: Callable[[], None],
+        jobs: int | None = None,
+        only: Collection[int] | None = None,
     ) -> tuple[Stripes, list[Finding]]:
         """The stripes of all frames, and what is missing; ``tick`` is called after each frame.
 
-        ``jobs`` threads share the work, one for each core where it is None.
-        Raises ScanCorrupt naming a frame.
+        With ``only``, of the frames of these steps. ``jobs`` threads share the work, one for each
+        core where it is None. Raises ScanCorrupt naming a frame.
         """
         scan = self.scan
-        brackets, done = look_through(scan, self.lit, self.settings, self.inside, tick, jobs)
+        brackets, done = look_through(scan, self.lit, self.settings, self.inside, tick, jobs, only)
         good = [k for k, (_, angle, *_) in enumerate(done) if not np.isnan(angle)]
         findings = points.lost_frames(self.lit, scan.missing(self.lit), len(done) - len(good))
         steps = tuple(done[k][0] for k in good)
@@ -165,17 +168,20 @@ def look_through(
     inside: Bools | None = None,
     tick: Callable[[], None] = lambda: None,
     jobs: int | None = None,
+    only: Collection[int] | None = None,
 ) -> tuple[list[list[Stored]], list[Looked]]:
     """The frames of a name, those of a step together, and the stripe of each step.
 
     ``inside`` (H, W) is True where a stripe counts; ``tick`` is called after each frame, by any
-    thread; ``jobs`` threads share the work. Raises ScanCorrupt naming a frame.
+    thread; ``jobs`` threads share the work. With ``only``, the frames of these steps. Raises
+    ScanCorrupt naming a frame.
     """
     search = _Search(scan, settings, inside, tick)
     # A bracket tells what is clipped by the colours as they were taken.
     stored = scan.stored(lit, search.signal.project if scan.plan.exposures == 1 else None)
     with ThreadPoolExecutor(jobs or thread_count()) as pool:
-        brackets = [list(shots) for _, shots in groupby(stored, key=lambda shot: shot.row.step)]
+        steps = groupby(stored, key=lambda shot: shot.row.step)
+        brackets = [list(shots) for step, shots in steps if only is None or step in only]
         return brackets, list(pool.map(search.find, brackets))
 
 
@@ -243,6 +249,21 @@ def detect_scan(
     changes nothing in the result. Raises ScanCorrupt naming a frame.
     """
     seen = []
+    for view in views_of(scan, rig, settings, volume, only):
+        stripes, found = view.seek(tick, jobs)
+        seen.append(Detection(view, stripes, tuple(found)))
+    give_back()
+    return seen
+
+
+def views_of(
+    scan: Scan,
+    rig: Rig,
+    settings: StripeSettings,
+    volume: Volume | None = None,
+    only: str | None = None,
+) -> Iterator[View]:
+    """How the stripe of each laser of a scan is searched; as in `detect_scan`."""
     for lit in scan.plan.lasers:
         for laser in (n for n in lit_in(lit, rig) if only in (None, n)):
             kept = volume or points.working_volume(rig, laser)
@@ -250,11 +271,7 @@ def detect_scan(
             inside = points.view_mask(rig, laser, kept, others=others)
             mask = points.widened(inside, FLANKS)
             look = replace(settings, orientation=scan.plan.orientation, mask=mask)
-            view = View(scan, rig, lit, laser, kept, look, inside)
-            stripes, found = view.seek(tick, jobs)
-            seen.append(Detection(view, stripes, tuple(found)))
-    give_back()
-    return seen
+            yield View(scan, rig, lit, laser, kept, look, inside)
 
 
 def _bracket(frames: Sequence[Frame]) -> list[Exposed]:

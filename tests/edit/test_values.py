@@ -36,6 +36,9 @@ from turnscan.errors import FormatError, InputError, LimitExceeded, ScanNewer
 REGION = Region.of(Body.of(sheet(6)), np.arange(7))
 SAMPLES: list[Edit] = [
     edit.ChangeSettings({"every": 2, "denoise": 2.0, "close": True, "radius": None}, "fine"),
+    edit.KeepSet("fine", {"every": 2}),
+    edit.RenameSet("fine", "finer"),
+    edit.DeleteSet("finer"),
     edit.DeletePoints("left", 3, (1, 2, 5)),
     edit.SetPoint("left", 3, 1, 17.25),
     edit.PickCandidate("left", 3, (4, 9), 133.5),

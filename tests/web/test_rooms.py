@@ -192,25 +192,83 @@ def test_settings_are_an_edit_that_every_door_replays(folder: Path) -> None:
         wrong = {"kind": "settings", "options": {"fill": "flat"}}
         refused = one.ask("edit", scan=scan, base_revision=revision, edit=wrong)
         assert "no effect without close" in refused["text"]
-        assert one.ask("keep_settings", scan=scan, name="coarse")["kind"] == "done"
-        assert latest()["sets"][0]["name"] == "coarse"
-        assert one.ask("keep_settings", scan=scan, name="default")["kind"] == "refused"
-        assert one.ask("undo", scan=scan)["kind"] == "done"
+        own = {"every": 2, "edge": 2}
+        edit({"kind": "keep_set", "name": "fine", "options": own})
+        assert surface() == coarse, "a note changes no surface"
+        edit({"kind": "rename_set", "name": "fine", "to": "coarse"})
+        assert [s["name"] for s in latest()["sets"]] == ["coarse"]
+        for wrong, says in (
+            ({"kind": "keep_set", "name": "default", "options": own}, "not the name of a set"),
+            ({"kind": "keep_set", "name": "coarse", "options": own}, "holds these settings"),
+            ({"kind": "keep_set", "name": "odd", "options": {"threshold": -1}}, "threshold"),
+            ({"kind": "rename_set", "name": "fine", "to": "finer"}, "no set of settings 'fine'"),
+            ({"kind": "rename_set", "name": "coarse", "to": "coarse"}, "there is a set 'coarse'"),
+            ({"kind": "delete_set", "name": "fine"}, "no set of settings 'fine'"),
+        ):
+            refused = one.ask("edit", scan=scan, base_revision=revision, edit=wrong)
+            assert says in refused["text"]
+        edit({"kind": "delete_set", "name": "coarse"})
+        assert latest()["sets"] == []
+        for _ in range(4):
+            assert one.ask("undo", scan=scan)["kind"] == "done"
         assert latest()["options"]["every"] == 1
         assert surface() == before, "undo makes the surface of before to the bit"
-        assert one.ask("redo", scan=scan)["kind"] == "done"
+        for _ in range(3):
+            assert one.ask("redo", scan=scan)["kind"] == "done"
+        assert [s["name"] for s in latest()["sets"]] == ["coarse"]
         assert surface() == coarse
     path = folder / "ball.turnscan"
     part = reconstruct(path)
     assert part.options.every == part.options.edge == 2
     assert len(part.mesh.faces) == coarse[0]
     assert options_of(path, "coarse") == part.options
-    assert len(edits(path).lines()) == 3
+    assert len(edits(path).lines()) == 6
     with serving(folder) as again_served, Browser(again_served) as late:
         opened = late.open(late.hello["scans"][0]["scan"])
         assert opened["figures"]["faces"] == coarse[0]
         assert opened["settings"]["options"] == asdict(part.options)
         assert [s["name"] for s in opened["settings"]["sets"]] == ["coarse"]
+
+
+def test_settings_are_tried_while_edits_go_on_and_bad_ones_are_refused(server: Running) -> None:
+    with Browser(server) as one:
+        scan = one.hello["scans"][0]["scan"]
+        one.open(scan)
+
+        def attempt(options: dict[str, Any], step: int | None = None) -> Message:
+            return one.ask("try_settings", scan=scan, options=options, grid=0, step=step)
+
+        same = attempt({}, 3)
+        assert same["kind"] == "settings_tried"
+        assert (same["steps"][0], len(same["steps"])) == (3, 4)
+        arrays = same["arrays"]
+        np.testing.assert_array_equal(arrays["old.0"], arrays["new.0"])
+        np.testing.assert_array_equal(arrays["old.faces"], arrays["new.faces"])
+        low = attempt({"z_max": 12.0}, 3)["arrays"]
+        assert np.nanmax(low["new.positions"][:, 2]) <= 12 < np.nanmax(low["old.positions"][:, 2])
+        assert np.nanmax(np.abs(low["new.distance"])) < 1e-3
+        none = attempt({"threshold": 240.0})
+        assert len(none["arrays"]["new.faces"]) == 0
+        for wrong, says in (
+            ({"threshold": -1}, "threshold"),
+            ({"spacing": 0}, "spacing"),
+            ({"radius": 5, "z_min": 9.0, "z_max": 3.0}, "no height between"),
+            ({"every": 2.5}, "every"),
+            ({"nonsense": 1}, "no option"),
+        ):
+            refused = attempt(wrong)
+            assert (refused["kind"], says in refused["text"]) == ("refused", True), refused
+        numbers = [one.send("try_settings", scan=scan, options={"edge": k}, grid=0) for k in (2, 3)]
+        edit = {"kind": "settings", "options": {"every": 2}}
+        assert one.ask("edit", scan=scan, base_revision=0, edit=edit)["kind"] == "done"
+        assert one.ask("undo", scan=scan)["kind"] == "done"
+        assert attempt({"edge": 2})["kind"] == "settings_tried"
+        while not (first := [m for m in one.heard if m.get("id") == numbers[0]]):
+            one.receive()
+        assert first[0].get("code", "cancelled") == "cancelled", "or it was over before the next"
+        both = one.ask("compare_settings", scan=scan, first={}, second={"z_max": 12.0})
+        assert both["kind"] == "settings_compared"
+        assert both["won"] == 0 < both["lost"] < both["areas"][0]
 
 
 def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:

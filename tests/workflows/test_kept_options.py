@@ -17,6 +17,7 @@ from turnscan.errors import FormatError, InputError, ScanNewer
 from turnscan.scan import Scan
 from turnscan.workflows import (
     ReconstructOptions,
+    compare,
     kept_names,
     kept_options,
     options_of,
@@ -82,6 +83,44 @@ def test_named_sets_stand_beside_each_other(scan: Path) -> None:
         reconstruct(scan, settings="coarse")
     with pytest.raises(InputError, match="not a name"):
         reconstruct(scan, settings=" ")
+
+
+def test_edits_of_named_sets_stand_over_those_in_the_file_and_are_undone(scan: Path) -> None:
+    out = scan.with_name("can.ply")
+    run("reconstruct", scan, "-o", out, "--set", "fine", "--edge", 2)
+    made = run("edits", scan, "--make", '{"kind": "rename_set", "name": "fine", "to": "finer"}')
+    assert "rename settings 'fine' to 'finer'" in made.stdout
+    assert options_of(scan, "finer") == ReconstructOptions(edge=2)
+    with pytest.raises(InputError, match="no set 'fine'"):
+        options_of(scan, "fine")
+    reconstruct(scan, ReconstructOptions(edge=3), store=True, settings="finer")
+    assert options_of(scan, "finer").edge == 3, "what is kept over an edit is an edit"
+    run("edits", scan, "--undo")
+    assert options_of(scan, "finer").edge == 2
+    run("edits", scan, "--make", '{"kind": "delete_set", "name": "finer"}')
+    again = run("edits", scan, "--make", '{"kind": "delete_set", "name": "finer"}')
+    assert again.exit_code == 2
+    assert "no set of settings 'finer'" in again.stderr
+    for _ in range(2):
+        run("edits", scan, "--undo")
+    assert options_of(scan, "fine").edge == 2
+
+
+def test_one_scan_is_compared_as_two_settings_make_it(scan: Path) -> None:
+    run("edits", scan, "--make", '{"kind": "keep_set", "name": "low", "options": {"z_max": 20.0}}')
+    whole, low = (reconstruct(scan, options_of(scan, name)) for name in ("default", "low"))
+    found = compare(scan, scan, settings="low")
+    assert found.areas is not None
+    assert found.areas.measured == pytest.approx(low.mesh.area_of())
+    assert found.areas.reference == pytest.approx(whole.mesh.area_of())
+    assert found.areas.won == 0
+    assert found.areas.lost == pytest.approx(whole.mesh.area_of() - low.mesh.area_of(), rel=0.1)
+    told = run("compare", scan, scan, "--settings", "low", "--reference-settings", "default")
+    assert "cm² lost" in told.stdout
+    none = run("compare", scan, scan, "--settings", "high")
+    assert "no set 'high'" in none.stderr
+    with pytest.raises(InputError, match="settings are of scans"):
+        compare(low.mesh, scan, settings="low")
 
 
 def test_an_edit_changes_settings_for_every_door_and_is_undone(scan: Path) -> None:

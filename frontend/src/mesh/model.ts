@@ -33,6 +33,24 @@ export interface Bounds {
   high: [number, number, number];
 }
 
+/** A surface of which nothing but its shape is known. */
+export function plainMesh(positions: Float32Array, faces: Uint32Array, deviation: Float32Array | null): MeshModel {
+  const vertices = positions.length / 3;
+  const none = new Int32Array(vertices).fill(-1);
+  const model = new MeshModel({
+    positions,
+    faces,
+    alive: new Uint8Array(faces.length / 3).fill(1),
+    measured: new Uint8Array(faces.length / 3).fill(1),
+    sigma: new Float32Array(vertices).fill(Number.NaN),
+    laser: none,
+    step: none,
+    line: none,
+  });
+  model.deviation = deviation;
+  return model;
+}
+
 export class MeshModel {
   positions: Float32Array;
   faces: Uint32Array;

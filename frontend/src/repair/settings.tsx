@@ -1,10 +1,23 @@
 /** The panel of settings: what the surface is made with; to change them is an edit. */
-import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
-import { doEdit, keepSettings, opened, settings } from "../part";
+import { useComputed, useSignal } from "@preact/signals";
+import { doEdit, opened, settings } from "../part";
 import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
-
-type Value = boolean | number | string | null;
-type Values = Record<string, Value>;
+import {
+  changed,
+  chosenSet,
+  defaults,
+  deleteSet,
+  draft,
+  IN_USE,
+  keepSet,
+  put,
+  renameSet,
+  typed,
+  type Value,
+  type Values,
+  volumeShown,
+} from "./choices";
+import { SidesPanel } from "./sides";
 
 /** What one setting may be, in the words of JSON Schema. */
 interface Schema {
@@ -19,7 +32,6 @@ interface Schema {
   group?: string;
 }
 
-const IN_USE = "in use";
 const AUTOMATIC = "automatic";
 /** Settings of a surface that is closed, and of no other. */
 const OF_CLOSING = ["fill", "top", "bottom", "largest_hole"];
@@ -29,29 +41,40 @@ function words(name: string): string {
   return text[0].toUpperCase() + text.slice(1);
 }
 
-function same(a: Values, b: Values): boolean {
-  return Object.keys(a).every((name) => a[name] === b[name]);
-}
-
-function Field({ name, schema, draft, put }: { name: string; schema: Schema; draft: Values; put: (v: Value) => void }) {
-  const value = draft[name];
+function Field({
+  name,
+  schema,
+  values,
+  write,
+}: {
+  name: string;
+  schema: Schema;
+  values: Values;
+  write: (v: Value) => void;
+}) {
+  const value = values[name];
   const types = [schema.type].flat();
   const label = words(name);
-  if (types.includes("boolean")) return <Check label={label} checked={value === true} onChange={put} />;
+  if (types.includes("boolean")) return <Check label={label} checked={value === true} onChange={write} />;
   if (schema.enum) {
     return (
       <SelectField
         label={label}
         value={value === null ? AUTOMATIC : String(value)}
         options={schema.enum.map((one) => [one ?? AUTOMATIC, one ?? AUTOMATIC] as const)}
-        onChange={(one) => put(one === AUTOMATIC && schema.enum?.includes(null) ? null : one)}
+        onChange={(one) => write(one === AUTOMATIC && schema.enum?.includes(null) ? null : one)}
       />
     );
   }
   const empty = types.includes("null") ? AUTOMATIC : undefined;
   if (types.includes("string")) {
     return (
-      <TextField label={label} value={String(value ?? "")} placeholder={empty} onChange={(text) => put(text || null)} />
+      <TextField
+        label={label}
+        value={String(value ?? "")}
+        placeholder={empty}
+        onChange={(text) => write(text || null)}
+      />
     );
   }
   return (
@@ -63,98 +86,118 @@ function Field({ name, schema, draft, put }: { name: string; schema: Schema; dra
       max={schema.maximum}
       step={types.includes("integer") ? 1 : undefined}
       placeholder={empty && "auto"}
-      onChange={put}
+      onChange={write}
     />
   );
 }
 
+/** The named sets of the scan: to take one up fills the fields, all else is an edit. */
+function SetsPanel() {
+  const name = useSignal("");
+  const set = chosenSet.value;
+  const own = set !== IN_USE;
+  function take(wanted: string): void {
+    chosenSet.value = wanted;
+    typed.value = (settings.value?.sets.find((one) => one.name === wanted)?.options ?? null) as Values | null;
+  }
+  async function write(done: Promise<boolean>, next: string): Promise<void> {
+    if (!(await done)) return;
+    name.value = "";
+    chosenSet.value = next;
+  }
+  return (
+    <Section title="Set of settings">
+      <SelectField
+        label="Set"
+        value={set}
+        options={[
+          [IN_USE, IN_USE] as const,
+          ...(settings.value?.sets ?? []).map((one) => [one.name, one.name] as const),
+        ]}
+        onChange={take}
+      />
+      <TextField label="Name" value={name.value} placeholder="name of a set" onChange={(text) => (name.value = text)} />
+      <div class="grid-3">
+        <Button
+          small
+          disabled={!name.value && !own}
+          label="Keep these settings as a named set in the scan file"
+          onClick={() => void write(keepSet(name.value || set), chosenSet.value)}
+        >
+          Save
+        </Button>
+        <Button
+          small
+          disabled={!own || !name.value}
+          label="Give the chosen set this name"
+          onClick={() => void write(renameSet(set, name.value), name.value)}
+        >
+          Rename
+        </Button>
+        <Button small disabled={!own} label="Delete the chosen set" onClick={() => void write(deleteSet(set), IN_USE)}>
+          Delete
+        </Button>
+      </div>
+    </Section>
+  );
+}
+
 export function SettingsPanel() {
-  /** What is typed and not yet applied; null for what is in use. */
-  const typed = useSignal<Values | null>(null);
-  const set = useSignal(IN_USE);
-  const keepAs = useSignal("");
-  useSignalEffect(() => {
-    void settings.value;
-    typed.value = null;
-    set.value = IN_USE;
-  });
   const fields = useComputed(() => Object.entries((opened.value?.fields ?? {}) as unknown as Record<string, Schema>));
-  const now = settings.value;
-  if (!now) return null;
-  const draft = typed.value ?? (now.options as Values);
-  const changed = !same(draft, now.options as Values);
+  const values = draft.value;
+  if (!settings.value || !values) return null;
   const titles = [...new Set(fields.value.map(([, schema]) => schema.group ?? "Settings"))];
 
-  function put(name: string, value: Value): void {
+  function write(name: string, value: Value): void {
     const idle = name === "close" && !value ? Object.fromEntries(OF_CLOSING.map((one) => [one, null])) : {};
-    typed.value = { ...draft, ...idle, [name]: value };
-  }
-  function takeSet(name: string): void {
-    set.value = name;
-    typed.value = (now?.sets.find((one) => one.name === name)?.options ?? null) as Values | null;
+    put({ ...idle, [name]: value });
   }
   function apply(): void {
-    const name = set.value === IN_USE ? "default" : set.value;
-    void doEdit({ kind: "settings", options: draft, name });
-  }
-
-  async function keep(): Promise<void> {
-    if (await keepSettings(keepAs.value)) keepAs.value = "";
+    const name = chosenSet.value === IN_USE ? "default" : chosenSet.value;
+    void doEdit({ kind: "settings", options: draft.value, name });
   }
 
   return (
     <>
-      <Section title="Set of settings">
-        <SelectField
-          label="Set"
-          value={set.value}
-          options={[[IN_USE, IN_USE] as const, ...now.sets.map(({ name }) => [name, name] as const)]}
-          onChange={takeSet}
-        />
-        <TextField
-          label="Keep as"
-          value={keepAs.value}
-          placeholder="name of a set"
-          onChange={(name) => (keepAs.value = name)}
-        />
-        <Button
-          disabled={!keepAs.value || changed}
-          label="Keep the settings in use under this name in the scan file"
-          onClick={() => void keep()}
-        >
-          Keep the settings in use
-        </Button>
-      </Section>
+      <SetsPanel />
       {titles.map((group) => (
         <Section key={group} title={group}>
+          {group === "Points" && (
+            <Check
+              label="Show the working volume"
+              checked={volumeShown.value}
+              onChange={(on) => (volumeShown.value = on)}
+            />
+          )}
           {fields.value.map(([name, schema]) =>
-            (schema.group ?? "Settings") !== group || (OF_CLOSING.includes(name) && !draft.close) ? null : (
+            (schema.group ?? "Settings") !== group || (OF_CLOSING.includes(name) && !values.close) ? null : (
               <div key={name} title={schema.description}>
-                <Field name={name} schema={schema} draft={draft} put={(value) => put(name, value)} />
+                <Field name={name} schema={schema} values={values} write={(value) => write(name, value)} />
               </div>
             ),
           )}
         </Section>
       ))}
+      <SidesPanel />
       <div class="action">
-        <Button kind="primary" disabled={!changed} onClick={apply}>
+        <Button kind="primary" disabled={!changed.value} onClick={apply}>
           Apply
         </Button>
         <div class="grid-2">
-          <Button disabled={!changed} onClick={() => takeSet(IN_USE)}>
-            Discard
-          </Button>
           <Button
+            disabled={!changed.value}
             onClick={() => {
-              typed.value = Object.fromEntries(fields.value.map(([name, schema]) => [name, schema.default]));
+              typed.value = null;
+              chosenSet.value = IN_USE;
             }}
           >
-            Defaults
+            Discard
           </Button>
+          <Button onClick={() => (typed.value = defaults())}>Defaults</Button>
         </div>
         <span class="quiet">
-          The surface is made again from the pictures, and the edits are done on it again. Undo leads back. Closing and
-          decimating show in exported files.
+          What is typed is tried on some profiles and a patch. Apply makes the whole surface again, with all edits; undo
+          leads back. Islands, closing and decimating show in a comparison and in exported files.
         </span>
       </div>
     </>

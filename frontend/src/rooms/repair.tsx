@@ -3,6 +3,7 @@ import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { COLOURINGS } from "../mesh/colours";
 import { cursor, figures, history, holes, mark, opened, redo, undo } from "../part";
+import { refusal, sides, trial } from "../repair/choices";
 import { commands, TOOL_NAMES, take } from "../repair/commands";
 import { CutPanel } from "../repair/cutting";
 import { bridgeAt, smoothFaces } from "../repair/edits";
@@ -14,7 +15,9 @@ import { PointPanel } from "../repair/point";
 import { RepairPanels } from "../repair/repairs";
 import { SelectByPanel, SelectionPanel } from "../repair/selecting";
 import { SettingsPanel } from "../repair/settings";
+import { SidesView } from "../repair/sides";
 import { bridgeFrom, chosenHoles, large, markHit, type Tab, TOOL_HINTS, tab } from "../repair/state";
+import { TrialPatch, TrialProfiles } from "../repair/trial";
 import { level } from "../state";
 import { Button, count, SelectField } from "../ui/controls";
 import { hint } from "../ui/frame";
@@ -198,6 +201,15 @@ function Repair() {
     };
   }, []);
   const only = large.value;
+  const tries = trial.value !== null || refusal.value !== null;
+  if (sides.value)
+    return (
+      <div class="room">
+        <Rail />
+        <SidesView />
+        <Inspector />
+      </div>
+    );
   return (
     <div class="room">
       <Rail />
@@ -206,7 +218,13 @@ function Repair() {
         {only === "profile" && <ProfilePane />}
         {only === "picture" && <PicturePane />}
         {only === "grid" && <GridPane />}
-        {!only && (
+        {!only && tries && (
+          <>
+            <TrialProfiles />
+            <TrialPatch />
+          </>
+        )}
+        {!only && !tries && (
           <>
             <div class="pair">
               <ProfilePane />

@@ -19,11 +19,20 @@ interface OwnViewProps {
   by?: Colouring;
   items?: Item[];
   onPick?: (at: Vec) => void;
+  /** Views of one name look the same way. */
+  together?: string;
+}
+
+const groups = new Map<string, Set<Viewport>>();
+
+function join(group: string, view: Viewport): void {
+  const others = groups.get(group) ?? new Set();
+  groups.set(group, others.add(view));
 }
 
 const NO_ITEMS: Item[] = [];
 
-export function OwnView({ label, mesh, by = "plain", items = NO_ITEMS, onPick }: OwnViewProps) {
+export function OwnView({ label, mesh, by = "plain", items = NO_ITEMS, onPick, together }: OwnViewProps) {
   const host = useRef<HTMLDivElement>(null);
   const view = useRef<Viewport | null>(null);
   const pick = useRef(onPick);
@@ -39,19 +48,26 @@ export function OwnView({ label, mesh, by = "plain", items = NO_ITEMS, onPick }:
       plane: none,
       legend: none,
       context: none,
+      looked: () => {
+        // It is drawn once before it is made, and has nobody to lead then.
+        const own = view.current;
+        for (const other of groups.get(together ?? "") ?? []) if (own && other !== own) other.lookLike(own.camera);
+      },
     });
+    if (together) join(together, made);
     made.showBorders(false);
     view.current = made;
     ownViews.set(label, made);
     const off = theme.subscribe(() => requestAnimationFrame(() => made.restyle()));
     return () => {
       off();
+      if (together) groups.get(together)?.delete(made);
       view.current = null;
       ownViews.delete(label);
       made.dispose();
     };
   }, [label]);
-  useEffect(() => view.current?.setMesh(mesh), [mesh, label]);
+  useEffect(() => view.current?.setMesh(mesh, together !== undefined && !!view.current.mesh), [mesh, label]);
   useEffect(() => view.current?.setColouring(by), [by, mesh, label]);
   useEffect(() => view.current?.setItems(items), [items, mesh, label]);
   return (

@@ -3,6 +3,7 @@
  * the tool, the right one turns, the middle one shifts, the wheel comes nearer to the cursor.
  */
 import { along, minus, type Vec, type ViewCamera, type ViewName } from "./camera";
+import { type Cylinder, type CylinderPart, handleOf, resized } from "./cylinder";
 import type { Overlay } from "./overlay";
 import type { Hit } from "./pick";
 import { type DepthPicture, fillOutline, type Point, type Projection } from "./region";
@@ -20,6 +21,7 @@ export interface HandledView {
     pick: (hit: Hit) => void;
     smooth: (faces: Uint32Array<ArrayBuffer>) => void;
     plane: (plane: CutPlane) => void;
+    cylinder?: (cylinder: Cylinder) => void;
   };
   brushRadius: number;
   pick(x: number, y: number): Hit | null;
@@ -43,6 +45,7 @@ type Drag =
   | { kind: "brush" }
   | { kind: "smooth"; faces: Set<number> }
   | { kind: "plane"; part: "shift" | "tilt" }
+  | { kind: "cylinder"; part: CylinderPart; size: number }
   | { kind: "pinch" };
 
 const CLICK_PX = 4;
@@ -109,7 +112,9 @@ export class Hands {
     if (event.button === 1 || (event.button === 2 && event.shiftKey)) return { kind: "pan" };
     if (event.button === 2 || this.spaceHeld) return this.orbit(at);
     const handle = this.view.overlay.handles().find((one) => Math.hypot(one.at[0] - at[0], one.at[1] - at[1]) < 12);
-    if (handle) return { kind: "plane", part: handle.part };
+    if (handle?.part === "shift" || handle?.part === "tilt") return { kind: "plane", part: handle.part };
+    if (handle && this.view.overlay.cylinder)
+      return { kind: "cylinder", part: handle.part, size: this.view.overlay.cylinder[handle.part] };
     switch (this.view.tool) {
       case "box":
         return { kind: "box", from: at };
@@ -165,6 +170,9 @@ export class Hands {
         break;
       case "plane":
         this.movePlane(this.drag.part, dx, dy);
+        break;
+      case "cylinder":
+        this.moveCylinder(this.drag, at);
         break;
       case "pinch":
         if (before) this.pinch(event.pointerId, before, at);
@@ -275,6 +283,24 @@ export class Hands {
       offset = normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2];
     }
     this.view.events.plane({ normal, offset });
+  }
+
+  /** The handle stays under the cursor, along the way it can go. */
+  private moveCylinder(drag: { part: CylinderPart; size: number }, at: Point): void {
+    const { camera, overlay } = this.view;
+    if (!overlay.cylinder) return;
+    const begun = { ...overlay.cylinder, [drag.part]: drag.size };
+    const { at: from, way } = handleOf(begun, drag.part, camera.azimuth);
+    const [x, y] = overlay.place(from);
+    const [u, v] = overlay.place(along(from, way, 1));
+    const [du, dv] = [u - x, v - y];
+    const length = du * du + dv * dv;
+    // Seen from its end a handle does not move: it would fly away.
+    if (length < 0.04 / camera.scale() ** 2) return;
+    const by = ((at[0] - this.start[0]) * du + (at[1] - this.start[1]) * dv) / length;
+    overlay.cylinder = resized(overlay.cylinder, drag.part, drag.size + by);
+    this.view.redraw();
+    this.view.events.cylinder?.(overlay.cylinder);
   }
 
   /** Two fingers: their middle shifts, their distance comes nearer. */

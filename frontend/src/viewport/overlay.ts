@@ -1,5 +1,6 @@
 /** What is drawn over the surface with a pen: outlines, marks, labels, axes, a scale. */
 import { along, type Vec, type ViewCamera, type ViewName } from "./camera";
+import { CYLINDER_PARTS, type Cylinder, type CylinderPart, circle, handleOf, rim } from "./cylinder";
 import type { Point } from "./region";
 
 export type Item =
@@ -15,7 +16,7 @@ export interface Stroke {
 
 export interface Handle {
   at: Point;
-  part: "shift" | "tilt";
+  part: "shift" | "tilt" | CylinderPart;
 }
 
 const GIZMO = { size: 34, margin: 52 };
@@ -38,6 +39,7 @@ export class Overlay {
   stroke: Stroke | null = null;
   brush: { at: Point; radius: number } | null = null;
   plane: { centre: Vec; normal: Vec; size: number } | null = null;
+  cylinder: Cylinder | null = null;
   ink = "#d7dee8";
   private readonly pen: CanvasRenderingContext2D;
   private ratio = 1;
@@ -65,6 +67,7 @@ export class Overlay {
     this.labelled = [];
     for (const item of this.items) this.drawItem(item);
     if (this.plane) this.drawPlane();
+    if (this.cylinder) this.drawCylinder(this.cylinder);
     if (this.stroke) this.drawStroke(this.stroke);
     if (this.brush) this.circle(this.brush.at, this.brush.radius, "#f0691e");
     this.drawGizmo();
@@ -141,14 +144,50 @@ export class Overlay {
     pen.stroke();
   }
 
-  /** The handles of the cut plane: a disc to shift it, a ball to tilt it. */
+  /** What can be dragged: of the cut plane and of the working volume. */
   handles(): Handle[] {
+    return [...this.planeHandles(), ...this.cylinderHandles()];
+  }
+
+  /** A disc to shift the cut plane, a ball to tilt it. */
+  private planeHandles(): Handle[] {
     if (!this.plane) return [];
     const { centre, normal, size } = this.plane;
     return [
       { at: this.place(along(centre, normal, size * 0.5)), part: "tilt" },
       { at: this.place(centre), part: "shift" },
     ];
+  }
+
+  private cylinderHandles(): Handle[] {
+    const { cylinder, camera } = this;
+    if (!cylinder) return [];
+    return CYLINDER_PARTS.map((part) => ({ at: this.place(handleOf(cylinder, part, camera.azimuth).at), part }));
+  }
+
+  private drawCylinder(of: Cylinder): void {
+    const { pen } = this;
+    pen.strokeStyle = "#3fb8f2";
+    pen.lineWidth = 1.5;
+    for (const height of [of.bottom, of.top]) {
+      this.path(
+        circle(of, height).map((point) => this.place(point)),
+        true,
+      );
+      pen.stroke();
+    }
+    for (const side of [-1, 1]) {
+      const angle = this.camera.azimuth + (side * Math.PI) / 2;
+      this.path([this.place(rim(of, of.bottom, angle)), this.place(rim(of, of.top, angle))], false);
+      pen.stroke();
+    }
+    for (const part of CYLINDER_PARTS) {
+      const at = this.place(handleOf(of, part, this.camera.azimuth).at);
+      this.disc(at, 8, "#11151a");
+      this.disc(at, 6.5, "#3fb8f2");
+      const mm = of[part].toFixed(1);
+      this.label(`${part} ${mm} mm`, [at[0] + 13, at[1] + 4]);
+    }
   }
 
   private drawPlane(): void {
@@ -166,7 +205,7 @@ export class Overlay {
     pen.fill();
     pen.strokeStyle = "#3fb8f2";
     pen.stroke();
-    const [tilt, shift] = this.handles();
+    const [tilt, shift] = this.planeHandles();
     this.path([shift.at, tilt.at], false);
     pen.stroke();
     this.disc(shift.at, 7, "#3fb8f2");

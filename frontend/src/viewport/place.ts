@@ -3,6 +3,7 @@ import { signal } from "@preact/signals";
 import type { Colouring, Legend } from "../mesh/colours";
 import { mesh, onMesh } from "../part";
 import { notify } from "../state";
+import type { Cylinder } from "./cylinder";
 import { canDraw } from "./painter";
 import type { Hit } from "./pick";
 import type { CutPlane } from "./surface";
@@ -23,6 +24,8 @@ export const brushRadius = signal(24);
 export const angleLimit = signal(20);
 export const bordersShown = signal(true);
 export const plane = signal<CutPlane | null>(null);
+/** The working volume that is drawn over the surface. */
+export const cylinder = signal<Cylinder | null>(null);
 /** null until it has been tried. */
 export const drawable = signal<boolean | null>(null);
 
@@ -60,6 +63,9 @@ function create(element: HTMLElement): Viewport {
     plane: (moved) => {
       plane.value = moved;
     },
+    cylinder: (moved) => {
+      cylinder.value = moved;
+    },
     legend: (shown) => {
       legend.value = shown;
     },
@@ -83,6 +89,7 @@ function create(element: HTMLElement): Viewport {
   colouring.subscribe((value) => view.setColouring(value));
   bordersShown.subscribe((value) => view.showBorders(value));
   plane.subscribe((value) => view.setPlane(value, tool.peek() === "cut"));
+  cylinder.subscribe((value) => view.setCylinder(value));
   let shown: string | null = null;
   const follow = () => {
     const part = location.hash.split("/")[1] ?? null;

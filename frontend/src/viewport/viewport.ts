@@ -3,6 +3,7 @@ import { type Colouring, colourVertices, type Legend } from "../mesh/colours";
 import type { Bounds, MeshModel, Part } from "../mesh/model";
 import { Topology } from "../mesh/topology";
 import { along, type Vec, ViewCamera, type ViewName } from "./camera";
+import type { Cylinder } from "./cylinder";
 import { type HandledView, Hands } from "./hands";
 import { type Item, Overlay } from "./overlay";
 import { Painter } from "./painter";
@@ -19,6 +20,9 @@ export interface ViewportEvents {
   /** A stroke of the smoothing brush has ended over these faces. */
   smooth: (faces: Uint32Array<ArrayBuffer>) => void;
   plane: (plane: CutPlane) => void;
+  cylinder?: (cylinder: Cylinder) => void;
+  /** The view was turned, shifted or resized. */
+  looked?: () => void;
   legend: (legend: Legend | null) => void;
   context: (state: "lost" | "restored") => void;
 }
@@ -43,6 +47,7 @@ export class Viewport implements HandledView {
   private topologyKept: Topology | null = null;
   private projectionKept: { camera: number; mesh: number; of: Projection } | null = null;
   private drawn = 0;
+  private looked = -1;
   private restTimer: ReturnType<typeof setTimeout> | undefined;
   private asked = false;
   private moving = false;
@@ -114,6 +119,13 @@ export class Viewport implements HandledView {
     const box = this.host.getBoundingClientRect();
     const [x, y] = this.overlay.place(point);
     return { x: box.left + x, y: box.top + y };
+  }
+
+  /** Where a handle is in the window, CSS pixels. */
+  handlePlace(part: string): { x: number; y: number } | null {
+    const box = this.host.getBoundingClientRect();
+    const found = this.overlay.handles().find((one) => one.part === part);
+    return found ? { x: box.left + found.at[0], y: box.top + found.at[1] } : null;
   }
 
   // The mesh and its changes
@@ -195,6 +207,20 @@ export class Viewport implements HandledView {
     const box = this.mesh?.bounds();
     this.overlay.plane = plane && box ? { ...placed(plane, box), normal: plane.normal } : null;
     this.surface.setPlane(cuts ? plane : null);
+    this.repaint();
+  }
+
+  setCylinder(cylinder: Cylinder | null): void {
+    this.overlay.cylinder = cylinder;
+    this.redraw();
+  }
+
+  /** Look as another view does, without a word to those who follow this one. */
+  lookLike(other: ViewCamera): void {
+    const { target, distance, azimuth, elevation, orthographic } = other;
+    Object.assign(this.camera, { target: [...target], distance, azimuth, elevation, orthographic });
+    this.camera.version += 1;
+    this.looked = this.camera.version;
     this.repaint();
   }
 
@@ -372,6 +398,9 @@ export class Viewport implements HandledView {
     else this.painter.paint(this.camera, this.surface.base, this.surface.overlay);
     this.overlay.draw();
     this.drawn += 1;
+    if (this.looked === this.camera.version) return;
+    this.looked = this.camera.version;
+    this.events.looked?.();
   }
 
   private resize(): void {

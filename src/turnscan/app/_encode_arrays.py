@@ -24,6 +24,13 @@ def encoded(arrays: Mapping[str, Array]) -> dict[str, Array]:
     return {name: array.astype(_TYPES[name]) for name, array in arrays.items()}
 
 
+def encoded_parts(arrays: Mapping[str, Array]) -> dict[str, Array]:
+    """The same of ``PART.NAME``; a name that is a number is of points."""
+    last = {name: name.rpartition(".")[2] for name in arrays}
+    types = {name: "<f4" if end.isdigit() else _TYPES[end] for name, end in last.items()}
+    return {name: array.astype(types[name]) for name, array in arrays.items()}
+
+
 def patch_parts(patches: Sequence[SurfacePatch]) -> tuple[list[p.Part], dict[str, Array]]:
     """Patches as parts of a message, and their arrays."""
     arrays = {

@@ -26,6 +26,8 @@ ServerMessage = Annotated[
     | p.Patch
     | p.History
     | p.SettingsChanged
+    | p.SettingsTried
+    | p.SettingsCompared
     | p.GridChanged
     | p.PreviewShown
     | p.Holes

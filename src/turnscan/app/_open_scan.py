@@ -13,7 +13,7 @@ import numpy as np
 
 from turnscan.app import _protocol as p
 from turnscan.app import _requests as q
-from turnscan.app._encode_arrays import encoded, figures, patch_parts
+from turnscan.app._encode_arrays import encoded, encoded_parts, figures, patch_parts
 from turnscan.app._encode_picture import png
 from turnscan.app._envelope import Array
 from turnscan.app._files import Item
@@ -285,6 +285,32 @@ class OpenScan:
         )
         return answer, encoded({"distance": shown.distance})
 
+    def try_settings(
+        self, request: q.TrySettings, job: Job
+    ) -> tuple[p.SettingsTried, dict[str, Array]]:
+        """What settings make of a part of the scan. Raises InputError for what cannot be."""
+        r = request
+        _, trial = self.session.try_settings(r.options, r.grid, r.step, job.check)
+        answer = p.SettingsTried(
+            id=r.id, scan=self.name, laser=trial.laser,
+            steps=[one.step for one in trial.profiles], findings=remarks(trial.findings),
+        )  # fmt: skip
+        return answer, encoded_parts(trial.arrays)
+
+    def compare_settings(
+        self, request: q.CompareSettings, job: Job
+    ) -> tuple[p.SettingsCompared, dict[str, Array]]:
+        """Two settings side by side. Raises InputError where one makes no surface."""
+        r = request
+        _, shown = self.session.compare_settings(r.first, r.second, r.gap, job.progress)
+        d, areas = shown.comparison.deviation, shown.areas
+        answer = p.SettingsCompared(
+            id=r.id, scan=self.name, mean=d.mean, rms=d.rms, p95=d.quantile(0.95),
+            worst=d.quantile(1.0), areas=(areas.reference, areas.measured), won=areas.won,
+            lost=areas.lost,
+        )  # fmt: skip
+        return answer, encoded_parts(shown.arrays)
+
     def shapes(self, id: int, job: Job) -> tuple[p.ShapesShown, dict[str, Array]]:
         """The shapes of the surface. Raises InputError where there is nothing to fit."""
         state, shown = self.session.shapes(job.progress)
@@ -335,11 +361,6 @@ class OpenScan:
         """One edit off, or on again. Raises InputError where there is none of that number."""
         self.session.switch(id, on, job)
 
-    def keep_set(self, name: str) -> None:
-        """Keep the settings as they are as a named set. Raises InputError for no name."""
-        self.session.keep_set(name)
-        self._tell_settings(self.now)
-
     # Telling
 
     def _tell(self, change: SessionChange) -> None:
@@ -359,7 +380,7 @@ class OpenScan:
         )
         if before.measures != state.measures:
             self._hub.tell(p.Measures(id=None, scan=self.name, measures=_measures(state)))
-        if before.options != state.options:
+        if before.options != state.options or before.sets != state.sets:
             self._tell_settings(state)
         for k, steps in change.grids():
             self._hub.tell(p.GridChanged(scan=self.name, grid=k, steps=steps))
@@ -398,9 +419,18 @@ class OpenScan:
     def _settings(self, state: SessionState) -> p.ScanSettings:
         sets = [
             p.SettingsSet(name=name, options=asdict(options))
-            for name, options in self.session.sets().items()
+            for name, options in state.sets.items()
         ]
-        return p.ScanSettings(options=asdict(state.options), sets=sets)
+        radius, low, high = self.session.volume
+        return p.ScanSettings(
+            options=asdict(state.options),
+            volume=(
+                radius,
+                low if math.isfinite(low) else None,
+                high if math.isfinite(high) else None,
+            ),
+            sets=sets,
+        )
 
     def _entries(self, state: SessionState) -> list[p.HistoryEntry]:
         return [self._entry(k, row) for k, row in enumerate(self.session.history(state))]

@@ -220,12 +220,30 @@ class CopyEdits(Request):
     """Whether the part stands elsewhere there: measurements are brought along by its shape."""
 
 
-class KeepSettings(Request):
-    """Keep the settings that hold as a named set of the scan: ``settings`` tells it."""
+class TrySettings(Request):
+    """What settings would make of a few profiles and a patch: answered by ``settings_tried``.
 
-    kind: Literal["keep_settings"] = "keep_settings"
+    An earlier trial of the same browser that is still under way is refused as ``cancelled``.
+    """
+
+    kind: Literal["try_settings"] = "try_settings"
     scan: Opaque
-    name: Name
+    options: dict[str, Any]
+    grid: Count
+    step: Count | None = None
+    """None takes the middle one."""
+
+
+class CompareSettings(Request):
+    """Two settings side by side, with all edits: answered by ``settings_compared``."""
+
+    kind: Literal["compare_settings"] = "compare_settings"
+    scan: Opaque
+    first: dict[str, Any]
+    """Options by name; those left out are at their default."""
+    second: dict[str, Any]
+    gap: Annotated[float, Field(gt=0, le=1000)] = 0.2
+    """mm: what is further than this from the other surface has no counterpart there."""
 
 
 class ListHoles(Request):
@@ -526,7 +544,8 @@ ClientMessage = Annotated[
     | NameEdit
     | Switch
     | CopyEdits
-    | KeepSettings
+    | TrySettings
+    | CompareSettings
     | ListHoles
     | ListDefects
     | TakeMeasure

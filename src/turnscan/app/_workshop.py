@@ -88,6 +88,8 @@ class Workshop:
         self._opening: dict[str, Job] = {}
         self._leaving: dict[str, threading.Event] = {}
         """Documents that are closed to make room, until they are."""
+        self._trials: dict[str, Job] = {}
+        """The trial of settings of each browser."""
         self._lock = threading.RLock()
         self._pool = ThreadPoolExecutor(8, "request")
         self.pictures = StepPictures(library.folder / OWN)
@@ -111,10 +113,8 @@ class Workshop:
             q.NameEdit: (self._name_edit, True),
             q.Switch: (self._switch, True),
             q.CopyEdits: (self._copy_edits, True),
-            q.KeepSettings: (
-                lambda call: self.opened(call.request.scan).keep_set(call.request.name),
-                True,
-            ),
+            q.TrySettings: (self._try_settings, False),
+            q.CompareSettings: (self._compare_settings, False),
             q.ListHoles: (self._list_holes, False),
             q.ListDefects: (
                 lambda call: self.opened(call.request.scan).defects(call.id),
@@ -320,6 +320,27 @@ class Workshop:
     def _find_shapes(self, call: Call) -> Answer:
         with self._editing(call, "Finding shapes") as (scan, job):
             return scan.shapes(call.id, job)
+
+    def _try_settings(self, call: Call) -> Answer:
+        """The newest trial of a browser alone goes on, and nobody else hears of it."""
+        r: q.TrySettings = call.request
+        scan = self.opened(r.scan)
+        job = Job(self.hub, "edit", "Trying settings", scan.name, shown=False)
+        with self._lock:
+            before, self._trials[call.client.id] = self._trials.get(call.client.id), job
+        if before is not None:
+            before.cancel()
+        try:
+            return scan.try_settings(r, job)
+        finally:
+            job.over = True
+            with self._lock:
+                if self._trials.get(call.client.id) is job:
+                    del self._trials[call.client.id]
+
+    def _compare_settings(self, call: Call) -> Answer:
+        with self._editing(call, "Comparing two settings") as (scan, job):
+            return scan.compare_settings(call.request, job)
 
     def _save_report(self, call: Call) -> p.Model:
         r: q.SaveReport = call.request

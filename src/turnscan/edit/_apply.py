@@ -23,7 +23,9 @@ from turnscan.edit._edits import (
     HoleName,
     MeshEdit,
     RemovePieces,
+    SetEdit,
     Smooth,
+    is_written,
     needs_rebuild,
 )
 from turnscan.edit._history import Entry
@@ -86,7 +88,7 @@ def apply(
             doubts = list[str]()
             measured = taken(body, entry.edit, source, doubts)
             findings += [Finding(MISFIT, "warning", said, remedy=_SAME) for said in doubts]
-        elif not isinstance(entry.edit, Specify):
+        elif not isinstance(entry.edit, SetEdit | Specify):
             patches = _patches(body, entry.edit, findings, progress)
     except (InputError, CalibrationError) as e:
         # A part is none the worse for a measurement that cannot be taken.
@@ -96,7 +98,7 @@ def apply(
     for patch in patches:
         back.insert(0, patch.inverse(body))
         body = patch.on(body)
-    idle = not isinstance(entry.edit, Specify) and not patches and measured is None
+    idle = not is_written(entry.edit) and not patches and measured is None
     if idle and not findings:
         findings.append(_nothing("no change: nothing matched"))
     named = tuple(Finding(f.code, f.severity, f.message, entry.place, f.remedy) for f in findings)

@@ -12,15 +12,19 @@ from turnscan.edit._edits import (
     Decimate,
     Delete,
     DeletePoints,
+    DeleteSet,
     Despike,
     Edit,
     Fill,
     GridEdit,
+    KeepSet,
     MeshEdit,
     PickCandidate,
     ProfileOff,
     Redetect,
     RemovePieces,
+    RenameSet,
+    SetEdit,
     SetPoint,
     Smooth,
     Span,
@@ -43,11 +47,23 @@ def describe(edit: Edit) -> str:
     """What an edit does, and to how much, in a few words."""
     if isinstance(edit, ChangeSettings):
         return "change the settings" if edit.name == "default" else f"settings {edit.name!r}"
+    if isinstance(edit, SetEdit):
+        return _of_set(edit)
     if isinstance(edit, GridEdit):
         return _of_grid(edit)
     if isinstance(edit, Specify):
         return _of_dimension(edit)
     return _of_mesh(edit) if isinstance(edit, MeshEdit) else _of_measure(edit)
+
+
+def _of_set(edit: SetEdit) -> str:
+    match edit:
+        case KeepSet():
+            return f"keep settings as {edit.name!r}"
+        case RenameSet():
+            return f"rename settings {edit.name!r} to {edit.to!r}"
+        case DeleteSet():
+            return f"delete settings {edit.name!r}"
 
 
 def _of_dimension(edit: Specify) -> str:

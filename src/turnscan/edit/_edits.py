@@ -66,6 +66,36 @@ class ChangeSettings:
     kind: Literal["settings"] = "settings"
 
 
+@dataclass(frozen=True)
+class KeepSet:
+    """Keep options as a named set of settings, in place of one of that name; no surface changes."""
+
+    __pydantic_config__ = STRICT
+    name: OptionName
+    options: Annotated[Mapping[OptionName, OptionValue], Field(max_length=200)] = field(hash=False)
+    """Every option of a reconstruction, by name."""
+    kind: Literal["keep_set"] = "keep_set"
+
+
+@dataclass(frozen=True)
+class RenameSet:
+    """Give a named set of settings another name."""
+
+    __pydantic_config__ = STRICT
+    name: OptionName
+    to: OptionName
+    kind: Literal["rename_set"] = "rename_set"
+
+
+@dataclass(frozen=True)
+class DeleteSet:
+    """Delete a named set of settings."""
+
+    __pydantic_config__ = STRICT
+    name: OptionName
+    kind: Literal["delete_set"] = "delete_set"
+
+
 # Grid edits
 
 
@@ -279,7 +309,8 @@ MeshEdit = (
     | Despike
     | RemovePieces
 )
-Edit = ChangeSettings | GridEdit | MeshEdit | Measure | Specify
+SetEdit = KeepSet | RenameSet | DeleteSet
+Edit = ChangeSettings | SetEdit | GridEdit | MeshEdit | Measure | Specify
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])
 _HINT = "docs/reference/edits.md lists the edits and their keys"
@@ -293,6 +324,14 @@ def needs_rebuild(edit: Edit) -> bool:
 def is_measure(edit: Edit) -> bool:
     """Whether the edit is a measurement, which leaves the surface as it is."""
     return isinstance(edit, get_args(Measure))
+
+
+def is_written(edit: Edit) -> bool:
+    """Whether the edit is a note in the history, of a set of settings or a dimension.
+
+    It leaves the surface as it is, and finds nothing out about it.
+    """
+    return isinstance(edit, SetEdit | Specify)
 
 
 def edit_to_value(edit: Edit) -> dict[str, Any]:

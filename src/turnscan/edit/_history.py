@@ -14,7 +14,11 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from turnscan.edit._edits import (
     ChangeSettings,
+    DeleteSet,
     Edit,
+    KeepSet,
+    RenameSet,
+    SetEdit,
     bad_key,
     edit_from_value,
     edit_to_value,
@@ -271,7 +275,7 @@ def action_to_json(action: Action) -> str:
         case Branch(cursor=None):
             version = 2
             del body["cursor"]
-        case Branch() | Name():
+        case Branch() | Name() | Add(edit=KeepSet() | RenameSet() | DeleteSet()):
             version = 4
         case _:
             version = 1
@@ -308,7 +312,7 @@ def history_to_json(history: History) -> str:
     """The edits that are done, as a file to be kept, read and replayed elsewhere."""
     done = history.entries[: history.cursor]
     version = 2 if any(isinstance(e.edit, ChangeSettings) for e in done) else 1
-    if any(e.name for e in done):
+    if any(e.name or isinstance(e.edit, SetEdit) for e in done):
         version = _NEWEST_FILE
     edits = [
         {"id": e.id, "on": e.on, "edit": edit_to_value(e.edit)}

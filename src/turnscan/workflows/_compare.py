@@ -35,6 +35,7 @@ from turnscan.workflows._compared_features import (
 )
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import write_atomically
+from turnscan.workflows._kept_options import OWN_SETTINGS, named_options
 from turnscan.workflows._loading import Source, load
 from turnscan.workflows._nominal import Nominal, nominal, with_features
 from turnscan.workflows._reconstruct import reconstruct
@@ -43,6 +44,31 @@ from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._saving import save
 from turnscan.workflows._shapes import FoundShapes, find_shapes
 from turnscan.workflows._tolerances import Tolerance, Verdict, read_tolerances
+
+_GAP = 0.2
+"""mm: surfaces further apart are not of one place."""
+
+
+@dataclass(frozen=True)
+class Areas:
+    """How much of two surfaces lies where the other one has nothing, mm²."""
+
+    measured: float
+    """Of the measured surface."""
+    reference: float
+    won: float
+    """Of the measured surface, off the reference."""
+    lost: float
+    """Of the reference, off the measured surface."""
+    gap: float
+    """mm: what is further than this from the other surface, or off its end, is off it."""
+
+    def __str__(self) -> str:
+        return (
+            f"area {self.measured / 100:.2f} cm² against {self.reference / 100:.2f} cm²: "
+            f"{self.won / 100:.2f} cm² won, {self.lost / 100:.2f} cm² lost "
+            f"(off the other surface by more than {self.gap:g} mm)"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +95,8 @@ class Comparison:
     """Those of the reference that were measured, where they were asked for."""
     checks: tuple[Check, ...] = ()
     """Sizes and profiles against nominal values and tolerances."""
+    areas: Areas | None = None
+    """What two settings of scans make of their areas; None where no settings were chosen."""
 
     @property
     def verdict(self) -> Verdict:
@@ -100,6 +128,14 @@ class Comparison:
                 **self.placement.figures,
             },
         }
+        if self.areas is not None:
+            out["areas"] = {
+                "measured_mm2": self.areas.measured,
+                "reference_mm2": self.areas.reference,
+                "won_mm2": self.areas.won,
+                "lost_mm2": self.areas.lost,
+                "gap_mm": self.areas.gap,
+            }
         if self.features:
             out["features"] = [
                 {
@@ -137,6 +173,7 @@ class Comparison:
             f"{a.completeness:.2%}, F-score {a.f_score:.4f}"
             for a in self.agreements
         ]
+        lines += [] if self.areas is None else [str(self.areas)]
         return [*lines, *([f"tolerances: {self.verdict}"] if self.verdict else [])]
 
     def __str__(self) -> str:
@@ -230,6 +267,9 @@ def compare(
         Where there is no surface, it belongs nowhere on the reference, and for an option that
         cannot be.
 
+    With ``settings`` and ``reference_settings`` one scan is compared with itself as two settings
+    make it.
+
     >>> import turnscan as ts
     >>> found = ts.compare("cup.turnscan", "cup.turnscan")
     >>> found.deviation.rms < 1e-6, found.agreements[0].precision
@@ -244,7 +284,13 @@ def compare(
         )
     rows = () if tolerance_table is None else read_tolerances(Path(tolerance_table))
     if isinstance(measured, str | Path) and Path(measured).suffix.lower() == ".turnscan":
-        measured = reconstruct(measured, progress=progress.subrange(0, 0.5))
+        measured = _with_settings(measured, wanted.settings, progress.subrange(0, 0.5))
+    elif wanted.settings != OWN_SETTINGS:
+        raise InputError("settings are of scans", hint="compare a scan", option=Option("settings"))
+    if wanted.reference_settings != OWN_SETTINGS:
+        reference = _with_settings(
+            reference, wanted.reference_settings, progress.subrange(0.5, 0.7), "reference_settings"
+        )
     got = load(measured, wanted.unit, progress.subrange(0, 0.5))
     drawn = nominal(reference, wanted.reference_unit, progress.subrange(0.5, 0.7))
     table = wanted.features or bool(rows) or wanted.align == "datums"
@@ -264,12 +310,43 @@ def compare(
     names = (got.name, drawn.name)
     findings = (*got.findings, *drawn.findings, *placement.findings)
     plain = Comparison(mesh, every, out, agreements, findings, placement, names, drawn.mesh)
+    if (wanted.settings, wanted.reference_settings) != (OWN_SETTINGS, OWN_SETTINGS):
+        plain = replace(plain, areas=areas_of(plain, max(wanted.tolerances, default=_GAP)))
     if not table:
         return plain
     source = measured if isinstance(measured, ReconstructResult) else got.mesh
     # What is held against a tolerance must not have been made parallel, square or equal before.
     found = find_shapes(source, as_measured=True)
     return _by_feature(plain, drawn, measured_labels(got.mesh, found), found, rows)
+
+
+def _with_settings(
+    source: Source, name: str, progress: Progress, option: str = "settings"
+) -> ReconstructResult:
+    """A scan as the settings of a name make it. Raises InputError for what is no scan."""
+    if not isinstance(source, str | PathLike) or Path(source).suffix.lower() != ".turnscan":
+        raise InputError("settings are of scans", hint="compare a scan", option=Option(option))
+    return reconstruct(source, named_options(source, name), progress=progress)
+
+
+def areas_of(found: Comparison, gap: float) -> Areas:
+    """How much of both surfaces the other one lacks; ``gap`` in mm, see `Areas`."""
+    missing = deviation(found.drawn.vertices, found.mesh)
+    return Areas(
+        found.mesh.area_of(),
+        found.drawn.area_of(),
+        _area_off(found.mesh, found.every, gap),
+        _area_off(found.drawn, missing, gap),
+        gap,
+    )
+
+
+def _area_off(mesh: Mesh, off: Deviation, gap: float) -> float:
+    """mm² of a fine mesh whose vertices are off another surface; a third of a face for each."""
+    t = mesh.triangles
+    area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+    out = off.beyond | (np.abs(off.distance) > gap)
+    return float((area * out[mesh.faces].mean(axis=1)).sum())
 
 
 def _check_area(mesh: Mesh, name: str) -> None:

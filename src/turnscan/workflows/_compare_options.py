@@ -48,6 +48,14 @@ class CompareOptions(Checked):
     reference_unit: str = option(
         "mm", "choice", "Unit of the reference's mesh file.", choices=tuple(UNITS)
     )
+    settings: str = option(
+        "own", "text",
+        "Where a scan is compared, the settings it is reconstructed with: its own, default, or a "
+        "named set in it.",
+    )  # fmt: skip
+    reference_settings: str = option(
+        "own", "text", "The same of the reference, where that is a scan."
+    )  # fmt: skip
     limit: float | None = option(
         None, "number",
         "Deviation at the ends of the colour map, mm.  [default: from the deviations]",

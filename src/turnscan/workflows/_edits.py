@@ -31,7 +31,7 @@ from turnscan.scan import Scan
 from turnscan.workflows._aligning import placed_by
 from turnscan.workflows._files import check_output, write_atomically
 from turnscan.workflows._history import history_of, read_history
-from turnscan.workflows._kept_options import checked_edit, edit_in_words
+from turnscan.workflows._kept_options import check_set_edit, checked_edit, edit_in_words
 from turnscan.workflows._nominal import nominal
 from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._selection import region_where
@@ -185,6 +185,7 @@ def _change(path: Path, c: EditChanges, progress: Progress) -> tuple[Finding, ..
             if entry.name:
                 history = _then(actions, history, history.naming(numbers[entry.id], entry.name))
         for edit in made:
+            check_set_edit(opened, history.enabled, edit)
             history = _then(actions, history, history.add(edit))
         if c.delete:
             region = region_where(opened, history, c.delete, c.grow, progress)

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from turnscan.edit import ChangeSettings, Entry, History, history_from_json, history_from_log
+from turnscan.edit import (
+    ChangeSettings,
+    Entry,
+    History,
+    SetEdit,
+    history_from_json,
+    history_from_log,
+)
 from turnscan.errors import FormatError, InputError
 from turnscan.scan import Scan, is_scan
 from turnscan.workflows._reading import read_bytes
@@ -19,8 +26,8 @@ def history_of(scan: Scan) -> History:
 
 
 def repairs(entries: Iterable[Entry]) -> tuple[Entry, ...]:
-    """The edits of grid and mesh, and the measurements: all but the changes of settings."""
-    return tuple(e for e in entries if not isinstance(e.edit, ChangeSettings))
+    """The edits of grid and mesh, and the measurements: all but those of settings."""
+    return tuple(e for e in entries if not isinstance(e.edit, ChangeSettings | SetEdit))
 
 
 def refuse_over_repairs(path: Path) -> None:

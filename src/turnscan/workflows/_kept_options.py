@@ -1,7 +1,7 @@
 """The settings that a scan file keeps: those of its last reconstruction, for every door.
 
-They are named sets in the file; over the set that is opened with the scan stand the edits that
-change settings, so that these can be undone."""
+They are named sets in the file. Over them stand the edits that change settings, and those that
+keep, rename and delete sets, so that all of it can be undone."""
 
 from __future__ import annotations
 
@@ -17,8 +17,12 @@ from typing import Any
 
 from turnscan.edit import (
     ChangeSettings,
+    DeleteSet,
     Edit,
     Entry,
+    KeepSet,
+    RenameSet,
+    SetEdit,
     action_to_json,
     describe,
     settings_in,
@@ -33,6 +37,8 @@ from turnscan.workflows._reconstruct_options import ReconstructOptions
 
 DEFAULT_SET = "default"
 """Name of the set that is opened with the scan."""
+OWN_SETTINGS = "own"
+"""What the settings of a scan are called where ``default`` are those of turnscan."""
 _LONGEST_NAME = 80
 _VERSION = 1
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
@@ -43,16 +49,18 @@ def kept_options(
 ) -> ReconstructOptions:
     """The options that a scan was last reconstructed with; the usual ones where it never was.
 
-    ``name`` is that of a set of settings in the file. Over the default one stands what ``edits``
-    change of the settings (None: those kept in the scan). Raises InputError for a set that there is
-    not, FormatError naming what is wrong with it, ScanNewer where only a later turnscan knows it.
+    ``name`` is that of a set of settings in the file. Over them stands what ``edits`` change of
+    the settings and of the sets (None: those kept in the scan). Raises InputError for a set that
+    there is not, FormatError naming what is wrong with it, ScanNewer where only a later turnscan
+    knows it.
     """
+    made = history_of(scan).enabled if edits is None else tuple(edits)
     if name == DEFAULT_SET:
-        edited = settings_in(history_of(scan).enabled if edits is None else edits)
+        edited = settings_in(made)
         if edited is not None:
             entry, settings = edited
             return _options_from(settings.options, f"{scan.path}: {entry.place}")
-    sets = _kept_sets(scan)
+    sets = _sets_after(_kept_sets(scan), made)
     where = f"{scan.path}: settings"
     if name not in sets and name != DEFAULT_SET:
         there = ", ".join(sorted({DEFAULT_SET, *sets}))
@@ -71,9 +79,59 @@ def _options_from(held: Any, where: str) -> ReconstructOptions:
         raise FormatError(f"{where}: {e.message}", hint="choose them again") from None
 
 
-def kept_names(scan: Scan) -> list[str]:
-    """Names of the sets of settings in a scan file. Raises as `kept_options`."""
-    return sorted(_kept_sets(scan))
+def kept_names(scan: Scan, edits: Iterable[Entry] | None = None) -> list[str]:
+    """Names of the sets of settings in a scan file, after ``edits`` (None: those kept in it).
+
+    Raises as `kept_options`.
+    """
+    made = history_of(scan).enabled if edits is None else edits
+    return sorted(_sets_after(_kept_sets(scan), made))
+
+
+def named_options(scan: Scan | str | PathLike[str], name: str) -> ReconstructOptions | None:
+    """The options that a name stands for: ``default`` for the usual ones, or a named set.
+
+    None for ``own``, those of the scan. Raises as `kept_options`.
+    """
+    if name == OWN_SETTINGS:
+        return None
+    return ReconstructOptions() if name == DEFAULT_SET else options_of(scan, name)
+
+
+def _sets_after(sets: Mapping[str, Any], entries: Iterable[Entry]) -> dict[str, Any]:
+    """Named sets after the edits that keep, rename and delete some; one there is not is left out.
+
+    An edit before it may have been switched off.
+    """
+    out = dict(sets)
+    for entry in entries:
+        match entry.edit:
+            case KeepSet(name, options):
+                out[name] = dict(options)
+            case RenameSet(name, to) if name in out:
+                out[to] = out.pop(name)
+            case DeleteSet(name):
+                out.pop(name, None)
+    return out
+
+
+def check_set_edit(scan: Scan, entries: Iterable[Entry], wanted: Edit) -> None:
+    """Raise InputError for an edit of a named set that cannot be made after these edits."""
+    if not isinstance(wanted, SetEdit):
+        return
+    made = tuple(entries)
+    names = kept_names(scan, made)
+    if isinstance(wanted, KeepSet):
+        same = wanted.name in names and kept_options(scan, wanted.name, made)
+        if same == ReconstructOptions(**wanted.options):  # type: ignore[arg-type]
+            raise InputError(f"{wanted.name!r} holds these settings already", hint="change one")
+        return
+    if wanted.name not in names:
+        there = ", ".join(n for n in names if n != DEFAULT_SET) or "none"
+        raise InputError(f"no set of settings {wanted.name!r}", hint=f"named sets: {there}")
+    if isinstance(wanted, RenameSet) and wanted.to in names:
+        hint = "choose another name, or delete that set first"
+        raise InputError(f"there is a set {wanted.to!r} already", hint=hint)
 
 
 def _kept_sets(scan: Scan) -> dict[str, Any]:
@@ -106,20 +164,34 @@ def settings_edit(options: ReconstructOptions, name: str = DEFAULT_SET) -> Chang
 def checked_edit(wanted: Edit) -> Edit:
     """An edit as it is kept: one of settings holds every option, those left out at their default.
 
-    Raises InputError for an option that there is not, or that has no such value.
+    Raises InputError for an option that there is not, or that has no such value, and for a name
+    that no set can have.
     """
-    if not isinstance(wanted, ChangeSettings):
+    if isinstance(wanted, SetEdit):
+        _check_own_name(wanted.name)
+    if isinstance(wanted, RenameSet):
+        _check_own_name(wanted.to)
+    if not isinstance(wanted, ChangeSettings | KeepSet):
         return wanted
     check_name(wanted.name)
-    return settings_edit(chosen(ReconstructOptions, None, wanted.options), wanted.name)
+    whole = settings_edit(chosen(ReconstructOptions, None, wanted.options), wanted.name)
+    return whole if isinstance(wanted, ChangeSettings) else KeepSet(whole.name, whole.options)
+
+
+def _check_own_name(name: str) -> None:
+    check_name(name)
+    if name in (DEFAULT_SET, OWN_SETTINGS):
+        raise InputError(f"{name!r}: not the name of a set of one's own", hint="choose another")
 
 
 def edit_in_words(edit: Edit) -> str:
     """What an edit does, in a few words; of settings, those that are not the usual ones."""
-    if not isinstance(edit, ChangeSettings):
+    if not isinstance(edit, ChangeSettings | KeepSet):
         return describe(edit)
     usual = {name: option.default for name, option in declared(ReconstructOptions).items()}
     other = [f"{k} {v}" for k, v in edit.options.items() if v != usual.get(k)]
+    if isinstance(edit, KeepSet):
+        return f"{describe(edit)}: {', '.join(other) or 'all default'}"
     of = "" if edit.name == DEFAULT_SET else f" of set {edit.name!r}"
     return f"settings{of}: {', '.join(other) or 'all default'}"
 
@@ -185,7 +257,7 @@ def store_options(
 ) -> Finding | None:
     """Keep the options of a reconstruction in the scan file, where it has others.
 
-    Where an edit says what the settings are, another edit says so from now on: undo leads back.
+    Where an edit says what this set is, another edit says so from now on: undo leads back.
     Returns a note where the file cannot be changed: it is read-only, or open elsewhere.
     """
     with Scan.open(path) as scan:
@@ -196,14 +268,24 @@ def store_options(
     try:
         with Scan.resume(path) as scan:
             history = history_of(scan)
-            if name == DEFAULT_SET and settings_in(history.enabled) is not None:
-                action = history.add(settings_edit(options))
-                scan.append_edit(action_to_json(action), time.time())
+            if _is_edited(history.enabled, name):
+                edit = settings_edit(options)
+                kept = edit if name == DEFAULT_SET else KeepSet(name, edit.options)
+                scan.append_edit(action_to_json(history.add(kept)), time.time())
             else:
                 keep_options(scan, options, name)
     except ScanError as e:
         return _note(path, e.message)
     return None
+
+
+def _is_edited(entries: Iterable[Entry], name: str) -> bool:
+    """Whether an edit that counts says what a set of settings is."""
+    made = tuple(entries)
+    if name == DEFAULT_SET:
+        return settings_in(made) is not None
+    sets = (e.edit for e in made if isinstance(e.edit, SetEdit))
+    return any(name in (s.name, getattr(s, "to", None)) for s in sets)
 
 
 def _has(scan: Scan, options: ReconstructOptions, name: str) -> bool:

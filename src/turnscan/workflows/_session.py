@@ -29,9 +29,9 @@ from turnscan.mesh import Mesh
 from turnscan.meshing import finished, source_of
 from turnscan.picture import png
 from turnscan.pipeline import Reconstruction, build
-from turnscan.points import RangeGrid, Volume
+from turnscan.points import RangeGrid, Volume, working_volume
 from turnscan.progress import Progress
-from turnscan.scan import Scan, rig_for
+from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.settings import Settings
 from turnscan.shapes import Source
 from turnscan.stripes import StripeSettings
@@ -39,18 +39,19 @@ from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
 from turnscan.surface.holes import CAUSE_WORDS, Hole, ScanCoverage, explain, holes
 from turnscan.workflows._compare_options import CompareOptions
+from turnscan.workflows._declare import chosen
 from turnscan.workflows._gallery import THUMBNAIL
 from turnscan.workflows._history import history_of, repairs
 from turnscan.workflows._kept_options import (
     DEFAULT_SET,
-    check_name,
+    check_set_edit,
     checked_edit,
     edit_in_words,
-    keep_options,
     kept_names,
     kept_options,
 )
 from turnscan.workflows._measure import Measured, measure
+from turnscan.workflows._reconstruct import reconstruct
 from turnscan.workflows._reconstruct_options import ReconstructOptions
 from turnscan.workflows._report import about
 from turnscan.workflows._result import ReconstructResult
@@ -81,7 +82,9 @@ from turnscan.workflows._session_mesh import (
     surface_arrays,
     surface_patches,
 )
+from turnscan.workflows._session_settings import ShownSettings, shown_settings
 from turnscan.workflows._session_shapes import ShownShapes, shown_shapes
+from turnscan.workflows._session_trial import Trial, Way, found_anew, found_before, tried
 from turnscan.workflows._shapes import find_shapes
 from turnscan.workflows._texture import TextureSource, coloured, colours
 
@@ -134,6 +137,8 @@ class SessionState:
     views: Mapping[str, View]
     """How the stripe of each laser was found."""
     measures: tuple[KeptMeasure, ...]
+    sets: Mapping[str, ReconstructOptions]
+    """The named sets of settings in the file, those that can be read; not the default one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,27 +308,21 @@ class ScanSession:
         told = about(self.path, self._rig, s, done.edits)
         return ReconstructResult(done, told, self._rig, options=state.options)
 
-    def sets(self) -> dict[str, ReconstructOptions]:
-        """The named sets of settings in the file, those that can be read; not the default one."""
-        sets = dict[str, ReconstructOptions]()
-        with contextlib.suppress(FormatError, ScanNewer):
-            for name in kept_names(self.scan):
-                if name != DEFAULT_SET:
-                    sets[name] = kept_options(self.scan, name)
-        return sets
-
-    def keep_set(self, name: str) -> None:
-        """Keep the settings as they are as a named set. Raises InputError for what is no name."""
-        check_name(name)
-        if name == DEFAULT_SET:
-            raise InputError(f"{name!r}: the set in use", hint="choose another name")
-        with self._open():
-            keep_options(self.scan, self.now.options, name)
-
     def surface(self) -> tuple[SessionState, Arrays]:
         """The whole surface (`surface_arrays`), and what it is of."""
         state = self.now
         return state, surface_arrays(state.document.body)
+
+    @property
+    def volume(self) -> tuple[float, float, float]:
+        """Radius, lowest and largest height of the rig's own working volume, mm."""
+        own = [
+            working_volume(self._rig, name)
+            for lit in self.scan.plan.lasers
+            for name in lit_in(lit, self._rig)
+        ]
+        low, high = min(v.z_min for v in own), max(v.z_max for v in own)
+        return max(v.r_max for v in own), low, high
 
     @property
     def textured(self) -> bool:
@@ -570,6 +569,64 @@ class ScanSession:
         )  # fmt: skip
         return state, found
 
+    def try_settings(
+        self,
+        options: Mapping[str, Any],
+        number: int,
+        step: int | None,
+        check: Callable[[], None],
+    ) -> tuple[SessionState, Trial]:
+        """What settings make of the profile of a step, of others, and of the patch about it.
+
+        Nothing is kept, and edits go on meanwhile. ``step`` None takes the middle one; ``check``
+        raises Cancelled to end it. Raises InputError for settings that cannot be.
+        """
+        wanted = chosen(ReconstructOptions, None, options).settings(self._rig, self.scan)
+        state = self.now
+        grid = _numbered(state, number)
+        rows = np.flatnonzero(grid.steps == step)
+        row = int(rows[0]) if len(rows) else len(grid.steps) // 2
+        seen = self._seen.get((state.settings.stripes, state.settings.volume))
+        if seen is None or not len(grid.steps):
+            raise InputError("the surface was changed meanwhile", hint="try again")
+        known = self._seen.get((wanted.stripes, wanted.volume))
+        find = (
+            found_anew(seen, self.scan, self._rig, wanted, check)
+            if known is None
+            else found_before(known)
+        )
+        rebuilt = [e for e in state.document.history.enabled if edit.needs_rebuild(e.edit)]
+        at = grid.laser, float(grid.angles[row])
+        before = Way(state.settings, found_before(seen))
+        return state, tried(seen, at, before, Way(wanted, find), repairs(rebuilt), self.scan, check)
+
+    def compare_settings(
+        self,
+        first: Mapping[str, Any],
+        second: Mapping[str, Any],
+        gap: float,
+        progress: Progress,
+    ) -> tuple[SessionState, ShownSettings]:
+        """The surfaces that two settings make, with all edits, and how far they lie apart.
+
+        ``gap`` mm as in `Areas`. Raises InputError for settings that cannot be, or make no surface.
+        """
+        state = self.now
+        wanted = [chosen(ReconstructOptions, None, options) for options in (first, second)]
+        a, b = (
+            self._made_with(state, options, progress.subrange(k * 0.4, k * 0.4 + 0.4))
+            for k, options in enumerate(wanted)
+        )
+        return state, shown_settings(a, b, gap, progress.subrange(0.8, 1))
+
+    def _made_with(
+        self, state: SessionState, options: ReconstructOptions, progress: Progress
+    ) -> ReconstructResult:
+        if options == state.options:
+            return self.result(state, progress)
+        entries = state.document.history.enabled
+        return reconstruct(self.scan, options, edits=entries, progress=progress)
+
     def shapes(self, progress: Progress) -> tuple[SessionState, ShownShapes]:
         """The shapes that the surface is made of. Raises as `find_shapes`."""
         state = self.now
@@ -626,6 +683,7 @@ class ScanSession:
         words = work.title = edit_in_words(wanted)
         if isinstance(wanted, edit.ChangeSettings) and self._in_use(wanted):
             raise InputError("these settings are in use", hint="change one of them")
+        check_set_edit(self.scan, self.now.document.history.enabled, wanted)
         document, change = self._after(self.now.document.history.add(wanted), work.progress)
         # Settings are refused where they make no surface, not where an edit cannot be done on it.
         settings = isinstance(wanted, edit.ChangeSettings)
@@ -633,7 +691,8 @@ class ScanSession:
         refused = next((f for f in said_of if f.severity == "error"), None)
         if refused is not None:
             raise InputError(refused.message, hint=refused.remedy)
-        if not (change.patches or edit.needs_rebuild(wanted) or edit.is_measure(wanted)):
+        still = edit.is_measure(wanted) or edit.is_written(wanted)
+        if not (change.patches or edit.needs_rebuild(wanted) or still):
             said = "; ".join(f.message for f in change.findings)
             raise InputError(said or f"{words} changes nothing here")
         return document, change
@@ -711,7 +770,18 @@ class ScanSession:
         return SessionState(
             document, done.grids, done.sought, revision, epoch, edit.figures(document.body),
             options, s, views, measures_of(document, self._known_of(document)),
+            self._sets(document),
         )  # fmt: skip
+
+    def _sets(self, document: edit.Document) -> dict[str, ReconstructOptions]:
+        sets = dict[str, ReconstructOptions]()
+        made = document.history.enabled
+        with contextlib.suppress(FormatError, ScanNewer):
+            for name in kept_names(self.scan, made):
+                with contextlib.suppress(FormatError, ScanNewer):
+                    if name != DEFAULT_SET:
+                        sets[name] = kept_options(self.scan, name, made)
+        return sets
 
     def _findings(self, state: SessionState) -> tuple[Finding, ...]:
         """What is to be said; of borders and soundness, as they are after the edits."""

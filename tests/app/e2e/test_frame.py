@@ -11,7 +11,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 
-from tests.app.e2e.conftest import DEADLINE, steady, until
+from tests.app.e2e.conftest import DEADLINE, OPENING, steady, until
 from tests.app.e2e.pages import connect, disconnect, run_command, settled
 
 NO_WEBGL = """
@@ -72,6 +72,16 @@ def test_in_every_room_no_label_is_cut_and_nothing_is_wrong_for_screen_readers(o
             settled(page)
             picture(page, f"{room}-{theme}")
             wrong += [f"{room}, {theme}: {one}" for one in serious(page)]
+    page.evaluate(f"location.hash = 'repair/{scan}'")
+    page.get_by_role("tab", name="Settings").click()
+    page.locator("details[data-title='Compare two settings'] summary").click()
+    every = page.get_by_role("spinbutton", name="Every", exact=True)
+    every.fill("2")
+    every.press("Enter")
+    page.get_by_role("region", name="Patch, as typed").wait_for(timeout=1000 * OPENING)
+    wrong += [f"settings: {one}" for one in [*page.evaluate(CUT), *serious(page)]]
+    page.keyboard.press("Escape")
+    page.locator("body").click(position={"x": 2, "y": 2})
     page.keyboard.press("?")
     page.get_by_role("dialog").wait_for()
     wrong += serious(page)
