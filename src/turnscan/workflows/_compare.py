@@ -239,7 +239,8 @@ def compare(
     """How far a measured surface lies from a reference, and how much of it was measured.
 
     Faces marked as not measured do not count, nor do vertices off the end of an open reference.
-    Without ``align`` both are taken to be in one frame.
+    Without ``align`` both are taken to be in one frame. With ``settings`` and
+    ``reference_settings`` one scan is compared with itself as two settings make it.
 
     Parameters
     ----------
@@ -267,30 +268,18 @@ def compare(
         Where there is no surface, it belongs nowhere on the reference, and for an option that
         cannot be.
 
-    With ``settings`` and ``reference_settings`` one scan is compared with itself as two settings
-    make it.
-
     >>> import turnscan as ts
     >>> found = ts.compare("cup.turnscan", "cup.turnscan")
     >>> found.deviation.rms < 1e-6, found.agreements[0].precision
     (True, 1.0)
     """
     wanted = chosen(CompareOptions, options, changes)
-    if wanted.datums and wanted.align != "datums":
-        raise InputError(
-            "datums are given, but not used",
-            hint=Remedy("align by ", Option("align", "datums")),
-            option=Option("datums"),
-        )
+    _check_datums(wanted)
     rows = () if tolerance_table is None else read_tolerances(Path(tolerance_table))
-    if isinstance(measured, str | Path) and Path(measured).suffix.lower() == ".turnscan":
-        measured = _with_settings(measured, wanted.settings, progress.subrange(0, 0.5))
-    elif wanted.settings != OWN_SETTINGS:
-        raise InputError("settings are of scans", hint="compare a scan", option=Option("settings"))
+    measured = _with_settings(measured, "settings", wanted, progress.subrange(0, 0.5))
     if wanted.reference_settings != OWN_SETTINGS:
-        reference = _with_settings(
-            reference, wanted.reference_settings, progress.subrange(0.5, 0.7), "reference_settings"
-        )
+        later = progress.subrange(0.5, 0.7)
+        reference = _with_settings(reference, "reference_settings", wanted, later)
     got = load(measured, wanted.unit, progress.subrange(0, 0.5))
     drawn = nominal(reference, wanted.reference_unit, progress.subrange(0.5, 0.7))
     table = wanted.features or bool(rows) or wanted.align == "datums"
@@ -321,12 +310,18 @@ def compare(
 
 
 def _with_settings(
-    source: Source, name: str, progress: Progress, option: str = "settings"
-) -> ReconstructResult:
-    """A scan as the settings of a name make it. Raises InputError for what is no scan."""
-    if not isinstance(source, str | PathLike) or Path(source).suffix.lower() != ".turnscan":
+    source: Source, option: str, wanted: CompareOptions, progress: Progress
+) -> Source:
+    """A scan file as the settings make it that an option names; anything else as it is.
+
+    Raises InputError where settings are named and there is no scan file.
+    """
+    name: str = getattr(wanted, option)
+    if isinstance(source, str | PathLike) and Path(source).suffix.lower() == ".turnscan":
+        return reconstruct(source, named_options(source, name), progress=progress)
+    if name != OWN_SETTINGS:
         raise InputError("settings are of scans", hint="compare a scan", option=Option(option))
-    return reconstruct(source, named_options(source, name), progress=progress)
+    return source
 
 
 def areas_of(found: Comparison, gap: float) -> Areas:
@@ -347,6 +342,15 @@ def _area_off(mesh: Mesh, off: Deviation, gap: float) -> float:
     area = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
     out = off.beyond | (np.abs(off.distance) > gap)
     return float((area * out[mesh.faces].mean(axis=1)).sum())
+
+
+def _check_datums(wanted: CompareOptions) -> None:
+    if wanted.datums and wanted.align != "datums":
+        raise InputError(
+            "datums are given, but not used",
+            hint=Remedy("align by ", Option("align", "datums")),
+            option=Option("datums"),
+        )
 
 
 def _check_area(mesh: Mesh, name: str) -> None:
