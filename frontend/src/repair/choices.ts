@@ -154,8 +154,12 @@ function drop(): void {
 
 /** Follow the settings, the marked point and the handles: once. */
 export function startChoices(): void {
+  let used = "";
   effect(() => {
-    void inUse.value;
+    // A set that is kept or renamed is news of the settings, and leaves what is typed.
+    const now = JSON.stringify([opened.value?.scan, inUse.value]);
+    if (now === used) return;
+    used = now;
     batch(() => {
       typed.value = null;
       chosenSet.value = IN_USE;
