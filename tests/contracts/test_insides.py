@@ -14,7 +14,7 @@ MOST_NAMES = {
     "calibrate": 43,  # with a part as it is drawn
     "devices": 25,
     "drawings": 20,  # with shells of faces, their triangles and colours
-    "edit": 78,  # with names of edits
+    "edit": 83,  # with names of edits, and edits of named sets of settings
     "formats": 17,
     "mesh": 25,  # with samples of a surface and faces about vertices, which other rooms had
     "points": 40,

@@ -322,7 +322,7 @@ class Workshop:
             return scan.shapes(call.id, job)
 
     def _try_settings(self, call: Call) -> Answer:
-        """The newest trial of a browser alone goes on, and nobody else hears of it."""
+        """The newest trial of a browser alone goes on; other browsers do not hear of it."""
         r: q.TrySettings = call.request
         scan = self.opened(r.scan)
         job = Job(self.hub, "edit", "Trying settings", scan.name, shown=False)
