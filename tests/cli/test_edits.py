@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from turnscan import workflows
 from turnscan.cli import main, turnscan
 from turnscan.detection import Detection, detect_scan
 from turnscan.edit import (
@@ -30,6 +31,7 @@ from turnscan.edit import (
     Region,
     action_to_json,
 )
+from turnscan.errors import InputError
 from turnscan.formats import read_mesh
 from turnscan.mesh import Mesh, is_closed
 from turnscan.pipeline import build
@@ -175,6 +177,27 @@ def test_the_list_tells_what_was_done_and_the_file_embeds_it(repaired: Path) -> 
     assert json.loads(run("check", repaired, "--json"))["edits"] == 3
     run("edits", repaired, "--on", 1, "--redo")
     assert json.loads(run("check", repaired, "--json"))["edits"] == 5
+
+
+def test_edits_have_names_any_is_gone_to_and_those_that_do_not_fit_are_named(
+    repaired: Path, scans: tuple[Path, Path], tmp_path: Path
+) -> None:
+    run("edits", repaired, "--name", 5, "tight", "--to", 2)
+    lines = run("edits", repaired, "--make", '{"kind": "measure_volume"}').splitlines()
+    assert [line.split()[0] for line in lines] == ["1", "2", "6", "branch", "3", "4", "5"]
+    assert lines[3] == "branch after edit 2"
+    assert "tight: close all gaps" in lines[6]
+    shown = run("edits", repaired, "--to", 5).splitlines()
+    assert [line.split()[0] for line in shown] == ["1", "2", "3", "4", "5", "branch", "6"]
+    # A hole that the other scan has nowhere is named; the edit is added all the same.
+    hole = '{"kind": "fill", "holes": [{"centre": [500, 0, 0], "size": 3}], "how": "flat"}'
+    run("edits", repaired, "--make", hole)
+    other = Path(shutil.copy(scans[1], tmp_path / "unlike.turnscan"))
+    said = run("edits", other, "--add", repaired, "--only", 7, "--check")
+    assert "edit 1 (fill)" in said
+    assert said.splitlines()[-1].split()[0] == "1"
+    with pytest.raises(InputError, match="no edits are added that could fit"):
+        workflows.edits(other, workflows.EditChanges(check=True))
 
 
 def test_an_edit_that_finds_nothing_is_named_and_the_rest_is_done(repaired: Path) -> None:

@@ -80,10 +80,10 @@ function PlaneFields({ at }: { at: CutPlane }) {
           disabled={planes.value.split(/[;\s]+/).includes(text)}
           onClick={() => (planes.value = [planes.value, text].filter(Boolean).join("; "))}
         >
-          Add to the drawing
+          Add to drawing
         </Button>
         <Button label="Draw this plane alone" onClick={() => (planes.value = text)}>
-          Draw this alone
+          Draw only this
         </Button>
       </div>
       <Button kind="plain" onClick={() => (plane.value = null)}>

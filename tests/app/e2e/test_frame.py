@@ -62,6 +62,11 @@ def test_in_every_room_no_label_is_cut_and_nothing_is_wrong_for_screen_readers(o
     for room, name in ROOMS.items():
         page.evaluate(f"location.hash = '{room}/{scan}'")
         page.locator(f"main[aria-label='{name}']").wait_for(state="attached")
+        if room == "repair":
+            page.get_by_role("tab", name="History").click()
+        if room == "measure":
+            page.get_by_text("Sections", exact=True).click()
+            page.get_by_role("button", name="Across z").click()
         for width, height in ((640, 400), (1024, 700)):
             page.set_viewport_size({"width": width, "height": height})
             settled(page)

@@ -46,7 +46,7 @@ def _section_on_the_surface(page) -> None:
     )
     distance.fill("20")
     distance.press("Enter")
-    page.get_by_role("button", name="Draw this alone").click()
+    page.get_by_role("button", name="Draw only this").click()
     expect(page.get_by_label("Planes")).to_have_value("z=20")
 
 
