@@ -117,8 +117,8 @@ def wholeness(light: LitPoints) -> Wholeness:
 
     How the surface lies is known by the profiles before and after. What is narrower and fainter
     than both is doubted (`_pinched`), and what lies on a crease (`_creased`). Where both are there,
-    the one that explains the width better counts, and the other as far as `_TORN`; where the
-    surface is round, what lies between them. Where one of them is missing, what ends the surface
+    the one that explains the width better counts, and the other as far as `_TORN` and the sheet's
+    reach over the step; where the surface is round, what lies between them. Where one of them is missing, what ends the surface
     there cuts the stripe, too: the light that is left is a Gaussian cut off on that side, which
     tells how far its centre is off. A stripe that is much fainter there than on the surface beside
     is the tail of one whose middle passes by.
@@ -134,7 +134,9 @@ def wholeness(light: LitPoints) -> Wholeness:
     light_of = _steady(np.where(found, light.amplitude, np.nan))
     flat = _along_steps(kernels.further_in, light, walk.shape, 1)
     flat = np.stack([_steady(w) for w in flat])
-    creased = _creased(width, walk, thickness, _arcs(light), lambda far: _apart(light, due_on, far))
+    arcs = _arcs(light)
+    creased = _creased(width, walk, thickness, arcs, lambda far: _apart(light, due_on, far))
+    fine = _fineness(arcs, thickness)
     shift, doubt = np.empty(width.shape), np.empty(width.shape)
     tail = np.empty(width.shape, dtype=np.bool_)
     size = len(width)
@@ -149,6 +151,7 @@ def wholeness(light: LitPoints) -> Wholeness:
             side[:, rows],
             light_of[rows],
             found[rows],
+            fine[rows],
             beyond,
         )
         own = _judged(some, due_on, creased if creased is None else creased[rows])
@@ -168,6 +171,8 @@ class _Band(NamedTuple):
     side: Floats
     light: Floats
     found: Bools
+    fine: Floats
+    """(s, n) how much of a step the sheet reaches over (`_fineness`)."""
     beyond: tuple[bool, bool]
     """Whether the grid ends with them, so that there is no step before, or after."""
 
@@ -182,16 +187,17 @@ def _judged(
     due = np.where(curved, np.sqrt(due[0] * due[1]), due)
     # What cuts a stripe moves its point, and so tilts the plane through it and the one beside. The
     # surface may go on flat, or turn with the table as round parts do: what lies between is taken.
+    # Over a step that is long beside the sheet the point tilts its plane little.
     ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
     turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
     inner = np.stack([due_on(some.flat), due_on(turned)])
-    inner = np.exp(np.log(inner).mean(axis=0))
+    inner = np.exp((1 - some.fine) * np.log(due) + some.fine * np.log(inner).mean(axis=0))
     due = np.where(ends & ~np.isnan(inner), inner, due)
     ratio = width / due
     border = np.isnan(walk[0]) != np.isnan(walk[1])
     border &= some.found & ~np.isnan(ratio).all(axis=0)
     bias = _bias(ratio, np.where(border, _SURE_END, _SURE))
-    doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * np.fmax(*bias)) * width)
+    doubt = np.nan_to_num(np.hypot(np.fmin(*bias), _TORN * some.fine * np.fmax(*bias)) * width)
     if creased is not None:
         doubt = np.maximum(doubt, ~curved * creased)
     first, narrow = np.isnan(walk[1]), np.fmin(*ratio)
@@ -204,6 +210,17 @@ def _judged(
     doubt = np.where(cut, _MODEL * np.abs(shift), doubt)
     doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
     return shift, doubt, border & faint
+
+
+def _fineness(arcs: Floats, thickness: float) -> Floats:
+    """(s, n) the part of a step that the sheet reaches over, 1 at most; 1 where the sheet's
+    thickness is not known.
+
+    A surface that begins further off than that adds nothing to a stripe.
+    """
+    if not thickness > 0:
+        return np.ones_like(arcs)
+    return np.asarray(np.nan_to_num(np.minimum(_REACH * thickness / arcs, 1.0), nan=1.0))
 
 
 def _steady(width: Floats) -> Floats:
