@@ -9,6 +9,7 @@ import pytest
 
 from tests.analytic import full_turn, make_rig, scan_shape, sphere, with_noise
 from turnscan.points import RangeGrid, build_grid, normal_sigma
+from turnscan.points import _normal_kernels as kernels
 
 NOISE = 0.08
 """px."""
@@ -47,3 +48,25 @@ def test_without_an_eye_or_a_sheet_it_stays_as_it_is(ball):
     anywhere = np.random.default_rng(0).normal(0.0, 20.0, ball.points.shape)
     loose = replace(ball, points=np.where(ball.found[..., None], anywhere, np.nan))
     assert np.array_equal(normal_sigma(loose), ball.sigma, equal_nan=True)
+
+
+@pytest.mark.parametrize(("bend", "wanted"), [(0.0, 0.5), (60.0, 1.0)])
+def test_noise_raises_no_share_and_an_edge_has_that_of_its_worse_side(bend, wanted):
+    """A surface that turns by ``bend`` degrees at its middle profile, moved at 60° to its normal:
+    along that of the other side."""
+    steps, lines, apart = 21, 400, 1.0
+    rng = np.random.default_rng(5)
+    across = apart * (np.arange(steps) - 10.0)
+    after = across > 0
+    turn = np.deg2rad(bend)
+    x = np.where(after, np.cos(turn) * across, across)
+    z = np.where(after, -np.sin(turn) * across, 0.0)
+    points = np.empty((steps, lines, 3))
+    points[..., 0], points[..., 2] = x[:, None], z[:, None]
+    points[..., 1] = 0.4 * np.arange(lines)
+    points[..., 2] += rng.normal(0.0, 0.08, (steps, lines))
+    moves = np.tile([np.sqrt(0.75), 0.0, 0.5], (steps, lines, 1))
+    share = np.empty((steps, lines))
+    kernels.shares(points, moves, np.full(share.shape, apart), 0.64, False, (0, steps), share)
+    middle = share[10, 20:-20]
+    assert np.median(middle) == pytest.approx(wanted, abs=0.03)

@@ -131,3 +131,25 @@ def test_two_surfaces_meet_where_the_squares_in_sigmas_are_least(
     weights = np.array([1 / 0.02**2, 1 / 0.04**2])
     best = float(weights @ (low, high) / weights.sum()) if averaged else low
     assert inside[:, 2] == pytest.approx(best, abs=0.01)
+
+
+def test_two_surfaces_share_what_goes_beyond_noise() -> None:
+    """Noise of two averages out, an edge or a chord that both are doubted for does not."""
+    parts = []
+    for name in ("one", "two"):
+        part = sheet(0.0, 12.0, (0.0, 0.0, 1.0), name)
+        assert part.mesh.provenance is not None
+        doubted = part.mesh.vertices[:, 0] > 8.0
+        known = replace(part.mesh.provenance, sigma=np.where(doubted, 0.1, 0.02))
+        parts.append(replace(part, mesh=replace(part.mesh, provenance=known)))
+
+    def usual(surfaces: list[RangeSurface], low: float, high: float) -> float:
+        done = fuse(surfaces, VOXEL, RAMP)
+        assert done.provenance is not None
+        x = done.vertices[:, 0]
+        return float(np.median(done.provenance.sigma[(x > low) & (x < high)]))
+
+    plain = usual(parts, 2.0, 6.0) / usual(parts[:1], 2.0, 6.0)
+    doubtful = usual(parts, 9.0, 11.0) / usual(parts[:1], 9.0, 11.0)
+    assert plain == pytest.approx(np.sqrt(0.5), rel=0.02)
+    assert doubtful > 0.9

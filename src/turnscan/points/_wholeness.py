@@ -42,6 +42,9 @@ _HALF = 0.6
 _FAINT, _AS_BRIGHT = 0.6, 0.95
 """A stripe there is a tail when it is fainter than this part of the one beside it; the second where
 it is narrower than any cut makes it."""
+_KNOWN = 0.3
+"""Part of a step that the sheet reaches over from which on the profiles beside tell how the surface
+lies at a cut stripe. Over longer steps they may lie on other faces, and no centre is moved."""
 _MODEL = 0.5
 """Part of a cut stripe's shift that is doubted: by the second laser's and the true surface."""
 _MOST = 0.5
@@ -118,10 +121,11 @@ def wholeness(light: LitPoints) -> Wholeness:
     How the surface lies is known by the profiles before and after. What is narrower and fainter
     than both is doubted (`_pinched`), and what lies on a crease (`_creased`). Where both are there,
     the one that explains the width better counts, and the other as far as `_TORN` and the sheet's
-    reach over the step; where the surface is round, what lies between them. Where one of them is missing, what ends the surface
-    there cuts the stripe, too: the light that is left is a Gaussian cut off on that side, which
-    tells how far its centre is off. A stripe that is much fainter there than on the surface beside
-    is the tail of one whose middle passes by.
+    reach over the step; where the surface is round, what lies between them. Where one of them is
+    missing, what ends the surface there cuts the stripe, too: the light that is left is a Gaussian
+    cut off on that side, which tells how far its centre is off. In steps longer than a few
+    thicknesses of the sheet that is doubt alone, and no centre is moved. A stripe that is much
+    fainter there than on the surface beside is the tail of one whose middle passes by.
     """
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -191,7 +195,9 @@ def _judged(
     ends = np.isnan(walk[::-1]) & ~np.isnan(walk)
     turned = np.stack([np.roll(walk[0], -1, axis=0), np.roll(walk[1], 1, axis=0)])
     inner = np.stack([due_on(some.flat), due_on(turned)])
-    inner = np.exp((1 - some.fine) * np.log(due) + some.fine * np.log(inner).mean(axis=0))
+    known = some.fine >= _KNOWN
+    share = np.where(known, 1.0, some.fine)
+    inner = np.exp((1 - share) * np.log(due) + share * np.log(inner).mean(axis=0))
     due = np.where(ends & ~np.isnan(inner), inner, due)
     ratio = width / due
     border = np.isnan(walk[0]) != np.isnan(walk[1])
@@ -206,8 +212,9 @@ def _judged(
         faint = some.light < np.where(narrow < _HALF, _AS_BRIGHT, _FAINT) * beside
         cut = border & ~faint & (narrow < _CUT) & (narrow >= _HALF)
     off = np.where(first, some.side[0] * bias[0] * due[0], some.side[1] * bias[1] * due[1])
-    shift = np.where(cut, np.nan_to_num(off), 0.0)
-    doubt = np.where(cut, _MODEL * np.abs(shift), doubt)
+    off = np.where(cut, np.nan_to_num(off), 0.0)
+    doubt = np.where(cut, _MODEL * np.abs(off), doubt)
+    shift = np.where(known, off, 0.0)
     doubt = np.maximum(doubt, _pinched(width, some.light, some.beyond))
     return shift, doubt, border & faint
 

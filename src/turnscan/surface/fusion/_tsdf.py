@@ -203,19 +203,20 @@ def _filled(
          s.normals, _border_weights(s, usual))
         for s in parts
     ]  # fmt: skip
+    believed = kernels.Believed(most, usual)
     for decide in (True, False):
         first = 0
         for (vertices, normals, weight), both in zip(known, looks, strict=True):
             for k in both:
                 look = kernels.Look(k.faces, k.eyes, k.cosine, k.weight * weight)
                 kernels.add(
-                    vertices, normals, look, most, first, space, index, decide, volume, source
+                    vertices, normals, look, believed, first, space, index, decide, volume, source
                 )
             first += len(vertices.points)
     total = volume[kernels.TOTAL]
     with np.errstate(invalid="ignore", divide="ignore"):
         value = volume[kernels.DISTANCE] / total
-        spread = np.sqrt(volume[kernels.SPREAD]) / total
+        spread = np.sqrt(volume[kernels.SPREAD] + volume[kernels.SHARED] ** 2) / total
     return value, volume[kernels.NEAR], spread, source
 
 

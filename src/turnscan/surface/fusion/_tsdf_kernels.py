@@ -14,10 +14,11 @@ from turnscan.surface.fusion._variance_kernels import Vertices, rise, variances
 SIDE = 8
 """Voxels along one side of a block."""
 CELLS = SIDE**3
-VALUES = 7
-DISTANCE, TOTAL, SPREAD, NEAR, BEST, HELD, GRAIN = range(VALUES)
-"""What is known of a voxel: sums of weight × distance, of weights and of (weight × sigma)², the
-least distance, and of the strongest contribution its strength, its distance and its variance."""
+VALUES = 8
+DISTANCE, TOTAL, SPREAD, SHARED, NEAR, BEST, HELD, GRAIN = range(VALUES)
+"""What is known of a voxel: sums of weight × distance, of weights, of (weight × usual sigma)² and
+of weight × what goes beyond, the least distance, and of the strongest contribution its strength,
+its distance and its variance."""
 _AGREE = 3.0
 """Sigma within which two contributions to one voxel are averaged …"""
 _SLANT = 0.25
@@ -55,6 +56,15 @@ class Look(NamedTuple):
     """(v,) of incidence."""
     weights: Floats
     """(v,) times the variance."""
+
+
+class Believed(NamedTuple):
+    """How well places between the vertices are known."""
+
+    most: float
+    """mm between profiles beyond which a place adds nothing."""
+    usual: float
+    """mm: sigma of the usual point."""
 
 
 class Cubes(NamedTuple):
@@ -146,7 +156,7 @@ def add(
     vertices: Vertices,
     normals: Floats,
     look: Look,
-    most: float,
+    believed: Believed,
     first: int,
     space: Space,
     index: Ints,
@@ -161,10 +171,10 @@ def add(
     camera's ray through the face, within the ramp of the surface, gets its signed distance (along
     the ray, times the cosine of incidence; positive on the camera's side) with the weight of the
     vertices times that cosine, over the variance there (`variances`). A place that may be more
-    than ``most`` mm off between profiles adds nothing. ``volume`` (`VALUES`, blocks, cells) holds
-    the sums. First, with ``decide``, the strongest contribution of all surfaces is found, the
-    nearer the stronger; then what lies within three sigma of it is averaged. ``source`` keeps the
-    number (from ``first``) of the vertex nearest to what was seen closest.
+    than ``believed.most`` mm off between profiles adds nothing. ``volume`` (`VALUES`, blocks,
+    cells) holds the sums. First, with ``decide``, the strongest contribution of all surfaces is
+    found, the nearer the stronger; then what lies within three sigma of it is averaged. ``source``
+    keeps the number (from ``first``) of the vertex nearest to what was seen closest.
     """
     points, sigma, between, step = vertices
     faces, eyes, cosines, weight = look
@@ -204,7 +214,7 @@ def add(
                 for z in range(z0, z1 + 1):
                     u, v = b1 + s1 * z, b2 + s2 * z
                     own, wide = variances(faces[f], u, v, sigma, between, step)
-                    if wide - own > most * most:
+                    if wide - own > believed.most**2:
                         continue
                     rest = 1.0 - u - v
                     d = (t + st * z) * cosine - (rest * (u * ab + v * ca) + u * v * bc)
@@ -220,7 +230,7 @@ def add(
                     if decide:
                         _decide(volume, block, cell, w, d, own, ramp, source, first + nearest)
                     elif w > 0.0:
-                        _average(volume, block, cell, w, d, own, wide)
+                        _average(volume, block, cell, w, d, own, wide, believed.usual)
 
 
 @njit(cache=True, nogil=True)
@@ -241,15 +251,22 @@ def _decide(
 
 @njit(cache=True, nogil=True)
 def _average(
-    volume: Singles, block: int, cell: int, w: float, d: float, own: float, wide: float
-) -> None:
-    """Add to the sums of a voxel what agrees with the strongest contribution."""
+    volume: Singles, block: int, cell: int, w: float, d: float, own: float, wide: float,
+    usual: float,
+) -> None:  # fmt: skip
+    """Add to the sums of a voxel what agrees with the strongest contribution.
+
+    Noise up to the ``usual`` sigma averages out; what goes beyond it are edges and chords, which
+    move all surfaces alike.
+    """
     held = volume[HELD, block, cell]
     most = _AGREE * np.sqrt(own + volume[GRAIN, block, cell]) + _SLANT * abs(held)
     if abs(d - held) <= most:
         volume[DISTANCE, block, cell] += w * d
         volume[TOTAL, block, cell] += w
-        volume[SPREAD, block, cell] += w * w * wide
+        noise = min(wide, usual * usual)
+        volume[SPREAD, block, cell] += w * w * noise
+        volume[SHARED, block, cell] += w * np.sqrt(wide - noise)
 
 
 @njit(cache=True, nogil=True)
