@@ -50,7 +50,7 @@ def test_without_an_eye_or_a_sheet_it_stays_as_it_is(ball):
     assert np.array_equal(normal_sigma(loose), ball.sigma, equal_nan=True)
 
 
-@pytest.mark.parametrize(("bend", "wanted"), [(0.0, 0.5), (60.0, 1.0)])
+@pytest.mark.parametrize(("bend", "wanted"), [(0.0, 0.5), (20.0, 0.76), (60.0, 1.0)])
 def test_noise_raises_no_share_and_an_edge_has_that_of_its_worse_side(bend, wanted):
     """A surface that turns by ``bend`` degrees at its middle profile, moved at 60° to its normal:
     along that of the other side."""

@@ -11,7 +11,9 @@ from turnscan.points._wholeness_kernels import beside, cross, dot, way
 _MOST = 12
 """Lines to either side that a tangent is taken over, at most."""
 _TILT = 0.2
-"""rad that noise tilts a normal by over the shortest tangents."""
+"""rad that noise makes the normals about a point differ by, over the shortest tangents."""
+_ALL = 4
+"""Normals about a point that has neighbours on all sides."""
 
 
 @njit(cache=True, nogil=True)
@@ -46,9 +48,9 @@ def shares(
 
     The tangents lead to the nearest points of the same profile, and of the same line, that lie
     ``least`` mm off or more: shorter ones are noise. ``arc`` (s, n) mm is the usual way to the next
-    step. Up and down, before and after have normals of their own. Their mean counts where noise may
-    have made all their differences; elsewhere the largest does, so that an edge claims no more than
-    the worse of its two surfaces. 1 where nothing is known.
+    step. Up and down, before and after have normals of their own. Their mean counts where all four
+    are there and noise may have made all their differences. Elsewhere the largest does, so that an
+    edge claims no more than the worse of its two surfaces. 1 where nothing is known.
     Steps from the first to before the second of ``span`` are written.
     """
     n = points.shape[1]
@@ -60,7 +62,7 @@ def shares(
                 continue
             lines = _tangents(points, k, j, least, ups)
             move = (moves[k, j, 0], moves[k, j, 1], moves[k, j, 2])
-            best, total, count = -1.0, 0.0, 0
+            best, low, total, count = -1.0, 2.0, 0.0, 0
             for sign in (1, -1):
                 m, far = beside(points, k, j, sign, arc, least, closed)
                 if not far:
@@ -71,8 +73,9 @@ def shares(
                     size = np.sqrt(dot(normal, normal))
                     if size > 0.0:
                         share = abs(dot(normal, move)) / size
-                        best, total, count = max(best, share), total + share, count + 1
+                        best, low = max(best, share), min(low, share)
+                        total, count = total + share, count + 1
             if count:
                 mean = min(total / count, 1.0)
-                even = best - mean <= _TILT * np.sqrt(1.0 - mean * mean)
-                out[k, j] = mean if even else best
+                even = best - low <= _TILT * np.sqrt(1.0 - mean * mean)
+                out[k, j] = mean if count == _ALL and even else best
