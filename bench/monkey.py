@@ -2,6 +2,7 @@
 
     python -m bench monkey            2 000 deeds on a part of about 100 000 triangles
     python -m bench monkey --quick    200 of them
+    python -m bench monkey 7 8        the same with other seeds, one after the other
 
 Nothing may fail in the page, every edit that the server confirmed is in the scan file, the page
 shows what the server has, and undoing everything leads back to the first surface to the bit.
@@ -19,28 +20,32 @@ from tests.app.e2e.monkey import Monkey, Wire, back_to_the_start, digest_of, edi
 
 DEEDS, QUICK = 2000, 200
 STEPS, SCALE = 270, 2
-SEED = 1
+PARTS = None
+SEED = "1"
+OPENS = 1800.0
+"""s within which the part is open: on a busy machine, with everything to be compiled first."""
 
 
 def run(quick: bool = False, parts: tuple[str, ...] = ()) -> None:
     """Print what the monkey did and what it broke."""
     from playwright.sync_api import sync_playwright
 
-    with tempfile.TemporaryDirectory() as name, sync_playwright() as p:
-        path = write_whole_cup(Path(name) / "part.turnscan", STEPS, SCALE)
-        server = Server(Path(name))
-        browser = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        try:
-            _play(browser, server, path, QUICK if quick else DEEDS)
-        finally:
-            browser.close()
-            server.end()
+    for seed in parts or (SEED,):
+        with tempfile.TemporaryDirectory() as name, sync_playwright() as p:
+            path = write_whole_cup(Path(name) / "part.turnscan", STEPS, SCALE)
+            server = Server(Path(name))
+            browser = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+            try:
+                _play(browser, server, path, QUICK if quick else DEEDS, int(seed))
+            finally:
+                browser.close()
+                server.end()
 
 
-def _play(browser: object, server: Server, path: Path, deeds: int) -> None:
+def _play(browser: object, server: Server, path: Path, deeds: int, seed: int) -> None:
     page = browser.new_page(viewport={"width": 1280, "height": 800})  # type: ignore[attr-defined]
     broken: list[str] = []
-    monkey = Monkey(page, SEED)
+    monkey = Monkey(page, seed)
 
     def hear(text: str) -> None:
         broken.append(text)
@@ -52,9 +57,10 @@ def _play(browser: object, server: Server, path: Path, deeds: int) -> None:
     page.goto(server.link)
     page.wait_for_url(lambda url: "login" not in url)
     page.get_by_role("button", name="part", exact=True).click()
-    until(page, "'turnscan' in window && turnscan.faces > 0", 300)
+    until(page, "'turnscan' in window && turnscan.faces > 0", OPENS)
     first = page.evaluate("turnscan.digest")
-    print(f"  {page.evaluate('turnscan.faces'):,} triangles, digest {first}", flush=True)
+    faces = page.evaluate("turnscan.faces")
+    print(f"  seed {seed}: {faces:,} triangles, digest {first}", flush=True)
     begun = time.monotonic()
     for k in range(deeds):
         monkey.act()
@@ -64,7 +70,7 @@ def _play(browser: object, server: Server, path: Path, deeds: int) -> None:
             if shown != has:
                 hear(f"shows {shown}, the server has {has}")
                 page.reload()
-                until(page, "'turnscan' in window && turnscan.faces > 0", 120)
+                until(page, "'turnscan' in window && turnscan.faces > 0", OPENS)
         if k % 100 == 99:
             made = sum(wire.made.values())
             spent = time.monotonic() - begun
@@ -75,7 +81,7 @@ def _play(browser: object, server: Server, path: Path, deeds: int) -> None:
     last = page.evaluate("turnscan.digest")
     made = sum(wire.made.values())
     print(f"  {deeds} deeds: {made} edits confirmed, {kept} in the file, {wire.unheard} unheard")
-    print(f"  refused: {dict(wire.refused)}")
+    print(f"  refused: {dict(wire.refused)}; internal errors: {wire.refused['mistake']}")
     print(f"  errors in the page, and surfaces shown that the server has not: {len(broken)}")
     print(f"  no confirmed edit is lost: {_yes(made <= kept <= made + wire.unheard)}")
     print(f"  undone to the first surface, to the bit: {_yes(last == first)} ({last})")

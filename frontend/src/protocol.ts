@@ -1339,6 +1339,13 @@ export interface Undo {
   scan: string;
 }
 
+/** The answer to POST and GET ``/api/uploads``: how much of a file is here. */
+export interface Uploaded {
+  upload: string;
+  /** Bytes; the next piece begins there. */
+  received: number;
+}
+
 /** Take the rig of a file in the folder for the scans from now on. */
 export interface UseRig {
   id: number;

@@ -29,6 +29,7 @@ from turnscan.points import (
 )
 from turnscan.remedy import Option, Remedy
 from turnscan.rig import Pose, rotation_about
+from turnscan.shapes import volume_sigma
 from turnscan.surface import mesh_findings
 from turnscan.surface.clean import drop_islands, long_islands
 from turnscan.surface.fusion import paste
@@ -184,6 +185,27 @@ def test_a_box_closes_to_its_volume():
     assert mesh.measured[floor].all(), "the platter is known"
     assert not mesh.measured[new[mesh.faces].any(axis=1) & ~floor].any()
     assert not mesh_findings(mesh, 0, 0, closed=True)
+
+
+def test_the_bottom_of_a_part_that_leans_is_not_known():
+    (grid,) = grids((0.4,), box((20, 15, 15), (2, 1, 15), 0.3), 120, 0.01, lift=15.0, elevation=0.4)
+    upright, _ = cut_touching(drop_islands(paste([grid]), 50)[0])
+    for tilt, severity in ((0.0, "note"), (8.0, "warning")):
+        a = np.radians(tilt)
+        turn = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+        V = upright.vertices @ turn.T
+        V[:, 2] -= V[:, 2].min() - upright.vertices[:, 2].min()
+        mesh, said = close(replace(upright, vertices=V))
+        assert is_closed(mesh)
+        (floor,) = (f for f in said if f.code == "surface.floor")
+        assert floor.severity == severity
+        assert ("tilted by 8°" in floor.message) == bool(tilt)
+        level = (mesh.triangles[..., 2] == 0.0).all(axis=1)
+        assert mesh.measured[level].all() == (not tilt)
+        # Filled down to the platter, a part that leans has a wedge too much.
+        off, known = mesh.volume - 40 * 30 * 30, volume_sigma(mesh)
+        assert abs(off) < 2.5 * known.total
+        assert off > 1000 if tilt else off < 100
 
 
 def test_flat_cap_without_a_floor():

@@ -87,7 +87,7 @@ def _listed() -> list[tuple[str, str, str]]:
                 out.append(("ws", "GET", before + route.path))
             elif isinstance(route, Route):
                 path = (before + route.path).replace(":int", "")
-                for name in ("scan", "download", "file", "picture"):
+                for name in ("scan", "download", "file", "picture", "upload"):
                     path = path.replace(f"{{{name}}}", "abcdefgh")
                 for name in ("grid", "step", "view"):
                     path = path.replace(f"{{{name}}}", "0")

@@ -7,7 +7,7 @@ import { Button } from "../ui/controls";
 import { Icon, type IconName } from "../ui/icons";
 import { invite } from "../ui/invite";
 import { whatIs } from "../verbs/schema";
-import { arrived, files, openVerb, receive, sending, verbs } from "../verbs/state";
+import { arrived, files, openVerb, receive, type Sending, sending, verbs } from "../verbs/state";
 import type { Room } from "./room";
 
 /** What can be done with files: each leads to its form. */
@@ -29,6 +29,12 @@ function Verbs() {
   );
 }
 
+function sendingText({ done, total, bytes, received, waiting }: Sending): string {
+  const megabytes = (n: number) => (n / 1e6).toFixed(n < 1e7 ? 1 : 0);
+  const sent = `Sending file ${Math.min(done + 1, total)} of ${total}: ${megabytes(received)} of ${megabytes(bytes)} MB`;
+  return waiting ? `${sent}. The server does not answer; sending resumes when it does.` : sent;
+}
+
 /** What was dropped, and what can be done with it. */
 function Arrived() {
   const here = files.value.filter(({ file }) => arrived.value.includes(file));
@@ -36,8 +42,8 @@ function Arrived() {
   if (sending.value)
     return (
       <p class="row" role="status">
-        Sending {sending.value.done} of {sending.value.total} files
-        <progress aria-label="Files sent" max={sending.value.total} value={sending.value.done} />
+        {sendingText(sending.value)}
+        <progress aria-label="Files sent" max={sending.value.bytes || 1} value={sending.value.received} />
       </p>
     );
   if (!here.length && !scansHere.length) return null;

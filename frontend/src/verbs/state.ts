@@ -1,18 +1,29 @@
 /** The verbs that the server runs, the files for them, and what became of them. */
 import { computed, signal } from "@preact/signals";
 import { link, on } from "../bus";
-import { http, RefusedError } from "../link";
+import { RefusedError } from "../link";
 import type { Added, FileEntry, JobState, Received, RemedyOption, VerbEntry } from "../protocol";
 import { complain, go, jobs, place, scans } from "../state";
 import { chosen, type Schema, startValues, troubles, type Values, withFile } from "./schema";
+import { put, type Sent } from "./upload";
 
 export const verbs = signal<readonly VerbEntry[]>([]);
 export const files = signal<readonly FileEntry[]>([]);
 /** Opaque names of what was dropped last, for the start page to say what it is. */
 export const arrived = signal<readonly string[]>([]);
-export const sending = signal<{ done: number; total: number } | null>(null);
+export const sending = signal<Sending | null>(null);
 /** What is in each verb's form; kept while the page is open. */
 const forms = signal<ReadonlyMap<string, Form>>(new Map());
+
+export interface Sending {
+  done: number;
+  total: number;
+  /** Bytes of all files, and how many of them the server has. */
+  bytes: number;
+  received: number;
+  /** Whether the server does not answer at the moment. */
+  waiting: boolean;
+}
 
 export interface Form {
   values: Values;
@@ -120,23 +131,30 @@ export async function send(list: Iterable<File>): Promise<string[]> {
   // What is dropped together belongs together: pictures of one series, a .conf and its range scans.
   const rest = all.filter((file) => !scanFiles.includes(file) && !archives.includes(file));
   const found: string[] = [];
-  sending.value = { done: 0, total: all.length };
-  const tick = () => (sending.value = { done: (sending.value?.done ?? 0) + 1, total: all.length });
+  const bytes = all.reduce((sum, { size }) => sum + size, 0);
+  let [done, before] = [0, 0];
+  const say = (received: number, waiting = false) =>
+    (sending.value = { done, total: all.length, bytes, received: before + received, waiting });
+  say(0);
+  const post = async <T>(path: string, file: File): Promise<T> => {
+    const answer = await put(path, file, ({ received, waiting }: Sent) => say(received, waiting));
+    done++;
+    before += file.size;
+    say(0);
+    return answer.json();
+  };
   try {
     for (const file of scanFiles) {
       const added: Added = await post(`api/scans?name=${encodeURIComponent(file.name)}`, file);
       found.push(added.scan);
-      tick();
     }
     for (const file of archives) {
       const received: Received = await post(`api/files?name=${encodeURIComponent(file.name)}`, file);
       found.push(...received.files);
-      tick();
     }
     let last: Received = { into: "", files: [] };
     for (const file of rest) {
       last = await post(`api/files?name=${encodeURIComponent(file.name)}&into=${last.into}`, file);
-      tick();
     }
     found.push(...last.files);
   } catch (error) {
@@ -158,10 +176,6 @@ export async function sendTable(name: string, text: string): Promise<string | nu
   if (!file) return null;
   sentTables.set(name, { text, file });
   return file;
-}
-
-async function post<T>(path: string, body: File): Promise<T> {
-  return (await http(path, { method: "POST", body })).json();
 }
 
 /** Something was dropped on the page: a scan alone is opened, all else is named on the start page. */

@@ -124,6 +124,16 @@ class Files:
         if self._incoming is not None:
             self._incoming.close()
 
+    def incoming(self) -> Path:
+        """The hidden folder of what is sent. Raises OSError where it cannot be made."""
+        with self._lock:
+            return self._incoming_folder()
+
+    def _incoming_folder(self) -> Path:
+        if self._incoming is None:
+            self._incoming = Incoming(self._library.folder)
+        return self._incoming.folder
+
     def _set(self, into: str) -> tuple[str, Path]:
         with self._lock:
             if into:
@@ -135,10 +145,8 @@ class Files:
                 return into, folder
             if len(self._sets) >= _MOST_SETS:
                 raise LimitExceeded("too many files were sent", hint="start turnscan again")
-            if self._incoming is None:
-                self._incoming = Incoming(self._library.folder)
             name = secrets.token_urlsafe(9)
-            folder = self._incoming.folder / name
+            folder = self._incoming_folder() / name
             folder.mkdir()
             self._sets[name] = folder
             return name, folder

@@ -196,9 +196,7 @@ class Library:
 
         Raises InputError for a name that is taken, LimitExceeded, StorageFull, and as ``check``.
         """
-        if length is not None and length > UPLOAD_BYTES:
-            raise LimitExceeded(f"{length / 1e6:.0f} MB", hint="at most 1 GB can be sent")
-        self._check_room(length or 0)
+        self.check_upload(length or 0)
         part = path.with_name(f".{secrets.token_hex(8)}{SUFFIX}")
         taken = 0
         try:
@@ -257,6 +255,12 @@ class Library:
         """Words without the paths of the folder: what is in it goes by its plain name."""
         plain = text.replace(f"{self.folder}{os.sep}", "").replace(str(self.folder), "the folder")
         return _SENT.sub("", plain)
+
+    def check_upload(self, length: int) -> None:
+        """Refuse a file of so many bytes: LimitExceeded, StorageFull."""
+        if length > UPLOAD_BYTES:
+            raise LimitExceeded(f"{length / 1e6:.0f} MB", hint="at most 1 GB can be sent")
+        self._check_room(length)
 
     def _check_room(self, wanted: int) -> None:
         free = shutil.disk_usage(self.folder).free

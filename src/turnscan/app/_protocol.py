@@ -48,7 +48,10 @@ POST ``/api/scans`` (a scan file as the body, ``?name=``) adds a file; POST
 ``/api/scans/{scan}/exports`` with `ExportRequest` starts a job whose ``download`` is then at
 ``/api/downloads/{download}``. POST ``/api/files`` (any other file as the body, ``?name=``, and
 ``into=`` the set of an answer before) keeps a file, or what is in a zip, for verbs: `Received`; GET
-``/api/files/{file}`` is a file, ``/api/files/{file}/page`` a report as a page. GET
+``/api/files/{file}`` is a file, ``/api/files/{file}/page`` a report as a page. A large file goes
+in pieces: POST ``/api/uploads`` (``?bytes=`` in all) begins it, POST ``/api/uploads``
+(``?upload=&at=``, a piece as the body) adds a piece, GET ``/api/uploads/{upload}`` says how much is
+here, all `Uploaded`; ``?upload=`` then stands for the body of the POSTs above. GET
 ``/api/calibration/{view}.jpg`` is a picture of the calibration, small; GET ``/api/target.pdf``
 (``?board=&paper=``) a board to print. Requests that change something need the header
 ``X-Turnscan: 1``.

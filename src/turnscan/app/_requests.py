@@ -622,6 +622,14 @@ class Received(Model):
     """What is in the set now."""
 
 
+class Uploaded(Model):
+    """The answer to POST and GET ``/api/uploads``: how much of a file is here."""
+
+    upload: Opaque
+    received: int
+    """Bytes; the next piece begins there."""
+
+
 class Problem(Model):
     """The body of every HTTP error."""
 
@@ -631,5 +639,7 @@ class Problem(Model):
 
 
 REQUESTS: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
-BODIES = (LoginRequest, Invitation, ExportRequest, StartedExport, Added, Received, Problem)
+BODIES = (
+    LoginRequest, Invitation, ExportRequest, StartedExport, Added, Received, Uploaded, Problem,
+)  # fmt: skip
 """Models that no message holds."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gzip
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
@@ -33,7 +33,7 @@ from turnscan.workflows import TARGET, artefact, duplicate_scan, mesh_file_array
 HERE = Path(__file__).parent
 STATIC, LOGIN = HERE / "static", HERE / "login"
 ENVELOPE = "application/x-turnscan"
-UPLOADS = frozenset({"/api/scans", "/api/files"})
+UPLOADS = frozenset({"/api/scans", "/api/files", "/api/uploads"})
 """Paths whose bodies are files."""
 _FOREVER = "public, max-age=31536000, immutable"
 _REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -56,6 +56,8 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/api/stop", _stop(workshop), methods=["POST"]),
         Route("/api/scans", _add_scan(workshop), methods=["POST"]),
         Route("/api/files", _add_file(workshop), methods=["POST"]),
+        Route("/api/uploads", _upload(workshop), methods=["POST"]),
+        Route("/api/uploads/{upload}", _uploaded(workshop), methods=["GET"]),
         Route("/api/files/{file}", _file_of(workshop), methods=["GET"]),
         Route("/api/files/{file}/page", _page_of(workshop)),
         Route("/api/files/{file}/mesh", _mesh_of(workshop)),
@@ -142,9 +144,7 @@ def _invite(keys: Keys) -> Endpoint:
 def _add_scan(workshop: Workshop) -> Endpoint:
     async def add(request: Request) -> Response:
         name = request.query_params.get("name", "")
-        given = request.headers.get("content-length")
-        length = int(given) if given is not None else None
-        name = await workshop.library.add(name, request.stream(), length)
+        name = await workshop.library.add(name, *_content(workshop, request))
         workshop.tell_scans()
         return _json(q.Added(scan=name), 201)
 
@@ -153,15 +153,46 @@ def _add_scan(workshop: Workshop) -> Endpoint:
 
 def _add_file(workshop: Workshop) -> Endpoint:
     async def add(request: Request) -> Response:
-        query, given = request.query_params, request.headers.get("content-length")
-        length = int(given) if given is not None else None
+        query = request.query_params
         into, files = await workshop.files.receive(
-            query.get("name", ""), query.get("into", ""), request.stream(), length
+            query.get("name", ""), query.get("into", ""), *_content(workshop, request)
         )
         await asyncio.to_thread(workshop.tell_files)
         return _json(q.Received(into=into, files=files), 201)
 
     return add
+
+
+def _content(workshop: Workshop, request: Request) -> tuple[AsyncIterator[bytes], int | None]:
+    """What is sent with a request, or was sent before it in pieces; and its bytes, where known."""
+    upload = request.query_params.get("upload")
+    if upload is not None:
+        return workshop.uploads.take(upload), None
+    given = request.headers.get("content-length")
+    return request.stream(), int(given) if given is not None else None
+
+
+def _upload(workshop: Workshop) -> Endpoint:
+    """Begin a file of so many ``bytes``, or go on with one ``at`` a byte."""
+
+    async def upload(request: Request) -> Response:
+        name, total = request.query_params.get("upload"), _number(request, "bytes", 16)
+        if name is None:
+            return _json(q.Uploaded(upload=workshop.uploads.begin(total or 0), received=0), 201)
+        at = _number(request, "at", 16) or 0
+        return _json(
+            q.Uploaded(upload=name, received=await workshop.uploads.add(name, at, request.stream()))
+        )
+
+    return upload
+
+
+def _uploaded(workshop: Workshop) -> Endpoint:
+    async def uploaded(request: Request) -> Response:
+        name = request.path_params["upload"]
+        return _json(q.Uploaded(upload=name, received=workshop.uploads.received(name)))
+
+    return _or_not_found(uploaded)
 
 
 def _or_not_found(endpoint: Endpoint) -> Endpoint:
@@ -370,11 +401,11 @@ def _json(model: p.Model, status: int = 200) -> Response:
     return JSONResponse(model.model_dump(mode="json"), status)
 
 
-def _number(request: Request, key: str) -> int | None:
+def _number(request: Request, key: str, digits: int = 9) -> int | None:
     """A number of the query. Raises InputError for what is none."""
     text = request.query_params.get(key)
     if text is None:
         return None
-    if not (text.isascii() and text.isdigit() and len(text) < 10):
+    if not (text.isascii() and text.isdigit() and len(text) <= digits):
         raise InputError(f"{key}: not a number")
     return int(text)

@@ -29,6 +29,7 @@ from turnscan.app._rig_session import RigRoom
 from turnscan.app._scan_session import ScanRoom
 from turnscan.app._start_session import StartRoom
 from turnscan.app._step_pictures import StepPictures
+from turnscan.app._uploads import Uploads
 from turnscan.app._verbs import list_verbs, run_verb
 from turnscan.errors import InputError, SafetyError, TurnscanError
 from turnscan.progress import Cancelled
@@ -78,6 +79,7 @@ class Workshop:
         self.jobs = Jobs(self.hub)
         self.downloads = Downloads()
         self.files = Files(library)
+        self.uploads = Uploads(self.files.incoming, library.check_upload)
         self.importing = ImportRoom(self.files)
         self.rig = RigRoom(self.hub, self.jobs, library, self._operator_may_light)
         self.taking = ScanRoom(self.hub, self.jobs, library, self.rig, self.tell_scans)

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools
+from turnscan.arrays import Bools, Ints
 from turnscan.edit._apply import MISFIT, Done, apply
 from turnscan.edit._body import Alive, Body, Patch, Replace, Verts
 from turnscan.edit._edits import (
@@ -124,17 +124,23 @@ class Document:
         out[rim[out[rim] == Touch.CUT]] = Touch.ADDED
         return out
 
-    def taken_away(self) -> Bools:
-        """(v,) vertices whose faces were all deleted, cut off or removed as spikes or pieces."""
-        out = np.zeros(len(self.body.mesh.vertices), dtype=np.bool_)
+    def taken_away(self) -> tuple[tuple[Mesh, Bools], ...]:
+        """Meshes, and which of their vertices (v,) lost all faces by deleting, cutting off, or
+        removing spikes or pieces.
+
+        The last one is the surface as it is. The others were replaced by an edit that gave all
+        vertices and faces new numbers: what was removed before has numbers of theirs.
+        """
+        out, faces = list[tuple[Mesh, Bools]](), list[Ints]()
         for done in self.done:
-            if isinstance(done.entry.edit, Delete | Despike | Cut | RemovePieces):
-                for patch in done.forward:
-                    if isinstance(patch, Alive) and not patch.value:
-                        out[self.body.mesh.faces[patch.faces]] = True
-        if out.any():
-            out[self.body.mesh.faces[self.body.alive]] = False
-        return out
+            away = isinstance(done.entry.edit, Delete | Despike | Cut | RemovePieces)
+            for patch, inverse in zip(done.forward, reversed(done.back), strict=True):
+                if isinstance(inverse, Replace):
+                    out.append(_without_faces(inverse.body, faces))
+                    faces = []
+                elif away and isinstance(patch, Alive) and not patch.value:
+                    faces.append(patch.faces)
+        return (*out, _without_faces(self.body, faces))
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -240,6 +246,16 @@ class Document:
             chain = (*chain[: min(shared, self.count)], *fresh)
         document = replace(self, history=history, body=body, chain=chain, count=len(wanted))
         return document, tuple(patches), tuple(f for d in fresh for f in d.findings)
+
+
+def _without_faces(body: Body, gone: Sequence[Ints]) -> tuple[Mesh, Bools]:
+    """Which vertices of a body lost all faces when these faces (n,) were removed."""
+    out = np.zeros(len(body.mesh.vertices), dtype=np.bool_)
+    for faces in gone:
+        out[body.mesh.faces[faces]] = True
+    if out.any():
+        out[body.mesh.faces[body.alive]] = False
+    return body.mesh, out
 
 
 def _applied(

@@ -124,22 +124,27 @@ def shown_profile(view: View, grid: RangeGrid, step: int) -> ShownProfile:
 
 def _taken_away(grid: RangeGrid, document: edit.Document) -> tuple[Longs, Longs]:
     """Rows and lines of a grid whose points were removed from the surface."""
-    known, gone = document.body.mesh.provenance, document.taken_away()
-    none: Longs = np.zeros(0, dtype=np.int64)
-    if known is None or grid.laser not in known.lasers or not gone.any():
-        return none, none
-    gone &= (known.laser == known.lasers.index(grid.laser)) & (known.line >= 0)
-    gone &= (known.line < grid.flags.shape[1]) & np.isin(known.step, grid.steps)
+    rows, lines = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     order = np.argsort(grid.steps)
-    at = order[np.searchsorted(grid.steps, known.step[gone], sorter=order)]
-    return at.astype(np.int64), known.line[gone].astype(np.int64)
+    for mesh, gone in document.taken_away():
+        known = mesh.provenance
+        if known is None or grid.laser not in known.lasers or not gone.any():
+            continue
+        here = gone & (known.laser == known.lasers.index(grid.laser)) & (known.line >= 0)
+        here &= (known.line < grid.flags.shape[1]) & np.isin(known.step, grid.steps)
+        rows.append(order[np.searchsorted(grid.steps, known.step[here], sorter=order)])
+        lines.append(known.line[here].astype(np.int64))
+    return np.concatenate(rows), np.concatenate(lines)
 
 
 def steps_taken_away(
     grid: RangeGrid, before: edit.Document, after: edit.Document
 ) -> npt.NDArray[np.integer]:
     """The steps of a grid of whose points others are away from the surface now."""
-    a, b = (np.stack(_taken_away(grid, document), axis=-1) for document in (before, after))
+    a, b = (
+        np.unique(np.stack(_taken_away(grid, document), axis=-1), axis=0)
+        for document in (before, after)
+    )
     both, many = np.unique(np.concatenate([a, b]), axis=0, return_counts=True)
     return np.unique(grid.steps[both[many == 1, 0]])
 

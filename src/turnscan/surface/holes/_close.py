@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from turnscan.arrays import Floats, Ints
-from turnscan.findings import Finding
+from turnscan.findings import Finding, Severity
 from turnscan.mesh._mesh import Mesh
 from turnscan.mesh._normals import smoothed_normals
 from turnscan.mesh._parts import submesh
@@ -32,6 +32,8 @@ _LEAN = 2.5
 """mm to the side for each mm down, at most: a foot is not led further under the part."""
 _STEADY = 2.0
 """mm along a border on either hand over which its normals are averaged."""
+_LEVEL = float(np.tan(np.radians(2.0)))
+"""A border that is tilted further is not that of a part that stands flat on the platter."""
 _HINT = "scan the part in another pose or with a second laser, or bridge the gap by hand"
 _ALIKE = 0.05
 """Of a hole's size, by which it may differ before and after."""
@@ -70,13 +72,14 @@ def close(
     """Close the gaps of a mesh, and say what was done; faces added are not ``measured``.
 
     The part's foot is carried on in its tangent planes down to the floor; the faces in the
-    floor's plane count as measured, for they lie on the platter, whose place the calibration
-    knows. Then the top is closed, then all other holes (`fill`), nowhere below the floor. Where
-    parts of the surface merely touch in a vertex, the faces of the smaller one go first: programs
-    that join equal corners would find them joined. Holes whose patches cut through the surface
-    stay open (`fill_soundly`). Last, places where the surface cuts through itself otherwise are
-    made anew (`repair_self_intersections`). Added vertices have provenance −1; those that are there
-    do not move. ``progress`` hears of each of the other holes.
+    floor's plane count as measured where the foot's border is level, for they lie on the platter,
+    whose place the calibration knows. Below a border that is tilted the part leans, and its bottom
+    may lie anywhere up to the border. Then the top is closed, then all other holes (`fill`),
+    nowhere below the floor. Where parts of the surface merely touch in a vertex, the faces of the
+    smaller one go first: programs that join equal corners would find them joined. Holes whose
+    patches cut through the surface stay open (`fill_soundly`). Last, places where the surface cuts
+    through itself otherwise are made anew (`repair_self_intersections`). Added vertices have
+    provenance −1; those that are there do not move. ``progress`` hears of each of the other holes.
     """
     c = caps or ClosingOptions()
     whole, remarks = cut_touching(mesh)
@@ -107,7 +110,8 @@ def close(
     if again:
         text = f"{again} faces at self-intersections were rebuilt"
         remarks.append(Finding("surface.repaired", "note", text))
-    return done, remarks + _said(done, gaps, foot if stands else [], c)
+    tilts = [_tilt(whole.vertices[h.loop]) for h in foot] if stands else []
+    return done, remarks + _said(done, gaps, tilts, c)
 
 
 def closings(
@@ -145,18 +149,23 @@ def _same(hole: Hole, centre: Floats, size: float) -> bool:
     return max(away, abs(hole.size - size)) <= _ALIKE * hole.size
 
 
-def _said(mesh: Mesh, gaps: int, foot: Sequence[Hole], c: ClosingOptions) -> list[Finding]:
+def _said(mesh: Mesh, gaps: int, tilts: Sequence[float], c: ClosingOptions) -> list[Finding]:
     out = []
     if mesh.measured is not None:
         share = 1.0 - mesh.area_of(mesh.measured) / max(mesh.area_of(), 1e-300)
         text = f"{gaps} gaps closed; {share:.1%} of the surface was not measured"
         out.append(Finding("surface.caps", "warning" if share > 0.25 else "note", text))
-    if foot:
+    if tilts:
         area = mesh.area_of((mesh.triangles[..., 2] == c.floor).all(axis=1))
         text = (
             f"the bottom of the part is closed by the platter plane, {area:.0f} mm² at {c.floor} mm"
         )
-        out.append(Finding("surface.floor", "note", text, "", ""))
+        leans = max(tilts) > _LEVEL
+        if leans:
+            text += f", though its border is tilted by {np.degrees(np.arctan(max(tilts))):.0f}°"
+        hint = "where the part leans, have its bottom filled as a hole" if leans else ""
+        severity: Severity = "warning" if leans else "note"
+        out.append(Finding("surface.floor", severity, text, "", hint))
     return out
 
 
@@ -193,12 +202,22 @@ def _stood(mesh: Mesh, loops: Sequence[Ints], floor: float) -> Mesh:
         ring[down] = np.arange(start, start + down.sum())
         below.append(ring)
         start += int(down.sum())
-    sewn = with_patches(done, patches(done, below, "flat"))
+    lids = patches(done, below, "flat")
+    sewn = with_patches(done, lids)
     if sewn.measured is None:
         raise TypeError("a filled mesh knows which faces were measured")
     known = sewn.measured.copy()
-    known[len(done.faces) :] = True
+    ends = len(done.faces) + np.cumsum([len(p.faces) for p in lids])
+    for loop, lid, end in zip(loops, lids, ends, strict=True):
+        known[end - len(lid.faces) : end] = _tilt(mesh.vertices[loop]) <= _LEVEL
     return replace(sewn, measured=known)
+
+
+def _tilt(corners: Floats) -> float:
+    """Slope of the plane through a border (m, 3), z over the level."""
+    d = corners - corners.mean(axis=0)
+    slope = np.linalg.lstsq(d[:, :2], d[:, 2], rcond=None)[0]
+    return float(np.hypot(*slope))
 
 
 def _skirt(mesh: Mesh, loop: Ints, floor: float, normals: Floats) -> Patch:
