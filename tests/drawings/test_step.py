@@ -239,13 +239,71 @@ def test_no_solid_of_splines_contradicts_the_volume_of_the_mesh(
     assert not _shapes_step._other_volume(submesh(mesh, np.arange(len(mesh.faces)) > 0), far)
     shell = SimpleNamespace(charts=(0,), solid=lambda: far)
     whole = SimpleNamespace(label=np.zeros(len(mesh.faces), int))
-    monkeypatch.setattr(_shapes_step, "_shell", lambda *_: (shell, whole))
+    monkeypatch.setattr(_shapes_step, "shell_under", lambda *_: (shell, whole))
     step = find_shapes(mesh, tolerance=0.05).step
     assert not step.solid
     [finding] = step.findings
     assert finding.code == "shapes.triangles"
     wanted = f"the volume is {far.volume:.0f} mm³, of the mesh {mesh.volume:.0f} ±"
     assert wanted in finding.message
+
+
+def test_where_no_surface_fits_triangles_close_the_solid(tmp_path: Path) -> None:
+    needs("OpenCASCADE")
+    mesh, _ = _lumpy(0.01, 36)
+    rough = np.flatnonzero(np.linalg.norm(mesh.vertices - mesh.vertices[1300], axis=1) < 4)
+    X = mesh.vertices.copy()
+    X[rough] *= 1 + np.random.default_rng(3).normal(0, 0.015, (len(rough), 1))
+    found = find_shapes(replace(mesh, vertices=X), tolerance=0.05)
+    step = found.step
+    assert step.solid, step.findings
+    alone = step.figures["faces_triangles"]
+    assert 10 < alone < 0.5 * len(mesh.faces)
+    assert f"{alone} triangles of the mesh where no surface fits" in step.findings[0].message
+    assert step.figures["triangles"] == 0
+    part = read_step(step.data, 0.05)
+    assert (part.solids, part.valid, part.faces) == (1, True, step.figures["faces"])
+    assert part.volume == pytest.approx(found.mesh.volume, rel=3e-3)
+    off = step.deviations
+    assert off is not None
+    assert len(off.faces) == step.figures["faces"] - alone
+    assert list(off.colours.values()).count((255, 255, 255)) == alone
+    assert ("white", "triangle of the mesh") in list(off.legend())
+    found.save(tmp_path / "part.igs")
+    assert (tmp_path / "part.igs").stat().st_size > 1000
+
+
+def test_two_bodies_are_two_solids_and_a_cavity_is_none() -> None:
+    needs("OpenCASCADE")
+    mesh, volume = _lumpy(0.01, 36)
+    n = len(mesh.vertices)
+    vertices = [mesh.vertices, mesh.vertices + [60.0, 0.0, 0.0], 0.4 * mesh.vertices]
+    faces = [mesh.faces, mesh.faces + n, mesh.faces[:, ::-1] + 2 * n]
+    step = find_shapes(Mesh(np.concatenate(vertices), np.concatenate(faces)), tolerance=0.05).step
+    assert step.figures["solids"] == 2, step.findings
+    assert "2 valid solids" in step.findings[0].message
+    assert step.figures["volume_mm3"] == pytest.approx((2 - 0.4**3) * volume, rel=3e-3)
+
+
+def test_a_floor_that_was_filled_with_the_wall_above_it_closes_the_solid() -> None:
+    needs("OpenCASCADE")
+    mesh = noisy(_closed(turned(SHAFT, 0.9, AROUND), AROUND), 0.01, 1)
+    filled = mesh.triangles[..., 2].min(axis=1) < 0.5
+    step = find_shapes(replace(mesh, measured=~filled)).step
+    assert step.solid, step.findings
+    assert step.figures["faces"] == 5
+    assert step.figures["faces_not_measured"] == 1
+    truth = np.pi * (25**2 * 20 + 15**2 * 20)
+    assert step.figures["volume_mm3"] == pytest.approx(truth, rel=1e-3)
+
+
+def test_an_open_mesh_has_no_solid_that_lacks_a_part_of_it() -> None:
+    needs("OpenCASCADE")
+    mesh = noisy(_closed(turned(SHAFT, 0.9, AROUND), AROUND), 0.01, 1)
+    shoulder = (np.abs(mesh.triangles[..., 2] - 20) < 0.1).all(axis=1)
+    step = find_shapes(replace(mesh, faces=mesh.faces[~shoulder])).step
+    assert not step.solid
+    assert step.findings[0].code == "shapes.shell"
 
 
 def test_a_shaft_is_a_valid_solid_of_its_five_faces(shaft: FoundShapes) -> None:

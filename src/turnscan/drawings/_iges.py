@@ -53,9 +53,9 @@ def iges_of(shape: Any, name: str, colours: Mapping[int, Colour]) -> bytes:
     return out.getvalue()
 
 
-def reads_as(path: str, shape: Any, closed: bool) -> bool:
-    """Whether an IGES file holds the same solid, or the faces of the same shell, valid;
-    OpenCASCADE reads it from files alone."""
+def reads_as(path: str, shape: Any, solids: int) -> bool:
+    """Whether an IGES file holds as many solids of the same volume, or the faces of the same shell,
+    valid; OpenCASCADE reads it from files alone."""
     from OCP.BRepCheck import BRepCheck_Analyzer
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.IGESControl import IGESControl_Reader
@@ -69,7 +69,7 @@ def reads_as(path: str, shape: Any, closed: bool) -> bool:
         return False
     if not BRepCheck_Analyzer(back).IsValid():
         return False
-    if not closed:
+    if not solids:
         return True
     alike = abs(volume_of(back) / volume_of(shape) - 1) <= _ALIKE
-    return len(parts_of(back, "solid")) == 1 and alike
+    return len(parts_of(back, "solid")) == solids and alike

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,16 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.drawings._parts import volume_of
 from turnscan.drawings._solid import Solid, check_opencascade
-from turnscan.shapes.patches import Border, Borders, Charts, Patch, ShapePatch, SplinePatch
+from turnscan.drawings._step import faults_in_file
+from turnscan.shapes.patches import (
+    Border,
+    Borders,
+    Charts,
+    FlatPatch,
+    Patch,
+    ShapePatch,
+    flat_patch,
+)
 
 _LEAST = 1e-6
 """mm: the least tolerance of an edge."""
@@ -29,16 +38,21 @@ class Shell:
     charts: tuple[int, ...]
     """The chart of each face."""
     whole: Any
-    """TopoDS_Solid where the faces close, else TopoDS_Shell."""
-    closed: bool
+    """Solids where the faces close, a compound if there are more than one, else TopoDS_Shell."""
+    solids: int
+    """0 where the faces do not close."""
     bad: frozenset[int]
     """Charts whose face is off its edges, or has faults by OpenCASCADE; ``whole`` lacks them."""
 
+    def faults(self) -> frozenset[int]:
+        """Charts whose face has faults when it is written as STEP and read back."""
+        return frozenset(self.charts[k] for k in faults_in_file(self.solid()))
+
     def solid(self) -> Solid:
         """The part, to be written."""
-        splines = "B-spline solid" if self.closed else "B-spline shell"
-        volume = volume_of(self.whole) if self.closed else np.nan
-        return Solid(self.whole, volume, len(self.charts), self.closed, splines)
+        splines = "B-spline solid" if self.solids else "B-spline shell"
+        volume = volume_of(self.whole) if self.solids else np.nan
+        return Solid(self.whole, volume, len(self.charts), self.solids, splines)
 
 
 def shell_of(charts: Charts, borders: Borders) -> Shell:
@@ -49,13 +63,15 @@ def shell_of(charts: Charts, borders: Borders) -> Shell:
     check_opencascade()
     from OCP.BRep import BRep_Builder
     from OCP.BRepCheck import BRepCheck_Analyzer
-    from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
 
     builder = BRep_Builder()
     vertices = _vertices(builder, borders)
     edges = [_edge(builder, e, vertices) for e in borders.edges]
     made = dict[int, Any]()
-    for k, (patch, loops) in enumerate(zip(charts.patches, borders.loops, strict=True)):
+    patches = list(charts.patches)
+    for k in charts.facets:
+        patches[k] = _facet(borders, k)
+    for k, (patch, loops) in enumerate(zip(patches, borders.loops, strict=True)):
         if patch is not None:
             made[k] = _face(builder, patch, loops, borders, edges)
     bad = frozenset(
@@ -64,23 +80,94 @@ def shell_of(charts: Charts, borders: Borders) -> Shell:
         if _gap(charts.patches[k], borders.loops[k], borders) > _WIDE * charts.tolerance
         or not BRepCheck_Analyzer(f).IsValid()
     )
-    shell = TopoDS_Shell()
-    builder.MakeShell(shell)
     kept = [k for k in made if k not in bad]
-    for k in kept:
-        builder.Add(shell, made[k])
     uses = np.zeros(len(edges), dtype=int)
     for k in kept:
         for loop in borders.loops[k]:
             np.add.at(uses, [e for e, _ in loop], 1)
-    closed = bool(kept) and bool((uses[uses > 0] == 2).all())
-    whole: Any = shell
-    if closed:
-        shell.Closed(True)
-        whole = TopoDS_Solid()
-        builder.MakeSolid(whole)
-        builder.Add(whole, shell)
-    return Shell(tuple(kept), whole, closed, bad)
+    if kept and bool((uses[uses > 0] == 2).all()):
+        return _closed(builder, kept, made, borders, bad)
+    return Shell(tuple(kept), _sewn(builder, [made[k] for k in kept]), 0, bad)
+
+
+def _closed(
+    builder: Any, kept: Sequence[int], made: Mapping[int, Any], borders: Borders,
+    bad: frozenset[int],
+) -> Shell:  # fmt: skip
+    """Faces that close: a solid for each body that they bound, with its cavities."""
+    from OCP.TopoDS import TopoDS_Compound, TopoDS_Solid
+
+    bodies = _bodies(kept, borders)
+    shells = [_sewn(builder, [made[k] for k in body]) for body in bodies]
+    volumes = [volume_of(shell) for shell in shells]
+    outer = [n for n, v in enumerate(volumes) if v > 0]
+    within = {n: _holder(shells, volumes, n) for n in range(len(shells)) if n not in outer}
+    if not outer or None in within.values():
+        return Shell(tuple(kept), _sewn(builder, [made[k] for k in kept]), 0, bad)
+    solids, order = [], list[int]()
+    for n in outer:
+        solid = TopoDS_Solid()
+        builder.MakeSolid(solid)
+        for m in (n, *(k for k, holder in within.items() if holder == n)):
+            shells[m].Closed(True)
+            builder.Add(solid, shells[m])
+            order += bodies[m]
+        solids.append(solid)
+    whole = solids[0]
+    if len(solids) > 1:
+        whole = TopoDS_Compound()
+        builder.MakeCompound(whole)
+        for solid in solids:
+            builder.Add(whole, solid)
+    return Shell(tuple(order), whole, len(solids), bad)
+
+
+def _bodies(kept: Sequence[int], borders: Borders) -> list[list[int]]:
+    """The charts that hang together by their edges."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = [(n, e) for n, k in enumerate(kept) for loop in borders.loops[k] for e, _ in loop]
+    n, e = np.array(pairs).T
+    link = coo_array((np.ones(len(n), np.int8), (n, e)), shape=(len(kept), len(borders.edges)))
+    body = connected_components((link @ link.T).tocsr(), directed=False)[1]
+    return [[kept[int(n)] for n in np.flatnonzero(body == k)] for k in range(int(body.max()) + 1)]
+
+
+def _holder(shells: Sequence[Any], volumes: Sequence[float], cavity: int) -> int | None:
+    """The smallest body whose box holds that of a cavity."""
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    boxes = []
+    for shell in shells:
+        box = Bnd_Box()
+        BRepBndLib.Add_s(shell, box)
+        boxes.append(box)
+    low, high = boxes[cavity].CornerMin(), boxes[cavity].CornerMax()
+    holds = [
+        n
+        for n, v in enumerate(volumes)
+        if v > -volumes[cavity] and not boxes[n].IsOut(low) and not boxes[n].IsOut(high)
+    ]
+    return min(holds, key=lambda n: volumes[n], default=None)
+
+
+def _sewn(builder: Any, faces: Sequence[Any]) -> Any:
+    from OCP.TopoDS import TopoDS_Shell
+
+    shell = TopoDS_Shell()
+    builder.MakeShell(shell)
+    for face in faces:
+        builder.Add(shell, face)
+    return shell
+
+
+def _facet(borders: Borders, chart: int) -> FlatPatch | None:
+    """The plane of a chart that is one triangle."""
+    [loop] = borders.loops[chart]
+    ends = (borders.edges[k].first if forward else borders.edges[k].last for k, forward in loop)
+    return flat_patch(borders.nodes[list(ends)])
 
 
 def _gap(
@@ -158,7 +245,7 @@ def _flat(border: Border, patch: Patch) -> tuple[Any, float]:
     from OCP.gp import gp_Pnt2d
     from scipy.interpolate import BSpline, make_interp_spline
 
-    if isinstance(patch, SplinePatch) or patch.shape.kind == "plane":
+    if not isinstance(patch, ShapePatch) or patch.shape.kind == "plane":
         uv, knots, degree, apart = (
             patch.parameters(border.control), border.knots, border.degree, 0.0
         )  # fmt: skip
@@ -178,6 +265,8 @@ def _surface(patch: Patch) -> tuple[Any, bool]:
     """The surface of OpenCASCADE, and whether its normal points into the material."""
     if isinstance(patch, ShapePatch):
         return _analytic(patch), patch.shape.hollow and patch.shape.kind != "plane"
+    if isinstance(patch, FlatPatch):
+        return _plane(patch), False
     from OCP.collections import Array2_gp_Pnt
     from OCP.Geom import Geom_BSplineSurface
     from OCP.gp import gp_Pnt
@@ -191,14 +280,25 @@ def _surface(patch: Patch) -> tuple[Any, bool]:
     return Geom_BSplineSurface(poles, u, v, many_u, many_v, 3, 3), False
 
 
-def _analytic(patch: ShapePatch) -> Any:
-    from OCP import Geom
+def _plane(patch: FlatPatch | ShapePatch) -> Any:
+    from OCP.Geom import Geom_Plane
+
+    return Geom_Plane(_place(patch))
+
+
+def _place(patch: FlatPatch | ShapePatch) -> Any:
     from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 
     x, _, z = (gp_Dir(*map(float, row)) for row in patch.axes)
-    place, s = gp_Ax3(gp_Pnt(*map(float, patch.origin)), z, x), patch.shape
+    return gp_Ax3(gp_Pnt(*map(float, patch.origin)), z, x)
+
+
+def _analytic(patch: ShapePatch) -> Any:
+    from OCP import Geom
+
+    place, s = _place(patch), patch.shape
     if s.kind == "plane":
-        return Geom.Geom_Plane(place)
+        return _plane(patch)
     if s.kind == "cylinder":
         return Geom.Geom_CylindricalSurface(place, s.radius)
     if s.kind == "sphere":

@@ -34,21 +34,26 @@ _PROBES = 15
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A solid of OpenCASCADE, or a shell that does not close, and what it is."""
+    """Solids of OpenCASCADE, or a shell that does not close, and what it is."""
 
     shape: Any
     """TopoDS_Shape, mm."""
     volume: float
     """mm³; NaN for a shell."""
     faces: int
-    closed: bool = True
-    """Whether it is a solid."""
+    solids: int = 1
+    """How many there are; 0 for a shell."""
     kind: str = ANALYTIC
     """What the header of a file calls it."""
     colours: Mapping[int, Colour] = field(default_factory=dict)
     """Of its faces, by their number from 0."""
     rest: Mesh | None = None
     """Where no face could be made: triangles, which STEP can hold and IGES cannot."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is solid."""
+        return self.solids > 0
 
     @property
     def whole(self) -> Any:
@@ -77,7 +82,7 @@ class Solid:
 
     def is_in_iges(self, path: str) -> bool:
         """Whether the IGES file at a path holds it, as OpenCASCADE reads it."""
-        return reads_as(path, self.shape, self.closed)
+        return reads_as(path, self.shape, self.solids)
 
 
 def check_opencascade() -> None:

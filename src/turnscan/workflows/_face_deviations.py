@@ -14,6 +14,8 @@ from turnscan.mesh import Mesh
 from turnscan.shapes import deviation
 from turnscan.workflows._colours import DEVIATION_STEPS, GREY
 
+TRIANGLE: Colour = (255, 255, 255)
+"""A face that is a triangle of the mesh: nothing lies off it."""
 _MIDDLE = len(DEVIATION_STEPS) // 2
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _FINEST = 1e-4
@@ -43,6 +45,8 @@ class FaceDeviations:
     width: float
     """mm: what one colour stands for."""
     facets: Facets
+    triangles: tuple[int, ...] = ()
+    """Numbers, from 0, of the faces that are triangles of the mesh; they are not among `faces`."""
 
     def quantile(self, share: float) -> float:
         """Absolute distance, mm, that ``share`` of the points stay within; NaN without points."""
@@ -57,7 +61,8 @@ class FaceDeviations:
     @property
     def colours(self) -> dict[int, Colour]:
         """The colour of each face by its number from 0."""
-        return {f.face - 1: self._colour(f) for f in self.faces}
+        rest = dict.fromkeys(self.triangles, TRIANGLE)
+        return {f.face - 1: self._colour(f) for f in self.faces} | rest
 
     def _colour(self, f: FaceDeviation) -> Colour:
         if not f.points:
@@ -71,6 +76,8 @@ class FaceDeviations:
             low, high = ((k - _MIDDLE + h) * self.width for h in (-0.5, 0.5))
             yield name, f"{low:+.4g} to {high:+.4g} mm"
         yield "grey", "not measured"
+        if self.triangles:
+            yield "white", "triangle of the mesh"
 
     def __str__(self) -> str:
         return "mean deviation of the measured points, positive outside: " + "; ".join(
@@ -80,7 +87,7 @@ class FaceDeviations:
     def painted(self) -> Mesh:
         """The faces in their colours, as triangles."""
         t = self.facets.mesh.triangles
-        colour = np.full((len(self.faces), 3), GREY, dtype=np.uint8)
+        colour = np.full((len(self.faces) + len(self.triangles), 3), GREY, dtype=np.uint8)
         for k, c in self.colours.items():
             colour[k] = c
         of = np.asarray(self.facets.order, dtype=np.int64)[self.facets.face]
@@ -102,18 +109,23 @@ def nearest_faces(points: Floats, facets: Facets) -> tuple[Floats, Ints]:
     return d.distance, np.asarray(facets.order, dtype=np.int32)[facets.face[d.face]]
 
 
-def face_deviations(distance: Floats, face: Ints, facets: Facets, count: int) -> FaceDeviations:
-    """How measured points lie to ``count`` faces: each by its distance (n,) mm from a face (n,)."""
+def face_deviations(
+    distance: Floats, face: Ints, facets: Facets, count: int, triangles: Sequence[int] = ()
+) -> FaceDeviations:
+    """How measured points lie to ``count`` faces: each by its distance (n,) mm from a face (n,);
+    ``triangles`` are the faces of which nothing is to be said."""
     many = np.bincount(face, minlength=count)
     with np.errstate(invalid="ignore"):
         mean = np.bincount(face, distance, count) / many
         rms = np.sqrt(np.bincount(face, distance**2, count) / many)
     names = _names(facets, count)
+    left = set(triangles)
     faces = tuple(
         FaceDeviation(k + 1, names[k], int(many[k]), float(mean[k]), float(rms[k]))
         for k in range(count)
+        if k not in left
     )
-    return FaceDeviations(distance, faces, _width(mean[many > 0]), facets)
+    return FaceDeviations(distance, faces, _width(mean[many > 0]), facets, tuple(triangles))
 
 
 def _names(facets: Facets, count: int) -> Sequence[str]:

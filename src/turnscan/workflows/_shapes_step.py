@@ -13,11 +13,9 @@ import numpy as np
 from turnscan.arrays import Floats
 from turnscan.drawings import (
     ANALYTIC,
-    Shell,
     Solid,
     check_opencascade,
     read_step,
-    shell_of,
     solid_of,
     write_step,
 )
@@ -26,9 +24,10 @@ from turnscan.findings import Finding
 from turnscan.mesh import Mesh, is_closed, measured_vertices, submesh
 from turnscan.remedy import Option, Remedy
 from turnscan.shapes import volume_sigma
-from turnscan.shapes.patches import Charts, SplinePatch, borders_of, charts_of
-from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes
+from turnscan.shapes.patches import SplinePatch
+from turnscan.shapes.primitives import Shape, ShapeSet, filled_planes, normals_and_distances
 from turnscan.workflows._face_deviations import FaceDeviations, face_deviations, nearest_faces
+from turnscan.workflows._shapes_shell import shell_under
 from turnscan.workflows._shapes_table import finite
 from turnscan.workflows._units import IGES_SUFFIXES, STEP_SUFFIXES
 
@@ -38,11 +37,16 @@ _SURE = 3.0
 _EXACT = 1e-6
 _COVER = 0.8
 """Share of the measured surface that must lie on shapes for a solid of them."""
+_LOST = 0.05
+"""Share of the points on shapes that may lie off their solid: where a mesh is open, no volume says
+that parts of it are missing."""
 _SETTLED = 1e-3
 """Share of the volume that may change where edges lie within a tolerance of their faces: every
 reader places them again."""
 _FACETS = 0.1
 """Of the shapes' tolerance: how far facets may be off the faces that deviations refer to."""
+_ALONG, _OPPOSITE = 0.9, -0.95
+"""Cosines between normals of fillings and of shapes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,20 +121,25 @@ def step_of(mesh: Mesh, found: ShapeSet, name: str, about: Mapping[str, object])
     surfaces, added = _surfaces(mesh, found)
     solid = solid_of(mesh, surfaces) if found.coverage >= _COVER else None
     why = _against(mesh, found, solid)
-    if solid is not None and not why:
-        facets = solid.facets(_FACETS * found.tolerance)
-        distance, face = nearest_faces(mesh.vertices[measured_vertices(mesh)], facets)
-        off = face_deviations(distance, face, facets, solid.faces)
-        made = _written(off, found, solid, title, about)
-        closing = f", {added} of them planes of fillings, not measured" if added else ""
-        return _told(mesh, found, made, closing, {"faces_not_measured": added})
-    return _of_patches(mesh, found, title, about, why)
+    if solid is None or why:
+        return _of_patches(mesh, found, title, about, why)
+    facets = solid.facets(_FACETS * found.tolerance)
+    known = measured_vertices(mesh)
+    distance, face = nearest_faces(mesh.vertices[known], facets)
+    off_it = np.abs(distance[found.label[known] >= 0]) > 2 * found.tolerance
+    if off_it.mean() > _LOST:
+        why = f"their solid lacks {off_it.mean():.0%} of the points on shapes"
+        return _of_patches(mesh, found, title, about, why)
+    off = face_deviations(distance, face, facets, solid.faces)
+    made = _written(off, found, solid, title, about)
+    closing = f", {added} of them planes of fillings, not measured" if added else ""
+    return _told(mesh, found, made, closing, {"faces_not_measured": added})
 
 
 def _of_patches(
     mesh: Mesh, found: ShapeSet, title: str, about: Mapping[str, object], why: str
 ) -> StepFile:
-    shell, charts = _shell(mesh, found)
+    shell, charts = shell_under(mesh, found)
     if not shell.charts:
         return _triangles(mesh, title, about, f"{why}, and no B-spline is within the tolerance")
     left = ~np.isin(charts.label, shell.charts)
@@ -143,15 +152,17 @@ def _of_patches(
     face = np.full(len(charts.patches), -1, dtype=np.int32)
     face[list(shell.charts)] = np.arange(solid.faces)
     on = face[chart] >= 0
+    alone = [n for n, k in enumerate(shell.charts) if k in charts.facets]
     facets = solid.facets(found.tolerance)
-    off = face_deviations(distance[on], face[chart[on]], facets, solid.faces)
+    off = face_deviations(distance[on], face[chart[on]], facets, solid.faces, alone)
     try:
         made = _written(off, found, solid, title, about)
     except ExportError as e:
         return _triangles(mesh, title, about, f"{why}, and {e.message}")
     splines = sum(isinstance(charts.patches[k], SplinePatch) for k in shell.charts)
-    pieces = f", {splines} of them B-splines: {why}"
-    more = {"faces_bspline": splines, "triangles": int(left.sum())}
+    flat = f", {len(alone)} triangles of the mesh where no surface fits" if alone else ""
+    pieces = f", {splines} of them B-splines{flat}: {why}"
+    more = {"faces_bspline": splines, "faces_triangles": len(alone), "triangles": int(left.sum())}
     told = _told(mesh, found, made, pieces, more)
     if not left.any():
         return told
@@ -159,23 +170,6 @@ def _of_patches(
     remedy = Remedy("allow for more with ", Option("tolerance"))
     rest = Finding("shapes.triangles", "warning", text, remedy=remedy)
     return replace(told, findings=(*told.findings, rest))
-
-
-def _shell(mesh: Mesh, found: ShapeSet) -> tuple[Shell, Charts]:
-    """Faces on the charts of a mesh, on shapes where they can be; where this leaves gaps and
-    B-splines alone leave fewer, on those."""
-    tries = []
-    for shapes in (True, False) if found.shapes else (False,):
-        charts = charts_of(mesh, found, shapes)
-        shell = shell_of(charts, borders_of(mesh, charts))
-        if shell.bad:  # smooth edges may cross: there they follow the mesh
-            shell = shell_of(charts, borders_of(mesh, charts, shell.bad))
-        left = int(np.count_nonzero(~np.isin(charts.label, shell.charts)))
-        tries.append((left, shell, charts))
-        if left == 0:
-            break
-    _, shell, charts = min(tries, key=lambda t: t[0])
-    return shell, charts
 
 
 def _written(
@@ -186,11 +180,11 @@ def _written(
     data = write_step(solid, title, {**about, "face_colours": str(off)})
     part = read_step(data, found.tolerance)
     exact = _EXACT if solid.kind == ANALYTIC else _SETTLED
-    same = part.solids == int(solid.closed) and part.valid
+    same = part.solids == solid.solids and part.valid
     if solid.closed:
         same &= abs(part.volume / solid.volume - 1) <= exact
     if not same:
-        wanted = f"one of {solid.volume:.3f} mm³" if solid.closed else "a shell"
+        wanted = f"{solid.solids} of {solid.volume:.3f} mm³" if solid.closed else "a shell"
         raise ExportError(
             f"the STEP reads back as {part.solids} solids of {part.volume:.3f} mm³, "
             f"{'valid' if part.valid else 'not valid'}, expected {wanted}",
@@ -208,6 +202,7 @@ def _told(
     assert off is not None
     figures = {
         "solid": solid.closed,
+        "solids": solid.solids,
         "faces": solid.faces,
         **more,
         "volume_mm3": finite(solid.volume),
@@ -221,7 +216,8 @@ def _told(
         "face_deviations": off.figures(),
     }
     where = "where triangles stand" if solid.rest is not None else "as the mesh is"
-    what = f"a valid {'solid' if solid.closed else f'shell, open {where},'} of"
+    solids = "a valid solid" if solid.solids == 1 else f"{solid.solids} valid solids"
+    what = f"{solids if solid.closed else f'a valid shell, open {where},'} of"
     volume = f": {solid.volume:.1f} mm³" if solid.closed else ""
     text = (
         f"{what} {solid.faces} faces{pieces}{volume}; measured points lie {off.rms:.4f} mm (rms) "
@@ -269,14 +265,31 @@ def _triangles(mesh: Mesh, title: str, about: Mapping[str, object], why: str) ->
 def _surfaces(mesh: Mesh, found: ShapeSet) -> tuple[list[tuple[Shape, Floats]], int]:
     """The shapes with the points on them, and the planes of what was filled; how many of those."""
     out = [(s, mesh.vertices[found.label == k]) for k, s in enumerate(found.shapes)]
-    added = 0
-    for plane, X in filled_planes(mesh, found.tolerance):
-        if any(_on(s, X, found.tolerance) for s in found.shapes):
+    filled = sorted(filled_planes(mesh, found.tolerance), key=lambda one: -one[0].area)
+    added = list[tuple[Shape, Floats]]()
+    for plane, X in filled:
+        there = (*found.shapes, *(p for p, _ in added))
+        if any(_on(s, plane, X, found.tolerance) for s in there):
             continue
-        out.append((plane, X))
-        added += 1
-    return out, added
+        if not any(_faces(p, Y, plane, X, found) for p, Y in added):
+            added.append((plane, X))
+    return out + added, len(added)
 
 
-def _on(s: Shape, X: Floats, tolerance: float) -> bool:
-    return float(np.quantile(np.abs(s.distances(X)), 0.9)) <= 2 * tolerance
+def _faces(a: Shape, A: Floats, b: Shape, B: Floats, found: ShapeSet) -> bool:
+    """Whether two fillings look at each other across a gap within the noise: there the part goes
+    on, and the smaller is no face of it."""
+    away = b.point - a.point
+    gap = float(away @ a.axis)
+    beside = float(np.linalg.norm(away - gap * a.axis))
+    reach = max(float(np.linalg.norm(X - s.point, axis=1).max()) for s, X in ((a, A), (b, B)))
+    opposite = float(a.axis @ b.axis) < _OPPOSITE
+    return opposite and 0 < gap < 2 * found.tolerance and beside < reach
+
+
+def _on(s: Shape, plane: Shape, X: Floats, tolerance: float) -> bool:
+    """Whether a filling is a part of a shape: it lies in it. The rim of a lid lies on the wall
+    as well, and the border of a face that ends in gaps on that face."""
+    normal, off = normals_and_distances(s, X)[::-1]
+    near = float(np.quantile(np.abs(off), 0.9)) <= 2 * tolerance
+    return near and abs(float(np.median(normal @ plane.axis))) > _ALONG

@@ -1,16 +1,18 @@
 """A mesh as trimmed surfaces: shapes where it has them, B-splines fitted to the rest."""
 
 from turnscan.shapes.patches._borders import Border, Borders, borders_of
-from turnscan.shapes.patches._charts import Charts, charts_of
-from turnscan.shapes.patches._surfaces import Patch, ShapePatch, SplinePatch
+from turnscan.shapes.patches._charts import Charting, Charts
+from turnscan.shapes.patches._surfaces import FlatPatch, Patch, ShapePatch, SplinePatch, flat_patch
 
 __all__ = [
     "Border",
     "Borders",
+    "Charting",
     "Charts",
+    "FlatPatch",
     "Patch",
     "ShapePatch",
     "SplinePatch",
     "borders_of",
-    "charts_of",
+    "flat_patch",
 ]

@@ -109,7 +109,8 @@ class _Tracing:
         return out
 
     def _ends(self, loops: Sequence[Ints]) -> Bools:
-        """(v,) True where edges end: where other than two sides meet, and twice on each loop."""
+        """(v,) True where edges end: where other than two sides meet, at facets, and twice on each
+        loop."""
         own = self.rim & ((self.twin < 0) | (np.arange(len(self.twin)) < self.twin))
         sides = np.flatnonzero(own)
         meet = np.bincount(
@@ -117,6 +118,7 @@ class _Tracing:
             minlength=len(self.mesh.vertices),
         )
         ends = (meet > 0) & (meet != 2)
+        ends[self.mesh.faces[np.isin(self.charts.label, list(self.charts.facets))]] = True
         for loop in loops:
             at = np.flatnonzero(ends[self.start[loop]])
             if not len(at):
@@ -181,6 +183,10 @@ def _curve(
     """The edge along a chain of vertices (n, 3) mm."""
     from scipy.interpolate import BSpline, make_interp_spline
 
+    if len(X) == 2:
+        control = np.array(ends)
+        length = max(float(np.linalg.norm(control[1] - control[0])), 1e-6)
+        return _known(Border(first, last, np.array([0, 0, length, length]), control, 1, 0), patches)
     X = _settled(X, patches)
     X[0], X[-1] = ends
     if not plain:
@@ -193,8 +199,15 @@ def _curve(
     degree = 1 if plain else min(3, len(X) - 1)
     curve: BSpline = make_interp_spline(t, X, k=degree)
     edge = Border(first, last, np.asarray(curve.t), np.asarray(curve.c), degree, 0.0)
-    apart = max((float(p.gaps(edge.places()).max()) for p in patches), default=0.0)
-    return replace(edge, apart=apart)
+    return _known(edge, patches)
+
+
+def _known(edge: Border, patches: Sequence[Patch]) -> Border:
+    """An edge with how far it is from its surfaces."""
+    if not patches:
+        return edge
+    places = edge.places()
+    return replace(edge, apart=max(float(p.gaps(places).max()) for p in patches))
 
 
 def _smooth(X: Floats, patches: Sequence[Patch]) -> Floats:

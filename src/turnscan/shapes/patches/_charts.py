@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.mesh import Mesh, measured_vertices, opposite_half_edges, smoothed_normals
 from turnscan.shapes.patches._fit import Sample, fitted_patch
-from turnscan.shapes.patches._surfaces import Patch, SplinePatch, patch_of_shape
+from turnscan.shapes.patches._surfaces import Patch, ShapePatch, SplinePatch, patch_of_shape
 from turnscan.shapes.primitives import ShapeSet
 
 _FEW = 40
@@ -37,9 +38,11 @@ class Charts:
     label: Ints
     """(f,) the chart of each face."""
     patches: tuple[Patch | None, ...]
-    """None where no surface is within the tolerance."""
+    """None where no surface is within the tolerance, and where no face is left in a chart."""
     tolerance: float
     """mm, median."""
+    facets: frozenset[int] = frozenset()
+    """Charts of one face of the mesh, which is its own surface."""
 
     def distances(self, mesh: Mesh) -> tuple[Floats, Ints]:
         """(n,) mm that measured vertices lie outside the surface of a face about them, and (n,) the
@@ -56,22 +59,9 @@ class Charts:
         return off, near[some]
 
 
-def charts_of(mesh: Mesh, found: ShapeSet, shapes: bool = True) -> Charts:
-    """The charts of a mesh: its shapes where vertices lie on them, else B-splines; without
-    ``shapes`` B-splines alone.
+class Charting:
+    """Cuts a mesh in charts: its shapes where vertices lie on them, else B-splines."""
 
-    A freeform piece is cut in two, between the faces furthest apart along it, until a height over
-    its middle plane fits 99 % of its measured vertices within the tolerance of `found`, or three of
-    their standard deviations.
-    """
-    if not shapes:
-        none = np.zeros((0, 0))
-        free = np.full_like(found.label, -1)
-        found = replace(found, shapes=(), label=free, covariance=none, own_covariance=none)
-    return _Charting(mesh, found).charts()
-
-
-class _Charting:
     def __init__(self, mesh: Mesh, found: ShapeSet) -> None:
         self.mesh, self.found = mesh, found
         twin = opposite_half_edges(mesh.faces).reshape(-1, 3)
@@ -92,23 +82,62 @@ class _Charting:
         self.limit = np.maximum(found.tolerance, 3 * sigma)
 
     def charts(self) -> Charts:
+        """The charts of the mesh.
+
+        A freeform piece is cut in two, between the faces furthest apart along it, until a height
+        over its middle plane fits 99 % of its measured vertices within the tolerance of the shapes,
+        or three of their standard deviations.
+        """
         kind = self._kinds()
-        piece = self._pieces(kind)
-        label = np.full(len(piece), -1, dtype=np.int32)
+        self.piece = self._pieces(kind)
+        label = np.full(len(self.piece), -1, dtype=np.int32)
         patches = list[Patch | None]()
-        for p in range(int(piece.max()) + 1):
-            whole = np.flatnonzero(piece == p).astype(np.int32)
+        for p in range(int(self.piece.max()) + 1):
+            whole = np.flatnonzero(self.piece == p).astype(np.int32)
             shape = int(np.bincount(np.maximum(kind[whole], -1) + 1).argmax()) - 1
-            waiting = [whole]
-            while waiting:
-                faces = waiting.pop()
-                patch = self._patch(faces, shape, piece)
-                if patch is None and len(faces) > 2 * _FEW:
-                    waiting += self._halves(faces)
-                    continue
+            for faces, patch in self._cut([whole], shape):
                 label[faces] = len(patches)
                 patches.append(patch)
         return Charts(label, tuple(patches), self.found.tolerance)
+
+    def finer(self, charts: Charts, bad: Iterable[int]) -> Charts:
+        """The charts, those that failed cut again; all others keep their number.
+
+        A B-spline takes the place of a shape, two charts that of a B-spline, and where a chart is
+        too small for that, or has no surface, its faces themselves do.
+        """
+        label, patches, facets = charts.label.copy(), list(charts.patches), set(charts.facets)
+        for c in bad:
+            faces = np.flatnonzero(charts.label == c).astype(np.int32)
+            was, patches[c] = patches[c], None
+            parts: list[Ints] = []
+            if isinstance(was, ShapePatch):
+                parts = [faces]
+            elif was is not None and len(faces) > 2 * _FEW:
+                parts = self._halves(faces)
+            left = np.zeros(len(label), dtype=np.bool_)
+            left[faces] = True
+            for some, patch in self._cut(parts, -1):
+                if patch is not None:
+                    label[some] = len(patches)
+                    left[some] = False
+                    patches.append(patch)
+            alone = np.flatnonzero(left)
+            label[alone] = len(patches) + np.arange(len(alone))
+            facets.update(range(len(patches), len(patches) + len(alone)))
+            patches += [None] * len(alone)
+        return Charts(label, tuple(patches), charts.tolerance, frozenset(facets))
+
+    def _cut(self, waiting: Sequence[Ints], shape: int) -> Iterator[tuple[Ints, Patch | None]]:
+        """Connected pieces, cut until there is a surface under each, or none that is too small."""
+        rest = list(waiting)
+        while rest:
+            faces = rest.pop()
+            patch = self._patch(faces, shape, self.piece)
+            if patch is None and len(faces) > 2 * _FEW:
+                rest += self._halves(faces)
+            else:
+                yield faces, patch
 
     def _kinds(self) -> Ints:
         """(f,) the shape of each face; −1 for freeform, −2 in a filling of its own."""

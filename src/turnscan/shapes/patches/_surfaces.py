@@ -1,6 +1,6 @@
-"""Surfaces that faces of a solid lie on: B-splines over a plane, and analytic shapes.
+"""Surfaces that faces of a solid lie on: B-splines over a plane, analytic shapes, and facets.
 
-Both tell where a point lies on them in their own parameters, which is what a trimmed face needs.
+All tell where a point lies on them in their own parameters, which is what a trimmed face needs.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from turnscan.arrays import Floats
 from turnscan.shapes.primitives import Shape, normals_and_distances
 
 DEGREE = 3
+_LINE = 1e-9
+"""Of the square of its longest side: a triangle of less area is a line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,42 @@ class ShapePatch:
         return np.abs(self.offsets(points)[0])
 
 
-Patch = SplinePatch | ShapePatch
+@dataclass(frozen=True, eq=False)
+class FlatPatch:
+    """The plane of a triangle: a facet."""
+
+    origin: Floats
+    """(3,) mm."""
+    axes: Floats
+    """(3, 3): unit rows along u, along v, and outward."""
+
+    def parameters(self, points: Floats) -> Floats:
+        """(n, 2): u and v, mm, of points (n, 3) mm."""
+        uv: Floats = (points - self.origin) @ self.axes[:2].T
+        return uv
+
+    def offsets(self, points: Floats) -> tuple[Floats, Floats]:
+        """(n,) mm that points lie outside of the material, and (n, 3) unit normals there."""
+        off: Floats = (points - self.origin) @ self.axes[2]
+        return off, np.tile(self.axes[2], (len(points), 1))
+
+    def gaps(self, points: Floats) -> Floats:
+        """(n,) mm between points (n, 3) and the plane."""
+        return np.asarray(np.abs((points - self.origin) @ self.axes[2]))
+
+
+Patch = SplinePatch | ShapePatch | FlatPatch
+
+
+def flat_patch(corners: Floats) -> FlatPatch | None:
+    """The plane of a triangle (3, 3) mm, counter-clockwise from outside; None where its corners
+    lie on a line."""
+    a, b = corners[1] - corners[0], corners[2] - corners[0]
+    across = np.cross(a, b)
+    length = float(np.linalg.norm(across))
+    if length <= _LINE * float(max(a @ a, b @ b)):
+        return None
+    return FlatPatch(corners[0], _frame(across / length, a))
 
 
 def patch_of_shape(shape: Shape, points: Floats) -> ShapePatch:
