@@ -93,7 +93,7 @@ def test_words_that_options_choose_among_are_those_of_the_rooms() -> None:
     assert _choices.PRESETS == PRESET_NAMES
 
 
-@pytest.mark.parametrize("path", sorted((SOURCES / "app").glob("*.py")), ids=lambda p: p.name)
+@pytest.mark.parametrize("path", sorted((SOURCES / "app").rglob("*.py")), ids=name)
 def test_the_browser_calls_workflows(path: Path) -> None:
     rooms = set[str]()
     for node in nodes(path):
