@@ -21,8 +21,8 @@ const REST_MS = 150;
 
 /** What is typed and not yet applied; null for what is in use. */
 export const typed = signal<Values | null>(null);
-/** The set that was taken up. */
-export const chosenSet = signal(IN_USE);
+/** The name of the set that was taken up; null for none. */
+export const chosenSet = signal<string | null>(null);
 /** Whether the working volume is drawn over the surface. */
 export const volumeShown = signal(true);
 
@@ -68,14 +68,21 @@ export function valuesOf(name: string): Values | null {
   if (name === IN_USE) return inUse.value;
   if (name === TYPED) return draft.value;
   if (name === DEFAULTS) return defaults();
-  return (settings.value?.sets.find((one) => one.name === name.slice(1))?.options ?? null) as Values | null;
+  return (settings.value?.sets.find((one) => choiceOf(one.name) === name)?.options ?? null) as Values | null;
 }
 
-/** What can be chosen, with what it is called; the names of sets have a mark before them. */
+/** What stands for a named set among choices: with a mark, since a set may be called as a choice. */
+export const choiceOf = (set: string) => `=${set}`;
+
+/** The named sets that can be chosen, with what they are called. */
+export function setChoices(): (readonly [string, string])[] {
+  return (settings.value?.sets ?? []).map(({ name }) => [choiceOf(name), name] as const);
+}
+
+/** What can be chosen, with what it is called. */
 export function choices(): (readonly [string, string])[] {
-  const sets = settings.value?.sets ?? [];
   const own = changed.value ? [[TYPED, "as typed, not applied"] as const] : [];
-  return [[IN_USE, IN_USE], ...own, [DEFAULTS, DEFAULTS], ...sets.map(({ name }) => [`=${name}`, name] as const)];
+  return [[IN_USE, IN_USE], ...own, [DEFAULTS, DEFAULTS], ...setChoices()];
 }
 
 /** The working volume of the draft; what is automatic is the rig's own, no larger than the part. */
@@ -162,7 +169,7 @@ export function startChoices(): void {
     used = now;
     batch(() => {
       typed.value = null;
-      chosenSet.value = IN_USE;
+      chosenSet.value = null;
     });
   });
   let timer: ReturnType<typeof setTimeout> | undefined;

@@ -4,6 +4,7 @@ import { doEdit, opened, settings } from "../part";
 import { Button, Check, NumberField, Section, SelectField, TextField } from "../ui/controls";
 import {
   changed,
+  choiceOf,
   chosenSet,
   defaults,
   deleteSet,
@@ -12,9 +13,11 @@ import {
   keepSet,
   put,
   renameSet,
+  setChoices,
   typed,
   type Value,
   type Values,
+  valuesOf,
   volumeShown,
 } from "./choices";
 import { SidesPanel } from "./sides";
@@ -94,13 +97,14 @@ function Field({
 /** The named sets of the scan: to take one up fills the fields, all else is an edit. */
 function SetsPanel() {
   const name = useSignal("");
-  const set = chosenSet.value;
-  const own = set !== IN_USE;
-  function take(wanted: string): void {
-    chosenSet.value = wanted;
-    typed.value = (settings.value?.sets.find((one) => one.name === wanted)?.options ?? null) as Values | null;
+  const sets = settings.value?.sets ?? [];
+  // Another window may have deleted it.
+  const set = sets.some((one) => one.name === chosenSet.value) ? chosenSet.value : null;
+  function take(choice: string): void {
+    chosenSet.value = sets.find((one) => choiceOf(one.name) === choice)?.name ?? null;
+    typed.value = chosenSet.value === null ? null : valuesOf(choice);
   }
-  async function write(done: Promise<boolean>, next: string): Promise<void> {
+  async function write(done: Promise<boolean>, next: string | null): Promise<void> {
     if (!(await done)) return;
     name.value = "";
     chosenSet.value = next;
@@ -109,32 +113,34 @@ function SetsPanel() {
     <Section title="Set of settings">
       <SelectField
         label="Set"
-        value={set}
-        options={[
-          [IN_USE, IN_USE] as const,
-          ...(settings.value?.sets ?? []).map((one) => [one.name, one.name] as const),
-        ]}
+        value={set === null ? IN_USE : choiceOf(set)}
+        options={[[IN_USE, IN_USE] as const, ...setChoices()]}
         onChange={take}
       />
       <TextField label="Name" value={name.value} placeholder="name of a set" onChange={(text) => (name.value = text)} />
       <div class="grid-3">
         <Button
           small
-          disabled={!name.value && !own}
+          disabled={!name.value && set === null}
           label="Keep these settings as a named set in the scan file"
-          onClick={() => void write(keepSet(name.value || set), chosenSet.value)}
+          onClick={() => void write(keepSet(name.value || (set ?? "")), set)}
         >
           Save
         </Button>
         <Button
           small
-          disabled={!own || !name.value}
+          disabled={set === null || !name.value}
           label="Give the chosen set this name"
-          onClick={() => void write(renameSet(set, name.value), name.value)}
+          onClick={() => void write(renameSet(set ?? "", name.value), name.value)}
         >
           Rename
         </Button>
-        <Button small disabled={!own} label="Delete the chosen set" onClick={() => void write(deleteSet(set), IN_USE)}>
+        <Button
+          small
+          disabled={set === null}
+          label="Delete the chosen set"
+          onClick={() => void write(deleteSet(set ?? ""), null)}
+        >
           Delete
         </Button>
       </div>
@@ -153,8 +159,7 @@ export function SettingsPanel() {
     put({ ...idle, [name]: value });
   }
   function apply(): void {
-    const name = chosenSet.value === IN_USE ? "default" : chosenSet.value;
-    void doEdit({ kind: "settings", options: draft.value, name });
+    void doEdit({ kind: "settings", options: draft.value, name: chosenSet.value ?? "default" });
   }
 
   return (
@@ -168,6 +173,9 @@ export function SettingsPanel() {
               checked={volumeShown.value}
               onChange={(on) => (volumeShown.value = on)}
             />
+          )}
+          {group === "Points" && volumeShown.value && (
+            <p class="quiet">Drag its handles, or type Radius, Z min and Z max: both do the same.</p>
           )}
           {fields.value.map(([name, schema]) =>
             (schema.group ?? "Settings") !== group || (OF_CLOSING.includes(name) && !values.close) ? null : (
@@ -188,7 +196,7 @@ export function SettingsPanel() {
             disabled={!changed.value}
             onClick={() => {
               typed.value = null;
-              chosenSet.value = IN_USE;
+              chosenSet.value = null;
             }}
           >
             Discard

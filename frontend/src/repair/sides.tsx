@@ -1,12 +1,12 @@
 /** Two settings side by side: both surfaces, coloured by how far they lie apart. */
 import { useSignal } from "@preact/signals";
-import { colourVertices, css, mapOf } from "../mesh/colours";
+import { colourVertices } from "../mesh/colours";
 import { shape, shownRevision } from "../part";
-import { Button, bound, count, figure, NumberField, Section, SelectField } from "../ui/controls";
+import { Button, bound, count, NumberField, Section, SelectField } from "../ui/controls";
 import { OwnView } from "../verbs/ownview";
 import { choices, compareSides, comparing, DEFAULTS, IN_USE, mapEnd, sides } from "./choices";
+import { MapKey } from "./mapkey";
 
-const STOPS = [0, 0.17, 0.33, 0.5, 0.67, 0.83, 1];
 const cm2 = (mm2: number) => `${(mm2 / 100).toFixed(2)} cm²`;
 
 /** mm at the ends of the map of both surfaces. */
@@ -24,7 +24,6 @@ export function SidesView() {
   if (!now) return null;
   const end = endOf();
   for (const mesh of now.meshes) mesh.deviationEnd = end;
-  const ramp = `linear-gradient(90deg, ${STOPS.map((t) => css(mapOf("deviation")(t))).join(",")})`;
   return (
     <div class="views pairwise">
       {now.meshes.map((mesh, k) => (
@@ -40,12 +39,7 @@ export function SidesView() {
           </header>
           <OwnView label={`Surface ${k + 1}: ${now.names[k]}`} mesh={mesh} by="deviation" together="sides" />
           <div class="key">
-            <span>
-              −{figure(end, 3)} mm{" "}
-              <span class="ramp" style={{ background: ramp, display: "inline-block", width: "90px", height: "9px" }} />{" "}
-              +{figure(end, 3)} mm
-            </span>
-            <span>from “{now.names[1 - k]}”; violet: nothing there</span>
+            <MapKey end={end} from={`“${now.names[1 - k]}”`} />
           </div>
         </section>
       ))}

@@ -1,11 +1,13 @@
 /** What settings would make, beside what is: profiles over each other, and a patch of surface. */
 import { useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { colourVertices } from "../mesh/colours";
 import { theme } from "../state";
 import { count } from "../ui/controls";
 import { type Box, PlaneView } from "../ui/plane";
 import { OwnView } from "../verbs/ownview";
 import { refusal, type Tried, trial, trying } from "./choices";
+import { MapKey } from "./mapkey";
 
 const OLD = "#3fb8f2";
 const NEW = "#f0691e";
@@ -138,6 +140,7 @@ export function TrialProfiles() {
 /** The same patch of surface with the settings in use and with those that are typed. */
 export function TrialPatch() {
   const now = trial.value;
+  const end = now?.new && now.old ? colourVertices(now.new, "deviation").legend?.high : undefined;
   return (
     <div class="pair">
       {(
@@ -149,7 +152,6 @@ export function TrialPatch() {
         <section class="pane" key={side} aria-label={title}>
           <header>
             <h2>{title}</h2>
-            <span class="about">{now && `${count(now[side]?.aliveCount ?? 0)} triangles`}</span>
           </header>
           <OwnView
             label={title}
@@ -157,6 +159,10 @@ export function TrialPatch() {
             by={side === "new" ? "deviation" : "plain"}
             together="trial"
           />
+          <div class="key">
+            <span>{now && `${count(now[side]?.aliveCount ?? 0)} triangles`}</span>
+            {side === "new" && end !== undefined && <MapKey end={end} from="the patch in use" />}
+          </div>
         </section>
       ))}
     </div>

@@ -116,7 +116,7 @@ export function NumberField({ label, value, unit, min, max, step, placeholder, o
   return (
     <div class="field">
       <label for={id}>{label}</label>
-      <span class="with-unit">
+      <span class="with-unit" style={{ "--unit": unit?.length ?? 0 }}>
         <input
           id={id}
           type="number"
@@ -156,7 +156,7 @@ export function TextField({ label, value, unit, placeholder, onChange }: TextPro
   return (
     <div class="field text">
       <label for={id}>{label}</label>
-      <span class="with-unit">
+      <span class="with-unit" style={{ "--unit": unit?.length ?? 0 }}>
         <input
           id={id}
           type="text"
