@@ -21,7 +21,7 @@ from tests.calibrate.bodies import (
     two_lasers,
 )
 from turnscan.arrays import Floats
-from turnscan.calibrate import Balls, Part, Refined, RefineSettings, Round, refine
+from turnscan.calibrate import Balls, Part, Refined, RefineSettings, Round, Sweep, refine
 from turnscan.calibrate._adjust import HUBER
 from turnscan.calibrate._bodies import Body as FittedBody
 from turnscan.calibrate._bodies import Form, Known
@@ -178,6 +178,58 @@ def test_one_laser_says_nothing() -> None:
     rig = two_lasers(lasers=1)
     with pytest.raises(Degenerate, match="no two surfaces overlap"):
         refine(rig, both(rig, prism((5.0, 2.0), 40.0), STEPS, STEPS, 2, every=8), QUICK)
+
+
+def in_two_poses(true: Rig, steps: Floats) -> tuple[list[Sweep], Pose]:
+    """A block of three steps seen by one laser, then laid down anew; and second pose → first."""
+    lies = [
+        Pose(rotation_from_vector(turn), np.array(shift))
+        for turn, shift in (
+            ((0.3, 0.5, 1.1), (0.2, 7.6, 12.7)),
+            ((1.0, -0.2, -0.5), (-1.0, 14.0, 17.0)),
+        )
+    ]
+    sweeps = [
+        replace(both(true, drawn(BLOCK, pose), steps, steps, 7 + k, every=4)[0], pose=k)
+        for k, pose in enumerate(lies)
+    ]
+    return sweeps, lies[0] @ lies[1].inverse()
+
+
+def test_one_laser_and_a_second_pose_make_a_rig_better() -> None:
+    """Every number of the rig is wrong by 0.5 mm or 0.2°, and so is about where the part lay."""
+    true = two_lasers(lasers=1)
+    sweeps, moved = in_two_poses(true, STEPS)
+    wrong = ruled(true, 1, doubted(true, 0.5, 0.2))
+    about = Pose(
+        rotation_from_vector([0.004, -0.003, 0.004]) @ moved.rotation,
+        moved.translation + [0.4, -0.5, 0.3],
+    )
+    other = both(true, sphere((-8.0, 10.0, 20.0), 12.0), STEPS, STEPS, 5, noise=0.0, every=8)
+
+    def roundness(rig: Rig) -> float:
+        at = np.concatenate([s.points(rig, rig.camera.rays(s.pixels)) for s in other])
+        return _sphere(at)[1]
+
+    done = refine(wrong, sweeps, RefineSettings(poses=(about,), rounds=6, queries=500))
+    assert done.gap_before > 4 * done.gap_noise
+    assert done.gap_after < 1.2 * done.gap_noise
+    assert "scale" in done.held
+    assert not [name for name in done.estimated if name.startswith("pose")]
+    assert roundness(wrong) > 4 * roundness(done.rig)
+    assert roundness(done.rig) < 0.03
+    found = done.fit.state.poses[0]
+    middle = np.array([0.0, 5.0, 15.0])
+    assert np.linalg.norm(found.apply(middle) - moved.apply(middle)) < 0.5
+
+
+def test_sweeps_of_a_pose_that_is_not_known_are_refused() -> None:
+    true = two_lasers(lasers=1)
+    sweeps = both(true, prism((5.0, 2.0), 40.0), STEPS[::4], STEPS[::4], 2, every=16)
+    with pytest.raises(ValueError, match="pose"):
+        refine(true, [*sweeps, replace(sweeps[0], pose=1)], QUICK)
+    with pytest.raises(ValueError, match="pose"):
+        refine(true, sweeps, replace(QUICK, poses=(Pose(),)))
 
 
 def test_a_sphere_of_another_size_is_refused() -> None:

@@ -33,7 +33,7 @@ from turnscan.calibrate._quality import (
 from turnscan.calibrate._refine import Refined, RefineSettings, refine
 from turnscan.calibrate._rig import Calibration, calibrate_rig
 from turnscan.calibrate._steps import angle_model
-from turnscan.calibrate._surfaces import Sweep
+from turnscan.calibrate._sweeps import Sweep
 from turnscan.calibrate._turning import Outline, contradicted_step, outlines_of
 
 __all__ = [

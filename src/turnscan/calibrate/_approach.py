@@ -14,7 +14,8 @@ from turnscan.calibrate._bodies_found import again, find_body, refuse_other_unit
 from turnscan.calibrate._gaps import adjusted, gap_of, network_of
 from turnscan.calibrate._part import Loose, Part, Placement
 from turnscan.calibrate._prior import prior_of
-from turnscan.calibrate._surfaces import Surfaces, Sweep, doubt_of
+from turnscan.calibrate._surfaces import Surfaces
+from turnscan.calibrate._sweeps import Sweep, doubt_of
 from turnscan.errors import CalibrationError, DidNotConverge
 from turnscan.progress import Progress
 from turnscan.rig import Rig, rotation_z

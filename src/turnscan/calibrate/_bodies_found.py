@@ -10,7 +10,7 @@ import numpy as np
 from turnscan.arrays import Bools, Floats
 from turnscan.calibrate._bodies import Balls, Body, Form, Known, Round, Smooth
 from turnscan.calibrate._part import Part
-from turnscan.calibrate._surfaces import Sweep
+from turnscan.calibrate._sweeps import Sweep
 from turnscan.errors import Degenerate
 from turnscan.rig import Pose, Rig
 

@@ -14,12 +14,11 @@ from turnscan.calibrate._surfaces import (
     Pair,
     SurfaceNetwork,
     Surfaces,
-    Sweep,
-    noise_of,
     not_below,
 )
+from turnscan.calibrate._sweeps import Sweep, noise_of
 from turnscan.errors import Degenerate, DidNotConverge
-from turnscan.rig import Rig
+from turnscan.rig import Pose, Rig
 
 _FEWEST = 100
 """Places where two surfaces meet, below which nothing is said of a rig."""
@@ -42,8 +41,9 @@ def network_of(
     stages = {n.rpartition(".")[0] for n, f in zip(names, free, strict=False) if f}
     prior = prior_of(rig, state.rig, stages) if stages else None
     network = SurfaceNetwork(sweeps, (), state, free, prior, rig.motion)
-    at = network.places(state.rig)
-    noise = [noise_of(sweep, state.rig) for sweep in sweeps]
+    at = network.places(state)
+    laid = (Pose(), *state.poses)
+    noise = [laid[sweep.pose].turn(noise_of(sweep, state.rig)) for sweep in sweeps]
     pairs = []
     for a in range(len(sweeps)):
         for b in range(len(sweeps)):
@@ -62,7 +62,8 @@ def network_of(
         raise Degenerate(
             "no two surfaces overlap where they are smooth: one laser sees each place once in a "
             "turn, and where a part bends much from step to step no surface is known",
-            hint="scan with two lasers, in smaller steps, or a body of known size",
+            hint="scan with two lasers, in smaller steps, the part in a second pose, or a body "
+            "of known size",
         )
     on_bodies = tuple(
         tuple(
@@ -79,7 +80,7 @@ def network_of(
 
 def gap_of(network: SurfaceNetwork, state: Surfaces) -> tuple[float, float, int]:
     """rms of the gaps (without the farthest hundredth), rms of their noise, number of places."""
-    at = network.places(state.rig)
+    at = network.places(state)
     gaps = [p.patches.gaps(at[p.asked], at[p.others]) for p in network.pairs]
     sigma = [p.sigma for p in network.pairs]
     for body, own in zip(state.bodies, network.body_sigma, strict=True):

@@ -22,15 +22,13 @@ from turnscan.calibrate._surfaces import (
     WEAK,
     SurfaceNetwork,
     Surfaces,
-    Sweep,
-    doubt_of,
     gauge_of,
     motion_known,
-    thinned,
 )
+from turnscan.calibrate._sweeps import Sweep, doubt_of, thinned
 from turnscan.errors import Degenerate
 from turnscan.progress import Progress, no_progress
-from turnscan.rig import Rig, TableMotion
+from turnscan.rig import Pose, Rig, TableMotion
 
 ORDERS = 3
 """Largest number of waves per turn in the model of the table's motion."""
@@ -69,6 +67,9 @@ class RefineSettings:
     """How often surfaces are held against each other, at most, once the rig is near the truth."""
     queries: int = 4000
     """Places of each surface that are looked at, at most."""
+    poses: tuple[Pose, ...] = ()
+    """About where the part lay in its second pose and those that follow: its object's frame → the
+    first one's."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,8 @@ def refine(
     A body of known form counts like a surface that is known, and known sizes of it give the scale.
     Where the rig's uncertainty is of millimetres, the body alone is what the points are held
     against first (`turnscan.calibrate._approach`); without one, a smooth body of any shape.
+    A part that was laid down anew between two turns is seen by one laser as by two; how it lay is
+    estimated with the rest, from about where it is known to be.
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 
     Raises Degenerate where surfaces do not overlap or leave a parameter undetermined that nothing
@@ -114,7 +117,8 @@ def refine(
     """
     s = settings or RefineSettings()
     many = tuple(thinned(sweep, rig) for sweep in sweeps)
-    begin = Surfaces(replace(rig, covariance=None, motion=_motion(rig, many)))
+    _check_poses(many, s)
+    begin = Surfaces(replace(rig, covariance=None, motion=_motion(rig, many)), (), s.poses)
     doubt = doubt_of(rig, many) if s.geometry else 0.0
     state, rough = _begun(rig, begin, many, s, doubt, progress.subrange(0, _APPROACH))
     free = _free(rig, state, many, s)
@@ -132,6 +136,13 @@ def refine(
             hint="did the part move, is it the body that was named, and is the rig the right one?",
         )
     return _told(rig, network, fit, free, dropped, before, last)
+
+
+def _check_poses(sweeps: Sequence[Sweep], s: RefineSettings) -> None:
+    if {sweep.pose for sweep in sweeps} != set(range(len(s.poses) + 1)):
+        raise ValueError("a pose without sweeps, or sweeps of a pose that is not known")
+    if s.poses and s.body is not None:
+        raise ValueError("bodies are fitted in one pose")
 
 
 def _motion(rig: Rig, sweeps: Sequence[Sweep]) -> TableMotion:
@@ -159,6 +170,8 @@ def _begun(
             return begin, 0.0
         return replace(begin, bodies=(find_body(*s.body, sweeps, rig, doubt),)), 0.0
     free = _free(rig, begin, sweeps, s)
+    if s.poses:
+        return begin, min(doubt, _REACH_MM)
     if s.body is not None:
         near, _ = approach(rig, begin, sweeps, free, s.body, doubt, progress)
         return replace(
@@ -253,6 +266,7 @@ def _moved(before: Surfaces, fit: Fit[Surfaces]) -> float:
     after = fit.state
     off = np.concatenate(
         [moved_by(before.rig, after.rig), after.motion.values - before.motion.values,
+         *(_apart(a, b) for a, b in zip(after.poses, before.poses, strict=True)),
          *(_body_moved(a, b) for a, b in zip(after.bodies, before.bodies, strict=True))]
     )  # fmt: skip
     sigma = np.sqrt(np.diag(fit.covariance))
@@ -262,11 +276,16 @@ def _moved(before: Surfaces, fit: Fit[Surfaces]) -> float:
 def _body_moved(now: Body, before: Body) -> Floats:
     """(q,) by which one body leads to the other, to first order."""
     m = now.form.moves.shape[1]
-    turn = before.pose.rotation.T @ now.pose.rotation
-    small = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    shift = before.pose.rotation.T @ (now.pose.translation - before.pose.translation)
-    motion = now.form.moves.T @ np.concatenate([small / 2, shift])
+    motion = now.form.moves.T @ _apart(now.pose, before.pose)
     return np.concatenate([motion[:m], now.sizes - before.sizes])
+
+
+def _apart(now: Pose, before: Pose) -> Floats:
+    """(6,) rad and mm by which one pose leads to the other, in its own frame, to first order."""
+    turn = before.rotation.T @ now.rotation
+    small = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    shift = before.rotation.T @ (now.translation - before.translation)
+    return np.concatenate([small / 2, shift])
 
 
 def _free(rig: Rig, state: Surfaces, sweeps: Sequence[Sweep], s: RefineSettings) -> Bools:
@@ -353,6 +372,7 @@ def _told(
     sigma = np.sqrt(np.diag(fit.covariance))
     moved = np.concatenate(
         [moved_by(replace(before, motion=None), state.rig), state.motion.values,
+         np.zeros(6 * len(state.poses)),
          *([*np.zeros(b.form.moves.shape[1]), *b.sizes] for b in state.bodies)]
     )  # fmt: skip
     held = []
@@ -388,6 +408,6 @@ def _told(
     estimated = {
         n: Measured(float(v), float(s))
         for n, v, s, f in zip(network.names, moved, sigma, free, strict=True)
-        if f and ".place" not in n
+        if f and ".place" not in n and not n.startswith("pose")
     }
     return Refined(rig, gap_before, last[0], last[1], last[2], estimated, tuple(held), dropped, fit)

@@ -9,13 +9,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from turnscan.arrays import Bools, Floats, Ints, frozen
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.calibrate._bodies import Body
 from turnscan.calibrate._normal import Block
 from turnscan.calibrate._patches import Patches
 from turnscan.calibrate._prior import RigPrior, moved_by
 from turnscan.calibrate._residuals import CAMERA_SIZE
-from turnscan.rig import Pose, Rig, TableMotion, nearest_rotation, rotation_z
+from turnscan.calibrate._sweeps import Sweep
+from turnscan.rig import Pose, Rig, TableMotion, nearest_rotation, rotation_from_vector
 
 PRIOR_MOTION, PRIOR_SIZE, PRIOR_RIG = "prior motion", "prior size", "prior rig"
 PRIOR_GAUGE = "prior gauge"
@@ -28,53 +29,21 @@ WEAK = np.radians(3.0)
 """Standard uncertainty of an unknown error of a table, rad."""
 _LEAST_SIGMA = 0.2
 """Of the usual one."""
-_NUDGE_PX, _NUDGE = 0.25, 1e-6
-_MOST_LINES, _SOME = 8, 200
-_STEEP_PX = 3.0
-"""px per scan line: a stripe that goes aside by more ends there, or is seen at a grazing angle."""
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """The stripe of one laser on a part, in one turn of the table."""
-
-    laser: str
-    pixels: Floats
-    """(n, 2) px."""
-    sigma: Floats
-    """(n,) px, in the direction `across`."""
-    step: Ints
-    """(n,) which of `angles`."""
-    angles: Floats
-    """(s,) rad: of the table, in scan order."""
-    moved: bool = True
-    """Whether these angles are the commanded ones, so that its own errors come on top."""
-    across: int = 0
-    """The pixel coordinate in which the stripe was located."""
-
-    def __post_init__(self) -> None:
-        n = len(self.pixels)
-        object.__setattr__(self, "pixels", frozen(self.pixels, (n, 2), "Sweep.pixels"))
-        object.__setattr__(self, "sigma", frozen(self.sigma, (n,), "Sweep.sigma"))
-        object.__setattr__(self, "step", frozen(self.step, (n,), "Sweep.step", np.int32))
-        object.__setattr__(self, "angles", frozen(self.angles, (None,), "Sweep.angles"))
-
-    def points(self, rig: Rig, rays: Floats) -> Floats:
-        """(n, 3) mm in the object's frame."""
-        angles = self.angles
-        if self.moved and rig.motion is not None:
-            angles = rig.motion.angle(angles)
-        X = rig.T_camera_table.inverse().apply(rig.sheet(self.laser).intersect(rays))
-        points: Floats = np.einsum("nij,nj->ni", rotation_z(-angles)[self.step], X)
-        return points
+_MOVES = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
+_NEAR_TURN, _NEAR_SHIFT = 0.2, 20.0
+"""rad and mm: how far the part may be turned and shifted at most from where a step begins."""
+_NUDGE = 1e-6
 
 
 @dataclass(frozen=True)
 class Surfaces:
-    """What is adjusted: the rig with its motion, and the bodies."""
+    """What is adjusted: the rig with its motion, how the part was laid down, and the bodies."""
 
     rig: Rig
     bodies: tuple[Body, ...] = ()
+    poses: tuple[Pose, ...] = ()
+    """Of the part's second pose and those that follow: its object's frame → the first one's, in
+    which bodies stand."""
 
     @property
     def motion(self) -> TableMotion:
@@ -123,9 +92,10 @@ class SurfaceNetwork:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of the rig, of the table's motion, of the bodies."""
+        """Of the rig, of the table's motion, of how the part was laid down, of the bodies."""
         bodies = (n for body in self.state.bodies for n in body.names)
-        return (*self.state.rig.parameter_names, *self.state.motion.names, *bodies)
+        laid = (f"pose{k + 2}.{n}" for k in range(len(self.state.poses)) for n in _MOVES)
+        return (*self.state.rig.parameter_names, *self.state.motion.names, *laid, *bodies)
 
     @cached_property
     def _first(self) -> Ints:
@@ -138,16 +108,31 @@ class SurfaceNetwork:
 
     def moved(self, state: Surfaces, common: Floats, own: Sequence[Floats]) -> Surfaces:
         """``state`` after a step of the parameters."""
-        p, q = len(state.rig.parameter_names), len(state.motion.names)
-        rig = state.rig.perturbed(common[:p])
-        motion = TableMotion.of(state.motion.values + common[p : p + q])
+        loose = self._nudged(state, common)
+        rig, motion = loose.rig, loose.motion
         T = rig.T_camera_table
         T = Pose(nearest_rotation(T.rotation), T.translation)
         rig = replace(rig, T_camera_table=T, motion=motion)
         bodies = tuple(
             body.moved(common[part]) for body, part in zip(state.bodies, self._columns, strict=True)
         )
-        return Surfaces(rig, bodies)
+        poses = tuple(
+            Pose(nearest_rotation(pose.rotation), pose.translation) for pose in loose.poses
+        )
+        return Surfaces(rig, bodies, poses)
+
+    @staticmethod
+    def _nudged(state: Surfaces, common: Floats) -> Surfaces:
+        """Rig and poses after a step of the first parameters; bodies stay."""
+        p, q = len(state.rig.parameter_names), len(state.motion.names)
+        motion = TableMotion.of(state.motion.values + common[p : p + q])
+        rig = replace(state.rig.perturbed(common[:p]), motion=motion)
+        laid = common[p + q : p + q + 6 * len(state.poses)]
+        poses = tuple(
+            Pose(pose.rotation @ rotation_from_vector(w[:3]), pose.translation + w[3:])
+            for pose, w in zip(state.poses, laid.reshape(-1, 6), strict=True)
+        )
+        return replace(state, rig=rig, poses=poses)
 
     @cached_property
     def _columns(self) -> list[slice]:
@@ -155,9 +140,16 @@ class SurfaceNetwork:
         cuts = self._own + np.cumsum([0, *(len(b.names) for b in self.state.bodies)])
         return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
-    def places(self, rig: Rig) -> list[Floats]:
-        """The points (n, 3) of every sweep, mm in the object's frame."""
-        return [s.points(rig, r) for s, r in zip(self.sweeps, self._rays(rig), strict=True)]
+    def places(self, state: Surfaces) -> list[Floats]:
+        """The points (n, 3) of every sweep, mm in the object's frame of the first pose."""
+        return self._places(state, self._rays(state.rig))
+
+    def _places(self, state: Surfaces, rays: list[Floats]) -> list[Floats]:
+        laid = (Pose(), *state.poses)
+        return [
+            laid[s.pose].apply(s.points(state.rig, r))
+            for s, r in zip(self.sweeps, rays, strict=True)
+        ]
 
     def _rays(self, rig: Rig) -> list[Floats]:
         """Of all pixels; those of a camera that does not move are found once."""
@@ -175,7 +167,7 @@ class SurfaceNetwork:
         That noise is one of pixels: it grows and shrinks with the scene, or else gaps that are
         noise would be made smaller by making everything smaller.
         """
-        at = self.places(state.rig)
+        at = self.places(state)
         slopes = self._slopes(state)
         out = []
         for pair in self.pairs:
@@ -207,15 +199,16 @@ class SurfaceNetwork:
 
     @cached_property
     def _own(self) -> int:
-        """Parameters of rig and motion."""
-        return len(self.state.rig.parameter_names) + len(self.state.motion.names)
+        """Parameters of rig, motion and poses."""
+        state = self.state
+        return len(state.rig.parameter_names) + len(state.motion.names) + 6 * len(state.poses)
 
     def _zeros(self, rows: int) -> Floats:
         return np.zeros((rows, len(self.names)))
 
     def _slopes(self, state: Surfaces) -> list[list[Floats]]:
-        """How all points move with each active parameter of rig and motion."""
-        rig, p = state.rig, len(state.rig.parameter_names)
+        """How all points move with each active parameter of rig, motion and poses."""
+        rig = state.rig
         rays = self._rays(rig)
         out = []
         for k in np.flatnonzero(self.active[: self._own]):
@@ -224,14 +217,9 @@ class SurfaceNetwork:
             for sign in (h, -h):
                 delta = np.zeros(self._own)
                 delta[k] = sign
-                moved = replace(
-                    rig.perturbed(delta[:p]),
-                    motion=TableMotion.of(state.motion.values + delta[p:]),
-                )
-                seen = (
-                    [moved.camera.rays(s.pixels) for s in self.sweeps] if k < CAMERA_SIZE else rays
-                )
-                ends.append([s.points(moved, r) for s, r in zip(self.sweeps, seen, strict=True)])
+                moved = self._nudged(state, delta)
+                seen = self._rays(moved.rig) if k < CAMERA_SIZE else rays
+                ends.append(self._places(moved, seen))
             out.append([(a - b) / (2 * h) for a, b in zip(*ends, strict=True)])
         return out
 
@@ -282,6 +270,12 @@ class SurfaceNetwork:
         common[np.arange(len(values)), p + np.arange(len(values))] = 1 / sigma
         none = np.zeros((len(values), 0))
         out = [Block(-1, PRIOR_MOTION, (mean - values) / sigma, common, none)]
+        laid = 6 * len(state.poses)
+        if laid:
+            common = self._zeros(laid)
+            near = np.tile(np.repeat([_NEAR_TURN, _NEAR_SHIFT], 3), len(state.poses))
+            common[np.arange(laid), self._own - laid + np.arange(laid)] = 1 / near
+            out.append(Block(-1, PRIOR_PLACE, np.zeros(laid), common, np.zeros((laid, 0))))
         if self.prior is not None:
             common = self._zeros(len(self.prior.index))
             common[:, self.prior.index] = self.prior.root
@@ -329,67 +323,3 @@ def gauge_of(rig: Rig) -> Floats:
     out[0, p - 6 : p - 3] = axis
     out[1, p - 3 :] = axis
     return out
-
-
-def doubt_of(rig: Rig, sweeps: Sequence[Sweep]) -> float:
-    """How far, mm rms, the rig's uncertainty puts points beside their places; 0 without one."""
-    if rig.covariance is None:
-        return 0.0
-    far = 0.0
-    for sweep in sweeps:
-        some = np.unique(np.linspace(0, len(sweep.pixels) - 1, _SOME).astype(np.intp))
-        few = replace(sweep, pixels=sweep.pixels[some], sigma=sweep.sigma[some],
-                      step=sweep.step[some])  # fmt: skip
-        rays = rig.camera.rays(few.pixels)
-        at = few.points(rig, rays)
-        for k in np.flatnonzero(np.diag(rig.covariance)[CAMERA_SIZE:] > 0) + CAMERA_SIZE:
-            step = np.zeros(len(rig.covariance))
-            step[k] = np.sqrt(rig.covariance[k, k])
-            moved = few.points(rig.perturbed(step), rays) - at
-            far += float(np.mean((moved**2).sum(axis=1))) / len(sweeps)
-    return float(np.sqrt(far))
-
-
-def thinned(sweep: Sweep, rig: Rig) -> Sweep:
-    """The sweep with neighbouring scan lines averaged, so that its points are about as far apart
-    along a stripe as from one stripe to the next; what is torn or steep within that is left out."""
-    at = sweep.points(rig, rig.camera.rays(sweep.pixels))
-    line = sweep.pixels[:, 1 - sweep.across]
-    lines = np.abs(np.diff(line))
-    beside = (np.diff(sweep.step) == 0) & (lines > 0)
-    apart = np.linalg.norm(np.diff(at, axis=0), axis=1)[beside] / lines[beside]
-    if not len(apart) or len(sweep.angles) < 2:
-        return sweep
-    along = float(np.median(apart))
-    turn = float(np.median(np.abs(np.diff(sweep.angles))))
-    between = turn * float(np.median(np.hypot(at[:, 0], at[:, 1])))
-    count = int(np.clip(between / max(along, 1e-9) / 2, 1, _MOST_LINES))
-    if count < 2 * np.median(lines[beside]):
-        return sweep
-    block = sweep.step.astype(np.int64) * 10**7 + (line // count).astype(np.int64)
-    _, first, member, size = np.unique(
-        block, return_index=True, return_inverse=True, return_counts=True
-    )
-    sums = [np.bincount(member, column) for column in (*sweep.pixels.T, sweep.sigma**2)]
-    pixels = np.stack(sums[:2], axis=1) / size[:, None]
-    place = sweep.pixels[:, sweep.across]
-    low, high = np.full(len(size), np.inf), np.full(len(size), -np.inf)
-    np.minimum.at(low, member, place)
-    np.maximum.at(high, member, place)
-    usual = count / float(np.median(lines[beside]))
-    good = (2 * size >= usual) & (high - low < _STEEP_PX * count)
-    return replace(
-        sweep,
-        pixels=pixels[good],
-        sigma=(np.sqrt(sums[2]) / size)[good],
-        step=sweep.step[first][good],
-    )
-
-
-def noise_of(sweep: Sweep, rig: Rig) -> Floats:
-    """(n, 3) mm in the object's frame: how one standard deviation of the stripe moves a point."""
-    aside = np.zeros(2)
-    aside[sweep.across] = _NUDGE_PX
-    ends = [sweep.points(rig, rig.camera.rays(sweep.pixels + d)) for d in (aside, -aside)]
-    moved: Floats = (ends[0] - ends[1]) / (2 * _NUDGE_PX) * sweep.sigma[:, None]
-    return moved

@@ -14,7 +14,7 @@ _path = click.Path(path_type=Path)
 
 
 @click.command("refine")
-@click.argument("scan", type=_path)
+@click.argument("scans", type=_path, nargs=-1, required=True)
 @click.option(
     "--rig", type=_path, help="rig.json, or what a ruler says (.toml).  [default: the scan's]"
 )
@@ -28,22 +28,24 @@ _path = click.Path(path_type=Path)
 @click.option("-o", "--output", required=True, type=_path, help="rig.json to write.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def verb(
-    scan: Path,
+    scans: tuple[Path, ...],
     rig: Path | None,
     options: workflows.RefineOptions,
     artefact: Path | None,
     output: Path,
     as_json: bool,
 ) -> None:
-    """Improve a rig by SCAN, of any part seen by two lasers or in two turns, or of a known body.
+    """Improve a rig by SCANS, of any part seen by two lasers or in two poses, or of a known body.
 
     What two lasers see of one part is one surface: laser sheets and axis move within their
     uncertainty, and errors of the table (eccentric drive, play) are estimated where the scan
-    demands them. A body of known form, wherever it stands, must come out as it is, and its known
-    lengths give the scale. What the scan says nothing of stays as it was, and is named.
+    demands them. With one laser, scan the part twice, laid down anew in between, and give both
+    scans: how it lay is found. A body of known form, wherever it stands, must come out as it is,
+    and its known lengths give the scale. What the scans say nothing of stays as it was, and is
+    named.
     """
     with progress_bar() as progress:
         done = workflows.refine(
-            scan, output, options, rig=rig, artefact=artefact, progress=progress
+            scans, output, options, rig=rig, artefact=artefact, progress=progress
         )
     click.echo(done.figures() if as_json else str(done))

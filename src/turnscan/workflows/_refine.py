@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from turnscan import points
+from turnscan import points, poses
 from turnscan.calibrate import Measured, Refined, RefineSettings, Sweep
 from turnscan.calibrate import refine as adjust_rig
 from turnscan.detection import Detection, detect_scan
@@ -21,18 +21,20 @@ from turnscan.findings import Finding
 from turnscan.gridding import to_grids
 from turnscan.points import RangeGrid
 from turnscan.progress import Progress, no_progress
-from turnscan.rig import Rig, rig_to_json
+from turnscan.remedy import Option
+from turnscan.rig import Pose, Rig, rig_hash, rig_to_json
 from turnscan.scan import Scan, lit_in, rig_for
 from turnscan.settings import Settings
+from turnscan.surface.fusion import RangeSurface, range_surfaces
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._files import check_output, write_atomically
 from turnscan.workflows._kept_options import kept_options
 from turnscan.workflows._reading import read_rig_file
-from turnscan.workflows._refine_body import body_of
+from turnscan.workflows._refine_body import Body, body_of
 from turnscan.workflows._refine_options import RefineOptions
 
-_DETECTION = 0.6
-"""Of the work, until all stripes are found."""
+_DETECTION, _PLACED = 0.6, 0.65
+"""Of the work, until all stripes are found, and until it is known how the part lay."""
 _QUICK = RefineSettings(geometry=False, rounds=1, queries=1500)
 
 
@@ -83,7 +85,7 @@ class RefinedRig:
 
 
 def refine(
-    scan: str | PathLike[str],
+    scan: str | PathLike[str] | Sequence[str | PathLike[str]],
     output: str | PathLike[str],
     options: RefineOptions | None = None,
     *,
@@ -92,17 +94,19 @@ def refine(
     progress: Progress = no_progress,
     **changes: Any,
 ) -> RefinedRig:
-    """Improve a rig by a scan of any part, from two lasers or turns, or of a known body.
+    """Improve a rig by scans of any part, from two lasers, turns or poses, or of a known body.
 
     What two lasers see of one part is one surface: sheets and axis move within their uncertainty,
     and the table's own errors (harmonics of its turn, play) are estimated where the scan demands
-    them, until the surfaces agree. A body whose form is known (sphere, ball bar, tilted cylinder or
-    cone, drawn part) must come out as it is; its known lengths give the scale.
+    them, until the surfaces agree. Of a part that was laid down anew between two scans, one laser
+    says as much: how it lay is found. A body whose form is known (sphere, ball bar, tilted cylinder
+    or cone, drawn part) must come out as it is; its known lengths give the scale.
 
     Parameters
     ----------
     scan
-        The scan file. Its part should not be round about the table's axis.
+        The scan file, or several of one part in different poses (`turnscan.join`). The part should
+        not be round about the table's axis.
     output
         The rig file to write, ``….json``.
     options
@@ -125,7 +129,8 @@ def refine(
     Raises
     ------
     InputError
-        Where no such file, or scan and rig do not fit, or this scan refined the rig before.
+        Where no such file, or scan and rig do not fit, or this scan refined the rig before, or a
+        scan is given twice, or poses do not overlap.
     CalibrationError
         Degenerate where no surfaces overlap, DidNotConverge.
 
@@ -134,44 +139,112 @@ def refine(
     Traceback (most recent call last):
     turnscan.errors.InputError: none.turnscan: no such file → check the name
     """
-    path, output = Path(scan), Path(output)
+    paths = [Path(one) for one in ([scan] if isinstance(scan, str | PathLike) else scan)]
+    output = Path(output)
     wanted = chosen(RefineOptions, options, changes)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file", hint="check the name")
-    check_output(output, (".json",), [path, *([Path(artefact)] if artefact is not None else [])])
-    body = body_of(wanted, artefact)
+    body = _checked(paths, output, wanted, artefact)
     begin = rig if rig is None or isinstance(rig, Rig) else read_rig_file(rig)
+    seen = list[_Seen]()
+    for k, path in enumerate(paths):
+        part = progress.subrange(_DETECTION * k / len(paths), _DETECTION * (k + 1) / len(paths))
+        seen.append(_seen(path, begin, seen, part))
+    first = seen[0].rig
+    lies = _placed(seen, progress.subrange(_DETECTION, _PLACED))
+    sweeps = [replace(w, pose=k) for k, one in enumerate(seen) for w in one.sweeps]
+    limits = RefineSettings(wanted.camera, not wanted.table_only, body, poses=lies)
+    part = progress.subrange(_PLACED, 1, "fitting the surfaces")
+    done = adjust_rig(first, sweeps, limits, part)
+    evidence = (*first.evidence, *(one.evidence for one in seen))
+    done = replace(done, rig=replace(done.rig, evidence=evidence))
+    write_atomically(output, rig_to_json(done.rig).encode())
+    return RefinedRig(output, done)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One scan, as observations of its rig."""
+
+    rig: Rig
+    evidence: str
+    sweeps: list[Sweep]
+    name: str
+    surfaces: list[RangeSurface]
+    """What the search for how the part lay goes by."""
+
+
+def _checked(
+    paths: Sequence[Path],
+    output: Path,
+    wanted: RefineOptions,
+    artefact: str | PathLike[str] | None,
+) -> Body | None:
+    """What the part is; raises InputError for what can be seen before a scan is read."""
+    if not paths:
+        raise InputError("no scan", hint="give one, or several of one part in different poses")
+    for path in paths:
+        if not path.is_file():
+            raise InputError(f"{path}: no such file", hint="check the name")
+    check_output(output, (".json",), [*paths, *([Path(artefact)] if artefact is not None else [])])
+    body = body_of(wanted, artefact)
+    if body is not None and len(paths) > 1:
+        raise InputError(
+            f"{len(paths)} scans, and a body of known form",
+            hint="a known body needs no second pose: refine by one scan, then by the next",
+        )
+    return body
+
+
+def _seen(path: Path, rig: Rig | None, before: Sequence[_Seen], progress: Progress) -> _Seen:
+    """Raises InputError for a scan that counted before, or that another rig made."""
     with Scan.open(path) as opened:
-        begin = rig_for(opened, begin)
+        begin = rig_for(opened, rig)
         evidence = opened.digest
         if evidence in begin.evidence:
             raise InputError(
                 f"{path}: this rig was refined by this scan before, and it would count twice",
                 hint="begin with the rig as it was before, or take another scan",
             )
+        if any(one.evidence == evidence for one in before):
+            raise InputError(
+                f"{path}: the same scan is given twice", hint="give each pose of the part once"
+            )
+        if before and rig_hash(before[0].rig) != rig_hash(begin):
+            raise InputError(
+                f"{path}: it was made with another rig than the first scan",
+                hint="give the rig of both",
+                option=Option("rig"),
+            )
         settings = kept_options(opened).settings(begin, opened)
         looks = sum(len(lit_in(n, begin)) * len(opened.steps(n)) for n in opened.plan.lasers)
-        tick = progress.subrange(0, _DETECTION, "finding the stripes").counter(looks)
+        tick = progress.subrange(0, 1, f"finding the stripes of {path.name}").counter(looks)
         # Its angles are wanted as they were told: the motion that is known comes on top again.
         still = replace(begin, motion=None)
-        seen = detect_scan(opened, still, settings.stripes, settings.volume, tick)
-    sweeps = sweeps_of(seen, settings)
-    limits = RefineSettings(wanted.camera, not wanted.table_only, body)
-    part = progress.subrange(_DETECTION, 1, "fitting the surfaces")
-    done = adjust_rig(begin, sweeps, limits, part)
-    done = replace(done, rig=replace(done.rig, evidence=(*begin.evidence, evidence)))
-    write_atomically(output, rig_to_json(done.rig).encode())
-    return RefinedRig(output, done)
+        found = detect_scan(opened, still, settings.stripes, settings.volume, tick)
+    grids = to_grids(found, settings).grids
+    surfaces = [one for g in grids for one in range_surfaces(g, settings.tears)]
+    return _Seen(begin, evidence, _sweeps(found, grids, settings), path.name, surfaces)
 
 
-def sweeps_of(seen: Sequence[Detection], settings: Settings) -> list[Sweep]:
-    """The points of a scan as they are kept for its surface, as observations of its rig."""
+def _placed(seen: Sequence[_Seen], progress: Progress) -> tuple[Pose, ...]:
+    """Where the part lay in the second pose and those that follow, by the shape that was seen.
+
+    The surfaces are as wrong as the rig: how well they agree is not judged yet.
+    """
+    if len(seen) < 2:
+        return ()
+    views = [poses.view(one.name, one.surfaces) for one in seen]
+    tick = progress.subrange(0, 1, "placing the poses").counter(len(views))
+    return tuple(poses.align(views, poses.place(views, tick)).poses[1:])
+
+
+def _sweeps(
+    seen: Sequence[Detection], grids: Sequence[RangeGrid], settings: Settings
+) -> list[Sweep]:
     told = {
         d.view.laser: d.stripes.angle_sigma is None or bool(np.isnan(d.stripes.angle_sigma).all())
         for d in seen
     }
     across = 0 if settings.stripes.orientation == "vertical" else 1
-    grids = to_grids(seen, settings).grids
     rigs = {d.view.laser: d.view.rig for d in seen}
     return [_sweep(g, rigs[g.laser], told[g.laser], across) for g in grids if g.found.any()]
 

@@ -1,0 +1,118 @@
+"""What one laser saw of a part in one turn of the table, and how well the rig places it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from turnscan.arrays import Floats, Ints, frozen
+from turnscan.calibrate._residuals import CAMERA_SIZE
+from turnscan.rig import Rig, rotation_z
+
+_NUDGE_PX = 0.25
+_MOST_LINES, _SOME = 8, 200
+_STEEP_PX = 3.0
+"""px per scan line: a stripe that goes aside by more ends there, or is seen at a grazing angle."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The stripe of one laser on a part, in one turn of the table."""
+
+    laser: str
+    pixels: Floats
+    """(n, 2) px."""
+    sigma: Floats
+    """(n,) px, in the direction `across`."""
+    step: Ints
+    """(n,) which of `angles`."""
+    angles: Floats
+    """(s,) rad: of the table, in scan order."""
+    moved: bool = True
+    """Whether these angles are the commanded ones, so that its own errors come on top."""
+    across: int = 0
+    """The pixel coordinate in which the stripe was located."""
+    pose: int = 0
+    """Which pose of the part on the table: 0, or another one after it was laid down anew."""
+
+    def __post_init__(self) -> None:
+        n = len(self.pixels)
+        object.__setattr__(self, "pixels", frozen(self.pixels, (n, 2), "Sweep.pixels"))
+        object.__setattr__(self, "sigma", frozen(self.sigma, (n,), "Sweep.sigma"))
+        object.__setattr__(self, "step", frozen(self.step, (n,), "Sweep.step", np.int32))
+        object.__setattr__(self, "angles", frozen(self.angles, (None,), "Sweep.angles"))
+
+    def points(self, rig: Rig, rays: Floats) -> Floats:
+        """(n, 3) mm in the object's frame, as the part lay there."""
+        angles = self.angles
+        if self.moved and rig.motion is not None:
+            angles = rig.motion.angle(angles)
+        X = rig.T_camera_table.inverse().apply(rig.sheet(self.laser).intersect(rays))
+        points: Floats = np.einsum("nij,nj->ni", rotation_z(-angles)[self.step], X)
+        return points
+
+
+def doubt_of(rig: Rig, sweeps: Sequence[Sweep]) -> float:
+    """How far, mm rms, the rig's uncertainty puts points beside their places; 0 without one."""
+    if rig.covariance is None:
+        return 0.0
+    far = 0.0
+    for sweep in sweeps:
+        some = np.unique(np.linspace(0, len(sweep.pixels) - 1, _SOME).astype(np.intp))
+        few = replace(sweep, pixels=sweep.pixels[some], sigma=sweep.sigma[some],
+                      step=sweep.step[some])  # fmt: skip
+        rays = rig.camera.rays(few.pixels)
+        at = few.points(rig, rays)
+        for k in np.flatnonzero(np.diag(rig.covariance)[CAMERA_SIZE:] > 0) + CAMERA_SIZE:
+            step = np.zeros(len(rig.covariance))
+            step[k] = np.sqrt(rig.covariance[k, k])
+            moved = few.points(rig.perturbed(step), rays) - at
+            far += float(np.mean((moved**2).sum(axis=1))) / len(sweeps)
+    return float(np.sqrt(far))
+
+
+def thinned(sweep: Sweep, rig: Rig) -> Sweep:
+    """The sweep with neighbouring scan lines averaged, so that its points are about as far apart
+    along a stripe as from one stripe to the next; what is torn or steep within that is left out."""
+    at = sweep.points(rig, rig.camera.rays(sweep.pixels))
+    line = sweep.pixels[:, 1 - sweep.across]
+    lines = np.abs(np.diff(line))
+    beside = (np.diff(sweep.step) == 0) & (lines > 0)
+    apart = np.linalg.norm(np.diff(at, axis=0), axis=1)[beside] / lines[beside]
+    if not len(apart) or len(sweep.angles) < 2:
+        return sweep
+    along = float(np.median(apart))
+    turn = float(np.median(np.abs(np.diff(sweep.angles))))
+    between = turn * float(np.median(np.hypot(at[:, 0], at[:, 1])))
+    count = int(np.clip(between / max(along, 1e-9) / 2, 1, _MOST_LINES))
+    if count < 2 * np.median(lines[beside]):
+        return sweep
+    block = sweep.step.astype(np.int64) * 10**7 + (line // count).astype(np.int64)
+    _, first, member, size = np.unique(
+        block, return_index=True, return_inverse=True, return_counts=True
+    )
+    sums = [np.bincount(member, column) for column in (*sweep.pixels.T, sweep.sigma**2)]
+    pixels = np.stack(sums[:2], axis=1) / size[:, None]
+    place = sweep.pixels[:, sweep.across]
+    low, high = np.full(len(size), np.inf), np.full(len(size), -np.inf)
+    np.minimum.at(low, member, place)
+    np.maximum.at(high, member, place)
+    usual = count / float(np.median(lines[beside]))
+    good = (2 * size >= usual) & (high - low < _STEEP_PX * count)
+    return replace(
+        sweep,
+        pixels=pixels[good],
+        sigma=(np.sqrt(sums[2]) / size)[good],
+        step=sweep.step[first][good],
+    )
+
+
+def noise_of(sweep: Sweep, rig: Rig) -> Floats:
+    """(n, 3) mm in the object's frame: how one standard deviation of the stripe moves a point."""
+    aside = np.zeros(2)
+    aside[sweep.across] = _NUDGE_PX
+    ends = [sweep.points(rig, rig.camera.rays(sweep.pixels + d)) for d in (aside, -aside)]
+    moved: Floats = (ends[0] - ends[1]) / (2 * _NUDGE_PX) * sweep.sigma[:, None]
+    return moved
