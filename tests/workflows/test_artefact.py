@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from turnscan.calibrate import detect_board, parse_board
+from turnscan.calibrate import detect_board, detect_markers, parse_board
 from turnscan.cli import turnscan
 from turnscan.errors import InputError
 from turnscan.formats import read_mesh
@@ -33,6 +33,32 @@ def test_a_target_is_found_and_to_scale_to_a_pixel(board: str) -> None:
     flat = view.points[:, :2] - view.points[:, :2].mean(axis=0)
     seen = (view.corners - view.corners.mean(axis=0)) * PIXEL
     assert np.abs(seen - flat).max() < PIXEL
+
+
+@pytest.mark.parametrize(
+    ("wish", "count", "side", "size"),
+    [({}, 9, 24.0, 194.0), ({"markers": "DICT_5X5_50:14", "diameter": 150.0}, 12, 14.0, 150.0)],
+)
+def test_the_markers_of_a_dial_are_found_where_it_says(
+    wish: dict[str, object], count: int, side: float, size: float
+) -> None:
+    (data,) = artefact("dial", sheet="png", **wish).values()  # type: ignore[arg-type]
+    picture = np.asarray(Image.open(io.BytesIO(data)).convert("L"))
+    dictionary = str(wish.get("markers", "DICT_4X4_50")).partition(":")[0]
+    seen = detect_markers(picture, dictionary)
+    assert seen.numbers.tolist() == list(range(count))
+    corners = seen.corners * PIXEL
+    assert np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1) == pytest.approx(
+        side, abs=2 * PIXEL
+    )
+    middle = corners.mean(axis=1)
+    axis = np.array([105.0, 8.0 + size / 2])
+    assert middle.mean(axis=0) == pytest.approx(axis, abs=2 * PIXEL)
+    # The first stands at 0°, and angles grow against the clock (rows of a picture grow downwards).
+    turn = np.degrees(np.arctan2(*((axis - middle) * [-1, 1]).T[::-1]))
+    assert (turn - np.arange(count) * 360 / count + 180) % 360 - 180 == pytest.approx(
+        np.zeros(count), abs=0.15
+    )
 
 
 @pytest.mark.parametrize("sheet", ["pdf", "svg"])
@@ -78,6 +104,10 @@ def test_bodies_are_closed_and_verify_finds_their_nominal_dimensions() -> None:
         ("target", {"board": "charuco:20x20:24:18:DICT_5X5_1000"}, "larger paper"),
         ("target", {"board": "chessboard:8x6:20"}, "no ChArUco board"),
         ("target", {"paper": "b5"}, "no paper 'b5'"),
+        ("dial", {"diameter": 250.0}, "needs 266 mm of paper, this has 210"),
+        ("dial", {"diameter": 80.0}, "no room for 4 markers of 24 mm"),
+        ("dial", {"markers": "DICT_4X4_50"}, "not a side length"),
+        ("dial", {"markers": "DICT_7:20"}, "no marker dictionary is called 'DICT_7'"),
     ],
 )
 def test_what_cannot_be_is_one_line(form: str, wish: dict[str, object], said: str) -> None:

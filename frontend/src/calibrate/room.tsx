@@ -141,6 +141,7 @@ function TargetStep() {
     rulers.value = next;
   };
   const address = `api/target.pdf?board=${encodeURIComponent(board.value)}&paper=${paper.value}`;
+  const dial = `api/dial.pdf?markers=${encodeURIComponent(onTable.value.replace("markers:", ""))}&paper=${paper.value}`;
   const printable = board.value.startsWith("charuco:");
   return (
     <>
@@ -161,6 +162,12 @@ function TargetStep() {
       <NumberField label="Ruler across" value={rulers.value[0]} unit="mm" min={1} onChange={ruler(0)} />
       <NumberField label="Ruler down" value={rulers.value[1]} unit="mm" min={1} onChange={ruler(1)} />
       <TextField label="Target on turntable" value={onTable.value} onChange={(value) => (onTable.value = value)} />
+      {markers() && (
+        <a class="button" href={dial} download="dial.pdf">
+          <Icon name="download" />
+          Markers for the turntable as PDF
+        </a>
+      )}
       {!markers() && (
         <NumberField
           label="Height of lowest board corner"

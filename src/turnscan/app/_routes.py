@@ -28,7 +28,7 @@ from turnscan.app._request_guard import problem
 from turnscan.app._socket import socket
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError, ScanError
-from turnscan.workflows import TARGET, artefact, duplicate_scan, mesh_file_arrays
+from turnscan.workflows import MARKERS, TARGET, artefact, duplicate_scan, mesh_file_arrays
 
 HERE = Path(__file__).parent
 STATIC, LOGIN = HERE / "static", HERE / "login"
@@ -62,7 +62,7 @@ def routes(workshop: Workshop, keys: Keys, cookie: str) -> list[BaseRoute]:
         Route("/api/files/{file}/page", _page_of(workshop)),
         Route("/api/files/{file}/mesh", _mesh_of(workshop)),
         Route("/api/calibration/{view:int}.jpg", _calibration_picture(workshop)),
-        Route("/api/target.pdf", _target),
+        *(Route(f"/api/{form}.pdf", _sheet_of(form)) for form in ("target", "dial")),
         Route("/api/scans/{scan}/thumbnail.png", _thumbnail(workshop)),
         Route("/api/scans/{scan}/file", _scan_file(workshop)),
         Route("/api/scans/{scan}/mesh", _data(workshop, _mesh)),
@@ -254,15 +254,20 @@ def _calibration_picture(workshop: Workshop) -> Endpoint:
     return _or_not_found(picture)
 
 
-async def _target(request: Request) -> Response:
-    """A board to print."""
-    query = request.query_params
-    made = await asyncio.to_thread(
-        artefact, "target", board=query.get("board", TARGET), paper=query.get("paper", "a4")
-    )
-    (name, data), *_ = made.items()
-    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
-    return Response(data, media_type="application/pdf", headers=headers)
+def _sheet_of(form: str) -> Endpoint:
+    """A board to print, or a dial for the platter."""
+
+    async def sheet(request: Request) -> Response:
+        query = request.query_params
+        made = await asyncio.to_thread(
+            artefact, form, board=query.get("board", TARGET),
+            markers=query.get("markers", MARKERS), paper=query.get("paper", "a4"),
+        )  # fmt: skip
+        (name, data), *_ = made.items()
+        headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+        return Response(data, media_type="application/pdf", headers=headers)
+
+    return sheet
 
 
 def _thumbnail(workshop: Workshop) -> Endpoint:

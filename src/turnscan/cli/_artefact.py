@@ -15,7 +15,7 @@ _length = Finite(min=0, min_open=True)
 
 
 @click.command("artefact")
-@click.argument("form", type=click.Choice(["target", "ball-bar", "step-block"]))
+@click.argument("form", type=click.Choice(["target", "dial", "ball-bar", "step-block"]))
 @click.option(
     "-o",
     "--output",
@@ -25,18 +25,17 @@ _length = Finite(min=0, min_open=True)
 )
 @click.option("--name", default="", help="Name in the artefact file.  [default: the form]")
 @click.option("--board", help="Board of a target.  [default: charuco:9x6:24:18:DICT_5X5_100]")
+@click.option("--markers", help="Markers of a dial.  [default: DICT_4X4_50:24]")
 @click.option("--paper", type=click.Choice(["a4", "a3", "letter"]), default="a4", show_default=True,
-              help="Paper size of target and drawings.")  # fmt: skip
+              help="Paper size of target, dial and drawings.")  # fmt: skip
 @click.option(
     "--sheet",
     type=click.Choice(["pdf", "svg", "png"]),
     default="pdf",
     show_default=True,
-    help="Format of target and drawings.",
+    help="Format of target, dial and drawings.",
 )
-@click.option(
-    "--diameter", type=_length, default=30.0, show_default=True, help="Ball diameter, mm."
-)
+@click.option("--diameter", type=_length, help="Of balls (30) or a dial (all of the paper), mm.")
 @click.option(
     "--distance",
     type=_length,
@@ -55,24 +54,27 @@ def verb(
     output: Path,
     name: str,
     board: str | None,
+    markers: str | None,
     paper: str,
     sheet: Literal["pdf", "svg", "png"],
-    diameter: float,
+    diameter: float | None,
     distance: float,
     heights: str,
 ) -> None:
     """Make targets and artefacts for calibrating and verifying a scanner, to print and measure.
 
-    target: a ChArUco board to scale, with rulers that show the scale of the print. ball-bar,
-    step-block: an STL for a 3-D printer, a drawing of the dimensions to measure, and the artefact
-    file for turnscan verify, in which the measured values are entered.
+    target: a ChArUco board to scale, with rulers that show the scale of the print. dial: a disc of
+    markers and degrees for a platter that is turned by hand. ball-bar, step-block: an STL for a 3-D
+    printer, a drawing of the dimensions to measure, and the artefact file for turnscan verify, in
+    which the measured values are entered.
     """
-    from turnscan.workflows import TARGET, artefact
+    from turnscan.workflows import MARKERS, TARGET, artefact
 
     files = artefact(
         form,
         name=name,
         board=board or TARGET,
+        markers=markers or MARKERS,
         paper=paper,
         sheet=sheet,
         diameter=diameter,

@@ -14,12 +14,22 @@ from turnscan.shapes.verification import (
     stand_body,
     step_block_body,
 )
-from turnscan.workflows._drawings import Drawing, bar_drawing, block_drawing, drawn, target_sheet
+from turnscan.workflows._calibrate_options import marker_kind
+from turnscan.workflows._drawings import (
+    Drawing,
+    bar_drawing,
+    block_drawing,
+    dial_sheet,
+    drawn,
+    target_sheet,
+)
 
-Form = Literal["target", "ball-bar", "step-block"]
+Form = Literal["target", "dial", "ball-bar", "step-block"]
 Sheet = Literal["pdf", "svg", "png"]
 
-TARGET = "charuco:9x6:24:18:DICT_5X5_100"
+TARGET, MARKERS = "charuco:9x6:24:18:DICT_5X5_100", "DICT_4X4_50:24"
+_BALL = 30.0
+"""mm: diameter of a bar's balls."""
 PAPERS: Mapping[str, tuple[float, float]] = {
     "a4": (210.0, 297.0), "a3": (297.0, 420.0), "letter": (215.9, 279.4),
 }  # fmt: skip
@@ -33,17 +43,20 @@ def artefact(
     *,
     name: str = "",
     board: str = TARGET,
+    markers: str = MARKERS,
     paper: str = "a4",
     sheet: Sheet = "pdf",
-    diameter: float = 30.0,
+    diameter: float | None = None,
     distance: float = 100.0,
     heights: Sequence[float] = (5.0, 15.0, 30.0),
 ) -> dict[str, bytes]:
     """The files of an artefact, by name: what is printed, its drawing, and its file to fill in.
 
     ``form`` is ``target`` (the ``board``, charuco:COLSxROWS:SQUARE_MM:MARKER_MM:DICT, to scale on
-    ``paper`` with rulers of 100 mm both ways), ``ball-bar`` (two balls of ``diameter`` mm,
-    ``distance`` mm between their centres) or ``step-block`` (levels ``heights`` mm above the
+    ``paper`` with rulers of 100 mm both ways), ``dial`` (a disc for the platter with ``markers``,
+    DICT:SIDE_MM, whose turn `import_pictures` reads; ``diameter`` mm, or all of the paper),
+    ``ball-bar`` (two balls of ``diameter`` mm, 30 where None, ``distance`` mm between their
+    centres) or ``step-block`` (levels ``heights`` mm above the
     first). Bodies come as STL (mm). ``name`` is what the artefact is called in its file.
 
     The TOML file holds the nominal dimensions, and says so until somebody writes in what was
@@ -56,8 +69,15 @@ def artefact(
         raise InputError(f"no paper {paper!r}", hint=f"there is {', '.join(PAPERS)}")
     if form == "target":
         return {f"target.{sheet}": drawn(_target(board, PAPERS[paper]), sheet)}
+    if form == "dial":
+        return {
+            f"dial.{sheet}": drawn(
+                dial_sheet(*marker_kind(markers), diameter, PAPERS[paper]), sheet
+            )
+        }
     called = name or form
     if form == "ball-bar":
+        diameter = _BALL if diameter is None else diameter
         bodies = {form: ball_bar_body(diameter, distance), f"{form}-stand": stand_body(diameter)}
         drawing = bar_drawing(called, diameter, distance, PAPERS[paper])
         text = _bar_file(called, diameter, distance)

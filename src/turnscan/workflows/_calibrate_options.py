@@ -81,7 +81,7 @@ class CalibrateOptions(Checked):
         """The settings of the calibration. Raises InputError for an unknown board or marker."""
         from turnscan.calibrate import CalibrationSettings, parse_board
 
-        dictionary, side = _markers(self.markers)
+        dictionary, side = marker_kind(self.markers)
         return CalibrationSettings(
             dictionary=dictionary,
             marker_side=side,
@@ -114,7 +114,7 @@ class CalibrateOptions(Checked):
         return self.table_laser or lasers[0]
 
 
-def _markers(text: str | None) -> tuple[str, float]:
+def marker_kind(text: str | None) -> tuple[str, float]:
     """Dictionary and nominal side, mm, of markers like ``DICT_4X4_50:30``."""
     if text is None:
         return "DICT_4X4_50", 0.0

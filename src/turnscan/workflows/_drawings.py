@@ -24,6 +24,10 @@ _EDGE = 8.0
 _RULER = 100.0
 _BAND = 16.0
 """mm beside a target, for ruler and text."""
+_SCALE = 7.0
+"""mm of a dial's rim, for its degrees."""
+_APART, _MOST_MARKERS, _FEWEST_MARKERS = 1.8, 12, 4
+"""Sides of a marker from one to the next on a dial, and how many of them it has."""
 
 
 @dataclass(frozen=True)
@@ -102,16 +106,98 @@ def _black(board: Charuco) -> list[tuple[float, float, float, float]]:
     whites = {(int(x // s), int(y // s)) for x, y in corners}
     every = ((i, j) for j in range(board.rows) for i in range(board.columns))
     boxes = [(i * s, top - (j + 1) * s, s, s) for i, j in every if (i, j) not in whites]
-    cells = int(dictionary.markerSize) + 2
-    cell = board.marker / cells
     for (x, y), number in zip(corners, np.asarray(made.getIds()).ravel(), strict=True):
-        bits = cv2.aruco.generateImageMarker(dictionary, int(number), cells)
-        for row, line in enumerate(np.asarray(bits)):
-            boxes += [
-                (x + a * cell, top - y - (row + 1) * cell, (b - a) * cell, cell)
-                for a, b in _runs(line == 0)
-            ]
+        marks = _marker(dictionary, int(number), board.marker)
+        boxes += [(x + a, top - y - board.marker + b, w, h) for a, b, w, h in marks]
     return boxes
+
+
+def _marker(dictionary: Any, number: int, side: float) -> list[tuple[float, float, float, float]]:
+    """x, y, width, height mm of a marker's black rectangles, from its lower left corner, y up."""
+    import cv2
+
+    cells = int(dictionary.markerSize) + 2
+    cell = side / cells
+    bits = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, cells))
+    return [
+        (a * cell, side - (row + 1) * cell, (b - a) * cell, cell)
+        for row, line in enumerate(bits)
+        for a, b in _runs(line == 0)
+    ]
+
+
+def dial_sheet(
+    dictionary: str, side: float, diameter: float | None, paper: tuple[float, float]
+) -> Drawing:
+    """A disc for the platter: markers near its rim, whose turn pictures show, and degrees to read.
+
+    ``side`` mm is that of the markers of ``dictionary``, ``diameter`` mm that of the disc; None
+    takes what the paper (mm) holds. Degrees grow against the clock, as table angles do.
+
+    Raises InputError where the disc does not fit the paper, or too few markers the disc.
+    """
+    most = min(paper) - 2 * _EDGE
+    size = most if diameter is None else diameter
+    if size > most:
+        raise InputError(
+            f"a dial of {size:g} mm needs {size + 2 * _EDGE:g} mm of paper, "
+            f"this has {min(paper):g}",
+            hint="take a smaller dial, or larger paper",
+        )
+    known = aruco_dictionary(dictionary)
+    out = size / 2 - _SCALE - 0.9 * side  # the middle of a marker, its inner white beside it
+    around = int(2 * np.pi * out / (_APART * side)) if out > 0 else 0
+    count = min(around, _MOST_MARKERS, len(known.bytesList))
+    if count < _FEWEST_MARKERS or out < 1.5 * side:
+        raise InputError(
+            f"a dial of {size:g} mm has no room for {_FEWEST_MARKERS} markers of {side:g} mm",
+            hint="take smaller markers, or a larger dial",
+        )
+    x, y = paper[0] / 2, paper[1] - _EDGE - size / 2
+
+    def draw(axes: Axes) -> None:
+        from matplotlib.patches import Circle, PathPatch
+        from matplotlib.path import Path
+        from matplotlib.transforms import Affine2D
+
+        for k in range(count):
+            at = Affine2D().translate(out - side / 2, -side / 2).rotate(2 * np.pi * k / count)
+            cells = [
+                Path.unit_rectangle().transformed(Affine2D().scale(w, h).translate(a, b))
+                for a, b, w, h in _marker(known, k, side)
+            ]
+            # One path: no hair lines between cells that lie askew.
+            whole = Path.make_compound_path(*cells).transformed(at.translate(x, y))
+            axes.add_patch(PathPatch(whole, facecolor="black", edgecolor="none"))
+        axes.add_patch(Circle((x, y), size / 2, fill=False, lw=0.3))
+        _degrees(axes, (x, y), size / 2)
+        for way in ((4.0, 0.0), (0.0, 4.0)):
+            _line(axes, np.array([x, y]) - way, np.array([x, y]) + way, lw=0.3)
+        axes.text(
+            _EDGE + 4, y - size / 2 - 14,
+            f"turnscan dial, {count} markers {dictionary}:{side:g}\n"
+            "Print at 100 %, cut out, glue it flat onto the platter about the axis. The sizes need "
+            "not be right.",
+            fontsize=6, va="top",
+        )  # fmt: skip
+        _ruler(axes, x - _RULER / 2, y - size / 2 - 3.0, (1, 0))
+
+    return Drawing(paper, draw)
+
+
+def _degrees(axes: Axes, centre: tuple[float, float], radius: float) -> None:
+    """Degrees round the rim, inwards from it."""
+    for degree in range(360):
+        turn = np.radians(degree)
+        way = np.array([np.cos(turn), np.sin(turn)])
+        size = 3.5 if degree % 10 == 0 else 2.5 if degree % 5 == 0 else 1.5
+        _line(axes, centre + radius * way, centre + (radius - size) * way, lw=0.3)
+        if degree % 10 == 0:
+            a, b = centre + (radius - 5.2) * way
+            axes.text(
+                a, b, str(degree), fontsize=5, ha="center", va="center", rotation=degree - 90,
+                rotation_mode="anchor",
+            )  # fmt: skip
 
 
 def _runs(black: Any) -> list[tuple[int, int]]:

@@ -53,8 +53,8 @@ in pieces: POST ``/api/uploads`` (``?bytes=`` in all) begins it, POST ``/api/upl
 (``?upload=&at=``, a piece as the body) adds a piece, GET ``/api/uploads/{upload}`` says how much is
 here, all `Uploaded`; ``?upload=`` then stands for the body of the POSTs above. GET
 ``/api/calibration/{view}.jpg`` is a picture of the calibration, small; GET ``/api/target.pdf``
-(``?board=&paper=``) a board to print. Requests that change something need the header
-``X-Turnscan: 1``.
+(``?board=&paper=``) a board to print, ``/api/dial.pdf`` (``?markers=&paper=``) a dial for the
+platter. Requests that change something need the header ``X-Turnscan: 1``.
 """
 
 from turnscan.app._protocol._base import (
