@@ -115,3 +115,16 @@ def test_a_block_and_a_part_described_twice_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="described twice"):
         refine(scan, tmp_path / "rig.json", sphere=36.0, body="cone")
     assert not (tmp_path / "rig.json").exists()
+
+
+def test_what_is_wrong_with_several_poses_is_said_before_a_scan_is_read(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ("up.turnscan", "tipped.turnscan")]
+    paths[0].write_bytes(b"")
+    with pytest.raises(InputError, match=r"tipped\.turnscan: no such file"):
+        refine(paths, tmp_path / "rig.json")
+    paths[1].write_bytes(b"")
+    with pytest.raises(InputError, match="2 scans, and a body of known form"):
+        refine(paths, tmp_path / "rig.json", sphere=36.0)
+    with pytest.raises(InputError, match="no scan"):
+        refine([], tmp_path / "rig.json")
+    assert not (tmp_path / "rig.json").exists()

@@ -37,6 +37,8 @@ _SETTLED = 0.1
 _REACH_MM, _FAR_MM = 8.0, 4.0
 """How far apart two surfaces may be at first, and how far a rig may put a point beside its place
 before that has to be made less."""
+_REACHES = 6.0
+"""Times the usual gap of poses that were found by shape: farther apart is another surface."""
 _FINER = 0.3
 """By how much finer surfaces are held against each other from round to round."""
 _ANY = (0.0, 1e3)
@@ -165,13 +167,13 @@ def _begun(
 ) -> tuple[Surfaces, float]:
     """A state near the truth with its bodies, and how far surfaces are apart there, mm; 0 where
     that is not known."""
+    if s.poses:
+        return begin, _usual_gap(rig, begin, sweeps, s)
     if doubt <= _FAR_MM and not _drawn(s):
         if s.body is None:
             return begin, 0.0
         return replace(begin, bodies=(find_body(*s.body, sweeps, rig, doubt),)), 0.0
     free = _free(rig, begin, sweeps, s)
-    if s.poses:
-        return begin, min(doubt, _REACH_MM)
     if s.body is not None:
         near, _ = approach(rig, begin, sweeps, free, s.body, doubt, progress)
         return replace(
@@ -181,6 +183,16 @@ def _begun(
     anything = (form, (_ANY,) * len(form.size_names))
     near, gap = approach(rig, begin, sweeps, free, anything, doubt, progress)
     return replace(near, bodies=()), gap
+
+
+def _usual_gap(rig: Rig, begin: Surfaces, sweeps: tuple[Sweep, ...], s: RefineSettings) -> float:
+    """mm, the median: poses are found by shape, and the other side of a thin wall is farther off
+    than the surface that is meant."""
+    free = np.zeros_like(_free(rig, begin, sweeps, s))
+    network = network_of(rig, begin, sweeps, free, _REACH_MM, s.queries)
+    at = network.places(begin)
+    gaps = [np.abs(p.patches.gaps(at[p.asked], at[p.others])) for p in network.pairs]
+    return float(np.median(np.concatenate(gaps)))
 
 
 def _drawn(s: RefineSettings) -> bool:
@@ -207,7 +219,7 @@ def _settled(
     Where they are ``rough`` mm apart at first, gaps weigh no more than that at first.
     """
     fit: Fit[Surfaces] | None = None
-    reach = _REACH_MM
+    reach = min(_REACHES * rough, _REACH_MM) if s.poses else _REACH_MM
     for k in range(s.rounds):
         if fit is not None:
             state = replace(
