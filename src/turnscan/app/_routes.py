@@ -28,7 +28,7 @@ from turnscan.app._request_guard import problem
 from turnscan.app._socket import socket
 from turnscan.app._workshop import Workshop
 from turnscan.errors import InputError, ScanError
-from turnscan.workflows import MARKERS, TARGET, artefact, duplicate_scan, mesh_file_arrays
+from turnscan.workflows import TARGET, artefact, duplicate_scan, mesh_file_arrays
 
 HERE = Path(__file__).parent
 STATIC, LOGIN = HERE / "static", HERE / "login"
@@ -261,7 +261,7 @@ def _sheet_of(form: str) -> Endpoint:
         query = request.query_params
         made = await asyncio.to_thread(
             artefact, form, board=query.get("board", TARGET),
-            markers=query.get("markers", MARKERS), paper=query.get("paper", "a4"),
+            markers=query.get("markers"), paper=query.get("paper", "a4"),
         )  # fmt: skip
         (name, data), *_ = made.items()
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}

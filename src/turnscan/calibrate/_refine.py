@@ -110,7 +110,7 @@ def refine(
     A body of known form counts like a surface that is known, and known sizes of it give the scale.
     Where the rig's uncertainty is of millimetres, the body alone is what the points are held
     against first (`turnscan.calibrate._approach`); without one, a smooth body of any shape.
-    A part that was laid down anew between two turns is seen by one laser as by two; how it lay is
+    A part that was laid down again between two turns is seen by one laser as by two; how it lay is
     estimated with the rest, from about where it is known to be.
     Pang et al., Tool-free calibration of a turntable, is the nearest published relative.
 

@@ -35,7 +35,7 @@ class Sweep:
     across: int = 0
     """The pixel coordinate in which the stripe was located."""
     pose: int = 0
-    """Which pose of the part on the table: 0, or another one after it was laid down anew."""
+    """Which pose of the part on the table: 0, or another one after it was laid down again."""
 
     def __post_init__(self) -> None:
         n = len(self.pixels)

@@ -37,12 +37,9 @@ _length = Finite(min=0, min_open=True)
 )
 @click.option("--diameter", type=_length, help="Of balls (30) or a dial (all of the paper), mm.")
 @click.option(
-    "--distance",
-    type=_length,
-    default=100.0,
-    show_default=True,
+    "--distance", type=_length, default=100.0, show_default=True,
     help="Distance between ball centres, mm.",
-)
+)  # fmt: skip
 @click.option(
     "--heights",
     default="5,15,30",
@@ -68,13 +65,13 @@ def verb(
     printer, a drawing of the dimensions to measure, and the artefact file for turnscan verify, in
     which the measured values are entered.
     """
-    from turnscan.workflows import MARKERS, TARGET, artefact
+    from turnscan.workflows import TARGET, artefact
 
     files = artefact(
         form,
         name=name,
         board=board or TARGET,
-        markers=markers or MARKERS,
+        markers=markers,
         paper=paper,
         sheet=sheet,
         diameter=diameter,

@@ -39,7 +39,7 @@ def verb(
 
     What two lasers see of one part is one surface: laser sheets and axis move within their
     uncertainty, and errors of the table (eccentric drive, play) are estimated where the scan
-    demands them. With one laser, scan the part twice, laid down anew in between, and give both
+    demands them. With one laser, scan the part twice, laid down again in between, and give both
     scans: how it lay is found. A body of known form, wherever it stands, must come out as it is,
     and its known lengths give the scale. What the scans say nothing of stays as it was, and is
     named.

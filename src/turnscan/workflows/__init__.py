@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from turnscan.formats import ExportOptions
-    from turnscan.workflows._artefact import MARKERS, PAPERS, TARGET, artefact
+    from turnscan.workflows._artefact import PAPERS, TARGET, artefact
     from turnscan.workflows._batch import Batch, batch, table_of
     from turnscan.workflows._batch_recipe import Recipe, read_recipe
     from turnscan.workflows._batch_task import Outcome, Task
@@ -170,7 +170,7 @@ if TYPE_CHECKING:
     )
 
 _MODULES = {
-    "_artefact": ("MARKERS", "PAPERS", "TARGET", "artefact"),
+    "_artefact": ("PAPERS", "TARGET", "artefact"),
     "_calibrate": ("CalibratedRig", "CalibrationPictures", "calibrate"),
     "_calibrate_options": ("BoardOptions", "CalibrateOptions"),
     "_capture": ("CapturedPicture", "CapturedPictures", "capture"),
@@ -331,7 +331,6 @@ __all__ = [
     "DIMENSION_SUFFIXES",
     "LONGEST_PAUSE",
     "MAP_SUFFIXES",
-    "MARKERS",
     "MOST_PICTURES",
     "PAPERS",
     "REVOLVE_SUFFIXES",

@@ -27,7 +27,8 @@ from turnscan.workflows._drawings import (
 Form = Literal["target", "dial", "ball-bar", "step-block"]
 Sheet = Literal["pdf", "svg", "png"]
 
-TARGET, MARKERS = "charuco:9x6:24:18:DICT_5X5_100", "DICT_4X4_50:24"
+TARGET = "charuco:9x6:24:18:DICT_5X5_100"
+_MARKERS = "DICT_4X4_50:24"
 _BALL = 30.0
 """mm: diameter of a bar's balls."""
 PAPERS: Mapping[str, tuple[float, float]] = {
@@ -43,7 +44,7 @@ def artefact(
     *,
     name: str = "",
     board: str = TARGET,
-    markers: str = MARKERS,
+    markers: str | None = None,
     paper: str = "a4",
     sheet: Sheet = "pdf",
     diameter: float | None = None,
@@ -54,10 +55,9 @@ def artefact(
 
     ``form`` is ``target`` (the ``board``, charuco:COLSxROWS:SQUARE_MM:MARKER_MM:DICT, to scale on
     ``paper`` with rulers of 100 mm both ways), ``dial`` (a disc for the platter with ``markers``,
-    DICT:SIDE_MM, whose turn `import_pictures` reads; ``diameter`` mm, or all of the paper),
-    ``ball-bar`` (two balls of ``diameter`` mm, 30 where None, ``distance`` mm between their
-    centres) or ``step-block`` (levels ``heights`` mm above the
-    first). Bodies come as STL (mm). ``name`` is what the artefact is called in its file.
+    DICT:SIDE_MM or the usual ones, whose turn `import_pictures` reads; ``diameter`` mm, or all of
+    the paper), ``ball-bar`` (two balls of ``diameter`` mm, 30 where None, ``distance`` mm between
+    their centres) or ``step-block`` (levels ``heights`` mm above the first). Bodies come as STL (mm). ``name`` is what the artefact is called in its file.
 
     The TOML file holds the nominal dimensions, and says so until somebody writes in what was
     measured; `turnscan.workflows.verify` reads it. Raises InputError for another form, for sizes
@@ -70,11 +70,8 @@ def artefact(
     if form == "target":
         return {f"target.{sheet}": drawn(_target(board, PAPERS[paper]), sheet)}
     if form == "dial":
-        return {
-            f"dial.{sheet}": drawn(
-                dial_sheet(*marker_kind(markers), diameter, PAPERS[paper]), sheet
-            )
-        }
+        dial = dial_sheet(*marker_kind(markers or _MARKERS), diameter, PAPERS[paper])
+        return {f"dial.{sheet}": drawn(dial, sheet)}
     called = name or form
     if form == "ball-bar":
         diameter = _BALL if diameter is None else diameter

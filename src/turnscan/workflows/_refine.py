@@ -98,7 +98,7 @@ def refine(
 
     What two lasers see of one part is one surface: sheets and axis move within their uncertainty,
     and the table's own errors (harmonics of its turn, play) are estimated where the scan demands
-    them, until the surfaces agree. Of a part that was laid down anew between two scans, one laser
+    them, until the surfaces agree. Of a part that was laid down again between two scans, one laser
     says as much: how it lay is found. A body whose form is known (sphere, ball bar, tilted cylinder
     or cone, drawn part) must come out as it is; its known lengths give the scale.
 
