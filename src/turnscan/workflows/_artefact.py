@@ -57,7 +57,8 @@ def artefact(
     ``paper`` with rulers of 100 mm both ways), ``dial`` (a disc for the platter with ``markers``,
     DICT:SIDE_MM or the usual ones, whose turn `import_pictures` reads; ``diameter`` mm, or all of
     the paper), ``ball-bar`` (two balls of ``diameter`` mm, 30 where None, ``distance`` mm between
-    their centres) or ``step-block`` (levels ``heights`` mm above the first). Bodies come as STL (mm). ``name`` is what the artefact is called in its file.
+    their centres) or ``step-block`` (levels ``heights`` mm above the first). Bodies
+    come as STL (mm). ``name`` is what the artefact is called in its file.
 
     The TOML file holds the nominal dimensions, and says so until somebody writes in what was
     measured; `turnscan.workflows.verify` reads it. Raises InputError for another form, for sizes
