@@ -126,7 +126,7 @@ def gather(
                         turns[row, (c - c0) * ox + x] = phase[i, y, x]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def amplitudes(light: Singles, ids: Keys, lobe: Singles, amplitude: Singles) -> None:
     """Root of the energy over the coherent gain of the cells that share a scatterer.
 
@@ -134,20 +134,36 @@ def amplitudes(light: Singles, ids: Keys, lobe: Singles, amplitude: Singles) -> 
     """
     rows, columns = light.shape
     ry, rx = lobe.shape[0] // 2, lobe.shape[1] // 2
+    gains = np.empty(columns, np.float32)
     for r in range(rows):
-        low, high = max(r - ry, 0), min(r + ry + 1, rows)
-        for c in range(columns):
-            e = light[r, c]
-            if e <= 0.0:
-                continue
-            own = ids[r, c]
-            left, right = max(c - rx, 0), min(c + rx + 1, columns)
-            gain = np.float32(0.0)
-            for y in range(low, high):
-                for x in range(left, right):
-                    if ids[y, x] == own and light[y, x] > 0.0:
-                        gain += lobe[y - r + ry, x - c + rx]
-            amplitude[r, c] = math.sqrt(e / max(gain, np.float32(1.0)))
+        first, end = _lit_part(light[r])
+        energy, own, gain = light[r, first:end], ids[r, first:end], gains[first:end]
+        gain[:] = 0.0
+        # Row by row with one distance at a time: the compiler then does many cells at once.
+        for y in range(max(r - ry, 0), min(r + ry + 1, rows)):
+            for x in range(-rx, rx + 1):
+                a, b = max(first + x, 0), min(end + x, columns)
+                other, lit, weight = ids[y, a:b], light[y, a:b], lobe[y - r + ry, x + rx]
+                here, sum_ = own[a - x - first :], gain[a - x - first :]
+                for c in range(b - a):
+                    same = (other[c] == here[c]) & (lit[c] > 0.0)
+                    sum_[c] += weight if same else np.float32(0.0)
+        target = amplitude[r, first:end]
+        for c in range(end - first):
+            e = max(energy[c], np.float32(0.0))
+            target[c] = math.sqrt(e / max(gain[c], np.float32(1.0)))
+
+
+@njit(cache=True, nogil=True)
+def _lit_part(light: Singles) -> tuple[int, int]:
+    """The first cell with light, and the one after the last; 0, 0 where there is none."""
+    end = len(light)
+    while end > 0 and light[end - 1] <= 0.0:
+        end -= 1
+    first = 0
+    while first < end and light[first] <= 0.0:
+        first += 1
+    return first, end
 
 
 @njit(cache=True, nogil=True)
@@ -163,17 +179,22 @@ def dress(
     """Give every cell the phasor of its scatterer."""
     rows, columns = amplitude.shape
     phased = turns.size > 0
+    which = np.empty(columns, np.uint32)
     for r in range(rows):
-        for c in range(columns):
-            a = amplitude[r, c]
-            if a == 0.0:
-                field[r, c] = 0.0
-                continue
-            word = mix(seed, np.uint64(ids[r, c]))
-            value = a * phasors[np.int64(word >> np.uint64(48))]
-            if phased:
-                value *= factors[min(int(turns[r, c] * np.float32(4096.0)), 4095)]
-            field[r, c] = value
+        first, end = _lit_part(amplitude[r])
+        field[r, :first] = 0.0
+        field[r, end:] = 0.0
+        a, own, out = amplitude[r, first:end], ids[r, first:end], field[r, first:end]
+        for c in range(end - first):
+            which[c] = mix(seed, np.uint64(own[c])) >> np.uint64(48)
+        if phased:
+            turn = turns[r, first:end]
+            for c in range(end - first):
+                value = a[c] * phasors[which[c]]
+                out[c] = value * factors[min(int(turn[c] * np.float32(4096.0)), 4095)]
+        else:
+            for c in range(end - first):
+                out[c] = a[c] * phasors[which[c]]
 
 
 @njit(cache=True, nogil=True)

@@ -9,8 +9,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Floats, frozen
+from turnscan.arrays import Floats
 from turnscan.compiled import njit
+from turnscan.simulate._fading import MOST, faded, powers_of_e
 from turnscan.simulate._random import mix, normal, normal_tables, uniform_pair
 from turnscan.simulate._sensor import Sensor
 
@@ -21,10 +22,9 @@ Tables = tuple[Floats, Floats, Floats]
 """Of `normal_tables`, and e to the power of less and less."""
 
 _SPREADS = 200
-_FEW = 16.0
+_FEW = MOST
 """Electrons in the mean below which they are drawn by inversion."""
 _MOST = 100
-_PER_ELECTRON = 64
 CHUNK = 512
 """Pixels whose electrons are drawn at once."""
 
@@ -57,8 +57,7 @@ def raw(
 @lru_cache(maxsize=1)
 def tables() -> Tables:
     """What the kernels look up."""
-    powers = np.exp(-np.arange(_FEW * _PER_ELECTRON + 1) / _PER_ELECTRON)
-    return (*normal_tables(), frozen(powers, (None,), "powers of e"))
+    return (*normal_tables(), powers_of_e())
 
 
 @lru_cache(maxsize=2)
@@ -108,17 +107,22 @@ def poisson(work: Floats, n: int, tables: Tables) -> None:
     what is worked out. By inversion for means below 16, exactly; else by the Cornish-Fisher
     expansion with Sheppard's correction for the rounding: its mean and variance are right to 1e-3.
     """
-    few = False
+    few = many = False
     for j in range(n):
         mean = work[j]
-        work[j + 2 * CHUNK], work[j + 3 * CHUNK], work[j + 4 * CHUNK] = 0.0, 0.0, 1.0
-        if 0.0 < mean < _FEW:
-            work[j + 3 * CHUNK] = work[j + 4 * CHUNK] = _faded(mean, tables[2])
-            few = True
-        elif mean > 0.0:
-            work[j + 2 * CHUNK] = _many(mean, work[j + CHUNK], tables[0], tables[1])
+        drawn = 0.0 < mean < _FEW
+        nothing = faded(min(max(mean, 0.0), _FEW), tables[2])
+        work[j + 2 * CHUNK] = 0.0
+        work[j + 3 * CHUNK] = nothing if drawn else 0.0
+        work[j + 4 * CHUNK] = nothing if drawn else 1.0
+        few |= drawn
+        many |= mean >= _FEW
     if few:
         _few(work, n)
+    if many:
+        for j in range(n):
+            if work[j] >= _FEW:
+                work[j + 2 * CHUNK] = _many(work[j], work[j + CHUNK], tables[0], tables[1])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -141,15 +145,6 @@ def _few(work: Floats, n: int) -> None:
             return
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _faded(mean: float, powers: Floats) -> float:
-    """exp(−mean) for means from 0 to 16, right to the last digits."""
-    i = int(mean * _PER_ELECTRON)
-    r = i * (1.0 / _PER_ELECTRON) - mean
-    tail = r * (1.0 / 24 + r * (1.0 / 120 + r * (1.0 / 720)))
-    return powers[i] * (1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6 + tail))))
-
-
 @njit(cache=True, nogil=True)
 def _response(out: Charges, prnu: float, silicon: np.uint64, centre: Floats, tail: Floats) -> None:
     target = out.ravel()
@@ -166,37 +161,55 @@ def _collect(
     """Draw the electrons of every pixel and convert them; True when any pixel holds more than its
     full well. ``charge`` takes the electrons, unless it is empty; so may be ``response``.
     """
-    centre, tail = tables[0], tables[1]
     source, relative, kept = light.ravel(), response.ravel(), charge.ravel()
     target = steps.ravel()
-    work, read = np.empty(5 * CHUNK), np.empty(CHUNK)
+    work, read, volts = np.empty(5 * CHUNK), np.empty(CHUNK), np.empty(CHUNK)
     excess = False
+    # Each loop does one thing to a whole chunk, so that the compiler can do several pixels at once.
     for start in range(0, source.size, CHUNK):
-        n = min(CHUNK, source.size - start)
+        part = source[start : start + CHUNK]
+        n, steps_of = len(part), target[start : start + CHUNK]
+        if relative.size:
+            own = relative[start : start + CHUNK]
+            for j in range(n):
+                work[j] = float(part[j] * own[j]) + dark
+        else:
+            for j in range(n):
+                work[j] = float(part[j]) + dark
         for j in range(n):
-            x = source[start + j]
-            if relative.size:
-                x *= relative[start + j]
-            work[j] = float(x) + dark
-            work[j + CHUNK], read[j] = uniform_pair(mix(seed, np.uint64(start + j)))
+            work[j + CHUNK], read[j] = uniform_pair(mix(seed, np.uint64(start) + np.uint64(j)))
         poisson(work, n, tables)
+        drawn = work[2 * CHUNK :]
         for j in range(n):
-            drawn = work[j + 2 * CHUNK]
-            electrons = np.float32(drawn)
-            excess |= drawn > converter[0]
-            if kept.size:
-                kept[start + j] = electrons
-            target[start + j] = _step(float(electrons), read[j], converter, centre, tail)
+            excess |= drawn[j] > converter[0]
+            drawn[j] = float(np.float32(drawn[j]))
+        if kept.size:
+            for j in range(n):
+                kept[start + j] = drawn[j]
+        _normals(read, n, tables, volts)
+        for j in range(n):
+            steps_of[j] = _step(drawn[j], volts[j], converter)
     return excess
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _normals(u: Floats, n: int, tables: Tables, z: Floats) -> None:
+    """The normal quantiles of n uniform numbers in (0, 1), as `normal` finds them."""
+    centre, tail = tables[0], tables[1]
+    for j in range(n):
+        t = u[j] * 8192.0
+        i = int(t)
+        z[j] = centre[i] + (t - i) * (centre[i + 1] - centre[i])
+    for j in range(n):
+        if u[j] < 1.0 / 128.0 or u[j] > 127.0 / 128.0:
+            z[j] = normal(u[j], centre, tail)
+
+
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _step(
-    electrons: float, u: float, converter: Converter, centre: Floats, tail: Floats
-) -> np.uint16:
-    """Full well, read noise, gain, black level, converter."""
+def _step(electrons: float, z: float, converter: Converter) -> np.uint16:
+    """Full well, read noise, gain, black level, converter; ``z`` is a normal number."""
     full_well, gain, read_noise, black, top = converter
-    volts = min(float(electrons), full_well) + read_noise * normal(u, centre, tail)
+    volts = min(float(electrons), full_well) + read_noise * z
     value = math.floor(volts / gain + black + 0.5)
     return np.uint16(min(max(value, 0.0), top))
 
@@ -210,7 +223,7 @@ def _convert(
     source, target = charge.ravel(), steps.ravel()
     for i in range(source.size):
         _, u = uniform_pair(mix(seed, np.uint64(i)))
-        target[i] = _step(source[i], u, converter, tables[0], tables[1])
+        target[i] = _step(source[i], normal(u, tables[0], tables[1]), converter)
 
 
 @njit(cache=True, nogil=True)

@@ -167,6 +167,7 @@ class Renderer:
         of cells see.
         """
         from turnscan.simulate import _rays, _shade
+        from turnscan.simulate._fading import powers_of_e
 
         bench, tri = self.bench, self._tri
         sheet = sheet_numbers(bench.rig.sheet(beam.name))
@@ -199,6 +200,7 @@ class Renderer:
                 source, sheet, shape_of, self._fan(beam), self._optics(beam, seconds),
             ),
             self._profile(beam, seconds, start), self._roughness(beam, apex, eye), spots,
+            powers_of_e(),
         )  # fmt: skip
         body = np.where(face >= 0, tri.body[face], -1).reshape(-1, *blocks)
         for i, b in enumerate(bench.scene.bodies):

@@ -172,27 +172,44 @@ class Triangles:
 
     @cached_property
     def clusters(self) -> tuple[Floats, Floats, Floats]:
-        """Triangles in an order that keeps neighbours together, and boxes round each few of them.
+        """Of the triangles, and of boxes round each few of them.
 
         Corners (f, 3, 3), laid out as they are read; normals (f, 3); (n, 12) as of `_cut.clusters`.
         """
         from turnscan.simulate import _cut
 
-        middle = self.vertices[self.faces].mean(axis=1)
-        low, high = middle.min(axis=0), middle.max(axis=0)
-        steps = ((middle - low) / np.maximum(high - low, 1e-9).max() * 1023).astype(np.uint64)
-        code = np.zeros(len(middle), np.uint64)  # Morton's: the bits of x, y, z interleaved
-        for bit in range(10):
-            for axis in range(3):
-                one = (steps[:, axis] >> np.uint64(bit)) & np.uint64(1)
-                code |= one << np.uint64(3 * bit + axis)
-        order = np.argsort(code, kind="stable")
-        corners, normals = self.vertices[self.faces[order]], self.flat_normals[order]
-        return corners, normals, _cut.clusters(corners, normals)
+        corners = self.vertices[self.faces]
+        return corners, self.flat_normals, _cut.clusters(corners, self.flat_normals)
+
+
+def _near_to_far(v: Floats, f: npt.NDArray[np.integer]) -> npt.NDArray[np.intp]:
+    """(f,) an order of triangles that keeps neighbours together."""
+    middle = v[f].mean(axis=1)
+    low, high = middle.min(axis=0), middle.max(axis=0)
+    steps = ((middle - low) / np.maximum(high - low, 1e-9).max() * 1023).astype(np.uint64)
+    code = np.zeros(len(middle), np.uint64)  # Morton's: the bits of x, y, z interleaved
+    for bit in range(10):
+        for axis in range(3):
+            one = (steps[:, axis] >> np.uint64(bit)) & np.uint64(1)
+            code |= one << np.uint64(3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+def _by_first_use(v: Floats, f: npt.NDArray[np.integer]) -> tuple[Floats, npt.NDArray[np.integer]]:
+    """Vertices in the order in which triangles use them, and the triangles."""
+    used, first, place = np.unique(f, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return v[used[order]], rank[place].reshape(f.shape)
 
 
 def triangles(bodies: Sequence[Body]) -> Triangles:
-    """Collect the bodies' triangles. Raises InputError for a body without faces."""
+    """Collect the bodies' triangles. Raises InputError for a body without faces.
+
+    Neighbours in space are neighbours in the arrays: fetching triangles from all over the memory
+    would take longer than drawing them.
+    """
     meshes = []
     for b in bodies:
         if not len(b.part.mesh.faces):
@@ -205,10 +222,11 @@ def triangles(bodies: Sequence[Body]) -> Triangles:
     t = v[f]
     cross = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
     length = np.linalg.norm(cross, axis=1)
-    solid = length > 1e-12
-    f, cross, length = f[solid], cross[solid], length[solid]
+    solid = np.flatnonzero(length > 1e-12)
+    solid = solid[_near_to_far(v, f[solid])]
     body = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes])[solid]
-    flat = cross / length[:, None]
+    flat = cross[solid] / length[solid, None]
+    v, f = _by_first_use(v, f[solid])
     return Triangles(
         frozen(v, (None, 3), "Triangles.vertices"),
         frozen(f, (None, 3), "Triangles.faces", np.int32),

@@ -15,8 +15,13 @@ from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
 from turnscan.simulate._airy import Keys, Numbers, Singles
 from turnscan.simulate._cut import FADED, reach_of, sheet_distance
+from turnscan.simulate._fading import faded
 from turnscan.simulate._grain_kernels import Roughness, scatterer
 from turnscan.simulate._rays import within
+
+_BATCH = 256
+"""Cells that are worked out at once."""
+_FIELDS = 14
 
 
 class Seen(NamedTuple):
@@ -69,6 +74,17 @@ class Illumination(NamedTuple):
     focus distance, and the slope (2) of the image distance over the picture."""
 
 
+class Collected(NamedTuple):
+    """What the cells of all pixels send, one after another."""
+
+    energy: Singles
+    keys: Keys
+    """With the cycles (0,) where no speckle is wanted."""
+    cycles: Singles
+    points: Floats
+    """(n, 3) object frame; (0, 3) where not wanted."""
+
+
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def brdf(albedo: float, specular: float, alpha: float, nl: float, nv: float, lv: float) -> float:
     """Lambert + GGX with Smith shadowing and Schlick's Fresnel term (Walter et al. 2007), 1/sr.
@@ -105,6 +121,7 @@ def painted(x: float, y: float, z: float, kind: float, pitch: float, ratio: floa
 def glow(
     seen: Seen, blocks: tuple[int, int], cells: tuple[int, int], R: Floats, t: Floats,
     bodies: Bodies, light: Illumination, profile: Floats, rough: Roughness, points: Floats,
+    powers: Floats,
 ) -> tuple[Singles, Keys, Singles]:  # fmt: skip
     """Laser light that each cell of each pixel collects, and the scatterer that sends it.
 
@@ -112,6 +129,7 @@ def glow(
     (H or 1, k) is the share of the power per unit of s from −1 to 1. Returns energy (n, oy, ox) in
     electrons, and of the cells with light their scatterers' keys and path's fraction of a cycle.
     ``points`` (n, oy, ox, 3) takes the place of these cells, object frame; (0, …) where not wanted.
+    ``powers`` are of `powers_of_e`.
     """
     pixels, field, face, normals, lit = seen
     v, faces, flat, body, paints = bodies
@@ -120,6 +138,9 @@ def glow(
     energy = np.zeros((len(pixels), oy, ox), np.float32)
     rows = len(pixels) if rough.size > 0.0 else 0
     keys, cycles = np.zeros((rows, oy, ox), np.uint32), np.zeros((rows, oy, ox), np.float32)
+    out = Collected(energy.ravel(), keys.ravel(), cycles.ravel(), points.reshape(-1, 3))
+    scale = light.optics[0] / (oy * ox)
+    work, which, count = np.empty(_FIELDS * _BATCH), np.empty(_BATCH, np.int64), 0
     for k in range(len(lit)):
         if not lit[k]:
             continue
@@ -143,29 +164,82 @@ def glow(
                 if slope >= 0.0:
                     continue
                 s = reach / slope
-                place, irradiance = _irradiance(p * s, q * s, s, n, light, spread)
+                place, irradiance, exponent = _irradiance(p * s, q * s, s, n, light, spread)
                 if irradiance <= 0.0:
                     continue
                 place *= profile.shape[1] - 1
                 m = min(int(place), profile.shape[1] - 2)
                 share = profile[swept, m]
                 share += (place - m) * (profile[swept, m + 1] - share)
-                wx, wy, wz = p * s - t[0], q * s - t[1], s - t[2]
-                X = R[0, 0] * wx + R[1, 0] * wy + R[2, 0] * wz
-                Y = R[0, 1] * wx + R[1, 1] * wy + R[2, 1] * wz
-                Z = R[0, 2] * wx + R[1, 2] * wy + R[2, 2] * wz
-                albedo = paints[of, 0]
-                if paints[of, 1] != 0.0:
-                    albedo *= painted(X, Y, Z, paints[of, 1], paints[of, 2], paints[of, 3])
-                back = _returned(
-                    p * s, q * s, s, n, light.apex, albedo, paints[of, 4], paints[of, 5]
-                )
-                energy[i, y, x] = light.optics[0] / (oy * ox) * (irradiance * share * back)
-                if rows:
-                    keys[i, y, x], cycles[i, y, x] = scatterer(X, Y, Z, rough)
-                if len(points):
-                    points[i, y, x, 0], points[i, y, x, 1], points[i, y, x, 2] = X, Y, Z
+                if count == _BATCH:
+                    _emit(work, which, count, scale, R, t, light.apex, paints, rough, powers, out)
+                    count = 0
+                which[count] = (i * oy + y) * ox + x
+                work[count], work[count + _BATCH], work[count + 2 * _BATCH] = p * s, q * s, s
+                work[count + 3 * _BATCH] = n[0]
+                work[count + 4 * _BATCH] = n[1]
+                work[count + 5 * _BATCH] = n[2]
+                work[count + 6 * _BATCH] = irradiance * share
+                work[count + 7 * _BATCH] = exponent
+                work[count + 8 * _BATCH] = of
+                count += 1
+    _emit(work, which, count, scale, R, t, light.apex, paints, rough, powers, out)
     return energy, keys, cycles
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _emit(
+    work: Floats, which: Ints, count: int, scale: float, R: Floats, t: Floats, apex: Numbers,
+    paints: Floats, rough: Roughness, powers: Floats, out: Collected,
+) -> None:  # fmt: skip
+    """Work out many cells at once, and lay them where they belong.
+
+    ``work`` has `_BATCH` numbers each: the cells' places and normals, camera frame, the irradiance
+    in the sheet's middle, the exponent of its fall, and the body. All lie in one array, so that the
+    compiler knows that they do not overlap, and does several cells with one instruction.
+    """
+    a, b, c = R[0, 0], R[0, 1], R[0, 2]
+    d, e, f = R[1, 0], R[1, 1], R[1, 2]
+    g, h, k = R[2, 0], R[2, 1], R[2, 2]
+    tx, ty, tz = t[0], t[1], t[2]
+    for j in range(count):
+        wx, wy, wz = work[j] - tx, work[j + _BATCH] - ty, work[j + 2 * _BATCH] - tz
+        work[j + 9 * _BATCH] = a * wx + d * wy + g * wz
+        work[j + 10 * _BATCH] = b * wx + e * wy + h * wz
+        work[j + 11 * _BATCH] = c * wx + f * wy + k * wz
+    for j in range(count):
+        of = int(work[j + 8 * _BATCH])
+        albedo = paints[of, 0]
+        if paints[of, 1] != 0.0:
+            albedo *= painted(
+                work[j + 9 * _BATCH], work[j + 10 * _BATCH], work[j + 11 * _BATCH],
+                paints[of, 1], paints[of, 2], paints[of, 3],
+            )  # fmt: skip
+        work[j + 12 * _BATCH] = albedo
+        work[j + 13 * _BATCH] = paints[of, 4]
+        work[j + 8 * _BATCH] = paints[of, 5]
+    for j in range(count):
+        n = work[j + 3 * _BATCH], work[j + 4 * _BATCH], work[j + 5 * _BATCH]
+        back = _returned(
+            work[j], work[j + _BATCH], work[j + 2 * _BATCH], n, apex,
+            work[j + 12 * _BATCH], work[j + 13 * _BATCH], work[j + 8 * _BATCH],
+        )  # fmt: skip
+        here = work[j + 6 * _BATCH] * faded(work[j + 7 * _BATCH], powers)
+        work[j + 6 * _BATCH] = scale * (here * back)
+    for j in range(count):
+        out.energy[which[j]] = work[j + 6 * _BATCH]
+    if len(out.points):
+        for j in range(count):
+            for axis in range(3):
+                out.points[which[j], axis] = work[j + (9 + axis) * _BATCH]
+    if len(out.keys):
+        keys, cycles = np.empty(_BATCH, np.uint32), np.empty(_BATCH, np.float32)
+        for j in range(count):
+            keys[j], cycles[j] = scatterer(
+                work[j + 9 * _BATCH], work[j + 10 * _BATCH], work[j + 11 * _BATCH], rough
+            )
+        for j in range(count):
+            out.keys[which[j]], out.cycles[which[j]] = keys[j], cycles[j]
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
@@ -238,25 +312,28 @@ def _blurred(
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _irradiance(
     x: float, y: float, depth: float, n: Numbers, light: Illumination, spread: float
-) -> tuple[float, float]:
-    """Where on the fan, 0 to 1 (its ends), and W/mm² for a share of 1 per unit of s."""
+) -> tuple[float, float, float]:
+    """Where on the fan, 0 to 1 (its ends), and of the W/mm² for a share of 1 per unit of s those in
+    the sheet's middle, and x where exp(−x) is left of them.
+    """
     apex, beam, fan = light.apex, light.beam, light.fan
     wx, wy, wz = x - apex[0], y - apex[1], depth - apex[2]
     z = wx * beam[4] + wy * beam[5] + wz * beam[6]
     s = (wx * fan[2] + wy * fan[3] + wz * fan[4]) / fan[1]
     if abs(s) >= z:  # beside the fan, or behind the laser
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     far = (z - beam[1]) / beam[2]
     w = beam[0] * math.sqrt(1.0 + far * far) * spread
     d = sheet_distance(x, y, depth, light.sheet)
     facing = -(n[0] * wx + n[1] * wy + n[2] * wz)
     if abs(d) > FADED * w or facing <= 0.0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     onward, thick = 1.0 / z, 1.0 / w
-    across = math.sqrt(2.0 / math.pi) * thick * math.exp(-2.0 * (d * thick) * (d * thick))
+    across = math.sqrt(2.0 / math.pi) * thick
     # Power per area of a plane square to the aim; a plane square to the ray gets it over z/length,
     # and the surface times the cosine, which is facing/length.
-    return (s * onward + 1.0) * 0.5, fan[0] / fan[1] * across * facing * onward * onward
+    middle = fan[0] / fan[1] * across * facing * onward * onward
+    return (s * onward + 1.0) * 0.5, middle, 2.0 * (d * thick) * (d * thick)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
