@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import maximum_filter
 
 from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere, union
 from tests.points.grids import plain_grid
@@ -29,6 +30,7 @@ from turnscan.points import (
     resample,
     view_mask,
     whole_turns,
+    widened,
     without,
     working_volume,
 )
@@ -208,6 +210,15 @@ def test_the_mask_shows_the_volume_and_nothing_else():
     wide = view_mask(rig, "L0", volume, margin=8)
     assert wide[mask].all()
     assert np.flatnonzero(wide.any(axis=1))[0] == np.flatnonzero(mask.any(axis=1))[0] - 8
+
+
+@pytest.mark.parametrize("margin", [0, 1, 2, 5, 8, 40])
+def test_a_margin_is_a_square_round_each_pixel_cut_by_the_picture(margin):
+    seen = np.random.default_rng(margin).random((37, 23)) < 0.01
+    seen[[0, -1], [-1, 0]] = True
+    wide = widened(seen, margin)
+    assert (wide == maximum_filter(seen, 2 * margin + 1, mode="constant")).all()
+    assert wide.flags.c_contiguous
 
 
 @given(
