@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from turnscan.arrays import Bools, Floats, Ints
 from turnscan.compiled import njit
@@ -189,8 +190,8 @@ def glow(
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _emit(
-    work: Floats, which: Ints, count: int, scale: float, R: Floats, t: Floats, apex: Numbers,
-    paints: Floats, rough: Roughness, powers: Floats, out: Collected,
+    work: Floats, which: npt.NDArray[np.int64], count: int, scale: float, R: Floats, t: Floats,
+    apex: Numbers, paints: Floats, rough: Roughness, powers: Floats, out: Collected,
 ) -> None:  # fmt: skip
     """Work out many cells at once, and lay them where they belong.
 
