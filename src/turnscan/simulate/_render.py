@@ -192,7 +192,7 @@ class Renderer:
         printed = any(b.texture is not None for b in bench.scene.bodies)
         spots = np.empty((len(pixels) if printed else 0, *cells, 3))
         energy, keys, cycles = _shade.glow(
-            _shade.Seen(pixels, self.view.field, face, normals, lit), blocks, cells, R, t,
+            _shade.Seen(pixels, self.view.field, face, normals, lit), blocks, cells, (R, t),
             _shade.Bodies(
                 tri.vertices, tri.faces, tri.flat_normals, tri.body, self._paints(beam)
             ),

@@ -120,18 +120,19 @@ def painted(x: float, y: float, z: float, kind: float, pitch: float, ratio: floa
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def glow(
-    seen: Seen, blocks: tuple[int, int], cells: tuple[int, int], R: Floats, t: Floats,
-    bodies: Bodies, light: Illumination, profile: Floats, rough: Roughness, points: Floats,
-    powers: Floats,
+    seen: Seen, blocks: tuple[int, int], cells: tuple[int, int],
+    pose: tuple[Floats, Floats], bodies: Bodies, light: Illumination, profile: Floats,
+    rough: Roughness, points: Floats, powers: Floats,
 ) -> tuple[Singles, Keys, Singles]:  # fmt: skip
     """Laser light that each cell of each pixel collects, and the scatterer that sends it.
 
-    The rotation R and the translation t take the object's frame to the camera's; ``profile``
+    The rotation and translation of ``pose`` take the object's frame to the camera's; ``profile``
     (H or 1, k) is the share of the power per unit of s from −1 to 1. Returns energy (n, oy, ox) in
     electrons, and of the cells with light their scatterers' keys and path's fraction of a cycle.
     ``points`` (n, oy, ox, 3) takes the place of these cells, object frame; (0, …) where not wanted.
     ``powers`` are of `powers_of_e`.
     """
+    R, t = pose
     pixels, field, face, normals, lit = seen
     v, faces, flat, body, paints = bodies
     oy, ox = cells
@@ -173,7 +174,7 @@ def glow(
                 share = profile[swept, m]
                 share += (place - m) * (profile[swept, m + 1] - share)
                 if count == _BATCH:
-                    _emit(work, which, count, scale, R, t, light.apex, paints, rough, powers, out)
+                    _emit(work, which, count, scale, pose, light.apex, paints, rough, powers, out)
                     count = 0
                 which[count] = (i * oy + y) * ox + x
                 work[count], work[count + _BATCH], work[count + 2 * _BATCH] = p * s, q * s, s
@@ -184,14 +185,15 @@ def glow(
                 work[count + 7 * _BATCH] = exponent
                 work[count + 8 * _BATCH] = of
                 count += 1
-    _emit(work, which, count, scale, R, t, light.apex, paints, rough, powers, out)
+    _emit(work, which, count, scale, pose, light.apex, paints, rough, powers, out)
     return energy, keys, cycles
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _emit(
-    work: Floats, which: npt.NDArray[np.int64], count: int, scale: float, R: Floats, t: Floats,
-    apex: Numbers, paints: Floats, rough: Roughness, powers: Floats, out: Collected,
+    work: Floats, which: npt.NDArray[np.int64], count: int, scale: float,
+    pose: tuple[Floats, Floats], apex: Numbers, paints: Floats, rough: Roughness,
+    powers: Floats, out: Collected,
 ) -> None:  # fmt: skip
     """Work out many cells at once, and lay them where they belong.
 
@@ -199,6 +201,7 @@ def _emit(
     in the sheet's middle, the exponent of its fall, and the body. All lie in one array, so that the
     compiler knows that they do not overlap, and does several cells with one instruction.
     """
+    R, t = pose
     a, b, c = R[0, 0], R[0, 1], R[0, 2]
     d, e, f = R[1, 0], R[1, 1], R[1, 2]
     g, h, k = R[2, 0], R[2, 1], R[2, 2]
