@@ -16,6 +16,7 @@ from tests.workflows.scans import write_can
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job
 from turnscan.app._open_scan import OpenScan
+from turnscan.app._step_pictures import StepPictures
 from turnscan.cli import turnscan
 from turnscan.cli._words import with_flags
 from turnscan.formats import ExportOptions, export
@@ -66,9 +67,11 @@ def doors(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     here, there = tmp_path_factory.mktemp("cli"), tmp_path_factory.mktemp("browser")
     name = f"{request.param}.turnscan"
     scan, shown = (Path(shutil.copy(made / name, folder / name)) for folder in (here, there))
-    browser = OpenScan("scan", shown, Hub(), Job(Hub(), "open", "", None))
+    pictures = StepPictures(there)
+    browser = OpenScan("scan", shown, Hub(), Job(Hub(), "open", "", None), pictures)
     yield Doors(scan, browser, Job(Hub(), "edit", "", None))
     browser.close()
+    pictures.close()
 
 
 @pytest.mark.parametrize("changes", SETTINGS, ids=lambda c: ",".join(c) or "usual")
@@ -111,11 +114,13 @@ def test_all_doors_make_the_same_surface(
 def test_a_browser_opens_a_scan_with_the_settings_in_its_file(tmp_path: Path) -> None:
     scan = write_can(tmp_path / "can.turnscan")
     made = ts.reconstruct(scan, strategy="gauss3", close=True, store=True)
-    browser = OpenScan("can", scan, Hub(), Job(Hub(), "open", "", None))
+    pictures = StepPictures(tmp_path)
+    browser = OpenScan("can", scan, Hub(), Job(Hub(), "open", "", None), pictures)
     try:
         shown = browser.result(browser.now, no_progress)
     finally:
         browser.close()
+        pictures.close()
     assert shown.options == made.options
     one, two = (r.content(ExportOptions())[0] for r in (shown, made))
     assert export(shown.mesh, ".ply", options=one) == export(made.mesh, ".ply", options=two)

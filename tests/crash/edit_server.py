@@ -20,16 +20,19 @@ from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job
 from turnscan.app._open_scan import OpenScan
 from turnscan.app._server import Listening, Server, application, bind
+from turnscan.app._step_pictures import StepPictures
 
 
 def warm(folder: Path) -> None:
     """Open a copy of each scan once, so that the children find everything loaded."""
     with tempfile.TemporaryDirectory() as elsewhere:
+        pictures = StepPictures(Path(elsewhere))
         for path in folder.glob("*.turnscan"):
             copy = Path(elsewhere) / path.name
             shutil.copy(path, copy)
             hub = Hub()
-            OpenScan("warm", copy, hub, Job(hub, "open", "", None)).close()
+            OpenScan("warm", copy, hub, Job(hub, "open", "", None), pictures).close()
+        pictures.close()
 
 
 def serve(folder: Path, told: int) -> None:

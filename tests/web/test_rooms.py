@@ -17,6 +17,7 @@ from turnscan.app._envelope import unpack
 from turnscan.app._hub import Hub
 from turnscan.app._jobs import Job, remarks
 from turnscan.app._open_scan import OpenScan
+from turnscan.app._step_pictures import StepPictures
 from turnscan.edit import Action, Change, Document
 from turnscan.findings import Finding
 from turnscan.formats import read_mesh, write_ply
@@ -304,12 +305,13 @@ def test_from_a_vertex_to_its_profile_and_its_picture(server: Running) -> None:
 
 
 def test_opening_can_be_cancelled_and_lets_the_file_go(folder: Path) -> None:
-    path, hub = folder / "ball.turnscan", Hub()
+    path, hub, pictures = folder / "ball.turnscan", Hub(), StepPictures(folder)
     job = Job(hub, "open", "Opening ball", "ball")
     job.cancel()
     with pytest.raises(Cancelled):
-        OpenScan("ball", path, hub, job)
-    OpenScan("ball", path, hub, Job(hub, "open", "Opening ball", "ball")).close()
+        OpenScan("ball", path, hub, job, pictures)
+    OpenScan("ball", path, hub, Job(hub, "open", "Opening ball", "ball"), pictures).close()
+    pictures.close()
 
 
 def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
