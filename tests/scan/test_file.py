@@ -380,6 +380,23 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
         assert not one.being_written
 
 
+def test_a_scan_that_was_closed_meanwhile_is_not_called_damaged(tmp_path: Path) -> None:
+    write(tmp_path / "a.turnscan")
+    scan = Scan.resume(tmp_path / "a.turnscan")
+    late = next(scan.stored())
+    scan.close()
+    for reach in (
+        late.decode,
+        lambda: scan.frame(0),
+        scan.edits,
+        lambda: next(scan.verify()),
+        lambda: scan.append_edit("{}", 0.0),
+        lambda: scan.keep_settings("{}"),
+    ):
+        with pytest.raises(InputError, match=r"a\.turnscan: the scan was closed meanwhile"):
+            reach()
+
+
 def test_resume_adds_what_is_missing(tmp_path: Path) -> None:
     path = tmp_path / "a.turnscan"
     frames = write(path, steps=3)

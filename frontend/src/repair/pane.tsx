@@ -19,7 +19,9 @@ export function Pane({ name, title, about, tools, foot, children }: PaneProps) {
     <section class={`pane ${name}`} aria-label={title}>
       <header>
         <h2>{title}</h2>
-        <span class="about">{about}</span>
+        <span class="about" title={typeof about === "string" ? about : undefined}>
+          {about}
+        </span>
         {tools}
         <Button
           kind="plain"

@@ -7,6 +7,7 @@ import math
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from os import PathLike
@@ -258,7 +259,7 @@ class Scan:
         reading, StorageFull, ScanCorrupt where the log is damaged, ScanError.
         """
         self._must_write()
-        with self._thread:
+        with self._reached():
             if self._last_edit is None:
                 self._last_edit = next(reversed(self.edits()), None)
             with storage(self.path), transaction(self._db):
@@ -274,7 +275,7 @@ class Scan:
         StorageFull, ScanError.
         """
         self._must_write()
-        with self._thread:
+        with self._reached():
             with storage(self.path), transaction(self._db):
                 database.write_meta(self._db, "settings", text)
             checkpoint(self._db)
@@ -287,7 +288,7 @@ class Scan:
 
         Raises ScanCorrupt naming the first entry that is damaged.
         """
-        with self._thread:
+        with self._reached():
             return tuple(edit_log.read(self._db, self.path))
 
     def frames(self, laser: str | None = None, project: Project | None = None) -> Iterator[Frame]:
@@ -394,7 +395,7 @@ class Scan:
 
     def verify(self) -> Iterator[tuple[str, ScanError | None]]:
         """Read and check everything there is: the name of each part, and what is wrong with it."""
-        with self._thread:
+        with self._reached():
             yield "the file's pages", _trouble(lambda: database.quick_check(self._db, self.path))
         for laser, row in self._index.backgrounds.items():
             yield str(row), _trouble(partial(self.background, laser))
@@ -406,11 +407,21 @@ class Scan:
 
     # Inside
 
+    @contextmanager
+    def _reached(self) -> Iterator[None]:
+        """The file, for one thread alone. Raises InputError where it was closed meanwhile."""
+        with self._thread:
+            if self._closed:
+                raise InputError(
+                    f"{self.path}: the scan was closed meanwhile", hint="open it again"
+                )
+            yield
+
     def _check(self, row: Row) -> None:
         self._unpacker.stored(row, None).decode()
 
     def _payload(self, row: Row) -> bytes:
-        with self._thread:
+        with self._reached():
             payload = database.read_payload(self._db, row, self.path)
         return database.check_payload(payload, row, self.path)
 
@@ -464,7 +475,7 @@ class Scan:
     def _write(self, change: Callable[[], T]) -> T:
         """One transaction; the file is no longer what it was closed with."""
         self._must_write()
-        with self._thread, storage(self.path), transaction(self._db):
+        with self._reached(), storage(self.path), transaction(self._db):
             if self.sealed:
                 self._db.execute("DELETE FROM meta WHERE key = 'seal'")
             done = change()

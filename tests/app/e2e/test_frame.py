@@ -28,7 +28,9 @@ ROOMS = {
 }  # fmt: skip
 """What is in the address, and the name of the room's main region."""
 CUT = """
-() => [...document.querySelectorAll("button, label, h1, h2, h3, summary, legend, dt, th, .chip")]
+() => [...document.querySelectorAll(
+    "button, label, h1, h2, h3, summary, legend, dt, dd, th, .chip, .key span, .about," +
+    " .with-unit span")]
   .filter((e) => e.checkVisibility() && !e.closest(".sr-only") && e.textContent.trim())
   .filter((e) => {
     const box = e.getBoundingClientRect();
@@ -43,6 +45,26 @@ CUT = """
   })
   .map((e) => `${e.localName} “${e.textContent.trim().slice(0, 40)}”`)
 """
+CUT_IN_FIELDS = """
+() => [...document.querySelectorAll("input[type=number], input[type=text], input[type=search]")]
+  .filter((e) => e.checkVisibility() && !e.closest(".sr-only"))
+  .filter((e) => {
+    const style = getComputedStyle(e);
+    const pen = document.createElement("canvas").getContext("2d");
+    pen.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+    const wide = pen.measureText(e.value || e.placeholder).width;
+    const [left, right] = [parseFloat(style.paddingLeft), parseFloat(style.paddingRight)];
+    const unit = e.parentElement.querySelector(":scope > span")?.getBoundingClientRect();
+    const end = e.getBoundingClientRect().right - right;
+    return wide > e.clientWidth - left - right + 1 || (unit && unit.left < end - 1);
+  })
+  .map((e) => `field “${e.value || e.placeholder}” of ${e.labels[0]?.textContent}`)
+"""
+
+
+def cut(page) -> list[str]:
+    """Labels, texts and fields of which a part is not seen."""
+    return [*page.evaluate(CUT), *page.evaluate(CUT_IN_FIELDS)]
 
 
 def serious(page) -> list[str]:
@@ -71,7 +93,7 @@ def test_in_every_room_no_label_is_cut_and_nothing_is_wrong_for_screen_readers(o
             page.set_viewport_size({"width": width, "height": height})
             settled(page)
             assert page.evaluate("document.documentElement.scrollWidth") <= width, room
-            wrong += [f"{room} at {width} px: {label}" for label in page.evaluate(CUT)]
+            wrong += [f"{room} at {width} px: {label}" for label in cut(page)]
         for theme in ("light", "dark"):
             page.get_by_role("button", name="Dark or light").click()
             settled(page)
@@ -84,7 +106,11 @@ def test_in_every_room_no_label_is_cut_and_nothing_is_wrong_for_screen_readers(o
     every.fill("2")
     every.press("Enter")
     page.get_by_role("region", name="Patch, as typed").wait_for(timeout=1000 * OPENING)
-    wrong += [f"settings: {one}" for one in [*page.evaluate(CUT), *serious(page)]]
+    wrong += [f"settings: {one}" for one in serious(page)]
+    for width, height in ((1024, 700), (1280, 800)):
+        page.set_viewport_size({"width": width, "height": height})
+        settled(page)
+        wrong += [f"settings at {width} px: {label}" for label in cut(page)]
     page.keyboard.press("Escape")
     page.locator("body").click(position={"x": 2, "y": 2})
     page.keyboard.press("?")
