@@ -121,17 +121,11 @@ if TYPE_CHECKING:
     from turnscan.workflows._section_options import SectionOptions
     from turnscan.workflows._sections import Sections, cuts_of
     from turnscan.workflows._selection_rules import SELECTION_RULES
-    from turnscan.workflows._session import (
-        HistoryRow,
-        PlacedFinding,
-        ScanSession,
-        SessionChange,
-        SessionState,
-        Stale,
-        hole_in_words,
-    )
+    from turnscan.workflows._session import ScanSession, hole_in_words
     from turnscan.workflows._session_grid import CAUSE_TEXTS
+    from turnscan.workflows._session_history import HistoryRow
     from turnscan.workflows._session_mesh import SurfacePatch, mesh_file_arrays
+    from turnscan.workflows._session_state import PlacedFinding, SessionChange, SessionState, Stale
     from turnscan.workflows._shapes import FoundShapes, find_shapes
     from turnscan.workflows._shapes_options import SHAPES_SUFFIXES, ShapesOptions
     from turnscan.workflows._shapes_step import check_step
@@ -261,17 +255,11 @@ _MODULES = {
     "_section_options": ("SectionOptions",),
     "_sections": ("Sections", "cuts_of"),
     "_selection_rules": ("SELECTION_RULES",),
-    "_session": (
-        "HistoryRow",
-        "PlacedFinding",
-        "ScanSession",
-        "SessionChange",
-        "SessionState",
-        "Stale",
-        "hole_in_words",
-    ),
+    "_session": ("ScanSession", "hole_in_words"),
     "_session_grid": ("CAUSE_TEXTS",),
+    "_session_history": ("HistoryRow",),
     "_session_mesh": ("SurfacePatch", "mesh_file_arrays"),
+    "_session_state": ("PlacedFinding", "SessionChange", "SessionState", "Stale"),
     "_live_calibration": (
         "CELL_COLUMNS",
         "CELL_ROWS",

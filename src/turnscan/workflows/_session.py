@@ -6,23 +6,19 @@ What a browser shows, without a word of how it is told: values and arrays out, e
 from __future__ import annotations
 
 import contextlib
-import functools
-import hashlib
-import math
 import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import zip_longest
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from turnscan import edit
-from turnscan.detection import Detection, View, detect_scan
+from turnscan.detection import Detection, detect_scan
 from turnscan.errors import FormatError, InputError, ScanNewer
 from turnscan.findings import Finding
 from turnscan.mesh import Mesh
@@ -37,7 +33,7 @@ from turnscan.shapes import Source
 from turnscan.stripes import StripeSettings
 from turnscan.surface import mesh_findings
 from turnscan.surface.clean import settled
-from turnscan.surface.holes import CAUSE_WORDS, Hole, ScanCoverage, explain, holes
+from turnscan.surface.holes import CAUSE_WORDS, Hole, explain, holes
 from turnscan.workflows._compare_options import CompareOptions
 from turnscan.workflows._declare import chosen
 from turnscan.workflows._gallery import THUMBNAIL
@@ -58,14 +54,12 @@ from turnscan.workflows._result import ReconstructResult
 from turnscan.workflows._session_deviation import ShownDeviation, shown_deviation
 from turnscan.workflows._session_grid import (
     ShownProfile,
-    changed_steps,
     grid_arrays,
     shown_profile,
-    steps_taken_away,
     touched,
 )
+from turnscan.workflows._session_history import BranchRow, HistoryRow, Steps, step_in_words
 from turnscan.workflows._session_measures import (
-    KeptMeasure,
     Place,
     Renewed,
     What,
@@ -76,137 +70,30 @@ from turnscan.workflows._session_measures import (
 )
 from turnscan.workflows._session_mesh import (
     Arrays,
-    SurfacePatch,
     coarse_arrays,
     preview_arrays,
     surface_arrays,
-    surface_patches,
 )
 from turnscan.workflows._session_settings import ShownSettings, shown_settings
 from turnscan.workflows._session_shapes import ShownShapes, shown_shapes
+from turnscan.workflows._session_state import (
+    PlacedFinding,
+    SessionChange,
+    SessionState,
+    ShownPreview,
+    Stale,
+    Work,
+)
 from turnscan.workflows._session_trial import Trial, Way, found_anew, found_before, tried
 from turnscan.workflows._shapes import find_shapes
 from turnscan.workflows._texture import TextureSource, coloured, colours
 
 MOST_HOLES = 1000
 """So many are reported at once."""
-_STEP = (96, 72)
-"""px, width and height of the picture of a step."""
 _MOST_DETECTIONS = 3
 """Stripes found with other settings that are held, so that undo does not look for them again."""
 _DETECTION = 0.8
 """Of the work of opening a scan, until all stripes are found."""
-
-
-class Stale(InputError):
-    """The edit was made on a surface that has changed since."""
-
-
-class Work(Protocol):
-    """Who asked for something that may take long: receives its progress, and may cancel it."""
-
-    title: str
-
-    @property
-    def progress(self) -> Progress:
-        """Receives the progress."""
-
-    def check(self) -> None:
-        """Raise Cancelled where somebody has cancelled it."""
-
-    def commit(self) -> None:
-        """From here on it cannot be cancelled. Raises Cancelled where it was before."""
-
-
-@dataclass(frozen=True, eq=False)
-class SessionState:
-    """What an open scan is at one moment; a value, so that readers need no lock."""
-
-    document: edit.Document
-    grids: tuple[RangeGrid, ...]
-    sought: tuple[ScanCoverage, ...]
-    """What the scan could have seen, for the causes of holes."""
-    revision: int
-    epoch: int
-    """Counts the surfaces whose faces have other numbers."""
-    figures: edit.Figures
-    options: ReconstructOptions
-    """What the surface was made with."""
-    settings: Settings
-    """The same, with the rig."""
-    views: Mapping[str, View]
-    """How the stripe of each laser was found."""
-    measures: tuple[KeptMeasure, ...]
-    sets: Mapping[str, ReconstructOptions]
-    """The named sets of settings in the file, those that can be read; not the default one."""
-
-
-@dataclass(frozen=True, eq=False)
-class SessionChange:
-    """One step of an open scan, for those who show it."""
-
-    before: SessionState
-    after: SessionState
-    text: str
-    patches: Sequence[edit.Patch]
-
-    def surface(self) -> list[SurfacePatch]:
-        """What it did to the surface, in the order it is done."""
-        return surface_patches(self.patches)
-
-    def grids(self) -> Iterator[tuple[int, list[int]]]:
-        """Which steps of which grids are others now."""
-        for k, (a, b) in enumerate(zip_longest(self.before.grids, self.after.grids)):
-            steps = changed_steps(a, b)
-            if b is not None:
-                away = steps_taken_away(b, self.before.document, self.after.document)
-                steps = sorted({*steps, *map(int, away)})
-            if steps:
-                yield k, steps
-
-
-@dataclass(frozen=True)
-class HistoryRow:
-    """An edit of the history."""
-
-    edit: int
-    """Its number for ever."""
-    kind: str
-    text: str
-    on: bool
-    at: float
-    """s since 1970; NaN where unknown."""
-    name: str
-    """Given by a person; empty for none."""
-    picture: str
-    """Names a picture of the surface after this edit (`step_pictures`); of a branch, too."""
-
-
-@dataclass(frozen=True)
-class BranchRow:
-    """A piece of another history, left when an edit was made after stepping back."""
-
-    after: int
-    """Number of the edit it grows from; 0: it begins with the first edit."""
-    rows: tuple[HistoryRow, ...]
-    """Its edits that neither the history nor a newer branch has."""
-
-
-@dataclass(frozen=True, eq=False)
-class ShownPreview:
-    """What an edit would do: vertices and faces it would add, faces it would take away."""
-
-    figures: edit.Figures
-    arrays: Arrays
-
-
-@dataclass(frozen=True)
-class PlacedFinding:
-    """A finding, and the grid and the step that its words name."""
-
-    finding: Finding
-    grid: int | None
-    step: int | None
 
 
 class ScanSession:
@@ -236,14 +123,13 @@ class ScanSession:
         self._seen: dict[tuple[StripeSettings, Volume | None], list[Detection]] = {}
         self._current: tuple[StripeSettings, Volume | None] | None = None
         """Of the stripes that `now` is made of."""
-        self._times: dict[int, float] = {}
         self.scan = Scan.resume(path)
         try:
-            self._rig, self._digest = rig_for(self.scan), str(self.scan.digest)
+            self._rig, self._steps = rig_for(self.scan), Steps(str(self.scan.digest))
             for entry in self.scan.edits():
                 action = edit.action_from_json(entry.text)
                 if isinstance(action, edit.Add):
-                    self._times[action.id] = entry.time
+                    self._steps.made(action.id, entry.time)
             history = history_of(self.scan)
             rest = self._prepared(history, progress)
             document = edit.Document.open(self._build, history, rest, self._source)
@@ -393,57 +279,22 @@ class ScanSession:
 
     def history(self, state: SessionState) -> list[HistoryRow]:
         """The edits in their order; the first ``cursor`` of them count."""
-        return list(self._rows(state.document.history.entries))
+        return self._steps.rows(state.document.history.entries)
 
     def branches(self, state: SessionState) -> list[BranchRow]:
         """The other pieces of the tree of edits, the newest first."""
-        history = state.document.history
-        paths = {e.id: path for path in history.branches for e in path}
-        out = []
-        for fork in history.forks:
-            rows = self._rows(paths[fork.entries[-1].id])
-            out.append(BranchRow(fork.after, rows[-len(fork.entries) :]))
-        return out
-
-    def _rows(self, path: Sequence[edit.Entry]) -> tuple[HistoryRow, ...]:
-        keys = self._picture_keys(path)
-        return tuple(
-            HistoryRow(e.id, e.edit.kind, edit_in_words(e.edit), e.on, self._at(e.id), e.name, key)
-            for e, key in zip(path, keys[1:], strict=True)
-        )
-
-    def _picture_keys(self, path: Sequence[edit.Entry]) -> list[str]:
-        """Names of pictures: as scanned, and after each edit; others where the surface may be."""
-        total = hashlib.sha256(self._digest.encode())
-        keys = [total.hexdigest()[:16]]
-        for e in path:
-            if e.on:
-                total.update(f"{e.id} {self._at(e.id)};".encode())
-            keys.append(total.hexdigest()[:16])
-        return keys
+        return self._steps.branches(state.document.history)
 
     def picture_as_scanned(self) -> str:
         """Names the picture of the surface before any edit."""
-        return self._picture_keys(())[0]
+        return self._steps.pictures(())[0]
 
     def step_pictures(self, state: SessionState) -> Iterator[tuple[str, Callable[[], bytes]]]:
         """Pictures that can be drawn of steps up to the present one: names, and what draws them.
 
         The newest first, back to the last step that made the surface anew.
         """
-        document = state.document
-        keys = self._picture_keys(document.history.entries)
-        body, done = document.body, list(document.done)
-        for at in range(document.history.cursor, -1, -1):
-            yield keys[at], functools.partial(_step_picture, body)
-            if at == 0:
-                return
-            entry = document.history.entries[at - 1]
-            if entry.on and edit.needs_rebuild(entry.edit):
-                return
-            if entry.on:
-                for patch in done.pop().back:
-                    body = patch.on(body)
+        return self._steps.drawn(state.document)
 
     def touched(self) -> tuple[SessionState, Arrays]:
         """``touch`` (v,): what was last done by hand at each vertex, a number of `Touch`.
@@ -708,15 +559,12 @@ class ScanSession:
             now = time.time()
             self.scan.append_edit(edit.action_to_json(change.action), now)
             if isinstance(change.action, edit.Add):
-                self._times[change.action.id] = now
+                self._steps.made(change.action.id, now)
         before = self.now
         replaced = any(isinstance(c, edit.Replace) for c in change.patches)
         self.now = self._state(document, before.revision + 1, before.epoch + replaced)
-        text = _what(change.action, document.history)
+        text = step_in_words(change.action, document.history)
         self._changed(SessionChange(before, self.now, text, change.patches))
-
-    def _at(self, id: int) -> float:
-        return self._times.get(id, math.nan)
 
     # Reconstructing
 
@@ -808,12 +656,6 @@ class ScanSession:
             return self._found[1:]
 
 
-def _step_picture(body: edit.Body) -> bytes:
-    """A small picture of a surface as PNG; one without faces is empty."""
-    mesh = edit.Compact.of(body).mesh
-    return png(mesh.show(size=_STEP, transparent=True).pixels)
-
-
 def hole_in_words(hole: Hole) -> str:
     """Why there is a hole."""
     return CAUSE_WORDS[hole.cause or "unknown"]
@@ -850,19 +692,3 @@ def _numbered(state: SessionState, number: int) -> RangeGrid:
     if not 0 <= number < len(state.grids):
         raise InputError(f"there is no grid {number}")
     return state.grids[number]
-
-
-def _what(action: edit.Action | None, history: edit.History) -> str:
-    match action:
-        case edit.Add():
-            return edit_in_words(action.edit)
-        case edit.Switch():
-            return f"edit {action.id} switched {'on' if action.on else 'off'}"
-        case edit.Branch():
-            return f"branch of {len(history.entries)} edits taken up"
-        case edit.Name():
-            return f"edit {action.id} named {action.name!r}"
-        case edit.Go():
-            return f"{action.cursor} of {len(history.entries)} edits"
-        case None:
-            return ""
