@@ -10,7 +10,7 @@ Squares, 1976, §9). The moves of all relations together must pass the same test
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -28,16 +28,63 @@ _ANGLE = float(np.radians(1.0))
 _LOOK = float(np.radians(3.0))
 _SHARE = 0.02
 """Of the radius: radii and places less certain than this say nothing."""
+_IMPLIED = 1e-5
+"""Of its limit: a relation more certain than this is said by others."""
 _ROUNDS = 4
+_TINY = 1e-5
+"""rad or mm: step of differences."""
 
 
 @dataclass
 class Adopted:
-    """Shapes with relations: numbers (n, 10), joint covariance, and what was adopted."""
+    """Shapes with relations: numbers (n, 10), joint covariance, and what was adopted.
+
+    `frame` of an axis along z may turn by 90° where the axis moves by an arc second. So until all
+    is adopted the local parameters, and their covariance, keep the frames that they began with.
+    """
 
     q: Floats
     covariance: Floats
     relations: list[Relation]
+    frames: Floats
+    """(n, 2, 3) unit vectors across the axes, of the local parameters."""
+
+    def moved(self, move: Floats) -> Floats:
+        """(n, 10) the shapes after a move (7 n,)."""
+        steps = move.reshape(-1, 7)
+        return np.array(list(map(self._moved_one, range(len(self.q)), self.q, steps)))
+
+    def slope(self, shapes: Sequence[int], of: Callable[[Floats], Floats]) -> Floats:
+        """(m, 7 n) how values (m,) of some shapes change with a move, by central differences."""
+        some = self.q[list(shapes)]
+        A = np.zeros((len(of(some)), len(self.covariance)))
+        for i, k in enumerate(shapes):
+            for j in range(7):
+                there, back, step = some.copy(), some.copy(), np.zeros(7)
+                step[j] = _TINY
+                there[i] = self._moved_one(k, some[i], step)
+                back[i] = self._moved_one(k, some[i], -step)
+                A[:, 7 * k + j] = (of(there) - of(back)) / (2 * _TINY)
+        return A
+
+    def _moved_one(self, k: int, q: Floats, step: Floats) -> Floats:
+        return surface.moved_across(q, *self._across(k, q[3:6]), step)
+
+    def _across(self, k: int, axis: Floats) -> tuple[Floats, Floats]:
+        """The frame of a shape, square to its axis as it is now."""
+        e1 = self.frames[k, 0] - (self.frames[k, 0] @ axis) * axis
+        e1 /= np.linalg.norm(e1)
+        return e1, np.cross(axis, e1)
+
+    def in_own_frames(self) -> Adopted:
+        """The covariance of the parameters in the `frame` of each axis as it is now."""
+        frames = np.array([frame(q[3:6]) for q in self.q])
+        turn = np.eye(len(self.covariance))
+        for k, q in enumerate(self.q):
+            across = frames[k] @ np.stack(self._across(k, q[3:6])).T
+            for at in (7 * k, 7 * k + 2):
+                turn[at : at + 2, at : at + 2] = across
+        return Adopted(self.q, turn @ self.covariance @ turn.T, self.relations, frames)
 
 
 Condition = Callable[[Floats], Floats]
@@ -54,10 +101,14 @@ class _Candidate:
 
 
 def adopt(kinds: list[int], sides: list[float], q: Floats, covariance: Floats) -> Adopted:
-    """Adopt relations among shapes of these kinds, the closest first."""
-    now = Adopted(q.copy(), covariance.copy(), [])
+    """Adopt relations among shapes of these kinds: axes in line first, then the closest first.
+
+    A plane parallel to two axes that still differ by their noise would be known about them, too.
+    """
+    now = Adopted(q.copy(), covariance.copy(), [], np.array([frame(one[3:6]) for one in q]))
     waiting = list(_candidates(kinds, sides, q))
-    order = sorted(range(len(waiting)), key=lambda k: _score(now, waiting[k]))
+    crossed = [c.of is _square for c in waiting]
+    order = sorted(range(len(waiting)), key=lambda k: (crossed[k], _score(now, waiting[k])))
     total = np.zeros(len(covariance))
     spent = 0
     for k in order:
@@ -69,7 +120,6 @@ def adopt(kinds: list[int], sides: list[float], q: Floats, covariance: Floats) -
         relation, move, rank = _step(now, c, value, A, S)
         if relation is None:
             continue
-        q_new = _moved(now.q, move)
         trial = total + move
         if not _bearable(trial, covariance, spent + rank):
             continue
@@ -77,16 +127,27 @@ def adopt(kinds: list[int], sides: list[float], q: Floats, covariance: Floats) -
         if not rank:
             continue
         total, spent = trial, spent + rank
-        now.q = q_new
-        K = now.covariance @ A.T @ np.linalg.pinv(S, rcond=1e-6, hermitian=True)
-        now.covariance = now.covariance - K @ A @ now.covariance
-        now.covariance = (now.covariance + now.covariance.T) / 2
-        own = np.einsum("ii->i", now.covariance)
-        np.maximum(own, 0.0, out=own)  # rounding, where relations leave nothing uncertain
-        for _ in range(_ROUNDS):  # the conditions are not linear: what is left goes the same way
-            value, A = _linear(now, c)
-            now.q = _moved(now.q, -K @ value)
-    return now
+        _take(now, c, move)
+    return now.in_own_frames()
+
+
+def _take(now: Adopted, c: _Candidate, move: Floats) -> None:
+    """Move the shapes, and take what the condition says out of their covariance.
+
+    The conditions are not linear: the rest of the way goes by their derivatives at each place, and
+    those at the last one say what is known from then on. Derivatives from before the move would
+    leave a little of what two relations say alike, and it would count as knowledge.
+    """
+    before = now.covariance
+    now.q = now.moved(move)
+    for _ in range(_ROUNDS):
+        value, A = _linear(now, c)
+        K = before @ A.T @ np.linalg.pinv(A @ before @ A.T, rcond=1e-6, hermitian=True)
+        now.q = now.moved(-K @ value)
+    left = before - K @ A @ before
+    now.covariance = (left + left.T) / 2
+    own = np.einsum("ii->i", now.covariance)
+    np.maximum(own, 0.0, out=own)  # rounding, where relations leave nothing uncertain
 
 
 def _score(now: Adopted, c: _Candidate) -> float:
@@ -104,7 +165,7 @@ def _step(
 ) -> tuple[Relation | None, Floats, int]:
     """The relation and the move it asks for, where it is inside its uncertainty."""
     top = float(np.linalg.eigvalsh(S)[-1])
-    implied = top < (1e-3 * c.limit) ** 2 * 1e-6
+    implied = top < (_IMPLIED * c.limit) ** 2
     third = c.shapes[2] if len(c.shapes) > 2 else None
     off = float(np.linalg.norm(value))
     if implied:  # others say so, or contradict it
@@ -130,25 +191,9 @@ def _bearable(move: Floats, covariance: Floats, rank: int) -> bool:
     return bool(chi <= rank + 2.33 * np.sqrt(2 * max(rank, 1)) + 1)
 
 
-def _moved(q: Floats, move: Floats) -> Floats:
-    return np.array([surface.moved(one, move[7 * k : 7 * k + 7]) for k, one in enumerate(q)])
-
-
 def _linear(now: Adopted, c: _Candidate) -> tuple[Floats, Floats]:
-    """The conditions' values and their derivatives (m, 7 n), by central differences."""
-    some = now.q[list(c.shapes)]
-    value = c.of(some)
-    A = np.zeros((len(value), len(now.covariance)))
-    for i, k in enumerate(c.shapes):
-        for j in range(7):
-            step = np.zeros(7)
-            step[j] = 1e-5
-            there = some.copy()
-            there[i] = surface.moved(some[i], step)
-            back = some.copy()
-            back[i] = surface.moved(some[i], -step)
-            A[:, 7 * k + j] = (c.of(there) - c.of(back)) / 2e-5
-    return value, A
+    """The conditions' values and their derivatives (m, 7 n)."""
+    return c.of(now.q[list(c.shapes)]), now.slope(c.shapes, c.of)
 
 
 def _candidates(kinds: list[int], sides: list[float], q: Floats) -> Iterator[_Candidate]:
@@ -176,30 +221,40 @@ def _of_axes(kinds: list[int], q: Floats, i: int, j: int) -> Iterator[_Candidate
     dot = abs(float(q[i, 3:6] @ q[j, 3:6]))
     round_both = PLANE not in (a, b)
     crossed = (a == PLANE) != (b == PLANE)  # the axis of a plane is its normal
+    across = np.stack(frame(q[j, 3:6]))
     if dot > np.cos(_LOOK):
-        yield _Candidate("perpendicular" if crossed else "parallel", (i, j), _aligned, _ANGLE)
+        yield _Candidate(
+            "perpendicular" if crossed else "parallel", (i, j), _aligned(across), _ANGLE
+        )
         if round_both:
             size = min(q[i, 6], q[j, 6])
             away = np.cross(q[i, :3] - q[j, :3], q[j, 3:6])
             if float(np.linalg.norm(away)) < 0.2 * max(size, 1e-9):
-                yield _Candidate("coaxial", (i, j), _coaxial, max(_SHARE * size, 1e-9))
+                yield _Candidate("coaxial", (i, j), _coaxial(across), max(_SHARE * size, 1e-9))
     elif dot < np.sin(_LOOK):
         yield _Candidate("parallel" if crossed else "perpendicular", (i, j), _square, _ANGLE)
 
 
-def _aligned(q: Floats) -> Floats:
-    e1, e2 = frame(q[1, 3:6])
-    return np.array([q[0, 3:6] @ e1, q[0, 3:6] @ e2])
+def _aligned(across: Floats) -> Condition:
+    """Two axes in line. ``across`` (2, 3) is square to them, nearly, and stays: see `Adopted`."""
+
+    def off(q: Floats) -> Floats:
+        return np.asarray(across @ np.cross(q[0, 3:6], q[1, 3:6]))
+
+    return off
 
 
 def _square(q: Floats) -> Floats:
     return np.array([q[0, 3:6] @ q[1, 3:6]])
 
 
-def _coaxial(q: Floats) -> Floats:
-    e1, e2 = frame(q[1, 3:6])
-    away = q[0, :3] - q[1, :3]
-    return np.array([away @ e1, away @ e2])
+def _coaxial(across: Floats) -> Condition:
+    """The point of one axis on the other, ``across`` as in `_aligned`."""
+
+    def off(q: Floats) -> Floats:
+        return np.asarray(across @ np.cross(q[0, :3] - q[1, :3], q[1, 3:6]))
+
+    return off
 
 
 def _radii(q: Floats) -> Floats:

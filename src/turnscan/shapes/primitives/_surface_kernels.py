@@ -127,8 +127,14 @@ def jacobian(kind: int, q: Floats, points: Floats) -> tuple[Floats, Floats]:
 
 @njit(cache=True, nogil=True)
 def moved(q: Floats, step: Floats) -> Floats:
-    """The surface after a step (7,) of its local parameters."""
+    """The surface after a step (7,) of its local parameters, across by `frame` of its axis."""
     e1, e2 = frame(q[3:6])
+    return moved_across(q, e1, e2, step)
+
+
+@njit(cache=True, nogil=True)
+def moved_across(q: Floats, e1: Floats, e2: Floats, step: Floats) -> Floats:
+    """The same with unit vectors across the axis that are given."""
     out = q.copy()
     for k in range(3):
         out[3 + k] = q[3 + k] + step[0] * e1[k] + step[1] * e2[k]
