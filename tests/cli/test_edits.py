@@ -6,6 +6,7 @@ import json
 import shutil
 import sqlite3
 import sys
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -225,7 +226,8 @@ def test_faces_are_chosen_and_edits_made_without_a_browser(
     repaired: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     def deleted(*wish: str) -> int:
-        words = run("edits", repaired, *wish).splitlines()[-1]
+        lines = run("edits", repaired, *wish).splitlines()
+        words = list(takewhile(lambda line: not line.startswith("branch"), lines))[-1]
         run("edits", repaired, "--undo")
         return int(words.split("delete ")[1].split(" faces")[0])
 
@@ -272,7 +274,7 @@ def test_bad_histories_are_refused_in_one_line(
     assert "no such file" in why(file)
     assert "no such scan file" in why(tmp_path / "no.turnscan")
     for text, words in {
-        '{"format":"turnscan-edits","version":3,"edits":[]}': "version 3; this turnscan knows",
+        '{"format":"turnscan-edits","version":4,"edits":[]}': "version 4; this turnscan knows",
         '{"format":"turnscan-edits","version":1,"edits":[],"x":1}': "edits",
         '{"format":"rig","version":1}': "format: not an edits file",
         '{"format":"turnscan-edits","version":1,"edits":[{"id":1,"on":true,"edit":'

@@ -52,7 +52,9 @@ def test_odd_coordinates_survive(suffix: str, mesh: Mesh, options: ExportOptions
 @pytest.mark.parametrize("mesh", [torus(30, 20), box_with_hole(), measured(torus(7, 5))])
 def test_parts_survive(suffix: str, options: ExportOptions, mesh: Mesh) -> None:
     data = export(mesh, suffix, options=options)
-    assert audit(data, mesh, suffix, options=options) == []
+    said = [f.code for f in audit(data, mesh, suffix, options=options)]
+    lost = mesh.colour is not None and suffix in (".dxf", ".stl", ".xyz")
+    assert said == (["export.no-colours"] if lost else [])
     assert data == export(mesh, suffix, options=options), "the same input, other bytes"
     read = read_mesh(data, suffix)
     if suffix != ".xyz":

@@ -350,7 +350,9 @@ def test_a_long_edit_is_a_job_and_cancelled_it_has_not_happened(
         refused = one.until("refused", lambda m: m["id"] == number)
         assert refused["code"] == "cancelled"
         assert not gone_on.is_set()  # it ended where it was told next
-        assert not any(m["kind"] in ("patch", "history") for m in one.heard)
+        assert not any(m["kind"] == "patch" for m in one.heard)
+        # Pictures of steps that were drawn meanwhile are sent with the history as it was.
+        assert all(m["cursor"] == 0 for m in one.heard if m["kind"] == "history")
         assert http.get(f"/api/scans/{scan}/mesh").content == before
         with Scan.open(folder / "ball.turnscan") as file:
             assert file.edits() == ()
@@ -466,7 +468,9 @@ def test_measurements_are_kept_with_the_scan(folder: Path) -> None:
         scan, revision = state["scan"], state["revision"]
         # What the calibration adds is worked out when it is asked for, and the verdict with it.
         open_yet = {"complete": False, "shared": None, "verdict": None}
-        assert state["measures"] == [{**m, **open_yet} for m in left["measures"]]
+        assert state["measures"] == [
+            {**m, **open_yet, "uncertainty": 2 * m["noise"]} for m in left["measures"]
+        ]
         assert late.ask("measure_again", scan=scan)["measures"] == left["measures"]
         gone = {"kind": "cut", "normal": [0, 0, 1], "distance": float(corners[:, 2].mean())}
         late.ask("edit", scan=scan, base_revision=revision, edit=gone)

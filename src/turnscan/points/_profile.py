@@ -137,10 +137,14 @@ def _between(grid: RangeGrid, at: Ints, part: Floats) -> RangeGrid:
     w = np.where(there, part, np.nan)
     behind = None if grid.behind is None else grid.behind[k, b] & there
     flags = np.where(there, grid.flags[k, a] | grid.flags[k, b], np.uint16(StripeFlag.DARK))
-    start, end = grid.points[k, a], grid.points[k, b]
+    start, end, doubt = grid.points[k, a], grid.points[k, b], grid.light_doubt
+    if doubt is not None:
+        mean = doubt[k, a] + w[..., None] * (doubt[k, b] - doubt[k, a])
+        doubt = np.nan_to_num(mean).astype(np.float32)
     return replace(
         grid,
         points=start + w[..., None] * (end - start),
+        light_doubt=doubt,
         sigma=np.hypot((1.0 - w) * grid.sigma[k, a], w * grid.sigma[k, b]),
         amplitude=(1.0 - w) * grid.amplitude[k, a] + w * grid.amplitude[k, b],
         flags=flags.astype(np.uint16),

@@ -16,6 +16,8 @@ _PARALLEL = np.deg2rad(0.2)
 _SIGMAS = 3.0
 _MOST_OFF = np.deg2rad(3.0)
 """However uncertain they are."""
+_FEWEST = 3
+"""Points of a line that has a distance: two lie on any line, as where steps cut off an edge."""
 
 
 def sizes_of(s: Settled, pieces: list[Piece], numbers: list[int]) -> tuple[Size, ...]:
@@ -37,6 +39,8 @@ def _distance(s: Settled, pieces: list[Piece], numbers: list[int], i: int, j: in
     first, second = pieces[numbers[i]], pieces[numbers[j]]
     assert isinstance(first, Line)
     assert isinstance(second, Line)
+    if min(first.rest.count, second.rest.count) < _FEWEST:
+        return None
     off = np.pi - abs(_turn(a, b))
     known = _SIGMAS * float(np.hypot(first.angle_sigma, second.angle_sigma))
     if off > min(max(_PARALLEL, known), _MOST_OFF):

@@ -63,9 +63,16 @@ def _has_pictures(folder: Path) -> bool:
 
 
 def files_within(folder: Path) -> list[Path]:
-    """What a folder and those in it hold for verbs: folders of pictures, and other files."""
+    """What a folder and those in it hold for verbs: folders of pictures, and other files.
+
+    A folder that is taken away meanwhile holds nothing.
+    """
     out = [folder] if file_kinds(folder) else []
-    for path in sorted(folder.iterdir()):
+    try:
+        inside = sorted(folder.iterdir())
+    except FileNotFoundError:
+        return []
+    for path in inside:
         if path.name.startswith(".") or path.is_symlink():
             continue
         if path.is_dir():
