@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from turnscan.arrays import Floats, _checked, frozen
+from turnscan.arrays import Floats, _checked, frozen, handed_over
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +57,21 @@ def test_nothing_is_kept_alive() -> None:
     del held
     gc.collect()
     assert len(_checked[False]) < before
+
+
+def test_what_is_handed_over_is_not_copied() -> None:
+    given = np.zeros((1000, 3))
+    given[7, 1] = np.nan
+    with pytest.raises(ValueError, match=r"array\[7, 1\]"):
+        handed_over(given)
+    mine = handed_over(given, nan=True)
+    assert mine is given
+    assert not given.flags.writeable
+    assert frozen(mine, (None, 3), "x", nan=True) is mine
+    with pytest.raises(ValueError, match=r"x\[7, 1\]"):
+        frozen(mine, (None, 3), "x")
+    whole = np.zeros((1000, 3))
+    part = handed_over(whole[10:])  # another one may write to what it is a part of
+    whole[:] = 1.0
+    assert not part.any()
+    assert whole.flags.writeable

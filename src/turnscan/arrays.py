@@ -77,13 +77,34 @@ def frozen(
         raise ValueError(f"{name}: shape {array.shape}, expected {wanted}")
     if known:
         return array
-    if array.dtype.kind == "f":
-        bad = np.isinf(array) if nan else ~np.isfinite(array)
-        if np.count_nonzero(bad):
-            place = tuple(int(i) for i in np.argwhere(bad)[0])
-            raise ValueError(f"{name}{list(place)}: {array[place]} is not a finite number")
+    _check_finite(array, name, nan=nan)
     if array is values or array.base is not None:
         array = array.copy()
+    return _remembered(array, nan=nan)
+
+
+def handed_over(values: npt.NDArray[Scalar], *, nan: bool = False) -> npt.NDArray[Scalar]:
+    """``values`` made read-only by its maker, who lets go of it: `frozen` takes it without a copy.
+
+    No view of it may be left, for that could still write to it. A part of another array is copied.
+    Raises ValueError, naming the value, where it holds infinity, or NaN without ``nan``.
+    """
+    _check_finite(values, "array", nan=nan)
+    if values.base is not None or not values.flags.c_contiguous:
+        values = np.array(values, order="C")
+    return _remembered(values, nan=nan)
+
+
+def _check_finite(array: npt.NDArray[Any], name: str, *, nan: bool) -> None:
+    if array.dtype.kind != "f":
+        return
+    bad = np.isinf(array) if nan else ~np.isfinite(array)
+    if np.count_nonzero(bad):
+        place = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise ValueError(f"{name}{list(place)}: {array[place]} is not a finite number")
+
+
+def _remembered(array: npt.NDArray[Scalar], *, nan: bool) -> npt.NDArray[Scalar]:
     array.flags.writeable = False
     if array.size > _SMALL:
         _checked[nan][id(array)] = array

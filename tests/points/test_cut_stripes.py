@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.analytic import box, cylinder, full_turn, make_rig, scan_shape
+from turnscan.points import _wholeness_kernels as kernels
 from turnscan.points import build_grid
 from turnscan.stripes import StripeFlag
 
@@ -93,3 +94,54 @@ def test_the_tail_of_a_stripe_that_passes_by_is_flagged_for_what_it_is() -> None
     edge = (grid.flags & StripeFlag.EDGE) != 0
     assert edge[19][grid.found[19]].all()
     assert not edge[np.arange(STEPS) != 19].any()
+
+
+def test_stripes_that_narrow_towards_the_end_of_every_profile_are_doubted_by_the_whole_ones() -> (
+    None
+):
+    """A slanted edge cuts profile after profile alike: none beside another knows."""
+    shape = cylinder(20.0, 10.0, 50.0)
+
+    def narrowed(stripes):
+        out = []
+        for s in stripes:
+            top = np.flatnonzero(s.found)[:2]
+            width = s.width.copy()
+            width[top] *= (0.7, 0.8)
+            out.append(replace(s, width=width))
+        return out
+
+    whole, cut = grid_of(shape), grid_of(shape, change=narrowed)
+    first = whole.found.argmax(axis=1)
+    ratio = (cut.sigma / whole.sigma)[np.arange(STEPS), first]
+    # 0.51 of the whole width, 1.5 px, and 0.1 px of noise.
+    assert 5.0 < np.median(ratio) < 10.0
+    below = np.arange(whole.found.shape[1]) > first[:, None] + 4
+    np.testing.assert_array_equal(cut.sigma[whole.found & below], whole.sigma[whole.found & below])
+
+
+@pytest.mark.parametrize(("jump", "known"), [(0.4, True), (3.0, True), (9.0, False)])
+def test_a_veil_along_the_rays_belongs_to_the_edge_as_far_as_tails_are_seen(
+    jump: float, known: bool
+) -> None:
+    """A wall across the rays, whose last profile lies ``jump`` mm behind its edge."""
+    across = 0.5 * np.arange(12.0)
+    points = np.zeros((12, 9, 3))
+    points[..., 0], points[..., 2] = across[:, None], 0.5 * np.arange(9)
+    points[11, :, 0] = points[10, :, 0]
+    points[11, :, 1] = jump
+    eyes = points[:, 4].copy()
+    eyes[:, 1] = -1e5
+    sheets = np.tile([np.sqrt(0.75), 0.5, 0.0], (12, 9, 1))
+    width = np.full((12, 9), 1.5)
+    width[11] = 1.0
+    out = np.full((2, *width.shape), np.nan)
+    places = points, eyes, sheets, np.full(width.shape, 0.5)
+    kernels.whole_widths(places, width, width, (0.5, 0.6), False, (0, 12), out)
+    np.testing.assert_array_equal(out[:, 11, 4], (1.0, 1.5) if known else (np.nan, np.nan))
+    np.testing.assert_array_equal(out[:, 0, 4], (1.5, 1.5))
+    assert np.isnan(out[:, 5, 4]).all()
+    # In steps longer than the sheet reaches what is further in may be another face.
+    coarse, places = np.full_like(out, np.nan), (*places[:3], np.full(width.shape, 1.3))
+    kernels.whole_widths(places, width, width, (0.5, 0.6), False, (0, 12), coarse)
+    assert np.isnan(coarse[:, :, 4]).all()

@@ -70,3 +70,15 @@ def test_noise_raises_no_share_and_an_edge_has_that_of_its_worse_side(bend, want
     kernels.shares(points, moves, np.full(share.shape, apart), 0.64, False, (0, steps), share)
     middle = share[10, 20:-20]
     assert np.median(middle) == pytest.approx(wanted, abs=0.03)
+
+
+def test_the_error_of_a_point_does_not_change_what_is_claimed_of_it():
+    """A wall that is moved at 30° to its normal; one point lies off along that way."""
+    points = np.empty((21, 200, 3))
+    points[..., 0], points[..., 1] = 1.0 * np.arange(21)[:, None], 0.4 * np.arange(200)
+    points[..., 2] = 0.0
+    moves = np.tile([0.5, 0.0, np.sqrt(0.75)], (21, 200, 1))
+    points[10, 100] += 0.05 * moves[10, 100]
+    share = np.empty((21, 200))
+    kernels.shares(points, moves, np.full(share.shape, 1.0), 0.64, False, (0, 21), share)
+    assert share[10, 100] == pytest.approx(np.sqrt(0.75), abs=1e-12)

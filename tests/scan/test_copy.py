@@ -60,3 +60,10 @@ def test_a_scan_is_moved_with_its_last_edit_over_no_other_and_never_while_it_is_
     assert (tmp_path / "bin.turnscan").read_bytes() == b"not a scan"
     names = ["a.turnscan", "b.turnscan", "bin.turnscan"]
     assert sorted(p.name for p in tmp_path.iterdir()) == names
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_a_file_that_has_gone_is_called_so_and_nothing_is_left(tmp_path: Path, keep: bool) -> None:
+    with pytest.raises(InputError, match="no such scan file"):
+        copy_scan(tmp_path / "gone.turnscan", tmp_path / "new.turnscan", keep=keep)
+    assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,7 @@ import pytest
 from turnscan.calibrate import detect_board, parse_board
 from turnscan.devices import Camera, Lasers, Turntable
 from turnscan.errors import DeviceRefused, DeviceTimeout, InputError
-from turnscan.simulate import Simulated, SimulationSpec, bench, simulated, wish_of
+from turnscan.simulate import Simulated, SimulationSpec, bench, simulated, spec_of
 from turnscan.simulate._render import Renderer
 
 CUP = "sim:cylinder?seed=3&steps=8"
@@ -158,11 +158,11 @@ def test_a_laser_that_never_hits_the_axis_is_named() -> None:
 
 
 def test_every_key_of_an_address_arrives() -> None:
-    wish, faults = wish_of(
+    spec, faults = spec_of(
         "sim:head?rig=modern&theta_deg=25&lasers=1&seed=9&steps=12&speckle=0&room=0.1&x=2&y=-3"
         "&lean_x_deg=5&tip_deg=90&galvo=105&lying=1&stale=0.25&pattern=bars"
     )
-    assert wish == SimulationSpec(
+    assert spec == SimulationSpec(
         "head", "modern", math.radians(25), 1, 9, 12, "diffraction", False, 0.1, (2.0, -3.0),
         (math.radians(5), 0.0), math.radians(90), galvo=105.0, lying=True,
         pattern="bars",

@@ -78,6 +78,8 @@ def test_by_its_name_it_makes_a_surface_through_every_door(tmp_path: Path, run: 
     with ts.open_scan(scan) as opened:
         assert ts.options_of(opened).strategy == "gravity"
         by_name = opened.stripes()
+        with_scatter = [by_name.stripe(k).scatter for k in range(len(by_name))]
+        assert np.array_equal(with_scatter, by_name.scatter, equal_nan=True)
         import turnscan_gravity  # type: ignore[import-not-found]
 
         by_hand = opened.stripes(detector=turnscan_gravity.gravity)

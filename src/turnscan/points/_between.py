@@ -11,6 +11,7 @@ from turnscan.arrays import Bools, Floats
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.points._build import goes_round
 from turnscan.points._grid import RangeGrid
+from turnscan.remedy import Option, Remedy
 from turnscan.rig import rotation_z
 from turnscan.stripes import StripeFlag
 
@@ -69,7 +70,8 @@ def respace(grid: RangeGrid, between: Between) -> RangeGrid:
     count = int(whole / pitch * (1 - 1e-12)) + 1
     if count > _MOST:
         raise LimitExceeded(
-            f"{count} profiles, at most {_MOST}", hint="choose a wider spacing between them"
+            f"{count} profiles, at most {_MOST}",
+            hint=Remedy("choose a wider ", Option("spacing_between")),
         )
     # The first profile again, a turn later, ends the last gap.
     ends = np.append(angles, angles[0] + way * 2 * np.pi) if grid.closed else angles

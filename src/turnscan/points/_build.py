@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Flags, Floats
+from turnscan.arrays import Bools, Flags, Floats, handed_over
 from turnscan.errors import InputError
 from turnscan.points._curvature import curvature_shift
 from turnscan.points._grid import RangeGrid, lines_about
+from turnscan.points._scatter import pooled_sigma
 from turnscan.points._triangulate import beyond_axis, to_object, triangulate
 from turnscan.points._wholeness import LitPoints, wholeness
 from turnscan.remedy import Option, Remedy
@@ -23,7 +24,7 @@ _GAP = 2.5
 """The turn is closed when the gap from last to first is at most this many usual steps."""
 _CLAIMED = 0.15
 """Part of the usual variance for its width below which a frame's own is not believed."""
-_TOGETHER = 16
+_TOGETHER = 64
 """Steps whose points are computed at a time."""
 _CURVED = 0.15
 """Part of what a thick sheet shifts that is doubted, one standard deviation. The thickness is known
@@ -44,7 +45,8 @@ def build_grid(
     ``steps`` (s,) are step numbers and ``angles`` (s,) table angles in radians, one per stripe,
     in scan order; ``angle_sigma`` (s,) rad their standard uncertainties, NaN or None where
     unknown. A centre whose ray does not meet the sheet is missing, flagged OUTSIDE. Sigma is the
-    root of the sum of squares of the stripe's own, of what its width says (`wholeness`; nothing
+    root of the sum of squares of the stripe's own, with the scatter of the pictures about it
+    (`pooled_sigma`), of what its width says (`wholeness`; nothing
     where it was refined), of what a thick sheet does on a curved surface (`curvature_shift`, which
     is taken off), and of how far the angle's uncertainty carries the point off its surface.
     Stripes that something cuts where what is seen ends are flagged EDGE.
@@ -80,18 +82,20 @@ def build_grid(
     lost = ~np.isnan(position) & np.isnan(points[..., 0])
     eye = rig.T_camera_table.inverse().translation
     scale[lost] = np.nan
+    closed = goes_round(turns)
+    sigma = pooled_sigma(stripes, sigma, width, flags[:, lines], turns, closed)
     sigma = _believable(sigma, width, light[:, lines], flags[:, lines])
     grid = RangeGrid(
         laser=laser,
         steps=np.asarray(steps, dtype=np.int32),
         angles=turns,
-        points=points,
-        sigma=sigma * scale,
-        amplitude=np.where(lost, np.nan, light[:, lines]),
-        flags=np.where(lost, StripeFlag.OUTSIDE, flags[:, lines]).astype(np.uint16),
-        closed=goes_round(turns),
+        points=handed_over(points, nan=True),
+        sigma=handed_over(sigma * scale, nan=True),
+        amplitude=handed_over(np.where(lost, np.nan, light[:, lines]), nan=True),
+        flags=handed_over(np.where(lost, np.uint16(StripeFlag.OUTSIDE), flags[:, lines])),
+        closed=closed,
         eyes=np.einsum("sij,j->si", rotation_z(-turns), eye),
-        behind=behind & ~lost,
+        behind=handed_over(behind & ~lost),
     )
     shaky = np.zeros(len(turns)) if angle_sigma is None else np.nan_to_num(angle_sigma)
     if len(turns) > 1 and grid.found.any():
@@ -182,11 +186,14 @@ def _judged(
 
     in_parts(part, len(points), _blocks(len(points)))
     edge = np.where(light.tail & single, np.uint16(StripeFlag.EDGE), np.uint16(0))
-    flags = (grid.flags | edge).astype(np.uint16)
     return replace(
-        grid, points=points, sigma=sigma, flags=flags, thickness=light.thickness,
-        light_doubt=common,
-    )  # fmt: skip
+        grid,
+        points=handed_over(points, nan=True),
+        sigma=handed_over(sigma, nan=True),
+        flags=handed_over(grid.flags | edge),
+        thickness=light.thickness,
+        light_doubt=None if common is None else handed_over(common),
+    )
 
 
 def _lit_points(grid: RangeGrid, rig: Rig, width: Floats, vertical: bool) -> LitPoints:

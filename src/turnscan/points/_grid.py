@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Flags, Floats, Ints, Singles, frozen
+from turnscan.arrays import Bools, Flags, Floats, Ints, Singles, frozen, handed_over
 from turnscan.picture import Picture, card, coloured, image, shrunk
+from turnscan.threads import in_parts
 
 _BESIDE = 16
 """Lines beside those with points; no kernel looks further along a profile than 12."""
@@ -144,20 +145,27 @@ class RangeGrid:
         if self.flags.shape == flags.shape:
             return self
 
-        def all_of(values: npt.NDArray[Any], empty: npt.NDArray[Any]) -> npt.NDArray[Any]:
-            empty[:, lines] = values
-            return empty
+        def all_of(
+            values: npt.NDArray[Any], others: npt.ArrayLike, nan: bool = False
+        ) -> npt.NDArray[Any]:
+            out = np.empty((*flags.shape, *values.shape[2:]), values.dtype)
+
+            def part(a: int, b: int) -> None:
+                out[a:b] = others[a:b] if isinstance(others, np.ndarray) else others
+                out[a:b, lines] = values[a:b]
+
+            in_parts(part, len(out))
+            return handed_over(out, nan=nan)
 
         behind, doubt = self.behind, self.light_doubt
-        no_doubt = np.zeros((*flags.shape, 3), np.float32)
         return replace(
             self,
-            points=all_of(self.points, np.full((*flags.shape, 3), np.nan)),
-            sigma=all_of(self.sigma, np.full(flags.shape, np.nan)),
-            amplitude=all_of(self.amplitude, light.copy()),
-            flags=all_of(self.flags, flags.copy()),
-            behind=None if behind is None else all_of(behind, np.zeros(flags.shape, np.bool_)),
-            light_doubt=None if doubt is None else all_of(doubt, no_doubt),
+            points=all_of(self.points, np.nan, nan=True),
+            sigma=all_of(self.sigma, np.nan, nan=True),
+            amplitude=all_of(self.amplitude, light, nan=True),
+            flags=all_of(self.flags, flags),
+            behind=None if behind is None else all_of(behind, False),
+            light_doubt=None if doubt is None else all_of(doubt, 0.0),
         )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from turnscan.arrays import Floats
 from turnscan.compiled import njit
-from turnscan.points._wholeness_kernels import beside, cross, dot, way
+from turnscan.points._wholeness_kernels import Vector, beside, cross, dot, way
 
 _MOST = 12
 """Lines to either side that a tangent is taken over, at most."""
@@ -35,6 +35,14 @@ def _tangents(points: Floats, k: int, j: int, least: float, out: Floats) -> int:
 
 
 @njit(cache=True, nogil=True)
+def _share(up: Vector, across: Vector, move: Vector) -> float:
+    """Cosine between the unit vector ``move`` and the normal of two tangents; −1 without one."""
+    normal = cross(up, across)
+    size = np.sqrt(dot(normal, normal))
+    return abs(dot(normal, move)) / size if size > 0.0 else -1.0
+
+
+@njit(cache=True, nogil=True)
 def shares(
     points: Floats,
     moves: Floats,
@@ -48,9 +56,11 @@ def shares(
 
     The tangents lead to the nearest points of the same profile, and of the same line, that lie
     ``least`` mm off or more: shorter ones are noise. ``arc`` (s, n) mm is the usual way to the next
-    step. Up and down, before and after have normals of their own. Their mean counts where all four
-    are there and noise may have made all their differences. Elsewhere the largest does, so that an
-    edge claims no more than the worse of its two surfaces. 1 where nothing is known.
+    step. Up and down, before and after have normals of their own. Where all four are there and
+    noise may have made all their differences, the normal of the neighbours alone counts: one
+    through the point itself turns away from where its error leads, the more the larger that is.
+    Elsewhere the largest does, so that an edge claims no more than the worse of its two surfaces.
+    1 where nothing is known.
     Steps from the first to before the second of ``span`` are written.
     """
     n = points.shape[1]
@@ -63,19 +73,23 @@ def shares(
             lines = _tangents(points, k, j, least, ups)
             move = (moves[k, j, 0], moves[k, j, 1], moves[k, j, 2])
             best, low, total, count = -1.0, 2.0, 0.0, 0
+            past = (0.0, 0.0, 0.0)
             for sign in (1, -1):
                 m, far = beside(points, k, j, sign, arc, least, closed)
                 if not far:
                     continue
                 v = way(points, k, j, m, j)
+                past = (past[0] + sign * v[0], past[1] + sign * v[1], past[2] + sign * v[2])
                 for i in range(lines):
-                    normal = cross((ups[i, 0], ups[i, 1], ups[i, 2]), v)
-                    size = np.sqrt(dot(normal, normal))
-                    if size > 0.0:
-                        share = abs(dot(normal, move)) / size
+                    share = _share((ups[i, 0], ups[i, 1], ups[i, 2]), v, move)
+                    if share >= 0.0:
                         best, low = max(best, share), min(low, share)
                         total, count = total + share, count + 1
             if count:
                 mean = min(total / count, 1.0)
                 even = best - low <= _TILT * np.sqrt(1.0 - mean * mean)
-                out[k, j] = mean if count == _ALL and even else best
+                out[k, j] = best
+                if count == _ALL and even:
+                    up = (ups[0, 0] - ups[1, 0], ups[0, 1] - ups[1, 1], ups[0, 2] - ups[1, 2])
+                    middle = _share(up, past, move)
+                    out[k, j] = middle if middle >= 0.0 else best

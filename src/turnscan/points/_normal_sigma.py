@@ -11,7 +11,7 @@ from turnscan.threads import in_parts
 
 _STEADY = 8.0
 """Usual sigma that a tangent is long, at least."""
-_TOGETHER = 16
+_TOGETHER = 64
 """Steps whose points are computed at a time."""
 _LEAST = 0.2
 """Share of a point's sigma below which none is believed: normals are not known better."""

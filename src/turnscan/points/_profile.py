@@ -11,6 +11,7 @@ from turnscan.arrays import Bools, Floats, Ints, frozen
 from turnscan.errors import InputError, LimitExceeded
 from turnscan.points._grid import Origin, RangeGrid
 from turnscan.points._places import most_places, places, walks
+from turnscan.remedy import Option, Remedy
 from turnscan.stripes import StripeFlag
 
 Spacing = Literal["height", "arc"]
@@ -118,7 +119,7 @@ def resample(
     if (most := most_places(walk, along.spacing)) > _MOST:
         raise LimitExceeded(
             f"spacing {along.spacing} mm gives {most:.0f} points a profile, at most {_MOST}",
-            hint="choose a wider spacing",
+            hint=Remedy("choose a wider ", Option("spacing")),
         )
     end, part, place = places(walk, along.spacing, along.by == "height")
     at = np.full((len(grid.steps), int(place.max()) + 1), -1, dtype=np.int32)

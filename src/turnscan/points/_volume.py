@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Flags, Floats
+from turnscan.arrays import Bools, Floats, handed_over
 from turnscan.errors import Degenerate
 from turnscan.mesh._point_cloud import PointCloud
 from turnscan.points._grid import RangeGrid
@@ -111,17 +111,22 @@ def without(grid: RangeGrid, drop: Bools, cause: StripeFlag) -> RangeGrid:
     What was known about their light (clipped, haloed …) stays known.
     """
 
-    def gone(values: Floats) -> Floats:
-        return np.where(drop, np.nan, values)
+    if not drop.any():
+        return grid
 
-    why = (grid.flags & np.uint16(~_ABSENT & 0xFFFF)) | np.uint16(cause)
-    flags: Flags = np.where(drop, why, grid.flags).astype(np.uint16)
+    def gone(values: Floats) -> Floats:
+        out = values.copy()
+        out[drop] = np.nan
+        return handed_over(out, nan=True)
+
+    flags = grid.flags.copy()
+    flags[drop] = (flags[drop] & np.uint16(~_ABSENT & 0xFFFF)) | np.uint16(cause)
     return replace(
         grid,
-        points=np.where(drop[..., None], np.nan, grid.points),
+        points=gone(grid.points),
         sigma=gone(grid.sigma),
         amplitude=gone(grid.amplitude),
-        flags=flags,
+        flags=handed_over(flags),
     )
 
 

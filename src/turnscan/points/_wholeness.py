@@ -68,7 +68,7 @@ _TILTED = 4.0
 """Noises that a neighbour lies off at least, so that it tells how the surface lies."""
 _STEPS = 6
 """Steps to either side that are looked at, at most."""
-_TOGETHER = 16
+_TOGETHER = 64
 """Steps whose widths are judged at a time."""
 _LEAST = 0.25
 """Part of the median arc below which no step is believed to be: beside the axis it is none."""
@@ -126,6 +126,7 @@ def wholeness(light: LitPoints) -> Wholeness:
     cut off on that side, which tells how far its centre is off. In steps longer than a few
     thicknesses of the sheet that is doubt alone, and no centre is moved. A stripe that is much
     fainter there than on the surface beside is the tail of one whose middle passes by.
+    What is narrower near any end than the stripes further in is doubted, too (`_ended`).
     """
     from turnscan.points import _wholeness_kernels as kernels
 
@@ -162,6 +163,7 @@ def wholeness(light: LitPoints) -> Wholeness:
         shift[a:b], doubt[a:b], tail[a:b] = (v[1:-1] for v in own)
 
     in_parts(part, size, -(-size // _TOGETHER))
+    doubt = np.maximum(doubt, _ended(light, width, arcs, thickness) - np.abs(shift))
     return Wholeness(shift, doubt, tail, slide, thickness if told else 0.0)
 
 
@@ -259,6 +261,31 @@ def _arcs(light: LitPoints) -> Floats:
     arc = np.hypot(light.points[..., 0], light.points[..., 1]) * usual
     have = arc[~np.isnan(arc)]
     return np.asarray(np.maximum(arc, _LEAST * float(np.median(have)) if len(have) else 0.0))
+
+
+def _ended(light: LitPoints, steadied: Floats, arcs: Floats, thickness: float) -> Floats:
+    """(s, n) px that stripes may be off which are narrower, near an end of what is seen, than those
+    further in: something cuts them there.
+
+    Where that goes on from profile to profile, the cut stripes make a surface of their own, which
+    runs along the rays to the edge, and their width is due on it. Stripes further in know better.
+    """
+    from turnscan.points import _wholeness_kernels as kernels
+
+    out = np.full((2, *light.width.shape), np.nan)
+    gaps = np.linalg.norm(np.diff(light.points, axis=1), axis=-1)
+    gaps = gaps[~np.isnan(gaps)]
+    if not thickness > 0 or not len(gaps):
+        return np.zeros_like(steadied)
+    sizes = float(np.median(gaps)), thickness
+
+    def part(first: int, end: int) -> None:
+        places = light.points, light.eyes, light.sheets, arcs
+        span = first, end
+        kernels.whole_widths(places, light.width, steadied, sizes, light.closed, span, out)
+
+    in_parts(part, len(steadied))
+    return np.asarray(np.nan_to_num(_bias(np.minimum(out[0] / out[1], 1.0), _SURE_END) * out[1]))
 
 
 def _smooth(walk: Floats, width: Floats) -> Bools:

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 import zstandard
 
-from turnscan.arrays import Image
+from turnscan.arrays import Bytes, Image
 from turnscan.errors import LimitExceeded, ScanCorrupt
 from turnscan.runs import Runs
 from turnscan.scan._plan import Frame, ScanPlan
@@ -34,6 +34,9 @@ Dark = Literal["own", "background", "none"]
 Project = Callable[[Image], Pixels]
 """Colour pixels (H, W, 3) → unsigned signal (H, W), linear up to a shift; applied to the kept
 pixels only, as one long line."""
+
+Sums = Callable[[Bytes], Bytes]
+"""Steps (n,) → the sum of each and all before it, modulo 256."""
 
 _LEVEL = 1
 _U32 = np.dtype("<u4")
@@ -174,7 +177,10 @@ def decode_runs(
 
     `decode` makes whole pictures of the same. Raises ScanCorrupt naming ``where``.
     """
-    kept = _kept(_unpacked(payload, plan, dark == "own", where), plan, dark, project, where)
+    from turnscan.scan._codec_kernels import running_sums
+
+    body = _unpacked(payload, plan, dark == "own", where)
+    kept = _kept(body, plan, dark, project, where, running_sums)
     n = plan.channels
     ground = background.above(kept.fill) if background else _level(kept.fill[:n], project)
     return Runs(
@@ -203,8 +209,9 @@ class _Kept:
 
 
 def _kept(
-    body: memoryview, plan: ScanPlan, dark: Dark, project: Project | None, where: str
-) -> _Kept:
+    body: memoryview, plan: ScanPlan, dark: Dark, project: Project | None, where: str,
+    summed: Sums | None = None,
+) -> _Kept:  # fmt: skip
     dtype, channels = np.dtype(plan.dtype), plan.channels
     lines, across = _laid_shape(plan)
     pictures = 2 if dark == "own" else 1
@@ -221,7 +228,8 @@ def _kept(
     if counts.sum() != runs or lengths.sum() != count or (starts + lengths > across).any():
         raise ScanCorrupt(f"{where}: its runs do not fit the picture")
     values = [
-        _spread(body[head + table :], i, count, channels, dtype, project) for i in range(pictures)
+        _spread(body[head + table :], i, count, channels, dtype, project, summed)
+        for i in range(pictures)
     ]
     return _Kept(fill, counts, starts, lengths, values)
 
@@ -308,13 +316,20 @@ def _squeeze(planes: Pixels) -> bytes:
 
 
 def _spread(
-    body: memoryview, which: int, count: int, channels: int, dtype: Any, project: Project | None
-) -> Pixels:
-    """Undo `_squeeze` for picture number ``which``: (N,), (N, 3) or, projected, (N,)."""
+    body: memoryview, which: int, count: int, channels: int, dtype: Any, project: Project | None,
+    summed: Sums | None = None,
+) -> Pixels:  # fmt: skip
+    """Undo `_squeeze` for picture number ``which``: (N,), (N, 3) or, projected, (N,).
+
+    ``summed`` makes grey pixels of 8 bits, where that is compiled: NumPy takes several times as
+    long.
+    """
     size = count * channels
     raw = np.frombuffer(body, np.uint8, size * dtype.itemsize, which * size * dtype.itemsize)
     if dtype.itemsize == 2:
         raw = np.ascontiguousarray(raw.reshape(2, -1).T).reshape(-1).view("<u2")
+    if summed is not None and channels == 1 and dtype.itemsize == 1:
+        return summed(raw)
     values = np.cumsum(raw.reshape(channels, count), axis=1, dtype=dtype)
     if channels == 1:
         return np.asarray(values[0])

@@ -10,7 +10,7 @@ from pathlib import Path
 from turnscan.errors import InputError, StorageFull, TurnscanError
 from turnscan.scan import _database as database
 from turnscan.scan._lock import WriterLock
-from turnscan.scan._storage import storage
+from turnscan.scan._storage import gone, storage
 
 
 def copy_scan(source: str | Path, target: str | Path, *, keep: bool = True) -> None:
@@ -35,7 +35,7 @@ def _copy(source: Path, target: Path) -> None:
     part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
         with (
-            storage(source),
+            storage(source, was_there=True),
             closing(database.open_reading(source)) as held,
             closing(sqlite3.connect(part)) as copy,
         ):
@@ -51,6 +51,8 @@ def _copy(source: Path, target: Path) -> None:
 
 
 def _move(source: Path, target: Path) -> None:
+    if not source.exists():
+        raise gone(source)
     lock = WriterLock(source)
     try:
         if any(source.with_name(source.name + tail).exists() for tail in ("-wal", "-journal")):
@@ -62,6 +64,8 @@ def _move(source: Path, target: Path) -> None:
     except OSError as e:
         if isinstance(e, TurnscanError):
             raise
+        if not source.exists():
+            raise gone(source) from None
         raise StorageFull(
             f"{source}: cannot be moved ({e.strerror})", hint="check the folder"
         ) from None

@@ -194,7 +194,7 @@ def open_writing(path: Path) -> tuple[sqlite3.Connection, WriterLock]:
 def _open_for_writing(path: Path) -> sqlite3.Connection:
     with suppress(OSError):
         _being_made(path).unlink(missing_ok=True)  # of one who was killed when it had its name
-    with storage(path):
+    with storage(path, was_there=True):
         db = _connect(path, "rw")
         with _closed_if_refused(db):
             _judge_schema(db, path)
@@ -212,7 +212,7 @@ def _open_for_writing(path: Path) -> sqlite3.Connection:
 def open_reading(path: Path) -> sqlite3.Connection:
     """Open a scan file read-only, after its header and its schema are found to be in order."""
     judge_header(path)
-    with storage(path):
+    with storage(path, was_there=True):
         db = _connect(path, "ro")
         with _closed_if_refused(db):
             db.execute("PRAGMA query_only = ON")

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from turnscan.errors import FormatError, InputError, ScanCorrupt, ScanError, ScanNewer
-from turnscan.scan._storage import damaged, storage
+from turnscan.scan._storage import damaged, gone, storage
 
 APPLICATION_ID = 0x54524E53  # "TRNS"
 VERSION = 1
@@ -30,7 +30,7 @@ def judge_header(path: Path) -> None:
     if path.is_dir():
         raise InputError(f"{path}: a folder, not a scan file", hint="name a .turnscan file")
     if not path.exists():
-        raise InputError(f"{path}: no such scan file", hint="check the path")
+        raise gone(path)
     try:
         with path.open("rb") as file:
             head = file.read(100)

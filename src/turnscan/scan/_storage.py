@@ -7,16 +7,27 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from turnscan.errors import ScanBusy, ScanCorrupt, ScanError, StorageFull, TurnscanError
+from turnscan.errors import (
+    InputError,
+    ScanBusy,
+    ScanCorrupt,
+    ScanError,
+    StorageFull,
+    TurnscanError,
+)
 
 
 @contextmanager
-def storage(path: Path) -> Iterator[None]:
-    """Turn what SQLite and the disk say into the errors of turnscan."""
+def storage(path: Path, *, was_there: bool = False) -> Iterator[None]:
+    """Turn what SQLite and the disk say into the errors of turnscan.
+
+    A file that ``was_there`` a moment ago, and is not any more, was moved or deleted.
+    """
     try:
         yield
     except sqlite3.Error as e:
-        raise _named(e, path) from None
+        lost = was_there and _code(e).startswith("SQLITE_CANTOPEN")
+        raise (gone(path) if lost and not path.exists() else _named(e, path)) from None
     except (OverflowError, UnicodeError) as e:
         raise damaged(path, str(e)) from None
 
@@ -27,12 +38,21 @@ def damaged(path: Path, what: str) -> ScanCorrupt:
     )
 
 
+def gone(path: Path) -> InputError:
+    return InputError(f"{path}: no such scan file", hint="check the path")
+
+
 def full(path: Path) -> StorageFull:
     return StorageFull(f"{path}: the disk is full", hint="free some space, then resume")
 
 
+def _code(e: sqlite3.Error) -> str:
+    """Its name, of an error that is SQLite's own and not that of Python's module."""
+    return getattr(e, "sqlite_errorname", "") or ""
+
+
 def _named(e: sqlite3.Error, path: Path) -> TurnscanError:
-    name = getattr(e, "sqlite_errorname", "") or ""
+    name = _code(e)
     if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
         return ScanBusy(
             f"{path}: another process is writing it", hint="wait until that one has finished"
@@ -41,7 +61,12 @@ def _named(e: sqlite3.Error, path: Path) -> TurnscanError:
         return full(path)
     if name == "SQLITE_IOERR_SHORT_READ":
         return damaged(path, "it ends too early")
-    if name.startswith(("SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
+    if name.startswith("SQLITE_READONLY"):
+        return ScanError(
+            f"{path}: read-only, nothing was written ({name})",
+            hint="allow writing to the file and its folder, or take a copy elsewhere",
+        )
+    if name.startswith(("SQLITE_IOERR", "SQLITE_CANTOPEN", "SQLITE_PERM")):
         return ScanError(
             f"{path}: {e} ({name})", hint="check the disk, the folder and its permissions"
         )

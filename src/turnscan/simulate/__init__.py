@@ -1,6 +1,6 @@
 """The physical simulator: scene, optics, sensor, motion."""
 
-from turnscan.simulate._address import Simulated, sim_camera, simulated, wish_of
+from turnscan.simulate._address import Simulated, sim_camera, simulated, spec_of
 from turnscan.simulate._beam import Beam, Lens
 from turnscan.simulate._bench import Bench
 from turnscan.simulate._devices import SimCamera, SimLasers, SimTurntable, World
@@ -61,8 +61,8 @@ __all__ = [
     "seconds_of",
     "sim_camera",
     "simulated",
+    "spec_of",
     "speckled",
     "steps_of",
     "webcam",
-    "wish_of",
 ]

@@ -19,7 +19,7 @@ from turnscan.simulate._presets import SimulationSpec, bench, seconds_of, steps_
 class Simulated:
     """A bench as devices."""
 
-    wish: SimulationSpec
+    spec: SimulationSpec
     world: World
     camera: SimCamera
     turntable: SimTurntable
@@ -28,12 +28,12 @@ class Simulated:
     @property
     def seconds(self) -> float:
         """The exposure that suits this bench."""
-        return seconds_of(self.wish)
+        return seconds_of(self.spec)
 
     @property
     def steps(self) -> int:
         """Number of table positions per turn."""
-        return steps_of(self.wish)
+        return steps_of(self.spec)
 
 
 def _number(text: str) -> float:
@@ -52,7 +52,7 @@ def _yes(text: str) -> bool:
 
 
 _Change = Callable[[Any], dict[str, Any]]
-_WISH: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
+_SPEC: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
     "rig": (str, lambda x: {"rig": x}),
     "hand": (str, lambda x: {"hand": x}),
     "seed": (int, lambda x: {"seed": x}),
@@ -85,12 +85,12 @@ _FAULTS: Mapping[str, tuple[Callable[[str], Any], _Change]] = {
 }
 
 
-def wish_of(address: str) -> tuple[SimulationSpec, Faults]:
+def spec_of(address: str) -> tuple[SimulationSpec, Faults]:
     """Parse ``sim:SCENE?key=value&…``. Raises InputError naming the key and the value."""
     if not address.startswith("sim:"):
         raise InputError(f"{address}: not a simulated device", hint="write sim:cup?seed=7")
     scene, _, query = address[4:].partition("?")
-    wish, motion, faults = SimulationSpec(scene=unquote(scene) or "cup"), Motion(), Faults()
+    spec, motion, faults = SimulationSpec(scene=unquote(scene) or "cup"), Motion(), Faults()
     given = parse_qsl(query, keep_blank_values=True)
     if len({k for k, _ in given}) != len(given):
         raise InputError(f"{address}: a key is given twice")
@@ -102,30 +102,30 @@ def wish_of(address: str) -> tuple[SimulationSpec, Faults]:
             x, y = (value, y) if key == "x" else (x, value)
         elif key in ("lean_x_deg", "lean_y_deg"):
             lean[key == "lean_y_deg"] = _parsed(_angle, key, text)
-        elif key in _WISH:
-            wish = replace(wish, **_change(_WISH, key, text))
+        elif key in _SPEC:
+            spec = replace(spec, **_change(_SPEC, key, text))
         elif key in _MOTION:
             motion = _motion(motion, _change(_MOTION, key, text))
         elif key in _FAULTS:
             faults = replace(faults, **_change(_FAULTS, key, text))
         else:
-            keys = ", ".join([*_WISH, "x", "y", "lean_x_deg", "lean_y_deg", *_MOTION, *_FAULTS])
+            keys = ", ".join([*_SPEC, "x", "y", "lean_x_deg", "lean_y_deg", *_MOTION, *_FAULTS])
             raise InputError(f"{address}: no key {key!r}", hint=f"there is {keys}")
-    return replace(wish, motion=motion, shift=(x, y), lean=(lean[0], lean[1])), faults
+    return replace(spec, motion=motion, shift=(x, y), lean=(lean[0], lean[1])), faults
 
 
 def simulated(address: str | SimulationSpec, faults: Faults | None = None) -> Simulated:
-    """The devices of a bench, from its address or its wish.
+    """The devices of a bench, from its address or its spec.
 
-    Raises InputError as `wish_of` and `bench` do.
+    Raises InputError as `spec_of` and `bench` do.
     """
-    wish = address
-    if isinstance(wish, str):
-        wish, from_address = wish_of(wish)
+    spec = address
+    if isinstance(spec, str):
+        spec, from_address = spec_of(spec)
         faults = faults or from_address
-    made = bench(wish)
-    world = World(made, faults, None if wish.hand is None else Hand(made, wish.hand))
-    return Simulated(wish, world, SimCamera(world), SimTurntable(world), SimLasers(world))
+    made = bench(spec)
+    world = World(made, faults, None if spec.hand is None else Hand(made, spec.hand))
+    return Simulated(spec, world, SimCamera(world), SimTurntable(world), SimLasers(world))
 
 
 def sim_camera(address: str) -> SimCamera:

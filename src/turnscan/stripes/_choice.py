@@ -274,7 +274,7 @@ def scatter(out: Floats, flags: Flags) -> float:
     adjacent lines may share an error: a grain taller than a pixel, interpolated colours, JPEG. A
     wider one counts where it shows more by twice its own uncertainty: the largest of several that
     chance alone parts would be too large. Lines with other flags than MULTI only count where the
-    rest is too few.
+    rest is too few. NaN where all are.
     """
     best = 0.0
     surely = 1.0 + SURELY_MORE / math.sqrt(max(np.sum(~np.isnan(out[0])), 1))
@@ -288,7 +288,7 @@ def scatter(out: Floats, flags: Flags) -> float:
                 enough = True
         if enough:
             return best
-    return 0.0
+    return math.nan
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -332,11 +332,12 @@ def choose_lines(
     beyond: Floats,
     out: Floats,
     flags: Flags,
-) -> None:
+) -> float:
     """From all candidates to ``out`` (4, lines) and ``flags`` (lines): choose, gather, flag.
 
     ``with_scatter`` raises the sigmas to the scatter of the centres along the stripe; ``beyond``
-    (lines, J) are the centres outside the region that counts.
+    (lines, J) are the centres outside the region that counts. The `scatter` is returned: 0
+    where it is not asked for, NaN where the lines are too few to tell.
     """
     chosen = np.empty(flags.size, np.int32)
     if how == NEAREST:
@@ -344,7 +345,10 @@ def choose_lines(
     else:
         simple_choice(table, bits, how, chosen)
     gather(table, bits, chosen, beyond, out, flags)
-    if with_scatter:
-        per_width = scatter(out, flags)
+    if not with_scatter:
+        return 0.0
+    per_width = scatter(out, flags)
+    if per_width > 0.0:
         for v in range(flags.size):
             out[1, v] = math.sqrt(out[1, v] ** 2 + per_width * out[3, v])
+    return per_width

@@ -88,7 +88,7 @@ def scattered(stripe: Stripe) -> Floats:
 
     table = np.stack([stripe.position, stripe.sigma, stripe.amplitude, stripe.width])
     per_width = scatter(table, np.array(stripe.flags))
-    raised: Floats = np.sqrt(stripe.sigma**2 + per_width * stripe.width)
+    raised: Floats = np.sqrt(stripe.sigma**2 + np.nan_to_num(per_width) * stripe.width)
     return raised
 
 
@@ -255,5 +255,6 @@ def chosen(
     out = np.empty((4, lines))
     flags = np.empty(lines, np.uint16)
     how = get_args(Choice).index(settings.choose)
-    choose_lines(table, bits, how, settings.electrons_per_dn is None, outside, out, flags)
-    return Stripe.made_of(out, flags, orientation)
+    alone = settings.electrons_per_dn is None
+    scatter = choose_lines(table, bits, how, alone, outside, out, flags)
+    return Stripe.made_of(out, flags, orientation, scatter)

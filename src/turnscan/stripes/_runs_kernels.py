@@ -113,18 +113,20 @@ def lay_runs(surface: Surface, order: Order, values: Image, off: Image, terms: T
             last = stop
             lay_ground(surface, order, v, start - BESIDE, start)
             lay_ground(surface, order, v, stop, stop + BESIDE)
+            end = n + stop - start
             if dark.shape[0] > 0:
-                for x in range(start, stop):
-                    dark[v, x] = off[n + x - start]
+                dark[v, start:stop] = off[n:end]
+            lit[v, start:stop] = values[n:end]
+            n = end
+            if not masked:
+                continue
             for x in range(start, stop):
-                lit[v, x] = values[n]
-                if masked and not mask[v, x]:
+                if not mask[v, x]:
                     lit[v, x] = ground[1]
                     if behind.shape[0] > 0:
                         lit[v, x] = behind[v, x]
                     elif dark.shape[0] > 0:
                         lit[v, x] = dark[v, x]
-                n += 1
         i = ends[v]
     return True
 

@@ -37,7 +37,8 @@ class StripeFlag(IntFlag):
     REFINED = 256
     """Moved to where the light of its surface element balances in the pictures around."""
     HAND = 512
-    """Set or picked by a person: not taken for a jump off the line of its profile."""
+    """Set or picked by a person: not taken for a jump off the line of its profile. Alone, where
+    there is no centre: deleted by a person."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,11 @@ class Stripe:
     flags: Flags
     """(n,) bits of `StripeFlag`."""
     orientation: Orientation = "vertical"
+    scatter: float = 0.0
+    """px² for each px of width: the variance in ``sigma`` that the photons leave unexplained, from
+    how the centres scatter along the stripe; NaN where they are too few to tell, and none is in
+    it. Refined lines (flag REFINED) have it no more. `points.build_grid` takes it from several
+    pictures together."""
 
     def __post_init__(self) -> None:
         n = len(self.position)
@@ -67,7 +73,9 @@ class Stripe:
         object.__setattr__(self, "flags", frozen(self.flags, (n,), "Stripe.flags", np.uint16))
 
     @classmethod
-    def made_of(cls, table: Floats, flags: Flags, orientation: Orientation) -> Stripe:
+    def made_of(
+        cls, table: Floats, flags: Flags, orientation: Orientation, scatter: float = 0.0
+    ) -> Stripe:
         """A stripe of fresh arrays that no one else writes to: kept as they are, not checked.
 
         ``table`` (4, n) is position, sigma, amplitude and width, ``flags`` (n,) uint16; both
@@ -84,6 +92,7 @@ class Stripe:
             width=width,
             flags=flags,
             orientation=orientation,
+            scatter=scatter,
         )
         return stripe
 

@@ -1,0 +1,66 @@
+"""How far the centres of a laser scatter for their width, from several pictures together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from turnscan.arrays import Flags, Floats
+from turnscan.stripes import Stripe, StripeFlag
+
+_FRAMES, _TURN = 8, np.pi / 4
+"""Pictures before and after, at most, and the turn, rad, within which speckle is alike."""
+_OF_MEDIAN = 2.5
+"""Uncertainty of a variance from the median of n squares, as a part, times √n."""
+_DIFFERS = 3.0
+"""Of those by which the scatter of one picture must differ from the others' to be its own."""
+
+
+def pooled_sigma(
+    stripes: Sequence[Stripe], sigma: Floats, width: Floats, flags: Flags, turns: Floats,
+    closed: bool,
+) -> Floats:  # fmt: skip
+    """(s, n) px: the sigmas of stripes with the scatter of several pictures for that of each one.
+
+    ``sigma`` (s, n) px, ``width`` (s, n) px and ``flags`` (s, n) are those of ``stripes``, or of
+    some of their lines, in scan order at angles ``turns`` (s,) rad; a ``closed`` turn goes on
+    at its first. A single picture knows its scatter to a sixth or worse (`Stripe.scatter`). It has
+    the mean of those about it instead, by their lines, where its own does not surely differ; else
+    the nearest value that its own allows. What was set by hand, or refined, stays.
+    """
+    own = np.array([s.scatter for s in stripes])
+    if not (own > 0).any():
+        return sigma
+    clean = ((flags & ~np.uint16(StripeFlag.MULTI)) == 0) & (width > 0)
+    count = np.array([s.found.sum() for s in stripes])
+    weight = np.where(np.isnan(own), 0.0, count)
+    own = np.nan_to_num(own)
+    mean = _about(own, weight, turns, closed)
+    share = np.where(clean, sigma**2 / np.where(clean, width, 1.0), 0.0)
+    whole = share.sum(axis=1) / np.maximum(clean.sum(axis=1), 1)
+    unsure = _DIFFERS * _OF_MEDIAN / np.sqrt(np.maximum(count, 1))
+    photons = np.maximum(whole - own, 0.0)
+    least = np.maximum((photons + own) / (1 + unsure) - photons, 0.0)
+    most = np.where(unsure < 1, (photons + own) / np.maximum(1 - unsure, 1e-9) - photons, np.inf)
+    more = np.where(weight > 0, np.clip(mean, least, most), mean) - own
+    single = (flags & (StripeFlag.HAND | StripeFlag.REFINED)) == 0
+    with np.errstate(invalid="ignore"):
+        raised = np.sqrt(np.maximum(sigma**2 + more[:, None] * width, 0.0))
+    return np.where(single & (width > 0), raised, sigma)
+
+
+def _about(own: Floats, weight: Floats, turns: Floats, closed: bool) -> Floats:
+    """(s,) the mean of the values (s,) of each picture and those about it, by their weight; its own
+    where none has any."""
+    size = len(own)
+    total, weights = np.zeros(size), np.zeros(size)
+    index = np.arange(size)
+    for far in range(-min(_FRAMES, (size - 1) // 2), min(_FRAMES, (size - 1) // 2) + 1):
+        beside = index + far
+        there = np.ones(size, np.bool_) if closed else (beside >= 0) & (beside < size)
+        beside = beside % size
+        apart = np.abs(np.mod(turns[beside] - turns + np.pi, 2 * np.pi) - np.pi)
+        w = np.where(there & (apart <= _TURN), weight[beside], 0.0)
+        total, weights = total + w * own[beside], weights + w
+    return np.where(weights > 0, total / np.maximum(weights, 1e-300), own)

@@ -1,0 +1,81 @@
+"""Scatter of the centres from several pictures together: steadier than one picture's, and local."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from turnscan.arrays import Floats
+from turnscan.points._scatter import pooled_sigma
+from turnscan.stripes import Stripe, StripeFlag
+
+LINES, WIDTH, NOISE = 200, 1.5, 0.02
+
+
+def stripe(per_width: float, flags: int = 0, lines: int = LINES) -> Stripe:
+    """With this scatter, as `choose` would give it."""
+    one = np.where(np.arange(LINES) < lines, 1.0, np.nan)
+    sigma = np.sqrt(NOISE**2 + np.nan_to_num(per_width) * WIDTH)
+    bits = np.full(LINES, flags, np.uint16)
+    return Stripe(100 * one, sigma * one, 80 * one, WIDTH * one, bits, scatter=per_width)
+
+
+def pooled(stripes: list[Stripe], closed: bool = True) -> Floats:
+    sigma, width, flags = (
+        np.stack([getattr(s, name) for s in stripes]) for name in ("sigma", "width", "flags")
+    )
+    turns = np.arange(len(stripes)) * 2 * np.pi / len(stripes)
+    return pooled_sigma(stripes, sigma, width, flags, turns, closed)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_what_each_picture_finds_by_chance_is_taken_together(closed: bool) -> None:
+    found = 0.01 * np.random.default_rng(2).normal(1.0, 0.16, 60)
+    sigma = pooled([stripe(s) for s in found], closed)[:, 0]
+    own = np.sqrt(NOISE**2 + found * WIDTH)
+    assert own.std() / own.mean() > 0.06
+    assert sigma.std() / sigma.mean() < 0.03
+    assert np.sqrt((sigma**2).mean()) == pytest.approx(np.sqrt((own**2).mean()), rel=0.01)
+
+
+def test_pictures_that_surely_scatter_otherwise_keep_what_is_theirs() -> None:
+    found = np.full(60, 0.01)
+    found[20] = 0.2
+    found[40:] = 0.05
+    sigma = pooled([stripe(s) for s in found])[:, 0]
+    surely = (NOISE**2 + 0.2 * WIDTH) / (1 + 3 * 2.5 / np.sqrt(LINES))
+    assert sigma[20] ** 2 == pytest.approx(surely, rel=1e-6), "the least that its own allows"
+    inside = np.r_[0:12, 30:32]
+    assert sigma[30] ** 2 < 2.5 * 0.01 * WIDTH
+    assert sigma[50] ** 2 == pytest.approx(0.05 * WIDTH, rel=0.2)
+    assert (sigma[inside] < sigma[50]).all()
+
+
+@pytest.mark.parametrize("flags", [0, StripeFlag.EDGE, StripeFlag.SATURATED | StripeFlag.HALO])
+def test_a_picture_of_few_lines_has_the_scatter_of_those_about_it(flags: int) -> None:
+    stripes = [stripe(0.01) for _ in range(60)]
+    few = stripe(np.nan, flags, lines=12)
+    stripes[7] = replace(few, sigma=np.where(few.found, NOISE, np.nan))
+    sigma = pooled(stripes)
+    assert sigma[7, :12] == pytest.approx(sigma[8, :12])
+    assert np.isnan(sigma[7, 12:]).all()
+
+
+def test_centres_of_other_origin_and_lone_pictures_stay_as_they_are() -> None:
+    stripes = [stripe(0.01 + 0.002 * (k % 2)) for k in range(60)]
+    for k, flag in ((4, StripeFlag.HAND), (5, StripeFlag.REFINED)):
+        stripes[k] = replace(stripes[k], flags=np.full(LINES, flag, np.uint16))
+    sigma = pooled(stripes)
+    assert np.array_equal(sigma[4:6], np.stack([s.sigma for s in stripes[4:6]]))
+    assert np.allclose(pooled(stripes[:1]), stripes[0].sigma)
+    known = [stripe(0.0) for _ in range(60)]
+    assert np.array_equal(pooled(known), np.stack([s.sigma for s in known])), "photons say it all"
+
+
+def test_what_is_far_off_on_the_turn_is_not_asked() -> None:
+    found = np.where(np.arange(16) < 8, 0.01, 0.012)
+    sigma = pooled([stripe(s) for s in found])[:, 0] ** 2 - NOISE**2
+    assert sigma[3] == pytest.approx(0.01 * WIDTH)
+    assert sigma[11] == pytest.approx(0.012 * WIDTH)
