@@ -79,7 +79,7 @@ def test_points_go_move_and_come() -> None:
     )
     assert nothing == []
     assert np.isnan(done[2].position[[0, 3]]).all()
-    assert done[2].flags[[0, 3]].tolist() == [0, 0]
+    assert done[2].flags[[0, 3]].tolist() == [StripeFlag.HAND] * 2
     assert done[2].position[4] == 77.25
     assert done[2].sigma[4] == HAND_SIGMA
     assert done[2].amplitude[4] == 80.0
@@ -167,9 +167,18 @@ def test_the_seam_is_closed_where_it_is_wanted() -> None:
         "left", np.arange(4), np.arange(4.0), np.full((4, 2, 3), np.nan), nan, nan,
         np.zeros((4, 2), np.uint16), False,
     )  # fmt: skip
-    wish = [Entry(1, CloseSeam("left"))]
-    assert repair_grid(grid, wish).closed
+    asked = [Entry(1, CloseSeam("left"))]
+    assert repair_grid(grid, asked).closed
     assert not repair_grid(grid, [Entry(1, CloseSeam("right"))]).closed
     short = replace(grid, steps=grid.steps[:2], angles=grid.angles[:2], points=grid.points[:2],
                     sigma=nan[:2], amplitude=nan[:2], flags=grid.flags[:2])  # fmt: skip
-    assert not repair_grid(short, wish).closed
+    assert not repair_grid(short, asked).closed
+
+
+def test_a_picked_candidate_scatters_like_the_stripe_it_is_put_into():
+    rough = replace(SEEN.stripes[0], scatter=0.01)
+    seen = replace(SEEN, stripes=(rough, *SEEN.stripes[1:]))
+    pick = Entry(1, PickCandidate("left", 0, (2, 3), 130.0 + 2 * SLANT))
+    done = repair_stripes(seen, [pick], Frames())[0].stripes[0]
+    assert done.sigma[2] == pytest.approx(np.hypot(0.2, np.sqrt(0.01 * 2)))
+    assert done.scatter == 0.01

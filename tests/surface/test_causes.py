@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.analytic import cylinder, full_turn, make_rig, scan_shape
+from tests.analytic import cylinder, full_turn, make_rig, scan_shape, sphere
 from turnscan import points
-from turnscan.mesh import Caster, Mesh, cut_touching, join, submesh
+from turnscan.mesh import Mesh, cut_touching, join, submesh
 from turnscan.points import RangeGrid, Volume
 from turnscan.rig import Rig, rotation_z
 from turnscan.stripes import StripeFlag
@@ -53,6 +53,7 @@ def _window(grid: RangeGrid, flag: StripeFlag) -> RangeGrid:
         (StripeFlag.DARK | StripeFlag.AMBIGUOUS, "ambiguous"),
         (StripeFlag.AMBIGUOUS, "removed"),
         (StripeFlag.EDGE, "removed"),
+        (StripeFlag.HAND, "deleted"),
         (StripeFlag.SATURATED, "saturated"),
     ],
 )
@@ -61,6 +62,21 @@ def test_what_was_lit_and_seen_is_explained_by_the_frame(
 ) -> None:
     rig, grid = scanned
     assert _cause(rig, _window(grid, flag), Volume()) == cause
+
+
+def test_where_profiles_were_switched_off_by_hand_the_hole_was_deleted() -> None:
+    rig, turn = make_rig(elevation=0.1, lift=20.0), full_turn(STEPS)
+    stripes = scan_shape(rig, sphere(20, (0.0, 0.0, 20.0)), turn)
+    gone = np.arange(20, 24)
+    on = np.delete(np.arange(STEPS), gone)
+    grid = points.build_grid(rig, "L0", [stripes[k] for k in on], on, turn[on])
+    mesh = drop_islands(cut_touching(mesh_grid(grid))[0])[0]
+    found = holes(mesh)
+    for off, named in ((turn[gone], {"deleted"}), (turn[:0], {"laser", "camera"})):
+        view = ScanCoverage(rig, grid, Volume(), off=off)
+        largest = max(explain(mesh, found, [view]), key=lambda h: h.size)
+        assert largest.size > 35
+        assert largest.cause in named
 
 
 def test_what_the_volume_leaves_out_is_outside(scanned: tuple[Rig, RangeGrid]) -> None:
@@ -80,6 +96,35 @@ def test_a_screen_before_one_of_them_hides_the_window(
 ) -> None:
     """A screen turns with the part and stands between the window and the laser or the camera."""
     rig, grid = scanned
+    missing, middle, way = _before(rig, grid, hider)
+    assert _cause(rig, missing, Volume(), _screen(middle, way, 14.0)) == hider
+
+
+@pytest.mark.parametrize(
+    ("hider", "apart", "named"),
+    [("laser", 2.0, "laser"), ("camera", 2.0, "camera"), ("laser", 60.0, "dark")],
+)
+def test_a_screen_whose_points_were_removed_hides_the_window_too(
+    scanned: tuple[Rig, RangeGrid], hider: Cause, apart: float, named: Cause
+) -> None:
+    """Its points so many mm apart: a stray that stands alone hides nothing."""
+    rig, grid = scanned
+    missing, middle, way = _before(rig, grid, hider)
+    lines = np.arange(-14.0, 14.0, apart)
+    y, z = (a.ravel() for a in np.meshgrid(lines + 14.0 * (apart > 28), lines))
+    across = np.cross(way, [0.0, 0.0, 1.0]) / np.linalg.norm(way[:2])
+    up = np.cross(across, way) / np.linalg.norm(way)
+    taken = np.where(missing.found[..., None], missing.points, np.nan)
+    free = np.argwhere(~missing.found)[-len(y) :]
+    taken[free[:, 0], free[:, 1]] = middle + y[:, None] * across + z[:, None] * up
+    mesh = mesh_grid(missing)
+    view = ScanCoverage(rig, missing, Volume(), taken=taken)
+    causes_found = explain(mesh, holes(mesh), [view])
+    assert next(h.cause for h in causes_found if h.size < 40) == named
+
+
+def _before(rig: Rig, grid: RangeGrid, hider: Cause) -> tuple[RangeGrid, np.ndarray, np.ndarray]:
+    """A window, a place before it, and the way on from there to the laser or the camera."""
     missing = _window(grid, StripeFlag.DARK)
     window = min(holes(mesh_grid(missing)), key=lambda h: h.size)
     T = rig.T_camera_table.inverse()
@@ -93,7 +138,7 @@ def test_a_screen_before_one_of_them_hides_the_window(
     step = min((k for k in range(STEPS) if outward[k] > 0), key=lambda k: abs(off[k]))
     end = rotation_z(-grid.angles[step]) @ there
     middle = window.centre + 0.1 * (end - window.centre)
-    assert _cause(rig, missing, Volume(), _screen(middle, end - middle, 14.0)) == hider
+    return missing, middle, end - middle
 
 
 def _screen(at: np.ndarray, facing: np.ndarray, half: float) -> Mesh:
@@ -317,7 +362,7 @@ def test_what_light_and_look_come_to_too_flatly_is_grazing(
         normal=np.array([[np.cos(a), 0.0, np.sin(a)]]),
         bent=np.array([guessed]),
     )
-    scene = causes._Scene(mesh, Caster(mesh.vertices, mesh.faces))
+    scene = causes._Scene.of(mesh, [])
     found = causes._reachable(one, [ScanCoverage(rig, grid, Volume())], scene)
     assert found.both[0] == (name == "measurable")
     assert (found.hider[0] == causes.FLAT) == (name == "grazing")

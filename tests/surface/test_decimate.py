@@ -175,7 +175,7 @@ def test_the_same_input_gives_the_same_bytes_and_little_stays_as_it_is() -> None
 
 
 @pytest.mark.parametrize(
-    ("wish", "words"),
+    ("options", "words"),
     [
         ({}, "neither a tolerance"),
         ({"tolerance": 0.0}, "tolerance of 0.0"),
@@ -183,9 +183,9 @@ def test_the_same_input_gives_the_same_bytes_and_little_stays_as_it_is() -> None
         ({"faces": 3}, "3 faces"),
     ],
 )
-def test_wishes_that_cannot_be_are_refused(wish, words) -> None:
+def test_options_that_cannot_be_are_refused(options, words) -> None:
     with pytest.raises(InputError, match=words):
-        decimate(cube(2), **wish)
+        decimate(cube(2), **options)
 
 
 @pytest.mark.parametrize(("moves", "share"), [(1, 0), (40, 0), (700, 0.01), (4000, 0.3)])
@@ -224,12 +224,12 @@ def test_the_share_done_is_told_and_the_result_is_the_same_however_often(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     mesh = column()
-    for wish in ({"tolerance": TOLERANCE}, {"faces": 2000}, {"tolerance": 0.2, "faces": 800}):
+    for options in ({"tolerance": TOLERANCE}, {"faces": 2000}, {"tolerance": 0.2, "faces": 800}):
         shares = list[float]()
         monkeypatch.undo()
-        once = decimate(mesh, **wish)  # type: ignore[arg-type]
+        once = decimate(mesh, **options)  # type: ignore[arg-type]
         monkeypatch.setattr("turnscan.surface.decimation._decimate._AT_A_TIME", 97)
-        often = decimate(mesh, **wish, progress=into(shares))  # type: ignore[arg-type]
+        often = decimate(mesh, **options, progress=into(shares))  # type: ignore[arg-type]
         assert np.array_equal(once.vertices, often.vertices)
         assert np.array_equal(once.faces, often.faces)
         assert len(shares) > 20

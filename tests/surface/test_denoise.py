@@ -158,7 +158,7 @@ def test_the_brush_smooths_where_it_is_and_nothing_else() -> None:
     assert out.provenance is mesh.provenance
 
 
-def test_wishes_that_cannot_be_are_refused() -> None:
+def test_options_that_cannot_be_are_refused() -> None:
     _, grid = relief(SHAPES["flat"], size=8)
     with pytest.raises(InputError, match="sigma"):
         denoise(grid, 0.0)

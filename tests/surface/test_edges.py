@@ -8,7 +8,7 @@ import pytest
 from turnscan.arrays import Bools, Floats
 from turnscan.mesh import Mesh
 from turnscan.surface.holes import holes
-from turnscan.surface.holes._edges import faces_beyond
+from turnscan.surface.holes._edges import _crowd, _feet, _within, faces_beyond
 from turnscan.surface.holes._hole_places import Places, places_in
 
 HIGH = 30.0
@@ -96,3 +96,40 @@ def test_a_border_that_is_cut_along_one_side_has_a_foot_by_its_length() -> None:
     foot = 30.0 * 0.25 * HIGH * 2**0.5  # a lower side, and a quarter of the size of the hole
     assert area[cut].sum() == pytest.approx(foot, rel=0.15)
     assert sides.at[cut, 2].max() < 10.0
+
+
+def test_the_foot_is_one_whatever_holes_its_rim_belongs_to() -> None:
+    """Two rows of border, 30 mm long and 20 mm apart; one row by itself says nothing of depth."""
+    y = np.linspace(0.0, 30.0, 16)
+    X = np.array([[x, v, 0.0] for x in (0.0, 20.0) for v in y] + [[5.0, 5.0, 40.0]])
+    cut, width, size = X[:, 2] < 1.0, np.full(len(X), 2.0), np.full(len(X), 40.0)
+    foot = _feet(X, cut, width, size)
+    assert foot.sum() == pytest.approx(600.0)
+    assert foot[-1] == 0.0
+    assert _feet(X, cut & (X[:, 0] < 1.0), width, size).sum() == pytest.approx(16 * 2.0 * 10.0)
+
+
+def test_a_face_that_is_searched_from_two_sides_counts_once() -> None:
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(20.0), np.arange(20.0)))
+    once = np.stack([x, y, np.zeros_like(x)], axis=1)
+    at = np.concatenate([once, once + [0.3, 0.3, 0.0]])
+    up = np.tile([0.0, 0.0, 1.0], (len(at), 1))
+    one, both = np.zeros(len(at), np.int32), np.ones(len(at))
+    crowd = _crowd(at, up, one, both)
+    inner = ((at[:, :2] > 4) & (at[:, :2] < 15)).all(axis=1)
+    assert np.median(crowd[inner]) == pytest.approx(2.0, rel=0.15)
+    # Faces that look another way, or belong to another hole, are others.
+    other = np.where(np.arange(len(at)) < len(once), 1.0, -1.0)[:, None] * up
+    assert np.median(_crowd(at, other, one, both)) == pytest.approx(1.0, rel=0.1)
+    assert np.median(_crowd(at, up, (other[:, 2] > 0).astype(np.int32), both)) < 1.1
+
+
+def test_what_a_border_bounds_lies_within_its_hull() -> None:
+    mesh = _plate()
+    found = holes(mesh)
+    X = np.array([[0.0, 0.0, 10.0], [0.0, -10.0, 10.0]])
+    ways = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    hole = np.zeros(2, np.int32)
+    np.testing.assert_allclose(_within(mesh, found, X, ways, hole), [20.0, 25.0], atol=0.1)
+    # Out of a flat border's plane its hull ends at once.
+    assert _within(mesh, found, X[:1], np.array([[1.0, 0.0, 0.0]]), hole[:1])[0] < 0.1

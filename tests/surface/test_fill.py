@@ -206,15 +206,15 @@ def test_a_hole_that_something_stands_in_stays_open(how):
     places = np.stack([x, y, 0 * x + 7.5], axis=-1)[np.hypot(x, y) < 6]
     assert len(places) > 100
     needles = [Mesh(p + 0.02 * ball(3).vertices * (1, 1, 12), ball(3).faces) for p in places]
-    wishes = ClosingOptions(floor=None, top=None, holes=how)
+    options = ClosingOptions(floor=None, top=None, holes=how)
     for mesh, refused in ((mouth, False), (join([mouth, *needles]), True)):
-        done, said = close(mesh, wishes)
+        done, said = close(mesh, options)
         assert soundness(done) == []
         assert same_measured(mesh, done)
         assert is_closed(done) != refused
         found = holes(mesh)
         words = zip(
-            (h.centre[2] > 0 for h in found), closings(mesh, found, wishes, done), strict=True
+            (h.centre[2] > 0 for h in found), closings(mesh, found, options, done), strict=True
         )
         assert dict(words) == {True: "open" if refused else how, False: how}
         told = [f for f in said if f.code == "surface.unfilled"]
@@ -228,7 +228,7 @@ def test_a_hole_that_something_stands_in_stays_open(how):
 def test_a_grid_without_a_face_is_said_and_closing_it_does_nothing(steps, lines):
     missing = 1.0 if (steps, lines) != (1, 9) else 0.0
     grid = random_grid(3, steps, lines, missing, False, 0.0)
-    _, mesh, said = to_mesh([grid], Settings(caps=ClosingOptions()))
+    _, mesh, said, _ = to_mesh([grid], Settings(caps=ClosingOptions()))
     assert not len(mesh.faces)
     assert [f.code for f in said if f.severity != "note"] == ["surface.none"]
     assert holes(mesh) == []

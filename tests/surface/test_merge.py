@@ -246,7 +246,7 @@ def test_one_laser_keeps_its_measured_points(tube):
     assert np.array_equal(mesh.vertices, tube[0].points[p.step, p.line])
 
 
-def test_wishes_that_cannot_be_are_refused(tube):
+def test_options_that_cannot_be_are_refused(tube):
     with pytest.raises(InputError, match="camera position"):
         merge([replace(g, eyes=None) for g in tube], how="tsdf")
     with pytest.raises(InputError, match="no angle"):

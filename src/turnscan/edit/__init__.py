@@ -1,6 +1,5 @@
 """Repairs by hand: edits as values, their history with undo, and a surface that follows it."""
 
-from turnscan.edit._apply import repair_mesh
 from turnscan.edit._body import Alive, Append, Body, Compact, Patch, Replace, Truncate, Verts
 from turnscan.edit._describe import describe
 from turnscan.edit._document import Change, Document
@@ -71,6 +70,7 @@ from turnscan.edit._measures import (
     moved_edit,
 )
 from turnscan.edit._region import Region
+from turnscan.edit._repair import repair_mesh
 from turnscan.edit._select import (
     beside,
     by_cause,

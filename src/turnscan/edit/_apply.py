@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +25,6 @@ from turnscan.edit._edits import (
     SetEdit,
     Smooth,
     is_written,
-    needs_rebuild,
 )
 from turnscan.edit._history import Entry
 from turnscan.edit._measures import REACH, Measure, Sources, Specify, Vector, taken
@@ -103,25 +101,6 @@ def apply(
         findings.append(_nothing("no change: nothing matched"))
     named = tuple(Finding(f.code, f.severity, f.message, entry.place, f.remedy) for f in findings)
     return body, Done(entry, patches, tuple(back), named, measured)
-
-
-def repair_mesh(
-    mesh: Mesh, entries: Iterable[Entry], source: Sources = Source
-) -> tuple[Mesh, list[Finding]]:
-    """A mesh with the mesh edits among these done, in their order.
-
-    What was measured stands among the findings.
-    """
-    body, findings = Body.of(mesh), list[Finding]()
-    done = 0
-    for entry in entries:
-        if not needs_rebuild(entry.edit):
-            body, step = apply(body, entry, source=source)
-            findings += step.findings
-            if step.measured is not None:
-                findings.append(Finding("edit.measured", "note", str(step.measured), entry.place))
-            done += 1
-    return (Compact.of(body).mesh if done else mesh), findings
 
 
 def _patches(

@@ -10,18 +10,11 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from turnscan.arrays import Bools, Ints
+from turnscan.arrays import Bools, Floats, Ints
 from turnscan.edit._apply import MISFIT, Done, apply
 from turnscan.edit._body import Alive, Body, Patch, Replace, Verts
-from turnscan.edit._edits import (
-    Cut,
-    Delete,
-    Despike,
-    Edit,
-    RemovePieces,
-    is_measure,
-    needs_rebuild,
-)
+from turnscan.edit._deleted import AWAY, cut_by_hand
+from turnscan.edit._edits import Edit, is_measure, needs_rebuild
 from turnscan.edit._history import Action, Entry, Go, History
 from turnscan.edit._measures import Measure, Sources, shared_sigma, taken
 from turnscan.errors import CalibrationError, InputError
@@ -133,7 +126,7 @@ class Document:
         """
         out, faces = list[tuple[Mesh, Bools]](), list[Ints]()
         for done in self.done:
-            away = isinstance(done.entry.edit, Delete | Despike | Cut | RemovePieces)
+            away = isinstance(done.entry.edit, AWAY)
             for patch, inverse in zip(done.forward, reversed(done.back), strict=True):
                 if isinstance(inverse, Replace):
                     out.append(_without_faces(inverse.body, faces))
@@ -141,6 +134,10 @@ class Document:
                 elif away and isinstance(patch, Alive) and not patch.value:
                     faces.append(patch.faces)
         return (*out, _without_faces(self.body, faces))
+
+    def cut(self) -> Floats:
+        """(k, 3) mm: the vertices of the surface that lost faces by hand (`cut_by_hand`)."""
+        return cut_by_hand(self.body, self.done)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -313,6 +313,12 @@ SetEdit = KeepSet | RenameSet | DeleteSet
 Edit = ChangeSettings | SetEdit | GridEdit | MeshEdit | Measure | Specify
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="kind")])
+_TYPED = {
+    "string_too_short": "may not be empty",
+    "string_too_long": "has more than {max_length} characters",
+    "string_unicode": "has half a character",
+}
+"""What a person can do wrong in a field of an edit, by pydantic's word for it."""
 _HINT = "docs/reference/edits.md lists the edits and their keys"
 
 
@@ -360,8 +366,11 @@ def edit_from_json(text: str, source: str = "edit") -> Edit:
 
 def bad_key(e: ValidationError, source: str) -> FormatError:
     """The first thing that pydantic does not like, as one line."""
-    first = e.errors(include_url=False, include_context=False)[0]
+    first = e.errors(include_url=False)[0]
     key = ".".join(str(p) for p in first["loc"]) or "edit"
+    if first["type"] in _TYPED:
+        typed = _TYPED[first["type"]].format(**first.get("ctx", {}))
+        return FormatError(f"{source}: {key} {typed}", hint="correct it, then repeat")
     value = repr(first.get("input"))
     shown = value if len(value) <= 60 else value[:57] + "…"
     said = "unknown kind" if first["type"] == "union_tag_invalid" else first["msg"]

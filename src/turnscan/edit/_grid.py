@@ -124,7 +124,8 @@ def _redetected(
         if first <= last:
             new = eyes.again(step, edit)
             rows = np.arange(first, last + 1, dtype=np.int32)
-            table = np.stack([new.position, new.sigma, new.amplitude, new.width])[:, rows]
+            sigma = _scattering(new.sigma, new.width, old.scatter, new.scatter)
+            table = np.stack([new.position, sigma, new.amplitude, new.width])[:, rows]
             changed[step] = _with_rows(old, rows, table, new.flags[rows])
     return changed
 
@@ -139,8 +140,8 @@ def _repaired(
             rows = np.array([k for k in edit.lines if k < n], dtype=np.int32)
             rows = rows[stripe.found[rows]]
             gone = np.full((4, len(rows)), np.nan)
-            # Neither dark nor outside: taken away, as `surface` names the cause of such a hole.
-            flags = np.full(len(rows), StripeFlag.OK, dtype=np.uint16)
+            # Neither dark nor outside: deleted, as `surface` names the cause of such a hole.
+            flags = np.full(len(rows), StripeFlag.HAND, dtype=np.uint16)
             return _with_rows(stripe, rows, gone, flags) if len(rows) else None
         case SetPoint():
             if edit.line >= n:
@@ -168,8 +169,9 @@ def _picked(stripe: Stripe, edit: PickCandidate, found: Candidates) -> Stripe | 
         at = float(found.position[line, j])
     if not rows:
         return None
+    sigma = _scattering(found.sigma, found.width, stripe.scatter)
     table = np.stack(
-        [v[rows, columns] for v in (found.position, found.sigma, found.amplitude, found.width)]
+        [v[rows, columns] for v in (found.position, sigma, found.amplitude, found.width)]
     )
     flags = found.flags[rows, columns] | np.uint16(StripeFlag.HAND)
     return _with_rows(stripe, np.array(rows, np.int32), table, flags)
@@ -181,7 +183,16 @@ def _with_rows(stripe: Stripe, rows: Ints, table: Floats, flags: Flags) -> Strip
     whole[:, rows] = table
     bits = stripe.flags.copy()
     bits[rows] = flags
-    return Stripe.made_of(whole, bits, stripe.orientation)
+    return Stripe.made_of(whole, bits, stripe.orientation, stripe.scatter)
+
+
+def _scattering(sigma: Floats, width: Floats, per_width: float, before: float = 0.0) -> Floats:
+    """Sigmas px of centres of a ``width`` px with the scatter of another stripe in them
+    (`Stripe.scatter`) for the one ``before``."""
+    if np.array_equal(per_width, before, equal_nan=True):
+        return sigma
+    more = np.nan_to_num(per_width) - np.nan_to_num(before)
+    return np.asarray(np.sqrt(np.maximum(sigma**2 + more * width, 0.0)))
 
 
 def _usual(values: Floats) -> float:

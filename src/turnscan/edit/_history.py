@@ -211,6 +211,18 @@ class History:
             raise _unknown(id)
         return Switch(id, on)
 
+    def is_at(self, action: Action) -> bool:
+        """Whether an action of the history would leave everything as it is."""
+        match action:
+            case Go():
+                return action.cursor == self.cursor
+            case Switch():
+                return any(e.id == action.id and e.on == action.on for e in self.entries)
+            case Name():
+                every = (e for path in (self.entries, *self.branches) for e in path)
+                return all(e.name == action.name for e in every if e.id == action.id)
+        return False
+
     def after(self, action: Action) -> History:
         """The history after an action. Raises InputError for one that does not fit it."""
         match action:

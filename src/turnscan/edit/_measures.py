@@ -300,8 +300,9 @@ def _taker(mesh: Mesh, measure: Measure, faces: _Faces, doubts: list[str] | None
             return lambda move: shapes.corner_angle(a(move), corner(move), b(move))
         case MeasureArea():
             part = None if measure.where is None else faces(measure.where)
-            normals = shapes.smooth_normals(mesh)  # a calibration's move turns no face by much
-            return lambda move: shapes.area(moved(move), part, normals)
+            # A calibration's move turns no face by much, and leaves fillings as they are.
+            base = shapes.area_base(mesh, part)
+            return lambda move: shapes.area(moved(move), part, base)
         case MeasureVolume():
             return lambda move: shapes.volume(moved(move))
 

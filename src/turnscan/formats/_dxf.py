@@ -11,13 +11,12 @@ from turnscan.arrays import Floats
 from turnscan.errors import InputError
 from turnscan.formats._dxf_frame import Frame, frame
 from turnscan.formats._options import DEFAULTS, DxfForm, DxfVersion, ExportOptions, Profiles
-from turnscan.formats._text import Longs, decimals_for, rows_text, scaled
+from turnscan.formats._text import HEX, Longs, decimals_for, rows_text, scaled
 from turnscan.mesh import Mesh, submesh
 
 MAX_POLYFACE_VERTICES = 32_767
 """Faces name vertices by signed 16-bit numbers counted from 1 (Autodesk's group code table)."""
 MAX_POLYFACE_FACES = 32_000
-_HEX = -1
 _COLOURS = (7, 1, 5, 3, 6, 4, 2)
 _ORANGE = 30
 FILLED = "FILLED"
@@ -135,7 +134,7 @@ class _Body:
         groups = [f"{axis}{corner}\n" for corner in range(4) for axis in (1, 2, 3)]
         words = [words[0], words[1] + groups[0], *(f"\n{group}" for group in groups[1:]), "\n"]
         whole = scaled(mesh.vertices, self._decimals)
-        places = [_HEX, *[self._decimals] * 12]
+        places = [HEX, *[self._decimals] * 12]
         for at in range(0, len(mesh.faces), _BLOCK):
             corners = whole[mesh.faces[at : at + _BLOCK][:, [0, 1, 2, 2]]].reshape(-1, 12)
             yield from rows_text(self._numbered(corners), places, words)
@@ -223,10 +222,10 @@ class _Body:
     def _coordinates(self, points: Longs, words: list[str], end: str) -> Iterator[bytes]:
         d = self._decimals
         literals = [words[0], f"{words[1]}10\n", "\n20\n", "\n30\n", end]
-        yield from rows_text(self._numbered(points), [_HEX, d, d, d], literals)
+        yield from rows_text(self._numbered(points), [HEX, d, d, d], literals)
 
     def _face_records(self, faces: np.ndarray, layer: str) -> Iterator[bytes]:
         words = self._entity("VERTEX", layer, "AcDbFaceRecord", owner=self._open)
         start = f"{words[1]}10\n0.0\n20\n0.0\n30\n0.0\n70\n128\n71\n"
         rows = self._numbered(faces.astype(np.int64) + 1)
-        yield from rows_text(rows, [_HEX, 0, 0, 0], [words[0], start, "\n72\n", "\n73\n", "\n"])
+        yield from rows_text(rows, [HEX, 0, 0, 0], [words[0], start, "\n72\n", "\n73\n", "\n"])

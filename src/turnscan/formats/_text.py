@@ -19,6 +19,8 @@ LARGEST = 1e9
 LEAST_DECIMALS = 6
 RELATIVE = 1e-8
 """The last decimal is no coarser than this part of the longest side."""
+HEX = -1
+"""As a column's decimals: an upper-case hexadecimal integer (a DXF handle)."""
 _LARGEST_WHOLE = 9e18
 _CHUNK = 1 << 16
 _COMMENT = 200
@@ -70,7 +72,7 @@ def rows_text(
 ) -> Iterator[bytes]:
     """Yield each row of integers as literal, number, literal, number … literal, chunk by chunk.
 
-    values (r, k) as `scaled` gives them; decimals: k numbers, −1 for a hexadecimal integer;
+    values (r, k) as `scaled` gives them; decimals: k numbers, or `HEX`;
     literals: k + 1 ASCII texts.
     """
     from turnscan.formats._write_kernels import WIDEST, put_rows

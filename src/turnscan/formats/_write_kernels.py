@@ -10,8 +10,6 @@ import numpy as np
 from turnscan.arrays import Bytes, Ints, Longs
 from turnscan.compiled import njit
 
-HEX = -1
-"""As a column's decimals: an upper-case hexadecimal integer (a DXF handle)."""
 MISSING = np.iinfo(np.int64).min
 """As a value: no number is known; written ``nan``."""
 WIDEST = 24

@@ -83,13 +83,13 @@ def crossings(mesh: Mesh, asked: Bools | None = None) -> Ints:
         near = _around(mesh, asked)
         order = near[morton_order(mesh.vertices, mesh.faces[near])].astype(np.int32)
         which = asked[order]
-    faces = mesh.faces[order]
+    vertices, faces = kernels.as_they_come(mesh.vertices, mesh.faces[order])
     leaves = 1 << max(0, int(np.ceil(np.log2(max(1, len(faces) / _LEAF)))))
-    reach = spans(mesh.vertices, faces)
+    reach = spans(vertices, faces)
     nodes, wanted = boxes(reach, leaves), kernels.nodes_with(which, leaves)
     planes = np.empty((len(faces), 3)), np.empty(len(faces))
-    in_parts(lambda a, b: kernels.planes(mesh.vertices, faces, a, b, *planes), len(faces))
-    tree = kernels.Faces(mesh.vertices, faces, which, reach, nodes, wanted, *planes)
+    in_parts(lambda a, b: kernels.planes(vertices, faces, a, b, *planes), len(faces))
+    tree = kernels.Faces(vertices, faces, which, reach, nodes, wanted, *planes)
     starts = kernels.beginnings(nodes, wanted, _STARTS)
     most, parts = _PAIRS * len(mesh.faces), _PARTS if len(faces) > _MANY else 1
     each = most if parts == 1 else most // 8

@@ -21,7 +21,9 @@ from turnscan.surface.holes._through_holes import through, walls
 from turnscan.surface.holes._visibility import GRAZING, Crossings, ScanCoverage, crossings, line_of
 
 _CAUSES: tuple[Cause, ...] = get_args(Cause)
-LASER, CAMERA, FLAT, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN = range(len(_CAUSES))
+LASER, CAMERA, FLAT, DARK, SATURATED, OUTSIDE, AMBIGUOUS, REMOVED, UNKNOWN, DELETED = range(
+    len(_CAUSES)
+)
 _BOTH = len(_CAUSES)
 """Hidden from the laser and from the camera: counts for either."""
 _SAMPLED, _LID = 0.05, 0.02
@@ -33,6 +35,12 @@ _PATCH = 0.3
 """Weight of a flat patch beside the faces beyond the border, where no smooth surface spans it."""
 _ROOM = 4000
 """Places that are asked at once, which bounds the memory."""
+_RAYS = 500
+"""Rays that are held against the removed points at once, which bounds it, too."""
+_SAME = 1e-3
+"""mm within which a vertex is one that was cut: what makes vertices fit for files moves less."""
+_REMOVED = 4000
+"""Removed points that may stand before a place, at most."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +49,36 @@ class _Scene:
 
     mesh: Mesh
     caster: Caster
+    removed: Floats
+    """(r, 3) mm: places of points that were found and removed; of many, evenly some."""
+
+    @staticmethod
+    def of(mesh: Mesh, views: Sequence[ScanCoverage]) -> _Scene:
+        gone = [v.taken[~v.grid.found] for v in views if v.taken is not None]
+        points = np.concatenate([np.zeros((0, 3)), *gone])
+        points = points[~np.isnan(points[:, 0])]
+        few = points[:: max(1, -(-len(points) // _REMOVED))]
+        return _Scene(mesh, Caster(mesh.vertices, mesh.faces), few)
+
+    def veiled(self, X: Floats, n: Floats, end: Floats, reach: Floats) -> Bools:
+        """(m,) True where something that was removed stands between places X (m, 3), of normals n
+        (m, 3), and ends (m, 3).
+
+        Two of its points at least lie within ``reach`` (m,) mm, what samples are apart, of the ray,
+        and by more than that off the place's own face. A stray stands alone, and what is strewn
+        over a face hides none of it.
+        """
+        out = np.zeros(len(X), dtype=np.bool_)
+        far = np.linalg.norm(end - X, axis=1)
+        way = (end - X) / np.maximum(far, 1e-12)[:, None]
+        for start in range(0, len(X), _RAYS):
+            k = slice(start, start + _RAYS)
+            off = self.removed - X[k, None]
+            along = np.einsum("mri,mi->mr", off, way[k])
+            near = np.einsum("mri,mri->mr", off, off) - along**2 < reach[k, None] ** 2
+            over = np.einsum("mri,mi->mr", off, n[k]) > reach[k, None]
+            out[k] = (near & over & (along < far[k, None])).sum(axis=1) > 1
+        return out
 
     def hits(self, origins: Floats, ways: Floats) -> tuple[Ints, Floats, Floats]:
         """What rays from points (n, 3) along (n, 3) meet first.
@@ -61,8 +99,13 @@ class _Scene:
         return np.asarray(np.where(face < 0, np.inf, reach))
 
 
-def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage]) -> list[Hole]:
-    """The holes of an open mesh with their cause; without views, as they are.
+def explain(
+    mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage], cut: Floats | None = None
+) -> list[Hole]:
+    """The holes of an open mesh with their cause; without views, those that were made by hand.
+
+    A hole was deleted by hand where most of its border runs between places ``cut`` (k, 3) mm, the
+    vertices that lost faces so. The others are asked for what hid them.
 
     Places on the surface that is missing (`places_in`) are followed through the scan: at each table
     angle that carries a place through a laser's sheet, was it in the picture and in the volume, did
@@ -72,9 +115,34 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage]) ->
     the border (`_beyond`). The most votes decide. What neither reached counts for hidden from
     either. For the two ends of a bore (`through`) its wall is asked instead.
     """
+    by_hand = _deleted(mesh, found, cut)
+    rest = iter(_explained(mesh, [h for h, d in zip(found, by_hand, strict=True) if not d], views))
+    return [
+        replace(h, cause="deleted") if d else next(rest)
+        for h, d in zip(found, by_hand, strict=True)
+    ]
+
+
+def _deleted(mesh: Mesh, found: Sequence[Hole], cut: Floats | None) -> list[bool]:
+    """For each hole whether most of its border is between places (k, 3)."""
+    if cut is None or not len(cut):
+        return [False] * len(found)
+    from scipy.spatial import cKDTree
+
+    tree, out = cKDTree(cut), list[bool]()
+    for hole in found:
+        border = mesh.vertices[hole.loop]
+        there = tree.query(border, distance_upper_bound=_SAME)[0] < _SAME
+        long = np.linalg.norm(np.roll(border, -1, axis=0) - border, axis=1)
+        both = there & np.roll(there, -1)
+        out.append(bool(2 * long[both].sum() > long.sum()))
+    return out
+
+
+def _explained(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage]) -> list[Hole]:
     if not found or not views:
         return list(found)
-    scene = _Scene(mesh, Caster(mesh.vertices, mesh.faces))
+    scene = _Scene.of(mesh, views)
     places = places_in(mesh, found)
     count = _counted(places, len(found), views, scene)
     beyond, known = _beyond(mesh, found, places, views, scene)
@@ -89,7 +157,7 @@ def explain(mesh: Mesh, found: Sequence[Hole], views: Sequence[ScanCoverage]) ->
     if deep.any():
         count = _counted(walls(mesh, found, places, deep), len(found), views, scene)[:, :DARK]
         best = np.where(count.any(axis=1), count.argmax(axis=1), best)
-    best[_whole(found, places, unsaid | (best == DARK))] = REMOVED
+    best[_whole(found, places, unsaid | (best == DARK)) & (best != DELETED)] = REMOVED
     return [replace(h, cause=_CAUSES[k]) for h, k in zip(found, best, strict=True)]
 
 
@@ -188,6 +256,7 @@ def _votes(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> tupl
     """(m,) for each place the cause that came nearest to a measurement, and its weight."""
     m = len(places.at)
     seen, lit, flat, out, turned, measured, reached, buried = np.zeros((8, m), dtype=np.bool_)
+    unlit, unseen = np.zeros((2, m), dtype=np.bool_)
     light = np.full(m, -1, dtype=np.int32)
     for view in views:
         out |= ~_inner(view.volume, 0.25 * places.margin).contains(places.at)
@@ -205,13 +274,20 @@ def _votes(places: Places, views: Sequence[ScanCoverage], scene: _Scene) -> tupl
         np.logical_or.at(measured, c.place[both], near)
         both = both[~_in_air(view, places, scene, c.part(both))]
         why = _light(view, places, c.part(both))
+        shadow, screen = _veils(view, places, scene, c.part(both), why)
+        why[shadow | screen] = -1
         np.maximum.at(light, c.place[both], why)
+        np.logical_or.at(unlit, c.place[both], shadow)
+        np.logical_or.at(unseen, c.place[both], screen)
     if not any(view.grid.closed for view in views):
         out |= ~turned  # the scan ended before its turn came
     vote = _hider(seen, lit, flat)
     vote[out & ~seen & ~lit] = OUTSIDE
     vote[measured] = REMOVED
     known = (light >= 0) & ~measured & ~places.bent & places.smooth[places.hole]
+    veiled = (unlit | unseen) & ~known & ~measured
+    vote[veiled] = np.where(unlit == unseen, _BOTH, np.where(unlit, LASER, CAMERA))[veiled]
+    reached &= ~veiled
     reached |= buried & ~(seen | lit)  # within the part, so no place of its surface
     # No continuation of the surface, and yet in free sight: the part lies further in.
     free = np.flatnonzero(reached & ~measured & ~known & ~buried).astype(np.int32)
@@ -270,6 +346,25 @@ def _further_in(places: Places, views: Sequence[ScanCoverage], scene: _Scene) ->
         vote[left[~reach.both]] = reach.hider[~reach.both]
         left = left[reach.both]
     return vote
+
+
+def _veils(
+    view: ScanCoverage, places: Places, scene: _Scene, c: Crossings, why: Ints
+) -> tuple[Bools, Bools]:
+    """(c,) where what was removed stands before the laser, and where before the camera, though
+    nothing that was kept does; asked where the light says (``why``) that there was none."""
+    out = np.zeros((2, len(c.place)), dtype=np.bool_)
+    asked = np.flatnonzero(((why == DARK) | (why == REMOVED)) & places.smooth[places.hole[c.place]])
+    if len(asked) and len(scene.removed):
+        some = c.part(asked.astype(np.int32))
+        X, n, reach = (
+            places.at[some.place],
+            places.normal[some.place],
+            _near(view.grid, places, some),
+        )
+        for k, end in enumerate((some.source, some.eye)):
+            out[k, asked] = scene.veiled(X, n, end, reach)
+    return out[0], out[1]
 
 
 def _inner(volume: Volume, margin: float) -> Volume:
@@ -353,7 +448,8 @@ def _light(view: ScanCoverage, places: Places, c: Crossings) -> Ints:
 
     One sample is not enough: where the light ends, the clean-up takes the last one, and a stray one
     may be found in the dark. What is missing beside the dark is missing for the dark, and so is
-    what shows no more than a dark place does where its speckle is bright.
+    what shows no more than a dark place does where its speckle is bright. A point that was
+    deleted by hand, alone or with its profile, was light, whatever its frame shows beside it.
     """
     flags, missing = view.grid.flags, ~view.grid.found
     nothing = missing & ((flags & (StripeFlag.DARK | StripeFlag.OUTSIDE)) != 0)
@@ -368,6 +464,7 @@ def _light(view: ScanCoverage, places: Places, c: Crossings) -> Ints:
         # What was removed elsewhere on the line was no light of this place: here was none.
         away = np.linalg.norm(view.taken[c.step, c.line] - places.at[c.place], axis=1)
         why[(why == REMOVED) & ~(away < _near(view.grid, places, c))] = DARK
+    why[(missing & (flags == StripeFlag.HAND))[c.step, c.line] | c.off] = DELETED
     return np.asarray(why)
 
 

@@ -22,9 +22,12 @@ _MORE = np.deg2rad(20.0)
 """A bend beyond a square one that hides a face is only just enough: as much more is usual."""
 _FAR = 0.5
 """Of the size of its hole: how far a face goes that comes to nothing."""
-_FOOT = 0.25
+_FOOT, _LINE = 0.25, 0.1
 """Of the size of its hole: how much of the face that the part stands on goes with each mm of border
-at which it is cut: a disc has a quarter of its diameter."""
+at which it is cut, a disc having a quarter of its diameter; and the area, in squares of its length,
+below which such a border is a line that says nothing of that face's depth."""
+_CROWD = 2.0
+"""Of the side of the area that a place stands for: radius within which places are counted."""
 _LIFT = 0.125
 """Of a margin: how far places lie off their face."""
 _DEPTHS = np.array([1.0, 3.0, 5.0, 7.0]) / 8.0
@@ -73,7 +76,8 @@ def faces_beyond(
 
     At each corner of such a border the part turns off by little more than the least that would not
     have been measured, and goes on straight as far as to something that was, or to the platter.
-    Where what is kept ends, the face that the part stands on is missing, too (`_FOOT`).
+    Where what is kept ends, the face that the part stands on is missing, too (`_feet`). What is
+    reached from several vertices counts once (`_crowd`).
     """
     b = _borders(mesh, found, ~places.smooth)
     way, up = _turned_off(b, places, measurable)
@@ -82,15 +86,86 @@ def faces_beyond(
     step, lift = 0.5 * places.margin, _LIFT * places.margin
     size = places.reach[hole]
     reach = ahead(X + step * way - lift * up, way)
-    reach = np.where(np.isinf(reach), _FAR * size, np.minimum(reach, size)) + step
+    within = _within(mesh, found, X, way, hole)
+    free = np.where(within < places.margin, _FAR * size, np.minimum(within, _FAR * size))
+    reach = np.where(np.isinf(reach), free, np.minimum(reach, size)) + step
     reach = np.minimum(reach, np.maximum(X[:, 2], 0.1) / np.maximum(-way[:, 2], 1e-9))
     at = X[:, None] + (_DEPTHS * reach[:, None])[..., None] * way[:, None] + lift * up[:, None]
     count, cut = len(_DEPTHS), ends(X)
-    weight = np.repeat(b.width[kept] * np.where(cut, _FOOT * size, reach) / count, count)
+    weight = np.repeat(b.width[kept] * reach / count, count)
+    ups, holes = np.repeat(up, count, axis=0), np.repeat(hole, count)
+    weight /= _crowd(at.reshape(-1, 3), ups, holes, weight)
+    foot = np.repeat(_feet(X, cut, b.width[kept], size) / count, count)
+    weight = np.where(np.repeat(cut, count), foot, weight)
     bent = np.einsum("ij,ij->i", up, b.n[kept]) < 1.0 - 1e-6
-    asked = _asked(places, at.reshape(-1, 3), np.repeat(up, count, axis=0), np.repeat(hole, count))
+    asked = _asked(places, at.reshape(-1, 3), ups, holes)
     asked = replace(asked, bent=np.repeat(bent, count))
     return asked, np.asarray(weight), np.repeat(cut, count)
+
+
+def _within(mesh: Mesh, found: Sequence[Hole], X: Floats, way: Floats, hole: Ints) -> Floats:
+    """(m,) mm from border vertices X (m, 3) along ways (m, 3) to where they leave the convex hull
+    of their hole's border; infinite where it has none.
+
+    What a border bounds lies within its hull unless it bulges.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    out = np.full(len(X), np.inf)
+    for k in np.unique(hole):
+        own = np.flatnonzero(hole == k)
+        try:
+            sides = ConvexHull(mesh.vertices[found[k].loop], qhull_options="QJ").equations
+        except QhullError:  # a border of few vertices
+            continue
+        rate = way[own] @ sides[:, :3].T
+        left = np.maximum(-(X[own] @ sides[:, :3].T + sides[:, 3]), 0.0)
+        out[own] = np.where(rate > 1e-9, left / np.maximum(rate, 1e-9), np.inf).min(axis=1)
+    return out
+
+
+def _feet(X: Floats, cut: Bools, width: Floats, size: Floats) -> Floats:
+    """(m,) mm² of the face that the part stands on, for each border vertex X (m, 3) at which what
+    is kept ends (``cut``), by the ``width`` (m,) of border that it stands for; 0 for the others.
+
+    Seen from above it is as large as the hull of all of them: it is one, whatever holes its rim
+    belongs to. Where they lie in a line its depth is not known, and it goes by the ``size`` (m,) of
+    their holes (`_FOOT`).
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    foot = np.where(cut, _FOOT * size * width, 0.0)
+    try:
+        area = float(ConvexHull(X[cut, :2]).volume)
+    except (QhullError, ValueError):  # fewer than three, or in one line
+        return foot
+    far = float(np.linalg.norm(np.ptp(X[cut, :2], axis=0)))
+    if area < _LINE * far**2:
+        return foot
+    return np.asarray(np.where(cut, area * width / max(float(width[cut].sum()), 1e-9), 0.0))
+
+
+def _crowd(at: Floats, normal: Floats, hole: Ints, weight: Floats) -> Floats:
+    """(m,) how many times over the places (m, 3) of a hole cover the face that they lie on; at
+    least 1.
+
+    Faces that are searched from opposite borders, or from inside a bend, come to lie on each other.
+    Where the weights (m,), mm², of places that look alike within a radius are more than its disc,
+    they count for that.
+    """
+    from scipy.spatial import cKDTree
+
+    out = np.ones(len(at))
+    for k in np.unique(hole):
+        own = np.flatnonzero(hole == k)
+        radius = _CROWD * float(np.sqrt(np.median(weight[own])))
+        near = cKDTree(at[own]).query_pairs(radius, output_type="ndarray")
+        alike = np.einsum("ij,ij->i", normal[own][near[:, 0]], normal[own][near[:, 1]]) > 0.5
+        a, b = near[alike].T
+        total = weight[own] + np.bincount(a, weight[own][b], len(own))
+        total += np.bincount(b, weight[own][a], len(own))
+        out[own] = np.maximum(total / (np.pi * radius**2), 1.0)
+    return out
 
 
 def _turned_off(b: _Borders, places: Places, measurable: Measurable) -> tuple[Floats, Floats]:

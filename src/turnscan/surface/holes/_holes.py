@@ -21,6 +21,7 @@ Cause = Literal[
     "ambiguous",
     "removed",
     "unknown",
+    "deleted",
 ]
 """Why nothing was measured where a hole is."""
 
@@ -34,6 +35,7 @@ CAUSE_WORDS: Final[dict[Cause, str]] = {
     "ambiguous": "several candidates, none of them reliable",
     "removed": "removed by the clean-up",
     "unknown": "not known",
+    "deleted": "deleted by hand",
 }
 """Every cause in words for people."""
 

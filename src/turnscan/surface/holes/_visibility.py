@@ -17,6 +17,8 @@ GRAZING = float(np.cos(np.deg2rad(80.0)))
 _SPECKLED = 4.0
 """Times its mean that the light of a speckled place is seen with a chance of exp(−4) = 2 % (fully
 developed speckle, Goodman 2007 §3.2): where a dark place shows at all, it shows no brighter."""
+_NEARER = 0.25
+"""Of a usual step: by so much a profile that was switched off is nearer than one that is there."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,9 @@ class ScanCoverage:
     taken: Floats | None = None
     """(s, n, 3) mm: places of all points before any was dropped, NaN where there was none; None
     where only those of the grid are known."""
+
+    off: Floats | None = None
+    """(k,) rad: table angles of profiles that were switched off by hand; the grid has none."""
 
     @cached_property
     def faint(self) -> Bools:
@@ -68,11 +73,13 @@ class Crossings:
     """(c, 3) mm: camera, object's frame."""
     source: Floats
     """(c, 3) mm: laser, object's frame."""
+    off: Bools
+    """(c,) True where the profile of that moment was switched off by hand."""
 
     def part(self, which: Ints) -> Crossings:
         place, step, line = self.place[which], self.step[which], self.line[which]
         eye, source = self.eye[which], self.source[which]
-        return Crossings(place, step, line, self.inside[which], eye, source)
+        return Crossings(place, step, line, self.inside[which], eye, source, self.off[which])
 
 
 def crossings(view: ScanCoverage, at: Floats) -> Crossings:
@@ -86,7 +93,9 @@ def crossings(view: ScanCoverage, at: Floats) -> Crossings:
     k, place = np.nonzero((off[: len(after)] < 0) != (after < 0))
     share = off[k, place] / (off[k, place] - after[k, place])
     angles = np.unwrap(np.append(grid.angles, grid.angles[:1]))
-    back = rotation_z(-(angles[k] + share * (angles[k + 1] - angles[k])))
+    wide = angles[k + 1] - angles[k]
+    moment = angles[k] + share * wide
+    back = rotation_z(-moment)
     X = T.apply(np.einsum("cji,cj->ci", back, at[place]))
     uv = camera.project(X)
     with np.errstate(invalid="ignore"):
@@ -99,7 +108,21 @@ def crossings(view: ScanCoverage, at: Floats) -> Crossings:
         np.asarray(inside),
         back @ from_table.translation,
         back @ from_table.apply(rig.light_source(grid.laser)),
+        _switched_off(view, moment, np.minimum(share, 1.0 - share) * np.abs(wide)),
     )
+
+
+def _switched_off(view: ScanCoverage, moment: Floats, kept: Floats) -> Bools:
+    """(c,) True where a profile that was switched off is clearly nearer to a table angle (c,) than
+    the grid's nearest one, ``kept`` (c,) rad away."""
+    out = np.zeros(len(moment), dtype=np.bool_)
+    if view.off is None or not len(view.off) or len(view.grid.angles) < 2:
+        return out
+    usual = float(np.median(np.abs(np.diff(np.unwrap(view.grid.angles)))))
+    for angle in view.off:
+        away = np.abs((moment - angle + np.pi) % (2 * np.pi) - np.pi)
+        out |= away + _NEARER * usual < kept
+    return out
 
 
 def line_of(view: ScanCoverage, uv: Floats) -> Ints:
